@@ -1,0 +1,1 @@
+"""RGB-D odometry as a streaming service."""

@@ -1,0 +1,96 @@
+"""What the back-end says about one frame."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum, unique
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.frame import Stamp
+
+Array = NDArray[np.float64]
+
+
+@unique
+class State(Enum):
+    """How far a frame's pose may be trusted."""
+
+    TRACKING = "TRACKING"
+    UNCERTAIN = "UNCERTAIN"
+    LOST = "LOST"
+    RECOVERED = "RECOVERED"
+
+
+@dataclass(frozen=True, eq=False)
+class RelativePose:
+    """The pose of the current frame in an earlier one, with its 6 x 6 covariance (see `registration.se3`)."""
+
+    stamp_earlier: Stamp
+    T_earlier_current: Array
+    covariance: Array
+    inliers: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class LoopCandidate:
+    """One place that looked like an earlier one, and what became of it."""
+
+    stamp: Stamp
+    candidate_stamp: Stamp
+    inliers: int
+    accepted: bool
+    reason: str
+    T_candidate_current: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    """The tracked features of a frame, for eyes: n x 2 pixels and n normalised residuals (NaN: not used)."""
+
+    uv: Array
+    residual_sigma: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """The causal estimate for one frame, as published.
+
+    `T_odom_camera` is continuous within a segment and None when LOST; `covariance` (6 x 6, `se3` convention, in
+    the camera frame) is that of `T_odom_camera` since the segment began. `T_map_odom` carries the corrections of
+    loop closures. `step` is the published pose relative to the previous frame's, `second` relative to the frame
+    about one second earlier, both with the covariance that the published trajectory claims for them; `pairwise`
+    is the paper's independent registration of (C_i, C_i+1). `path` lists (stamp, T_map_camera) of the key frames
+    whenever they have changed, else None; `landmarks_map` (m x 3, map frame) is a cloud for eyes, sent with it.
+    `timings_ms` is the processing time a stage.
+    """
+
+    sequence: int
+    stamp: Stamp
+    state: State
+    reason: str
+    segment: int
+    T_odom_camera: Array | None
+    covariance: Array | None
+    T_map_odom: Array
+    inliers: int
+    matches: int
+    is_keyframe: bool = False
+    is_predicted: bool = False
+    step: RelativePose | None = None
+    second: RelativePose | None = None
+    pairwise: RelativePose | None = None
+    loops: tuple[LoopCandidate, ...] = ()
+    features: Features | None = None
+    path: tuple[tuple[Stamp, Array], ...] | None = None
+    landmarks_map: Array | None = None
+    timings_ms: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryPose:
+    """One line of the final corrected trajectory; `T_map_camera` is None where the camera was LOST."""
+
+    stamp: Stamp
+    T_map_camera: Array | None
+    segment: int

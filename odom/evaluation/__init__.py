@@ -1,0 +1,1 @@
+"""How good a trajectory is: alignment, metrics, the paper's benchmark."""

@@ -1,0 +1,7 @@
+"""Frozen values that every part of the project shares: stamps, cameras and RGB-D frames."""
+
+from odom.frame.camera import Camera
+from odom.frame.rgbd import RgbdFrame
+from odom.frame.stamp import Stamp, from_seconds, to_seconds
+
+__all__ = ["Camera", "RgbdFrame", "Stamp", "from_seconds", "to_seconds"]

@@ -1,0 +1,1 @@
+"""Images to point pairs with covariances: features, tracks, matching."""

@@ -1,0 +1,1 @@
+"""The paper: recursive robust registration of point pairs, its baselines and noise models. Pure functions."""

@@ -1,0 +1,1 @@
+"""Rerun, fed from Zenoh only."""

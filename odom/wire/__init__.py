@@ -1,0 +1,1 @@
+"""Messages, keys, Zenoh sessions and MCAP recordings."""

@@ -4,6 +4,7 @@ import sys
 
 import typer
 
+from odom.cli.eval import evaluate
 from odom.errors import ConfigError, OdomError
 
 app = typer.Typer(
@@ -12,6 +13,12 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.command("eval")(evaluate)
+
+
+@app.callback()
+def root() -> None:
+    """RGB-D odometry as a streaming service."""
 
 
 def main() -> None:

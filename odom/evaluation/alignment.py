@@ -1,0 +1,64 @@
+"""Alignment of two point sets in time by a rigid motion (never a scale).
+
+S. Umeyama, "Least-squares estimation of transformation parameters between two point patterns", PAMI 1991, with c = 1.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.errors import InputError
+
+Array = NDArray[np.float64]
+
+_MINIMUM = 3
+_STRAIGHT = 0.02
+_STILL_M = 0.005
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """The motion that maps estimated positions onto true ones, and what the data could not tell.
+
+    `spread_m` holds the standard deviations of the true positions along their three principal axes, largest first;
+    `notes` says in plain words when they make the alignment degenerate.
+    """
+
+    T_truth_estimate: Array
+    spread_m: Array
+    notes: tuple[str, ...]
+
+
+def align(points_estimate: Array, points_truth: Array) -> Alignment:
+    """Return the least-squares rigid motion from n x 3 estimated points to n x 3 true ones (eqs. 38-42).
+
+    Raises InputError for fewer than three pairs or unequal shapes.
+    """
+    if points_estimate.shape != points_truth.shape or points_truth.ndim != 2 or points_truth.shape[1] != 3:
+        raise InputError(f"cannot align {points_estimate.shape} with {points_truth.shape}: give two n x 3 arrays")
+    if len(points_truth) < _MINIMUM:
+        raise InputError(f"{len(points_truth)} matched poses: an alignment needs {_MINIMUM} at least")
+    mean_e, mean_t = points_estimate.mean(axis=0), points_truth.mean(axis=0)
+    covariance = (points_truth - mean_t).T @ (points_estimate - mean_e) / len(points_truth)
+    U, _, Vt = np.linalg.svd(covariance)
+    S = np.diag([1.0, 1.0, np.sign(np.linalg.det(U) * np.linalg.det(Vt))])
+    T = np.eye(4)
+    T[:3, :3] = U @ S @ Vt
+    T[:3, 3] = mean_t - T[:3, :3] @ mean_e
+    spread = np.linalg.svd(points_truth - mean_t, compute_uv=False) / np.sqrt(len(points_truth))
+    return Alignment(T, spread, _degeneracy(spread))
+
+
+def _degeneracy(spread_m: Array) -> tuple[str, ...]:
+    if spread_m[0] < _STILL_M:
+        return (
+            f"the true positions spread only {spread_m[0] * 1e3:.1f} mm: the alignment's rotation is arbitrary "
+            "and the absolute error says little; judge by the relative rotation error",
+        )
+    if spread_m[1] < _STRAIGHT * spread_m[0] or spread_m[1] < _STILL_M / 5:
+        return (
+            f"the true path is a straight line (spread {spread_m[0]:.3f} m along it, {spread_m[1]:.4f} m across): "
+            "the rotation about the line is not determined by positions; errors in that angle do not show in the ATE",
+        )
+    return ()

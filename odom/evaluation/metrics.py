@@ -1,0 +1,98 @@
+"""Errors of a trajectory against truth: absolute, relative, and whether the claimed covariance is honest.
+
+ATE and RPE: J. Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems", IROS 2012.
+NEES: Y. Bar-Shalom et al., "Estimation with Applications to Tracking and Navigation", 2001, sec. 5.4.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from odom.errors import InputError
+from odom.evaluation.trajectory import Stamps, angles, inverse_all
+from odom.registration import se3
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+NEES_BOUND_95 = float(chi2.ppf(0.95, 6))
+
+
+@dataclass(frozen=True)
+class RelativeError:
+    """RMSE of relative poses: metres and degrees, over `pairs` pairs."""
+
+    rmse_m: float
+    rmse_deg: float
+    pairs: int
+
+
+@dataclass(frozen=True, eq=False)
+class Nees:
+    """Normalised estimation error squared, one value a relative pose; 6 on average when the covariance is honest."""
+
+    values: Array
+
+    @property
+    def mean(self) -> float:
+        """Mean value; 6 is ideal, more is over-confident."""
+        return float(self.values.mean()) if len(self.values) else float("nan")
+
+    @property
+    def inside_95(self) -> float:
+        """Share of values below the 95 % bound of the chi-squared distribution with six degrees of freedom."""
+        return float((self.values < NEES_BOUND_95).mean()) if len(self.values) else float("nan")
+
+
+def rmse(errors: Array) -> float:
+    """Return the root of the mean square; NaN for none."""
+    return float(np.sqrt(np.mean(np.square(errors)))) if len(errors) else float("nan")
+
+
+def pairs_of_neighbours(stamps: Stamps) -> tuple[Indices, Indices]:
+    """Return the index pairs (i, i + 1)."""
+    index = np.arange(max(len(stamps) - 1, 0))
+    return index, index + 1
+
+
+def pairs_apart(stamps: Stamps, seconds: float, tolerance_s: float) -> tuple[Indices, Indices]:
+    """Return the index pairs (i, j) with stamp j the nearest to stamp i + `seconds`, within `tolerance_s`."""
+    if len(stamps) < 2:
+        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
+    goal = stamps + np.int64(round(seconds * 1e9))
+    right = np.clip(np.searchsorted(stamps, goal), 1, len(stamps) - 1)
+    nearest = np.where(goal - stamps[right - 1] < stamps[right] - goal, right - 1, right)
+    good = (np.abs(stamps[nearest] - goal) <= tolerance_s * 1e9) & (nearest > np.arange(len(stamps)))
+    return np.flatnonzero(good), nearest[good]
+
+
+def relative_errors(
+    T_world_estimate: Array, T_world_truth: Array, earlier: Indices, later: Indices
+) -> tuple[Array, Array]:
+    """Return the translation (m) and rotation (rad) of `inverse(Q_i^-1 Q_j) (P_i^-1 P_j)` a pair (eq. 1)."""
+    P = inverse_all(T_world_estimate[earlier]) @ T_world_estimate[later]
+    Q = inverse_all(T_world_truth[earlier]) @ T_world_truth[later]
+    E = inverse_all(Q) @ P
+    return np.linalg.norm(E[:, :3, 3], axis=1), angles(E[:, :3, :3])
+
+
+def relative_error(T_world_estimate: Array, T_world_truth: Array, earlier: Indices, later: Indices) -> RelativeError:
+    """Return the RMSE of the relative errors over the given index pairs."""
+    metres, radians = relative_errors(T_world_estimate, T_world_truth, earlier, later)
+    return RelativeError(rmse(metres), float(np.degrees(rmse(radians))), len(metres))
+
+
+def nees(T_estimate: Array, T_truth: Array, covariances: Array) -> Nees:
+    """Return the NEES `e' inv(S) e`, `e = log(inv(T_estimate) T_truth)`, of n poses (n x 4 x 4, n x 6 x 6).
+
+    Raises InputError when a covariance is not positive definite.
+    """
+    errors = np.array([se3.log(E) for E in inverse_all(T_estimate) @ T_truth]).reshape(-1, 6)
+    try:
+        roots = np.linalg.cholesky(covariances) if len(errors) else np.zeros((0, 6, 6))
+    except np.linalg.LinAlgError:
+        raise InputError("a 6 x 6 covariance is not positive definite: no NEES can be computed from it") from None
+    whitened = np.linalg.solve(roots, errors[:, :, None])[:, :, 0] if len(errors) else errors
+    return Nees(np.square(whitened).sum(axis=1))

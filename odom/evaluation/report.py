@@ -1,0 +1,91 @@
+"""The whole judgement of one estimate against truth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.errors import InputError
+from odom.evaluation import metrics
+from odom.evaluation.alignment import Alignment, align
+from odom.evaluation.metrics import RelativeError
+from odom.evaluation.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class EvaluationOptions:
+    """How estimate and truth are brought together.
+
+    `max_gap_s`: truth is interpolated between neighbours at most this far apart; `total_frames`: frames that the
+    source had, when it is known and larger than the number of estimated poses.
+    """
+
+    max_gap_s: float = 0.1
+    total_frames: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """The errors of an estimate; `estimate_aligned` and `truth` hold the matched poses in the truth's world."""
+
+    ate_m: float
+    rpe_frame: RelativeError
+    rpe_1s: RelativeError
+    matched: int
+    total: int
+    alignment: Alignment
+    estimate_aligned: Trajectory
+    truth: Trajectory
+    errors_m: Array
+    notes: tuple[str, ...]
+
+
+def evaluate(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions | None = None) -> Report:
+    """Return the errors of `estimate` against `truth`, interpolated at the estimate's stamps.
+
+    Raises InputError when fewer than three poses can be matched in time.
+    """
+    options = options or EvaluationOptions()
+    T_world_truth, valid = truth.at(estimate.stamps, options.max_gap_s)
+    total = max(options.total_frames or 0, len(estimate))
+    if valid.sum() < 3:
+        raise InputError(_why_unmatched(estimate, truth, int(valid.sum()), options.max_gap_s))
+    matched = estimate.take(valid)
+    true = Trajectory(matched.stamps, T_world_truth[valid])
+    alignment = align(matched.positions, true.positions)
+    aligned = matched.moved(alignment.T_truth_estimate)
+    errors = np.linalg.norm(aligned.positions - true.positions, axis=1)
+    stamps, P, Q = matched.stamps, aligned.T_world_body, true.T_world_body
+    period_s = float(np.median(np.diff(stamps))) * 1e-9
+    return Report(
+        ate_m=metrics.rmse(errors),
+        rpe_frame=metrics.relative_error(P, Q, *metrics.pairs_of_neighbours(stamps)),
+        rpe_1s=metrics.relative_error(P, Q, *metrics.pairs_apart(stamps, 1.0, 0.75 * period_s)),
+        matched=len(matched),
+        total=total,
+        alignment=alignment,
+        estimate_aligned=aligned,
+        truth=true,
+        errors_m=errors,
+        notes=(*alignment.notes, *_coverage_notes(len(matched), total)),
+    )
+
+
+def _coverage_notes(matched: int, total: int) -> tuple[str, ...]:
+    if matched < 0.9 * total:
+        return (
+            f"only {matched} of {total} frames ({matched / total:.0%}) are judged: the rest has no pose or no truth",
+        )
+    return ()
+
+
+def _why_unmatched(estimate: Trajectory, truth: Trajectory, matched: int, max_gap_s: float) -> str:
+    if not len(estimate) or not len(truth):
+        return f"{len(estimate)} estimated and {len(truth)} true poses: nothing to compare"
+    span = [f"{t.stamps[0] * 1e-9:.3f} .. {t.stamps[-1] * 1e-9:.3f} s" for t in (estimate, truth)]
+    return (
+        f"only {matched} of {len(estimate)} poses match truth in time (estimate {span[0]}, truth {span[1]}, "
+        f"gaps in truth up to {max_gap_s} s): check that both use the same clock and unit of time"
+    )

@@ -1,0 +1,117 @@
+"""ROS 2 CDR through `rosbags`, behind one error: whatever is wrong with the bytes becomes a WireError."""
+
+from collections.abc import Mapping
+from functools import lru_cache
+from struct import Struct
+from typing import Any
+
+from odom.errors import WireError
+from odom.frame import Stamp
+from odom.wire.message import Message
+
+SECOND = 1_000_000_000
+
+STRING = "std_msgs/msg/String"
+NUMBERS = "std_msgs/msg/UInt64MultiArray"
+IMAGE = "sensor_msgs/msg/Image"
+COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
+POSE = "geometry_msgs/msg/PoseStamped"
+ODOMETRY = "nav_msgs/msg/Odometry"
+PATH = "nav_msgs/msg/Path"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+
+_STAMP_OFFSET: Mapping[str, int] = {
+    IMAGE: 4,
+    COMPRESSED_IMAGE: 4,
+    CAMERA_INFO: 4,
+    POINT_CLOUD: 4,
+    POSE: 4,
+    ODOMETRY: 4,
+    PATH: 4,
+    DIAGNOSTICS: 4,
+    TRANSFORMS: 8,
+}
+_TIME = {0: Struct(">iI"), 1: Struct("<iI")}
+
+
+@lru_cache(maxsize=1)
+def typestore() -> Any:
+    """Return the definitions of all message types of ROS 2 (no type: `rosbags` generates its classes)."""
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS2_HUMBLE)
+
+
+@lru_cache(maxsize=64)
+def ros(type_name: str) -> Any:
+    """Return the class of the message type; raises WireError for a type that ROS 2 does not define."""
+    try:
+        return typestore().types[type_name]
+    except KeyError:
+        raise WireError(f"message type {type_name!r} is not known") from None
+
+
+@lru_cache(maxsize=64)
+def schema(type_name: str) -> bytes:
+    """Return the message definition (`ros2msg`) that a recording stores beside the messages."""
+    ros(type_name)
+    return str(typestore().generate_msgdef(type_name, ros_version=2)[0]).encode()
+
+
+def time(stamp: Stamp) -> Any:
+    """Return builtin_interfaces/Time of the stamp; raises WireError beyond the years 1901 to 2038."""
+    seconds, nanoseconds = divmod(stamp, SECOND)
+    if not -(2**31) <= seconds < 2**31:
+        raise WireError(f"stamp {stamp} does not fit a ROS time: give nanoseconds between 1901 and 2038")
+    return ros("builtin_interfaces/msg/Time")(sec=seconds, nanosec=nanoseconds)
+
+
+def header(stamp: Stamp, frame_id: str) -> Any:
+    """Return std_msgs/Header."""
+    return ros("std_msgs/msg/Header")(stamp=time(stamp), frame_id=frame_id)
+
+
+def stamp_of(type_name: str, payload: bytes) -> Stamp | None:
+    """Return the capture stamp of a serialised message without decoding the rest, None for types without one.
+
+    Raises WireError when the bytes end before the stamp or it is not a time.
+    """
+    offset = _STAMP_OFFSET.get(type_name)
+    if offset is None:
+        return None
+    if len(payload) < offset + 8:
+        if type_name == TRANSFORMS and len(payload) == 8 and payload[4:] == b"\0\0\0\0":
+            return None
+        raise WireError(f"{type_name} of {len(payload)} bytes ends before its stamp")
+    if payload[0] != 0 or payload[1] not in _TIME:
+        raise WireError(f"{type_name} does not begin with a CDR header")
+    seconds, nanoseconds = _TIME[payload[1]].unpack_from(payload, offset)
+    if nanoseconds >= SECOND:
+        raise WireError(f"{type_name} carries {nanoseconds} nanoseconds within a second")
+    return Stamp(seconds * SECOND + nanoseconds)
+
+
+def serialise(topic: str, type_name: str, stamp: Stamp, message: Any) -> Message:
+    """Return the wire message of a `rosbags` message object; raises WireError when a field does not fit its type."""
+    try:
+        payload = bytes(typestore().serialize_cdr(message, type_name, little_endian=True))
+    except Exception as error:  # whatever the generated code raises for a value out of range
+        raise WireError(f"{type_name} for {topic} cannot be serialised: {error}") from error
+    return Message(topic, type_name, stamp, payload)
+
+
+def deserialise(message: Message, *type_names: str) -> Any:
+    """Return the `rosbags` message object; arrays in it are read-only views of the payload.
+
+    Raises WireError when the type is none of `type_names` or the bytes are malformed.
+    """
+    if message.type_name not in type_names:
+        raise WireError(f"{message.topic} carries {message.type_name}, expected {' or '.join(type_names)}")
+    stamp_of(message.type_name, message.payload)
+    try:
+        return typestore().deserialize_cdr(memoryview(message.payload), message.type_name)
+    except Exception as error:  # the generated code meets arbitrary bytes
+        raise WireError(f"{message.topic}: malformed {message.type_name}: {error}") from error

@@ -1,0 +1,71 @@
+"""JPEG and PNG files in memory: decoded only after their size and completeness are known."""
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.errors import WireError
+
+MAX_PIXELS = 16_777_216
+
+_JPEG_BEGIN, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
+_PNG_BEGIN, _PNG_END = b"\x89PNG\r\n\x1a\n", b"IEND\xaeB`\x82"
+_NO_LENGTH = frozenset((0x01, *range(0xD0, 0xD9)))
+_FRAME = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+_PADDING = 64
+
+
+def file_size(data: bytes | memoryview) -> tuple[int, int]:
+    """Return (width, height) from the header of a JPEG or PNG file.
+
+    Raises WireError when it is neither, is cut, or holds more than `MAX_PIXELS` pixels.
+    """
+    view = memoryview(data)
+    begin = bytes(view[:8])
+    if begin == _PNG_BEGIN and len(view) >= 33:
+        width, height = int.from_bytes(view[16:20], "big"), int.from_bytes(view[20:24], "big")
+        complete = _PNG_END in bytes(view[-len(_PNG_END) - _PADDING :])
+    elif begin.startswith(_JPEG_BEGIN):
+        width, height = _jpeg_size(view)
+        complete = _JPEG_END in bytes(view[-len(_JPEG_END) - _PADDING :])
+    else:
+        raise WireError("image data is neither a JPEG nor a PNG file")
+    if not 0 < width * height <= MAX_PIXELS:
+        raise WireError(f"image of {width} x {height} pixels is not plausible")
+    if not complete:
+        raise WireError(f"image file of {len(view)} bytes is cut: its end mark is missing")
+    return width, height
+
+
+def decode_file(data: NDArray[np.uint8], flags: int) -> NDArray[Any]:
+    """Return the image of a JPEG or PNG file (`cv2.imdecode` with `flags`, EXIF orientation ignored).
+
+    Raises WireError when the file is cut, too large or malformed.
+    """
+    size = file_size(data.data)
+    try:
+        image = cv2.imdecode(data, flags | cv2.IMREAD_IGNORE_ORIENTATION)
+    except cv2.error as error:
+        raise WireError(f"image file cannot be decoded: {error}") from error
+    if image is None or image.shape[1::-1] != size:
+        raise WireError(f"image file of {data.size} bytes cannot be decoded")
+    return np.asarray(image)
+
+
+def _jpeg_size(view: memoryview) -> tuple[int, int]:
+    at = 2
+    while at + 9 < len(view):
+        if view[at] != 0xFF:
+            break
+        marker = view[at + 1]
+        if marker == 0xFF:
+            at += 1
+        elif marker in _NO_LENGTH:
+            at += 2
+        elif marker in _FRAME:
+            return int.from_bytes(view[at + 7 : at + 9], "big"), int.from_bytes(view[at + 5 : at + 7], "big")
+        else:
+            at += 2 + max(2, int.from_bytes(view[at + 2 : at + 4], "big"))
+    raise WireError("JPEG file without a frame header")

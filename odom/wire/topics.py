@@ -1,0 +1,132 @@
+"""The keys of the contract: ROS topic names without the leading slash, below the namespace of one device."""
+
+import re
+from dataclasses import dataclass
+
+from odom.errors import ConfigError
+
+TF = "tf"
+"""Transforms map -> odom -> camera of every device (tf2_msgs/TFMessage)."""
+TRUTH = "truth/*/pose"
+"""Key expression of the motion capture poses of all bodies."""
+
+_NAME = re.compile(r"[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*\Z")
+
+
+def truth(body: str) -> str:
+    """Return the key of a motion capture body's pose; what a key may not hold becomes an underscore."""
+    return f"truth/{re.sub(r'[^A-Za-z0-9_]', '_', body) or 'body'}/pose"
+
+
+@dataclass(frozen=True)
+class Topics:
+    """Keys and frame names of the device `namespace`; raises ConfigError for a name that no ROS topic can have.
+
+    Frames are `map`, `odom` and the colour camera's optical frame, behind `frame_prefix` where several devices share
+    one tree of transforms.
+    """
+
+    namespace: str = "cam0"
+    frame_prefix: str = ""
+
+    def __post_init__(self) -> None:
+        if not _NAME.match(self.namespace):
+            raise ConfigError(f"namespace {self.namespace!r}: give letters, digits, underscores and inner slashes only")
+
+    @property
+    def color(self) -> str:
+        """sensor_msgs/Image, rgb8."""
+        return f"{self.namespace}/color/image_raw"
+
+    @property
+    def color_compressed(self) -> str:
+        """sensor_msgs/CompressedImage, jpeg or png."""
+        return f"{self.namespace}/color/image_raw/compressed"
+
+    @property
+    def depth(self) -> str:
+        """sensor_msgs/Image, 16UC1 millimetres, registered to colour."""
+        return f"{self.namespace}/depth/image_raw"
+
+    @property
+    def depth_compressed(self) -> str:
+        """sensor_msgs/CompressedImage, compressedDepth png or RVL."""
+        return f"{self.namespace}/depth/image_raw/compressedDepth"
+
+    @property
+    def camera_info(self) -> str:
+        """sensor_msgs/CameraInfo of the colour image, repeated every second for late joiners."""
+        return f"{self.namespace}/color/camera_info"
+
+    @property
+    def odom(self) -> str:
+        """nav_msgs/Odometry: the causal pose with covariance, every frame."""
+        return f"{self.namespace}/odom"
+
+    @property
+    def pose(self) -> str:
+        """geometry_msgs/PoseStamped in `map`."""
+        return f"{self.namespace}/pose"
+
+    @property
+    def path(self) -> str:
+        """nav_msgs/Path: the corrected key-frame trajectory, on change."""
+        return f"{self.namespace}/path"
+
+    @property
+    def status(self) -> str:
+        """diagnostic_msgs/DiagnosticArray: state, reason, rates, latencies, losses."""
+        return f"{self.namespace}/status"
+
+    @property
+    def loops(self) -> str:
+        """diagnostic_msgs/DiagnosticArray: one message a loop candidate."""
+        return f"{self.namespace}/loops"
+
+    @property
+    def features(self) -> str:
+        """sensor_msgs/PointCloud2 (u, v, residual_sigma): tracked features of the frame, for eyes."""
+        return f"{self.namespace}/features"
+
+    @property
+    def landmarks(self) -> str:
+        """sensor_msgs/PointCloud2 (x, y, z in `map`): sparse map, for eyes."""
+        return f"{self.namespace}/landmarks"
+
+    @property
+    def alive(self) -> str:
+        """Liveliness token of the device's sensor process."""
+        return f"{self.namespace}/alive"
+
+    def alive_of(self, role: str) -> str:
+        """Return the liveliness token of another process of this device (`odometry`, `recorder`, `viewer`)."""
+        return f"{self.namespace}/alive/{role}"
+
+    @property
+    def ack(self) -> str:
+        """Prefix below which consumers acknowledge what they have consumed (see `odom.wire.flow`)."""
+        return f"{self.namespace}/ack"
+
+    def ack_of(self, consumer: str) -> str:
+        """Return the key on which `consumer` acknowledges; its liveliness token has the same name."""
+        return f"{self.ack}/{consumer}"
+
+    @property
+    def end(self) -> str:
+        """std_msgs/String: the source has ended, with the reason; in order behind the last message."""
+        return f"{self.namespace}/end"
+
+    @property
+    def frame_map(self) -> str:
+        """Frame in which loop closures are corrected."""
+        return f"{self.frame_prefix}map"
+
+    @property
+    def frame_odom(self) -> str:
+        """Frame in which the causal pose is continuous."""
+        return f"{self.frame_prefix}odom"
+
+    @property
+    def frame_camera(self) -> str:
+        """The colour camera's optical frame (z forward)."""
+        return f"{self.namespace.replace('/', '_')}_color_optical_frame"

@@ -84,15 +84,21 @@ def relative_error(T_world_estimate: Array, T_world_truth: Array, earlier: Indic
     return RelativeError(rmse(metres), float(np.degrees(rmse(radians))), len(metres))
 
 
-def nees(T_estimate: Array, T_truth: Array, covariances: Array) -> Nees:
-    """Return the NEES `e' inv(S) e`, `e = log(inv(T_estimate) T_truth)`, of n poses (n x 4 x 4, n x 6 x 6).
+def tangent_errors(T_estimate: Array, T_truth: Array) -> Array:
+    """Return the errors `log(inv(T_estimate) T_truth)` (n x 6: rho, phi) of n poses."""
+    return np.array([se3.log(E) for E in inverse_all(T_estimate) @ T_truth]).reshape(-1, 6)
+
+
+def nees(errors: Array, covariances: Array) -> Nees:
+    """Return the NEES `e' inv(S) e` of n tangent errors (n x 6) with their covariances (n x 6 x 6).
 
     Raises InputError when a covariance is not positive definite.
     """
-    errors = np.array([se3.log(E) for E in inverse_all(T_estimate) @ T_truth]).reshape(-1, 6)
+    if not len(errors):
+        return Nees(np.zeros(0))
     try:
-        roots = np.linalg.cholesky(covariances) if len(errors) else np.zeros((0, 6, 6))
+        roots = np.linalg.cholesky(covariances)
     except np.linalg.LinAlgError:
         raise InputError("a 6 x 6 covariance is not positive definite: no NEES can be computed from it") from None
-    whitened = np.linalg.solve(roots, errors[:, :, None])[:, :, 0] if len(errors) else errors
+    whitened = np.linalg.solve(roots, errors[:, :, None])[:, :, 0]
     return Nees(np.square(whitened).sum(axis=1))

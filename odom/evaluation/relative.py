@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from odom.errors import SourceError
 from odom.evaluation.files import nanoseconds
-from odom.evaluation.metrics import Nees, nees
+from odom.evaluation.metrics import Nees, nees, tangent_errors
 from odom.evaluation.trajectory import Stamps, Trajectory, inverse_all
 
 Array = NDArray[np.float64]
@@ -69,10 +69,21 @@ def read_relative(path: Path) -> RelativePoses:
     return RelativePoses(when[:, 0], when[:, 1], T, covariances)
 
 
-def relative_nees(poses: RelativePoses, truth: Trajectory, max_gap_s: float = 0.1) -> Nees:
-    """Return the NEES of the relative poses whose two stamps both have truth (of the same body)."""
+def relative_errors_of(
+    poses: RelativePoses, truth: Trajectory, max_gap_s: float = 0.1
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the tangent errors `log(inv(T_estimate) T_true)` (m x 6) and which poses they belong to.
+
+    Truth is that of the same body; a pose is left out when truth is missing at one of its two stamps.
+    """
     earlier, valid_earlier = truth.at(poses.stamps_earlier, max_gap_s)
     current, valid_current = truth.at(poses.stamps_current, max_gap_s)
     valid = valid_earlier & valid_current
     T_true = inverse_all(earlier[valid]) @ current[valid]
-    return nees(poses.T_earlier_current[valid], T_true, poses.covariances[valid])
+    return tangent_errors(poses.T_earlier_current[valid], T_true), valid
+
+
+def relative_nees(poses: RelativePoses, truth: Trajectory, max_gap_s: float = 0.1) -> Nees:
+    """Return the NEES of the relative poses whose two stamps both have truth (of the same body)."""
+    errors, valid = relative_errors_of(poses, truth, max_gap_s)
+    return nees(errors, poses.covariances[valid])

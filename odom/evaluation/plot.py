@@ -1,0 +1,173 @@
+"""`plot.png`: a trajectory against truth on one sheet, readable in print and without telling colours apart."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.evaluation.metrics import rmse
+from odom.evaluation.report import Report
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+TRUTH, FINAL, ONLINE, BAND = "#1a1a1a", "#0072B2", "#D55E00", "#56B4E9"
+"""Colours of M. Okabe and K. Ito's palette; each line also differs in width and dashes."""
+
+_STYLE: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.5,
+    "axes.titlesize": 10.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#666666",
+    "axes.linewidth": 0.8,
+    "axes.grid": True,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.7,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "xtick.color": "#444444",
+    "ytick.color": "#444444",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class ClaimedError:
+    """Translation errors of relative poses over a second, and the 3-sigma bound claimed for them (metres)."""
+
+    seconds: Array
+    errors_m: Array
+    three_sigma_m: Array
+
+
+def plot(
+    path: Path,
+    final: Report,
+    online: Report | None = None,
+    claimed: ClaimedError | None = None,
+    title: str = "",
+    remarks: Sequence[str] = (),
+) -> None:
+    """Draw the matched trajectories from above and from the side, errors over time and their histogram.
+
+    The truth's world has z up; `online` is the causal estimate, `claimed` the bound its covariance promises.
+    """
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    with rc_context(_STYLE):
+        figure = Figure(figsize=(11.7, 8.3), dpi=150, layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.1))
+        FigureCanvasAgg(figure)
+        grid = figure.add_gridspec(6, 2, width_ratios=(1.0, 1.15))
+        _draw_views(figure.add_subplot(grid[:3, 0]), figure.add_subplot(grid[3:, 0]), final, online)
+        rows = (slice(0, 2), slice(2, 4), slice(4, 6)) if claimed else (slice(0, 3), None, slice(3, 6))
+        _draw_error(figure.add_subplot(grid[rows[0], 1]), final, online)
+        if claimed and rows[1]:
+            _draw_claimed(figure.add_subplot(grid[rows[1], 1]), claimed)
+        _draw_histogram(figure.add_subplot(grid[rows[2], 1]), final, online)
+        figure.suptitle(
+            (f"{title}   " if title else "") + f"{final.matched} of {final.total} frames judged",
+            x=0.012, ha="left", fontsize=13, fontweight="bold",
+        )  # fmt: skip
+        if remarks:
+            figure.supxlabel("\n".join(remarks), x=0.012, ha="left", fontsize=8.5, color="#444444")
+        figure.savefig(path)
+
+
+def _seconds(report: Report) -> Array:
+    return (report.truth.stamps - report.truth.stamps[0]) * 1e-9
+
+
+def _gaps_opened(seconds: Array, values: Array) -> tuple[Array, Array]:
+    """Return the curve with NaN put where samples are missing, so that no line bridges a hole."""
+    steps = np.diff(seconds)
+    holes = np.flatnonzero(steps > 5 * np.median(steps)) + 1 if len(steps) else np.zeros(0, dtype=np.intp)
+    return np.insert(seconds, holes, np.nan), np.asarray(np.insert(values, holes, np.nan, axis=0))
+
+
+def _draw_views(above: "Axes", side: "Axes", final: Report, online: Report | None) -> None:
+    truth = final.truth.positions
+    centre = truth.mean(axis=0)
+    along = np.linalg.svd(truth[:, :2] - centre[:2], full_matrices=False)[2][0]
+    along = along * np.sign(along[np.argmax(np.abs(along))])
+
+    def drawn(report: Report, points: Array, view: str) -> Array:
+        x = (points[:, :2] - centre[:2]) @ along
+        y = (points[:, :2] - centre[:2]) @ np.array([-along[1], along[0]])
+        curve: Array = np.column_stack([x, y if view == "above" else points[:, 2] - centre[2]])
+        return _gaps_opened(_seconds(report)[: len(points)], curve)[1]
+
+    for axis, view in ((above, "above"), (side, "side")):
+        curves: list[tuple[Report, Array, str, float, Any, str, float]] = [
+            (final, final.truth.positions, TRUTH, 3.2, "-", "truth", 0.30)
+        ]
+        if online:
+            curves.append((online, online.estimate_aligned.positions, ONLINE, 1.1, (0, (3, 1.4)), "online", 1.0))
+        curves.append(
+            (final, final.estimate_aligned.positions, FINAL, 1.4, "-", "corrected" if online else "estimate", 1.0)
+        )
+        for report, points, colour, width, dashes, name, alpha in curves:
+            xy = drawn(report, points, view)
+            axis.plot(*xy.T, color=colour, lw=width, ls=dashes, label=name, alpha=alpha, solid_capstyle="round")
+        start = drawn(final, truth, view)[:1]
+        axis.plot(*start.T, "o", ms=7, mfc="white", mec=TRUTH, mew=1.5, label="start", zorder=5)
+        axis.set_aspect("equal", adjustable="datalim")
+        axis.set_title("From above" if view == "above" else "From the side")
+        axis.set_xlabel("along the main direction, m")
+        axis.set_ylabel("across, m" if view == "above" else "height, m")
+    above.legend(loc="best", ncols=2, handlelength=2.4)
+
+
+def _draw_error(axis: "Axes", final: Report, online: Report | None) -> None:
+    if online:
+        axis.plot(
+            *_gaps_opened(_seconds(online), 1e3 * online.errors_m), color=ONLINE, lw=1.0, ls=(0, (3, 1.4)),
+            label=f"online, ATE {1e3 * online.ate_m:.1f} mm",
+        )  # fmt: skip
+    name = "corrected" if online else "estimate"
+    label = f"{name}, ATE {1e3 * final.ate_m:.1f} mm"
+    axis.plot(*_gaps_opened(_seconds(final), 1e3 * final.errors_m), color=FINAL, lw=1.4, label=label)
+    axis.set_ylim(bottom=0)
+    axis.margins(x=0.01)
+    axis.set_title("Distance from truth after alignment")
+    axis.set_xlabel("time, s")
+    axis.set_ylabel("mm")
+    axis.legend(loc="upper right", ncols=2)
+
+
+def _draw_claimed(axis: "Axes", claimed: ClaimedError) -> None:
+    seconds, both = _gaps_opened(claimed.seconds, np.column_stack([claimed.errors_m, claimed.three_sigma_m]) * 1e3)
+    share = float(np.mean(claimed.errors_m <= claimed.three_sigma_m))
+    axis.fill_between(seconds, 0, both[:, 1], color=BAND, alpha=0.35, lw=0, label="claimed 3 sigma")
+    axis.plot(seconds, both[:, 1], color=BAND, lw=0.8)
+    axis.plot(seconds, both[:, 0], color=TRUTH, lw=1.0, label=f"error over 1 s, {share:.1%} inside")
+    axis.set_ylim(0, 1.25 * float(np.nanpercentile(both, 99.5)))
+    axis.margins(x=0.01)
+    axis.set_title("Drift over one second against the claimed 3 sigma")
+    axis.set_xlabel("time, s")
+    axis.set_ylabel("mm")
+    axis.legend(loc="upper right", ncols=2)
+
+
+def _draw_histogram(axis: "Axes", final: Report, online: Report | None) -> None:
+    errors = [1e3 * report.errors_m for report in (final, online) if report]
+    bins = np.linspace(0, max(float(np.percentile(e, 99.8)) for e in errors), 41).tolist()
+    if online:
+        axis.hist(errors[1], bins=bins, histtype="step", color=ONLINE, lw=1.3, ls=(0, (3, 1.4)), label="online")
+    axis.hist(errors[0], bins=bins, color=FINAL, alpha=0.75, label="corrected" if online else "estimate")
+    for value, name in ((float(np.median(errors[0])), "median"), (rmse(errors[0]), "RMSE")):
+        axis.axvline(value, color=TRUTH, lw=1.0, ls="-" if name == "RMSE" else ":", label=f"{name} {value:.1f} mm")
+    axis.set_title("How often how far")
+    axis.set_xlabel("distance from truth, mm")
+    axis.set_ylabel("frames")
+    axis.legend(loc="upper right")

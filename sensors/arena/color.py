@@ -1,0 +1,66 @@
+"""What a colour chip makes of light: exposure, white balance, vignetting, noise; 8 bit."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.registration.compiled import compiled
+from sensors.arena.noise import TILE, Tiles
+
+Array = NDArray[np.float64]
+
+
+@compiled
+def develop(
+    light: NDArray[np.uint16],
+    gain: NDArray[np.float32],
+    vignette_x: NDArray[np.float32],
+    vignette_y: NDArray[np.float32],
+    noise_of: NDArray[np.float32],
+    grain: NDArray[np.int8],
+    at: NDArray[np.int64],
+    out: NDArray[np.uint8],
+) -> None:
+    """Turn 256 x 8 bit colour into the picture; `noise_of` (256) is the deviation at a grey value, over 24."""
+    height, width, _ = light.shape
+    for y in range(height):
+        row = grain[(y + at[0]) & (TILE - 1)]
+        for x in range(width):
+            fall = vignette_y[y] * vignette_x[x] * np.float32(1 / 256)
+            column = (x + at[1]) & (TILE - 1)
+            for c in range(3):
+                value = np.float32(light[y, x, c]) * gain[c] * fall
+                value = min(value, np.float32(255.0))
+                value += noise_of[int(value)] * np.float32(row[column, c])
+                out[y, x, c] = np.uint8(min(max(value + np.float32(0.5), np.float32(0.0)), np.float32(255.0)))
+
+
+def noise_table() -> NDArray[np.float32]:
+    """Return the deviation of each 8 bit display value: photon and read noise through the gamma curve, over 24."""
+    linear = np.maximum(np.arange(256) / 255, 0.004) ** 2.2
+    sigma = np.sqrt(0.012**2 * linear + 0.0016**2)
+    slope = linear ** (1 / 2.2 - 1) / 2.2
+    return np.asarray(np.clip(255 * sigma * slope, 1.2, 5.0) / 24, np.float32)
+
+
+NOISE = noise_table()
+
+
+def picture(
+    light: NDArray[np.uint16], gain: tuple[float, float, float], tiles: Tiles, rng: np.random.Generator
+) -> NDArray[np.uint8]:
+    """Return the 8 bit RGB image of the light on the chip, at `gain` (display value, a colour each)."""
+    height, width, _ = light.shape
+    x = np.linspace(-1, 1, width)
+    y = np.linspace(-1, 1, height) * height / width
+    out = np.empty((height, width, 3), np.uint8)
+    develop(
+        light,
+        np.array(gain, np.float32),
+        (1 - 0.05 * x**2).astype(np.float32),
+        (1 - 0.05 * y**2).astype(np.float32),
+        NOISE,
+        tiles.grain,
+        rng.integers(0, TILE, 2),
+        out,
+    )
+    return out

@@ -1,0 +1,43 @@
+"""Tiles of noise, made once; a frame takes its noise from a place in them that its number decides."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+TILE = 1024
+"""Side of a tile in pixels, a power of two: indices wrap round."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tiles:
+    """`patches` (3 x TILE x TILE, unit deviation): smooth over some 3 px, twice, and over 5 px patches with grain.
+
+    `grain` (TILE x TILE x 3, int8, deviation 24): a colour chip's, spread over neighbours by demosaicing.
+    """
+
+    patches: NDArray[np.float32]
+    grain: NDArray[np.int8]
+
+
+def _smooth(rng: np.random.Generator, sigma: float) -> NDArray[np.float32]:
+    tile = rng.standard_normal((TILE, TILE), np.float32)
+    wide = np.pad(tile, 16, mode="wrap")
+    soft = np.asarray(cv2.GaussianBlur(wide, (0, 0), sigma))[16:-16, 16:-16]
+    return np.asarray(soft / soft.std(), np.float32)
+
+
+def make_tiles(seed: int) -> Tiles:
+    """Return the tiles of a seed."""
+    rng = np.random.default_rng([seed, 5])
+    patches = 0.85 * _smooth(rng, 1.8) + 0.53 * _smooth(rng, 0.6)
+    color = np.stack([_smooth(rng, s) for s in (0.75, 0.55, 0.85)], axis=-1)
+    grey = _smooth(rng, 0.5)[..., None]
+    grain = np.clip(24 * (0.8 * color + 0.6 * grey), -127, 127).astype(np.int8)
+    return Tiles(np.ascontiguousarray(np.stack([_smooth(rng, 1.2), _smooth(rng, 1.2), patches])), grain)
+
+
+def frame_random(seed: int, frame: int, what: int) -> np.random.Generator:
+    """Return the random numbers of one purpose in one frame, whichever frames were drawn before."""
+    return np.random.default_rng([seed, what, frame])

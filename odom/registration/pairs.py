@@ -1,0 +1,165 @@
+"""What every estimator takes and gives: point pairs, a prior, and one result."""
+
+from dataclasses import dataclass, field
+from enum import Enum, unique
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def _points(name: str, value: Array | None, n: int | None = None) -> Array:
+    points = np.ascontiguousarray(value, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 3 or (n is not None and len(points) != n):
+        raise InputError(f"{name} have shape {points.shape}: give {'n' if n is None else n} x 3 metres")
+    return points
+
+
+def _covariances(name: str, value: Array | None, n: int) -> Array | None:
+    if value is None:
+        return None
+    covariances = np.ascontiguousarray(value, dtype=np.float64)
+    if covariances.shape == (n, 3):
+        diagonal = np.zeros((n, 3, 3))
+        diagonal[:, (0, 1, 2), (0, 1, 2)] = covariances
+        return diagonal
+    if covariances.shape != (n, 3, 3):
+        raise InputError(f"{name} have shape {covariances.shape}: give {n} x 3 x 3, or {n} x 3 variances, in m^2")
+    return covariances
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """n pairs of corresponding points: `points_target[k] = R points_source[k] + t`, but for noise.
+
+    Points are n x 3 metres, each in its own frame; covariances are n x 3 x 3 m^2 in the frame of their points (n x 3
+    is taken as the variances along the axes), None for points without noise. `weights` (n, positive or 0) multiply
+    the information of a pair; None for 1. Raises InputError when a shape is wrong; values are checked where they are
+    used, by the estimators.
+    """
+
+    points_source: Array
+    points_target: Array
+    covariances_source: Array | None = None
+    covariances_target: Array | None = None
+    weights: Array | None = None
+
+    def __post_init__(self) -> None:
+        source = _points("source points", self.points_source)
+        n = len(source)
+        object.__setattr__(self, "points_source", source)
+        object.__setattr__(self, "points_target", _points("target points", self.points_target, n))
+        for side in ("source", "target"):
+            name = f"covariances_{side}"
+            object.__setattr__(self, name, _covariances(f"{side} covariances", getattr(self, name), n))
+        if self.weights is not None:
+            weights = np.ascontiguousarray(self.weights, dtype=np.float64)
+            if weights.shape != (n,):
+                raise InputError(f"weights have shape {weights.shape}: give {n}")
+            object.__setattr__(self, "weights", weights)
+
+    def __len__(self) -> int:
+        return len(self.points_source)
+
+    def __getitem__(self, index: slice | NDArray[np.bool_] | NDArray[np.intp]) -> "Pairs":
+        """Return the pairs that a slice, mask or array of indices selects."""
+
+        def pick(values: Array | None) -> Array | None:
+            return None if values is None else values[index]
+
+        return Pairs(
+            self.points_source[index],
+            self.points_target[index],
+            pick(self.covariances_source),
+            pick(self.covariances_target),
+            pick(self.weights),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What is believed before the pairs are seen: a motion prediction.
+
+    `covariance` (6 x 6, `se3` convention) makes it evidence of its own, fused with the pairs; without it the pose is
+    only where the search begins.
+    """
+
+    T_target_source: Array
+    covariance: Array | None = None
+
+    def __post_init__(self) -> None:
+        T = np.ascontiguousarray(self.T_target_source, dtype=np.float64)
+        if T.shape != (4, 4) or not np.isfinite(T).all() or np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-6:
+            raise InputError("the prior is not a rigid motion: give a finite 4 x 4 matrix with an orthonormal rotation")
+        object.__setattr__(self, "T_target_source", T)
+        if self.covariance is not None:
+            P = np.ascontiguousarray(self.covariance, dtype=np.float64)
+            if P.shape != (6, 6) or not np.isfinite(P).all() or np.linalg.eigvalsh(P)[0] <= 0.0:
+                raise InputError("the prior's covariance is not a positive 6 x 6 matrix: give one, or None for a hint")
+            object.__setattr__(self, "covariance", P)
+
+
+@unique
+class Verdict(Enum):
+    """Whether a registration may be used."""
+
+    OK = "ok"
+    DEGENERATE = "degenerate"
+
+
+@dataclass(frozen=True, eq=False)
+class Registration:
+    """What an estimator says about n pairs.
+
+    `T_target_source` (4 x 4) maps source points into the target frame; `covariance` (6 x 6) is that of xi =
+    (translation, rotation) in `T_true = T_target_source @ exp(xi)`: metres and radians in the SOURCE frame. Both are
+    NaN where the verdict is DEGENERATE, so that nothing can mistake them for a pose; `reason` then says why.
+    `inliers` (n) marks the pairs used, `chi2` (n) is each pair's squared residual against its own covariance (3
+    degrees of freedom). `conditioning` is the reciprocal condition number of the information matrix with rotations
+    measured by the spread of the points (0 singular, 1 perfect). `variance_factor` is the observed mean of chi2
+    against its expectation (1: the noise model is true; 4: the noise is twice the modelled). `scale` is eq. (4)'s, 1
+    unless asked.
+    """
+
+    T_target_source: Array
+    covariance: Array
+    inliers: NDArray[np.bool_]
+    chi2: Array
+    conditioning: float
+    verdict: Verdict
+    reason: str = ""
+    variance_factor: float = 1.0
+    scale: float = 1.0
+    details: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def ok(self) -> bool:
+        """Whether the pose may be used."""
+        return self.verdict is Verdict.OK
+
+
+def degenerate(
+    n: int, reason: str, chi2: Array | None = None, inliers: NDArray[np.bool_] | None = None
+) -> Registration:
+    """Return the result that has no pose, and says why."""
+    return Registration(
+        T_target_source=np.full((4, 4), np.nan),
+        covariance=np.full((6, 6), np.nan),
+        inliers=np.zeros(n, dtype=np.bool_) if inliers is None else inliers,
+        chi2=np.full(n, np.nan) if chi2 is None else chi2,
+        conditioning=0.0,
+        verdict=Verdict.DEGENERATE,
+        reason=reason,
+    )
+
+
+class Estimator(Protocol):
+    """The one signature of all estimators."""
+
+    def __call__(self, pairs: Pairs, prior: Prior | None = None) -> Registration:
+        """Return the motion that maps the pairs' source points onto their target points."""
+        ...

@@ -1,0 +1,82 @@
+"""`odom sensor SOURCE`: one sensor, folder or recording on the wire."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def sensor(
+    source: Annotated[
+        str, typer.Argument(help="arena, kinect[:URI], kinect:FILE.oni, an .mcap recording or a TUM RGB-D folder.")
+    ],
+    camera: Annotated[Path | None, typer.Option(help="Calibration (ROS camera-calibration YAML).")] = None,
+    namespace: Annotated[str | None, typer.Option(help="Name of the device, first part of its keys.")] = None,
+    start: Annotated[float, typer.Option(min=0, help="Seconds of a recording to skip.")] = 0.0,
+    end: Annotated[float | None, typer.Option(min=0, help="Seconds from a recording's beginning to stop at.")] = None,
+    realtime: Annotated[bool, typer.Option(help="Play a recording like a live sensor: newest frame wins.")] = False,
+    rate: Annotated[float, typer.Option(min=0.001, help="Speed of --realtime.")] = 1.0,
+    loop: Annotated[bool, typer.Option(help="Begin again at the end, stamps going on.")] = False,
+    color: Annotated[str, typer.Option(help="How a live sensor sends colour: jpeg or raw.")] = "jpeg",
+    depth: Annotated[str, typer.Option(help="How a live sensor sends depth: raw, rvl or png.")] = "raw",
+    topic: Annotated[
+        list[str] | None, typer.Option(help="A recording's own topic: color=, depth= or camera_info=/name.")
+    ] = None,
+    option: Annotated[list[str] | None, typer.Option(help="A setting of the source itself: name=value.")] = None,
+    kind: Annotated[str, typer.Option("--sensor", help="What the arena simulates: kinect1 or kinect2.")] = "kinect1",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the arena.")] = 1,
+    seconds: Annotated[float | None, typer.Option(min=0, help="Length of the arena's session.")] = None,
+    live: Annotated[bool, typer.Option(help="Run the arena like a live sensor, at its frame rate.")] = False,
+    consumers: Annotated[
+        int | None, typer.Option(min=0, help="Wait for so many consumers first (recorded: 1, live: 0).")
+    ] = None,
+    connect: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to connect to.")] = None,
+    listen: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to listen on.")] = None,
+    mode: Annotated[str | None, typer.Option(help="Zenoh role: peer, client or router.")] = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file of settings.")] = None,
+) -> None:
+    """Publish a sensor, a folder or a recording.
+
+    A recording goes out without loss as fast as its consumers acknowledge, at most a few frames ahead.
+
+    Example: odom sensor session.mcap --start 5 --end 20
+    """
+    import cv2
+
+    from odom.cli import signals
+    from odom.cli.counting import counting
+    from odom.cli.wiring import pairs, wire_settings
+    from odom.wire import Topics
+    from odom.wire.session import open_session
+    from sensors.process import SensorProcess
+    from sensors.source import SourceOptions, open_source
+
+    cv2.setNumThreads(1)
+    stop = signals.stop_event()
+    settings = wire_settings(config, connect, listen, mode, namespace)
+    options = SourceOptions(
+        topics=Topics(settings.namespace),
+        camera=camera,
+        start=start,
+        end=end,
+        realtime=realtime,
+        rate=rate,
+        loop=loop,
+        color=color,
+        depth=depth,
+        topics_from=pairs("--topic", topic),
+        sensor=kind,
+        seed=seed,
+        seconds=seconds,
+        live=live,
+        extra=pairs("--option", option),
+    )
+    opened = open_source(source, options)
+    try:
+        wanted = consumers if consumers is not None else int(opened.lossless)
+        with open_session(settings) as session, counting("sensor", opened.length) as progress:
+            report = SensorProcess(session, opened, options, wanted).run(stop, progress)
+    finally:
+        opened.close()
+    lost = f", {report.lost} messages lost by consumers" if report.lost else ""
+    typer.echo(f"{source}: {report.frames} frames, {report.messages} messages sent{lost}; {report.reason}")

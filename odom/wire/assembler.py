@@ -1,0 +1,74 @@
+"""From wire messages to RGB-D frames: decoding, calibration and pairing, with every refusal counted."""
+
+import logging
+from collections import Counter
+
+from odom.errors import WireError
+from odom.frame import Camera, RgbdFrame
+from odom.wire.codec import decode_camera_info, decode_color, decode_depth
+from odom.wire.codec.images import Color, Depth
+from odom.wire.message import Message
+from odom.wire.pairing import Pair, Pairer, PairingCounters
+from odom.wire.topics import Topics
+
+log = logging.getLogger(__name__)
+
+
+class FrameAssembler:
+    """Turns one device's messages into frames; pure but for its log lines, and deterministic.
+
+    `malformed` counts refusals by key, the first of each is logged; `camera` is the latest calibration.
+    """
+
+    def __init__(self, topics: Topics, grey: bool = False, period_s: float | None = None) -> None:
+        self.camera: Camera | None = None
+        self.malformed: Counter[str] = Counter()
+        self._topics = topics
+        self._grey = grey
+        self._pairer: Pairer[Color, Depth] = Pairer(period_s)
+        self._sequence = 0
+
+    @property
+    def pairing(self) -> PairingCounters:
+        """What became of the images that are in no frame."""
+        return self._pairer.counters
+
+    def feed(self, message: Message) -> tuple[RgbdFrame, ...]:
+        """Take a message of the device and return the frames that are complete by it.
+
+        Messages of other keys are ignored; what cannot be decoded is counted and dropped.
+        """
+        topics, key = self._topics, message.topic
+        try:
+            if key in (topics.color, topics.color_compressed):
+                return self._frames(self._pairer.add_color(message.stamp, decode_color(message, self._grey)))
+            if key in (topics.depth, topics.depth_compressed):
+                return self._frames(self._pairer.add_depth(message.stamp, decode_depth(message)))
+            if key == topics.camera_info:
+                self.camera = decode_camera_info(message)
+        except WireError as error:
+            self._refuse(key, str(error))
+        return ()
+
+    def finish(self) -> tuple[RgbdFrame, ...]:
+        """Return the frames that were still waiting for a nearer partner when the source ended."""
+        return self._frames(self._pairer.finish())
+
+    def _frames(self, pairs: list[Pair[Color, Depth]]) -> tuple[RgbdFrame, ...]:
+        frames = []
+        for pair in pairs:
+            camera, size = self.camera, pair.color.shape[:2]
+            if pair.depth.shape != size:
+                self._refuse(self._topics.depth, f"depth of {pair.depth.shape} is not registered to colour of {size}")
+                continue
+            if camera is not None and (camera.height, camera.width) != size:
+                self._refuse(self._topics.camera_info, f"calibration is not that of colour of {size}: {camera}")
+                continue
+            frames.append(RgbdFrame(self._sequence, pair.color_stamp, pair.color, pair.depth_stamp, pair.depth))
+            self._sequence += 1
+        return tuple(frames)
+
+    def _refuse(self, key: str, why: str) -> None:
+        if not self.malformed[key]:
+            log.warning("%s: dropped what cannot be used (further ones are counted): %s", key, why)
+        self.malformed[key] += 1

@@ -1,0 +1,218 @@
+"""Lossless flow from one sensor process to its consumers: a window of frames in flight, closed by acknowledgements.
+
+A consumer holds the liveliness token `<ns>/ack/<name>` and publishes there [epoch, serial, waiting]: everything up to
+`serial` of the sender `epoch` is consumed; `waiting` is 1 when it idles. The sender keeps at most a few frames ahead
+of the slowest living consumer. A consumer that dies leaves the window with its token; one that idles although messages
+are on their way to it has lost them, and is counted and passed over. The end of the source travels in order behind the
+last message on `<ns>/end`.
+"""
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+
+from odom.errors import WireError
+from odom.frame import Stamp
+from odom.wire.codec import decode_numbers, decode_text, encode_numbers
+from odom.wire.session import Counters, Delivery, Publisher, Subscriber, WireSession
+from odom.wire.topics import Topics
+
+log = logging.getLogger(__name__)
+
+_IDLE_REPORT_S = 0.25
+_LOST_AFTER_S = 2.0
+_MESSAGES_IN_FLIGHT = 64
+
+
+class Consumer:
+    """Receives a device's messages and acknowledges each one when the next is asked for.
+
+    `name` is this consumer's own (`odometry`, `recorder`): two of one name would acknowledge for each other.
+    """
+
+    def __init__(self, session: WireSession, topics: Topics, name: str, keys: Iterable[str], depth: int = 3) -> None:
+        self.ended: str | None = None
+        self._key = topics.ack_of(name)
+        self._end = topics.end
+        self._subscriber = session.subscriber((*keys, topics.end), depth=depth, lossless=True)
+        self._publisher = session.publisher(urgent=True)
+        self._last: Delivery | None = None
+        session.announce(self._key)
+
+    def receive(self, timeout: float | None = None) -> Delivery | None:
+        """Return the next message in the sender's order; None after `timeout` seconds, or when the source has ended.
+
+        `ended` then says why. Asking for a message acknowledges the one before.
+        """
+        if self.ended is not None:
+            return None
+        self._acknowledge(waiting=False)
+        deadline = None if timeout is None else time.monotonic() + timeout
+        while True:
+            left = _IDLE_REPORT_S if deadline is None else min(_IDLE_REPORT_S, deadline - time.monotonic())
+            delivery = self._subscriber.receive(max(0.0, left))
+            if delivery is None:
+                self._acknowledge(waiting=True)
+                if deadline is not None and time.monotonic() >= deadline:
+                    return None
+                continue
+            self._last = delivery
+            if delivery.message.topic != self._end:
+                return delivery
+            try:
+                self.ended = decode_text(delivery.message)
+            except WireError as error:
+                self._subscriber.malformed(delivery.message.topic, str(error))
+                continue
+            self._acknowledge(waiting=False)
+            return None
+
+    def restart(self) -> None:
+        """Go on after the end of a source, for a service that outlives its sensors."""
+        self.ended = None
+
+    def malformed(self, topic: str, why: str) -> None:
+        """Count a message that was delivered but could not be used; the first of its key is logged."""
+        self._subscriber.malformed(topic, why)
+
+    @property
+    def counters(self) -> dict[str, Counters]:
+        """What happened to the messages of each key."""
+        return self._subscriber.counters
+
+    def total(self) -> Counters:
+        """Return the sums over all keys."""
+        return self._subscriber.total()
+
+    def _acknowledge(self, waiting: bool) -> None:
+        last = self._last
+        if last is None or last.epoch is None or last.serial is None or not last.lossless:
+            return
+        numbers = (last.epoch, last.serial, int(waiting))
+        self._publisher.put(encode_numbers(self._key, Stamp(time.time_ns()), numbers))
+
+
+class _Credit:
+    """What one consumer has acknowledged."""
+
+    def __init__(self, acknowledged: int) -> None:
+        self.acknowledged = acknowledged
+        self.waiting_since: float | None = None
+
+
+class Window:
+    """The sender's side: waits for consumers, and for room in the window before each message."""
+
+    def __init__(self, session: WireSession, topics: Topics, publisher: Publisher, frames: int = 4) -> None:
+        self.lost = 0
+        self._publisher = publisher
+        self._prefix = len(topics.ack) + 1
+        self._frames_allowed = frames
+        self._frames: deque[int] = deque()
+        self._credits: dict[str, _Credit] = {}
+        self._changed = threading.Condition()
+        self._subscriber: Subscriber = session.subscriber((topics.ack_of("*"),), depth=16)
+        session.watch(topics.ack_of("*"), self._token)
+
+    @property
+    def consumers(self) -> tuple[str, ...]:
+        """Names of the living consumers."""
+        with self._changed:
+            return tuple(self._credits)
+
+    def wait_for_consumers(self, count: int, stop: threading.Event) -> bool:
+        """Return True once `count` consumers live, False when `stop` is set before."""
+        said = time.monotonic() + 2.0
+        while not stop.is_set():
+            with self._changed:
+                if len(self._credits) >= count:
+                    return True
+                self._changed.wait(0.1)
+            if time.monotonic() > said:
+                log.info("waiting for %d consumer(s); here: %s", count, ", ".join(self.consumers) or "none")
+                said = float("inf")
+        return False
+
+    def wait_for_room(self, stop: threading.Event) -> bool:
+        """Return True once the window has room for a message, False when `stop` is set before.
+
+        While no consumer lives the window has no room: a recorded source waits for one to come back.
+        """
+        return self._wait(stop, self._has_room)
+
+    def wait_until_consumed(self, stop: threading.Event, timeout: float | None = None) -> bool:
+        """Return True once every living consumer has consumed all, False after `timeout` s or when `stop` is set."""
+
+        def consumed() -> bool:
+            return all(credit.acknowledged >= self._sent for credit in self._credits.values())
+
+        return self._wait(stop, consumed, timeout)
+
+    def sent(self, serial: int, is_frame: bool) -> None:
+        """Take note of a message on its way; colour images count as frames."""
+        if is_frame:
+            self._frames.append(serial)
+
+    @property
+    def _sent(self) -> int:
+        return self._publisher.serial - 1
+
+    def _has_room(self) -> bool:
+        if not self._credits:
+            return False
+        slowest = min(credit.acknowledged for credit in self._credits.values())
+        while self._frames and self._frames[0] <= slowest:
+            self._frames.popleft()
+        return len(self._frames) < self._frames_allowed and self._sent - slowest < _MESSAGES_IN_FLIGHT
+
+    def _wait(self, stop: threading.Event, condition: Callable[[], bool], timeout: float | None = None) -> bool:
+        deadline = float("inf") if timeout is None else time.monotonic() + timeout
+        while not stop.is_set() and time.monotonic() < deadline:
+            self._take_acknowledgements(0.0)
+            with self._changed:
+                self._give_up_lost()
+                if condition():
+                    return True
+            self._take_acknowledgements(0.05)
+        return False
+
+    def _take_acknowledgements(self, timeout: float) -> None:
+        while (delivery := self._subscriber.receive(timeout)) is not None:
+            timeout = 0.0
+            try:
+                epoch, serial, waiting = decode_numbers(delivery.message)
+            except (WireError, ValueError) as error:
+                self._subscriber.malformed(delivery.message.topic, str(error))
+                continue
+            if epoch != self._publisher.epoch or serial > self._sent:
+                continue
+            with self._changed:
+                credit = self._credits.get(delivery.message.topic[self._prefix :])
+                if credit is None:
+                    continue
+                if serial > credit.acknowledged or not waiting:
+                    credit.waiting_since = None
+                elif credit.waiting_since is None:
+                    credit.waiting_since = time.monotonic()
+                credit.acknowledged = max(credit.acknowledged, serial)
+
+    def _give_up_lost(self) -> None:
+        for name, credit in self._credits.items():
+            since = credit.waiting_since
+            if since is None or credit.acknowledged >= self._sent or time.monotonic() - since < _LOST_AFTER_S:
+                continue
+            missing = self._sent - credit.acknowledged
+            self.lost += missing
+            log.warning("%s waits although %d messages are on their way to it: given up as lost", name, missing)
+            credit.acknowledged, credit.waiting_since = self._sent, None
+
+    def _token(self, key: str, alive: bool) -> None:
+        name = key[self._prefix :]
+        with self._changed:
+            if alive:
+                self._credits.setdefault(name, _Credit(self._sent))
+            elif self._credits.pop(name, None) is not None:
+                log.info("consumer %s is gone", name)
+            self._changed.notify_all()

@@ -1,0 +1,31 @@
+"""Settings of the Zenoh session."""
+
+from typing import Literal
+
+from pydantic import BaseModel, Field, JsonValue
+
+LOCAL = "tcp/127.0.0.1:7447"
+ANY_LOCAL_PORT = "tcp/127.0.0.1:0"
+
+
+class WireSettings(BaseModel, frozen=True, extra="forbid"):
+    """How this process meets the others; by default over the loopback interface of this machine only.
+
+    A `peer` finds the others through any one of the `connect` endpoints and then talks to each directly; a `client`
+    talks to its router only; a `router` passes messages on between those that it does not itself concern.
+    """
+
+    mode: Literal["peer", "client", "router"] = Field("peer", description="role of this process in the Zenoh network")
+    connect: tuple[str, ...] = Field((LOCAL,), description="Zenoh endpoints to connect to, tried until they answer")
+    listen: tuple[str, ...] = Field(
+        (LOCAL, ANY_LOCAL_PORT), description="Zenoh endpoints to listen on; one that is taken already is left out"
+    )
+    namespace: str = Field("cam0", description="name of the device, first part of its keys")
+    lease_ms: int = Field(2000, ge=200, description="a process silent for so long counts as gone")
+    drop_after_ms: int = Field(
+        25, ge=0, description="a live message waits so long for a congested link before it is dropped"
+    )
+    zenoh: dict[str, JsonValue] = Field(
+        default_factory=dict,
+        description="further Zenoh configuration: path such as transport/auth/usrpwd/user to value",
+    )

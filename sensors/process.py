@@ -1,0 +1,148 @@
+"""The sensor process: publishes what a source yields, at the pace of its consumers, of the clock, or of the device."""
+
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+
+from odom.frame import Stamp
+from odom.wire import Message, Topics
+from odom.wire.codec import encode_text
+from odom.wire.flow import Window
+from odom.wire.session import Publisher, WireSession
+from sensors.source import Source, SourceOptions
+
+log = logging.getLogger(__name__)
+
+END_OF_SOURCE = "end of source"
+INTERRUPTED = "interrupted"
+
+_READ_AHEAD = 8
+_CALIBRATION_PERIOD_S = 1.0
+_FAREWELL_S = 2.0
+
+
+@dataclass(frozen=True)
+class SensorReport:
+    """What a sensor process did: colour frames and messages sent, messages lost by consumers, and how it ended."""
+
+    frames: int
+    messages: int
+    lost: int
+    reason: str
+
+
+class SensorProcess:
+    """Runs one source on one session until it ends or `stop` is set."""
+
+    def __init__(self, session: WireSession, source: Source, options: SourceOptions, consumers: int) -> None:
+        self.frames = 0
+        self._topics: Topics = options.topics
+        self._source = source
+        self._consumers = consumers
+        self._live = not source.lossless or options.realtime
+        self._pace = 1e9 * options.rate if source.lossless and options.realtime else None
+        self._publisher: Publisher = session.publisher(lossless=not self._live)
+        self._window = Window(session, options.topics, self._publisher)
+        self._clock: tuple[float, Stamp] | None = None
+        self._calibration: Message | None = None
+        self._calibration_due = 0.0
+        session.announce(options.topics.alive)
+
+    def run(self, stop: threading.Event, progress: Callable[[int], None] = lambda frames: None) -> SensorReport:
+        """Publish everything, then the end of the source; `progress` is told the colour frames sent so far.
+
+        Raises SourceError from the source, after the consumers were told of the end.
+        """
+        reason = INTERRUPTED
+        messages = _read_ahead(self._source, stop)
+        try:
+            if self._window.wait_for_consumers(self._consumers, stop):
+                for message in messages:
+                    if not self._send(message, stop):
+                        break
+                    progress(self.frames)
+                else:
+                    reason = INTERRUPTED if stop.is_set() else END_OF_SOURCE
+        except Exception as error:
+            reason = f"failed: {error}"
+            raise
+        finally:
+            self._source.close()
+            messages.close()
+            self._say_goodbye(reason, stop)
+        return SensorReport(self.frames, self._publisher.serial, self._window.lost, reason)
+
+    def _send(self, message: Message, stop: threading.Event) -> bool:
+        if self._pace is not None and not self._wait_until_due(message.stamp, self._pace, stop):
+            return False
+        if not self._live and not self._window.wait_for_room(stop):
+            return False
+        self._repeat_calibration(message)
+        is_frame = message.topic in (self._topics.color, self._topics.color_compressed)
+        self._window.sent(self._publisher.put(message), is_frame)
+        self.frames += is_frame
+        return True
+
+    def _repeat_calibration(self, message: Message) -> None:
+        """Send the calibration once a second, for those who have joined since."""
+        now = time.monotonic()
+        if message.topic == self._topics.camera_info:
+            self._calibration, self._calibration_due = message, now + _CALIBRATION_PERIOD_S
+        elif self._calibration is not None and now >= self._calibration_due:
+            self._publisher.put(self._calibration)
+            self._calibration_due = now + _CALIBRATION_PERIOD_S
+
+    def _wait_until_due(self, stamp: Stamp, pace: float, stop: threading.Event) -> bool:
+        began, first = self._clock = self._clock or (time.monotonic(), stamp)
+        due = began + (stamp - first) / pace
+        return not stop.wait(max(0.0, due - time.monotonic()))
+
+    def _say_goodbye(self, reason: str, stop: threading.Event) -> None:
+        self._publisher.put(encode_text(self._topics.end, Stamp(time.time_ns()), reason))
+        complete = reason == END_OF_SOURCE and not self._live
+        self._window.wait_until_consumed(stop if complete else threading.Event(), None if complete else _FAREWELL_S)
+
+
+def _read_ahead(source: Source, stop: threading.Event) -> Generator[Message]:
+    """Yield the source's messages, a few of them read and decoded ahead in a thread while others wait to be sent."""
+    waiting: queue.Queue[Message | BaseException | None] = queue.Queue(_READ_AHEAD)
+    abandoned = threading.Event()
+
+    def put(item: Message | BaseException | None) -> bool:
+        while not abandoned.is_set():
+            try:
+                waiting.put(item, timeout=0.1)
+            except queue.Full:
+                continue
+            return True
+        return False
+
+    def read() -> None:
+        try:
+            for message in source.messages():
+                if not put(message):
+                    return
+        except BaseException as error:  # handed over to the thread that publishes, which raises it
+            put(error)
+        else:
+            put(None)
+
+    thread = threading.Thread(target=read, name="source", daemon=True)
+    thread.start()
+    try:
+        while not stop.is_set():
+            try:
+                item = waiting.get(timeout=0.1)
+            except queue.Empty:
+                continue
+            if item is None:
+                return
+            if isinstance(item, BaseException):
+                raise item
+            yield item
+    finally:
+        abandoned.set()
+        thread.join(timeout=_FAREWELL_S)

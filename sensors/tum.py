@@ -1,0 +1,172 @@
+"""A folder in the format of the TUM RGB-D benchmark, as a recorded source.
+
+Colour files pass unchanged; depth is converted to millimetres, rounded once; the ground truth, if there is any, goes
+out as `truth/camera/pose`.
+"""
+
+import heapq
+import logging
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.errors import ConfigError, SourceError, WireError
+from odom.frame import Stamp, from_seconds
+from odom.wire import Message, Topics, truth
+from odom.wire.codec import (
+    encode_camera_info,
+    encode_color_file,
+    encode_depth,
+    encode_pose,
+    rotation_from_quaternion,
+)
+from odom.wire.codec.files import decode_file
+from sensors.calibration import Calibration, load_calibration
+from sensors.source import SourceOptions
+
+log = logging.getLogger(__name__)
+
+BODY = "camera"
+_SECOND = 1_000_000_000
+_TRUTH_MARGIN = _SECOND // 2
+
+
+@dataclass(frozen=True)
+class TumEntry:
+    """One line of a TUM list: its stamp and the other columns."""
+
+    stamp: Stamp
+    values: tuple[str, ...]
+
+
+def read_list(path: Path, columns: int) -> list[TumEntry]:
+    """Read a TUM list file, sorted by stamp (stably); `#` begins a comment.
+
+    Raises SourceError naming file and line for one with fewer columns behind the stamp or a stamp that is no number.
+    """
+    try:
+        lines = path.read_text().splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise SourceError(f"{path} cannot be read: {error}") from error
+    entries = []
+    for number, line in enumerate(lines, start=1):
+        words = line.partition("#")[0].replace(",", " ").split()
+        if not words:
+            continue
+        try:
+            stamp = from_seconds(words[0])
+        except ValueError as error:
+            raise SourceError(f"{path}:{number}: {words[0]!r} is not a time stamp in seconds") from error
+        if len(words) <= columns:
+            raise SourceError(f"{path}:{number}: {len(words)} columns, expected a stamp and {columns} more")
+        entries.append(TumEntry(stamp, tuple(words[1 : columns + 1])))
+    return sorted(entries, key=lambda entry: entry.stamp)
+
+
+def depth_table(depth_scale: float) -> NDArray[np.uint16] | None:
+    """Return the millimetres of every 16-bit depth value, 0 beyond 65.535 m; None when the units are millimetres."""
+    if depth_scale == 1000.0:
+        return None
+    mm = np.rint(np.arange(65536) * (1000.0 / depth_scale))
+    return np.where(mm < 65536, mm, 0).astype(np.uint16)
+
+
+class TumSource:
+    """The folder as a stream; a file that is missing or damaged is logged, counted in `damaged` and left out."""
+
+    lossless = True
+
+    def __init__(self, folder: Path, calibration: Calibration, options: SourceOptions) -> None:
+        self.damaged = 0
+        self._folder = folder
+        self._calibration = calibration
+        self._topics: Topics = options.topics
+        color, depth = read_list(folder / "rgb.txt", 1), read_list(folder / "depth.txt", 1)
+        if not color or not depth:
+            raise SourceError(f"{folder}: rgb.txt or depth.txt lists no images")
+        zero = min(color[0].stamp, depth[0].stamp)
+        begin = zero + from_seconds(options.start)
+        end = None if options.end is None else zero + from_seconds(options.end)
+        self._color, self._depth = _between(color, begin, end), _between(depth, begin, end)
+        truth_file = folder / "groundtruth.txt"
+        poses = read_list(truth_file, 7) if truth_file.is_file() else []
+        if self._color:
+            last = self._color[-1].stamp + _TRUTH_MARGIN
+            poses = _between(poses, self._color[0].stamp - _TRUTH_MARGIN, last)
+        self._truth = poses
+        self._table = depth_table(calibration.depth_scale)
+        self._closed = False
+
+    @property
+    def length(self) -> int | None:
+        """Number of colour images."""
+        return len(self._color)
+
+    def messages(self) -> Iterator[Message]:
+        """Yield calibration, then colour, depth and truth in the order of their stamps."""
+        if self._color:
+            yield encode_camera_info(
+                self._topics.camera_info, self._color[0].stamp, self._calibration.camera, self._topics.frame_camera
+            )
+        streams: tuple[tuple[list[TumEntry], Callable[[TumEntry], Message]], ...] = (
+            (self._truth, self._pose_message),
+            (self._depth, self._depth_message),
+            (self._color, self._color_message),
+        )
+        merged = heapq.merge(
+            *([(entry.stamp, rank, entry) for entry in entries] for rank, (entries, _) in enumerate(streams)),
+            key=lambda item: item[:2],
+        )
+        for _, rank, entry in merged:
+            if self._closed:
+                return
+            try:
+                yield streams[rank][1](entry)
+            except (WireError, OSError, ValueError) as error:
+                self.damaged += 1
+                log.warning("%s: left out %s: %s", self._folder, entry.values[0], error)
+
+    def close(self) -> None:
+        """End `messages` at the next message."""
+        self._closed = True
+
+    def _color_message(self, entry: TumEntry) -> Message:
+        file = (self._folder / entry.values[0]).read_bytes()
+        return encode_color_file(self._topics.color_compressed, entry.stamp, file, self._topics.frame_camera)
+
+    def _depth_message(self, entry: TumEntry) -> Message:
+        file = np.fromfile(self._folder / entry.values[0], dtype=np.uint8)
+        depth = decode_file(file, cv2.IMREAD_UNCHANGED)
+        if depth.dtype != np.uint16 or depth.ndim != 2:
+            raise WireError(f"depth image of type {depth.dtype} and shape {depth.shape}: expected 16-bit grey")
+        mm = depth if self._table is None else self._table[depth]
+        return encode_depth(self._topics.depth, entry.stamp, mm, self._topics.frame_camera)
+
+    def _pose_message(self, entry: TumEntry) -> Message:
+        values = np.array([float(value) for value in entry.values])
+        T_world_camera = np.eye(4)
+        T_world_camera[:3, :3] = rotation_from_quaternion(values[3:])
+        T_world_camera[:3, 3] = values[:3]
+        return encode_pose(truth(BODY), entry.stamp, T_world_camera, "mocap")
+
+
+def open_tum(path: Path, options: SourceOptions) -> TumSource:
+    """Open a TUM RGB-D folder.
+
+    Raises ConfigError when there is no usable calibration, SourceError when the folder's lists are missing or damaged.
+    """
+    calibration = options.camera or path / "camera.yaml"
+    if not calibration.is_file():
+        raise ConfigError(
+            f"{path} has no calibration: give --camera camera.yaml (ROS camera-calibration YAML, plus depth_scale in "
+            f"units a metre, default 5000) or put camera.yaml into the folder"
+        )
+    return TumSource(path, load_calibration(calibration), options)
+
+
+def _between(entries: list[TumEntry], begin: int, end: int | None) -> list[TumEntry]:
+    return [entry for entry in entries if begin <= entry.stamp and (end is None or entry.stamp < end)]

@@ -1,0 +1,84 @@
+"""The arrangement of the views: the map, the images, what is measured, and what happened in words."""
+
+import rerun.blueprint as rrb
+
+from odom.viewer import entities
+from odom.viewer.draw import TIMELINE
+
+_GROUND = (13, 16, 20)
+_PLOT_GROUND = rrb.archetypes.PlotBackground(color=_GROUND, show_grid=True)
+
+
+def blueprint(plot_seconds: float | None = 60.0) -> rrb.Blueprint:
+    """Return the blueprint; plots follow the last `plot_seconds` (None: all time)."""
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(
+                _map(),
+                rrb.Horizontal(
+                    rrb.TextDocumentView(origin=entities.SUMMARY, name="How it goes"),
+                    rrb.TextLogView(
+                        origin=entities.LOG,
+                        name="What happened",
+                        columns=rrb.TextLogColumns(
+                            timeline_columns=[TIMELINE],
+                            text_log_columns=["loglevel", "body"],
+                        ),
+                    ),
+                    column_shares=[1, 1.5],
+                ),
+                row_shares=[2.6, 1],
+            ),
+            rrb.Vertical(
+                rrb.Horizontal(
+                    rrb.Spatial2DView(origin=entities.COLOR, name="Colour, features by residual", background=_GROUND),
+                    rrb.Spatial2DView(origin=entities.DEPTH, name="Depth", background=_GROUND),
+                ),
+                rrb.Horizontal(
+                    _plot(entities.POSITION_ERROR, "Position error, mm", plot_seconds),
+                    _plot(entities.ROTATION_ERROR, "Rotation error, deg", plot_seconds),
+                ),
+                rrb.Horizontal(
+                    _plot(entities.INLIERS, "Inliers", plot_seconds),
+                    _plot(entities.TIMES, "Processing and latency, ms", plot_seconds),
+                ),
+                row_shares=[1.15, 1, 1],
+            ),
+            column_shares=[1.25, 1],
+        ),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def _map() -> rrb.Spatial3DView:
+    return rrb.Spatial3DView(
+        origin=entities.WORLD,
+        name="Map: online (orange), corrected (blue), truth (white)",
+        contents=["+ $origin/**", f"- {entities.DEPTH}/**", f"- {entities.FEATURES}/**"],
+        background=rrb.Background(color=_GROUND),
+        line_grid=rrb.LineGrid3D(visible=False),
+    )
+
+
+def _plot(path: str, name: str, seconds: float | None) -> rrb.TimeSeriesView:
+    ranges = (
+        rrb.VisibleTimeRange(
+            TIMELINE,
+            start=rrb.TimeRangeBoundary.cursor_relative(seconds=-seconds),
+            end=rrb.TimeRangeBoundary.cursor_relative(),
+        )
+        if seconds
+        else None
+    )
+    return rrb.TimeSeriesView(
+        origin=path,
+        name=name,
+        time_ranges=ranges,
+        background=_PLOT_GROUND,
+        plot_legend=rrb.PlotLegend(visible=True, corner=rrb.Corner2D.LeftTop),
+        axis_y=rrb.ScalarAxis(zoom_lock=False),
+    )

@@ -1,0 +1,112 @@
+"""Colour, depth and features of the newest frame, small enough to be sent on."""
+
+from collections.abc import Callable, Iterator
+
+import cv2
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from odom.errors import WireError
+from odom.frame import Camera, Stamp
+from odom.viewer import entities, palette
+from odom.viewer.clouds import Cloud, back_project
+from odom.viewer.draw import Draw, draw
+from odom.wire import Message, codec
+from odom.wire.codec import cdr
+
+_DEPTH_RANGE_MM = (400.0, 5000.0)
+_PAIR_NS = 25_000_000
+_FRUSTUM_M = 0.35
+_HALF = 2
+
+
+class Images:
+    """Maps image messages to entities; the last colour and depth are kept to make clouds of."""
+
+    def __init__(self, jpeg_quality: int, cloud_points: int) -> None:
+        self._quality = jpeg_quality
+        self._cloud_points = cloud_points
+        self._camera: Camera | None = None
+        self._color: Message | None = None
+        self._depth: Message | None = None
+
+    def camera_info(self, message: Message) -> Iterator[Draw]:
+        """Yield the pinholes when the camera has changed."""
+        camera = codec.decode_camera_info(message)
+        if camera == self._camera:
+            return
+        self._camera = camera
+        yield draw(entities.COLOR, None, _pinhole(camera, 1, palette.CORRECTED))
+        yield draw(entities.DEPTH, None, _pinhole(camera, _HALF, palette.UNUSED[:3]))
+
+    def color(self, message: Message) -> Iterator[Draw]:
+        """Yield the colour image as JPEG; one that came as a file passes unchanged."""
+        self._color = message
+        if message.type_name == cdr.COMPRESSED_IMAGE:
+            data = cdr.deserialise(message, cdr.COMPRESSED_IMAGE).data.tobytes()
+            media = "image/png" if data.startswith(b"\x89PNG") else "image/jpeg"
+        else:
+            rgb = codec.decode_color(message)
+            bgr = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR) if rgb.ndim == 3 else rgb
+            data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, self._quality])[1].tobytes()
+            media = "image/jpeg"
+        yield draw(entities.COLOR, message.stamp, rr.EncodedImage(contents=data, media_type=media))
+
+    def depth(self, message: Message) -> Iterator[Draw]:
+        """Yield the depth image at half its resolution as PNG."""
+        self._depth = message
+        half = np.ascontiguousarray(codec.decode_depth(message)[::_HALF, ::_HALF])
+        data = cv2.imencode(".png", half, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes()
+        archetype = rr.EncodedDepthImage(
+            data,
+            media_type="image/png",
+            meter=1000.0,
+            depth_range=_DEPTH_RANGE_MM,
+            colormap=rr.components.Colormap.Viridis,
+        )
+        yield draw(entities.DEPTH, message.stamp, archetype)
+
+    def features(self, message: Message) -> Iterator[Draw]:
+        """Yield the tracked features, coloured by residual."""
+        values = codec.decode_points(message)
+        if values.shape[1] < 3:
+            raise WireError(f"{message.topic}: features need the fields u, v, residual_sigma")
+        colors = palette.residual_colors(values[:, 2])
+        yield draw(entities.FEATURES, message.stamp, rr.Points2D(values[:, :2] + 0.5, colors=colors, radii=-2.2))
+
+    def newest_pair(self) -> tuple[Stamp, Callable[[], Cloud]] | None:
+        """Return the colour stamp of the newest pair and what makes its cloud, None while there is no pair.
+
+        A compressed pair is decoded only when the cloud is asked for, a raw one at once: it is large.
+        """
+        color, depth, camera = self._color, self._depth, self._camera
+        if color is None or depth is None or camera is None or abs(color.stamp - depth.stamp) > _PAIR_NS:
+            return None
+        self._color = self._depth = None
+
+        def cloud() -> Cloud:
+            return _cloud(camera, codec.decode_color(color), codec.decode_depth(depth), self._cloud_points)
+
+        if cdr.COMPRESSED_IMAGE in (color.type_name, depth.type_name):
+            return color.stamp, cloud
+        made = cloud()
+        return color.stamp, lambda: made
+
+
+def _cloud(camera: Camera, color: NDArray[np.uint8], depth_mm: NDArray[np.uint16], limit: int) -> Cloud:
+    if color.shape[:2] != depth_mm.shape:
+        raise WireError(f"colour of {color.shape[:2]} and depth of {depth_mm.shape} make no cloud")
+    return back_project(camera, color, depth_mm, limit)
+
+
+def _pinhole(camera: Camera, reduction: int, color: palette.Rgb) -> rr.Pinhole:
+    return rr.Pinhole(
+        focal_length=(camera.fx / reduction, camera.fy / reduction),
+        principal_point=((camera.cx + 0.5) / reduction, (camera.cy + 0.5) / reduction),
+        resolution=(camera.width / reduction, camera.height / reduction),
+        camera_xyz=rr.ViewCoordinates.RDF,
+        image_plane_distance=_FRUSTUM_M,
+        color=color,
+        line_width=2.0,
+    )

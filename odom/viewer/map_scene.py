@@ -1,0 +1,227 @@
+"""The 3-D view: trajectories, key frames with clouds and covariance, loop closures, truth."""
+
+from collections import OrderedDict, deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from odom.evaluation import Trajectory
+from odom.evaluation.trajectory import inverse_all
+from odom.frame import Stamp
+from odom.registration import se3
+from odom.viewer import entities, palette
+from odom.viewer.clouds import Cloud, KeyframeClouds
+from odom.viewer.draw import Draw, draw, transform
+from odom.viewer.settings import ViewerSettings
+from odom.viewer.trail import Trail, lines
+from odom.wire.codec import Loop, StampedPose
+
+Array = NDArray[np.float64]
+
+_GAP_NS = 300_000_000
+_MAX_GAP_S = 1.0
+_RECENT = 900
+_ELLIPSOIDS = 150
+_LINE, _THIN, _POINT = -2.0, -1.0, -1.6
+
+
+@dataclass(frozen=True, eq=False)
+class _Recent:
+    T_odom_camera: Array
+    covariance: Array
+
+
+class MapScene:
+    """What is known about the map; every collection is bounded by the settings."""
+
+    def __init__(self, settings: ViewerSettings) -> None:
+        self.online = Trail(settings.path_poses)
+        self.clouds = KeyframeClouds(settings.cloud_keyframes)
+        self._limit_loops = settings.loops
+        self._recent: OrderedDict[Stamp, _Recent] = OrderedDict()
+        self._keyframes: tuple[StampedPose, ...] = ()
+        self._covariances: dict[Stamp, Array] = {}
+        self._seen_keyframe = Stamp(-(2**62))
+        self._loops: deque[Loop] = deque()
+        self._online_tail: list[Array] = []
+        self._corrected_tail: list[Array] = []
+
+    def setup(self) -> Iterator[Draw]:
+        """Yield what never changes."""
+        yield draw(entities.WORLD, None, rr.ViewCoordinates.RDF)
+
+    def odometry(self, pose: StampedPose) -> Iterator[Draw]:
+        """Take the causal pose of a frame; yield the newest piece of the online trajectory."""
+        interrupted = self.online.newest is not None and pose.stamp - self.online.newest > _GAP_NS
+        if interrupted:
+            self._online_tail.clear()
+        self.online.add(pose.stamp, pose.T_parent_child, interrupted)
+        if pose.covariance is not None:
+            self._recent[pose.stamp] = _Recent(pose.T_parent_child, pose.covariance)
+            if len(self._recent) > _RECENT:
+                self._recent.popitem(last=False)
+        self._online_tail.append(pose.T_parent_child[:3, 3])
+        yield _line(f"{entities.ONLINE}/tail", pose.stamp, self._online_tail, palette.ONLINE)
+
+    def pose(self, pose: StampedPose) -> Iterator[Draw]:
+        """Yield the camera and the newest piece of the corrected trajectory."""
+        self._corrected_tail.append(pose.T_parent_child[:3, 3])
+        yield draw(entities.CAMERA, pose.stamp, transform(pose.T_parent_child))
+        yield _line(f"{entities.CORRECTED}/tail", pose.stamp, self._corrected_tail, palette.CORRECTED)
+
+    def path(self, stamp: Stamp, poses: tuple[StampedPose, ...]) -> Iterator[Draw]:
+        """Take the corrected key frames; yield new clouds and the places of all."""
+        self._keyframes = poses = tuple(sorted({pose.stamp: pose for pose in poses}.values(), key=lambda p: p.stamp))
+        known = {pose.stamp for pose in poses}
+        self._covariances = {at: value for at, value in self._covariances.items() if at in known}
+        for pose in poses:
+            if pose.stamp > self._seen_keyframe:
+                self._seen_keyframe = pose.stamp
+                if recent := self._recent.get(pose.stamp):
+                    self._covariances[pose.stamp] = recent.covariance
+                yield from self._new_cloud(stamp, pose)
+        for pose in poses:
+            if pose.stamp in self.clouds:
+                yield draw(f"{entities.CLOUDS}/{pose.stamp}", stamp, transform(pose.T_parent_child))
+
+    def image(self, stamp: Stamp, cloud: Callable[[], Cloud]) -> None:
+        """Remember what makes the cloud of an image, should it turn out to be a key frame's."""
+        self.clouds.remember(stamp, cloud)
+
+    def landmarks(self, stamp: Stamp, points: NDArray[np.float32]) -> Iterator[Draw]:
+        """Yield the landmarks (n x 3, map)."""
+        yield draw(entities.LANDMARKS, stamp, rr.Points3D(points[:, :3], colors=palette.LANDMARK, radii=-1.2))
+
+    def loop(self, loop: Loop) -> None:
+        """Take a loop candidate; it is drawn with the next `refresh`."""
+        self._loops.append(loop)
+        while len(self._loops) > self._limit_loops:
+            refused = next((old for old in self._loops if not old.accepted), self._loops[0])
+            self._loops.remove(refused)
+
+    def corrected(self) -> Trajectory:
+        """Return every pose of the online trail with the correction of the key frame before it, in the map.
+
+        Poses before the first key frame get its correction.
+        """
+        online = self.online.trajectory()
+        if not self._keyframes or not len(online):
+            return online
+        stamps = np.array([pose.stamp for pose in self._keyframes], dtype=np.int64)
+        T_map = np.array([pose.T_parent_child for pose in self._keyframes])
+        T_odom, valid = online.at(stamps, _MAX_GAP_S)
+        if not valid.any():
+            return trajectory(self._keyframes)
+        correction = T_map[valid] @ inverse_all(T_odom[valid])
+        before = np.clip(np.searchsorted(stamps[valid], online.stamps, side="right") - 1, 0, None)
+        return Trajectory(online.stamps, correction[before] @ online.T_world_body)
+
+    def refresh(self, stamp: Stamp) -> Iterator[Draw]:
+        """Yield the whole trajectories, key frames, ellipsoids and loops: what a browser opened now must see."""
+        corrected, online, strips = self.corrected(), self.online.trajectory(), self.online.strips()
+        if not len(online):
+            return
+        same = len(corrected) == len(online)
+        strips_corrected = strips if same else np.zeros(len(corrected), dtype=np.int64)
+        yield _strips(entities.ONLINE, stamp, lines(online.positions, strips), palette.ONLINE)
+        yield _strips(entities.CORRECTED, stamp, lines(corrected.positions, strips_corrected), palette.CORRECTED)
+        self._online_tail, self._corrected_tail = self._online_tail[-1:], self._corrected_tail[-1:]
+        if self._keyframes:
+            positions = np.array([pose.T_parent_child[:3, 3] for pose in self._keyframes])
+            yield draw(entities.KEYFRAMES, stamp, rr.Points3D(positions, colors=palette.CORRECTED, radii=-3.0))
+            yield from self._ellipsoids(stamp)
+        yield from self._loop_lines(stamp, corrected)
+
+    def all_clouds(self, stamp: Stamp) -> Iterator[Draw]:
+        """Yield every cloud again, with its place."""
+        places = {pose.stamp: pose.T_parent_child for pose in self._keyframes}
+        for keyframe, cloud in self.clouds:
+            if keyframe in places:
+                yield _cloud(stamp, keyframe, cloud)
+                yield draw(f"{entities.CLOUDS}/{keyframe}", stamp, transform(places[keyframe]))
+
+    def _new_cloud(self, stamp: Stamp, keyframe: StampedPose) -> Iterator[Draw]:
+        image = self.clouds.near(keyframe.stamp)
+        if image is None or not self.clouds.wants():
+            return
+        T_keyframe_image = np.eye(4)
+        if image != keyframe.stamp:
+            at_keyframe, at_image = self._recent.get(keyframe.stamp), self._recent.get(image)
+            if at_keyframe is None or at_image is None:
+                return
+            T_keyframe_image = se3.inverse(at_keyframe.T_odom_camera) @ at_image.T_odom_camera
+        cloud = self.clouds.recall(image)
+        points = se3.apply(T_keyframe_image, cloud.points.astype(np.float64)).astype(np.float32)
+        for gone in self.clouds.keep(keyframe.stamp, Cloud(points, cloud.colors)):
+            yield draw(f"{entities.CLOUDS}/{gone}", stamp, rr.Clear(recursive=False))
+        if keyframe.stamp in self.clouds:
+            yield _cloud(stamp, keyframe.stamp, Cloud(points, cloud.colors))
+
+    def _ellipsoids(self, stamp: Stamp) -> Iterator[Draw]:
+        known = [pose for pose in self._keyframes if pose.stamp in self._covariances]
+        known = known[:: max(1, -(-len(known) // _ELLIPSOIDS))]
+        if not known:
+            return
+        blocks = np.array([self._covariances[pose.stamp][:3, :3] for pose in known])
+        variances, axes = np.linalg.eigh(blocks)
+        axes[np.linalg.det(axes) < 0, :, 0] *= -1.0
+        R = np.array([pose.T_parent_child[:3, :3] for pose in known]) @ axes
+        yield draw(
+            entities.COVARIANCE,
+            stamp,
+            rr.Ellipsoids3D(
+                centers=[pose.T_parent_child[:3, 3] for pose in known],
+                half_sizes=3.0 * np.sqrt(np.maximum(variances, 1e-12)),
+                quaternions=Rotation.from_matrix(R).as_quat(),
+                colors=palette.ELLIPSOID,
+                line_radii=-0.6,
+                fill_mode=rr.components.FillMode.DenseWireframe,
+            ),
+        )
+
+    def _loop_lines(self, stamp: Stamp, corrected: Trajectory) -> Iterator[Draw]:
+        if not self._loops:
+            return
+        ends = [
+            corrected.at(np.array([getattr(loop, end) for loop in self._loops], dtype=np.int64), _MAX_GAP_S)
+            for end in ("candidate_stamp", "stamp")
+        ]
+        both = ends[0][1] & ends[1][1]
+        accepted = np.array([loop.accepted for loop in self._loops])
+        segments = np.stack([ends[0][0][:, :3, 3], ends[1][0][:, :3, 3]], axis=1).astype(np.float32)
+        for path, chosen, color, radius in (
+            (entities.LOOPS_ACCEPTED, both & accepted, palette.LOOP_ACCEPTED, _LINE),
+            (entities.LOOPS_REFUSED, both & ~accepted, palette.LOOP_REFUSED, _THIN),
+        ):
+            if chosen.any():
+                yield draw(path, stamp, rr.LineStrips3D(segments[chosen], colors=[color], radii=radius))
+
+
+def trajectory(poses: tuple[StampedPose, ...]) -> Trajectory:
+    """Return the poses as a trajectory; one that is not newer than all before it is left out."""
+    stamps = np.array([pose.stamp for pose in poses], dtype=np.int64)
+    newer = np.ones(len(stamps), dtype=bool)
+    newer[1:] = stamps[1:] > np.maximum.accumulate(stamps)[:-1]
+    return Trajectory(stamps[newer], np.array([pose.T_parent_child for pose in poses])[newer])
+
+
+def truth_line(body: str, stamp: Stamp, positions: Array, strips: NDArray[np.int64]) -> Draw:
+    """Return the true trajectory of a body, positions n x 3 in the map."""
+    return _strips(f"{entities.TRUTH}/{body}", stamp, lines(positions, strips), palette.TRUTH)
+
+
+def _line(path: str, stamp: Stamp, positions: list[Array], color: palette.Rgb) -> Draw:
+    return _strips(path, stamp, [np.array(positions, dtype=np.float32)], color)
+
+
+def _strips(path: str, stamp: Stamp, strips: list[NDArray[np.float32]], color: palette.Rgb) -> Draw:
+    return draw(path, stamp, rr.LineStrips3D(strips, colors=[color], radii=_LINE))
+
+
+def _cloud(stamp: Stamp, keyframe: Stamp, cloud: Cloud) -> Draw:
+    path = f"{entities.CLOUDS}/{keyframe}"
+    return draw(path, stamp, rr.Points3D(cloud.points, colors=cloud.colors, radii=_POINT))

@@ -1,0 +1,33 @@
+"""Colours: M. Okabe and K. Ito's palette, told apart by colour-blind eyes, bright enough for a dark ground."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Rgb = tuple[int, int, int]
+
+ONLINE: Rgb = (230, 159, 0)
+CORRECTED: Rgb = (86, 180, 233)
+TRUTH: Rgb = (240, 240, 240)
+BOUND: Rgb = (150, 150, 150)
+LOOP_ACCEPTED: Rgb = (0, 200, 140)
+LOOP_REFUSED = (204, 121, 167, 45)
+ELLIPSOID = (86, 180, 233, 120)
+GOOD: Rgb = (0, 200, 140)
+WARN: Rgb = (240, 228, 66)
+BAD: Rgb = (255, 110, 60)
+LANDMARK = (255, 255, 255, 110)
+UNUSED = (150, 150, 150, 110)
+
+_RESIDUAL = np.array([[0, 200, 140], [240, 228, 66], [255, 90, 30]], dtype=np.float64)
+_RESIDUAL_AT = (0.0, 1.5, 3.0)
+
+
+def residual_colors(residual_sigma: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """Return n x 4 RGBA: green at 0, yellow at 1.5 and red from 3 sigma on, dim grey where NaN (not used)."""
+    used = np.isfinite(residual_sigma)
+    values = np.where(used, np.abs(residual_sigma), 0.0)
+    rgba = np.full((len(values), 4), 255, dtype=np.uint8)
+    for channel in range(3):
+        rgba[:, channel] = np.interp(values, _RESIDUAL_AT, _RESIDUAL[:, channel])
+    rgba[~used] = UNUSED
+    return rgba

@@ -1,0 +1,202 @@
+"""From wire messages to Rerun entities: no I/O, bounded memory, the same messages give the same picture."""
+
+from collections.abc import Callable, Iterator, Mapping
+
+import numpy as np
+import rerun as rr
+
+from odom.frame import Stamp
+from odom.viewer import entities, palette
+from odom.viewer.draw import Draw, draw
+from odom.viewer.images import Images
+from odom.viewer.map_scene import MapScene, trajectory, truth_line
+from odom.viewer.settings import ViewerSettings
+from odom.viewer.trail import Trail
+from odom.viewer.truth import Comparison, TruthInMap, align_truth, in_map, three_sigma
+from odom.viewer.words import INFO, Words, says
+from odom.wire import Message, Topics, codec
+
+_REFRESH_NS = 500_000_000
+_RESTART_NS = 5_000_000_000
+_TRUTH_BODIES = 8
+
+_SERIES: tuple[tuple[str, tuple[str, ...], tuple[tuple[int, ...], ...]], ...] = (
+    (entities.POSITION_ERROR, ("error", "3 sigma"), (palette.CORRECTED, palette.BOUND)),
+    (entities.ROTATION_ERROR, ("error", "3 sigma"), (palette.CORRECTED, palette.BOUND)),
+    (entities.INLIERS, ("inliers", "matches"), (palette.GOOD, palette.BOUND)),
+    (entities.TIMES, ("processing", "latency"), (palette.CORRECTED, palette.ONLINE)),
+)
+
+
+class Scene:
+    """Everything the viewer shows of one device.
+
+    `handle` takes the messages in the order of their arrival; it raises WireError for one that cannot be decoded and
+    is then as it was before. Messages of other topics are ignored.
+    """
+
+    def __init__(self, topics: Topics, settings: ViewerSettings) -> None:
+        self._topics = topics
+        self._settings = settings
+        self._begin()
+        self._handlers: Mapping[str, Callable[[Message], Iterator[Draw]]] = {
+            topics.camera_info: lambda message: self._images.camera_info(message),
+            topics.color: self._color,
+            topics.color_compressed: self._color,
+            topics.depth: self._depth,
+            topics.depth_compressed: self._depth,
+            topics.features: lambda message: self._images.features(message),
+            topics.landmarks: self._landmarks,
+            topics.odom: self._odometry,
+            topics.pose: self._pose,
+            topics.path: self._path,
+            topics.loops: self._loop,
+            topics.status: self._status,
+            topics.end: self._end,
+        }
+
+    def _begin(self) -> None:
+        self._images = Images(self._settings.jpeg_quality, self._settings.cloud_points)
+        self._map = MapScene(self._settings)
+        self._words = Words()
+        self._truth: dict[str, Trail] = {}
+        self._comparison = Comparison()
+        self._fit: TruthInMap | None = None
+        self._bounds: tuple[Stamp, float, float] = (Stamp(0), np.nan, np.nan)
+        self._newest: Stamp | None = None
+        self._refreshed: Stamp | None = None
+
+    def setup(self) -> Iterator[Draw]:
+        """Yield what never changes: axes and the styles of the plots."""
+        yield from self._map.setup()
+        for path, names, colors in _SERIES:
+            yield draw(path, None, rr.SeriesLines(names=names, colors=colors, widths=[1.8, 1.2]))
+
+    def handle(self, message: Message) -> Iterator[Draw]:
+        """Yield what a message changes."""
+        topic = message.topic
+        if handler := self._handlers.get(topic):
+            yield from handler(message)
+        elif topic.startswith("truth/") and topic.endswith("/pose"):
+            self._add_truth(topic.removeprefix("truth/").removesuffix("/pose"), message)
+
+    def history(self, message: Message) -> None:
+        """Take a path of the time before this viewer started: `<ns>/history/odom` or `truth/<body>/history`."""
+        poses = codec.decode_path(message)
+        if not poses:
+            return
+        if message.topic.startswith("truth/"):
+            trail = self._trail(message.topic.removeprefix("truth/").removesuffix("/history"))
+        else:
+            trail = self._map.online
+        if trail is not None:
+            trail.prepend(trajectory(poses))
+
+    def everything(self) -> Iterator[Draw]:
+        """Yield all that is static or slow once more, for browsers that open the page when the rest is forgotten."""
+        if self._newest is not None:
+            yield from self._map.all_clouds(self._newest)
+            yield from self._refresh(self._newest)
+
+    def _color(self, message: Message) -> Iterator[Draw]:
+        yield from self._images.color(message)
+        self._remember_pair()
+
+    def _depth(self, message: Message) -> Iterator[Draw]:
+        yield from self._images.depth(message)
+        self._remember_pair()
+
+    def _remember_pair(self) -> None:
+        if pair := self._images.newest_pair():
+            self._map.image(*pair)
+
+    def _landmarks(self, message: Message) -> Iterator[Draw]:
+        yield from self._map.landmarks(message.stamp, codec.decode_points(message))
+
+    def _odometry(self, message: Message) -> Iterator[Draw]:
+        pose = codec.decode_odometry(message)
+        if self._newest is not None and pose.stamp < self._newest - _RESTART_NS:
+            self._begin()
+            yield says(pose.stamp, INFO, "The time went back: a new run begins")
+        self._newest = pose.stamp
+        self._words.frame(pose.stamp)
+        if pose.covariance is not None:
+            self._bounds = (pose.stamp, *three_sigma(pose.covariance))
+        yield from self._map.odometry(pose)
+        if self._refreshed is None or pose.stamp - self._refreshed >= _REFRESH_NS:
+            self._refreshed = pose.stamp
+            yield from self._refresh(pose.stamp)
+            yield from self._errors()
+
+    def _pose(self, message: Message) -> Iterator[Draw]:
+        pose = codec.decode_pose(message)
+        bounds = self._bounds[1:] if self._bounds[0] == pose.stamp else (np.nan, np.nan)
+        self._comparison.add(pose.stamp, pose.T_parent_child, *bounds)
+        yield from self._map.pose(pose)
+
+    def _path(self, message: Message) -> Iterator[Draw]:
+        yield from self._map.path(message.stamp, codec.decode_path(message))
+
+    def _loop(self, message: Message) -> Iterator[Draw]:
+        loop = codec.decode_loop(message)
+        self._map.loop(loop)
+        yield from self._words.loop(loop)
+
+    def _status(self, message: Message) -> Iterator[Draw]:
+        for status in codec.decode_status(message):
+            yield from self._words.status(status)
+            for path, keys in (
+                (entities.INLIERS, ("inliers", "matches")),
+                (entities.TIMES, ("processing_ms", "latency_ms")),
+            ):
+                values = [_number(status.values.get(key)) for key in keys]
+                if np.isfinite(values).any():
+                    yield draw(path, status.stamp, rr.Scalars(values))
+
+    def _end(self, message: Message) -> Iterator[Draw]:
+        stamp = self._newest if self._newest is not None else message.stamp
+        yield from self._refresh(stamp)
+        yield says(stamp, INFO, f"The source has ended: {codec.decode_text(message) or 'complete'}")
+
+    def _add_truth(self, body: str, message: Message) -> None:
+        pose = codec.decode_pose(message)
+        if trail := self._trail(body):
+            trail.add(pose.stamp, pose.T_parent_child)
+
+    def _trail(self, body: str) -> Trail | None:
+        if body not in self._truth and len(self._truth) < _TRUTH_BODIES:
+            self._truth[body] = Trail(4 * self._settings.path_poses)
+        return self._truth.get(body)
+
+    def _judged(self) -> Trail | None:
+        """Return the truth that the estimate is compared with: that of the body heard of first."""
+        return next(iter(self._truth.values()), None)
+
+    def _refresh(self, stamp: Stamp) -> Iterator[Draw]:
+        yield from self._map.refresh(stamp)
+        corrected = self._map.corrected()
+        truth = self._judged()
+        if truth is not None and (fit := align_truth(corrected, truth.trajectory())):
+            yield from self._words.truth(stamp, fit, first=self._fit is None)
+            self._fit = fit
+        if self._fit is not None:
+            for body, trail in self._truth.items():
+                yield truth_line(body, stamp, in_map(trail.trajectory(), self._fit).positions, trail.strips())
+        yield self._words.summary(stamp, self._fit, corrected.length_m)
+
+    def _errors(self) -> Iterator[Draw]:
+        truth = self._judged()
+        if truth is None or self._fit is None:
+            return
+        for error in self._comparison.errors(truth, self._fit):
+            self._words.error(error)
+            millimetres = [1e3 * error.position_m, 1e3 * error.bound_m]
+            yield draw(entities.POSITION_ERROR, error.stamp, rr.Scalars(millimetres))
+            yield draw(entities.ROTATION_ERROR, error.stamp, rr.Scalars([error.rotation_deg, error.bound_deg]))
+
+
+def _number(text: str | None) -> float:
+    try:
+        return float(text) if text is not None else np.nan
+    except ValueError:
+        return np.nan

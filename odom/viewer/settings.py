@@ -1,0 +1,19 @@
+"""What can be set about the viewer."""
+
+from pydantic import BaseModel, Field
+
+
+class ViewerSettings(BaseModel, frozen=True, extra="forbid"):
+    """Where the viewer is served, how much it may remember and how often images are shown."""
+
+    host: str = Field("127.0.0.1", description="address the web page and its data are served on")
+    web_port: int = Field(9090, ge=0, le=65535, description="port of the web page; the next free one if taken")
+    data_port: int = Field(9876, ge=0, le=65535, description="port of the data of the page; the next free one if taken")
+    server_memory_mib: int = Field(192, ge=16, description="data kept for browsers that open the page late")
+    desktop_memory_mib: int = Field(512, ge=64, description="memory of the desktop viewer")
+    image_rate_hz: float = Field(30.0, gt=0, description="images shown a second at the most")
+    jpeg_quality: int = Field(80, ge=1, le=100, description="of colour images that arrive uncompressed")
+    path_poses: int = Field(4096, ge=64, description="poses drawn a trajectory; older ones are thinned beyond")
+    cloud_keyframes: int = Field(160, ge=2, description="key frames drawn as clouds; thinned beyond")
+    cloud_points: int = Field(3000, ge=100, description="points of the cloud of a key frame")
+    loops: int = Field(500, ge=10, description="loop candidates drawn; the oldest refused ones go first")

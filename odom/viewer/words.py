@@ -1,0 +1,118 @@
+"""What happened and how it goes, in plain words."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import rerun as rr
+
+from odom.frame import Stamp, to_seconds
+from odom.viewer import entities, palette
+from odom.viewer.draw import Draw, draw
+from odom.viewer.truth import PoseError, TruthInMap
+from odom.wire.codec import Loop, Status
+
+INFO, WARN, ERROR, DETAIL = "INFO", "WARN", "ERROR", "DEBUG"
+
+_STATES: Mapping[str, tuple[str, str, palette.Rgb]] = {
+    "TRACKING": (INFO, "Tracking", palette.GOOD),
+    "RECOVERED": (INFO, "Recovered", palette.GOOD),
+    "UNCERTAIN": (WARN, "Uncertain", palette.WARN),
+    "LOST": (ERROR, "Lost", palette.BAD),
+}
+_REFUSED_EVERY_NS = 1_000_000_000
+
+
+def says(stamp: Stamp, level: str, text: str, color: palette.Rgb | None = None) -> Draw:
+    """Return a line of the log."""
+    return draw(entities.LOG, stamp, rr.TextLog(text, level=level, color=color))
+
+
+@dataclass
+class Words:
+    """Turns changes of status, loops and truth into lines, and the present into a short table."""
+
+    _state: tuple[str, str] = ("", "")
+    _values: Mapping[str, str] = field(default_factory=dict)
+    _began: Stamp | None = None
+    _frames: int = 0
+    _accepted: int = 0
+    _refused: int = 0
+    _unsaid: int = 0
+    _last_refused: Stamp | None = None
+    _error: PoseError | None = None
+    _calibrated: bool = False
+
+    def status(self, status: Status) -> Iterator[Draw]:
+        """Yield a line when the state or its reason has changed."""
+        self._values = {**self._values, **status.values}
+        state = status.values.get("state", "")
+        reason = status.values.get("reason", status.message)
+        if not state or (state, reason) == self._state:
+            return
+        changed_state = state != self._state[0]
+        self._state = (state, reason)
+        level, word, color = _STATES.get(state, (INFO, state.capitalize(), palette.BOUND))
+        if changed_state or state not in ("TRACKING", "RECOVERED"):
+            yield says(status.stamp, level, f"{word}: {reason}" if reason else word, color)
+
+    def frame(self, stamp: Stamp) -> None:
+        """Count a published pose."""
+        self._frames += 1
+        self._began = stamp if self._began is None else self._began
+
+    def loop(self, loop: Loop) -> Iterator[Draw]:
+        """Yield a line for an accepted loop, and for refused ones at most once a second."""
+        apart = to_seconds(Stamp(loop.stamp - loop.candidate_stamp))
+        what = f"to the place of {apart:.1f} s before ({loop.inliers} inliers): {loop.reason}"
+        if loop.accepted:
+            self._accepted += 1
+            yield says(loop.stamp, INFO, f"Loop closed {what}", palette.LOOP_ACCEPTED)
+            return
+        self._refused += 1
+        if self._last_refused is not None and loop.stamp - self._last_refused < _REFUSED_EVERY_NS:
+            self._unsaid += 1
+            return
+        more = f" (and {self._unsaid} more)" if self._unsaid else ""
+        self._last_refused, self._unsaid = loop.stamp, 0
+        yield says(loop.stamp, DETAIL, f"Loop refused {what}{more}", palette.BOUND)
+
+    def truth(self, stamp: Stamp, fit: TruthInMap, first: bool) -> Iterator[Draw]:
+        """Yield a line when truth is aligned for the first time and when its calibration is found."""
+        if first:
+            text = f"Truth aligned over {fit.matched} poses: {1e3 * fit.ate_m:.1f} mm off so far"
+            yield says(stamp, INFO, text, palette.TRUTH)
+        if fit.calibrated and not self._calibrated:
+            self._calibrated = True
+            lever = 1e3 * float((fit.T_body_camera[:3, 3] ** 2).sum()) ** 0.5
+            yield says(
+                stamp,
+                INFO,
+                f"Marker body found {lever:.0f} mm from the camera, its clock {1e3 * fit.time_offset_s:+.1f} ms off",
+                palette.TRUTH,
+            )
+
+    def error(self, error: PoseError) -> None:
+        """Remember the newest error."""
+        self._error = error
+
+    def summary(self, stamp: Stamp, fit: TruthInMap | None, length_m: float) -> Draw:
+        """Return the table of how it goes now."""
+        state, reason = self._state
+        began = self._began if self._began is not None else stamp
+        rows = [("time", f"{to_seconds(Stamp(stamp - began)):.1f} s"), ("path", f"{length_m:.2f} m")]
+        if fit is not None:
+            rows.append(("off truth (RMS)", f"**{1e3 * fit.ate_m:.1f} mm**"))
+        if self._error is not None:
+            rows.append(("off truth now", f"{1e3 * self._error.position_m:.1f} mm, {self._error.rotation_deg:.2f} deg"))
+        rows.append(("loops", f"{self._accepted} closed, {self._refused} refused"))
+        for key, name, unit in (
+            ("fps", "rate", " Hz"),
+            ("processing_ms", "processing", " ms"),
+            ("latency_ms", "latency", " ms"),
+        ):
+            if key in self._values:
+                rows.append((name, f"{self._values[key]}{unit}"))
+        table = "\n".join(f"| {name} | {value} |" for name, value in rows)
+        head = state or "waiting for the odometry"
+        text = f"## {head}\n{reason}\n\n| | |\n|---|---|\n{table}\n"
+        return draw(entities.SUMMARY, stamp, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))

@@ -12,7 +12,6 @@ are single), or disowns it (then it is dropped as a stray).
 
 from collections import deque
 from dataclasses import dataclass
-from statistics import median
 from typing import Generic, TypeVar
 
 from odom.frame import Stamp
@@ -23,8 +22,9 @@ T = TypeVar("T")
 
 LEAP_NS = 1_000_000_000
 _DEFAULT_PERIOD_NS = 1_000_000_000 / 30
-_PERIODS = 15
-_SHORTEST_INTERVAL = 0.9
+_INTERVALS = 30
+_ENOUGH_INTERVALS = 5
+_LONG_QUANTILE = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,134 +56,140 @@ class PairingCounters:
         return self.color_single + self.depth_single
 
 
+@dataclass(frozen=True, eq=False)
+class _Waiting(Generic[T]):
+    stamp: Stamp
+    item: T
+    period: float
+    shortest: float
+
+
 class _Stream(Generic[T]):
-    """One stream of images behind the policy for bad stamps."""
+    """One stream of images behind the policy for bad stamps; each waits with the stream's intervals up to it."""
 
     def __init__(self, counters: PairingCounters) -> None:
-        self.waiting: deque[tuple[Stamp, T]] = deque()
+        self.waiting: deque[_Waiting[T]] = deque()
+        self.single = 0
         self.leapt = False
         self.went_back = False
         self._counters = counters
         self._last: Stamp | None = None
         self._held: tuple[Stamp, T] | None = None
+        self._intervals: deque[int] = deque(maxlen=_INTERVALS)
 
-    def feed(self, stamp: Stamp, item: T) -> list[Stamp]:
-        """Take an image; return the stamps that were accepted by that."""
+    def feed(self, stamp: Stamp, item: T) -> None:
+        """Take an image, hold it, or count and drop it."""
         if self._held is not None:
             held, self._held = self._held, None
             if 0 < stamp - held[0] <= LEAP_NS:
                 self.went_back = self._last is not None and held[0] < self._last
                 self.leapt = True
                 self._counters.leaps += 1
-                return [*self._accept(*held), *self._accept(stamp, item)]
+                self._accept(*held)
+                self._accept(stamp, item)
+                return
             self._counters.stray += 1
         if self._last is not None:
             step = stamp - self._last
             if step == 0:
                 self._counters.duplicate += 1
-                return []
+                return
             if -LEAP_NS <= step < 0:
                 self._counters.backward += 1
-                return []
+                return
             if abs(step) > LEAP_NS:
                 self._held = (stamp, item)
-                return []
-        return self._accept(stamp, item)
+                return
+        self._accept(stamp, item)
 
-    def _accept(self, stamp: Stamp, item: T) -> list[Stamp]:
+    def drop(self, count: int = 1) -> None:
+        """Count the oldest waiting images as single."""
+        for _ in range(count):
+            self.waiting.popleft()
+            self.single += 1
+
+    def _accept(self, stamp: Stamp, item: T) -> None:
+        if self._last is not None and 0 < stamp - self._last <= LEAP_NS:
+            self._intervals.append(stamp - self._last)
         self._last = stamp
-        self.waiting.append((stamp, item))
-        return [stamp]
+        period, shortest = _DEFAULT_PERIOD_NS, _DEFAULT_PERIOD_NS
+        if len(self._intervals) >= _ENOUGH_INTERVALS:
+            ordered = sorted(self._intervals)
+            period, shortest = ordered[int(_LONG_QUANTILE * (len(ordered) - 1))], ordered[0]
+        self.waiting.append(_Waiting(stamp, item, period, shortest))
 
 
 class Pairer(Generic[C, D]):
     """Pairs two streams; pure: its answer depends on what it was fed only.
 
-    `period_s` is the colour period; None measures it (median of the last intervals, 1/30 s at the beginning).
+    `period_s` is the colour period; None measures it: a long one (the 90 % quantile) of the last 30 intervals, since
+    half of the interval around it is how far off an image can lie; 1/30 s at the beginning.
     """
 
     def __init__(self, period_s: float | None = None, capacity: int = 32) -> None:
         self.counters = PairingCounters()
         self._fixed_period = None if period_s is None else period_s * 1e9
         self._capacity = capacity
-        self._intervals: deque[int] = deque(maxlen=_PERIODS)
-        self._last_color: Stamp | None = None
-        self._color: _Stream[tuple[float, C]] = _Stream(self.counters)
+        self._color: _Stream[C] = _Stream(self.counters)
         self._depth: _Stream[D] = _Stream(self.counters)
 
     def add_color(self, stamp: Stamp, color: C) -> list[Pair[C, D]]:
         """Take the next colour image and return the pairs that are certain now, in the order of their stamps."""
-        accepted = self._color.feed(stamp, (0.0, color))
-        first = len(self._color.waiting) - len(accepted)
-        for i, at in enumerate(accepted, start=first):
-            if self._last_color is not None and 0 < at - self._last_color <= LEAP_NS:
-                self._intervals.append(at - self._last_color)
-            self._last_color = at
-            self._color.waiting[i] = (at, (self._period(), self._color.waiting[i][1][1]))
-        if self._color.went_back:
-            self._forget_later_than(accepted)
+        self._color.feed(stamp, color)
         return self._match(final=False)
 
     def add_depth(self, stamp: Stamp, depth: D) -> list[Pair[C, D]]:
         """Take the next depth image and return the pairs that are certain now, in the order of their stamps."""
-        accepted = self._depth.feed(stamp, depth)
-        if self._depth.went_back:
-            self._forget_later_than(accepted)
+        self._depth.feed(stamp, depth)
         return self._match(final=False)
 
     def finish(self) -> list[Pair[C, D]]:
         """Return the last pairs when no more images come; what stays is single."""
         pairs = self._match(final=True)
-        self._drop(self._color, len(self._color.waiting))
-        self._drop(self._depth, len(self._depth.waiting))
+        self._color.drop(len(self._color.waiting))
+        self._depth.drop(len(self._depth.waiting))
+        self._count_single()
         return pairs
 
-    def _period(self) -> float:
-        if self._fixed_period is not None:
-            return self._fixed_period
-        return float(median(self._intervals)) if len(self._intervals) >= 3 else _DEFAULT_PERIOD_NS
-
     def _match(self, final: bool) -> list[Pair[C, D]]:
+        self._forget_what_a_leap_left()
         pairs: list[Pair[C, D]] = []
         colors, depths = self._color.waiting, self._depth.waiting
         while colors and depths:
-            (color_stamp, (period, color)), (depth_stamp, depth) = colors[0], depths[0]
-            apart = abs(color_stamp - depth_stamp)
-            color_is_first = color_stamp <= depth_stamp
-            if apart > period / 2:
-                self._drop(self._color if color_is_first else self._depth, 1)
+            color, depth = colors[0], depths[0]
+            apart = abs(color.stamp - depth.stamp)
+            early: _Stream[C] | _Stream[D] = self._color if color.stamp <= depth.stamp else self._depth
+            if apart > (self._fixed_period or color.period) / 2:
+                early.drop()
                 continue
-            # a rival is a later image of the stream that came first; regular intervals leave no room for one
-            if 2 * apart > _SHORTEST_INTERVAL * period:
-                stream = colors if color_is_first else depths
-                if len(stream) < 2 and not final:
+            # a rival is a later image of the stream that came first; its regular intervals leave no room for one
+            if 2 * apart >= early.waiting[0].shortest:
+                if len(early.waiting) < 2 and not final:
                     break
-                if len(stream) >= 2 and abs(stream[1][0] - max(color_stamp, depth_stamp)) < apart:
-                    self._drop(self._color if color_is_first else self._depth, 1)
+                if len(early.waiting) >= 2 and abs(early.waiting[1].stamp - max(color.stamp, depth.stamp)) < apart:
+                    early.drop()
                     continue
             colors.popleft()
             depths.popleft()
             leap = self._color.leapt or self._depth.leapt
             self._color.leapt = self._depth.leapt = False
             self.counters.pairs += 1
-            pairs.append(Pair(color_stamp, color, depth_stamp, depth, leap))
-        self._drop(self._color, len(colors) - self._capacity)
-        self._drop(self._depth, len(depths) - self._capacity)
+            pairs.append(Pair(color.stamp, color.item, depth.stamp, depth.item, leap))
+        self._color.drop(len(colors) - self._capacity)
+        self._depth.drop(len(depths) - self._capacity)
+        self._count_single()
         return pairs
 
-    def _forget_later_than(self, accepted: list[Stamp]) -> None:
-        """After a leap back: what waits from before it can have no partner any more."""
-        self._color.went_back = self._depth.went_back = False
-        limit = accepted[-1] + LEAP_NS
-        for stream in (self._color, self._depth):
-            while stream.waiting and stream.waiting[0][0] > limit:
-                self._drop(stream, 1)
+    def _forget_what_a_leap_left(self) -> None:
+        """After a leap back: what waits from before it, in either stream, can have no partner any more."""
+        for leapt in (self._color, self._depth):
+            if not leapt.went_back:
+                continue
+            leapt.went_back = False
+            limit = leapt.waiting[-1].stamp + LEAP_NS
+            for stream in (self._color, self._depth):
+                while stream.waiting and stream.waiting[0].stamp > limit:
+                    stream.drop()
 
-    def _drop(self, stream: object, count: int) -> None:
-        for _ in range(count):
-            if stream is self._color:
-                self._color.waiting.popleft()
-                self.counters.color_single += 1
-            else:
-                self._depth.waiting.popleft()
-                self.counters.depth_single += 1
+    def _count_single(self) -> None:
+        self.counters.color_single, self.counters.depth_single = self._color.single, self._depth.single

@@ -1,10 +1,18 @@
 """The `odom` command. One module a command; heavy packages are imported inside the commands."""
 
+import logging
+import os
 import sys
+from typing import Annotated
 
 import typer
 
+from odom.cli import logs, signals
+from odom.cli.config import config
 from odom.cli.eval import evaluate
+from odom.cli.run import run
+from odom.cli.sensor import sensor
+from odom.cli.serve import serve
 from odom.errors import ConfigError, OdomError
 
 app = typer.Typer(
@@ -13,21 +21,39 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.command("run")(run)
+app.command("serve")(serve)
+app.command("config")(config)
 app.command("eval")(evaluate)
+app.command("sensor")(sensor)
+
+_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 @app.callback()
-def root() -> None:
+def root(
+    log_json: Annotated[
+        bool, typer.Option("--log-json", envvar=logs.JSON_ENVIRONMENT, help="Log one JSON object a line.")
+    ] = False,
+    log_level: Annotated[
+        logs.Level, typer.Option(envvar=logs.LEVEL_ENVIRONMENT, help="Log lines of this level and above.")
+    ] = logs.Level.INFO,
+) -> None:
     """RGB-D odometry as a streaming service."""
+    logs.configure(log_level, log_json)
 
 
 def main() -> None:
     """Run the command line: exit status 0 done, 1 ran but failed, 2 called wrongly."""
+    for name in _ONE_THREAD:
+        os.environ.setdefault(name, "1")
+    signals.end_with_parent()
     try:
         app()
     except ConfigError as error:
         print(f"odom: {error}", file=sys.stderr)
         sys.exit(2)
-    except OdomError as error:
+    except (OdomError, OSError) as error:
+        logging.getLogger(__name__).debug("where it happened", exc_info=True)
         print(f"odom: {error}", file=sys.stderr)
         sys.exit(1)

@@ -1,0 +1,99 @@
+"""`odom run SOURCE`: the main job."""
+
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+
+def run(
+    source: Annotated[
+        str, typer.Argument(help="arena, kinect[:URI], kinect:FILE.oni, an .mcap recording or a TUM RGB-D folder.")
+    ] = "arena",
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder of the run's files; without it one below out/ named for source and time."),
+    ] = None,
+    headless: Annotated[bool, typer.Option("--headless", help="Show nothing.")] = False,
+    web: Annotated[bool, typer.Option("--web", help="Show the run in a browser instead of a window.")] = False,
+    rrd: Annotated[bool, typer.Option("--rrd", help="Also write session.rrd for Rerun.")] = False,
+    record: Annotated[Path | None, typer.Option(help="Record the session to this .mcap file meanwhile.")] = None,
+    chain: Annotated[bool, typer.Option("--chain", help="Also write the paper's pairwise chain to chain.txt.")] = False,
+    camera: Annotated[Path | None, typer.Option(help="Calibration (ROS camera-calibration YAML).")] = None,
+    start: Annotated[float, typer.Option(min=0, help="Seconds of a recording to skip.")] = 0.0,
+    end: Annotated[float | None, typer.Option(min=0, help="Seconds from a recording's beginning to stop at.")] = None,
+    realtime: Annotated[bool, typer.Option("--realtime", help="Play a recording like a live sensor.")] = False,
+    rate: Annotated[float, typer.Option(min=0.001, help="Speed of --realtime.")] = 1.0,
+    live: Annotated[bool, typer.Option("--live", help="Run the arena like a live sensor.")] = False,
+    sensor_option: Annotated[
+        list[str] | None, typer.Option(help="A further argument of `odom sensor`, as in --sensor-option=--seed=2.")
+    ] = None,
+    namespace: Annotated[str | None, typer.Option(help="Name of the device, first part of its keys.")] = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file of settings.")] = None,
+) -> None:
+    """Track a source to its end or Ctrl-C, and leave trajectory, report and plot in a folder.
+
+    Example: odom run recordings/arena.mcap --headless --out out/first
+    """
+    import os
+
+    from odom.cli import signals
+
+    stop = signals.stop_event()
+    from odom.service.run import RunPlan
+    from odom.service.run import run as run_all
+    from odom.service.settings import CONFIG_ENVIRONMENT, load_settings
+
+    if config is not None:
+        os.environ[CONFIG_ENVIRONMENT] = str(config.resolve())
+    settings = load_settings(config)
+    if namespace is not None:
+        settings = settings.model_copy(update={"wire": settings.wire.model_copy(update={"namespace": namespace})})
+    folder = out or Path("out") / f"{_stem(source)}-{time.strftime('%Y%m%d-%H%M%S')}"
+    sensor = [f"--start={start}", f"--rate={rate}", *(sensor_option or ())]
+    sensor += [f"--camera={camera}"] if camera is not None else []
+    sensor += [f"--end={end}"] if end is not None else []
+    sensor += ["--realtime"] if realtime else []
+    sensor += ["--live"] if live else []
+    viewer = [*(["--web"] if web else []), *(["--headless"] if headless else [])]
+    viewer += [f"--rrd={folder / 'session.rrd'}"] if rrd else []
+    plan = RunPlan(
+        source=source,
+        out=folder,
+        sensor_arguments=sensor,
+        odometry_arguments=["--chain"] if chain else [],
+        record=record,
+        viewer_arguments=viewer if rrd or not headless else None,
+    )
+    summarise(run_all(plan, settings, stop), folder)
+
+
+def _stem(source: str) -> str:
+    return "".join(c if c.isalnum() else "-" for c in Path(source).stem).strip("-") or "run"
+
+
+def summarise(report: dict[str, Any], folder: Path) -> None:
+    """Print what a person wants to know of a report."""
+    frames = report.get("frames")
+    if not frames:
+        typer.echo(f"no frame was processed; see {folder}")
+        return
+    processing = report["processing_ms"]
+    typer.echo(
+        f"{report['tracked']} of {frames} frames tracked ({report['completeness']:.1%}), "
+        f"{report['segments']} segment(s), {report['loop_closures']} loop closure(s)"
+    )
+    typer.echo(
+        f"{report['fps']:.0f} frames/s, {processing['p50']:.1f} ms a frame (p99 {processing['p99']:.1f}), "
+        f"{report['cpu_ms_per_frame']:.1f} ms CPU"
+    )
+    bad = [f"{report[name]} {name.split('_')[0]}" for name in ("lost_frames", "unmatched_frames") if report[name]]
+    if bad:
+        typer.echo(f"frames not used: {', '.join(bad)}")
+    if report.get("ate_m") is not None:
+        typer.echo(
+            f"against truth ({report['matched']}/{report['total']} poses): ATE {report['ate_m']:.4f} m, "
+            f"drift {report['rpe_1s_m']:.4f} m and {report['rpe_1s_deg']:.2f} deg over 1 s"
+        )
+    typer.echo(f"files: {folder}")

@@ -1,0 +1,38 @@
+"""`odom serve`: the odometry of one device."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from odom.cli import logs
+
+
+def serve(
+    out: Annotated[Path | None, typer.Option(help="Folder for odometry.txt, trajectory.txt and report.json.")] = None,
+    until_end: Annotated[bool, typer.Option("--until-end", help="End when the source ends.")] = False,
+    chain: Annotated[bool, typer.Option("--chain", help="Also write the paper's pairwise chain to chain.txt.")] = False,
+    namespace: Annotated[str | None, typer.Option(help="Name of the device, first part of its keys.")] = None,
+    connect: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to connect to.")] = None,
+    listen: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to listen on.")] = None,
+    mode: Annotated[str | None, typer.Option(help="Zenoh role: peer, client or router.")] = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file of settings.")] = None,
+    log_json: Annotated[bool, typer.Option("--log-json", help="Log one JSON object a line.")] = False,
+) -> None:
+    """Estimate the pose of every frame of a device and publish it, until SIGINT or SIGTERM.
+
+    Example: odom serve --namespace cam0 --connect tcp/router.local:7447 --out today
+    """
+    from odom.cli import signals
+
+    stop = signals.stop_event()
+    if log_json:
+        logs.configure(logs.current_level(), as_json=True)
+    from odom.cli.wiring import wire_settings
+    from odom.service.files import RunFiles
+    from odom.service.odometry import serve as run_odometry
+    from odom.service.settings import load_settings
+
+    wire = wire_settings(config, connect, listen, mode, namespace)
+    settings = load_settings(config).model_copy(update={"wire": wire})
+    run_odometry(settings, RunFiles(out, chain) if out is not None else None, stop, until_end)

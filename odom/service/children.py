@@ -1,0 +1,108 @@
+"""Child processes of `odom run`: started with their own session, their words passed on, their cost measured."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+import psutil
+
+Say = Callable[[str, str], None]
+"""Takes the name of a child and one line that it wrote."""
+
+
+class Child:
+    """One `python -m odom ...` process; a terminal's Ctrl-C does not reach it, `odom run` decides when it ends."""
+
+    def __init__(self, name: str, arguments: Sequence[str], environment: Mapping[str, str], say: Say) -> None:
+        self.name = name
+        self.peak_rss_mb = 0.0
+        self.cpu_s = 0.0
+        self.asked_to_stop = False
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "odom", *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            env={**os.environ, **environment},
+            start_new_session=True,
+            text=True,
+            errors="replace",
+        )
+        self._reader = threading.Thread(target=self._pass_on, args=(say,), name=f"{name}-lines", daemon=True)
+        self._reader.start()
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    def poll(self) -> int | None:
+        """Measure the process and return its exit status, negative for a signal, None while it runs."""
+        self._measure()
+        return self._process.poll()
+
+    @property
+    def died(self) -> bool:
+        """Whether it has ended by itself in another way than with status 0."""
+        return not self.asked_to_stop and self.poll() not in (None, 0)
+
+    def ending(self) -> str:
+        """Say how it ended, in words."""
+        status = self._process.poll()
+        if status is None:
+            return "is running"
+        if status < 0:
+            with suppress(ValueError):
+                return f"was killed by {signal.Signals(-status).name}"
+        return f"ended with status {status}"
+
+    def ask_to_stop(self) -> None:
+        """Send SIGTERM."""
+        self.asked_to_stop = True
+        self._process.terminate()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until it has ended; False when it did not within the time."""
+        deadline = time.monotonic() + timeout_s
+        while self.poll() is None:
+            if time.monotonic() > deadline:
+                return False
+            time.sleep(0.02)
+        self._reader.join(timeout=1.0)
+        return True
+
+    def stop(self, timeout_s: float) -> None:
+        """Ask it to stop, and kill it when it does not within the time."""
+        if self.poll() is None:
+            self.ask_to_stop()
+            if not self.wait(timeout_s):
+                self._process.kill()
+                self.wait(5.0)
+
+    def _measure(self) -> None:
+        with suppress(psutil.Error, OSError, ValueError):
+            process = psutil.Process(self.pid)
+            used = process.cpu_times()
+            self.cpu_s = used.user + used.system
+            self.peak_rss_mb = max(self.peak_rss_mb, _peak_rss_mb(process))
+
+    def _pass_on(self, say: Say) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            say(self.name, line.rstrip("\n"))
+
+
+def _peak_rss_mb(process: psutil.Process) -> float:
+    """Return the highest resident memory so far where the system keeps it (Linux), else that of now."""
+    status = Path(f"/proc/{process.pid}/status")
+    if status.exists():
+        for line in status.read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) / 1024
+    return float(process.memory_info().rss) / 2**20

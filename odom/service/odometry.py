@@ -1,0 +1,175 @@
+"""The odometry process: frames in, poses out, every pose on disk before the next frame begins."""
+
+import json
+import logging
+import threading
+import time
+from pathlib import Path
+
+from odom.backend import Estimate, Odometry, State
+from odom.errors import OdomError
+from odom.frame import Camera, RgbdFrame, Stamp
+from odom.service.announcer import Announcer
+from odom.service.files import RunFiles
+from odom.service.intake import Arrival, EndArrival, FrameArrival, Intake, TruthArrival
+from odom.service.settings import Settings
+from odom.service.startup import notify_service_manager, warm_up
+from odom.service.tally import Tally
+from odom.wire import Topics
+from odom.wire.session import WireSession, open_session
+
+_LOG = logging.getLogger(__name__)
+_POLL_S = 0.1
+_SILENCE_S = 1.0
+
+
+def serve(settings: Settings, files: RunFiles | None, stop: threading.Event, until_end: bool) -> None:
+    """Estimate the pose of every frame of one device until `stop` is set, or with `until_end` until its source ends.
+
+    Leaves trajectory.txt and the odometry's part of report.json in the folder of `files` at each end of a source.
+    Raises OdomError when the session cannot be opened.
+    """
+    topics = Topics(settings.wire.namespace)
+    started = time.monotonic()
+    warm_up(settings.odometry, topics)
+    with open_session(settings.wire) as session:
+        process = OdometryProcess(session, topics, settings, files)
+        session.announce(topics.alive_of("odometry"))
+        notify_service_manager("READY=1")
+        _LOG.info("ready after %.1f s, listening on %s", time.monotonic() - started, topics.namespace)
+        try:
+            process.run(stop, until_end)
+        finally:
+            notify_service_manager("STOPPING=1")
+            process.close()
+
+
+class OdometryProcess:
+    """One device's odometry between its intake and its announcer."""
+
+    def __init__(self, session: WireSession, topics: Topics, settings: Settings, files: RunFiles | None) -> None:
+        self._settings = settings
+        self._files = files
+        self._announcer = Announcer(session, topics, settings.service)
+        self._intake = Intake(session, topics, settings.service.live_frames)
+        self._tally = Tally()
+        self._odometry: Odometry | None = None
+        self._last: Estimate | None = None
+        self._last_at = time.monotonic()
+        self._unsaved = False
+        self._refused = 0
+        self._ended = False
+        self._sensor = ""
+        self._alive = topics.alive
+        session.watch(f"{topics.alive}/**", self._watch)
+
+    def run(self, stop: threading.Event, until_end: bool) -> None:
+        """Process what arrives until told to stop; what has arrived by then is processed still."""
+        self._intake.start()
+        while not stop.is_set():
+            arrival = self._intake.take(_POLL_S)
+            if arrival is not None:
+                self._handle(arrival)
+                if until_end and isinstance(arrival, EndArrival):
+                    return
+            elif self._announcer.status_is_due(self._state):
+                self._publish_status()
+
+    def close(self) -> None:
+        """Process what still waits and save everything."""
+        self._intake.close()
+        for arrival in self._intake.drain():
+            self._handle(arrival)
+        self._save()
+        if self._files is not None:
+            self._files.close()
+
+    def _handle(self, arrival: Arrival) -> None:
+        if isinstance(arrival, FrameArrival):
+            self._process(arrival.frame, arrival.camera, arrival.origin)
+        elif isinstance(arrival, TruthArrival):
+            if self._files is not None:
+                self._files.append_truth(arrival.body, arrival.pose.stamp, arrival.pose.T_parent_child)
+        else:
+            _LOG.info("the source has ended: %s", arrival.reason)
+            self._ended = True
+            self._save()
+
+    def _process(self, frame: RgbdFrame, camera: Camera, origin: Stamp | None) -> None:
+        if self._odometry is None:
+            self._odometry = Odometry(camera, self._settings.odometry)
+        self._ended = False
+        self._tally.begin()
+        begun = time.perf_counter()
+        try:
+            estimate = self._odometry.process(frame)
+        except OdomError as error:
+            if not self._refused:
+                _LOG.warning("a frame was refused by the odometry (further ones are counted): %s", error)
+            self._refused += 1
+            return
+        processing_ms = 1e3 * (time.perf_counter() - begun)
+        if self._files is not None:
+            self._files.append(estimate)
+        self._announcer.poses(estimate)
+        latency_ms = None if origin is None else (time.time_ns() - origin) * 1e-6
+        self._tally.add(estimate, frame, processing_ms, latency_ms)
+        self._tell_changes(estimate)
+        self._last, self._last_at, self._unsaved = estimate, time.monotonic(), True
+        self._announcer.pictures(estimate)
+        if self._announcer.status_is_due(self._state):
+            self._publish_status()
+
+    @property
+    def _state(self) -> State | None:
+        silent = time.monotonic() - self._last_at > _SILENCE_S
+        return None if silent or self._last is None else self._last.state
+
+    def _tell_changes(self, estimate: Estimate) -> None:
+        before = self._last.state if self._last is not None else None
+        if estimate.state is not before and State.LOST in (estimate.state, before):
+            _LOG.info("frame %d: %s: %s", estimate.sequence, estimate.state.value, estimate.reason)
+
+    def _publish_status(self) -> None:
+        self._count_input()
+        last, silent_s = self._last, time.monotonic() - self._last_at
+        state = self._state
+        reason = last.reason if last is not None and state is not None else f"no frame for {silent_s:.0f} s"
+        values = {"state": state.value if state is not None else "WAITING", "reason": reason, "sensor": self._sensor}
+        if last is not None:
+            values |= {"segment": str(last.segment), "inliers": str(last.inliers), "matches": str(last.matches)}
+        self._announcer.status(state, reason, values | self._tally.status())
+
+    def _count_input(self) -> None:
+        self._tally.lost_frames = self._intake.lost_frames
+        self._tally.unmatched_frames = self._intake.assembler.pairing.color_single
+        refused = {"refused by the odometry": self._refused} if self._refused else {}
+        self._tally.dropped = self._intake.dropped | refused
+
+    def _watch(self, key: str, alive: bool) -> None:
+        role = key.removeprefix(self._alive).strip("/") or "sensor"
+        if role == "odometry":
+            return
+        expected = alive or self._ended
+        _LOG.log(logging.INFO if expected else logging.WARNING, "%s is %s", role, "here" if alive else "gone")
+        if role == "sensor":
+            self._sensor = "here" if alive else "gone"
+
+    def _save(self) -> None:
+        """Write the final trajectory and the report, unless nothing came since they were last written."""
+        self._announcer.flush()
+        self._publish_status()
+        if self._files is None or not self._unsaved or self._odometry is None:
+            return
+        self._unsaved = False
+        begun = time.perf_counter()
+        self._files.write_trajectory(self._odometry.finish())
+        report = self._tally.report() | {"finish_s": round(time.perf_counter() - begun, 3)}
+        write_json(self._files.folder / "report.json", report)
+
+
+def write_json(path: Path, content: dict[str, object]) -> None:
+    """Write a JSON file that is either whole or not there."""
+    partial = path.with_suffix(path.suffix + ".part")
+    partial.write_text(json.dumps(content, indent=2) + "\n")
+    partial.replace(path)

@@ -1,0 +1,169 @@
+"""`odom run`: the processes of one machine, from the first frame of a source to its report."""
+
+import json
+import logging
+import os
+import socket
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from odom.errors import OdomError, WireError
+from odom.service.children import Child
+from odom.service.odometry import write_json
+from odom.service.progress import COUNT_ENVIRONMENT, Display, Reading, open_display, parse_count
+from odom.service.settings import Settings
+from odom.wire import Topics, codec
+from odom.wire.session import Delivery, WireSession, open_session
+from odom.wire.settings import ANY_LOCAL_PORT
+
+_LOG = logging.getLogger(__name__)
+_POLL_S = 0.1
+_PARENT_ENVIRONMENT = "ODOM_PARENT_PID"
+
+
+@dataclass(frozen=True)
+class RunPlan:
+    """What to start: the source's and the odometry's own arguments, where files go, and who watches."""
+
+    source: str
+    out: Path
+    sensor_arguments: Sequence[str] = ()
+    odometry_arguments: Sequence[str] = ()
+    record: Path | None = None
+    viewer_arguments: Sequence[str] | None = None
+
+
+def run(plan: RunPlan, settings: Settings, stop: threading.Event) -> dict[str, Any]:
+    """Run the source to its end, or until `stop` is set, and return the report that was written to `plan.out`.
+
+    Raises OdomError naming the process that died; what was done so far is saved by then, with its report.
+    """
+    plan.out.mkdir(parents=True, exist_ok=True)
+    endpoint = free_endpoint()
+    wire = settings.wire.model_copy(update={"mode": "peer", "connect": (), "listen": (endpoint,)})
+    begun = time.monotonic()
+    with open_session(wire) as session, open_display() as display:
+        crew = Crew(plan, settings, endpoint, session, display)
+        try:
+            failure = crew.work(stop)
+        finally:
+            crew.dismiss()
+    report = complete_report(plan.out, crew, time.monotonic() - begun)
+    if failure is not None:
+        raise OdomError(f"{failure}; what was done so far is in {plan.out}")
+    return report
+
+
+def free_endpoint() -> str:
+    """Return a loopback endpoint that nobody listens on now, so that two runs on a machine do not mix."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+class Crew:
+    """The child processes of one run and the order in which they come and go."""
+
+    def __init__(
+        self, plan: RunPlan, settings: Settings, endpoint: str, session: WireSession, display: Display
+    ) -> None:
+        topics = Topics(settings.wire.namespace)
+        self.total: int | None = None
+        self._display = display
+        self._patience_s = settings.service.stop_timeout_s
+        self._status = session.subscriber((topics.status,), depth=1)
+        environment = {
+            "ODOM_WIRE__MODE": "peer",
+            "ODOM_WIRE__CONNECT": json.dumps([endpoint]),
+            "ODOM_WIRE__LISTEN": json.dumps([ANY_LOCAL_PORT]),
+            "ODOM_WIRE__NAMESPACE": settings.wire.namespace,
+            COUNT_ENVIRONMENT: "1",
+            _PARENT_ENVIRONMENT: str(os.getpid()),
+        }
+        self.children = {name: self._start(name, arguments, environment) for name, arguments in _commands(plan)}
+
+    def work(self, stop: threading.Event) -> str | None:
+        """Wait for the end of the source; return who died and how, None when nobody did."""
+        sensor, odometry = self.children["sensor"], self.children["odometry"]
+        while odometry.poll() is None:
+            self._show_progress()
+            if stop.is_set():
+                sensor.stop(self._patience_s)
+                odometry.stop(self._patience_s)
+                return None
+            dead = [child for child in self.children.values() if child.died]
+            if dead:
+                return f"the {dead[0].name} {dead[0].ending()}"
+        return f"the odometry {odometry.ending()}" if odometry.died else None
+
+    def dismiss(self) -> None:
+        """End all children, those first on whose end others wait."""
+        for name in ("sensor", "odometry", "recorder", "viewer"):
+            if name in self.children:
+                self.children[name].stop(self._patience_s)
+
+    def _start(self, name: str, arguments: Sequence[str], environment: Mapping[str, str]) -> Child:
+        return Child(name, arguments, environment, self._hear)
+
+    def _hear(self, name: str, line: str) -> None:
+        count = parse_count(line)
+        if count is None:
+            self._display.say(name, line)
+        else:
+            self.total = count[1]
+
+    def _show_progress(self) -> None:
+        delivery = self._status.receive(timeout=_POLL_S)
+        reading = self._reading(delivery) if delivery is not None else None
+        if reading is not None:
+            self._display.show(reading)
+
+    def _reading(self, delivery: Delivery) -> Reading | None:
+        try:
+            values = codec.decode_status(delivery.message)[0].values
+            return Reading(
+                int(values.get("frames", 0)),
+                self.total,
+                float(values.get("fps", 0.0)),
+                values["state"],
+                values.get("reason", ""),
+            )
+        except (WireError, LookupError, ValueError) as error:
+            self._status.malformed(delivery.message.topic, repr(error))
+            return None
+
+
+def _commands(plan: RunPlan) -> list[tuple[str, Sequence[str]]]:
+    consumers = 1 + (plan.record is not None)
+    odometry = ["serve", "--out", str(plan.out), "--until-end", *plan.odometry_arguments]
+    commands: list[tuple[str, Sequence[str]]] = [("odometry", odometry)]
+    if plan.record is not None:
+        commands.append(("recorder", ["record", str(plan.record)]))
+    if plan.viewer_arguments is not None:
+        commands.append(("viewer", ["view", *plan.viewer_arguments]))
+    sensor = ["sensor", plan.source, "--consumers", str(consumers), *plan.sensor_arguments]
+    return [*commands, ("sensor", sensor)]
+
+
+def complete_report(out: Path, crew: Crew, elapsed_s: float) -> dict[str, Any]:
+    """Add memory, whole time and the judgement against truth to the odometry's report, and write it again."""
+    path = out / "report.json"
+    report: dict[str, Any] = json.loads(path.read_text()) if path.is_file() else {}
+    children = crew.children.values()
+    report["peak_rss_mb"] = {child.name: round(child.peak_rss_mb, 1) for child in children}
+    report["cpu_s"] = {child.name: round(child.cpu_s, 2) for child in children}
+    report["elapsed_s"] = round(elapsed_s, 2)
+    if (out / "truth.txt").is_file() and (out / "trajectory.txt").is_file():
+        from odom.evaluation.run import report_with_truth
+
+        try:
+            report |= report_with_truth(out, total_frames=crew.total)
+        except OdomError as error:
+            report["truth_notes"] = [str(error)]
+            _LOG.warning("not judged against truth: %s", error)
+    write_json(path, report)
+    return report

@@ -1,0 +1,56 @@
+"""Getting a process ready: one thread a library, everything compiled and loaded before the first frame."""
+
+import gc
+import logging
+import os
+import socket
+
+import cv2
+import numpy as np
+
+from odom.backend import Odometry, OdometrySettings
+from odom.frame import Camera, RgbdFrame, Stamp
+from odom.wire import Topics, codec
+
+_LOG = logging.getLogger(__name__)
+_WARM_FRAMES = 6
+
+
+def warm_up(settings: OdometrySettings, topics: Topics) -> None:
+    """Run frames of a made-up scene through decoders and odometry, then spare the collector what is loaded by then.
+
+    Without it the first frames would wait for imports and compilation, seconds on a machine's first run.
+    """
+    cv2.setNumThreads(1)
+    camera = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)
+    texture = np.random.default_rng(1).integers(0, 256, (60, 80), dtype=np.uint8)
+    scene = np.asarray(cv2.resize(texture, (700, 500), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
+    odometry = Odometry(camera, settings)
+    for i in range(_WARM_FRAMES):
+        stamp = Stamp(i * 33_333_333)
+        image = np.ascontiguousarray(scene[i : i + 480, 3 * i : 3 * i + 640])
+        rgb = np.repeat(image[..., None], 3, axis=2)
+        depth = np.full((480, 640), 2000 + 3 * i, dtype=np.uint16)
+        jpeg = codec.encode_color_jpeg(topics.color_compressed, stamp, rgb)
+        raw = codec.encode_color(topics.color, stamp, rgb)
+        codec.decode_color(raw, grey=True)
+        decoded = codec.decode_depth(codec.encode_depth(topics.depth, stamp, depth))
+        codec.decode_depth(codec.encode_depth_compressed(topics.depth_compressed, stamp, depth, codec="rvl"))
+        odometry.process(RgbdFrame(i, stamp, codec.decode_color(jpeg, grey=True), stamp, decoded))
+    odometry.finish()
+    del odometry
+    gc.collect()
+    gc.freeze()
+
+
+def notify_service_manager(state: str) -> None:
+    """Tell systemd `READY=1` or `STOPPING=1` when it asked to be told (`Type=notify`); does nothing elsewhere."""
+    address = os.environ.get("NOTIFY_SOCKET")
+    if not address:
+        return
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify:
+            notify.connect("\0" + address[1:] if address.startswith("@") else address)
+            notify.sendall(state.encode())
+    except OSError as error:
+        _LOG.warning("the service manager cannot be told %s: %s", state, error)

@@ -1,0 +1,168 @@
+"""What a run counts and measures, in memory that does not grow with its length."""
+
+import math
+import time
+from collections import Counter, deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import psutil
+
+from odom.backend import Estimate, State
+from odom.frame import RgbdFrame
+
+_LOWEST_MS = 0.01
+_STEP = math.log(1.01)
+_BINS = 1700
+_RECENT = 60
+
+
+class Durations:
+    """Mean, quantiles (to 1 %) and number of durations between 10 microseconds and 200 s."""
+
+    def __init__(self) -> None:
+        self._counts = np.zeros(_BINS, dtype=np.int64)
+        self._sum = 0.0
+
+    def add(self, milliseconds: float) -> None:
+        """Count one duration."""
+        index = int(math.log(max(milliseconds, _LOWEST_MS) / _LOWEST_MS) / _STEP)
+        self._counts[min(index, _BINS - 1)] += 1
+        self._sum += milliseconds
+
+    def __len__(self) -> int:
+        return int(self._counts.sum())
+
+    @property
+    def mean(self) -> float | None:
+        """Mean in milliseconds, None without any."""
+        return self._sum / len(self) if len(self) else None
+
+    def quantile(self, share: float) -> float | None:
+        """Return the duration (ms) below which `share` of them lie, None without any."""
+        if not len(self):
+            return None
+        index = int(np.searchsorted(np.cumsum(self._counts), share * len(self)))
+        return _LOWEST_MS * math.exp(_STEP * (index + 0.5))
+
+    def summary(self, with_mean: bool) -> dict[str, float | None]:
+        """Return the entries of the report: p50, p95, p99 and the mean if asked for."""
+        out = {"mean": _rounded(self.mean)} if with_mean else {}
+        return out | {f"p{share}": _rounded(self.quantile(share / 100)) for share in (50, 95, 99)}
+
+
+@dataclass
+class Tally:
+    """Counters of one odometry process. `dropped` counts bad input by its kind."""
+
+    processing: Durations = field(default_factory=Durations)
+    latency: Durations = field(default_factory=Durations)
+    stages_ms: dict[str, float] = field(default_factory=dict)
+    states: Counter[State] = field(default_factory=Counter)
+    dropped: Mapping[str, int] = field(default_factory=dict)
+    offset_ms: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
+    ends: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
+    frames: int = 0
+    keyframes: int = 0
+    loop_candidates: int = 0
+    loop_closures: int = 0
+    segments: int = 0
+    lost_frames: int = 0
+    unmatched_frames: int = 0
+    _begun: tuple[float, float] | None = None
+    _ended: tuple[float, float] = (0.0, 0.0)
+
+    def begin(self) -> None:
+        """Start the clocks with the first frame received."""
+        if self._begun is None:
+            self._begun = (time.perf_counter(), time.process_time())
+
+    def add(self, estimate: Estimate, frame: RgbdFrame, processing_ms: float, latency_ms: float | None) -> None:
+        """Count one processed frame."""
+        self.frames += 1
+        self.offset_ms.append((frame.depth_stamp - frame.stamp) * 1e-6)
+        self.states[estimate.state] += 1
+        self.keyframes += estimate.is_keyframe
+        self.loop_candidates += len(estimate.loops)
+        self.loop_closures += sum(loop.accepted for loop in estimate.loops)
+        if estimate.T_odom_camera is not None:
+            self.segments = max(self.segments, estimate.segment + 1)
+        self.processing.add(processing_ms)
+        for stage, milliseconds in estimate.timings_ms.items():
+            self.stages_ms[stage] = self.stages_ms.get(stage, 0.0) + milliseconds
+        if latency_ms is not None:
+            self.latency.add(latency_ms)
+        self._ended = (time.perf_counter(), time.process_time())
+        self.ends.append(self._ended[0])
+
+    @property
+    def tracked(self) -> int:
+        """Frames with a pose that may be trusted."""
+        return self.states[State.TRACKING] + self.states[State.RECOVERED]
+
+    @property
+    def wall_s(self) -> float:
+        """Seconds from the first frame received to the last one processed."""
+        return max(self._ended[0] - self._begun[0], 0.0) if self._begun and self.frames else 0.0
+
+    @property
+    def cpu_ms_per_frame(self) -> float | None:
+        """CPU time of all threads of the process over the same span, per processed frame."""
+        return 1e3 * (self._ended[1] - self._begun[1]) / self.frames if self._begun and self.frames else None
+
+    @property
+    def recent_fps(self) -> float:
+        """Frames per second over the last 60 frames."""
+        span = self.ends[-1] - self.ends[0] if len(self.ends) > 1 else 0.0
+        return (len(self.ends) - 1) / span if span else 0.0
+
+    def status(self) -> dict[str, str]:
+        """Return the values of a status message."""
+        values: dict[str, float | int | None] = {
+            "frames": self.frames,
+            "tracked": self.tracked,
+            "fps": round(self.recent_fps, 1),
+            "processing_ms": _rounded(self.processing.quantile(0.5)),
+            "processing_p99_ms": _rounded(self.processing.quantile(0.99)),
+            "latency_ms": _rounded(self.latency.quantile(0.5)),
+            "latency_p99_ms": _rounded(self.latency.quantile(0.99)),
+            "cpu_ms_per_frame": _rounded(self.cpu_ms_per_frame),
+            "rss_mb": round(psutil.Process().memory_info().rss / 2**20, 1),
+            "sync_offset_ms": _rounded(float(np.median(self.offset_ms)) if self.offset_ms else None),
+            "sync_spread_ms": _rounded(float(np.ptp(self.offset_ms)) if self.offset_ms else None),
+            "keyframes": self.keyframes,
+            "loop_candidates": self.loop_candidates,
+            "loop_closures": self.loop_closures,
+            "lost_frames": self.lost_frames,
+            "unmatched_frames": self.unmatched_frames,
+            "dropped": sum(self.dropped.values()),
+        }
+        return {name: str(value) for name, value in values.items() if value is not None}
+
+    def report(self) -> dict[str, object]:
+        """Return the odometry's entries of report.json; what was not measured is None."""
+        offered = self.frames + self.lost_frames + self.unmatched_frames
+        return {
+            "frames": self.frames,
+            "tracked": self.tracked,
+            "completeness": _rounded(self.tracked / offered if offered else None),
+            "segments": self.segments,
+            "keyframes": self.keyframes,
+            "loop_closures": self.loop_closures,
+            "loop_candidates": self.loop_candidates,
+            "processing_ms": self.processing.summary(with_mean=True),
+            "latency_ms": self.latency.summary(with_mean=False),
+            "cpu_ms_per_frame": _rounded(self.cpu_ms_per_frame),
+            "wall_s": _rounded(self.wall_s),
+            "fps": _rounded(self.frames / self.wall_s if self.wall_s else None),
+            "lost_frames": self.lost_frames,
+            "unmatched_frames": self.unmatched_frames,
+            "states": {state.value: self.states[state] for state in State},
+            "stages_ms": {stage: _rounded(total / self.frames) for stage, total in self.stages_ms.items()},
+            "dropped": dict(self.dropped),
+        }
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 4)

@@ -1,0 +1,132 @@
+"""Registers depth to colour in software: two intrinsics and an extrinsic, for devices whose driver cannot."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import cv2
+import numba
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from odom.errors import ConfigError
+from odom.frame import Camera
+
+Array = NDArray[np.float64]
+
+OVERLAP = 0.15
+"""Pixels by which neighbours overlap, for on a slanted surface their common edge is projected with two depths."""
+
+
+@dataclass(frozen=True, eq=False)
+class DepthRegistration:
+    """What maps the depth camera's pixels to the colour camera's: both cameras and `T_color_depth` (4 x 4, metres).
+
+    Raises ConfigError when `T_color_depth` is not a rigid motion.
+    """
+
+    depth_camera: Camera
+    color_camera: Camera
+    T_color_depth: Array
+
+    def __post_init__(self) -> None:
+        T = self.T_color_depth
+        rotation = T[:3, :3] if T.shape == (4, 4) else np.zeros((3, 3))
+        if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3) or np.linalg.det(rotation) < 0:
+            raise ConfigError("T_color_depth: give a 4 x 4 rigid motion from the depth to the colour camera, in metres")
+
+    @cached_property
+    def _corner_rays(self) -> Array:
+        """(H + 1) x (W + 1) x 3 directions of the depth pixels' corners, of depth 1, in the colour camera's axes."""
+        camera = self.depth_camera
+        u, v = np.meshgrid(np.arange(camera.width + 1) - 0.5, np.arange(camera.height + 1) - 0.5)
+        pixels = np.stack([u.ravel(), v.ravel()], axis=1)[:, None, :]
+        normal = cv2.undistortPoints(pixels, camera.matrix, np.array(camera.distortion) if camera.distortion else None)
+        rays = np.concatenate([normal[:, 0, :], np.ones((len(pixels), 1))], axis=1)
+        return np.ascontiguousarray((rays @ self.T_color_depth[:3, :3].T).reshape(*u.shape, 3))
+
+    def __call__(self, depth_mm: NDArray[np.uint16]) -> NDArray[np.uint16]:
+        """Return the depth image (H x W uint16, mm, 0 unknown) as the colour camera sees it, in its size.
+
+        Every depth pixel is a small square facing the depth camera; it covers the colour pixels between its projected
+        corners, so that neighbours leave no gaps, and the nearest surface wins.
+        """
+        camera = self.color_camera
+        distortion = np.zeros(14)
+        distortion[: len(camera.distortion)] = camera.distortion
+        registered = np.full((camera.height, camera.width), np.iinfo(np.uint16).max, dtype=np.uint16)
+        shift = self.T_color_depth[:3, 3] * 1e3
+        intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
+        _splat(depth_mm, self._corner_rays, shift, intrinsics, distortion, registered)
+        registered[registered == np.iinfo(np.uint16).max] = 0
+        return registered
+
+
+@numba.njit(cache=True)
+def _project(x: float, y: float, z: float, k: tuple[float, float, float, float], d: Array) -> tuple[float, float]:
+    """Return the pixel of a point; `d` is OpenCV's k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 (without the tilted sensor)."""
+    a, b = x / z, y / z
+    r = a * a + b * b
+    radial = (1 + r * (d[0] + r * (d[1] + r * d[4]))) / (1 + r * (d[5] + r * (d[6] + r * d[7])))
+    u = a * radial + 2 * d[2] * a * b + d[3] * (r + 2 * a * a) + d[8] * r + d[9] * r * r
+    v = b * radial + d[2] * (r + 2 * b * b) + 2 * d[3] * a * b + d[10] * r + d[11] * r * r
+    return k[0] * u + k[2], k[1] * v + k[3]
+
+
+@numba.njit(cache=True)
+def _splat(
+    depth: NDArray[np.uint16],
+    rays: Array,
+    shift: Array,
+    k: tuple[float, float, float, float],
+    d: Array,
+    out: NDArray[np.uint16],
+) -> None:
+    height, width = out.shape
+    for row in range(depth.shape[0]):
+        for column in range(depth.shape[1]):
+            z = float(depth[row, column])
+            if z == 0:
+                continue
+            near = z * rays[row, column, 2] + shift[2]
+            far = z * rays[row + 1, column + 1, 2] + shift[2]
+            if near <= 0 or far <= 0:
+                continue
+            u0, v0 = _project(z * rays[row, column, 0] + shift[0], z * rays[row, column, 1] + shift[1], near, k, d)
+            u1, v1 = _project(
+                z * rays[row + 1, column + 1, 0] + shift[0], z * rays[row + 1, column + 1, 1] + shift[1], far, k, d
+            )
+            if not (u1 > -1 and u0 < width and v1 > -1 and v0 < height):
+                continue
+            value = 0.5 * (near + far) + 0.5
+            if value >= 65535:
+                continue
+            for v in range(max(0, int(np.ceil(v0 - OVERLAP))), min(height, int(np.ceil(v1 + OVERLAP)))):
+                for u in range(max(0, int(np.ceil(u0 - OVERLAP))), min(width, int(np.ceil(u1 + OVERLAP)))):
+                    if value < out[v, u]:
+                        out[v, u] = np.uint16(value)
+
+
+def load_depth_registration(path: Path, color_camera: Camera) -> DepthRegistration | None:
+    """Return what the calibration file says about the depth camera, None when it says nothing.
+
+    Beside ROS's keys for the colour camera the YAML file may hold `depth_camera` (the same keys again) and
+    `T_color_depth` (`data`: 16 numbers, row by row, metres). Raises ConfigError when one is missing or malformed.
+    """
+    document = yaml.safe_load(path.read_text())
+    if not isinstance(document, dict) or not {"depth_camera", "T_color_depth"} & document.keys():
+        return None
+    try:
+        depth = document["depth_camera"]
+        matrix = [float(value) for value in depth["camera_matrix"]["data"]]
+        distortion = tuple(float(value) for value in depth.get("distortion_coefficients", {}).get("data", ()))
+        T = np.array([float(value) for value in document["T_color_depth"]["data"]]).reshape(4, 4)
+        size = int(depth["image_width"]), int(depth["image_height"])
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise ConfigError(
+            f"{path}: {error!r}: software registration needs depth_camera (image_width, image_height, "
+            "camera_matrix, distortion_coefficients) and T_color_depth (data: 16 numbers)"
+        ) from error
+    camera = Camera(*size, matrix[0], matrix[4], matrix[2], matrix[5], distortion if any(distortion) else ())
+    return DepthRegistration(camera, color_camera, T)

@@ -1,0 +1,302 @@
+"""A live OpenNI2 device as a source: read in its own thread, survives being unplugged."""
+
+import logging
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from odom.errors import DeviceError, OdomError
+from odom.frame import Camera, Stamp
+from odom.wire import Message
+from sensors.clock import ClockMapping, Unwrap, tick_length
+from sensors.openni2 import advice, library
+from sensors.openni2.device import OpenDevice, RawFrame, serial_number
+from sensors.openni2.messages import Encoder
+from sensors.openni2.settings import KinectSettings
+from sensors.source import SourceOptions
+
+_log = logging.getLogger(__name__)
+
+WAITING = 24
+"""Images held for the consumer before the oldest is dropped (0.4 s of colour and depth at 30 Hz)."""
+LEARN_UNIT_NS = 300_000_000
+"""How long the first images are held until the unit of the device's stamps is known."""
+RETRY_S = 0.1
+RESTART_EVERY = 10
+"""Every so many retries the library is restarted: libfreenect's driver lists devices only when it is initialised."""
+
+
+class DeviceClock:
+    """Stamps of one device in the host's time, whatever unit they come in; strictly increasing a stream."""
+
+    def __init__(self) -> None:
+        self._unit_ns: float | None = None
+        self._last = {True: 0, False: 0}
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the relation of the clocks: the device's starts anew when it is plugged in. Its unit stays."""
+        self.mapping = ClockMapping()
+        self._unwrap = Unwrap(32)
+
+    @property
+    def knows_unit(self) -> bool:
+        """Whether the unit of the device's stamps is known."""
+        return self._unit_ns is not None
+
+    def learn_unit(self, ticks: int, elapsed_ns: int) -> None:
+        """Settle the unit from a span of the device's stamps and the host's time meanwhile."""
+        self._unit_ns = tick_length(ticks, elapsed_ns) or 0.0
+        if not self._unit_ns:
+            _log.warning("the device's time stamps run at no known rate: the time of receipt is used instead")
+
+    def stamp(self, is_color: bool, ticks: int, host_ns: int) -> Stamp:
+        """Return the capture time of an image stamped `ticks` and received at `host_ns`."""
+        stamp = host_ns
+        if self._unit_ns:
+            device_ns = round(self._unwrap(ticks) * self._unit_ns)
+            self.mapping.observe(device_ns, host_ns)
+            stamp = self.mapping.to_host(device_ns)
+        self._last[is_color] = max(stamp, self._last[is_color] + 1)
+        return Stamp(self._last[is_color])
+
+
+@dataclass(frozen=True, eq=False)
+class _Received:
+    frame: RawFrame
+    host_ns: int
+    connection: int
+
+
+class LiveKinect:
+    """Colour and depth of one device; what the consumer has no time for is dropped, the oldest first, and counted.
+
+    `wanted` is an address or serial number, empty for the first device. Raises DeviceError when it cannot be opened;
+    later failures are logged and mended: the device is opened again as soon as it is there. `counters` tells what was
+    delivered, lost and dropped.
+    """
+
+    lossless = False
+    length: int | None = None
+
+    def __init__(self, wanted: str, options: SourceOptions, settings: KinectSettings) -> None:
+        self._settings = settings
+        self._seconds = options.seconds
+        self._gone = threading.Event()
+        self._stop = threading.Event()
+        self._ready = threading.Condition()
+        self._waiting: deque[_Received] = deque()
+        self._failure: BaseException | None = None
+        self.counters = {"images": 0, "lost": 0, "dropped": 0, "reconnects": 0}
+        self._listener: Any = None
+        self._device: OpenDevice | None = self._open(wanted)
+        self.serial, self.name, self.uri = self._device.serial, self._device.name, self._device.uri
+        try:
+            factory = self._device.color_camera
+            self._encoder = Encoder(options, settings, factory, self._device.registered)
+        except OdomError:
+            self.close()
+            raise
+        by = "by the driver" if self._device.registered else "not by the driver"
+        _log.info("%s %s, serial %s, depth registered %s", self.name, self.uri, self.serial or "unknown", by)
+        self._thread = threading.Thread(target=self._capture, name="openni2", daemon=True)
+        self._thread.start()
+
+    @property
+    def camera(self) -> Camera:
+        """Intrinsics of the colour image."""
+        return self._encoder.camera
+
+    def _open(self, wanted: str) -> OpenDevice:
+        listed = library.devices()
+        uri = _find(wanted, listed)
+        if uri is None:
+            raise advice.no_device(wanted, [str(device) for device in listed], advice.usb_cameras())
+        self._gone.clear()
+        device = OpenDevice(uri, self._settings)
+        self._listener = _listen(uri, self._gone)
+        return device
+
+    def _release(self) -> None:
+        if self._device is not None:
+            self._device.close()
+        if self._listener is not None:
+            self._listener.close()
+        self._device = self._listener = None
+
+    def _capture(self) -> None:
+        """Read for as long as the source is open; runs in its own thread."""
+        with suppress(PermissionError):  # the library keeps only the newest frame: whoever reads late loses one
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), -10)
+        try:
+            connection = 0
+            while not self._stop.is_set():
+                self._read_until_gone(connection)
+                if self._stop.is_set():
+                    break
+                _log.error("%s %s is gone (unplugged or silent): waiting for it", self.name, self.uri)
+                self._release()
+                self._wait_for_device()
+                connection += 1
+        except Exception as error:
+            self._failure = error
+        finally:
+            self._release()
+            with self._ready:
+                self._ready.notify_all()
+
+    def _read_until_gone(self, connection: int) -> None:
+        device = self._device
+        if device is None:
+            return
+        heard = time.monotonic()
+        patience = self._settings.start_s
+        last_index: dict[bool, int] = {}
+        while not (self._stop.is_set() or self._gone.is_set()):
+            try:
+                frame = device.read(0.05)
+            except DeviceError as error:
+                _log.error("%s", error)
+                return
+            host_ns = time.time_ns()
+            if frame is None:
+                if time.monotonic() - heard < patience:
+                    continue
+                if not last_index and connection == 0:
+                    raise advice.no_frames(self.uri, "image", patience)
+                return
+            heard = time.monotonic()
+            if frame.is_color in last_index:
+                self.counters["lost"] += max(0, frame.index - last_index[frame.is_color] - 1)
+                patience = self._settings.silence_s
+            last_index[frame.is_color] = frame.index
+            self._put(_Received(frame, host_ns, connection))
+
+    def _put(self, received: _Received) -> None:
+        with self._ready:
+            if len(self._waiting) >= WAITING:
+                self._waiting.popleft()
+                self.counters["dropped"] += 1
+            self._waiting.append(received)
+            self.counters["images"] += 1
+            self._ready.notify()
+
+    def _wait_for_device(self) -> None:
+        wanted = self.serial or self.uri
+        attempt = 0
+        while not self._stop.wait(RETRY_S):
+            attempt += 1
+            try:
+                if attempt % RESTART_EVERY == 0:
+                    library.restart()
+                if not library.devices():
+                    continue
+                # The address of a USB device changes with every plugging in; without serial number any device is taken.
+                self._device = self._open(wanted if self.serial else "")
+            except DeviceError as error:
+                if attempt % (5 * RESTART_EVERY) == 1:
+                    _log.warning("%s", error)
+                self._release()
+                continue
+            self.uri = self._device.uri
+            self.counters["reconnects"] += 1
+            _log.warning("%s %s is back after %.1f s", self.name, self.uri, attempt * RETRY_S)
+            return
+
+    def messages(self) -> Iterator[Message]:
+        """Yield calibration, colour and depth as they arrive; raises DeviceError when the device never delivers."""
+        clock = DeviceClock()
+        connection = 0
+        info_sent = False
+        first_ns: int | None = None
+        for received in self._learned(clock):
+            if received.connection != connection:
+                connection = received.connection
+                clock.restart()
+            stamp = clock.stamp(received.frame.is_color, received.frame.ticks, received.host_ns)
+            first_ns = stamp if first_ns is None else first_ns
+            if self._seconds is not None and stamp - first_ns >= self._seconds * 1e9:
+                return
+            if not info_sent:
+                info_sent = True
+                yield self._encoder.info(stamp)
+            yield self._encoder.image(received.frame, stamp)
+
+    def _learned(self, clock: DeviceClock) -> Iterator[_Received]:
+        """Yield what is received, the first images only when the unit of their stamps is known."""
+        held: list[_Received] = []
+        for received in self._received():
+            if clock.knows_unit:
+                yield received
+                continue
+            held.append(received)
+            same = [other for other in held if other.frame.is_color == received.frame.is_color]
+            elapsed_ns = received.host_ns - same[0].host_ns
+            if elapsed_ns >= LEARN_UNIT_NS:
+                clock.learn_unit((received.frame.ticks - same[0].frame.ticks) % (1 << 32), elapsed_ns)
+                yield from held
+                held = []
+
+    def _received(self) -> Iterator[_Received]:
+        while True:
+            with self._ready:
+                while not self._waiting:
+                    if self._failure is not None:
+                        raise self._failure
+                    if self._stop.is_set():
+                        return
+                    self._ready.wait(0.2)
+                received = self._waiting.popleft()
+            yield received
+
+    def close(self) -> None:
+        """Stop reading and give the device back."""
+        self._stop.set()
+        with self._ready:
+            self._ready.notify_all()
+        thread = getattr(self, "_thread", None)
+        if thread is None:
+            self._release()
+        elif thread is not threading.current_thread():
+            thread.join(timeout=5)
+
+
+def _find(wanted: str, listed: tuple[library.Listed, ...]) -> str | None:
+    """Return the address of the device whose address or serial number is `wanted` (empty: the first); None for none."""
+    if not listed:
+        return None
+    if not wanted:
+        return listed[0].uri
+    for device in listed:
+        if device.uri == wanted:
+            return device.uri
+    api = library.load()
+    for device in listed:
+        try:
+            opened = api.Device(device.uri.encode())
+        except api.OpenNIError as error:
+            _log.debug("%s is passed over: %s", device, library.said(error))
+            continue
+        try:
+            if serial_number(api, opened) == wanted:
+                return device.uri
+        finally:
+            opened.close()
+    return None
+
+
+def _listen(uri: str, gone: threading.Event) -> Any:
+    """Have `gone` set when OpenNI2 reports that `uri` was unplugged; the result must be closed."""
+    listener = library.load().DeviceListener()
+
+    def disconnected(info: Any) -> None:
+        if info.uri == uri.encode():
+            gone.set()
+
+    listener.on_disconnected = disconnected
+    return listener

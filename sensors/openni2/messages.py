@@ -1,0 +1,65 @@
+"""Makes wire messages of an OpenNI2 device's images."""
+
+import logging
+
+from odom.errors import ConfigError
+from odom.frame import Camera, Stamp
+from odom.wire import Message
+from odom.wire.codec import encode_camera_info, encode_color, encode_color_jpeg, encode_depth, encode_depth_compressed
+from sensors.calibration import load_calibration
+from sensors.depth_registration import DepthRegistration, load_depth_registration
+from sensors.openni2.device import RawFrame
+from sensors.openni2.settings import KinectSettings, Registration
+from sensors.source import SourceOptions
+
+_log = logging.getLogger(__name__)
+
+
+class Encoder:
+    """Turns images into messages on the keys of the options, depth registered in software where that is asked.
+
+    `camera` is the calibration file's or, without one, `factory`. Raises ConfigError when there is neither, or when
+    software registration lacks its extrinsic.
+    """
+
+    def __init__(
+        self, options: SourceOptions, settings: KinectSettings, factory: Camera | None, registered: bool
+    ) -> None:
+        camera = load_calibration(options.camera).camera if options.camera else factory
+        if camera is None:
+            raise ConfigError("the driver does not tell the field of view: give --camera CALIBRATION.yaml")
+        self.camera = camera
+        if (camera.width, camera.height) != settings.width_height:
+            raise ConfigError(f"the calibration is for {camera.width}x{camera.height}, the images are {settings.size}")
+        self._topics = options.topics
+        self._color, self._depth = options.color, options.depth
+        self._registration = self._software(options, settings, registered)
+
+    def _software(self, options: SourceOptions, settings: KinectSettings, registered: bool) -> DepthRegistration | None:
+        if registered or settings.registration is Registration.OFF:
+            return None
+        found = load_depth_registration(options.camera, self.camera) if options.camera else None
+        if found is None and settings.registration is Registration.SOFTWARE:
+            raise ConfigError("registration=software needs --camera FILE with depth_camera and T_color_depth")
+        if found is None:
+            _log.warning(
+                "depth is NOT registered to colour: the driver cannot, and no calibration file with depth_camera and "
+                "T_color_depth was given; expect wrong odometry"
+            )
+        return found
+
+    def info(self, stamp: Stamp) -> Message:
+        """Return the calibration message."""
+        return encode_camera_info(self._topics.camera_info, stamp, self.camera, frame_id=self._topics.frame_camera)
+
+    def image(self, frame: RawFrame, stamp: Stamp) -> Message:
+        """Return the image's message."""
+        topics, frame_id = self._topics, self._topics.frame_camera
+        if frame.is_color:
+            if self._color == "raw":
+                return encode_color(topics.color, stamp, frame.image, frame_id=frame_id)
+            return encode_color_jpeg(topics.color_compressed, stamp, frame.image, frame_id=frame_id)
+        depth = frame.image if self._registration is None else self._registration(frame.image)
+        if self._depth == "raw":
+            return encode_depth(topics.depth, stamp, depth, frame_id=frame_id)
+        return encode_depth_compressed(topics.depth_compressed, stamp, depth, frame_id=frame_id, codec=self._depth)

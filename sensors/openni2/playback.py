@@ -1,0 +1,122 @@
+"""An .oni recording as a source, played frame by frame by the real library."""
+
+import logging
+from collections.abc import Iterator
+from pathlib import Path
+
+from odom.errors import DeviceError, OdomError, RecordingError
+from odom.frame import Camera, Stamp
+from odom.wire import Message
+from sensors.openni2 import library
+from sensors.openni2.device import RawFrame, convert, factory_camera
+from sensors.openni2.messages import Encoder
+from sensors.openni2.settings import KinectSettings
+from sensors.source import SourceOptions
+
+_log = logging.getLogger(__name__)
+
+FIRST_NS = 1_000_000_000
+"""An .oni file holds no date: its stamps count from one second after the epoch, for zero means unknown in ROS."""
+PATIENCE_S = 2.0
+
+
+class OniRecording:
+    """Colour and depth of an .oni file, in the order of their stamps. Raises RecordingError when it holds no such pair.
+
+    OpenNI2's recorder starts the stamps of each stream at zero, so the file has lost the offset of depth to colour.
+    """
+
+    lossless = True
+
+    def __init__(self, path: Path, options: SourceOptions, settings: KinectSettings) -> None:
+        if not path.is_file():
+            raise RecordingError(f"{path}: no such file")
+        self._api = library.load()
+        self._path, self._options = path, options
+        self._streams = []
+        try:
+            self._device = self._api.Device(str(path.resolve()).encode())
+        except self._api.OpenNIError as error:
+            raise RecordingError(f"{path} cannot be read as .oni: {library.said(error)}") from error
+        try:
+            for name, sensor in (("colour", self._api.SENSOR_COLOR), ("depth", self._api.SENSOR_DEPTH)):
+                if not self._device.has_sensor(sensor):
+                    raise RecordingError(f"{path} holds no {name} stream")
+                self._streams.append(self._device.create_stream(sensor))
+            mode = self._streams[0].get_video_mode()
+            read = settings.model_copy(update={"size": f"{mode.resolutionX}x{mode.resolutionY}"})
+            self._encoder = Encoder(options, read, factory_camera(self._streams[0]), registered=options.camera is None)
+            self._left = [int(stream.get_number_of_frames()) for stream in self._streams]
+            self._length = self._left[0]
+        except (OdomError, self._api.OpenNIError) as error:
+            self.close()
+            if isinstance(error, OdomError):
+                raise
+            raise RecordingError(f"{path} cannot be read: {library.said(error)}") from error
+
+    @property
+    def length(self) -> int | None:
+        """Number of colour frames."""
+        return self._length
+
+    @property
+    def camera(self) -> Camera:
+        """Intrinsics of the colour image."""
+        return self._encoder.camera
+
+    def messages(self) -> Iterator[Message]:
+        """Yield the recording once, `start` to `end` seconds from its beginning."""
+        self._device.playback.set_repeat_enabled(False)
+        self._device.playback.set_speed(-1.0)  # the next frame comes when it is asked for
+        for stream in self._streams:
+            stream.start()
+        start_ns = FIRST_NS + round(self._options.start * 1e9)
+        end_ns = None if self._options.end is None else FIRST_NS + round(self._options.end * 1e9)
+        info_sent = False
+        for frame in self._merged():
+            stamp = Stamp(FIRST_NS + frame.ticks * 1000)
+            if stamp < start_ns:
+                continue
+            if end_ns is not None and stamp > end_ns:
+                return
+            if not info_sent:
+                info_sent = True
+                yield self._encoder.info(stamp)
+            yield self._encoder.image(frame, stamp)
+
+    def _merged(self) -> Iterator[RawFrame]:
+        heads = [self._next(index) for index in (0, 1)]
+        while any(head is not None for head in heads):
+            index = min((head.ticks, i) for i, head in enumerate(heads) if head is not None)[1]
+            head = heads[index]
+            if head is not None:
+                yield head
+            heads[index] = self._next(index)
+
+    def _next(self, index: int) -> RawFrame | None:
+        """Return the next frame of colour (0) or depth (1), None at the end, where the library would wait for ever."""
+        if self._left[index] <= 0:
+            return None
+        self._left[index] -= 1
+        stream = self._streams[index]
+        try:
+            if self._api.wait_for_any_stream([stream], PATIENCE_S) is None:
+                raise RecordingError(
+                    f"{self._path} is cut: {self._left[index] + 1} frames of stream {index} do not come"
+                )
+            frame = stream.read_frame()
+        except self._api.OpenNIError as error:
+            raise RecordingError(f"{self._path} is damaged: {library.said(error)}") from error
+        try:
+            return convert(frame, is_color=index == 0)
+        except DeviceError as error:
+            raise RecordingError(f"{self._path}: {error}") from error
+        finally:
+            frame.close()
+
+    def close(self) -> None:
+        """Give the file back."""
+        for stream in self._streams:
+            stream.close()
+        self._streams = []
+        self._device.close()

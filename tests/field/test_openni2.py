@@ -1,0 +1,281 @@
+"""The adapter against the real libOpenNI2, with a virtual driver below it."""
+
+import threading
+import time
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+from virtual_kinect.device import Kinects, noise
+
+from odom.errors import ConfigError, DeviceError, RecordingError
+from odom.wire import Message, Topics
+from odom.wire.codec import decode_camera_info, decode_color, decode_depth
+from sensors.openni2 import library, open_kinect
+from sensors.source import Source, SourceOptions
+
+TOPICS = Topics("cam0")
+
+
+def options(**extra: str) -> SourceOptions:
+    return SourceOptions(topics=TOPICS, color="raw", extra=tuple(extra.items()))
+
+
+def images(source: Source, topic: str, count: int) -> Iterator[Message]:
+    return islice((message for message in source.messages() if message.topic == topic), count)
+
+
+def split(messages: list[Message]) -> tuple[list[Message], list[Message]]:
+    return [m for m in messages if m.topic == TOPICS.color], [m for m in messages if m.topic == TOPICS.depth]
+
+
+def until(source: Source, seconds: float) -> list[Message]:
+    end = time.monotonic() + seconds
+    taken = []
+    for message in source.messages():
+        taken.append(message)
+        if time.monotonic() > end:
+            return taken
+    return taken
+
+
+def test_every_pixel_and_frame_arrives_unmirrored_in_order_at_30_hz(kinects: Kinects) -> None:
+    kinect = kinects(frames=90)
+    source = open_kinect("kinect", options())
+    try:
+        messages = list(islice(source.messages(), 1 + 2 * 88))
+    finally:
+        source.close()
+    assert messages[0].topic == TOPICS.camera_info
+    color, depth = split(messages)
+    true_color, true_depth = noise(90)
+    first = next(i for i in range(4) if np.array_equal(decode_color(color[0]), true_color[i]))
+    assert len(color) >= 86
+    assert len(depth) >= 86
+    for index, message in enumerate(color[:80]):
+        assert np.array_equal(decode_color(message), true_color[first + index])
+    first = next(i for i in range(4) if np.array_equal(decode_depth(depth[0]), true_depth[i]))
+    for index, message in enumerate(depth[:80]):
+        assert np.array_equal(decode_depth(message), true_depth[first + index])
+    assert source.counters["lost"] == source.counters["dropped"] == 0
+    assert np.diff([m.stamp for m in color]) == pytest.approx(1e9 / 30, rel=0.02)
+    assert kinect.set_by_application["color_mirror"] == kinect.set_by_application["depth_mirror"] == 0
+    assert kinect.set_by_application["image_registration"] == 1
+
+
+def test_factory_intrinsics_come_from_the_field_of_view(kinects: Kinects) -> None:
+    kinects(horizontal_fov=1.0, vertical_fov=0.8)
+    source = open_kinect("kinect", options())
+    try:
+        camera = decode_camera_info(next(source.messages()))
+    finally:
+        source.close()
+    assert camera.fx == pytest.approx(320 / np.tan(0.5))
+    assert camera.fy == pytest.approx(240 / np.tan(0.4))
+    assert (camera.cx, camera.cy) == (319.5, 239.5)
+
+
+def test_small_images_at_60_hz_when_asked(kinects: Kinects) -> None:
+    kinects(loop=1)
+    source = open_kinect("kinect", options(size="320x240", fps="60"))
+    try:
+        color = list(images(source, TOPICS.color, 60))
+    finally:
+        source.close()
+    assert decode_color(color[0]).shape == (240, 320, 3)
+    assert np.median(np.diff([m.stamp for m in color])) == pytest.approx(1e9 / 60, rel=0.02)
+
+
+def test_exposure_is_fixed_on_request(kinects: Kinects) -> None:
+    kinect = kinects()
+    open_kinect("kinect", options(auto_exposure="off")).close()
+    assert kinect.set_by_application["color_auto_exposure"] == 0
+    assert kinect.set_by_application["color_auto_white_balance"] == 0
+
+
+@pytest.mark.parametrize("wanted", ["virtual://b", "B2"])
+def test_a_device_is_chosen_by_address_or_serial_number(kinects: Kinects, wanted: str) -> None:
+    kinects("a", serial="A1")
+    kinects("b", serial="B2")
+    source = open_kinect(f"kinect:{wanted}", options())
+    source.close()
+    assert (source.uri, source.serial) == ("virtual://b", "B2")
+
+
+@pytest.mark.parametrize(
+    ("unit", "bits"), [(1.0, 64), (60.0, 32), (0.008, 32)], ids=["microseconds", "60 MHz, wrapping", "0.125 ms"]
+)
+def test_stamps_are_host_time_without_drift_or_jitter_in_any_unit(kinects: Kinects, unit: float, bits: int) -> None:
+    # With 60 ticks a microsecond 32 bits wrap after 71 s: start just before.
+    first = 70_600_000 if bits == 32 else 1_000_000
+    kinects(loop=1, ticks_per_microsecond=unit, stamp_bits=bits, first_stamp_us=first, drift_ppm=80, jitter_us=8000)
+    source = open_kinect("kinect", options())
+    try:
+        started = time.time_ns()
+        color = [m.stamp for m in images(source, TOPICS.color, 120)]
+        ended = time.time_ns()
+    finally:
+        source.close()
+    assert started - 1e9 < color[0] < color[-1] < ended
+    # What is left of 8 ms of jitter, once the first second's best pair is found.
+    later = np.array(color[40:], dtype=np.float64)
+    line = np.polyval(np.polyfit(np.arange(len(later)), later, 1), np.arange(len(later)))
+    assert np.abs(later - line).max() < 1.0e6
+
+
+def test_colour_and_depth_keep_their_offset(kinects: Kinects) -> None:
+    kinects(loop=1, depth_offset_us=11_000, jitter_us=3000)
+    source = open_kinect("kinect", options())
+    try:
+        color, depth = split(list(islice(source.messages(), 150)))
+    finally:
+        source.close()
+    count = min(len(color), len(depth))
+    offset = [d.stamp - c.stamp for c, d in zip(color[30:count], depth[30:count], strict=True)]
+    assert np.median(offset) == pytest.approx(11e6, abs=1e6)
+
+
+def test_unplugged_and_replugged_ten_times_it_resumes_and_leaks_nothing(
+    kinects: Kinects, caplog: pytest.LogCaptureFixture
+) -> None:
+    kinect = kinects(loop=1)
+    source = open_kinect("kinect", options())
+    stream = (m for m in source.messages() if m.topic == TOPICS.color)
+    process = psutil.Process()
+    resumed, said, usage = [], [], []
+    try:
+        next(stream)
+        for _ in range(10):
+            until_time = time.monotonic() + 0.3
+            while time.monotonic() < until_time:
+                last = next(stream).stamp
+            kinect.unplug()
+            unplugged = time.monotonic()
+            while "is gone" not in caplog.text and time.monotonic() < unplugged + 5:
+                time.sleep(0.005)
+            said.append(time.monotonic() - unplugged)
+            caplog.clear()
+            time.sleep(1.2)  # long enough for the library to be restarted meanwhile
+            kinect.plug()
+            plugged = time.time_ns()
+            stamp = next(m.stamp for m in stream if m.stamp > plugged)
+            resumed.append((time.time_ns() - plugged) * 1e-9)
+            assert stamp > last
+            usage.append(
+                (threading.active_count(), process.num_threads(), process.num_fds(), process.memory_info().rss)
+            )
+    finally:
+        source.close()
+    assert max(said) < 0.5
+    assert max(resumed) < 2.0
+    # The first cycles fill caches; from then on nothing grows.
+    assert usage[-1][:3] == usage[3][:3]
+    assert usage[-1][3] - usage[3][3] < 4e6
+    assert source.counters["reconnects"] == 10
+
+
+def test_an_oni_recording_is_played_bit_by_bit_and_ends(kinects: Kinects, tmp_path: Path) -> None:
+    kinects(frames=60)
+    file = record_oni(tmp_path / "take.oni", 1.0)
+    true_color, true_depth = noise(60)
+    source = open_kinect(f"kinect:{file}", options())
+    assert source.lossless
+    color, depth = split(list(source.messages()))
+    source.close()
+    assert len(color) == source.length
+    assert len(color) >= 25
+    first = next(i for i in range(60) if np.array_equal(decode_color(color[0]), true_color[i]))
+    for index, message in enumerate(color):
+        assert np.array_equal(decode_color(message), true_color[first + index])
+    first = next(i for i in range(60) if np.array_equal(decode_depth(depth[0]), true_depth[i]))
+    for index, message in enumerate(depth):
+        assert np.array_equal(decode_depth(message), true_depth[first + index])
+    assert np.diff([m.stamp for m in color]) == pytest.approx(1e9 / 30, rel=1e-4)
+
+
+def record_oni(file: Path, seconds: float) -> Path:
+    api = library.load()
+    device = api.Device(None)
+    streams = [device.create_color_stream(), device.create_depth_stream()]
+    for stream in streams:
+        stream.set_mirroring_enabled(False)
+    recorder = api.Recorder(str(file).encode())
+    for stream in streams:
+        recorder.attach(stream)
+        stream.start()
+    recorder.start()
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if (stream := api.wait_for_any_stream(streams, 0.2)) is not None:
+            stream.read_frame().close()
+    recorder.stop()
+    recorder.close()
+    for stream in streams:
+        stream.close()
+    device.close()
+    return file
+
+
+def test_a_damaged_oni_file_is_refused(kinects: Kinects, tmp_path: Path) -> None:
+    file = tmp_path / "broken.oni"
+    file.write_bytes(b"not a recording" * 100)
+    with pytest.raises(RecordingError, match=r"broken\.oni"):
+        open_kinect(f"kinect:{file}", options())
+
+
+def test_no_device_says_what_to_look_for(kinects: Kinects) -> None:
+    with pytest.raises(DeviceError, match="lsusb"):
+        open_kinect("kinect", options())
+
+
+def test_a_wrong_serial_number_lists_what_there_is(kinects: Kinects) -> None:
+    kinects("a", serial="A1")
+    with pytest.raises(DeviceError, match="virtual://a"):
+        open_kinect("kinect:Z9", options())
+
+
+@pytest.mark.parametrize(("fault", "advice"), [("busy", "NiViewer"), ("forbidden", "udev")])
+def test_a_device_that_will_not_open_is_explained(kinects: Kinects, fault: str, advice: str) -> None:
+    kinects().switch(fault)
+    with pytest.raises(DeviceError, match=advice):
+        open_kinect("kinect", options())
+
+
+def test_a_device_without_usb_bandwidth_is_explained(kinects: Kinects) -> None:
+    kinects().switch("starved")
+    source = open_kinect("kinect", options(start_s="0.5"))
+    try:
+        with pytest.raises(DeviceError, match="bandwidth"):
+            next(source.messages())
+    finally:
+        source.close()
+
+
+def test_a_device_that_falls_silent_is_opened_again(kinects: Kinects) -> None:
+    kinect = kinects(loop=1)
+    source = open_kinect("kinect", options(silence_s="0.5"))
+    stream = (m for m in source.messages() if m.topic == TOPICS.color)
+    try:
+        next(stream)
+        kinect.switch("starved")
+        time.sleep(0.8)
+        kinect.switch("starved", on=False)
+        resumed = time.time_ns()
+        assert next(m.stamp for m in stream if m.stamp > resumed)
+    finally:
+        source.close()
+    assert source.counters["reconnects"] == 1
+
+
+def test_an_image_size_it_does_not_have_lists_those_it_has(kinects: Kinects) -> None:
+    kinects()
+    with pytest.raises(DeviceError, match="640x480 at 30 Hz"):
+        open_kinect("kinect", options(size="1280x1024"))
+
+
+def test_an_unknown_option_is_named() -> None:
+    with pytest.raises(ConfigError, match="colour_temperature"):
+        open_kinect("kinect", options(colour_temperature="warm"))

@@ -85,14 +85,14 @@ def plot(
 
 
 def _seconds(report: Report) -> Array:
-    return (report.truth.stamps - report.truth.stamps[0]) * 1e-9
+    return np.asarray((report.truth.stamps - report.truth.stamps[0]) * 1e-9)
 
 
 def _gaps_opened(seconds: Array, values: Array) -> tuple[Array, Array]:
     """Return the curve with NaN put where samples are missing, so that no line bridges a hole."""
     steps = np.diff(seconds)
     holes = np.flatnonzero(steps > 5 * np.median(steps)) + 1 if len(steps) else np.zeros(0, dtype=np.intp)
-    return np.insert(seconds, holes, np.nan), np.asarray(np.insert(values, holes, np.nan, axis=0))
+    return np.asarray(np.insert(seconds, holes, np.nan)), np.asarray(np.insert(values, holes, np.nan, axis=0))
 
 
 def _draw_views(above: "Axes", side: "Axes", final: Report, online: Report | None) -> None:

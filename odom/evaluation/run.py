@@ -1,66 +1,119 @@
 """The truth fields of `report.json`, from the files that `odom run --out` leaves."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from odom.errors import InputError
+from odom.evaluation.calibration import Calibration, CalibrationOptions, calibrate
 from odom.evaluation.files import read_tum
+from odom.evaluation.noise import truth_noise, widened
 from odom.evaluation.plot import ClaimedError, plot
 from odom.evaluation.relative import RelativePoses, read_relative, relative_errors_of, relative_nees
 from odom.evaluation.report import EvaluationOptions, Report, evaluate
 from odom.evaluation.trajectory import Trajectory
 
+CAMERA = "camera"
+"""Body whose truth is that of the colour camera's optical frame itself, on the camera's own clock."""
+
+_ERRORS = ("ate_m", "ate_online_m", "rpe_frame_m", "rpe_frame_deg", "rpe_1s_m", "rpe_1s_deg")
+_NEES = ("nees_mean", "nees_inside_95")
+_CALIBRATION = ("time_offset_s", "hand_eye")
+
 
 def report_with_truth(
-    out_dir: Path, *, total_frames: int | None = None, options: EvaluationOptions | None = None
+    out_dir: Path,
+    *,
+    body: str = CAMERA,
+    total_frames: int | None = None,
+    calibration_options: CalibrationOptions | None = None,
+    title: str = "",
 ) -> dict[str, Any]:
     """Judge the run in `out_dir` and draw `plot.png` there.
 
-    Reads `trajectory.txt`, `odometry.txt`, `relative_step.txt`, `relative_second.txt` and `truth.txt`. Returns the
-    fields of the contract and `truth_notes`, in plain words; a figure that cannot be had is None, with its note.
+    Reads `trajectory.txt`, `odometry.txt`, `relative_step.txt`, `relative_second.txt` and `truth.txt`. `body` names
+    the topic `truth/<body>/pose` that the truth came on: unless it is `camera`, the clock offset and the hand-eye
+    transformation are estimated (or imposed by `calibration_options`) and used for every figure. Returns the fields
+    of the contract and `truth_notes` in plain words; a figure that cannot be had is None and its note says why.
     Raises SourceError when `trajectory.txt` or `truth.txt` cannot be read.
     """
-    options = replace(options or EvaluationOptions(), total_frames=total_frames)
     truth = read_tum(out_dir / "truth.txt")
     estimate = read_tum(out_dir / "trajectory.txt")
+    options = EvaluationOptions(total_frames=total_frames)
     try:
+        calibration = None
+        if calibration_options or body != CAMERA:
+            calibration = calibrate(estimate, truth, calibration_options)
+            truth = calibration.camera_truth(truth)
         final = evaluate(estimate, truth, options)
     except InputError as error:
-        return {**_nothing(len(estimate), total_frames), "truth_notes": [str(error)]}
+        nothing = dict.fromkeys(_ERRORS + _NEES + _CALIBRATION)
+        return {**nothing, "matched": 0, "total": max(total_frames or 0, len(estimate)), "truth_notes": [str(error)]}
     online = _online(out_dir / "odometry.txt", truth, options)
-    second = _relative(out_dir / "relative_second.txt")
     step = _relative(out_dir / "relative_step.txt")
+    second = _relative(out_dir / "relative_second.txt")
+    plot(out_dir / "plot.png", final, online, _claimed(second, truth, final), title, remarks(calibration))
     fields = {
-        "ate_m": final.ate_m,
+        **error_fields(final),
         "ate_online_m": online.ate_m if online else None,
-        "rpe_frame_m": final.rpe_frame.rmse_m,
-        "rpe_frame_deg": final.rpe_frame.rmse_deg,
-        "rpe_1s_m": final.rpe_1s.rmse_m,
-        "rpe_1s_deg": final.rpe_1s.rmse_deg,
-        **_nees_fields(second, truth, options, ""),
-        **_nees_fields(step, truth, options, "_step"),
-        "matched": final.matched,
-        "total": final.total,
-        "time_offset_s": None,
-        "hand_eye": None,
-        "truth_notes": list(final.notes),
+        **_nees_fields(second, truth, "nees"),
+        **_nees_fields(step, truth, "nees_step"),
+        **calibration_fields(calibration, body),
+        "truth_notes": [*final.notes, *(calibration.notes if calibration else ())],
     }
-    plot(out_dir / "plot.png", final, online, _claimed(second, truth, final, options))
     return {key: _finite(value) for key, value in fields.items()}
+
+
+def error_fields(report: Report) -> dict[str, Any]:
+    """Return a report's errors under the names of the contract."""
+    return {
+        "ate_m": report.ate_m,
+        "rpe_frame_m": report.rpe_frame.rmse_m,
+        "rpe_frame_deg": report.rpe_frame.rmse_deg,
+        "rpe_1s_m": report.rpe_1s.rmse_m,
+        "rpe_1s_deg": report.rpe_1s.rmse_deg,
+        "matched": report.matched,
+        "total": report.total,
+    }
+
+
+def calibration_fields(calibration: Calibration | None, body: str) -> dict[str, Any]:
+    """Return clock offset and hand-eye with their standard deviations, None for both without a calibration."""
+    if calibration is None:
+        return dict.fromkeys(_CALIBRATION)
+    sigma = calibration.hand_eye_sigma
+    return {
+        "time_offset_s": calibration.offset_s,
+        "time_offset_sigma_s": calibration.offset_sigma_s,
+        "hand_eye": {
+            "parent": body,
+            "child": "camera_optical_frame",
+            "translation_m": calibration.T_body_camera[:3, 3].tolist(),
+            "quaternion_xyzw": Rotation.from_matrix(calibration.T_body_camera[:3, :3]).as_quat().tolist(),
+            "sigma_m": sigma[:3].tolist(),
+            "sigma_deg": np.degrees(sigma[3:]).tolist(),
+        },
+    }
+
+
+def remarks(calibration: Calibration | None) -> tuple[str, ...]:
+    """Return the calibration in one line of plain words, for the foot of the plot."""
+    if calibration is None:
+        return ()
+    t, sigma = 1e3 * calibration.T_body_camera[:3, 3], calibration.hand_eye_sigma
+    turn = np.degrees(Rotation.from_matrix(calibration.T_body_camera[:3, :3]).magnitude())
+    return (
+        f"Estimated with the alignment: clock offset {1e3 * calibration.offset_s:.1f} ± "
+        f"{1e3 * calibration.offset_sigma_s:.1f} ms; camera in marker body ({t[0]:.0f}, {t[1]:.0f}, {t[2]:.0f}) mm "
+        f"± {1e3 * sigma[:3].max():.1f}, turned {turn:.1f}° ± {np.degrees(sigma[3:].max()):.2f}.",
+    )
 
 
 def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _nothing(poses: int, total_frames: int | None) -> dict[str, Any]:
-    names = ("ate_m", "ate_online_m", "rpe_frame_m", "rpe_frame_deg", "rpe_1s_m", "rpe_1s_deg")
-    rest = ("nees_mean", "nees_inside_95", "nees_step_mean", "nees_step_inside_95", "time_offset_s", "hand_eye")
-    return {**dict.fromkeys(names + rest), "matched": 0, "total": max(total_frames or 0, poses)}
 
 
 def _online(path: Path, truth: Trajectory, options: EvaluationOptions) -> Report | None:
@@ -76,22 +129,22 @@ def _relative(path: Path) -> RelativePoses | None:
     return read_relative(path) if path.is_file() else None
 
 
-def _nees_fields(
-    poses: RelativePoses | None, truth: Trajectory, options: EvaluationOptions, suffix: str
-) -> dict[str, float | None]:
-    values = relative_nees(poses, truth, options.max_gap_s) if poses else None
-    return {
-        f"nees{suffix}_mean": values.mean if values else None,
-        f"nees{suffix}_inside_95": values.inside_95 if values else None,
-    }
+def _nees_fields(poses: RelativePoses | None, truth: Trajectory, name: str) -> dict[str, Any]:
+    if not poses:
+        return dict.fromkeys((f"{name}_mean", f"{name}_inside_95"))
+    plain = relative_nees(poses, truth)
+    fields = {f"{name}_mean": plain.mean, f"{name}_inside_95": plain.inside_95}
+    noise = truth_noise(truth)
+    if noise:
+        floored = relative_nees(widened(poses, noise), truth)
+        fields |= {f"{name}_mean_truth_noise": floored.mean, f"{name}_inside_95_truth_noise": floored.inside_95}
+    return fields
 
 
-def _claimed(
-    poses: RelativePoses | None, truth: Trajectory, final: Report, options: EvaluationOptions
-) -> ClaimedError | None:
+def _claimed(poses: RelativePoses | None, truth: Trajectory, final: Report) -> ClaimedError | None:
     if not poses:
         return None
-    errors, valid = relative_errors_of(poses, truth, options.max_gap_s)
+    errors, valid = relative_errors_of(poses, truth)
     if not len(errors):
         return None
     largest = np.linalg.eigvalsh(poses.covariances[valid][:, :3, :3])[:, -1]

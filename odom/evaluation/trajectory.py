@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from odom.errors import InputError
 
@@ -84,12 +84,11 @@ class Trajectory:
         at_a_pose = (stamps == self.stamps[left]) | (stamps == self.stamps[right])
         valid = (stamps >= self.stamps[0]) & (stamps <= self.stamps[-1]) & ((gap <= max_gap_s * 1e9) | at_a_pose)
         if valid.any():
-            origin = self.stamps[0]
-            slerp = Slerp((self.stamps - origin) * 1e-9, Rotation.from_matrix(self.T_world_body[:, :3, :3]))
-            inside = np.clip((stamps[valid] - origin) * 1e-9, 0.0, (self.stamps[-1] - origin) * 1e-9)
-            poses[valid] = np.eye(4)
-            poses[valid, :3, :3] = slerp(inside).as_matrix()
             w = fraction[valid, None]
+            first = Rotation.from_matrix(self.T_world_body[left[valid], :3, :3])
+            turn = first.inv() * Rotation.from_matrix(self.T_world_body[right[valid], :3, :3])
+            poses[valid] = np.eye(4)
+            poses[valid, :3, :3] = (first * Rotation.from_rotvec(w * turn.as_rotvec())).as_matrix()
             poses[valid, :3, 3] = (1 - w) * self.positions[left[valid]] + w * self.positions[right[valid]]
         return poses, valid
 

@@ -1,0 +1,41 @@
+"""Symmetric smoothing of densely sampled truth, so that its noise does not pull the estimate of a clock offset.
+
+A. Savitzky and M. Golay, "Smoothing and differentiation of data by simplified least squares procedures", 1964, with
+rotations smoothed in the tangent space of the middle sample.
+"""
+
+import numpy as np
+from scipy.signal import savgol_coeffs
+from scipy.spatial.transform import Rotation
+
+from odom.evaluation.trajectory import Trajectory, inverse_all
+
+
+def smooth(trajectory: Trajectory, half_window_s: float = 0.035) -> Trajectory:
+    """Return the trajectory with each pose replaced by a local quadratic's value at its stamp.
+
+    Poses whose window would reach over a hole or past an end, and trajectories sampled too sparsely, stay as they are.
+    """
+    n = len(trajectory)
+    if n < 5:
+        return trajectory
+    period = float(np.median(np.diff(trajectory.stamps)))
+    half = int(half_window_s * 1e9 / period)
+    if half < 2 or n <= 2 * half:
+        return trajectory
+    weights = savgol_coeffs(2 * half + 1, 2)
+    spans = trajectory.stamps[2 * half :] - trajectory.stamps[: n - 2 * half]
+    whole = np.flatnonzero(spans < 1.2 * 2 * half * period) + half
+    T = trajectory.T_world_body
+    inverse = inverse_all(T[whole])
+    shift, turn = np.zeros((len(whole), 3)), np.zeros((len(whole), 3))
+    for weight, lag in zip(weights, range(-half, half + 1), strict=True):
+        relative = inverse @ T[whole + lag]
+        shift += weight * relative[:, :3, 3]
+        turn += weight * Rotation.from_matrix(relative[:, :3, :3]).as_rotvec()
+    step = np.tile(np.eye(4), (len(whole), 1, 1))
+    step[:, :3, :3] = Rotation.from_rotvec(turn).as_matrix()
+    step[:, :3, 3] = shift
+    out = T.copy()
+    out[whole] = T[whole] @ step
+    return Trajectory(trajectory.stamps, out)

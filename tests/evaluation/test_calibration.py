@@ -1,0 +1,108 @@
+"""Clock offset and hand-eye against motion capture that is synthesised here, never told to the program."""
+
+import numpy as np
+import pytest
+from synthetic import T_BODY_CAMERA, mocap, odometry, smooth, trajectory
+
+from odom.errors import InputError
+from odom.evaluation import Trajectory, evaluate
+from odom.evaluation.calibration import CalibrationOptions, calibrate
+from odom.evaluation.clock import clock_offset
+from odom.registration import se3
+
+FRAMES = np.arange(0.0, 30.0, 1 / 30)
+
+
+def scene(seed, offset_s, **motion):
+    rng = np.random.default_rng(seed)
+    pose = smooth(rng, **motion)
+    true = trajectory(pose, FRAMES)
+    return true, odometry(rng, true), mocap(rng, pose, 31.0, offset_s=offset_s)
+
+
+@pytest.mark.parametrize(("seed", "offset_s"), [(0, 0.037), (1, -0.5), (2, 2.2)])
+def test_offset_and_hand_eye_are_recovered_within_their_uncertainty(seed, offset_s):
+    _, estimate, truth = scene(seed, offset_s)
+    found = calibrate(estimate, truth)
+    error = se3.log(se3.inverse(found.T_body_camera) @ T_BODY_CAMERA)
+    assert abs(found.offset_s - offset_s) < 0.002
+    assert np.linalg.norm(error[:3]) < 0.005
+    assert np.degrees(np.linalg.norm(error[3:])) < 0.3
+    assert (np.abs(error) < 4 * found.hand_eye_sigma).all()
+    assert abs(found.offset_s - offset_s) < 4 * found.offset_sigma_s
+    assert found.notes == ()
+
+
+def test_ate_with_the_found_calibration_is_that_with_exact_truth():
+    true, estimate, truth = scene(3, 0.037)
+    exact = evaluate(estimate, true).ate_m
+    assert evaluate(estimate, calibrate(estimate, truth).camera_truth(truth)).ate_m == pytest.approx(exact, rel=0.05)
+
+
+def test_clocks_without_a_common_epoch_are_brought_together():
+    _, estimate, truth = scene(4, 0.0)
+    assert calibrate(estimate, truth.delayed(-1000.0)).offset_s == pytest.approx(-1000.0, abs=0.002)
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 120.0, 240.0])
+def test_offset_is_not_pulled_to_the_samples_of_a_noisy_truth(rate_hz):
+    rng = np.random.default_rng(5)
+    pose = smooth(rng)
+    estimate = odometry(rng, trajectory(pose, FRAMES))
+    for offset_s in (0.001, 0.003):
+        truth = mocap(rng, pose, 31.0, rate_hz, offset_s, noise_m=5e-4, noise_rad=2e-3)
+        assert calibrate(estimate, truth).offset_s == pytest.approx(offset_s, abs=0.0007)
+
+
+def test_imposed_values_are_kept_and_have_no_uncertainty():
+    _, estimate, truth = scene(6, 0.037)
+    found = calibrate(estimate, truth, CalibrationOptions(offset_s=0.036, T_body_camera=T_BODY_CAMERA))
+    assert found.offset_s == 0.036
+    np.testing.assert_array_equal(found.T_body_camera, T_BODY_CAMERA)
+    assert found.offset_sigma_s == 0
+    assert not found.hand_eye_sigma.any()
+
+
+def test_wild_mocap_samples_do_not_spoil_the_calibration():
+    _, estimate, truth = scene(7, 0.037)
+    rng = np.random.default_rng(0)
+    poses = truth.T_world_body.copy()
+    for start in rng.integers(0, len(poses) - 40, 12):
+        poses[start : start + 10] = poses[start : start + 10] @ se3.exp(rng.normal(0, 1.0, 6))
+    found = calibrate(estimate, Trajectory(truth.stamps, poses))
+    error = se3.log(se3.inverse(found.T_body_camera) @ T_BODY_CAMERA)
+    assert abs(found.offset_s - 0.037) < 0.002
+    assert np.linalg.norm(error[:3]) < 0.006
+
+
+def test_without_turns_the_lever_arm_is_said_to_be_unknown():
+    _, estimate, truth = scene(8, 0.0, radians=1e-4)
+    found = calibrate(estimate, truth)
+    assert any("translation is known only" in note for note in found.notes)
+    assert found.hand_eye_sigma[:3].max() > 0.05
+
+
+def test_standing_still_is_said_to_settle_nothing():
+    _, estimate, truth = scene(9, 0.0, radians=1e-6, metres=1e-6)
+    notes = " ".join(calibrate(estimate, truth).notes)
+    assert "clock offset is a guess" in notes
+    assert "translation is known only" in notes
+
+
+def test_pure_rotation_still_gives_hand_eye():
+    _, estimate, truth = scene(10, 0.02, metres=1e-3)
+    found = calibrate(estimate, truth)
+    error = se3.log(se3.inverse(found.T_body_camera) @ T_BODY_CAMERA)
+    assert np.linalg.norm(error[:3]) < 0.006
+    assert np.degrees(np.linalg.norm(error[3:])) < 0.4
+
+
+def test_too_few_matches_are_an_error_that_says_so():
+    _, estimate, truth = scene(11, 0.0)
+    with pytest.raises(InputError, match=r"overlap|match"):
+        calibrate(estimate.take(np.arange(10)), truth.take(np.arange(50)).delayed(500.0))
+
+
+def test_clock_offset_ignores_frames_and_worlds():
+    true, _, truth = scene(12, 0.1234)
+    assert clock_offset(true, truth.moved(se3.exp(np.ones(6)))).seconds == pytest.approx(0.1234, abs=0.004)

@@ -5,21 +5,33 @@ covariance in the residual. A consensus counts only if chance would not produce 
 alarms of L. Moisan and B. Stival, "A Probabilistic Criterion to Detect Rigid Point Matches", IJCV 2004.
 """
 
+import math
+from dataclasses import dataclass
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
+from odom.errors import InputError
 from odom.registration.compiled import compiled
 from odom.registration.kernels import accumulate, horn, mahalanobis, precisions, project, unpack
+from odom.registration.rigidity import rate, rigid_set
 
 Array = NDArray[np.float64]
 
 BOUND = 16.27
 """The .999 quantile of chi-square with 3 degrees of freedom: beyond it a pair is wrong."""
-FALSE_ALARMS = np.log(1e-4)
+FALSE_ALARMS = math.log(1e-4)
 """A consensus is believed when chance would give fewer motions like it than this."""
 _GROWTH = 1.4
 _TURN = np.cos(0.05)
-_PAIR_TOLERANCE = 3.0**2
+_SEEDS = 120
+_TRIALS = 12
+
+
+def bad_covariance(k: int) -> InputError:
+    """Return the error that names the pair whose covariance cannot be used."""
+    return InputError(f"the covariance of pair {k} is not positive definite: leave it out, or add the pixel's noise")
 
 
 @compiled
@@ -127,125 +139,79 @@ def chance(p: Array, W: Array, bound: float) -> float:
     return total / n
 
 
-@compiled
 def log_false_alarms(n: int, inliers: int, probability: float) -> float:
     """Return the log of how many motions chance would give as many inliers among n pairs (an upper bound).
 
     `C(n, 3)` motions may be tried, each with `n - 3` free pairs; the binomial tail by Chernoff's bound.
     """
-    tries = np.log(n * (n - 1.0) * (n - 2.0) / 6.0)
-    m, j = n - 3.0, inliers - 3.0
-    if j <= m * probability:
-        return float(tries)
-    f = j / m
-    exponent = f * np.log(f / probability)
-    if f < 1.0:
-        exponent += (1.0 - f) * np.log((1.0 - f) / (1.0 - probability))
-    return float(tries - m * exponent)
+    if inliers < 3:
+        return math.inf
+    tries = math.log(n * (n - 1.0) * (n - 2.0) / 6.0)
+    free, agreeing = n - 3, inliers - 3
+    if agreeing <= free * probability:
+        return tries
+    share = agreeing / free
+    exponent = share * math.log(share / probability)
+    if share < 1.0:
+        exponent += (1.0 - share) * math.log((1.0 - share) / (1.0 - probability))
+    return tries - free * exponent
 
 
-@compiled
-def compatible(q: Array, p: Array, Sq: Array, Sp: Array, i: int, k: int) -> bool:
-    """Return whether pairs i and k can be of one rigid motion: their distances agree within the noise along them."""
-    if i == k:
-        return False
-    u0, u1, u2 = p[k, 0] - p[i, 0], p[k, 1] - p[i, 1], p[k, 2] - p[i, 2]
-    v0, v1, v2 = q[k, 0] - q[i, 0], q[k, 1] - q[i, 1], q[k, 2] - q[i, 2]
-    du = u0 * u0 + u1 * u1 + u2 * u2
-    dv = v0 * v0 + v1 * v1 + v2 * v2
-    difference = np.sqrt(du) - np.sqrt(dv)
-    variance = 0.0
-    if len(Sp) > 0 and du > 0.0:
-        for s in (i, k):
-            C = Sp[s]
-            e = u0 * (C[0, 0] * u0 + 2.0 * (C[0, 1] * u1 + C[0, 2] * u2)) + u1 * (C[1, 1] * u1 + 2.0 * C[1, 2] * u2)
-            variance += (e + C[2, 2] * u2 * u2) / du
-    if len(Sq) > 0 and dv > 0.0:
-        for s in (i, k):
-            C = Sq[s]
-            e = v0 * (C[0, 0] * v0 + 2.0 * (C[0, 1] * v1 + C[0, 2] * v2)) + v1 * (C[1, 1] * v1 + 2.0 * C[1, 2] * v2)
-            variance += (e + C[2, 2] * v2 * v2) / dv
-    return bool(difference * difference <= _PAIR_TOLERANCE * variance)
+@dataclass(frozen=True, eq=False)
+class Gated:
+    """What passed the gate: weights and squared residuals (n each), and the motion they agree on.
+
+    Weights of wrong pairs are 0; `believable` says whether so many pairs agree that chance cannot be the reason.
+    """
+
+    weights: Array
+    chi2: Array
+    T_target_source: Array
+    rounds: int
+    believable: bool
+
+    @property
+    def inliers(self) -> int:
+        """The number of pairs that passed."""
+        return int(np.count_nonzero(self.weights))
 
 
-@compiled
-def search(
-    q: Array,
-    p: Array,
-    Sq: Array,
-    Sp: Array,
-    base: Array,
-    T: Array,
-    bound: float,
-    probability: float,
-    W: Array,
-    g: Array,
-    chi2: Array,
-) -> int:
-    """Look for a motion among pairs of which most are wrong: sets of pairs whose distances agree, each graduated.
+def gate(q: Array, p: Array, Sq: Array, Sp: Array, base: Array, T: Array, near: bool, bound: float = BOUND) -> Gated:
+    """Return the pairs that agree on one motion, each within `bound` of its own covariance.
 
-    Up to 120 seeds are rated by the number of pairs compatible with them, the best 12 refined by a second pair, until
-    one gives a consensus beyond chance. Cost O(120 n), memory O(n). Leaves the motion with most inliers in `T` (with
-    `g`, `chi2`, `W`), returns their number, 0 when nothing was found.
+    Arguments as in `graduate`; `T` is where to begin if `near`. Where graduation ends in a consensus that chance may
+    have made, rigid sets of pairs are graduated instead, the best rated seeds first, until one is believable. O(n) in
+    time and memory. Raises InputError for a covariance that is not positive.
     """
     n = len(q)
-    seeds = min(n, 120)
-    rating = np.zeros(seeds, dtype=np.int64)
-    for s in range(seeds):
-        i = s * n // seeds
-        if base[i] > 0.0:
-            for k in range(n):
-                rating[s] += base[k] > 0.0 and compatible(q, p, Sq, Sp, i, k)
-    mask = np.zeros(n)
-    member = np.empty(n, dtype=np.int64)
-    trial = np.eye(4)
-    trial_g = np.empty(n)
-    trial_chi2 = np.empty(n)
-    best = 0
-    for _ in range(12):
-        s = 0
-        for other in range(1, seeds):
-            if rating[other] > rating[s]:
-                s = other
-        if rating[s] < 3:
-            break
-        rating[s] = 0
-        i = s * n // seeds
-        size = 0
-        for k in range(n):
-            if base[k] > 0.0 and compatible(q, p, Sq, Sp, i, k):
-                member[size] = k
-                size += 1
-        most, second = 0, member[0]
-        for a in range(0, size, max(1, size // 24)):
-            common = 0
-            for c in range(size):
-                common += compatible(q, p, Sq, Sp, member[a], member[c])
-            if common > most:
-                most, second = common, member[a]
-        if most < 2:
+    W = np.empty((n, 8))
+    chi2 = np.empty(n)
+
+    def attempt(mask: Array, start: Array, is_near: bool) -> Gated:
+        motion, weights = start.copy(), np.empty(n)
+        rounds = graduate(q, p, Sq, Sp, mask, motion, is_near, bound, W, weights, chi2)
+        if rounds < 0:
+            raise bad_covariance(-1 - rounds)
+        agreeing = np.where(chi2 <= bound, base, 0.0)
+        believable = log_false_alarms(used, int(np.count_nonzero(agreeing)), probability()) < FALSE_ALARMS
+        return Gated(agreeing, chi2.copy(), motion, rounds, believable)
+
+    @cache
+    def probability() -> float:
+        return chance(p, W, bound)
+
+    used = int(np.count_nonzero(base))
+    best = attempt(base, T, near)
+    if best.believable or used < 4:
+        return best
+    rating, mask = np.empty(min(n, _SEEDS)), np.empty(n)
+    rate(q, p, Sq, Sp, base, rating)
+    for seed in np.argsort(-rating, kind="stable")[:_TRIALS]:
+        if rigid_set(q, p, Sq, Sp, base, int(seed) * n // len(rating), mask) < 4:
             continue
-        for k in range(n):
-            mask[k] = 0.0
-        mask[i], mask[second] = base[i], base[second]
-        for c in range(size):
-            if compatible(q, p, Sq, Sp, second, member[c]):
-                mask[member[c]] = base[member[c]]
-        if graduate(q, p, Sq, Sp, mask, trial, False, bound, W, trial_g, trial_chi2) < 0:
-            return 0
-        count = 0
-        for k in range(n):
-            count += base[k] > 0.0 and trial_chi2[k] <= bound
-        if count > best:
-            best = count
-            for r in range(4):
-                for c in range(4):
-                    T[r, c] = trial[r, c]
-            if best > 3 and log_false_alarms(n, best, probability) < FALSE_ALARMS:
-                break
-    if best > 0:
-        precisions(Sq, Sp, T, 0.0, W)
-        mahalanobis(q, p, W, T, chi2)
-        for k in range(n):
-            g[k] = base[k] if chi2[k] <= bound else 0.0
+        found = attempt(mask, np.eye(4), False)
+        if found.believable or found.inliers > best.inliers:
+            best = found
+        if best.believable:
+            break
     return best

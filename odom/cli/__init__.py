@@ -13,6 +13,7 @@ from odom.cli.eval import evaluate
 from odom.cli.run import run
 from odom.cli.sensor import sensor
 from odom.cli.serve import serve
+from odom.cli.view import view
 from odom.errors import ConfigError, OdomError
 
 app = typer.Typer(
@@ -23,6 +24,7 @@ app = typer.Typer(
 )
 app.command("run")(run)
 app.command("serve")(serve)
+app.command("view")(view)
 app.command("config")(config)
 app.command("eval")(evaluate)
 app.command("sensor")(sensor)

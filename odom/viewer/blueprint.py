@@ -6,7 +6,6 @@ from odom.viewer import entities
 from odom.viewer.draw import TIMELINE
 
 _GROUND = (13, 16, 20)
-_PLOT_GROUND = rrb.archetypes.PlotBackground(color=_GROUND, show_grid=True)
 
 
 def blueprint(plot_seconds: float | None = 60.0) -> rrb.Blueprint:
@@ -21,7 +20,7 @@ def blueprint(plot_seconds: float | None = 60.0) -> rrb.Blueprint:
                         origin=entities.LOG,
                         name="What happened",
                         columns=rrb.TextLogColumns(
-                            timeline_columns=[TIMELINE],
+                            timeline_columns=[],
                             text_log_columns=["loglevel", "body"],
                         ),
                     ),
@@ -35,12 +34,12 @@ def blueprint(plot_seconds: float | None = 60.0) -> rrb.Blueprint:
                     rrb.Spatial2DView(origin=entities.DEPTH, name="Depth", background=_GROUND),
                 ),
                 rrb.Horizontal(
-                    _plot(entities.POSITION_ERROR, "Position error, mm", plot_seconds),
-                    _plot(entities.ROTATION_ERROR, "Rotation error, deg", plot_seconds),
+                    _plot(entities.POSITION_ERROR, "Position error, mm (grey: 3 sigma)", plot_seconds),
+                    _plot(entities.ROTATION_ERROR, "Rotation error, deg (grey: 3 sigma)", plot_seconds),
                 ),
                 rrb.Horizontal(
-                    _plot(entities.INLIERS, "Inliers", plot_seconds),
-                    _plot(entities.TIMES, "Processing and latency, ms", plot_seconds),
+                    _plot(entities.INLIERS, "Inliers (green) of matches (grey)", plot_seconds),
+                    _plot(entities.TIMES, "Processing (blue), latency (orange), ms", plot_seconds),
                 ),
                 row_shares=[1.15, 1, 1],
             ),
@@ -78,7 +77,6 @@ def _plot(path: str, name: str, seconds: float | None) -> rrb.TimeSeriesView:
         origin=path,
         name=name,
         time_ranges=ranges,
-        background=_PLOT_GROUND,
-        plot_legend=rrb.PlotLegend(visible=True, corner=rrb.Corner2D.LeftTop),
+        plot_legend=rrb.PlotLegend(visible=False),
         axis_y=rrb.ScalarAxis(zoom_lock=False),
     )

@@ -15,7 +15,7 @@ from odom.viewer.draw import Draw, draw
 from odom.wire import Message, codec
 from odom.wire.codec import cdr
 
-_DEPTH_RANGE_MM = (400.0, 5000.0)
+_RANGE_PERCENT, _RANGE_INERTIA = (2, 98), 0.9
 _PAIR_NS = 25_000_000
 _FRUSTUM_M = 0.35
 _HALF = 2
@@ -30,6 +30,7 @@ class Images:
         self._camera: Camera | None = None
         self._color: Message | None = None
         self._depth: Message | None = None
+        self._range_mm: NDArray[np.float64] | None = None
 
     def camera_info(self, message: Message) -> Iterator[Draw]:
         """Yield the pinholes when the camera has changed."""
@@ -54,15 +55,19 @@ class Images:
         yield draw(entities.COLOR, message.stamp, rr.EncodedImage(contents=data, media_type=media))
 
     def depth(self, message: Message) -> Iterator[Draw]:
-        """Yield the depth image at half its resolution as PNG."""
+        """Yield the depth image at half its resolution as PNG; the range of colours follows the scene slowly."""
         self._depth = message
         half = np.ascontiguousarray(codec.decode_depth(message)[::_HALF, ::_HALF])
+        if len(measured := half[::4, ::4][half[::4, ::4] > 0]):
+            seen = np.percentile(measured, _RANGE_PERCENT)
+            old = seen if self._range_mm is None else self._range_mm
+            self._range_mm = _RANGE_INERTIA * old + (1.0 - _RANGE_INERTIA) * seen
         data = cv2.imencode(".png", half, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes()
         archetype = rr.EncodedDepthImage(
             data,
             media_type="image/png",
             meter=1000.0,
-            depth_range=_DEPTH_RANGE_MM,
+            depth_range=self._range_mm,
             colormap=rr.components.Colormap.Viridis,
         )
         yield draw(entities.DEPTH, message.stamp, archetype)
@@ -108,5 +113,5 @@ def _pinhole(camera: Camera, reduction: int, color: palette.Rgb) -> rr.Pinhole:
         camera_xyz=rr.ViewCoordinates.RDF,
         image_plane_distance=_FRUSTUM_M,
         color=color,
-        line_width=2.0,
+        line_width=-1.5,
     )

@@ -47,6 +47,7 @@ class MapScene:
         self._covariances: dict[Stamp, Array] = {}
         self._seen_keyframe = Stamp(-(2**62))
         self._loops: deque[Loop] = deque()
+        self._landmarks = np.zeros((0, 3), dtype=np.float32)
         self._online_tail: list[Array] = []
         self._corrected_tail: list[Array] = []
 
@@ -94,6 +95,7 @@ class MapScene:
 
     def landmarks(self, stamp: Stamp, points: NDArray[np.float32]) -> Iterator[Draw]:
         """Yield the landmarks (n x 3, map)."""
+        self._landmarks = points
         yield draw(entities.LANDMARKS, stamp, rr.Points3D(points[:, :3], colors=palette.LANDMARK, radii=-1.2))
 
     def loop(self, loop: Loop) -> None:
@@ -136,8 +138,10 @@ class MapScene:
             yield from self._ellipsoids(stamp)
         yield from self._loop_lines(stamp, corrected)
 
-    def all_clouds(self, stamp: Stamp) -> Iterator[Draw]:
-        """Yield every cloud again, with its place."""
+    def all_points(self, stamp: Stamp) -> Iterator[Draw]:
+        """Yield the landmarks and every cloud again, with its place."""
+        if len(self._landmarks):
+            yield from self.landmarks(stamp, self._landmarks)
         places = {pose.stamp: pose.T_parent_child for pose in self._keyframes}
         for keyframe, cloud in self.clouds:
             if keyframe in places:

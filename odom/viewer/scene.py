@@ -95,7 +95,7 @@ class Scene:
     def everything(self) -> Iterator[Draw]:
         """Yield all that is static or slow once more, for browsers that open the page when the rest is forgotten."""
         if self._newest is not None:
-            yield from self._map.all_clouds(self._newest)
+            yield from self._map.all_points(self._newest)
             yield from self._refresh(self._newest)
 
     def _color(self, message: Message) -> Iterator[Draw]:
@@ -143,15 +143,17 @@ class Scene:
         yield from self._words.loop(loop)
 
     def _status(self, message: Message) -> Iterator[Draw]:
+        """Show a status at the newest pose, where there is one: its own stamp is the wall time of its sending."""
         for status in codec.decode_status(message):
-            yield from self._words.status(status)
+            stamp = self._newest if self._newest is not None else status.stamp
+            yield from self._words.status(stamp, status)
             for path, keys in (
                 (entities.INLIERS, ("inliers", "matches")),
                 (entities.TIMES, ("processing_ms", "latency_ms")),
             ):
                 values = [_number(status.values.get(key)) for key in keys]
                 if np.isfinite(values).any():
-                    yield draw(path, status.stamp, rr.Scalars(values))
+                    yield draw(path, stamp, rr.Scalars(values))
 
     def _end(self, message: Message) -> Iterator[Draw]:
         stamp = self._newest if self._newest is not None else message.stamp
@@ -160,7 +162,8 @@ class Scene:
 
     def _add_truth(self, body: str, message: Message) -> None:
         pose = codec.decode_pose(message)
-        if trail := self._trail(body):
+        trail = self._trail(body)
+        if trail is not None:
             trail.add(pose.stamp, pose.T_parent_child)
 
     def _trail(self, body: str) -> Trail | None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 
 import rerun as rr
 
@@ -24,7 +25,8 @@ _REFUSED_EVERY_NS = 1_000_000_000
 
 def says(stamp: Stamp, level: str, text: str, color: palette.Rgb | None = None) -> Draw:
     """Return a line of the log."""
-    return draw(entities.LOG, stamp, rr.TextLog(text, level=level, color=color))
+    clock = datetime.fromtimestamp(to_seconds(stamp), UTC).strftime("%H:%M:%S")
+    return draw(entities.LOG, stamp, rr.TextLog(f"{clock}  {text}", level=level, color=color))
 
 
 @dataclass
@@ -42,7 +44,7 @@ class Words:
     _error: PoseError | None = None
     _calibrated: bool = False
 
-    def status(self, status: Status) -> Iterator[Draw]:
+    def status(self, stamp: Stamp, status: Status) -> Iterator[Draw]:
         """Yield a line when the state or its reason has changed."""
         self._values = {**self._values, **status.values}
         state = status.values.get("state", "")
@@ -53,7 +55,7 @@ class Words:
         self._state = (state, reason)
         level, word, color = _STATES.get(state, (INFO, state.capitalize(), palette.BOUND))
         if changed_state or state not in ("TRACKING", "RECOVERED"):
-            yield says(status.stamp, level, f"{word}: {reason}" if reason else word, color)
+            yield says(stamp, level, f"{word}: {reason}" if reason else word, color)
 
     def frame(self, stamp: Stamp) -> None:
         """Count a published pose."""

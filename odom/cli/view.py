@@ -1,0 +1,48 @@
+"""`odom view`: look at a device, from any machine that reaches it."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def view(
+    web: Annotated[bool, typer.Option("--web", help="Serve a web page and print its address.")] = False,
+    headless: Annotated[bool, typer.Option("--headless", help="Show nothing; only write --rrd FILE.")] = False,
+    rrd: Annotated[Path | None, typer.Option(help="Write everything shown to this file for Rerun.")] = None,
+    host: Annotated[str | None, typer.Option(help="Address to serve on; 0.0.0.0 lets other machines look.")] = None,
+    web_port: Annotated[int | None, typer.Option(help="Port of the web page.")] = None,
+    data_port: Annotated[int | None, typer.Option(help="Port of the data of the page.")] = None,
+    namespace: Annotated[str | None, typer.Option(help="Name of the device, first part of its keys.")] = None,
+    connect: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to connect to.")] = None,
+    listen: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to listen on.")] = None,
+    mode: Annotated[str | None, typer.Option(help="Zenoh role: peer, client or router.")] = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file of settings.")] = None,
+) -> None:
+    """Show trajectories, images and errors live: in a window, without a screen as a web page, or into a file.
+
+    It may be started late or twice, lag, or die: nothing waits for it. A late one shows the whole trajectory.
+
+    Example: odom view --web
+    """
+    import cv2
+    from pydantic import ValidationError
+
+    from odom.cli import signals
+    from odom.cli.wiring import wire_settings
+    from odom.errors import ConfigError
+    from odom.service.settings import load_settings
+    from odom.viewer import ViewerSettings
+    from odom.viewer.outputs import choose
+    from odom.viewer.process import view as show
+
+    cv2.setNumThreads(1)
+    stop = signals.stop_event()
+    wire = wire_settings(config, connect, listen, mode, namespace)
+    given = {"host": host, "web_port": web_port, "data_port": data_port}
+    settings = load_settings(config).viewer
+    try:
+        settings = ViewerSettings(**{**settings.model_dump(), **{k: v for k, v in given.items() if v is not None}})
+    except ValidationError as error:
+        raise ConfigError("; ".join(f"--{e['loc'][0]}: {e['msg']}" for e in error.errors())) from error
+    show(wire, settings, choose(web, headless, rrd), stop, lambda address: typer.echo(f"viewer: {address}"))

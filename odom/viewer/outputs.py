@@ -1,0 +1,187 @@
+"""Where the picture goes: a file, a web page, a window; the last two read from one server in this process."""
+
+import ctypes
+import logging
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from urllib.parse import quote
+
+import rerun as rr
+
+from odom.errors import ConfigError, OdomError
+from odom.viewer.blueprint import blueprint
+from odom.viewer.settings import ViewerSettings
+
+_LOG = logging.getLogger(__name__)
+APPLICATION = "rgbd-odom"
+_FLUSH_S = 0.05
+_SET_PARENT_DEATH_SIGNAL = 1
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """What is wanted; a desktop window and a web page are both clients of the server."""
+
+    web: bool = False
+    desktop: bool = False
+    file: Path | None = None
+
+    @property
+    def served(self) -> bool:
+        """Whether anybody may look while it runs."""
+        return self.web or self.desktop
+
+
+def choose(web: bool, headless: bool, file: Path | None) -> Outputs:
+    """Return what the options mean on this machine: without any, a window where there is a screen, else a web page.
+
+    Raises ConfigError when nothing would be shown or written.
+    """
+    if headless and web:
+        raise ConfigError("--headless and --web contradict each other: give one of them")
+    if headless and file is None:
+        raise ConfigError("--headless without --rrd FILE shows nothing: leave it out or name a file")
+    desktop = not (web or headless or file is not None) and has_screen()
+    return Outputs(web=web or not (desktop or headless or file is not None), desktop=desktop, file=file)
+
+
+def has_screen() -> bool:
+    """Return whether a window can be opened here."""
+    return sys.platform in ("win32", "darwin") or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+
+
+@dataclass(frozen=True)
+class Shown:
+    """An open recording, the address of its web page, and the processes that show it."""
+
+    recording: rr.RecordingStream
+    address: str | None
+    window: subprocess.Popen[bytes] | None
+
+    @property
+    def window_closed(self) -> bool:
+        """Whether the window has been closed by its user."""
+        return self.window is not None and self.window.poll() is not None
+
+
+@contextmanager
+def open_outputs(outputs: Outputs, settings: ViewerSettings, name: str) -> Iterator[Shown]:
+    """Open a recording named `name` into the outputs and close all at the end, the file complete.
+
+    Raises OdomError when the file cannot be written or no port is free.
+    """
+    with ExitStack() as stack:
+        recording = rr.RecordingStream(APPLICATION, batcher_config=_batching())
+        stack.callback(recording.disconnect)
+        sinks: list[rr.GrpcServerSink | rr.FileSink] = []
+        data_port = web_port = 0
+        if outputs.file is not None:
+            _check_writable(outputs.file)
+            sinks.append(rr.FileSink(outputs.file))
+        if outputs.served:
+            data_port = free_port(settings.host, settings.data_port)
+            web_port = free_port(settings.host, settings.web_port, taken=data_port)
+            sinks.append(
+                rr.GrpcServerSink(
+                    settings.host,
+                    data_port,
+                    server_memory_limit=f"{settings.server_memory_mib}MiB",
+                    cors_allow_origin=[f"http://{_origin(settings.host)}:{web_port}"],
+                )
+            )
+        recording.set_sinks(*sinks, default_blueprint=blueprint())
+        recording.send_recording_name(name)
+        data = f"rerun+http://{_reachable(settings.host)}:{data_port}/proxy"
+        address = window = None
+        if outputs.web:
+            stack.enter_context(
+                _child(["--serve-web", "--bind", settings.host, "--web-viewer-port", str(web_port), data])
+            )
+            address = f"http://{_reachable(settings.host)}:{web_port}/?url={quote(data, safe=':/')}"
+        if outputs.desktop:
+            limit = f"{settings.desktop_memory_mib}MiB"
+            window = stack.enter_context(
+                _child(["--connect", data, "--bind", "127.0.0.1", "--memory-limit", limit, "--hide-welcome-screen"])
+            )
+        yield Shown(recording, address, window)
+        recording.flush(timeout_sec=10.0)
+
+
+def free_port(host: str, preferred: int, taken: int | None = None) -> int:
+    """Return `preferred`, or a port that is free on `host` when somebody has it already.
+
+    Raises OdomError when the address cannot be listened on at all.
+    """
+    for port in (preferred, 0):
+        if port and port == taken:
+            continue
+        with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((host, port))
+                return int(probe.getsockname()[1])
+            except OSError as error:
+                reason = error
+    raise OdomError(f"cannot listen on {host}: {reason}; give another --host")
+
+
+def _batching() -> rr.ChunkBatcherConfig:
+    config = rr.ChunkBatcherConfig.DEFAULT()
+    config.flush_tick = _FLUSH_S
+    return config
+
+
+def _check_writable(path: Path) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.open("wb").close()
+    except OSError as error:
+        raise OdomError(f"{path} cannot be written: {error}") from error
+
+
+def _reachable(host: str) -> str:
+    return socket.gethostname() if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
+
+
+def _origin(host: str) -> str:
+    return "*" if host in ("0.0.0.0", "::") else _reachable(host)
+
+
+@contextmanager
+def _child(arguments: Sequence[str]) -> Iterator[subprocess.Popen[bytes]]:
+    process = subprocess.Popen(
+        [str(_program()), *arguments],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        preexec_fn=_end_with_parent if sys.platform == "linux" else None,
+    )
+    try:
+        yield process
+    finally:
+        process.terminate()
+        try:
+            process.wait(5.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def _program() -> Path:
+    package = find_spec("rerun_cli")
+    if package is None or package.origin is None:
+        raise OdomError("Rerun's program is missing: reinstall rerun-sdk")
+    return Path(package.origin).with_name("rerun.exe" if sys.platform == "win32" else "rerun")
+
+
+def _end_with_parent() -> None:
+    """Let Linux end the child with its parent, even when that is killed: it would keep the port."""
+    ctypes.CDLL(None).prctl(_SET_PARENT_DEATH_SIGNAL, signal.SIGTERM)

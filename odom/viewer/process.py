@@ -1,0 +1,146 @@
+"""The viewer's process: what comes from Zenoh goes to Rerun. It never acknowledges and holds nobody up."""
+
+import logging
+import os
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+from odom.errors import WireError
+from odom.frame import Stamp
+from odom.viewer.draw import Draw, log_to
+from odom.viewer.outputs import Outputs, Shown, open_outputs
+from odom.viewer.scene import Scene
+from odom.viewer.settings import ViewerSettings
+from odom.viewer.thinning import Thinner
+from odom.wire import TRUTH, Message, Topics, WireSettings
+from odom.wire.session import Subscriber, WireSession, open_session
+
+_LOG = logging.getLogger(__name__)
+_NICE = 10
+_WAIT_S = 0.01
+_SMALL_AT_ONCE = 200
+_SMALL_WAITING = 512
+_HISTORY_S = 2.0
+_REPEAT_S = 20.0
+_GRACE_S = 2.0
+
+
+def view(
+    wire: WireSettings,
+    settings: ViewerSettings,
+    outputs: Outputs,
+    stop: threading.Event,
+    tell_address: Callable[[str], None],
+) -> None:
+    """Show one device until `stop` is set or the window is closed; with a file alone until the source has ended.
+
+    Raises OdomError when an output or the session cannot be opened.
+    """
+    if hasattr(os, "nice"):
+        os.nice(_NICE)
+    topics = Topics(wire.namespace)
+    with open_outputs(outputs, settings, wire.namespace) as shown, open_session(wire) as session:
+        if shown.address is not None:
+            tell_address(shown.address)
+        viewer = Viewer(session, topics, settings, shown)
+        viewer.start()
+        session.announce(topics.alive_of("viewer"))
+        while not (stop.is_set() or shown.window_closed):
+            viewer.step(repeat=outputs.served)
+            if not outputs.served and viewer.ended_s is not None and time.monotonic() - viewer.ended_s > _GRACE_S:
+                break
+        viewer.finish()
+        _LOG.info(
+            "%d messages shown, %d images thinned out, %d messages dropped or lost, %d malformed", *viewer.counts()
+        )
+
+
+@dataclass
+class Viewer:
+    """Two subscriptions, one of images of which only the newest waits, and one of all that is small."""
+
+    session: WireSession
+    topics: Topics
+    settings: ViewerSettings
+    shown: Shown
+    ended_s: float | None = None
+
+    def __post_init__(self) -> None:
+        self._scene = Scene(self.topics, self.settings)
+        self._thinner = Thinner(self.settings.image_rate_hz)
+        self._shown = 0
+        self._repeat_due = time.monotonic() + _REPEAT_S
+        t = self.topics
+        small = (t.camera_info, t.odom, t.pose, t.path, t.loops, t.status, t.features, t.landmarks, t.end, TRUTH)
+        self._small = self.session.subscriber(small, depth=_SMALL_WAITING)
+        self._images = self.session.subscriber((t.color, t.color_compressed, t.depth, t.depth_compressed), depth=1)
+
+    def start(self) -> None:
+        """Show what is static, and ask for what happened before."""
+        self._draw(self._scene.setup())
+        for message in self._past():
+            try:
+                if message.topic.endswith(("/history", "/history/odom")):
+                    self._scene.history(message)
+                else:
+                    self._draw(self._scene.handle(message))
+            except WireError as error:
+                _LOG.warning("the history has a malformed message: %s", error)
+        self._draw(self._scene.everything())
+
+    def step(self, repeat: bool) -> None:
+        """Show what is small and waits, then one image, and now and then everything again with `repeat`."""
+        for _ in range(_SMALL_AT_ONCE):
+            if not self._next(self._small, 0.0):
+                break
+        self._next(self._images, _WAIT_S)
+        if repeat and time.monotonic() >= self._repeat_due:
+            self._repeat_due = time.monotonic() + _REPEAT_S
+            self._draw(self._scene.everything())
+
+    def finish(self) -> None:
+        """Show what still waits, and the whole once more."""
+        self.step(repeat=False)
+        self._draw(self._scene.everything())
+
+    def counts(self) -> tuple[int, int, int, int]:
+        """Return messages shown, images thinned out, messages dropped here or lost on the way, and malformed ones."""
+        small, images = self._small.total(), self._images.total()
+        dropped = small.dropped + small.lost + images.dropped + images.lost
+        return self._shown, self._thinner.thinned, dropped, small.malformed + images.malformed
+
+    def _next(self, subscriber: Subscriber, timeout: float) -> bool:
+        delivery = subscriber.receive(timeout)
+        if delivery is None:
+            return False
+        message = delivery.message
+        if subscriber is self._images:
+            kind = "depth" if message.topic in (self.topics.depth, self.topics.depth_compressed) else "color"
+            if not self._thinner.takes(kind, message.stamp, time.monotonic()):
+                return True
+        try:
+            self._draw(self._scene.handle(message))
+            self._shown += 1
+        except WireError as error:
+            subscriber.malformed(message.topic, str(error))
+        if message.topic == self.topics.end:
+            self.ended_s = time.monotonic()
+        elif message.topic == self.topics.odom:
+            self.ended_s = None
+        return True
+
+    def _draw(self, items: Iterable[Draw]) -> None:
+        for item in items:
+            log_to(self.shown.recording, item)
+
+    def _past(self) -> Iterator[Message]:
+        keys = (f"{self.topics.namespace}/history", self.topics.path, self.topics.landmarks)
+        for key in keys:
+            for reply in self.session.zenoh.get(f"{key}?_anyke", timeout=_HISTORY_S):
+                sample = reply.ok
+                if sample is None:
+                    continue
+                _, _, type_name = str(sample.encoding).partition(";")
+                yield Message(str(sample.key_expr), type_name, Stamp(0), sample.payload.to_bytes())

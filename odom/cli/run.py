@@ -93,7 +93,11 @@ def summarise(report: dict[str, Any], folder: Path) -> None:
         typer.echo(f"frames not used: {', '.join(bad)}")
     if report.get("ate_m") is not None:
         typer.echo(
-            f"against truth ({report['matched']}/{report['total']} poses): ATE {report['ate_m']:.4f} m, "
-            f"drift {report['rpe_1s_m']:.4f} m and {report['rpe_1s_deg']:.2f} deg over 1 s"
+            f"against truth ({report['matched']}/{report['total']} poses): ATE {_figure(report['ate_m'], 4)} m, "
+            f"drift {_figure(report['rpe_1s_m'], 4)} m and {_figure(report['rpe_1s_deg'], 2)} deg over 1 s"
         )
     typer.echo(f"files: {folder}")
+
+
+def _figure(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 
 from odom.backend import Estimate, State
 from odom.frame import Stamp
+from odom.service.history import History
 from odom.service.publication import feature_message, loop_messages, map_messages, pose_messages
 from odom.service.settings import ServiceSettings
 from odom.wire import Message, Topics, codec
@@ -26,6 +27,7 @@ class Announcer:
         self._features_due = 0.0
         self._map_due = 0.0
         self._map: dict[str, Message] = {}
+        self._history = History(session, topics)
 
     def poses(self, estimate: Estimate) -> None:
         """Publish odom, pose and tf at once, and the loop candidates."""
@@ -33,6 +35,11 @@ class Announcer:
             self._publisher.put(message)
         for message in loop_messages(self._topics, estimate):
             self._publisher.put(message)
+        self._history.add(estimate)
+
+    def truth(self, body: str, pose: codec.StampedPose) -> None:
+        """Remember a true pose for those who join late; its sender has published it."""
+        self._history.add_truth(body, pose.stamp, pose.T_parent_child)
 
     def pictures(self, estimate: Estimate) -> None:
         """Publish features, and path and landmarks when they have changed, no oftener than the settings say."""
@@ -50,6 +57,7 @@ class Announcer:
         """Publish the path and the landmarks that were held back."""
         for message in self._map.values():
             self._publisher.put(message)
+            self._history.keep(message)
         self._map.clear()
 
     def status_is_due(self, state: State | None) -> bool:

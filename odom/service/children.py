@@ -48,13 +48,18 @@ class Child:
         return self._process.poll()
 
     @property
+    def status(self) -> int | None:
+        """Exit status, negative for a signal, None while it runs."""
+        return self._process.poll()
+
+    @property
     def died(self) -> bool:
         """Whether it has ended by itself in another way than with status 0."""
         return not self.asked_to_stop and self.poll() not in (None, 0)
 
     def ending(self) -> str:
         """Say how it ended, in words."""
-        status = self._process.poll()
+        status = self.status
         if status is None:
             return "is running"
         if status < 0:

@@ -88,6 +88,7 @@ class OdometryProcess:
         if isinstance(arrival, FrameArrival):
             self._process(arrival.frame, arrival.camera, arrival.origin)
         elif isinstance(arrival, TruthArrival):
+            self._announcer.truth(arrival.body, arrival.pose)
             if self._files is not None:
                 self._files.append_truth(arrival.body, arrival.pose.stamp, arrival.pose.T_parent_child)
         else:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from odom.errors import OdomError, WireError
+from odom.errors import ConfigError, OdomError, WireError
 from odom.service.children import Child
 from odom.service.odometry import write_json
 from odom.service.progress import COUNT_ENVIRONMENT, Display, Reading, open_display, parse_count
@@ -22,6 +22,7 @@ from odom.wire.settings import ANY_LOCAL_PORT
 
 _LOG = logging.getLogger(__name__)
 _POLL_S = 0.1
+_CALLED_WRONGLY = 2
 _PARENT_ENVIRONMENT = "ODOM_PARENT_PID"
 
 
@@ -40,7 +41,8 @@ class RunPlan:
 def run(plan: RunPlan, settings: Settings, stop: threading.Event) -> dict[str, Any]:
     """Run the source to its end, or until `stop` is set, and return the report that was written to `plan.out`.
 
-    Raises OdomError naming the process that died; what was done so far is saved by then, with its report.
+    Raises OdomError naming the process that died, ConfigError when it did so because it was called wrongly; what was
+    done so far is saved by then, with its report.
     """
     plan.out.mkdir(parents=True, exist_ok=True)
     endpoint = free_endpoint()
@@ -49,12 +51,13 @@ def run(plan: RunPlan, settings: Settings, stop: threading.Event) -> dict[str, A
     with open_session(wire) as session, open_display() as display:
         crew = Crew(plan, settings, endpoint, session, display)
         try:
-            failure = crew.work(stop)
+            dead = crew.work(stop)
         finally:
             crew.dismiss()
     report = complete_report(plan.out, crew, time.monotonic() - begun)
-    if failure is not None:
-        raise OdomError(f"{failure}; what was done so far is in {plan.out}")
+    if dead is not None:
+        error = ConfigError if dead.status == _CALLED_WRONGLY else OdomError
+        raise error(f"the {dead.name} {dead.ending()}; what was done so far is in {plan.out}")
     return report
 
 
@@ -86,8 +89,8 @@ class Crew:
         }
         self.children = {name: self._start(name, arguments, environment) for name, arguments in _commands(plan)}
 
-    def work(self, stop: threading.Event) -> str | None:
-        """Wait for the end of the source; return who died and how, None when nobody did."""
+    def work(self, stop: threading.Event) -> Child | None:
+        """Wait for the end of the source; return the child that died before, None when none did."""
         sensor, odometry = self.children["sensor"], self.children["odometry"]
         while odometry.poll() is None:
             self._show_progress()
@@ -97,8 +100,8 @@ class Crew:
                 return None
             dead = [child for child in self.children.values() if child.died]
             if dead:
-                return f"the {dead[0].name} {dead[0].ending()}"
-        return f"the odometry {odometry.ending()}" if odometry.died else None
+                return dead[0]
+        return odometry if odometry.died else None
 
     def dismiss(self) -> None:
         """End all children, those first on whose end others wait."""

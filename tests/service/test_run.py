@@ -1,0 +1,148 @@
+"""`odom run` as its users meet it: real processes, real signals, real files."""
+
+import json
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import psutil
+import pytest
+
+from odom.evaluation.files import read_tum
+
+Start = Callable[..., "subprocess.Popen[str]"]
+Eventually = Callable[..., None]
+
+REPORT_FIELDS = {
+    "frames",
+    "tracked",
+    "completeness",
+    "segments",
+    "keyframes",
+    "loop_closures",
+    "loop_candidates",
+    "processing_ms",
+    "latency_ms",
+    "cpu_ms_per_frame",
+    "wall_s",
+    "fps",
+    "peak_rss_mb",
+    "lost_frames",
+    "unmatched_frames",
+}
+TRUTH_FIELDS = {
+    "ate_m",
+    "ate_online_m",
+    "rpe_frame_m",
+    "rpe_frame_deg",
+    "rpe_1s_m",
+    "rpe_1s_deg",
+    "nees_mean",
+    "nees_inside_95",
+    "matched",
+    "total",
+    "time_offset_s",
+    "hand_eye",
+}
+ROLES = {"sensor": "sensor", "odometry": "serve", "recorder": "record"}
+
+
+@pytest.fixture(scope="session")
+def desk(shared_data: Path) -> Path:
+    """A real Kinect at a desk."""
+    return shared_data / "tum_fr1_xyz"
+
+
+def lines(path: Path) -> int:
+    return len(path.read_text().splitlines()) if path.exists() else 0
+
+
+def child(run: "subprocess.Popen[str]", role: str) -> psutil.Process | None:
+    """The child process of `odom run` with this role, once it is there."""
+    for process in psutil.Process(run.pid).children():
+        try:
+            if ROLES[role] in process.cmdline()[3:4]:
+                return process
+        except psutil.NoSuchProcess:
+            continue
+    return None
+
+
+def test_a_run_leaves_the_files_and_the_report_of_the_contract(odom: Start, desk: Path, tmp_path: Path) -> None:
+    run = odom("run", desk, "--headless", "--end", "3", "--out", tmp_path / "out", "--chain")
+    words, _ = run.communicate(timeout=120)
+    assert run.returncode == 0, words
+    assert "frames tracked" in words
+    out = tmp_path / "out"
+    report = json.loads((out / "report.json").read_text())
+    assert (REPORT_FIELDS | TRUTH_FIELDS) - report.keys() == set()
+    assert report["peak_rss_mb"].keys() >= {"sensor", "odometry"}
+    assert report["frames"] == lines(out / "odometry.txt") > 80
+    assert report["matched"] > 80
+    for name in ("trajectory.txt", "truth.txt", "relative_step.txt", "relative_second.txt", "chain.txt", "plot.png"):
+        assert (out / name).stat().st_size > 0, name
+
+
+def test_two_runs_of_one_recording_are_equal_to_the_byte(odom: Start, desk: Path, tmp_path: Path) -> None:
+    for name in ("first", "second"):
+        run = odom("run", desk, "--headless", "--end", "4", "--out", tmp_path / name)
+        words, _ = run.communicate(timeout=120)
+        assert run.returncode == 0, words
+    for name in ("odometry.txt", "trajectory.txt", "relative_step.txt", "relative_second.txt"):
+        assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "second" / name).read_bytes(), name
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_run_cleanly_with_everything_saved(
+    odom: Start, eventually: Eventually, desk: Path, tmp_path: Path, number: signal.Signals
+) -> None:
+    run = odom("run", desk, "--headless", "--realtime", "--out", tmp_path)
+    eventually(lambda: lines(tmp_path / "odometry.txt") > 30, 60, "poses")
+    children = psutil.Process(run.pid).children()
+    run.send_signal(number)
+    words, _ = run.communicate(timeout=20)
+    assert run.returncode == 0, words
+    assert not any(process.is_running() for process in children)
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert len(read_tum(tmp_path / "trajectory.txt")) == report["frames"] == lines(tmp_path / "odometry.txt")
+
+
+@pytest.mark.parametrize("role", ["sensor", "odometry", "recorder"])
+def test_a_killed_child_is_named_at_once_and_the_rest_is_saved(
+    odom: Start, eventually: Eventually, desk: Path, tmp_path: Path, role: str
+) -> None:
+    recording = tmp_path / "session.mcap"
+    run = odom("run", desk, "--headless", "--realtime", "--record", recording, "--out", tmp_path)
+    eventually(lambda: lines(tmp_path / "odometry.txt") > 30, 60, "poses")
+    victim = child(run, role)
+    assert victim is not None
+    victim.kill()
+    killed = time.monotonic()
+    victim.wait()
+    words, _ = run.communicate(timeout=30)
+    assert run.returncode == 1
+    assert f"the {role} was killed by SIGKILL" in words
+    assert time.monotonic() - killed < 20
+    assert len(read_tum(tmp_path / "odometry.txt")) >= 30
+    assert (tmp_path / "odometry.txt").read_text().endswith("\n")
+    assert (tmp_path / "report.json").exists()
+    assert (tmp_path / "trajectory.txt").exists() == (role != "odometry")
+
+
+def test_children_do_not_outlive_a_killed_run(odom: Start, eventually: Eventually, desk: Path, tmp_path: Path) -> None:
+    run = odom("run", desk, "--headless", "--realtime", "--out", tmp_path)
+    eventually(lambda: lines(tmp_path / "odometry.txt") > 30, 60, "poses")
+    children = psutil.Process(run.pid).children()
+    run.kill()
+    eventually(lambda: not any(process.is_running() for process in children), 5, "children end with their parent")
+    assert len(read_tum(tmp_path / "trajectory.txt")) >= 30
+
+
+def test_a_source_that_is_none_is_a_wrong_call(odom: Start, tmp_path: Path) -> None:
+    run = odom("run", tmp_path / "nothing.mcap", "--headless", "--out", tmp_path / "out")
+    words, _ = run.communicate(timeout=60)
+    assert run.returncode == 2
+    assert "nothing.mcap" in words
+    assert "Traceback" not in words

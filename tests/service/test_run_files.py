@@ -1,0 +1,100 @@
+"""The files of a run are what other programs read: TUM text, flushed line by line."""
+
+from pathlib import Path
+
+import numpy as np
+
+from odom.backend import Estimate, RelativePose, State, TrajectoryPose
+from odom.evaluation.files import read_tum
+from odom.evaluation.relative import read_relative
+from odom.frame import Stamp
+from odom.registration import se3
+from odom.service.files import RunFiles
+
+STEP = np.array([0.01, -0.02, 0.03, 0.001, 0.002, -0.003])
+COVARIANCE = np.diag([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]) * 1e-6
+
+
+def stamp(i: int) -> Stamp:
+    return Stamp(1_305_031_102_175_304_001 + i * 33_333_333)
+
+
+def estimate(i: int, state: State = State.TRACKING, with_pairwise: bool = True) -> Estimate:
+    lost = state is State.LOST
+    relative = RelativePose(stamp(i - 1), se3.exp(STEP), COVARIANCE) if i else None
+    return Estimate(
+        sequence=i,
+        stamp=stamp(i),
+        state=state,
+        reason="",
+        segment=0,
+        T_odom_camera=None if lost else se3.exp(STEP * i),
+        covariance=None if lost else COVARIANCE,
+        T_map_odom=np.eye(4),
+        inliers=10,
+        matches=20,
+        step=None if lost else relative,
+        pairwise=relative if with_pairwise else None,
+    )
+
+
+def test_every_pose_is_on_disk_before_the_next_frame(tmp_path: Path) -> None:
+    files = RunFiles(tmp_path)
+    for i in range(5):
+        files.append(estimate(i))
+        assert len((tmp_path / "odometry.txt").read_text().splitlines()) == i + 1
+        assert len((tmp_path / "relative_step.txt").read_text().splitlines()) == i
+
+
+def test_poses_and_covariances_are_read_back_as_written(tmp_path: Path) -> None:
+    files = RunFiles(tmp_path)
+    for i in range(5):
+        files.append(estimate(i))
+    written = read_tum(tmp_path / "odometry.txt")
+    assert list(written.stamps) == [stamp(i) for i in range(5)]
+    np.testing.assert_allclose(written.T_world_body[4], se3.exp(STEP * 4), atol=1e-8)
+    relative = read_relative(tmp_path / "relative_step.txt")
+    np.testing.assert_allclose(relative.covariances[0], COVARIANCE, rtol=1e-8)
+    np.testing.assert_allclose(relative.T_earlier_current[0], se3.exp(STEP), atol=1e-8)
+
+
+def test_a_lost_frame_leaves_no_pose(tmp_path: Path) -> None:
+    files = RunFiles(tmp_path)
+    for i, state in enumerate((State.TRACKING, State.LOST, State.RECOVERED)):
+        files.append(estimate(i, state))
+    assert list(read_tum(tmp_path / "odometry.txt").stamps) == [stamp(0), stamp(2)]
+
+
+def test_segments_are_told_apart_in_the_trajectory(tmp_path: Path) -> None:
+    files = RunFiles(tmp_path)
+    poses = [TrajectoryPose(stamp(i), None if i == 2 else np.eye(4), int(i > 2)) for i in range(5)]
+    files.write_trajectory(poses)
+    text = (tmp_path / "trajectory.txt").read_text()
+    assert [line for line in text.splitlines() if line.startswith("#")] == ["# segment 0", "# segment 1"]
+    assert len(read_tum(tmp_path / "trajectory.txt")) == 4
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_the_chain_is_the_product_of_the_pairwise_poses(tmp_path: Path) -> None:
+    files = RunFiles(tmp_path, chain=True)
+    for i in range(4):
+        files.append(estimate(i, with_pairwise=i != 2))
+    chain = read_tum(tmp_path / "chain.txt")
+    assert len(chain) == 4
+    np.testing.assert_allclose(chain.T_world_body[3], se3.exp(STEP) @ se3.exp(STEP), atol=1e-8)
+    assert "no pairwise pose" in (tmp_path / "chain.txt").read_text()
+
+
+def test_truth_of_the_first_body_is_the_truth(tmp_path: Path) -> None:
+    files = RunFiles(tmp_path)
+    files.append_truth("camera", stamp(0), np.eye(4))
+    files.append_truth("robot", stamp(0), np.eye(4))
+    assert len(read_tum(tmp_path / "truth.txt")) == 1
+    assert len(read_tum(tmp_path / "truth_robot.txt")) == 1
+
+
+def test_results_of_an_earlier_run_do_not_survive_in_the_folder(tmp_path: Path) -> None:
+    for name in ("trajectory.txt", "truth.txt", "report.json", "plot.png", "odometry.txt"):
+        (tmp_path / name).write_text("old")
+    RunFiles(tmp_path)
+    assert [path.name for path in tmp_path.iterdir() if path.read_text() == "old"] == []

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from odom.frame import Stamp
 from odom.wire import Message, Topics
-from odom.wire.codec import encode_text
+from odom.wire.codec import encode_text, restamp
 from odom.wire.flow import Window
 from odom.wire.session import Publisher, WireSession
 from sensors.source import Source, SourceOptions
@@ -92,7 +92,7 @@ class SensorProcess:
         if message.topic == self._topics.camera_info:
             self._calibration, self._calibration_due = message, now + _CALIBRATION_PERIOD_S
         elif self._calibration is not None and now >= self._calibration_due:
-            self._publisher.put(self._calibration)
+            self._publisher.put(restamp(self._calibration, message.stamp))
             self._calibration_due = now + _CALIBRATION_PERIOD_S
 
     def _wait_until_due(self, stamp: Stamp, pace: float, stop: threading.Event) -> bool:

@@ -1,7 +1,7 @@
 """What every sensor, folder and recording looks like to the sensor process, and how a SOURCE is found."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -59,6 +59,11 @@ def open_source(spec: str, options: SourceOptions) -> Source:
 
     Raises ConfigError when `spec` is none of these, SourceError when it cannot be opened.
     """
+    if options.loop:
+        from sensors.loop import LoopedSource
+
+        once = replace(options, loop=False)
+        return LoopedSource(lambda: open_source(spec, once))
     if spec == "arena":
         from sensors.arena import open_arena
 
@@ -68,14 +73,14 @@ def open_source(spec: str, options: SourceOptions) -> Source:
 
         return open_kinect(spec, options)
     path = Path(spec)
-    if path.is_dir() and (path / "rgb.txt").is_file():
+    if (path / "rgb.txt").is_file():
         from sensors.tum import open_tum
 
         return open_tum(path, options)
-    if path.suffix in (".mcap", ".db3", ".bag") or (path.is_dir() and (path / "metadata.yaml").is_file()):
+    if path.suffix == ".mcap" and path.is_file():
         from sensors.replay import open_recording
 
         return open_recording(path, options)
     if path.exists():
-        raise ConfigError(f"{spec}: neither an .mcap recording nor a TUM RGB-D folder (with rgb.txt and depth.txt)")
+        raise ConfigError(f"{spec} is neither an .mcap recording nor a TUM RGB-D folder (with rgb.txt and depth.txt)")
     raise SourceError(f"{spec}: no such file or folder; a SOURCE is arena, kinect, an .mcap file or a TUM RGB-D folder")

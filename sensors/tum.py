@@ -143,7 +143,7 @@ class TumSource:
         depth = decode_file(file, cv2.IMREAD_UNCHANGED)
         if depth.dtype != np.uint16 or depth.ndim != 2:
             raise WireError(f"depth image of type {depth.dtype} and shape {depth.shape}: expected 16-bit grey")
-        mm = depth if self._table is None else self._table[depth]
+        mm = depth if self._table is None else np.take(self._table, depth)
         return encode_depth(self._topics.depth, entry.stamp, mm, self._topics.frame_camera)
 
     def _pose_message(self, entry: TumEntry) -> Message:

@@ -10,6 +10,10 @@ import typer
 from odom.cli import logs, signals
 from odom.cli.config import config
 from odom.cli.eval import evaluate
+from odom.cli.import_ import import_
+from odom.cli.info import info
+from odom.cli.record import record
+from odom.cli.recover import recover
 from odom.cli.run import run
 from odom.cli.sensor import sensor
 from odom.cli.serve import serve
@@ -28,6 +32,10 @@ app.command("view")(view)
 app.command("config")(config)
 app.command("eval")(evaluate)
 app.command("sensor")(sensor)
+app.command("record")(record)
+app.command("import")(import_)
+app.command("recover")(recover)
+app.command("info")(info)
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 

@@ -1,7 +1,7 @@
 """`odom sensor SOURCE`: one sensor, folder or recording on the wire."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -17,13 +17,15 @@ def sensor(
     realtime: Annotated[bool, typer.Option(help="Play a recording like a live sensor: newest frame wins.")] = False,
     rate: Annotated[float, typer.Option(min=0.001, help="Speed of --realtime.")] = 1.0,
     loop: Annotated[bool, typer.Option(help="Begin again at the end, stamps going on.")] = False,
-    color: Annotated[str, typer.Option(help="How a live sensor sends colour: jpeg or raw.")] = "jpeg",
-    depth: Annotated[str, typer.Option(help="How a live sensor sends depth: raw, rvl or png.")] = "raw",
+    color: Annotated[Literal["jpeg", "raw"], typer.Option(help="How a live sensor sends colour.")] = "jpeg",
+    depth: Annotated[Literal["raw", "rvl", "png"], typer.Option(help="How a live sensor sends depth.")] = "raw",
     topic: Annotated[
-        list[str] | None, typer.Option(help="A recording's own topic: color=, depth= or camera_info=/name.")
+        list[str] | None, typer.Option(help="A recording's own topic: color=, depth=, camera_info= or truth=/name.")
     ] = None,
     option: Annotated[list[str] | None, typer.Option(help="A setting of the source itself: name=value.")] = None,
-    kind: Annotated[str, typer.Option("--sensor", help="What the arena simulates: kinect1 or kinect2.")] = "kinect1",
+    kind: Annotated[
+        Literal["kinect1", "kinect2"], typer.Option("--sensor", help="What the arena simulates.")
+    ] = "kinect1",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the arena.")] = 1,
     seconds: Annotated[float | None, typer.Option(min=0, help="Length of the arena's session.")] = None,
     live: Annotated[bool, typer.Option(help="Run the arena like a live sensor, at its frame rate.")] = False,
@@ -32,7 +34,7 @@ def sensor(
     ] = None,
     connect: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to connect to.")] = None,
     listen: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to listen on.")] = None,
-    mode: Annotated[str | None, typer.Option(help="Zenoh role: peer, client or router.")] = None,
+    mode: Annotated[Literal["peer", "client", "router"] | None, typer.Option(help="Zenoh role.")] = None,
     config: Annotated[Path | None, typer.Option(help="YAML file of settings.")] = None,
 ) -> None:
     """Publish a sensor, a folder or a recording.

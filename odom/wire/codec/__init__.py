@@ -1,6 +1,6 @@
 """Pure functions between arrays and wire messages. Decoders raise WireError, and nothing else, on any bytes."""
 
-from odom.wire.codec.cdr import schema, stamp_of
+from odom.wire.codec.cdr import restamp, schema, stamp_of
 from odom.wire.codec.geometry import (
     StampedPose,
     decode_odometry,
@@ -74,6 +74,7 @@ __all__ = [
     "encode_text",
     "encode_tf",
     "quaternion_from_rotation",
+    "restamp",
     "rotation_from_quaternion",
     "schema",
     "stamp_of",

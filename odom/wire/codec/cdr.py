@@ -115,3 +115,16 @@ def deserialise(message: Message, *type_names: str) -> Any:
         return typestore().deserialize_cdr(memoryview(message.payload), message.type_name)
     except Exception as error:  # the generated code meets arbitrary bytes
         raise WireError(f"{message.topic}: malformed {message.type_name}: {error}") from error
+
+
+def restamp(message: Message, stamp: Stamp) -> Message:
+    """Return the message with another capture stamp, all else unchanged; for types that have one in their header.
+
+    Raises WireError for other types and malformed bytes.
+    """
+    if stamp_of(message.type_name, message.payload) is None:
+        raise WireError(f"{message.type_name} has no stamp")
+    moment, payload = time(stamp), bytearray(message.payload)
+    offset = _STAMP_OFFSET[message.type_name]
+    _TIME[payload[1]].pack_into(payload, offset, moment.sec, moment.nanosec)
+    return Message(message.topic, message.type_name, stamp, bytes(payload))

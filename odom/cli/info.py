@@ -1,0 +1,54 @@
+"""`odom info FILE`: what is in a recording."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def info(file: Annotated[Path, typer.Argument(help="An .mcap recording.")]) -> None:
+    """Say what a recording holds, which of it would be colour, depth and calibration, and what it lacks.
+
+    Reads the whole file. Exit status 1 when nothing can be read.
+
+    Example: odom info session.mcap
+    """
+    from odom.errors import ConfigError, RecordingError
+    from odom.wire.codec import decode_camera_info
+    from odom.wire.recording import RecordingReader, assign_roles
+
+    reader = RecordingReader(file)
+    streams = reader.streams()
+    if not streams:
+        raise RecordingError("; ".join((f"{file} holds no ROS 2 messages", *reader.damage)))
+    begin, end = min(stream.begin for stream in streams), max(stream.end for stream in streams)
+    megabytes = file.stat().st_size / 1e6
+    typer.echo(f"{file}: {megabytes:.1f} MB, {(end - begin) / 1e9:.2f} s from {begin / 1e9:.6f}")
+    for key, value in reader.metadata.items():
+        typer.echo(f"  {key}: {value}")
+    width = max(len(stream.topic) for stream in streams) + 1
+    for stream in streams:
+        size = stream.bytes / stream.count / 1e3
+        typer.echo(
+            f"  /{stream.topic:<{width}} {stream.type_name:<34} {stream.count:>7}  {stream.rate:7.2f} Hz  "
+            f"{size:9.2f} kB each"
+        )
+    try:
+        roles = assign_roles(streams, {}, need_calibration=False)
+        typer.echo(f"colour /{roles.color.topic}, depth /{roles.depth.topic}")
+        if roles.camera_info is None:
+            typer.echo("no calibration: `odom run` needs --camera camera.yaml")
+        else:
+            camera = decode_camera_info(roles.camera_info.first, roles.rectified)
+            typer.echo(
+                f"calibration /{roles.camera_info.topic}: {camera.width} x {camera.height}, "
+                f"fx {camera.fx:.2f} fy {camera.fy:.2f} cx {camera.cx:.2f} cy {camera.cy:.2f}"
+            )
+    except (RecordingError, ConfigError) as error:
+        typer.echo(f"not a source for `odom run`: {error}")
+    if reader.skipped:
+        typer.echo(f"{reader.skipped} messages are not ROS 2 CDR")
+    for damage in reader.damage:
+        typer.echo(f"damaged: {damage}; mend it with: odom recover {file} OUT.mcap")
+    if reader.complete:
+        typer.echo("complete: every chunk is whole and the file is closed")

@@ -1,0 +1,51 @@
+"""`odom record OUT.mcap`: everything of a device, from the wire into a file."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from odom.wire.recording.writer import Compression
+
+
+def record(
+    output: Annotated[Path, typer.Argument(help="The .mcap recording to write.")],
+    namespace: Annotated[str | None, typer.Option(help="Name of the device, first part of its keys.")] = None,
+    estimates: Annotated[bool, typer.Option(help="Record poses, transforms, status and loops too.")] = True,
+    compression: Annotated[Compression, typer.Option(help="Of the file's chunks.")] = "zstd",
+    overwrite: Annotated[bool, typer.Option(help="Replace OUTPUT if it exists.")] = False,
+    connect: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to connect to.")] = None,
+    listen: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to listen on.")] = None,
+    mode: Annotated[Literal["peer", "client", "router"] | None, typer.Option(help="Zenoh role.")] = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file of settings.")] = None,
+) -> None:
+    """Record frames, calibration, truth and estimates of a device until its source ends or Ctrl-C.
+
+    The bytes of the wire go into the file as they are. A recorded source waits for this recorder: nothing is lost.
+    After a crash the file lacks at most the last half second.
+
+    Example: odom record session.mcap
+    """
+    from odom.cli import signals
+    from odom.cli.counting import counting
+    from odom.cli.wiring import wire_settings
+    from odom.wire import Topics
+    from odom.wire.recorder import Recorder
+    from odom.wire.recording import RecordingWriter
+    from odom.wire.session import open_session
+
+    stop = signals.stop_event()
+    settings = wire_settings(config, connect, listen, mode, namespace)
+    topics = Topics(settings.namespace)
+    metadata = {"namespace": topics.namespace}
+    with (
+        RecordingWriter(output, compression, overwrite, metadata) as writer,
+        open_session(settings) as session,
+        counting("record", None) as progress,
+    ):
+        report = Recorder(session, topics, writer, estimates).run(stop, progress)
+    missing = f", {report.lost} lost on the way" if report.lost else ""
+    typer.echo(
+        f"{output}: {report.frames} frames, {writer.count} messages{missing}, {output.stat().st_size / 1e6:.1f} MB; "
+        f"{report.reason}"
+    )

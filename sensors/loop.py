@@ -1,0 +1,43 @@
+"""A recorded source played over and over, its stamps going on."""
+
+from collections.abc import Callable, Iterator
+
+from odom.frame import Stamp
+from odom.wire import Message
+from odom.wire.codec import restamp
+from sensors.source import Source
+
+_GAP_NS = 33_333_333
+
+
+class LoopedSource:
+    """Opens the source anew for each round; every round is shifted to begin a frame after the one before."""
+
+    lossless = True
+    length = None
+
+    def __init__(self, open_once: Callable[[], Source]) -> None:
+        self._open = open_once
+        self._source = open_once()
+        self._closed = False
+
+    def messages(self) -> Iterator[Message]:
+        """Yield without end, until `close`; a source without messages ends at once."""
+        shift = 0
+        while True:
+            first: Stamp | None = None
+            last = Stamp(0)
+            for message in self._source.messages():
+                first = message.stamp if first is None else min(first, message.stamp)
+                last = max(last, message.stamp)
+                yield message if shift == 0 else restamp(message, Stamp(message.stamp + shift))
+            self._source.close()
+            if first is None or self._closed:
+                return
+            shift += last - first + _GAP_NS
+            self._source = self._open()
+
+    def close(self) -> None:
+        """End `messages` at the next message."""
+        self._closed = True
+        self._source.close()

@@ -1,0 +1,123 @@
+"""A recording as a source: its colour, depth, calibration and truth, on the keys of this device, bytes unchanged."""
+
+import logging
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from odom.errors import RecordingError
+from odom.frame import Stamp, from_seconds
+from odom.wire import Message, truth
+from odom.wire.codec import cdr, decode_camera_info, encode_camera_info, restamp
+from odom.wire.recording import RecordingReader, Roles, Stream, assign_roles
+from sensors.calibration import load_calibration
+from sensors.source import SourceOptions
+
+log = logging.getLogger(__name__)
+
+_TRUTH_ROLE = "truth"
+_PEEK = 600
+
+
+class ReplaySource:
+    """Colour, depth, calibration and truth of a recording in the order of their stamps.
+
+    The options' `start` and `end` are seconds from the first image; truth from before it is played with a whole one.
+    """
+
+    lossless = True
+
+    def __init__(
+        self, reader: RecordingReader, streams: list[Stream], counts: Mapping[str, int], options: SourceOptions
+    ) -> None:
+        topics = options.topics
+        named = dict(options.topics_from)
+        truths = _truths(streams, named.pop(_TRUTH_ROLE, None))
+        camera = None if options.camera is None else load_calibration(options.camera).camera
+        self._roles: Roles = assign_roles(streams, named, need_calibration=camera is None)
+        self._reader = reader
+        self._keys = {
+            self._roles.color.topic: topics.color if _is_raw(self._roles.color) else topics.color_compressed,
+            self._roles.depth.topic: topics.depth if _is_raw(self._roles.depth) else topics.depth_compressed,
+            **truths,
+        }
+        zero = min(self._roles.color.begin, self._roles.depth.begin)
+        self._start = None if options.start == 0 else Stamp(zero + from_seconds(options.start))
+        self._end = None if options.end is None else Stamp(zero + from_seconds(options.end))
+        whole = self._start is None and self._end is None
+        self._length = counts.get(self._roles.color.topic) if whole else None
+        self._begin = self._start or zero
+        info = self._roles.camera_info
+        if camera is not None:
+            self._info_topic, self._calibration = (
+                None,
+                encode_camera_info(topics.camera_info, self._begin, camera, topics.frame_camera),
+            )
+        else:
+            assert info is not None
+            self._info_topic = info.topic
+            self._calibration = self._on_key(info.first, topics.camera_info)
+        self._info_key = topics.camera_info
+        self._closed = False
+
+    @property
+    def length(self) -> int | None:
+        """Number of colour images of the whole recording, None when only a part is played or it was not counted."""
+        return self._length
+
+    def messages(self) -> Iterator[Message]:
+        """Yield the calibration, then everything by stamp; says at the end what the recording lacks."""
+        yield restamp(self._calibration, self._begin)
+        wanted = {*self._keys, *({self._info_topic} if self._info_topic else ())}
+        for message in self._reader.messages(wanted, self._start):
+            if self._closed:
+                return
+            if self._end is not None and message.stamp >= self._end:
+                continue
+            if message.topic == self._info_topic:
+                if message.stamp > self._begin:
+                    yield self._on_key(message, self._info_key)
+            else:
+                yield replace(message, topic=self._keys[message.topic])
+        for damage in self._reader.damage:
+            log.warning("%s: %s", self._reader.path, damage)
+
+    def close(self) -> None:
+        """End `messages` at the next message."""
+        self._closed = True
+
+    def _on_key(self, message: Message, key: str) -> Message:
+        """Return the calibration of the images as they are: a rectified image has the new matrix, no distortion."""
+        if not self._roles.rectified:
+            return replace(message, topic=key)
+        return encode_camera_info(key, message.stamp, decode_camera_info(message, rectified=True))
+
+
+def open_recording(path: Path, options: SourceOptions) -> ReplaySource:
+    """Open an MCAP recording, this project's or any of ROS 2 with colour, depth and calibration; cut ones too.
+
+    Raises RecordingError when it is none or lacks a stream, ConfigError when a named topic is not in it.
+    """
+    reader = RecordingReader(path)
+    streams, counts = reader.streams(limit=_PEEK), reader.counts()
+    if counts is None:
+        log.warning("%s has no sound end: what is whole is played (mend it with: odom recover %s OUT.mcap)", path, path)
+    if not streams:
+        raise RecordingError("; ".join((f"{path} holds no ROS 2 messages", *reader.damage)))
+    return ReplaySource(reader, streams, counts or {}, options)
+
+
+def _is_raw(stream: Stream) -> bool:
+    return stream.type_name == cdr.IMAGE
+
+
+def _truths(streams: list[Stream], named: str | None) -> dict[str, str]:
+    """Return topic to key of the motion capture poses: those named truth/<body>/pose, or the one that is named."""
+    if named is not None:
+        topic = named.removeprefix("/")
+        return {topic: truth(topic.split("/")[-1] if topic.split("/")[-1] != "pose" else topic.split("/")[-2])}
+    return {
+        stream.topic: stream.topic
+        for stream in streams
+        if stream.type_name == cdr.POSE and stream.topic.startswith("truth/")
+    }

@@ -1,36 +1,134 @@
 """`odom eval ESTIMATE TRUTH`: how far off a trajectory is."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+if TYPE_CHECKING:
+    from odom.evaluation.calibration import CalibrationOptions
+
+AUTO, OFF = "auto", "off"
+
 
 def evaluate(
-    estimate: Annotated[Path, typer.Argument(help="Estimated trajectory (TUM text).")],
-    truth: Annotated[Path, typer.Argument(help="True trajectory (TUM text).")],
-    max_gap: Annotated[float, typer.Option(help="Interpolate truth over gaps up to this many seconds.")] = 0.1,
+    estimate: Annotated[
+        Path, typer.Argument(help="Estimate: TUM or KITTI text, .mcap or ROS bag, or a folder that `odom run` left.")
+    ],
+    truth: Annotated[
+        Path | None,
+        typer.Argument(help="Truth: the same, or Motive's CSV. May be left out for a folder with truth.txt."),
+    ] = None,
+    mocap: Annotated[
+        bool, typer.Option("--mocap", help="Truth is of markers on the camera rig, by another clock: estimate both.")
+    ] = False,
+    time_offset: Annotated[
+        str | None, typer.Option(help="auto, off, or seconds to add to the estimate's stamps to get the truth's.")
+    ] = None,
+    hand_eye: Annotated[
+        str | None, typer.Option(help="auto, off, or 'tx ty tz qx qy qz qw' of the camera in the marker body.")
+    ] = None,
     relative: Annotated[
         list[Path] | None, typer.Option(help="File of relative poses with covariance, for the NEES; may be repeated.")
     ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Write a picture of the errors to this .png or .pdf.")] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures to this file.")] = None,
+    max_gap: Annotated[float, typer.Option(help="Interpolate truth over gaps up to this many seconds.")] = 0.1,
+    search: Annotated[
+        float | None, typer.Option(help="Look for the clock offset within this many seconds; default 5, or everywhere.")
+    ] = None,
+    body: Annotated[str | None, typer.Option(help="Rigid body of a Motive file that holds several.")] = None,
+    z_up: Annotated[bool, typer.Option("--z-up", help="The Motive file was exported with z up, not y.")] = False,
+    times: Annotated[Path | None, typer.Option(help="Times of KITTI poses, seconds, one a line.")] = None,
+    topic: Annotated[str, typer.Option(help="Topic of the estimate in a recording.")] = "cam0/pose",
+    truth_topic: Annotated[str | None, typer.Option(help="Topic of the truth in a recording.")] = None,
 ) -> None:
-    """Print ATE, RPE and coverage of ESTIMATE against TRUTH.
+    """Print ATE, RPE, coverage and calibration of ESTIMATE against TRUTH.
 
-    Example: odom eval out/trajectory.txt groundtruth.txt --relative out/relative_second.txt
+    Alignment is rigid, never scaled; truth is interpolated at the frames' stamps, never extrapolated.
+
+    Example: odom eval out/trajectory.txt groundtruth.txt --plot plot.png
+
+    Example: odom eval out motive.csv --body rig --mocap --relative out/relative_second.txt
     """
+    import json
+
+    from odom.cli.trajectories import read_estimate, read_truth
     from odom.evaluation import EvaluationOptions
     from odom.evaluation import evaluate as judge
-    from odom.evaluation.files import read_tum
+    from odom.evaluation.calibration import calibrate
+    from odom.evaluation.plot import plot as draw
     from odom.evaluation.relative import read_relative, relative_nees
+    from odom.evaluation.run import calibration_fields, error_fields, remarks
 
-    true = read_tum(truth)
-    report = judge(read_tum(estimate), true, EvaluationOptions(max_gap_s=max_gap))
-    print(f"matched        {report.matched} / {report.total} poses")
+    estimated = read_estimate(estimate, times=times, topic=topic)
+    true, foreign = read_truth(
+        truth or estimate, times=times, topic=truth_topic, body=body, y_up=not z_up, of_run=truth is None
+    )
+    options = _calibration_options(mocap or foreign, time_offset, hand_eye, max_gap, search)
+    calibration = calibrate(estimated, true, options) if options else None
+    if calibration:
+        true = calibration.camera_truth(true)
+    report = judge(estimated, true, EvaluationOptions(max_gap_s=max_gap))
+
+    print(f"matched        {report.matched} / {report.total} poses, {report.truth.duration_s:.1f} s")
     print(f"ATE            {report.ate_m:.4f} m")
     for name, error in (("RPE a frame", report.rpe_frame), ("RPE 1 s", report.rpe_1s)):
         print(f"{name:<14} {error.rmse_m:.4f} m  {error.rmse_deg:.3f} deg  ({error.pairs} pairs)")
+    fields = {**error_fields(report), **calibration_fields(calibration, body or "body")}
     for path in relative or []:
         values = relative_nees(read_relative(path), true, max_gap)
-        print(f"NEES           {values.mean:.2f} (6 is ideal), {values.inside_95:.0%} inside 95 %  {path.name}")
-    for note in report.notes:
+        print(f"NEES           {values.mean:.2f} (6 is ideal), {values.inside_95:.1%} inside 95 %  {path.name}")
+        fields[f"nees_{path.stem}"] = {"mean": values.mean, "inside_95": values.inside_95}
+    if calibration:
+        _print_calibration(calibration_fields(calibration, body or "body"), calibration.correlation)
+    notes = [*report.notes, *(calibration.notes if calibration else ())]
+    for note in notes:
         print(f"note: {note}")
+    if plot:
+        draw(plot, report, title=estimate.name, remarks=remarks(calibration))
+    if json_file:
+        json_file.write_text(json.dumps({**fields, "notes": notes}, indent=2) + "\n")
+
+
+def _print_calibration(fields: dict[str, object], correlation: float) -> None:
+    hand_eye = fields["hand_eye"]
+    assert isinstance(hand_eye, dict)
+    metres = "  ".join(
+        f"{v:+.4f} ± {s:.4f}" for v, s in zip(hand_eye["translation_m"], hand_eye["sigma_m"], strict=True)
+    )
+    quaternion = " ".join(f"{v:+.5f}" for v in hand_eye["quaternion_xyzw"])
+    sigma = " ".join(f"{v:.2f}" for v in hand_eye["sigma_deg"])
+    told = "imposed" if correlation != correlation else f"angular speeds correlate {correlation:.2f}"
+    print(f"time offset    {fields['time_offset_s']:+.4f} ± {fields['time_offset_sigma_s']:.4f} s ({told})")
+    print(f"hand-eye       camera in body, m: {metres}")
+    print(f"               quaternion x y z w: {quaternion}, ± {sigma} deg")
+
+
+def _calibration_options(
+    foreign: bool, time_offset: str | None, hand_eye: str | None, max_gap: float, search: float | None
+) -> "CalibrationOptions | None":
+    import numpy as np
+    from scipy.spatial.transform import Rotation
+
+    from odom.errors import ConfigError
+    from odom.evaluation.calibration import CalibrationOptions
+
+    time_offset, hand_eye = (value or (AUTO if foreign else OFF) for value in (time_offset, hand_eye))
+    if time_offset == hand_eye == OFF:
+        return None
+    offset_s, T_body_camera = 0.0 if time_offset == OFF else None, np.eye(4) if hand_eye == OFF else None
+    if time_offset not in (AUTO, OFF):
+        try:
+            offset_s = float(time_offset)
+        except ValueError:
+            raise ConfigError(f"--time-offset {time_offset}: give auto, off or seconds") from None
+    if hand_eye not in (AUTO, OFF):
+        try:
+            values = np.array([float(value) for value in hand_eye.replace(",", " ").split()])
+            T_body_camera = np.eye(4)
+            T_body_camera[:3, :3] = Rotation.from_quat(values[3:]).as_matrix()
+            T_body_camera[:3, 3] = values[:3]
+        except ValueError:
+            raise ConfigError(f"--hand-eye {hand_eye}: give auto, off or 'tx ty tz qx qy qz qw'") from None
+    return CalibrationOptions(offset_s, T_body_camera, max_gap, search)

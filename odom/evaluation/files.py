@@ -1,4 +1,4 @@
-"""Trajectories as files: TUM text."""
+"""Trajectories as text files: TUM, KITTI and Motive's CSV."""
 
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -14,8 +14,14 @@ Array = NDArray[np.float64]
 
 
 def nanoseconds(text: str) -> int:
-    """Return the nanoseconds of decimal seconds, exponents allowed, without passing through a float."""
-    return int((Decimal(text) * 1_000_000_000).to_integral_value())
+    """Return the nanoseconds of decimal seconds, exponents allowed, without passing through a float.
+
+    Raises InvalidOperation, ValueError or OverflowError (64 bits).
+    """
+    value = Decimal(text)
+    if value.is_finite() and abs(value) > 9_000_000_000:
+        raise OverflowError(f"{text} seconds")
+    return int((value * 1_000_000_000).to_integral_value())
 
 
 def read_tum(path: Path) -> Trajectory:
@@ -37,6 +43,35 @@ def read_tum(path: Path) -> Trajectory:
         except (ValueError, InvalidOperation, OverflowError) as error:
             raise SourceError(f"{path}:{number}: not a pose `stamp tx ty tz qx qy qz qw` ({error})") from error
     return trajectory_of(path, stamps, np.array(values).reshape(-1, 7))
+
+
+def read_kitti(path: Path, times: Path) -> Trajectory:
+    """Read twelve numbers a line (the upper 3 x 4 of `T_world_body`, row by row) and their `times`, a line each.
+
+    Raises SourceError when a line cannot be read, the counts differ or a rotation is none.
+    """
+    rows, stamps = [], []
+    for number, line in enumerate(_text(path).splitlines(), 1):
+        try:
+            if line.split():
+                rows.append(np.array([float(field) for field in line.split()]).reshape(3, 4))
+        except ValueError as error:
+            raise SourceError(f"{path}:{number}: not a pose of twelve numbers ({error})") from error
+    for number, line in enumerate(_text(times).splitlines(), 1):
+        try:
+            if line.split():
+                stamps.append(nanoseconds(line.split()[0]))
+        except (InvalidOperation, OverflowError, ValueError) as error:
+            raise SourceError(f"{times}:{number}: not a time in seconds") from error
+    if len(rows) != len(stamps):
+        raise SourceError(
+            f"{path} has {len(rows)} poses but {times} has {len(stamps)} times: give the poses' own times"
+        )
+    P = np.array(rows).reshape(-1, 3, 4)
+    if len(P) and not np.allclose(P[:, :, :3] @ P[:, :, :3].transpose(0, 2, 1), np.eye(3), atol=1e-2):
+        raise SourceError(f"{path}: the left 3 x 3 of a pose is not a rotation")
+    quaternions = Rotation.from_matrix(P[:, :, :3]).as_quat() if len(P) else np.zeros((0, 4))
+    return trajectory_of(path, stamps, np.column_stack([P[:, :, 3], quaternions]))
 
 
 def trajectory_of(path: Path, stamps: list[int], translation_quaternion: Array) -> Trajectory:

@@ -1,0 +1,102 @@
+"""Trajectories for `odom eval`, whatever kind of file they are in."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.errors import SourceError
+from odom.evaluation.files import read_kitti, read_tum
+from odom.evaluation.motive import read_motive
+from odom.evaluation.run import CAMERA
+from odom.evaluation.trajectory import Trajectory
+from odom.frame import Stamp
+
+if TYPE_CHECKING:
+    from odom.wire import Message
+    from odom.wire.codec import StampedPose
+
+_TRUTH = "truth/"
+
+
+def read_estimate(path: Path, *, times: Path | None, topic: str) -> Trajectory:
+    """Return the estimate in a TUM or KITTI file, a recording's topic, or a folder that `odom run` left."""
+    if path.is_dir() and (path / "trajectory.txt").is_file():
+        path = path / "trajectory.txt"
+    if _is_recording(path):
+        return _from_recording(path, topic)[0]
+    return read_kitti(path, times) if times and _columns(path) == 12 else _text(path)
+
+
+def read_truth(
+    path: Path, *, times: Path | None, topic: str | None, body: str | None, y_up: bool, of_run: bool
+) -> tuple[Trajectory, bool]:
+    """Return the truth, and whether it is of a marker body by another clock rather than of the camera."""
+    if path.is_dir() and (path / "truth.txt").is_file():
+        path = path / "truth.txt"
+    elif of_run:
+        raise SourceError(f"{path} holds no truth.txt: give the truth as second argument")
+    if path.suffix.lower() == ".csv" and _columns(path) != 8:
+        return read_motive(path, body, y_up), True
+    if _is_recording(path):
+        trajectory, found = _from_recording(path, topic)
+        return trajectory, found.startswith(_TRUTH) and found != f"{_TRUTH}{CAMERA}/pose"
+    return (read_kitti(path, times) if times and _columns(path) == 12 else _text(path)), False
+
+
+def _text(path: Path) -> Trajectory:
+    if _columns(path) == 12:
+        raise SourceError(f"{path} looks like KITTI poses, which have no stamps: give --times")
+    return read_tum(path)
+
+
+def _columns(path: Path) -> int:
+    """Return the number of fields of the first line that is no comment; 0 when there is none."""
+    try:
+        with path.open() as file:
+            for line in file:
+                fields = line.split("#", 1)[0].replace(",", " ").split()
+                if fields:
+                    return len(fields)
+    except (OSError, UnicodeDecodeError) as error:
+        raise SourceError(f"{path} cannot be read: {error}") from error
+    return 0
+
+
+def _is_recording(path: Path) -> bool:
+    return path.suffix.lower() == ".mcap"
+
+
+def _from_recording(path: Path, topic: str | None) -> tuple[Trajectory, str]:
+    """Return the poses of a topic, the one below `truth/` when None, and the topic's name."""
+    from odom.wire.codec import decode_odometry, decode_path, decode_pose
+    from odom.wire.recording import RecordingReader
+
+    reader = RecordingReader(path)
+    decoders: dict[str, Callable[[Message], Sequence[StampedPose]]] = {
+        "geometry_msgs/msg/PoseStamped": lambda message: (decode_pose(message),),
+        "nav_msgs/msg/Odometry": lambda message: (decode_odometry(message),),
+        "nav_msgs/msg/Path": decode_path,
+    }
+    streams = {stream.topic: stream for stream in reader.streams() if stream.type_name in decoders}
+    if topic is None:
+        truths = [name for name in streams if name.startswith(_TRUTH)]
+        if len(truths) == 1:
+            topic = truths[0]
+    name = topic.removeprefix("/") if topic else None
+    if name not in streams:
+        raise SourceError(
+            f"{path}: name the topic with --topic or --truth-topic; those with poses: {', '.join(streams) or 'none'}"
+        )
+    decode = decoders[streams[name].type_name]
+    poses: dict[Stamp, NDArray[np.float64]] = {}
+    for message in reader.messages({name}):
+        found = {pose.stamp: pose.T_parent_child for pose in decode(message)}
+        if streams[name].type_name == "nav_msgs/msg/Path":
+            poses = {}
+        poses.update(found)
+    stamps = sorted(poses)
+    T = np.array([poses[stamp] for stamp in stamps]).reshape(-1, 4, 4)
+    return Trajectory(np.array(stamps, dtype=np.int64), T), name

@@ -140,9 +140,14 @@ def test_children_do_not_outlive_a_killed_run(odom: Start, eventually: Eventuall
     assert len(read_tum(tmp_path / "trajectory.txt")) >= 30
 
 
-def test_a_source_that_is_none_is_a_wrong_call(odom: Start, tmp_path: Path) -> None:
-    run = odom("run", tmp_path / "nothing.mcap", "--headless", "--out", tmp_path / "out")
+@pytest.mark.parametrize(("name", "content", "status"), [("nothing.mcap", None, 1), ("notes.txt", "words", 2)])
+def test_a_source_that_is_none_is_refused_by_name(
+    odom: Start, tmp_path: Path, name: str, content: str | None, status: int
+) -> None:
+    if content is not None:
+        (tmp_path / name).write_text(content)
+    run = odom("run", tmp_path / name, "--headless", "--out", tmp_path / "out")
     words, _ = run.communicate(timeout=60)
-    assert run.returncode == 2
-    assert "nothing.mcap" in words
+    assert run.returncode == status
+    assert name in words
     assert "Traceback" not in words

@@ -1,0 +1,165 @@
+"""`odom serve` against whatever may arrive on its keys: it counts, drops and goes on."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import zenoh
+from numpy.typing import NDArray
+
+from odom.frame import Camera, Stamp
+from odom.service.run import free_endpoint
+from odom.wire import Message, Topics, WireSettings, codec
+from odom.wire.session import Publisher, WireSession, open_session
+
+Start = Callable[..., Any]
+Eventually = Callable[..., None]
+
+TOPICS = Topics("cam0")
+CAMERA = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)
+PERIOD_NS = 33_333_333
+START = Stamp(1_700_000_000_000_000_000)
+
+
+class Served:
+    """A running `odom serve`, its words, its status and a session beside it."""
+
+    def __init__(self, process: Any, session: WireSession, out: Path) -> None:
+        self.process, self.session, self.out = process, session, out
+        self.words: list[str] = []
+        self.status: dict[str, str] = {}
+        self.publisher: Publisher = session.publisher()
+        self._subscriber = session.subscriber((TOPICS.status,), depth=1)
+        threading.Thread(target=self._read, daemon=True).start()
+        threading.Thread(target=self._watch, daemon=True).start()
+
+    def _read(self) -> None:
+        for line in self.process.stdout:
+            self.words.append(line)
+
+    def _watch(self) -> None:
+        while (delivery := self._subscriber.receive()) is not None:
+            self.status = dict(codec.decode_status(delivery.message)[0].values)
+
+    def count(self, name: str) -> int:
+        return int(self.status.get(name, 0))
+
+    def poses(self) -> int:
+        path = self.out / "odometry.txt"
+        return len(path.read_text().splitlines()) if path.exists() else 0
+
+
+@pytest.fixture
+def served(odom: Start, eventually: Eventually, tmp_path: Path) -> Iterator[Served]:
+    endpoint = free_endpoint()
+    with open_session(WireSettings(connect=(), listen=(endpoint,))) as session:
+        process = odom("serve", "--out", tmp_path / "out", "--connect", endpoint, "--listen", "tcp/127.0.0.1:0")
+        running = Served(process, session, tmp_path / "out")
+        here = threading.Event()
+        session.watch(TOPICS.alive_of("odometry"), lambda key, alive: here.set() if alive else None)
+        assert here.wait(60), running.words
+        yield running
+        process.terminate()
+        assert process.wait(20) == 0, running.words
+        assert not any("Traceback" in line for line in running.words), running.words
+
+
+def scene(i: int) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
+    """A wall with texture, the camera moving sideways by 4 pixels a frame."""
+    texture = np.random.default_rng(1).integers(0, 256, (60, 160, 3), dtype=np.uint8)
+    wall = np.asarray(cv2.resize(texture, (1600, 500), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
+    color = np.ascontiguousarray(wall[:480, 4 * i : 4 * i + 640])
+    return color, np.full((480, 640), 2000, dtype=np.uint16)
+
+
+def send(publisher: Publisher, i: int, stamp: Stamp | None = None) -> None:
+    at = Stamp(START + i * PERIOD_NS) if stamp is None else stamp
+    color, depth = scene(i)
+    publisher.put(codec.encode_color_jpeg(TOPICS.color_compressed, at, color))
+    publisher.put(codec.encode_depth(TOPICS.depth, at, depth))
+
+
+def stream(served: Served, indices: range, offset_ns: int = 0) -> None:
+    served.publisher.put(codec.encode_camera_info(TOPICS.camera_info, START, CAMERA))
+    for i in indices:
+        send(served.publisher, i, Stamp(START + i * PERIOD_NS + offset_ns))
+        time.sleep(PERIOD_NS * 1e-9)
+
+
+def malformed() -> Iterator[Message]:
+    """Every kind of nonsense on every key."""
+    color, depth = scene(0)
+    rng = np.random.default_rng(7)
+    good = {
+        TOPICS.color: codec.encode_color(TOPICS.color, START, color),
+        TOPICS.color_compressed: codec.encode_color_jpeg(TOPICS.color_compressed, START, color),
+        TOPICS.depth: codec.encode_depth(TOPICS.depth, START, depth),
+        TOPICS.depth_compressed: codec.encode_depth_compressed(TOPICS.depth_compressed, START, depth, codec="rvl"),
+        TOPICS.camera_info: codec.encode_camera_info(TOPICS.camera_info, START, CAMERA),
+        "truth/body/pose": codec.encode_pose("truth/body/pose", START, np.eye(4), "world"),
+        TOPICS.end: codec.encode_text(TOPICS.end, START, "end"),
+    }
+    for topic, message in good.items():
+        payload = message.payload
+        for wrong in (b"", b"\0", b"\0\1\0\0", payload[: len(payload) // 2], rng.bytes(200), payload[4:]):
+            yield Message(topic, message.type_name, START, wrong)
+    info = bytearray(good[TOPICS.camera_info].payload)
+    nan = np.float64("nan").tobytes()
+    at = bytes(info).find(np.float64(CAMERA.fx).tobytes())
+    info[at : at + 8] = nan
+    yield Message(TOPICS.camera_info, good[TOPICS.camera_info].type_name, START, bytes(info))
+    unknown = good[TOPICS.color].payload.replace(b"rgb8", b"xyz8")
+    yield Message(TOPICS.color, good[TOPICS.color].type_name, START, unknown)
+    yield codec.encode_color(TOPICS.color, Stamp(START - 5), np.zeros((1, 1, 3), dtype=np.uint8))
+    yield codec.encode_depth(TOPICS.depth, Stamp(START - 5), np.zeros((240, 320), dtype=np.uint16))
+
+
+def test_malformed_messages_are_counted_and_tracking_goes_on(served: Served, eventually: Eventually) -> None:
+    sent = 0
+    for message in malformed():
+        served.publisher.put(message)
+        sent += 1
+        time.sleep(0.005)
+    eventually(lambda: served.count("dropped") >= 0.8 * sent, 10, f"{sent} malformed counted, {served.status}")
+    stream(served, range(20))
+    eventually(lambda: served.poses() >= 18, 10, f"poses {served.status}")
+    warned = [line for line in served.words if "WARNING" in line]
+    assert len(warned) <= 16, "one line a kind"
+
+
+def test_stamps_that_repeat_go_back_or_leap_are_counted_and_survived(served: Served, eventually: Eventually) -> None:
+    stream(served, range(10))
+    send(served.publisher, 9)
+    send(served.publisher, 4)
+    stream(served, range(10, 20))
+    eventually(lambda: served.poses() >= 19, 10, "poses before the leap")
+    hour = 3600 * 1_000_000_000
+    stream(served, range(20, 35), hour)
+    eventually(lambda: served.count("frames") >= 30, 10, f"frames behind the leap {served.status}")
+    assert served.count("dropped") >= 4
+
+
+def test_a_stream_that_stops_and_returns_is_followed_again(served: Served, eventually: Eventually) -> None:
+    stream(served, range(15))
+    eventually(lambda: served.status.get("state") == "WAITING", 5, "the silence is told")
+    assert "no frame for" in served.status["reason"]
+    stream(served, range(15, 30), 2_000_000_000)
+    eventually(lambda: served.count("frames") >= 27, 10, "frames after the silence")
+
+
+def test_those_who_join_late_are_told_the_way_so_far(served: Served, eventually: Eventually) -> None:
+    served.publisher.put(codec.encode_pose("truth/body/pose", START, np.eye(4), "world"))
+    stream(served, range(15))
+    eventually(lambda: served.poses() >= 13, 10, "poses")
+    replies = served.session.zenoh.get("cam0/history", accept_replies=zenoh.ReplyKeyExpr.ANY, timeout=5.0)
+    topics = {str(reply.ok.key_expr): reply.ok for reply in replies if reply.ok is not None}
+    assert topics.keys() >= {"cam0/history/odom", "truth/body/history"}
+    odom = topics["cam0/history/odom"]
+    type_name = str(odom.encoding).partition(";")[2]
+    path = codec.decode_path(Message("cam0/history/odom", type_name, START, odom.payload.to_bytes()))
+    assert len(path) >= 13

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from odom.wire.recording.writer import Compression
+from odom.wire.settings import Compression
 
 
 def import_(

@@ -7,6 +7,9 @@ from pydantic import BaseModel, Field, JsonValue
 LOCAL = "tcp/127.0.0.1:7447"
 ANY_LOCAL_PORT = "tcp/127.0.0.1:0"
 
+Compression = Literal["zstd", "lz4", "none"]
+"""Of the chunks of a recording."""
+
 
 class WireSettings(BaseModel, frozen=True, extra="forbid"):
     """How this process meets the others; by default over the loopback interface of this machine only.

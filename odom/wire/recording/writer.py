@@ -4,15 +4,14 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Literal, Self
+from typing import Self
 
 from mcap.writer import CompressionType, Writer
 
 from odom.errors import RecordingError
 from odom.wire.codec import schema
 from odom.wire.message import Message
-
-Compression = Literal["zstd", "lz4", "none"]
+from odom.wire.settings import Compression
 
 LIBRARY = "rgbd-odom"
 _CHUNK_BYTES = 1 << 20

@@ -2,5 +2,6 @@
 
 from sensors.arena.generate import ArenaFrame, frame, render_walk
 from sensors.arena.options import ArenaOptions
+from sensors.arena.source import open_arena
 
-__all__ = ["ArenaFrame", "ArenaOptions", "frame", "render_walk"]
+__all__ = ["ArenaFrame", "ArenaOptions", "frame", "open_arena", "render_walk"]

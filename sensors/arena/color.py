@@ -8,10 +8,13 @@ from sensors.arena.noise import TILE, Tiles
 
 Array = NDArray[np.float64]
 
+LANES = (0, 32, 16)
+"""Where red, green and blue lie in a packed sample."""
+
 
 @compiled
 def develop(
-    light: NDArray[np.uint16],
+    light: NDArray[np.uint64],
     gain: NDArray[np.float32],
     vignette_x: NDArray[np.float32],
     vignette_y: NDArray[np.float32],
@@ -20,18 +23,25 @@ def develop(
     at: NDArray[np.int64],
     out: NDArray[np.uint8],
 ) -> None:
-    """Turn 256 x 8 bit colour into the picture; `noise_of` (256) is the deviation at a grey value, over 24."""
-    height, width, _ = light.shape
+    """Turn the light (see `render.shade`) into the picture; `noise_of` (256) is the deviation at a value, over 24."""
+    height, width = light.shape
     for y in range(height):
         row = grain[(y + at[0]) & (TILE - 1)]
         for x in range(width):
             fall = vignette_y[y] * vignette_x[x] * np.float32(1 / 256)
             column = (x + at[1]) & (TILE - 1)
+            packed = light[y, x]
             for c in range(3):
-                value = np.float32(light[y, x, c]) * gain[c] * fall
-                value = min(value, np.float32(255.0))
-                value += noise_of[int(value)] * np.float32(row[column, c])
+                lane = packed >> np.uint64(LANES[c]) & np.uint64(0xFFFF)
+                value = min(np.float32(lane) * gain[c] * fall, np.float32(255.0))
+                value += noise_of[np.uint8(value)] * np.float32(row[column, c])
                 out[y, x, c] = np.uint8(min(max(value + np.float32(0.5), np.float32(0.0)), np.float32(255.0)))
+
+
+def unpack(light: NDArray[np.uint64]) -> NDArray[np.uint8]:
+    """Return the light as an 8 bit RGB image, without a chip's faults."""
+    lanes = np.stack([light >> np.uint64(shift) & np.uint64(0xFFFF) for shift in LANES], axis=-1)
+    return np.asarray((lanes + np.uint64(128)) >> np.uint64(8), np.uint8)
 
 
 def noise_table() -> NDArray[np.float32]:
@@ -46,10 +56,10 @@ NOISE = noise_table()
 
 
 def picture(
-    light: NDArray[np.uint16], gain: tuple[float, float, float], tiles: Tiles, rng: np.random.Generator
+    light: NDArray[np.uint64], gain: tuple[float, float, float], tiles: Tiles, rng: np.random.Generator
 ) -> NDArray[np.uint8]:
     """Return the 8 bit RGB image of the light on the chip, at `gain` (display value, a colour each)."""
-    height, width, _ = light.shape
+    height, width = light.shape
     x = np.linspace(-1, 1, width)
     y = np.linspace(-1, 1, height) * height / width
     out = np.empty((height, width, 3), np.uint8)

@@ -5,6 +5,7 @@ import numpy as np
 from sensors.arena import paint
 from sensors.arena.paint import Color
 from sensors.arena.scene import BLACK, GLASS, Array, Builder, pose
+from sensors.arena.texture import Image
 
 Random = np.random.Generator
 
@@ -24,7 +25,7 @@ def one_of(rng: Random, colors: tuple[Color, ...]) -> Color:
 
 
 def table(scene: Builder, rng: Random, T: Array, width: float, depth: float, height: float = 0.73) -> None:
-    """A table with four legs."""
+    """Add a table with four legs."""
     top = paint.wood(rng, one_of(rng, WOODS), 0.0025)
     edge = paint.plain(rng, (70, 62, 56))
     scene.box(T, (0, 0, height - 0.015), (width, depth, 0.03), edge, "front back left right top bottom", top=top)
@@ -35,7 +36,7 @@ def table(scene: Builder, rng: Random, T: Array, width: float, depth: float, hei
 
 
 def monitor(scene: Builder, rng: Random, T: Array, width: float = 0.53) -> None:
-    """A monitor on its foot."""
+    """Add a monitor on its foot."""
     height = width * 0.58
     black = paint.plain(rng, (28, 28, 31), 0.006)
     scene.box(T, (0, 0, 0.13 + height / 2), (width, 0.035, height), black, "front back left right top bottom", BLACK)
@@ -60,14 +61,14 @@ def papers(scene: Builder, rng: Random, T: Array, width: float, depth: float, co
 
 
 def mug(scene: Builder, rng: Random, T: Array) -> None:
-    """A mug with coffee."""
+    """Add a mug with coffee."""
     glaze = paint.plain(rng, some_color(rng, 60, 245), 0.004)
     scene.drum(T, (0, 0, 0), 0.042, 0.095, glaze, 12, paint.plain(rng, (52, 32, 22), 0.01))
     scene.tube(T, [(0.04, 0, 0.075), (0.072, 0, 0.068), (0.072, 0, 0.032), (0.04, 0, 0.022)], 0.007, glaze, 4)
 
 
 def books(scene: Builder, rng: Random, T: Array, width: float, height: float, depth: float = 0.2) -> None:
-    """A row of standing books and binders, `height` the room above the shelf."""
+    """Add a row of standing books and binders, `height` the room above the shelf."""
     x = -width / 2
     while True:
         thick = float(rng.uniform(0.018, 0.065))
@@ -107,7 +108,7 @@ def pile(scene: Builder, rng: Random, T: Array, count: int) -> None:
 
 
 def shelf(scene: Builder, rng: Random, T: Array, width: float, height: float, depth: float = 0.3) -> None:
-    """A standing shelf, filled."""
+    """Add a standing shelf, filled."""
     board = paint.wood(rng, one_of(rng, WOODS), 0.004)
     back = paint.plain(rng, (186, 172, 150), 0.01)
     for x in (-width / 2 + 0.01, width / 2 - 0.01):
@@ -142,7 +143,7 @@ def carton_stack(scene: Builder, rng: Random, T: Array, count: int) -> None:
 
 
 def chair(scene: Builder, rng: Random, T: Array) -> None:
-    """An office chair on a star of five feet."""
+    """Add an office chair on a star of five feet."""
     cloth = paint.plain(rng, one_of(rng, CLOTHS), 0.003, 0.16)
     black = paint.plain(rng, (34, 34, 37), 0.01)
     scene.box(T, (0, 0, 0.47), (0.46, 0.44, 0.07), cloth, "front back left right top bottom")
@@ -160,7 +161,7 @@ def chair(scene: Builder, rng: Random, T: Array) -> None:
 
 
 def plant(scene: Builder, rng: Random, T: Array, size: float) -> None:
-    """A pot with pointed leaves."""
+    """Add a pot with pointed leaves."""
     pot = paint.plain(rng, one_of(rng, ((176, 92, 62), (228, 224, 216), (60, 84, 110))), 0.006, 0.05)
     scene.drum(T, (0, 0, 0), 0.28 * size, 0.45 * size, pot, 12, paint.plain(rng, (58, 42, 32), 0.01, 0.2))
     for k in range(34):
@@ -177,14 +178,14 @@ def plant(scene: Builder, rng: Random, T: Array, size: float) -> None:
 
 
 def bin_(scene: Builder, rng: Random, T: Array) -> None:
-    """A waste-paper bin."""
+    """Add a waste-paper bin."""
     scene.drum(T, (0, 0, 0), 0.14, 0.34, paint.plain(rng, some_color(rng, 40, 150), 0.008), 14, paint.paper(rng, 0.004))
 
 
 def cable(
     scene: Builder, rng: Random, T: Array, start: tuple[float, float, float], end: tuple[float, float, float]
 ) -> None:
-    """A cable that hangs and wanders between two points."""
+    """Add a cable that hangs and wanders between two points."""
     a, b = np.array(start), np.array(end)
     steps = np.linspace(0, 1, 7)[:, None]
     wander = rng.uniform(-0.05, 0.05, (7, 3)) * np.sin(np.pi * steps)
@@ -200,7 +201,7 @@ def cable(
 
 
 def desk(scene: Builder, rng: Random, T: Array, width: float, depth: float = 0.75) -> None:
-    """A working place: table, monitors, keyboard, papers, mugs, books, lamp, cables, chair."""
+    """Add a working place: table, monitors, keyboard, papers, mugs, books, lamp, cables, chair."""
     table(scene, rng, T, width, depth)
     on = T @ pose(0, 0, 0.731)
     for x in np.linspace(-width / 4, width / 4, 2 if width > 1.3 else 1) if width > 1.3 else (0.0,):
@@ -228,9 +229,9 @@ def desk(scene: Builder, rng: Random, T: Array, width: float, depth: float = 0.7
 
 
 def drawers(rng: Random) -> paint.Painter:
-    """The front of a chest of three drawers."""
+    """Return a painter of the front of a chest of three drawers."""
 
-    def front(width_m: float, height_m: float) -> paint.Image:
+    def front(width_m: float, height_m: float) -> Image:
         image = paint.plain(rng, (198, 199, 196), 0.003)(width_m, height_m)
         height, width = image.shape[:2]
         for k in range(3):
@@ -243,7 +244,7 @@ def drawers(rng: Random) -> paint.Painter:
 
 
 def lamp(scene: Builder, rng: Random, T: Array) -> None:
-    """A desk lamp."""
+    """Add a desk lamp."""
     metal = paint.plain(rng, one_of(rng, ((190, 40, 36), (44, 44, 48), (210, 212, 214))), 0.008)
     scene.drum(T, (0, 0, 0), 0.08, 0.02, metal, 12, metal)
     scene.tube(T, [(0, 0, 0.02), (0.06, 0.05, 0.25), (-0.08, -0.1, 0.42)], 0.009, metal, 5)
@@ -251,7 +252,7 @@ def lamp(scene: Builder, rng: Random, T: Array) -> None:
 
 
 def robot(scene: Builder, rng: Random, T: Array) -> None:
-    """A wheeled robot with a mast."""
+    """Add a wheeled robot with a mast."""
     hull = paint.plain(rng, one_of(rng, ((206, 150, 36), (190, 52, 44), (58, 96, 150))), 0.003)
     black = paint.plain(rng, (32, 32, 34), 0.008, 0.1)
     scene.box(
@@ -279,7 +280,7 @@ def robot(scene: Builder, rng: Random, T: Array) -> None:
 
 
 def radiator(scene: Builder, rng: Random, T: Array, width: float) -> None:
-    """A ribbed radiator."""
+    """Add a ribbed radiator."""
     white = paint.plain(rng, (226, 226, 222), 0.006)
     for x in np.arange(-width / 2, width / 2, 0.07):
         scene.box(T, (float(x) + 0.025, 0, 0.4), (0.045, 0.08, 0.55), white)
@@ -296,7 +297,7 @@ def on_wall(
     thick: float = 0.02,
     infrared: float = 0.6,
 ) -> None:
-    """A framed picture, poster or board: T is at its middle, on the wall, looking into the room along -y."""
+    """Add a framed picture, poster or board: T is at its middle, on the wall, looking into the room along -y."""
     frame = paint.plain(rng, rim, 0.006)
     scene.box(T, (0, -thick / 2, 0), (width, thick, height), frame, "front left right top bottom")
     b = 0.02 if thick > 0.01 else 0.0
@@ -304,7 +305,7 @@ def on_wall(
 
 
 def window(scene: Builder, rng: Random, T: Array, width: float, height: float) -> None:
-    """A window with a sill, a cross bar and daylight."""
+    """Add a window with a sill, a cross bar and daylight."""
     on_wall(scene, rng, T, width, height, paint.window(rng), (232, 230, 224), 0.03, GLASS)
     last = scene.panels.pop()
     scene.panel(
@@ -323,7 +324,7 @@ def window(scene: Builder, rng: Random, T: Array, width: float, height: float) -
 
 
 def instruments(scene: Builder, rng: Random, T: Array, width: float, height: float) -> None:
-    """A rack of laboratory instruments."""
+    """Add a rack of laboratory instruments."""
     side = paint.plain(rng, (74, 76, 82), 0.005)
     scene.box(T, (0, 0, height / 2), (width, 0.55, height), side, front=paint.rack(rng))
     for k in range(4):
@@ -337,7 +338,7 @@ def instruments(scene: Builder, rng: Random, T: Array, width: float, height: flo
 
 
 def door(scene: Builder, rng: Random, T: Array) -> None:
-    """A door with its frame, a notice and a handle."""
+    """Add a door with its frame, a notice and a handle."""
     frame = paint.plain(rng, (226, 222, 214), 0.006)
     leaf = paint.wood(rng, one_of(rng, WOODS), 0.003)
     scene.panel(T, (0, -0.012, 1.02), (0.9, 0, 0), (0, 0, -2.04), leaf)

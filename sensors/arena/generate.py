@@ -1,26 +1,31 @@
 """The simulated session, frame by frame: a pure function of its options, without any input or output."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.frame import Camera, RgbdFrame, Stamp
+from odom.frame import RgbdFrame, Stamp
 from odom.registration.se3 import inverse
-from sensors.arena import kinect1
-from sensors.arena.color import picture
+from sensors.arena import kinect1, kinect2, room
+from sensors.arena.color import picture, unpack
+from sensors.arena.exposure import exposure_gain
+from sensors.arena.lens import bent, straight
 from sensors.arena.noise import Tiles, frame_random, make_tiles
 from sensors.arena.options import RATE_HZ, ArenaOptions
-from sensors.arena.render import Renderer
-from sensors.arena.room import laboratory, renderer
-from sensors.arena.walk import LAP_S, Infinity, Joined, Rest, Walk
+from sensors.arena.render import JITTER, Renderer
+from sensors.arena.to_color import intrinsics, to_color
+from sensors.arena.walk import Joined, Walk, make_walk
 
 Array = NDArray[np.float64]
 
 EXPOSURE_S = 0.012
 """How long the shutter is open under the lamps of a room (motion blur)."""
+MEAN_DEPTH_DELAY_S = 0.008
+DEPTH_DELAY_SWING_S = 0.006
+DEPTH_DELAY_PERIOD_S = 47.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +48,8 @@ class ArenaFrame:
 
 
 @lru_cache(maxsize=2)
-def _laboratory(seed: int) -> Renderer:
-    return renderer(*laboratory(seed), seed)
+def _scene(name: str, seed: int) -> Renderer:
+    return room.corridor(seed) if name == "corridor" else room.laboratory(seed)
 
 
 @lru_cache(maxsize=2)
@@ -52,18 +57,15 @@ def _tiles(seed: int) -> Tiles:
     return make_tiles(seed)
 
 
-def make_walk(options: ArenaOptions) -> Walk:
-    """Return the path that the options name."""
-    infinity = Infinity(options.seed)
-    if options.walk == "rest":
-        return Rest(infinity.T_world_camera(2.0))
+def prepare(options: ArenaOptions) -> None:
+    """Furnish and light the rooms of a session now instead of at its first frame."""
+    frame(replace(options, blackout=""), 0)
     if options.walk == "joined":
-        return Joined(infinity, Infinity(options.seed + 1), LAP_S + 0.5 / RATE_HZ)
-    return infinity
+        _scene("laboratory", options.seed + 1)
 
 
 def color_time(options: ArenaOptions, index: int) -> float:
-    """Return when colour frame `index` is taken, seconds since the first (mean of its exposure)."""
+    """Return when colour frame `index` is taken, seconds since the first (the middle of its exposure)."""
     jitter = frame_random(options.seed, index, 11).normal(0, 0.0003) if options.faults and index else 0.0
     return index / RATE_HZ + float(np.clip(jitter, -0.001, 0.001))
 
@@ -74,54 +76,86 @@ def depth_time(options: ArenaOptions, index: int) -> float:
     if not options.faults:
         return t
     phase = float(np.random.default_rng([options.seed, 12]).uniform(0, 2 * np.pi))
-    return t + 0.008 + 0.006 * float(np.sin(2 * np.pi * t / 47.0 + phase))
+    swing = float(np.sin(2 * np.pi * t / DEPTH_DELAY_PERIOD_S + phase))
+    return t + MEAN_DEPTH_DELAY_S + DEPTH_DELAY_SWING_S * swing
 
 
-def _stamp(options: ArenaOptions, t: float) -> Stamp:
-    return Stamp(options.start + round(t * 1e6) * 1000)
+def _in_blackout(options: ArenaOptions, index: int) -> bool:
+    return 0 <= index / RATE_HZ - options.blackout_start_s < options.blackout_s
+
+
+def hidden(options: ArenaOptions, index: int) -> bool:
+    """Tell whether frame `index` never leaves the sensor."""
+    return options.blackout == "frames" and _in_blackout(options, index)
 
 
 def frame(options: ArenaOptions, index: int) -> ArenaFrame:
     """Return frame `index` of the session: the same bytes in whatever order frames are asked for."""
     walk = make_walk(options)
     t, t_depth = color_time(options, index), depth_time(options, index)
-    scene = _laboratory(options.seed)
+    dark = options.blackout if _in_blackout(options, index) else ""
+    return ArenaFrame(
+        index,
+        Stamp(options.start + round(t * 1e6) * 1000),
+        _color(options, walk, index, t, dark == "color"),
+        Stamp(options.start + round(t_depth * 1e6) * 1000),
+        _depth(options, walk, index, t_depth + options.depth_lag_s, dark == "depth"),
+        walk.T_world_camera(t),
+    )
+
+
+def _place(options: ArenaOptions, walk: Walk, t: float) -> tuple[Renderer, Walk, float]:
+    """Return the scene that is seen at `t`, and the walk and time in the scene's own world."""
+    if isinstance(walk, Joined):
+        if t < walk.change_s:
+            return _scene("laboratory", options.seed), walk.first, t
+        return _scene("laboratory", options.seed + 1), walk.second, t - walk.change_s
+    return _scene(options.walk if options.walk == "corridor" else "laboratory", options.seed), walk, t
+
+
+def _color(options: ArenaOptions, walk: Walk, index: int, t: float, dark: bool) -> NDArray[np.uint8]:
     camera = options.camera
-    rgb = _color(options, walk, scene, camera, index, t)
-    depth = _depth(options, walk, scene, camera, index, t_depth + options.depth_lag_s)
-    return ArenaFrame(index, _stamp(options, t), rgb, _stamp(options, t_depth), depth, walk.T_world_camera(t))
-
-
-def _color(
-    options: ArenaOptions, walk: Walk, scene: Renderer, camera: Camera, index: int, t: float
-) -> NDArray[np.uint8]:
-    K = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+    scene, walk, t = _place(options, walk, t)
     blur = EXPOSURE_S if options.faults else 0.0
-    times = t + blur * (np.arange(4) - 1.5) / 4
-    poses = np.stack([inverse(walk.T_world_camera(float(s))) for s in times])
-    light = scene.color(poses, K, (camera.height, camera.width))
+    steps = (np.arange(len(JITTER)) + 0.5) / len(JITTER) - 0.5
+    poses = np.stack([inverse(walk.T_world_camera(t + blur * float(step))) for step in steps])
+    ideal = straight(camera)
+    light = scene.color(poses, intrinsics(ideal), (ideal.height, ideal.width))
+    if camera.distortion:
+        light = bent(light, camera)
+    if dark:
+        light[:] = np.uint64(0)
     if not options.faults:
-        return np.asarray((light + 128) >> 8, np.uint8)
-    slow = 0.05 * np.sin(2 * np.pi * t / 23.0 + options.seed)
-    warm = 0.012 * np.sin(2 * np.pi * t / 31.0)
-    gain = (1 + slow + warm, 1 + slow, 1 + slow - warm)
+        return unpack(light)
+    gain = exposure_gain(scene, walk, options.frames / RATE_HZ, t, options.seed)
     return picture(light, gain, _tiles(options.seed), frame_random(options.seed, index, 13))
 
 
-def _depth(
-    options: ArenaOptions, walk: Walk, scene: Renderer, camera: Camera, index: int, t: float
-) -> NDArray[np.uint16]:
-    T_world_infrared = walk.T_world_camera(t) @ kinect1.T_COLOR_INFRARED
-    inverse_depth, identity, distance = scene.depth(inverse(T_world_infrared), kinect1.K, kinect1.SHAPE)
-    if not options.faults:
-        depth_m = np.where(inverse_depth > 0, 1 / np.maximum(inverse_depth, 1e-6), 0).astype(np.float32)
-        return kinect1.registered(depth_m, camera)
+def _depth(options: ArenaOptions, walk: Walk, index: int, t: float, dark: bool) -> NDArray[np.uint16]:
+    camera = options.camera
+    if dark:
+        return np.zeros((camera.height, camera.width), np.uint16)
+    scene, walk, t = _place(options, walk, t)
+    sensor = kinect1 if options.sensor == "kinect1" else kinect2
+    infrared, T_color_infrared, shape = sensor.INFRARED, sensor.T_COLOR_INFRARED, sensor.SHAPE
+    T_infrared_world = inverse(walk.T_world_camera(t) @ T_color_infrared)
+    K = intrinsics(infrared)
     rng = frame_random(options.seed, index, 14)
-    return kinect1.faulty_depth(inverse_depth, identity, distance, scene.infrared, _tiles(options.seed), rng, camera)
+    seen = scene.depth(T_infrared_world, K, shape)
+    if not options.faults:
+        depth_m = np.where(seen[0] > 0, 1 / np.maximum(seen[0], 1e-6), 0).astype(np.float32)
+    elif options.sensor == "kinect1":
+        depth_m = kinect1.measured_depth(*seen, scene.infrared, _tiles(options.seed), rng)
+    else:
+        shifted = [K - np.array([0.0, 0.0, *jitter]) for jitter in JITTER]
+        samples = [scene.depth(T_infrared_world, K_k, shape) for K_k in shifted]
+        depth_m = kinect2.measured_depth(seen[0], samples, scene.infrared, _tiles(options.seed), rng)
+    return to_color(depth_m, infrared, camera, T_color_infrared)
 
 
 def render_walk(options: ArenaOptions | None = None) -> Iterator[ArenaFrame]:
     """Yield the frames of a session in order, as fast as they are drawn."""
     chosen = options or ArenaOptions()
     for index in range(chosen.frames):
-        yield frame(chosen, index)
+        if not hidden(chosen, index):
+            yield frame(chosen, index)

@@ -1,5 +1,7 @@
 """Light that stays: lamps and window cast soft shadows, corners are darker; baked into the surfaces' pictures."""
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -10,41 +12,123 @@ from sensors.arena.texture import Image
 
 Array = NDArray[np.float64]
 
-CELL_M = 0.09
+CELL_M = 0.1
 """Spacing of the points where light is gathered, metres."""
 REACH_M = 0.9
 """How far away something still dims the ambient light, metres."""
 OCCLUDER_M2 = 0.012
 """Smaller surfaces cast no shadow."""
 AMBIENT = 0.52
+CUBE_M = 0.15
 HEMISPHERE_RAYS = 32
 
 
+@dataclass(frozen=True, eq=False)
+class Lamps:
+    """Sample points (k x 3), where they shine to (k x 3), and their power (k x 3, RGB, linear).
+
+    A facing surface at r metres gets power / r^2.
+    """
+
+    points: Array
+    normals: Array
+    power: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Blockers:
+    """The surfaces that cast shadows, sorted into cubes of CUBE_M: cube c holds `listed[begin[c]:begin[c + 1]]`."""
+
+    origin: Array
+    u: Array
+    v: Array
+    corner: Array
+    shape: NDArray[np.int64]
+    begin: NDArray[np.int64]
+    listed: NDArray[np.int64]
+
+
+def sort_blockers(panels: list[Panel]) -> Blockers:
+    """Return the shadow casting surfaces among `panels`."""
+    chosen = [p for p in panels if p.area > OCCLUDER_M2 and p.glow < 5]
+    origin, u, v = (np.array([getattr(p, name) for p in chosen]) for name in ("origin", "u", "v"))
+    corners = np.stack([origin, origin + u, origin + v, origin + u + v])
+    low, high = corners.min(axis=0) - 1e-4, corners.max(axis=0) + 1e-4
+    corner = low.min(axis=0)
+    shape = np.floor((high.max(axis=0) - corner) / CUBE_M).astype(np.int64) + 1
+    first = np.floor((low - corner) / CUBE_M).astype(np.int64)
+    last = np.floor((high - corner) / CUBE_M).astype(np.int64)
+    cubes, owners = [], []
+    for i in range(len(chosen)):
+        x, y, z = (np.arange(first[i, k], last[i, k] + 1) for k in range(3))
+        where = (x[:, None, None] * shape[1] + y[None, :, None]) * shape[2] + z[None, None, :]
+        cubes.append(where.ravel())
+        owners.append(np.full(where.size, i))
+    cube, owner = np.concatenate(cubes), np.concatenate(owners)
+    order = np.argsort(cube, kind="stable")
+    begin = np.searchsorted(cube[order], np.arange(int(shape.prod()) + 1))
+    return Blockers(origin, u, v, corner, shape, begin.astype(np.int64), owner[order].astype(np.int64))
+
+
 @compiled
-def _blocked(p: Array, ray: Array, reach: float, origin: Array, u: Array, v: Array, at: NDArray[np.int64]) -> bool:
-    """Tell whether `p + f ray`, 0 < f < reach, meets one of the surfaces `at`."""
-    for i in at:
-        nx = u[i, 1] * v[i, 2] - u[i, 2] * v[i, 1]
-        ny = u[i, 2] * v[i, 0] - u[i, 0] * v[i, 2]
-        nz = u[i, 0] * v[i, 1] - u[i, 1] * v[i, 0]
-        slope = nx * ray[0] + ny * ray[1] + nz * ray[2]
-        if abs(slope) < 1e-12:
-            continue
-        dx, dy, dz = origin[i, 0] - p[0], origin[i, 1] - p[1], origin[i, 2] - p[2]
-        f = (nx * dx + ny * dy + nz * dz) / slope
-        if f < 2e-3 or f > reach:
-            continue
-        hx, hy, hz = f * ray[0] - dx, f * ray[1] - dy, f * ray[2] - dz
-        nn = nx * nx + ny * ny + nz * nz
-        s = (
-            (hy * v[i, 2] - hz * v[i, 1]) * nx + (hz * v[i, 0] - hx * v[i, 2]) * ny + (hx * v[i, 1] - hy * v[i, 0]) * nz
-        ) / nn
-        t = (
-            (u[i, 1] * hz - u[i, 2] * hy) * nx + (u[i, 2] * hx - u[i, 0] * hz) * ny + (u[i, 0] * hy - u[i, 1] * hx) * nz
-        ) / nn
-        if 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0:
-            return True
-    return False
+def _meets(p: Array, ray: Array, reach: float, o: Array, u: Array, v: Array) -> bool:
+    """Tell whether `p + f ray`, 0 < f < reach, meets the surface at `o` with edges `u` and `v`."""
+    nx, ny, nz = u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+    slope = nx * ray[0] + ny * ray[1] + nz * ray[2]
+    if abs(slope) < 1e-12:
+        return False
+    dx, dy, dz = o[0] - p[0], o[1] - p[1], o[2] - p[2]
+    f = (nx * dx + ny * dy + nz * dz) / slope
+    if f < 2e-3 or f > reach:
+        return False
+    hx, hy, hz = f * ray[0] - dx, f * ray[1] - dy, f * ray[2] - dz
+    nn = nx * nx + ny * ny + nz * nz
+    s = ((hy * v[2] - hz * v[1]) * nx + (hz * v[0] - hx * v[2]) * ny + (hx * v[1] - hy * v[0]) * nz) / nn
+    t = ((u[1] * hz - u[2] * hy) * nx + (u[2] * hx - u[0] * hz) * ny + (u[0] * hy - u[1] * hx) * nz) / nn
+    return bool(0.0 <= s <= 1.0 and 0.0 <= t <= 1.0)
+
+
+@compiled
+def _blocked(
+    p: Array,
+    ray: Array,
+    reach: float,
+    origin: Array,
+    u: Array,
+    v: Array,
+    corner: Array,
+    shape: NDArray[np.int64],
+    begin: NDArray[np.int64],
+    listed: NDArray[np.int64],
+    cube: NDArray[np.int64],
+    along: Array,
+) -> bool:
+    """Tell whether anything stands between p and `p + reach ray`, from cube to cube (Amanatides & Woo 1987).
+
+    `cube` (3) and `along` (2 x 3) are room to work in.
+    """
+    ahead, width = along[0], along[1]
+    for r in range(3):
+        at = (p[r] - corner[r]) / CUBE_M
+        cube[r] = int(np.floor(at))
+        if abs(ray[r]) < 1e-12:
+            ahead[r], width[r] = 1e30, 1e30
+        else:
+            width[r] = CUBE_M / abs(ray[r])
+            ahead[r] = (cube[r] + 1 - at if ray[r] > 0 else at - cube[r]) * width[r]
+    while True:
+        if 0 <= cube[0] < shape[0] and 0 <= cube[1] < shape[1] and 0 <= cube[2] < shape[2]:
+            c = (cube[0] * shape[1] + cube[1]) * shape[2] + cube[2]
+            for k in range(begin[c], begin[c + 1]):
+                i = listed[k]
+                if _meets(p, ray, reach, origin[i], u[i], v[i]):
+                    return True
+        r = 0 if ahead[0] < ahead[1] else 1
+        r = r if ahead[r] < ahead[2] else 2
+        if ahead[r] > reach:
+            return False
+        cube[r] += 1 if ray[r] > 0 else -1
+        ahead[r] += width[r]
 
 
 @compiled
@@ -54,19 +138,19 @@ def gather(
     origin: Array,
     u: Array,
     v: Array,
-    middle: Array,
-    radius: Array,
+    corner: Array,
+    shape: NDArray[np.int64],
+    begin: NDArray[np.int64],
+    listed: NDArray[np.int64],
     lamps: Array,
     lamp_normals: Array,
     lamp_power: Array,
     rays: Array,
     spin: Array,
 ) -> Array:
-    """Return the light (m x 3) on m points: from the lamps' sample points, and ambient as far as the sky is open."""
+    """Return the light (m x 3) on m points: from the lamps' sample points, and ambient as far as it is open."""
     out = np.zeros((points.shape[0], 3))
-    everything = np.arange(origin.shape[0])
-    near = np.empty(origin.shape[0], np.int64)
-    ray = np.empty(3)
+    ray, cube, along = np.empty(3), np.empty(3, np.int64), np.empty((2, 3))
     for m in range(points.shape[0]):
         p, n = points[m], normals[m]
         for k in range(lamps.shape[0]):
@@ -77,17 +161,11 @@ def gather(
             e = -(lamp_normals[k, 0] * ray[0] + lamp_normals[k, 1] * ray[1] + lamp_normals[k, 2] * ray[2])
             if c <= 0.0 or e <= 0.0:
                 continue
-            if _blocked(p, ray, 0.985, origin, u, v, everything):
+            if _blocked(p, ray, 0.985, origin, u, v, corner, shape, begin, listed, cube, along):
                 continue
             f = c * e / (rr * (rr + 0.02))
             for r in range(3):
                 out[m, r] += f * lamp_power[k, r]
-        count = 0
-        for i in range(origin.shape[0]):
-            dx, dy, dz = middle[i, 0] - p[0], middle[i, 1] - p[1], middle[i, 2] - p[2]
-            if dx * dx + dy * dy + dz * dz < (radius[i] + 0.9) ** 2:
-                near[count] = i
-                count += 1
         hx, hy, hz = (1.0, 0.0, 0.0) if abs(n[0]) < 0.7 else (0.0, 1.0, 0.0)
         ax, ay, az = n[1] * hz - n[2] * hy, n[2] * hx - n[0] * hz, n[0] * hy - n[1] * hx
         norm = np.sqrt(ax * ax + ay * ay + az * az)
@@ -100,10 +178,10 @@ def gather(
             ray[0] = x * ax + y * bx + z * n[0]
             ray[1] = x * ay + y * by + z * n[1]
             ray[2] = x * az + y * bz + z * n[2]
-            if not _blocked(p, ray, 0.9, origin, u, v, near[:count]):
+            if not _blocked(p, ray, REACH_M, origin, u, v, corner, shape, begin, listed, cube, along):
                 free += 1.0
         for r in range(3):
-            out[m, r] += 0.52 * (0.28 + 0.72 * free / rays.shape[0])
+            out[m, r] += AMBIENT * (0.28 + 0.72 * free / rays.shape[0])
     return out
 
 
@@ -114,16 +192,10 @@ def _grid(panel: Panel) -> tuple[int, int]:
     return max(2, round(float(height) / CELL_M)), max(2, round(float(width) / CELL_M))
 
 
-def bake(panels: list[Panel], lamps: Array, lamp_normals: Array, lamp_power: Array, seed: int) -> list[Image]:
-    """Return the panels' pictures as the lamps light them.
-
-    `lamps` (k x 3) are points on the lamps, `lamp_normals` where they shine to, `lamp_power` (k x 3, RGB, linear)
-    what they give: a facing surface at r metres gets power / r^2. Panels that share a picture share its light.
-    """
+def bake(panels: list[Panel], neighbours: list[Panel], lamps: Lamps, seed: int) -> list[Image]:
+    """Return the panels' pictures as the lamps light them; `neighbours` only cast shadows."""
     rng = np.random.default_rng([seed, 7])
-    blockers = [p for p in panels if p.area > OCCLUDER_M2 and p.glow < 5]
-    origin, u, v = (np.array([getattr(p, name) for p in blockers]) for name in ("origin", "u", "v"))
-    middle, radius = origin + (u + v) / 2, np.linalg.norm(u, axis=1) / 2 + np.linalg.norm(v, axis=1) / 2
+    b = sort_blockers(panels + neighbours)
     points, normals, shapes = [], [], []
     for panel in panels:
         rows, columns = _grid(panel)
@@ -142,14 +214,8 @@ def bake(panels: list[Panel], lamps: Array, lamp_normals: Array, lamp_power: Arr
     light = gather(
         everywhere,
         np.concatenate(normals),
-        origin,
-        u,
-        v,
-        middle,
-        radius,
-        lamps,
-        lamp_normals,
-        lamp_power,
+        *(b.origin, b.u, b.v, b.corner, b.shape, b.begin, b.listed),
+        *(lamps.points, lamps.normals, lamps.power),
         rays,
         rng.uniform(0, 2 * np.pi, len(everywhere)),
     )
@@ -160,7 +226,7 @@ def bake(panels: list[Panel], lamps: Array, lamp_normals: Array, lamp_power: Arr
         if panel.glow:
             part = np.full_like(part, panel.glow)
         if rows > 2 and columns > 2:
-            part = cv2.GaussianBlur(part, (3, 3), 0.7)
+            part = np.asarray(cv2.GaussianBlur(part, (3, 3), 0.7))
         baked.append(_lit(panel.image, part.astype(np.float32)))
     return baked
 

@@ -8,16 +8,22 @@ from numpy.typing import NDArray
 
 TILE = 1024
 """Side of a tile in pixels, a power of two: indices wrap round."""
+WANDER_PX = 0.75
+"""How far a matching window may catch an edge beside its middle."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tiles:
-    """`patches` (3 x TILE x TILE, unit deviation): smooth over some 3 px, twice, and over 5 px patches with grain.
+    """`rough` (TILE x TILE, unit deviation) is even over patches of some 5 px, with grain.
 
+    `wander` (2 x TILE x TILE, int8) are smooth shifts in whole pixels, some .75 px.
+    `white` (TILE x TILE, unit deviation) differs from pixel to pixel.
     `grain` (TILE x TILE x 3, int8, deviation 24): a colour chip's, spread over neighbours by demosaicing.
     """
 
-    patches: NDArray[np.float32]
+    rough: NDArray[np.float32]
+    wander: NDArray[np.int8]
+    white: NDArray[np.float32]
     grain: NDArray[np.int8]
 
 
@@ -31,11 +37,12 @@ def _smooth(rng: np.random.Generator, sigma: float) -> NDArray[np.float32]:
 def make_tiles(seed: int) -> Tiles:
     """Return the tiles of a seed."""
     rng = np.random.default_rng([seed, 5])
-    patches = 0.85 * _smooth(rng, 1.8) + 0.53 * _smooth(rng, 0.6)
+    rough = 0.85 * _smooth(rng, 1.8) + 0.53 * _smooth(rng, 0.6)
+    wander = np.stack([np.rint(WANDER_PX * _smooth(rng, 1.2)) for _ in range(2)]).astype(np.int8)
     color = np.stack([_smooth(rng, s) for s in (0.75, 0.55, 0.85)], axis=-1)
     grey = _smooth(rng, 0.5)[..., None]
     grain = np.clip(24 * (0.8 * color + 0.6 * grey), -127, 127).astype(np.int8)
-    return Tiles(np.ascontiguousarray(np.stack([_smooth(rng, 1.2), _smooth(rng, 1.2), patches])), grain)
+    return Tiles(rough, wander, rng.standard_normal((TILE, TILE), np.float32), grain)
 
 
 def frame_random(seed: int, frame: int, what: int) -> np.random.Generator:

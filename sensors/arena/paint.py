@@ -15,7 +15,41 @@ Painter = Callable[[float, float], Image]
 Color = tuple[int, int, int]
 Float = NDArray[np.float32]
 
-WORDS = ["lidar", "pose", "loop", "frame", "depth", "drift", "robust", "filter", "noise", "range", "scan", "graph", "state", "laser", "robot", "motion", "vision", "camera", "optics", "sensor", "kalman", "horizon", "control", "field", "track", "point", "cloud", "mapping", "gain", "model", "fusion", "signal", "feature"]
+WORDS = [
+    "lidar",
+    "pose",
+    "loop",
+    "frame",
+    "depth",
+    "drift",
+    "robust",
+    "filter",
+    "noise",
+    "range",
+    "scan",
+    "graph",
+    "state",
+    "laser",
+    "robot",
+    "motion",
+    "vision",
+    "camera",
+    "optics",
+    "sensor",
+    "kalman",
+    "horizon",
+    "control",
+    "field",
+    "track",
+    "point",
+    "cloud",
+    "mapping",
+    "gain",
+    "model",
+    "fusion",
+    "signal",
+    "feature",
+]
 
 
 def canvas(width_m: float, height_m: float, texel_m: float, color: Color) -> Image:
@@ -44,7 +78,7 @@ def modulate(image: Image, factor: Float) -> Image:
 
 
 def plain(rng: np.random.Generator, color: Color, texel_m: float = 0.004, mottle: float = 0.03) -> Painter:
-    """Painted or moulded stuff: one colour with faint clouds and grain."""
+    """Return a painter of painted or moulded stuff: one colour with faint clouds and grain."""
 
     def paint(width_m: float, height_m: float) -> Image:
         image = canvas(width_m, height_m, texel_m, color)
@@ -57,7 +91,7 @@ def plain(rng: np.random.Generator, color: Color, texel_m: float = 0.004, mottle
 
 
 def wood(rng: np.random.Generator, color: Color, texel_m: float = 0.003, plank_m: float = 0.0) -> Painter:
-    """Wood grain along the longer side; planks of `plank_m` width if given."""
+    """Return a painter of wood grain along the longer side; planks of `plank_m` width if given."""
 
     def grain(shape: tuple[int, int]) -> Float:
         height, width = shape
@@ -119,7 +153,7 @@ def paragraph(image: Image, rng: np.random.Generator, box: tuple[int, int, int, 
 
 
 def landscape(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
-    """A photograph-like view: sky, sun, ridges fading into haze, water or meadow."""
+    """Return a photograph-like view: sky, sun, ridges fading into haze, water or meadow."""
     height, width = shape
     top, low = rng.integers((30, 80, 150), (90, 140, 220)), rng.integers((200, 170, 140), (255, 220, 210))
     ramp = np.linspace(0, 1, height)[:, None, None] ** 0.8
@@ -137,11 +171,11 @@ def landscape(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
         below = np.arange(height)[:, None] >= crest[None, columns]
         shade = 1 + 0.12 * clouds(shape, rng, (24, 16), 4)
         image[below] = (color * shade[..., None])[below]
-    return np.clip(image, 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(image, 0, 255), np.uint8)
 
 
 def abstract(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
-    """A painting of coloured panes with dark leading."""
+    """Return a painting of coloured panes with dark leading."""
     height, width = shape
     n = int(rng.integers(14, 40))
     seeds = rng.uniform((0, 0), (height, width), (n, 2))
@@ -151,7 +185,7 @@ def abstract(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
     colors = rng.integers((40, 40, 40), (250, 230, 220), (n, 3))
     image = colors[distance.argmin(axis=2)] * (1 + 0.08 * clouds(shape, rng, (20, 20), 3))[..., None]
     image[order[..., 1] - order[..., 0] < max(1.5, width / 120)] = (25, 22, 20)
-    return np.clip(image, 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(image, 0, 255), np.uint8)
 
 
 def chart(rng: np.random.Generator, shape: tuple[int, int], paper: Color = (250, 250, 248)) -> Image:
@@ -181,7 +215,7 @@ def chart(rng: np.random.Generator, shape: tuple[int, int], paper: Color = (250,
 
 
 def poster(rng: np.random.Generator, texel_m: float = 0.0016) -> Painter:
-    """A scientific poster: head band, columns of print, charts and pictures."""
+    """Return a painter of a scientific poster: head band, columns of print, charts and pictures."""
 
     def paint(width_m: float, height_m: float) -> Image:
         image = canvas(width_m, height_m, texel_m, (246, 246, 242))
@@ -232,7 +266,7 @@ def poster(rng: np.random.Generator, texel_m: float = 0.0016) -> Painter:
 
 
 def picture(rng: np.random.Generator, texel_m: float = 0.002) -> Painter:
-    """A photograph or painting with a mount."""
+    """Return a painter of a photograph or painting with a mount."""
     view = landscape if rng.random() < 0.65 else abstract
 
     def paint(width_m: float, height_m: float) -> Image:
@@ -246,7 +280,7 @@ def picture(rng: np.random.Generator, texel_m: float = 0.002) -> Painter:
 
 
 def paper(rng: np.random.Generator, texel_m: float = 0.0012) -> Painter:
-    """A printed sheet."""
+    """Return a painter of a printed sheet."""
 
     def paint(width_m: float, height_m: float) -> Image:
         image = canvas(width_m, height_m, texel_m, (244, 243, 238))
@@ -265,7 +299,7 @@ def paper(rng: np.random.Generator, texel_m: float = 0.0012) -> Painter:
 
 
 def screen(rng: np.random.Generator, texel_m: float = 0.0012) -> Painter:
-    """A monitor: an editor, a plot and windows."""
+    """Return a painter of a monitor: an editor, a plot and windows."""
 
     def paint(width_m: float, height_m: float) -> Image:
         image = canvas(width_m, height_m, texel_m, (38, 42, 54))
@@ -289,7 +323,7 @@ def screen(rng: np.random.Generator, texel_m: float = 0.0012) -> Painter:
 
 
 def whiteboard(rng: np.random.Generator, texel_m: float = 0.002) -> Painter:
-    """A whiteboard with formulas, sketches, wiped traces and notes."""
+    """Return a painter of a whiteboard with formulas, sketches, wiped traces and notes."""
 
     def paint(width_m: float, height_m: float) -> Image:
         image = canvas(width_m, height_m, texel_m, (236, 239, 240))
@@ -330,7 +364,7 @@ def whiteboard(rng: np.random.Generator, texel_m: float = 0.002) -> Painter:
 
 
 def window(rng: np.random.Generator, texel_m: float = 0.004) -> Painter:
-    """The view out of a window: bright sky, houses, trees."""
+    """Return a painter of the view out of a window: bright sky, houses, trees."""
 
     def paint(width_m: float, height_m: float) -> Image:
         image = canvas(width_m, height_m, texel_m, (235, 242, 250))
@@ -362,7 +396,7 @@ def window(rng: np.random.Generator, texel_m: float = 0.004) -> Painter:
 
 
 def carton(rng: np.random.Generator, texel_m: float = 0.002) -> Painter:
-    """Corrugated cardboard with tape, arrows and a label."""
+    """Return a painter of corrugated cardboard with tape, arrows and a label."""
 
     def paint(width_m: float, height_m: float) -> Image:
         image = plain(rng, (176, 138, 94), texel_m, 0.05)(width_m, height_m)
@@ -400,7 +434,7 @@ def carton(rng: np.random.Generator, texel_m: float = 0.002) -> Painter:
 
 
 def spine(rng: np.random.Generator, texel_m: float = 0.0013) -> Painter:
-    """The back of a book or binder."""
+    """Return a painter of the back of a book or binder."""
     base: Color = tuple(int(c) for c in rng.integers(25, 225, 3))  # type: ignore[assignment]  # three by shape
 
     def paint(width_m: float, height_m: float) -> Image:
@@ -425,7 +459,7 @@ def spine(rng: np.random.Generator, texel_m: float = 0.0013) -> Painter:
 
 
 def keyboard(rng: np.random.Generator, texel_m: float = 0.0015) -> Painter:
-    """Rows of keys."""
+    """Return a painter of rows of keys."""
 
     def paint(width_m: float, height_m: float) -> Image:
         image = canvas(width_m, height_m, texel_m, (42, 43, 46))
@@ -444,7 +478,7 @@ def keyboard(rng: np.random.Generator, texel_m: float = 0.0015) -> Painter:
 
 
 def checker(squares: int = 8) -> Painter:
-    """A calibration board."""
+    """Return a painter of a calibration board."""
 
     def paint(width_m: float, height_m: float) -> Image:
         image = canvas(width_m, height_m, 0.0015, (246, 246, 246))
@@ -462,7 +496,7 @@ def checker(squares: int = 8) -> Painter:
 
 
 def rack(rng: np.random.Generator, texel_m: float = 0.002) -> Painter:
-    """Fronts of laboratory instruments: knobs, sockets, displays."""
+    """Return a painter of fronts of laboratory instruments: knobs, sockets, displays."""
 
     def paint(width_m: float, height_m: float) -> Image:
         image = canvas(width_m, height_m, texel_m, (60, 62, 66))
@@ -494,7 +528,7 @@ def rack(rng: np.random.Generator, texel_m: float = 0.002) -> Painter:
 
 
 def rug(rng: np.random.Generator, texel_m: float = 0.003) -> Painter:
-    """A woven carpet with borders and rhombs."""
+    """Return a painter of a woven carpet with borders and rhombs."""
     inks = rng.integers((60, 25, 25), (215, 170, 140), (6, 3))
 
     def paint(width_m: float, height_m: float) -> Image:
@@ -514,7 +548,7 @@ def rug(rng: np.random.Generator, texel_m: float = 0.003) -> Painter:
 
 
 def ceiling(rng: np.random.Generator, texel_m: float = 0.005) -> Painter:
-    """Acoustic tiles with holes in a metal grid."""
+    """Return a painter of acoustic tiles with holes in a metal grid."""
 
     def paint(width_m: float, height_m: float) -> Image:
         image = plain(rng, (232, 232, 226), texel_m, 0.02)(width_m, height_m)

@@ -1,8 +1,8 @@
 """Draw textured parallelograms into a pinhole camera: which surface each pixel sees, how far, and in what colour.
 
 A surface is `origin + s u + t v` with s, t in [0, 1], visible to whoever looks along `cross(u, v)`, who sees u to the
-right and v downwards. Both inverse depth and depth-divided texture coordinates are affine over the image, so a surface is filled row by row without a division;
-colour is looked up afterwards, once a sample, from mip-mapped textures.
+right and v downwards. Both inverse depth and depth-divided texture coordinates are affine over the image, so a surface
+is filled row by row without a division; colour is looked up afterwards, once a sample, from mip-mapped textures.
 """
 
 from dataclasses import dataclass
@@ -16,6 +16,8 @@ from sensors.arena.texture import Atlas
 Array = NDArray[np.float64]
 
 NEAR_M = 0.05
+RUN = 32
+"""Pixels that may share a mip level."""
 JITTER = np.array([[-0.125, -0.375], [0.375, -0.125], [-0.375, 0.125], [0.125, 0.375]])
 """Where in the pixel the samples of one exposure lie (rotated grid), pixels."""
 
@@ -178,63 +180,111 @@ def fill_span(
 
 
 @compiled
+def sample_run(
+    texels: NDArray[np.uint32],
+    size: tuple[np.int32, np.int32],
+    affine: tuple[np.float32, np.float32, np.float32, np.float32, np.float32, np.float32],
+    origin: tuple[np.float32, np.float32],
+    scratch: NDArray[np.int32],
+    out: NDArray[np.uint64],
+) -> None:
+    """Add one surface's colour, looked up bilinearly, to a run of pixels (see `shade` for `out`).
+
+    `affine` gives inverse depth and the two texture coordinates over depth along the run (start, slope each);
+    `origin` is subtracted from the texture coordinates, all in texels of a level of `size` (width, height).
+    """
+    w0, wx, s0, sx, t0, tx = affine
+    width = size[0]
+    zero, one, unit = np.float32(0), np.float32(1), np.float32(256)
+    high_s, high_t = np.float32(size[0]) - np.float32(1.01), np.float32(size[1]) - np.float32(1.01)
+    n = out.shape[0]
+    for x in range(n):
+        k = np.float32(x)
+        z = one / (w0 + wx * k)
+        s = (s0 + sx * k) * z - origin[0]
+        t = (t0 + tx * k) * z - origin[1]
+        s = zero if s < zero else (high_s if s > high_s else s)
+        t = zero if t < zero else (high_t if t > high_t else t)
+        i, j = np.int32(s), np.int32(t)
+        scratch[0, x] = j * width + i
+        scratch[1, x] = np.int32((s - np.float32(i)) * unit)
+        scratch[2, x] = np.int32((t - np.float32(j)) * unit)
+    lanes = np.uint64(0x00FF00FF00FF)
+    quarter = np.uint64(0x3FFF3FFF3FFF)
+    spread, two = np.uint64(24), np.uint64(2)
+    for x in range(n):
+        at = np.uint64(scratch[0, x])
+        below = at + np.uint64(width)
+        fx, fy = np.int64(scratch[1, x]), np.int64(scratch[2, x])
+        w11 = (fx * fy) >> 8
+        c00, c10 = np.uint64(texels[at]), np.uint64(texels[at + np.uint64(1)])
+        c01, c11 = np.uint64(texels[below]), np.uint64(texels[below + np.uint64(1)])
+        total = ((c00 | c00 << spread) & lanes) * np.uint64(256 - fx - fy + w11)
+        total += ((c10 | c10 << spread) & lanes) * np.uint64(fx - w11)
+        total += ((c01 | c01 << spread) & lanes) * np.uint64(fy - w11)
+        total += ((c11 | c11 << spread) & lanes) * np.uint64(w11)
+        out[x] += (total >> two) & quarter
+
+
+@compiled
 def shade(
     identity: NDArray[np.int16],
     coefficients: Array,
     patch: NDArray[np.int32],
     level_offset: NDArray[np.int64],
     level_size: NDArray[np.int32],
-    sharpness: NDArray[np.float64],
+    sharpness: Array,
     texels: NDArray[np.uint32],
-    out: NDArray[np.uint16],
+    out: NDArray[np.uint64],
 ) -> None:
-    """Average the textures' colour over the samples of an exposure.
+    """Average the textures' colour over the SAMPLES samples of an exposure.
 
-    `identity` is k x H x W and `coefficients` k x n x 12 (see `project_surfaces`); `out` (H x W x 3) holds 256 times
-    the 8 bit colour. Each sample takes the mip level of its footprint, rounded differently from sample to sample,
-    which blends neighbouring levels without looking up both.
+    `identity` is k x H x W and `coefficients` k x n x 12 (see `project_surfaces`); `out` (H x W) holds 256 times the
+    8 bit colour in lanes of 16 bits, red lowest, then blue, then green. Runs of up to RUN pixels of one surface
+    share a mip level, by their middle's footprint; it is rounded differently from sample to sample, which blends
+    neighbouring levels without looking up both.
     """
     samples, height, width = identity.shape
     levels = level_offset.shape[1]
+    scratch = np.empty((3, RUN), np.int32)
+    f4 = np.float32
     for y in range(height):
-        for x in range(width):
-            red, green, blue = 0, 0, 0
-            for k in range(samples):
-                i = identity[k, y, x]
-                if i < 0:
-                    continue
-                c = coefficients[k, i]
-                z = 1.0 / (c[0] * x + c[1] * y + c[2])
-                s = (c[3] * x + c[4] * y + c[5]) * z - c[9]
-                t = (c[6] * x + c[7] * y + c[8]) * z - c[10]
-                p = patch[i]
-                footprint = sharpness[k, i] * z * z * z * (0.5 + 0.5 * (k & 1) + 0.25 * (k >> 1))
-                level = 0
-                while footprint > 1.0 and level < levels - 1:
-                    footprint *= 0.25
-                    level += 1
-                w = level_size[p, level, 0]
-                h = level_size[p, level, 1]
-                ts = min(max(s * w - 0.5, 0.0), w - 1.001)
-                tt = min(max(t * h - 0.5, 0.0), h - 1.001)
-                ix, iy = int(ts), int(tt)
-                fx, fy = int((ts - ix) * 256.0), int((tt - iy) * 256.0)
-                at = level_offset[p, level] + iy * w + ix
-                c00, c10 = np.int64(texels[at]), np.int64(texels[at + 1])
-                c01, c11 = np.int64(texels[at + w]), np.int64(texels[at + w + 1])
-                w11 = (fx * fy) >> 8
-                w10, w01 = fx - w11, fy - w11
-                w00 = 256 - fx - fy + w11
-                m = 0xFF00FF
-                rb = (c00 & m) * w00 + (c10 & m) * w10 + (c01 & m) * w01 + (c11 & m) * w11
-                gg = ((c00 >> 8) & 255) * w00 + ((c10 >> 8) & 255) * w10
-                gg += ((c01 >> 8) & 255) * w01 + ((c11 >> 8) & 255) * w11
-                red += rb & 0xFFFF
-                blue += rb >> 16
-                green += gg
-            out[y, x, 0] = red // samples
-            out[y, x, 1] = green // samples
-            out[y, x, 2] = blue // samples
+        out[y] = np.uint64(0)
+        for k in range(samples):
+            row = identity[k, y]
+            x = 0
+            while x < width:
+                i = row[x]
+                end = x + 1
+                last = min(width, x + RUN)
+                while end < last and row[end] == i:
+                    end += 1
+                if i >= 0:
+                    c = coefficients[k, i]
+                    p = patch[i]
+                    z = 1.0 / (c[0] * (0.5 * (x + end)) + c[1] * y + c[2])
+                    footprint = sharpness[k, i] * z * z * z * (0.5 + 0.5 * (k & 1) + 0.25 * (k >> 1))
+                    level = 0
+                    while footprint > 1.0 and level < levels - 1:
+                        footprint *= 0.25
+                        level += 1
+                    w, h = level_size[p, level, 0], level_size[p, level, 1]
+                    sample_run(
+                        texels[level_offset[p, level] :],
+                        (w, h),
+                        (
+                            f4(c[0] * x + c[1] * y + c[2]),
+                            f4(c[0]),
+                            f4((c[3] * x + c[4] * y + c[5]) * w),
+                            f4(c[3] * w),
+                            f4((c[6] * x + c[7] * y + c[8]) * h),
+                            f4(c[6] * h),
+                        ),
+                        (f4(c[9] * w + 0.5), f4(c[10] * h + 0.5)),
+                        scratch,
+                        out[y, x:end],
+                    )
+                x = end
 
 
 class Renderer:
@@ -270,20 +320,20 @@ class Renderer:
         eye = -T_camera_world[:3, :3].T @ T_camera_world[:3, 3]
         return np.asarray(np.abs(np.einsum("ni,ni->n", self._normal, self._surfaces.origin - eye)))
 
-    def color(self, T_camera_world: Array, K: Array, shape: tuple[int, int]) -> NDArray[np.uint16]:
-        """Return the colour image (256 x 8 bit) of an exposure during which the camera took the k poses given."""
+    def color(self, T_camera_world: Array, K: Array, shape: tuple[int, int]) -> NDArray[np.uint64]:
+        """Return the light (packed, see `shade`) of an exposure during which the camera took the 4 poses given."""
         s, atlas = self._surfaces, self._atlas
-        samples = len(T_camera_world)
+        samples = len(JITTER)
         identity = np.empty((samples, *shape), np.int16)
         inverse_depth = np.empty(shape, np.float32)
         coefficients = np.zeros((samples, len(s.origin), 12))
         sharpness = np.empty((samples, len(s.origin)))
         for k, T in enumerate(T_camera_world):
-            K_k = K - np.array([0.0, 0.0, *JITTER[k % 4]])
+            K_k = K - np.array([0.0, 0.0, *JITTER[k]])
             project_surfaces(s.origin, s.u, s.v, s.two_sided, T, K_k, coefficients[k])
             rasterise(s.origin, s.u, s.v, coefficients[k], T, K_k, inverse_depth, identity[k])
             # A pixel covers z^2 / (f^2 cos) m^2, cos = distance / z at the image centre; four samples share it.
             sharpness[k] = self._texels_per_m2 / (K[0] * K[1] * np.maximum(self._distance(T), 0.01)) / 2.0
-        out = np.empty((*shape, 3), np.uint16)
+        out = np.empty(shape, np.uint64)
         shade(identity, coefficients, s.patch, atlas.level_offset, atlas.level_size, sharpness, atlas.texels, out)
         return out

@@ -1,28 +1,17 @@
 """Furnished rooms from a seed: the laboratory of the default walk, and a corridor of identical rooms."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from sensors.arena import furniture, paint
-from sensors.arena.light import bake
+from sensors.arena.light import Lamps, bake
 from sensors.arena.paint import Color
 from sensors.arena.render import Renderer, Surfaces
-from sensors.arena.scene import Array, Builder, Panel, pose
+from sensors.arena.scene import Array, Builder, Panel, moved, pose
 from sensors.arena.texture import pack
 
 WALL_TONES: tuple[Color, ...] = ((226, 222, 210), (206, 214, 216), (222, 212, 196), (212, 218, 204))
 ACCENTS: tuple[Color, ...] = ((96, 128, 142), (168, 108, 84), (116, 132, 96), (150, 134, 160))
-
-
-@dataclass(frozen=True, eq=False)
-class Lamps:
-    """Sample points on the lamps, where they shine to, and their power (RGB, linear)."""
-
-    points: Array
-    normals: Array
-    power: Array
 
 
 def shell(scene: Builder, rng: np.random.Generator, size: tuple[float, float, float]) -> None:
@@ -70,8 +59,8 @@ def daylight(T_world_window: Array, width: float, height: float) -> tuple[Array,
     return world, np.tile(normal, (9, 1)), np.tile((0.20, 0.225, 0.26), (9, 1))
 
 
-def laboratory(seed: int) -> tuple[list[Panel], Lamps]:
-    """Return the room of the default walk, 6.6 x 5.4 x 2.7 m, its middle at the origin, z up; and its lamps."""
+def laboratory(seed: int) -> Renderer:
+    """Return the room of the default walk, 6.6 x 5.4 x 2.7 m, its middle at the origin, z up."""
     rng = np.random.default_rng([seed, 1])
     scene = Builder()
     size = (6.6, 5.4, 2.7)
@@ -136,19 +125,75 @@ def laboratory(seed: int) -> tuple[list[Panel], Lamps]:
         ceiling_lamps(scene, [(-1.7, -1.1), (-1.7, 1.1), (1.7, -1.1), (1.7, 1.1)], size[2]),
         daylight(light, 1.7, 1.25),
     ]
-    return scene.panels, Lamps(*(np.concatenate(parts) for parts in zip(*lamps, strict=True)))
+    return renderer(scene.panels, join_lamps(lamps), seed)
+
+
+BAY_M = 3.2
+"""Length of one of the corridor's rooms."""
+BAYS = 9
+
+
+def corridor(seed: int) -> Renderer:
+    """Return a row of rooms, open to a corridor along x and identical to the last book; the first one's middle is 0."""
+    rng = np.random.default_rng([seed, 2])
+    scene = Builder()
+    width, depth, h = BAY_M, 3.6, 2.7
+    T = np.eye(4)
+    tone = furniture.one_of(rng, WALL_TONES)
+    wall = paint.plain(rng, tone, 0.004, 0.035)
+    scene.panel(T, (0, 0, 0), (width, 0, 0), (0, -depth, 0), paint.wood(rng, (176, 130, 88), 0.003, 0.11))
+    scene.panel(T, (0, 0, h), (width, 0, 0), (0, depth, 0), paint.ceiling(rng))
+    north, south = pose(0, depth / 2), pose(0, -depth / 2, 0, 180)
+    for side in (north, south):
+        scene.panel(side, (0, 0, h / 2), (width, 0, 0), (0, 0, -h), wall)
+        scene.box(side, (0, -0.008, 0.04), (width, 0.016, 0.08), paint.plain(rng, (236, 234, 228), 0.006), "front top")
+    scene.box(
+        T,
+        (-width / 2 + 0.06, depth / 2 - 0.45, h / 2),
+        (0.12, 0.9, h),
+        paint.plain(rng, furniture.one_of(rng, ACCENTS), 0.004),
+        "front left right",
+    )
+    furniture.desk(scene, rng, north @ pose(-0.55, -0.42), 1.4)
+    furniture.shelf(scene, rng, north @ pose(0.85, -0.17), 1.0, 1.9)
+    furniture.on_wall(scene, rng, north @ pose(-0.65, 0, 1.75), 0.95, 0.66, paint.poster(rng), (40, 42, 46))
+    furniture.plant(scene, rng, north @ pose(1.4, -0.3), 0.5)
+    furniture.carton_stack(scene, rng, north @ pose(0.35, -0.5), 2)
+    furniture.door(scene, rng, south)
+    light = ceiling_lamps(scene, [(0.0, 0.2)], h)
+    shifts = [(k * width, 0.0, 0.0) for k in (-2, -1, 1, 2)]
+    neighbours = [panel for shift in shifts for panel in moved(scene.panels, shift)]
+    lamps = join_lamps([light, *((light[0] + shift, light[1], light[2]) for shift in shifts)])
+    images = bake(scene.panels, neighbours, lamps, seed)
+    rooms = [moved(scene.panels, (k * width, 0.0, 0.0)) for k in range(-1, BAYS - 1)]
+    ends = Builder()
+    for x, yaw in ((-1.5 * width, 90.0), ((BAYS - 1.5) * width, -90.0)):
+        ends.panel(pose(x, 0, 0, yaw), (0, 0, h / 2), (depth, 0, 0), (0, 0, -h), wall)
+    panels = [panel for one in rooms for panel in one] + ends.panels
+    patch = [*(k for _ in rooms for k in range(len(images))), *range(len(images), len(images) + 2)]
+    return draw(panels, patch, images + [panel.image for panel in ends.panels])
+
+
+def join_lamps(lamps: list[tuple[Array, Array, Array]]) -> Lamps:
+    """Return all lamps in one."""
+    points, normals, power = zip(*lamps, strict=True)
+    return Lamps(np.concatenate(points), np.concatenate(normals), np.concatenate(power))
 
 
 def renderer(panels: list[Panel], lamps: Lamps, seed: int) -> Renderer:
     """Bake the light and return what draws the scene."""
-    images = bake(panels, lamps.points, lamps.normals, lamps.power, seed)
+    return draw(panels, list(range(len(panels))), bake(panels, [], lamps, seed))
+
+
+def draw(panels: list[Panel], patch: list[int], images: list[NDArray[np.uint8]]) -> Renderer:
+    """Return what draws panels whose pictures are `images[patch[i]]`."""
     surfaces = Surfaces(
         np.array([p.origin for p in panels]),
         np.array([p.u for p in panels]),
         np.array([p.v for p in panels]),
         np.array([p.two_sided for p in panels]),
         np.array([p.infrared * _tone(p.image) for p in panels], np.float32),
-        np.arange(len(panels), dtype=np.int32),
+        np.array(patch, np.int32),
     )
     return Renderer(surfaces, pack(images))
 

@@ -1,5 +1,6 @@
 """A scene under construction: painted parallelograms, boxes and prisms, put where a moving frame says."""
 
+import itertools
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -106,7 +107,7 @@ class Builder:
     ) -> None:
         """Add a tube (leg, cable, pole) along a line of points."""
         line = np.array(points, float)
-        for a, b in zip(line[:-1], line[1:], strict=True):
+        for a, b in itertools.pairwise(line):
             axis = (b - a) / np.linalg.norm(b - a)
             side = np.cross(axis, (0.31, 0.17, 0.93) if abs(axis[2]) < 0.9 else (1.0, 0.2, 0.1))
             side /= np.linalg.norm(side)
@@ -115,7 +116,7 @@ class Builder:
                 radius * (np.cos(2 * np.pi * k / sides) * side + np.sin(2 * np.pi * k / sides) * other)
                 for k in range(sides + 1)
             ]
-            for p, q in zip(ring[:-1], ring[1:], strict=True):
+            for p, q in itertools.pairwise(ring):
                 self.panel(T, tuple((a + b + p + q) / 2), tuple(q - p), tuple(a - b), painter, infrared=infrared)
 
     def drum(

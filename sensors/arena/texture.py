@@ -37,8 +37,8 @@ def pack(images: Sequence[Image]) -> Atlas:
             height, width = level_image.shape[:2]
             offset[i, level], size[i, level] = end, (width, height)
             if level == 0 or size[i, level].tolist() != size[i, level - 1].tolist():
-                packed = level_image.astype(np.uint32)
-                parts.append((packed[..., 0] | packed[..., 1] << 8 | packed[..., 2] << 16).ravel())
+                red, green, blue = level_image.astype(np.uint32).transpose(2, 0, 1)
+                parts.append(np.asarray(red | green << 8 | blue << 16, np.uint32).ravel())
                 end += parts[-1].size
             else:
                 offset[i, level] = offset[i, level - 1]

@@ -1,7 +1,7 @@
 """Where the camera is at any time: smooth paths carried by hand, as exact functions of time."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -10,17 +10,22 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from odom.registration.se3 import so3_exp
-from sensors.arena.options import FRAMES_PER_KEY_POSE, KEY_POSES, RATE_HZ
+from sensors.arena.options import FRAMES_PER_KEY_POSE, KEY_POSES, RATE_HZ, ArenaOptions
 
 Array = NDArray[np.float64]
 
 TURN_AHEAD_S = 1.4
 """How much the look is smoother than the course."""
 LAP_S = KEY_POSES * FRAMES_PER_KEY_POSE / RATE_HZ
+JOINED_AT_S = LAP_S + 0.5 / RATE_HZ
+"""When the walk through two rooms changes from one to the other."""
 
 
 class Walk(Protocol):
-    """A path."""
+    """A path; can be a key of a cache."""
+
+    def __hash__(self) -> int:
+        """Return the same for equal paths."""
 
     def T_world_camera(self, t: float) -> Array:
         """Return the colour camera's optical frame in the world (z up, metres) at `t` seconds."""
@@ -59,7 +64,7 @@ class Shake:
         return np.asarray((amplitude * np.sin(2 * np.pi * cycles * t / self.period_s + phase)).sum(axis=1))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Infinity:
     """A lying eight, walked at even speed, looking ahead and about; one lap ends exactly where it began."""
 
@@ -112,7 +117,7 @@ class Rest:
         return self.T
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Corridor:
     """Along the x axis past identical rooms, looking at the furnished side and a little ahead."""
 
@@ -149,3 +154,16 @@ class Joined:
         T = self.second.T_world_camera(t - self.change_s).copy()
         T[:3, 3] += self.offset_m
         return T
+
+
+@lru_cache(maxsize=4)
+def make_walk(options: ArenaOptions) -> Walk:
+    """Return the path that the options name."""
+    infinity = Infinity(options.seed)
+    if options.walk == "rest":
+        return Rest(infinity.T_world_camera(2.0))
+    if options.walk == "corridor":
+        return Corridor(options.seed)
+    if options.walk == "joined":
+        return Joined(infinity, Infinity(options.seed + 1), JOINED_AT_S)
+    return infinity

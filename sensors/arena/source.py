@@ -1,0 +1,139 @@
+"""The arena as a source of wire messages: recorded (as fast as acknowledged) or live (each message when it is due)."""
+
+import heapq
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+from itertools import count, islice
+
+from odom.errors import ConfigError
+from odom.frame import Stamp
+from odom.wire import Message, truth
+from odom.wire.codec import (
+    encode_camera_info,
+    encode_color,
+    encode_color_jpeg,
+    encode_depth,
+    encode_depth_compressed,
+    encode_pose,
+)
+from sensors.arena.generate import ArenaFrame, frame, hidden, prepare
+from sensors.arena.mocap import RATE_HZ as MOCAP_HZ
+from sensors.arena.mocap import mocap_pose
+from sensors.arena.options import RATE_HZ, ArenaOptions
+from sensors.source import SourceOptions
+
+EXACT_BODY = "exact_camera"
+MOCAP_FRAME = "mocap"
+WORLD_FRAME = "arena"
+MOCAP_A_FRAME = round(MOCAP_HZ / RATE_HZ)
+FRAMES_AHEAD = 3
+"""Frames drawn before they are due."""
+START_IN_NS = 300_000_000
+"""A live session begins so long after it is asked for."""
+LATE_S = 2.0 / RATE_HZ
+"""A live frame that could not be drawn until so long after it was due is left out, as a busy driver would."""
+
+
+class ArenaSource:
+    """The simulated sensor and motion capture; see `Source`."""
+
+    def __init__(self, arena: ArenaOptions, options: SourceOptions) -> None:
+        self._arena = arena
+        self._options = options
+        self._closed = threading.Event()
+        self.skipped = 0
+        prepare(arena)
+
+    @property
+    def lossless(self) -> bool:
+        """False when live."""
+        return not self._options.live
+
+    @property
+    def length(self) -> int | None:
+        """Colour frames of the session."""
+        return sum(not hidden(self._arena, k) for k in range(self._arena.frames))
+
+    def messages(self) -> Iterator[Message]:
+        """Yield calibration, colour, depth and truth in the order of their stamps."""
+        arena = self._arena
+        if self._options.live:
+            arena = replace(arena, start=Stamp(time.time_ns() + START_IN_NS))
+        yield encode_camera_info(self._options.topics.camera_info, arena.start, arena.camera)
+        waiting: list[tuple[Stamp, int, Message]] = []
+        serial = count()
+        with ThreadPoolExecutor(1) as pool:
+            ahead: deque[Future[list[Message]]] = deque()
+            indices = iter(range(arena.frames))
+            for index in range(arena.frames):
+                for next_index in islice(indices, FRAMES_AHEAD - len(ahead)):
+                    ahead.append(pool.submit(self._period, arena, next_index))
+                for message in ahead.popleft().result():
+                    heapq.heappush(waiting, (message.stamp, next(serial), message))
+                sure = arena.start + round((index + 0.95) * 1e9 / RATE_HZ)
+                while waiting and waiting[0][0] <= sure and not self._closed.is_set():
+                    yield self._due(heapq.heappop(waiting)[2])
+                if self._closed.is_set():
+                    return
+        while waiting and not self._closed.is_set():
+            yield self._due(heapq.heappop(waiting)[2])
+
+    def close(self) -> None:
+        """End the session."""
+        self._closed.set()
+
+    def _due(self, message: Message) -> Message:
+        if self._options.live:
+            self._closed.wait(max(0.0, (message.stamp - time.time_ns()) * 1e-9))
+        return message
+
+    def _period(self, arena: ArenaOptions, index: int) -> list[Message]:
+        """Return what is captured in the period that begins with frame `index`."""
+        messages = list(self._truth(arena, index))
+        late_s = time.time() - (arena.start * 1e-9 + index / RATE_HZ)
+        if self._options.live and late_s > LATE_S:
+            self.skipped += 1
+        elif not hidden(arena, index):
+            messages += self._images(frame(arena, index))
+        return messages
+
+    def _images(self, shot: ArenaFrame) -> Iterator[Message]:
+        topics = self._options.topics
+        if self._options.color == "jpeg":
+            yield encode_color_jpeg(topics.color_compressed, shot.stamp, shot.rgb)
+        else:
+            yield encode_color(topics.color, shot.stamp, shot.rgb)
+        if self._options.depth == "raw":
+            yield encode_depth(topics.depth, shot.depth_stamp, shot.depth_mm)
+        else:
+            codec = self._options.depth
+            yield encode_depth_compressed(topics.depth_compressed, shot.depth_stamp, shot.depth_mm, codec=codec)
+        if self._arena.exact_truth:
+            yield encode_pose(truth(EXACT_BODY), shot.stamp, shot.T_world_camera, WORLD_FRAME)
+
+    def _truth(self, arena: ArenaOptions, index: int) -> Iterator[Message]:
+        if not arena.mocap:
+            return
+        for k in range(index * MOCAP_A_FRAME, (index + 1) * MOCAP_A_FRAME):
+            pose = mocap_pose(arena, k)
+            if pose is not None:
+                yield encode_pose(truth(arena.body), pose.stamp, pose.T_mocap_marker, MOCAP_FRAME)
+
+
+def arena_options(options: SourceOptions) -> ArenaOptions:
+    """Return the arena that the options of a source describe. Raises ConfigError for what does not fit."""
+    texts = {"sensor": options.sensor, "seed": str(options.seed), **dict(options.extra)}
+    if options.seconds is not None:
+        texts["seconds"] = str(options.seconds)
+    if options.color not in ("jpeg", "raw") or options.depth not in ("raw", "rvl", "png"):
+        raise ConfigError(f"arena: color {options.color!r}, depth {options.depth!r}: give jpeg or raw; raw, rvl or png")
+    return ArenaOptions.from_texts(texts)
+
+
+def open_arena(options: SourceOptions) -> ArenaSource:
+    """Open the simulated laboratory. Raises ConfigError for options that do not fit."""
+    return ArenaSource(arena_options(options), options)

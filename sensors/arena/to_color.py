@@ -1,0 +1,63 @@
+"""Depth of an infrared camera carried into the colour image beside it, as the sensor's driver does."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.frame import Camera
+from odom.registration.compiled import compiled
+
+Array = NDArray[np.float64]
+
+
+def intrinsics(camera: Camera) -> Array:
+    """Return (fx, fy, cx, cy)."""
+    return np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+
+
+@compiled
+def register(
+    depth_m: NDArray[np.float32], infrared: Array, color: Array, offset: Array, lens: Array, out: NDArray[np.uint16]
+) -> None:
+    """Carry infrared depth into the colour image, the nearest winning, whole millimetres.
+
+    `infrared` and `color` are (fx, fy, cx, cy), `lens` plumb_bob's k1, k2, p1, p2, k3; `offset` is the
+    infrared camera in the colour camera's frame, metres.
+    """
+    out[:] = np.uint16(0)
+    height, width = depth_m.shape
+    rows, columns = out.shape
+    bent = lens[0] != 0.0 or lens[1] != 0.0
+    for y in range(height):
+        b0 = (y - infrared[3]) / infrared[1]
+        for x in range(width):
+            z = depth_m[y, x]
+            if z <= np.float32(0):
+                continue
+            nearness = 1.0 / z
+            a = (x - infrared[2]) / infrared[0] + offset[0] * nearness
+            b = b0 + offset[1] * nearness
+            if bent:
+                r2 = a * a + b * b
+                radial = 1.0 + r2 * (lens[0] + r2 * (lens[1] + r2 * lens[4]))
+                a, b = (
+                    a * radial + 2 * lens[2] * a * b + lens[3] * (r2 + 2 * a * a),
+                    b * radial + lens[2] * (r2 + 2 * b * b) + 2 * lens[3] * a * b,
+                )
+            u = int(color[0] * a + color[2] + 0.5)
+            v = int(color[1] * b + color[3] + 0.5)
+            if u < 0 or v < 0 or u >= columns or v >= rows:
+                continue
+            mm = np.uint16(z * np.float32(1000) + np.float32(0.5))
+            there = out[v, u]
+            if there == 0 or mm < there:
+                out[v, u] = mm
+
+
+def to_color(
+    depth_m: NDArray[np.float32], infrared: Camera, camera: Camera, T_color_infrared: Array
+) -> NDArray[np.uint16]:
+    """Return infrared depth (m, 0 unknown) in the image of the colour `camera`, mm; the two look the same way."""
+    out = np.empty((camera.height, camera.width), np.uint16)
+    lens = np.array((*camera.distortion, 0.0, 0.0, 0.0, 0.0, 0.0)[:5])
+    register(depth_m, intrinsics(infrared), intrinsics(camera), T_color_infrared[:3, 3].copy(), lens, out)
+    return out

@@ -134,7 +134,7 @@ def no_frames(uri: str, stream: str, seconds: float) -> DeviceError:
     return DeviceError(
         f"{uri} delivers no {stream} ({seconds:.0f} s waited): most often the USB controller has no bandwidth left; "
         "plug the camera straight into the machine, on a controller of its own (lsusb -t), without hub; a Kinect also "
-        "needs its power supply, a Kinect v2 USB 3; a smaller image (--set size=320x240) needs a quarter"
+        "needs its power supply, a Kinect v2 USB 3; a smaller image (--option size=320x240) needs a quarter"
     )
 
 

@@ -101,7 +101,7 @@ class OpenDevice:
             return True
         if wanted is Registration.DRIVER:
             raise DeviceError(
-                f"{self.uri}: the driver cannot register depth to colour; give --set registration=software and a "
+                f"{self.uri}: the driver cannot register depth to colour; give --option registration=software and a "
                 "calibration file with depth_camera and T_color_depth"
             )
         if can:

@@ -18,7 +18,7 @@ class Registration(Enum):
 
 
 class KinectSettings(BaseModel):
-    """Options of `odom sensor kinect`, given as `--set name=value`."""
+    """Options of `odom sensor kinect`, given as `--option name=value`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

@@ -42,26 +42,35 @@ def until(source: Source, seconds: float) -> list[Message]:
     return taken
 
 
-def test_every_pixel_and_frame_arrives_unmirrored_in_order_at_30_hz(kinects: Kinects) -> None:
+def frame_numbers(played: list[np.ndarray], true: np.ndarray) -> list[int]:
+    """Return which frame of the virtual device each image is; fails unless every pixel is the same."""
+    by_first_row = {image[0].tobytes(): index for index, image in enumerate(true)}
+    numbers = [by_first_row[image[0].tobytes()] for image in played]
+    for image, number in zip(played, numbers, strict=True):
+        assert np.array_equal(image, true[number])
+    return numbers
+
+
+def test_every_pixel_arrives_unmirrored_in_order_at_30_hz_and_what_is_lost_is_counted(kinects: Kinects) -> None:
     kinect = kinects(frames=90)
     source = open_kinect("kinect", options())
     try:
-        messages = list(islice(source.messages(), 1 + 2 * 88))
+        messages = until(source, 2.5)
     finally:
         source.close()
     assert messages[0].topic == TOPICS.camera_info
     color, depth = split(messages)
     true_color, true_depth = noise(90)
-    first = next(i for i in range(4) if np.array_equal(decode_color(color[0]), true_color[i]))
-    assert len(color) >= 86
-    assert len(depth) >= 86
-    for index, message in enumerate(color[:80]):
-        assert np.array_equal(decode_color(message), true_color[first + index])
-    first = next(i for i in range(4) if np.array_equal(decode_depth(depth[0]), true_depth[i]))
-    for index, message in enumerate(depth[:80]):
-        assert np.array_equal(decode_depth(message), true_depth[first + index])
-    assert source.counters["lost"] == source.counters["dropped"] == 0
-    assert np.diff([m.stamp for m in color]) == pytest.approx(1e9 / 30, rel=0.02)
+    missing = 0
+    for numbers in (
+        frame_numbers([decode_color(m) for m in color], true_color),
+        frame_numbers([decode_depth(m) for m in depth], true_depth),
+    ):
+        assert len(numbers) > 60
+        assert numbers == sorted(set(numbers))
+        missing += numbers[-1] - numbers[0] + 1 - len(numbers)
+    assert missing <= source.counters["lost"] + source.counters["dropped"] <= missing + 2
+    assert np.median(np.diff([m.stamp for m in color])) == pytest.approx(1e9 / 30, rel=0.02)
     assert kinect.set_by_application["color_mirror"] == kinect.set_by_application["depth_mirror"] == 0
     assert kinect.set_by_application["image_registration"] == 1
 
@@ -180,20 +189,17 @@ def test_unplugged_and_replugged_ten_times_it_resumes_and_leaks_nothing(
 def test_an_oni_recording_is_played_bit_by_bit_and_ends(kinects: Kinects, tmp_path: Path) -> None:
     kinects(frames=60)
     file = record_oni(tmp_path / "take.oni", 1.0)
-    true_color, true_depth = noise(60)
     source = open_kinect(f"kinect:{file}", options())
     assert source.lossless
     color, depth = split(list(source.messages()))
     source.close()
     assert len(color) == source.length
     assert len(color) >= 25
-    first = next(i for i in range(60) if np.array_equal(decode_color(color[0]), true_color[i]))
-    for index, message in enumerate(color):
-        assert np.array_equal(decode_color(message), true_color[first + index])
-    first = next(i for i in range(60) if np.array_equal(decode_depth(depth[0]), true_depth[i]))
-    for index, message in enumerate(depth):
-        assert np.array_equal(decode_depth(message), true_depth[first + index])
-    assert np.diff([m.stamp for m in color]) == pytest.approx(1e9 / 30, rel=1e-4)
+    true_color, true_depth = noise(60)
+    frame_numbers([decode_color(m) for m in color], true_color)
+    frame_numbers([decode_depth(m) for m in depth], true_depth)
+    intervals = np.diff([m.stamp for m in color]) / (1e9 / 30)
+    assert intervals == pytest.approx(np.round(intervals), rel=1e-4)
 
 
 def record_oni(file: Path, seconds: float) -> Path:
@@ -212,6 +218,9 @@ def record_oni(file: Path, seconds: float) -> Path:
         if (stream := api.wait_for_any_stream(streams, 0.2)) is not None:
             stream.read_frame().close()
     recorder.stop()
+    # The library's recorder deadlocks when it is destroyed while frames still arrive.
+    for stream in streams:
+        stream.stop()
     recorder.close()
     for stream in streams:
         stream.close()

@@ -18,6 +18,7 @@ def run(
     headless: Annotated[bool, typer.Option("--headless", help="Show nothing.")] = False,
     web: Annotated[bool, typer.Option("--web", help="Show the run in a browser instead of a window.")] = False,
     rrd: Annotated[bool, typer.Option("--rrd", help="Also write session.rrd for Rerun.")] = False,
+    stay: Annotated[bool, typer.Option("--stay", help="Keep the viewer open until Ctrl-C.")] = False,
     record: Annotated[Path | None, typer.Option(help="Record the session to this .mcap file meanwhile.")] = None,
     chain: Annotated[bool, typer.Option("--chain", help="Also write the paper's pairwise chain to chain.txt.")] = False,
     camera: Annotated[Path | None, typer.Option(help="Calibration (ROS camera-calibration YAML).")] = None,
@@ -26,8 +27,10 @@ def run(
     realtime: Annotated[bool, typer.Option("--realtime", help="Play a recording like a live sensor.")] = False,
     rate: Annotated[float, typer.Option(min=0.001, help="Speed of --realtime.")] = 1.0,
     live: Annotated[bool, typer.Option("--live", help="Run the arena like a live sensor.")] = False,
+    seconds: Annotated[float | None, typer.Option(min=0, help="Length of the arena's session.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the arena.")] = 1,
     sensor_option: Annotated[
-        list[str] | None, typer.Option(help="A further argument of `odom sensor`, as in --sensor-option=--seed=2.")
+        list[str] | None, typer.Option(help="A further argument of `odom sensor`, as in --sensor-option=--depth=rvl.")
     ] = None,
     namespace: Annotated[str | None, typer.Option(help="Name of the device, first part of its keys.")] = None,
     config: Annotated[Path | None, typer.Option(help="YAML file of settings.")] = None,
@@ -38,7 +41,7 @@ def run(
     """
     import os
 
-    from odom.cli import signals
+    from odom.cli import logs, signals
 
     stop = signals.stop_event()
     from odom.service.run import RunPlan
@@ -51,7 +54,8 @@ def run(
     if namespace is not None:
         settings = settings.model_copy(update={"wire": settings.wire.model_copy(update={"namespace": namespace})})
     folder = out or Path("out") / f"{_stem(source)}-{time.strftime('%Y%m%d-%H%M%S')}"
-    sensor = [f"--start={start}", f"--rate={rate}", *(sensor_option or ())]
+    sensor = [f"--start={start}", f"--rate={rate}", f"--seed={seed}", *(sensor_option or ())]
+    sensor += [f"--seconds={seconds}"] if seconds is not None else []
     sensor += [f"--camera={camera}"] if camera is not None else []
     sensor += [f"--end={end}"] if end is not None else []
     sensor += ["--realtime"] if realtime else []
@@ -65,6 +69,8 @@ def run(
         odometry_arguments=["--chain"] if chain else [],
         record=record,
         viewer_arguments=viewer if rrd or not headless else None,
+        stay=stay,
+        log_json=logs.as_json(),
     )
     summarise(run_all(plan, settings, stop), folder)
 

@@ -21,7 +21,7 @@ class Announcer:
     def __init__(self, session: WireSession, topics: Topics, settings: ServiceSettings) -> None:
         self._topics = topics
         self._settings = settings
-        self._publisher = session.publisher()
+        self._publisher = session.publisher(urgent=True)
         self._state: State | None = None
         self._status_due = 0.0
         self._features_due = 0.0

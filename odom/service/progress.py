@@ -1,5 +1,6 @@
 """How far a command is: a bar on a terminal, a line now and then elsewhere, a count for the `odom run` above it."""
 
+import logging
 import sys
 import time
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 COUNT_ENVIRONMENT = "ODOM_COUNT"
 """Set by `odom run` for its children: counts go to stdout as lines that `parse_count` reads."""
 
+_LOG = logging.getLogger(__name__)
 _COUNT = "@count"
 _COUNT_PERIOD_S = 0.5
 _LINE_PERIOD_S = 5.0
@@ -42,9 +44,9 @@ class Display(Protocol):
         """Show a line that the child `name` wrote."""
 
 
-def open_display() -> Display:
-    """Return the display that suits stderr."""
-    return Bar() if sys.stderr.isatty() else Lines()
+def open_display(logged: bool) -> Display:
+    """Return the display that suits stderr; `logged`: lines for machines, whatever stderr is."""
+    return Bar() if sys.stderr.isatty() and not logged else Lines(logged)
 
 
 class Bar:
@@ -87,9 +89,10 @@ class Bar:
 
 
 class Lines:
-    """Plain lines on stderr: every few seconds and whenever the state changes."""
+    """Lines on stderr, plain or logged: every few seconds and whenever the state changes."""
 
-    def __init__(self) -> None:
+    def __init__(self, logged: bool = False) -> None:
+        self._logged = logged
         self._due = 0.0
         self._state = ""
 
@@ -112,11 +115,14 @@ class Lines:
                 eta = f", {max(reading.total - reading.frames, 0) / reading.fps:.0f} s to go"
         why = f" ({reading.reason})" if reading.reason else ""
         text = f"{reading.frames}{of} frames, {reading.fps:.0f}/s, {reading.state}{why}{eta}"
-        print(text, file=sys.stderr, flush=True)
+        if self._logged:
+            _LOG.info(text)
+        else:
+            print(text, file=sys.stderr, flush=True)
 
     def say(self, name: str, line: str) -> None:
         """Show a line that the child `name` wrote."""
-        print(f"[{name}] {line}", file=sys.stderr, flush=True)
+        print(line if self._logged else f"[{name}] {line}", file=sys.stderr, flush=True)
 
 
 class CountLines:

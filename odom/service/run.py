@@ -28,7 +28,10 @@ _PARENT_ENVIRONMENT = "ODOM_PARENT_PID"
 
 @dataclass(frozen=True)
 class RunPlan:
-    """What to start: the source's and the odometry's own arguments, where files go, and who watches."""
+    """What to start: the source's and the odometry's own arguments, where files go, and who watches.
+
+    With `stay` the viewer is kept open behind the end of the source; with `log_json` progress is logged, too.
+    """
 
     source: str
     out: Path
@@ -36,6 +39,8 @@ class RunPlan:
     odometry_arguments: Sequence[str] = ()
     record: Path | None = None
     viewer_arguments: Sequence[str] | None = None
+    stay: bool = False
+    log_json: bool = False
 
 
 def run(plan: RunPlan, settings: Settings, stop: threading.Event) -> dict[str, Any]:
@@ -48,10 +53,12 @@ def run(plan: RunPlan, settings: Settings, stop: threading.Event) -> dict[str, A
     endpoint = free_endpoint()
     wire = settings.wire.model_copy(update={"mode": "peer", "connect": (), "listen": (endpoint,)})
     begun = time.monotonic()
-    with open_session(wire) as session, open_display() as display:
+    with open_session(wire) as session, open_display(plan.log_json) as display:
         crew = Crew(plan, settings, endpoint, session, display)
         try:
             dead = crew.work(stop)
+            if plan.stay and dead is None:
+                crew.keep_viewer(stop)
         finally:
             crew.dismiss()
     report = complete_report(plan.out, crew, time.monotonic() - begun)
@@ -103,6 +110,14 @@ class Crew:
                 return dead[0]
         return odometry if odometry.died else None
 
+    def keep_viewer(self, stop: threading.Event) -> None:
+        """Let people look until `stop` is set or the viewer is closed."""
+        viewer = self.children.get("viewer")
+        if viewer is not None and viewer.poll() is None:
+            self._display.say("run", "the source has ended; Ctrl-C closes the viewer")
+            while viewer.poll() is None and not stop.wait(_POLL_S):
+                continue
+
     def dismiss(self) -> None:
         """End all children, those first on whose end others wait."""
         for name in ("sensor", "odometry", "recorder", "viewer"):
@@ -116,7 +131,7 @@ class Crew:
         count = parse_count(line)
         if count is None:
             self._display.say(name, line)
-        else:
+        elif name == "sensor":
             self.total = count[1]
 
     def _show_progress(self) -> None:

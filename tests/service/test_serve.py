@@ -33,7 +33,7 @@ class Served:
         self.process, self.session, self.out = process, session, out
         self.words: list[str] = []
         self.status: dict[str, str] = {}
-        self.publisher: Publisher = session.publisher()
+        self.publisher: Publisher = session.publisher(lossless=True)
         self._subscriber = session.subscriber((TOPICS.status,), depth=1)
         threading.Thread(target=self._read, daemon=True).start()
         threading.Thread(target=self._watch, daemon=True).start()

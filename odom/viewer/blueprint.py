@@ -20,13 +20,13 @@ def blueprint(plot_seconds: float | None = 60.0) -> rrb.Blueprint:
                         origin=entities.LOG,
                         name="What happened",
                         columns=rrb.TextLogColumns(
-                            timeline_columns=[],
+                            timeline_columns=[rrb.encodings.TimelineColumn(TIMELINE, visible=False)],
                             text_log_columns=["loglevel", "body"],
                         ),
                     ),
-                    column_shares=[1, 1.5],
+                    column_shares=[1, 1.7],
                 ),
-                row_shares=[2.6, 1],
+                row_shares=[2.3, 1],
             ),
             rrb.Vertical(
                 rrb.Horizontal(

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 import rerun as rr
 
+from odom.evaluation import Trajectory
 from odom.frame import Stamp
 from odom.viewer import entities, palette
 from odom.viewer.draw import Draw, draw
@@ -12,13 +13,14 @@ from odom.viewer.images import Images
 from odom.viewer.map_scene import MapScene, trajectory, truth_line
 from odom.viewer.settings import ViewerSettings
 from odom.viewer.trail import Trail
-from odom.viewer.truth import Comparison, TruthInMap, align_truth, in_map, three_sigma
+from odom.viewer.truth import Comparison, ProgressiveCalibration, TruthInMap, align_truth, in_map, three_sigma
 from odom.viewer.words import INFO, Words, says
 from odom.wire import Message, Topics, codec
 
 _REFRESH_NS = 500_000_000
 _RESTART_NS = 5_000_000_000
 _TRUTH_BODIES = 8
+_CAMERA_BODY = "camera"
 
 _SERIES: tuple[tuple[str, tuple[str, ...], tuple[tuple[int, ...], ...]], ...] = (
     (entities.POSITION_ERROR, ("error", "3 sigma"), (palette.CORRECTED, palette.BOUND)),
@@ -61,6 +63,7 @@ class Scene:
         self._words = Words()
         self._truth: dict[str, Trail] = {}
         self._comparison = Comparison()
+        self._calibration = ProgressiveCalibration()
         self._fit: TruthInMap | None = None
         self._bounds: tuple[Stamp, float, float] = (Stamp(0), np.nan, np.nan)
         self._newest: Stamp | None = None
@@ -165,6 +168,8 @@ class Scene:
         trail = self._trail(body)
         if trail is not None:
             trail.add(pose.stamp, pose.T_parent_child)
+            if body == next(iter(self._truth)):
+                self._comparison.add_truth(pose.stamp, pose.T_parent_child)
 
     def _trail(self, body: str) -> Trail | None:
         if body not in self._truth and len(self._truth) < _TRUTH_BODIES:
@@ -179,7 +184,7 @@ class Scene:
         yield from self._map.refresh(stamp)
         corrected = self._map.corrected()
         truth = self._judged()
-        if truth is not None and (fit := align_truth(corrected, truth.trajectory())):
+        if truth is not None and (fit := self._align(corrected, truth.trajectory())):
             yield from self._words.truth(stamp, fit, first=self._fit is None)
             self._fit = fit
         if self._fit is not None:
@@ -187,11 +192,16 @@ class Scene:
                 yield truth_line(body, stamp, in_map(trail.trajectory(), self._fit).positions, trail.strips())
         yield self._words.summary(stamp, self._fit, corrected.length_m)
 
+    def _align(self, corrected: Trajectory, truth: Trajectory) -> TruthInMap | None:
+        """Align truth; that of a body called `camera` is the camera's own, any other is a marker body's."""
+        is_camera = next(iter(self._truth)) == _CAMERA_BODY
+        calibrated = None if is_camera else self._calibration.update(corrected, truth)
+        return align_truth(corrected, truth, calibrated)
+
     def _errors(self) -> Iterator[Draw]:
-        truth = self._judged()
-        if truth is None or self._fit is None:
+        if self._fit is None:
             return
-        for error in self._comparison.errors(truth, self._fit):
+        for error in self._comparison.errors(self._fit):
             self._words.error(error)
             millimetres = [1e3 * error.position_m, 1e3 * error.bound_m]
             yield draw(entities.POSITION_ERROR, error.stamp, rr.Scalars(millimetres))

@@ -62,10 +62,9 @@ class Trail:
             kept[:n] = new
         self._size += n
 
-    def trajectory(self, since: Stamp | None = None) -> Trajectory:
-        """Return the poses kept, or those from `since` on."""
-        start = 0 if since is None else int(np.searchsorted(self._stamps[: self._size], since))
-        return Trajectory(self._stamps[start : self._size].copy(), self._T[start : self._size].copy())
+    def trajectory(self) -> Trajectory:
+        """Return the poses kept."""
+        return Trajectory(self._stamps[: self._size].copy(), self._T[: self._size].copy())
 
     def strips(self) -> NDArray[np.int64]:
         """Return the number of the strip of each pose of `trajectory`."""

@@ -65,7 +65,7 @@ class Words:
     def loop(self, loop: Loop) -> Iterator[Draw]:
         """Yield a line for an accepted loop, and for refused ones at most once a second."""
         apart = to_seconds(Stamp(loop.stamp - loop.candidate_stamp))
-        what = f"to the place of {apart:.1f} s before ({loop.inliers} inliers): {loop.reason}"
+        what = f"with {apart:.1f} s before, {loop.inliers} inliers: {loop.reason}"
         if loop.accepted:
             self._accepted += 1
             yield says(loop.stamp, INFO, f"Loop closed {what}", palette.LOOP_ACCEPTED)
@@ -83,13 +83,14 @@ class Words:
         if first:
             text = f"Truth aligned over {fit.matched} poses: {1e3 * fit.ate_m:.1f} mm off so far"
             yield says(stamp, INFO, text, palette.TRUTH)
-        if fit.calibrated and not self._calibrated:
+        if fit.calibrated is not None and not self._calibrated:
             self._calibrated = True
-            lever = 1e3 * float((fit.T_body_camera[:3, 3] ** 2).sum()) ** 0.5
+            ahead_ms = 1e3 * fit.calibrated.offset_s
+            lever = 1e3 * float((fit.calibrated.T_body_camera[:3, 3] ** 2).sum()) ** 0.5
             yield says(
                 stamp,
                 INFO,
-                f"Marker body found {lever:.0f} mm from the camera, its clock {1e3 * fit.time_offset_s:+.1f} ms off",
+                f"Marker body found {lever:.0f} mm from the camera, its clock {ahead_ms:+.1f} ms ahead",
                 palette.TRUTH,
             )
 
@@ -116,5 +117,5 @@ class Words:
                 rows.append((name, f"{self._values[key]}{unit}"))
         table = "\n".join(f"| {name} | {value} |" for name, value in rows)
         head = state or "waiting for the odometry"
-        text = f"## {head}\n{reason}\n\n| | |\n|---|---|\n{table}\n"
+        text = f"**{head}** {reason}\n\n| | |\n|---|---|\n{table}\n"
         return draw(entities.SUMMARY, stamp, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))

@@ -1,0 +1,162 @@
+"""The picture follows from the messages: which entities, in which bounds, and what bad messages do."""
+
+from collections import Counter
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from made_up_device import BEGIN, PERIOD_NS, T_WORLD_MAP, MadeUp, messages, true_pose
+
+from odom.errors import WireError
+from odom.frame import Stamp
+from odom.registration import se3
+from odom.viewer import ViewerSettings, entities, palette
+from odom.viewer.draw import Draw
+from odom.viewer.scene import Scene
+from odom.viewer.truth import in_map
+from odom.wire import Message, Topics, codec
+
+TOPICS = Topics("cam0")
+
+
+def _scene(**settings: int) -> Scene:
+    return Scene(TOPICS, ViewerSettings(**settings))
+
+
+def _play(scene: Scene, options: MadeUp) -> list[Draw]:
+    return [item for frame in messages(options, TOPICS) for message in frame for item in scene.handle(message)]
+
+
+def _batch(item: Draw, component: str) -> list:
+    for part in item.parts:
+        for batch in part.as_component_batches():
+            if str(batch.component_descriptor()).split(":")[-1].split("#")[0].strip() == component:
+                return batch.as_arrow_array().to_pylist()
+    raise AssertionError(f"{item.path} has no {component}")
+
+
+def _last(drawn: list[Draw], path: str) -> Draw:
+    return next(item for item in reversed(drawn) if item.path == path)
+
+
+@pytest.fixture(scope="module")
+def played() -> tuple[Scene, list[Draw]]:
+    scene = _scene()
+    return scene, _play(scene, MadeUp(frames=600, drift_m=0.1))
+
+
+def test_everything_that_is_promised_is_drawn(played: tuple[Scene, list[Draw]]) -> None:
+    scene, drawn = played
+    paths = Counter(item.path for item in [*scene.setup(), *drawn])
+    for path in (
+        entities.WORLD, entities.ONLINE, entities.CORRECTED, f"{entities.TRUTH}/camera", entities.KEYFRAMES,
+        entities.LANDMARKS, entities.COVARIANCE, entities.LOOPS_ACCEPTED, entities.LOOPS_REFUSED, entities.CAMERA,
+        entities.COLOR, entities.FEATURES, entities.DEPTH, entities.POSITION_ERROR, entities.ROTATION_ERROR,
+        entities.INLIERS, entities.TIMES, entities.LOG, entities.SUMMARY,
+    ):  # fmt: skip
+        assert paths[path] > 0, path
+    assert sum(path.startswith(f"{entities.CLOUDS}/") for path in paths) == 40
+
+
+def test_online_drifts_corrected_and_truth_do_not(played: tuple[Scene, list[Draw]]) -> None:
+    _, drawn = played
+    truth = np.array([true_pose(i)[:3, 3] for i in range(600)])
+
+    def distance(path: str) -> float:
+        points = np.concatenate([np.array(s) for s in _batch(_last(drawn, path), ["LineStrips3D", "strips"][-1])])
+        return float(max(np.min(np.linalg.norm(truth - point, axis=1)) for point in points))
+
+    assert distance(entities.ONLINE) > 0.03
+    assert distance(entities.CORRECTED) < 0.01
+    assert distance(f"{entities.TRUTH}/camera") < 0.01
+
+
+def test_errors_are_those_of_the_published_pose(played: tuple[Scene, list[Draw]]) -> None:
+    _, drawn = played
+    errors = [_batch(item, "scalars") for item in drawn if item.path == entities.POSITION_ERROR]
+    assert len(errors) > 300
+    assert max(error for error, _ in errors) < 5.0  # millimetres
+    bounds = [bound for _, bound in errors]
+    assert bounds == sorted(bounds)  # its sigma grows with the frames
+
+
+def test_same_messages_same_picture() -> None:
+    options = MadeUp(frames=60)
+    one, two = _play(_scene(), options), _play(_scene(), options)
+    assert [(item.path, item.stamp) for item in one] == [(item.path, item.stamp) for item in two]
+
+
+def test_a_marker_body_on_another_clock_is_brought_onto_the_camera() -> None:
+    X = se3.exp(np.array([0.05, -0.04, 0.05, 0.3, 0.3, -0.3]))
+    scene = _scene()
+    _play(scene, MadeUp(frames=450, body="markers", T_body_camera=X, clock_offset_s=0.037, images=False))
+    fit = scene._fit
+    assert fit is not None
+    assert fit.calibrated is not None
+    assert abs(fit.calibrated.offset_s - 0.037) < 0.002
+    assert np.linalg.norm(se3.log(se3.inverse(X) @ fit.calibrated.T_body_camera)[:3]) < 0.003
+    true = in_map(scene._truth["markers"].trajectory(), fit)
+    at, valid = true.at(np.array([BEGIN + 200 * PERIOD_NS]), 0.1)
+    assert valid[0]
+    assert np.linalg.norm(at[0][:3, 3] - true_pose(200)[:3, 3]) < 0.003
+
+
+def test_a_late_joiner_sees_the_whole_way_from_history_and_path() -> None:
+    poses = [(Stamp(BEGIN + i * PERIOD_NS), true_pose(i)) for i in range(0, 500, 3)]
+    scene = _scene()
+    true = [(stamp, T_WORLD_MAP @ T) for stamp, T in poses]
+    scene.history(codec.encode_path("cam0/history/odom", poses[-1][0], poses, "odom"))
+    scene.history(codec.encode_path("truth/camera/history", poses[-1][0], true, "world"))
+    list(scene.handle(codec.encode_path(TOPICS.path, poses[-1][0], poses[::5], "map")))
+    late = [frame for i, frame in enumerate(messages(MadeUp(frames=540), TOPICS)) if i >= 510]
+    drawn = [item for frame in late for message in frame for item in scene.handle(message)]
+    for path in (entities.ONLINE, entities.CORRECTED, f"{entities.TRUTH}/camera"):
+        points = np.concatenate([np.array(s) for s in _batch(_last(drawn, path), "strips")])
+        assert np.linalg.norm(points - true_pose(0)[:3, 3], axis=1).min() < 0.01
+        assert len(points) > 150
+
+
+def test_memory_is_bounded_and_old_clouds_are_cleared() -> None:
+    scene = _scene(path_poses=64, cloud_keyframes=8, loops=10)
+    drawn = _play(scene, MadeUp(frames=900, keyframe_every=3))
+    assert len(scene._map.online) <= 65
+    assert len(scene._map.clouds) <= 8
+    assert len(scene._map._loops) <= 10
+    cleared = {item.path for item in drawn if "Clear" in type(item.parts[0]).__name__}
+    shown = {item.path for item in drawn if "Points3D" in type(item.parts[0]).__name__ and entities.CLOUDS in item.path}
+    assert len(shown - cleared) <= 8
+
+
+def test_going_back_in_time_begins_a_new_run() -> None:
+    scene = _scene()
+    _play(scene, MadeUp(frames=300, images=False))
+    drawn = _play(scene, MadeUp(frames=10, images=False))
+    assert any("new run" in str(_batch(item, "text")) for item in drawn if item.path == entities.LOG)
+    assert len(scene._map.online) == 10
+
+
+@given(
+    data=st.binary(max_size=200), which=st.sampled_from(["odom", "color", "status", "path", "features", "camera_info"])
+)
+def test_malformed_messages_raise_only_wire_errors_and_spoil_nothing(data: bytes, which: str) -> None:
+    topic, kind = {
+        "odom": (TOPICS.odom, "nav_msgs/msg/Odometry"),
+        "color": (TOPICS.color, "sensor_msgs/msg/Image"),
+        "status": (TOPICS.status, "diagnostic_msgs/msg/DiagnosticArray"),
+        "path": (TOPICS.path, "nav_msgs/msg/Path"),
+        "features": (TOPICS.features, "sensor_msgs/msg/PointCloud2"),
+        "camera_info": (TOPICS.camera_info, "sensor_msgs/msg/CameraInfo"),
+    }[which]
+    scene = _scene()
+    with suppress(WireError):
+        list(scene.handle(Message(topic, kind, Stamp(0), b"\0\1\0\0" + data)))
+    assert _play(scene, MadeUp(frames=2, images=False))
+
+
+def test_residual_colours_tell_small_large_and_unused_apart() -> None:
+    colors = palette.residual_colors(np.array([0.0, 1.5, 9.0, np.nan]))
+    assert len(np.unique(colors, axis=0)) == 4
+    assert (colors[2] == palette.residual_colors(np.array([3.0]))[0]).all()
+    assert colors[3, 3] < 255

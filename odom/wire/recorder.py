@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from odom.errors import WireError
 from odom.wire.flow import Consumer
 from odom.wire.recording import RecordingWriter
 from odom.wire.session import WireSession
@@ -62,7 +63,11 @@ class Recorder:
                     break
                 continue
             quiet_since = now
-            self._writer.write(delivery.message)
+            try:
+                self._writer.write(delivery.message)
+            except WireError as error:
+                self._consumer.malformed(delivery.message.topic, str(error))
+                continue
             frames += delivery.message.topic in (self._topics.color, self._topics.color_compressed)
             progress(frames)
         total = self._consumer.total()

@@ -1,0 +1,39 @@
+"""Images and messages that the wire's tests share."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.frame import Camera, Stamp
+from odom.wire import Message, Topics, truth
+from odom.wire.codec import encode_camera_info, encode_color_jpeg, encode_depth, encode_pose
+
+PERIOD_NS = 33_333_333
+BEGIN = 1_700_000_000_000_000_000
+
+
+def textured(height: int = 48, width: int = 64, seed: int = 0) -> NDArray[np.uint8]:
+    return np.random.default_rng(seed).integers(0, 256, (height, width, 3), dtype=np.uint8)
+
+
+def kinect_depth(height: int = 48, width: int = 64, seed: int = 0) -> NDArray[np.uint16]:
+    """Smooth surfaces with holes, as a Kinect sees them."""
+    rng = np.random.default_rng(seed)
+    rows, columns = np.mgrid[:height, :width]
+    depth = 1500 + 3 * rows + 2 * columns + rng.integers(-5, 6, (height, width))
+    depth[rng.random((height, width)) < 0.2] = 0
+    return depth.astype(np.uint16)
+
+
+def session_messages(frames: int, topics: Topics | None = None, height: int = 48, width: int = 64) -> list[Message]:
+    """Calibration, then depth, colour and a truth pose of each frame, in the order of their stamps."""
+    keys = topics or Topics()
+    camera = Camera(width, height, 0.8 * width, 0.8 * width, width / 2, height / 2)
+    messages = [encode_camera_info(keys.camera_info, Stamp(BEGIN), camera)]
+    for i in range(frames):
+        at = BEGIN + i * PERIOD_NS
+        T = np.eye(4)
+        T[0, 3] = 0.01 * i
+        messages.append(encode_depth(keys.depth, Stamp(at), kinect_depth(height, width, i)))
+        messages.append(encode_color_jpeg(keys.color_compressed, Stamp(at + 5_000_000), textured(height, width, i)))
+        messages.append(encode_pose(truth("camera"), Stamp(at + 10_000_000), T, "mocap"))
+    return messages

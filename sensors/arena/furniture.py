@@ -13,12 +13,6 @@ WOODS: tuple[Color, ...] = ((196, 158, 112), (150, 104, 66), (214, 190, 152), (1
 CLOTHS: tuple[Color, ...] = ((40, 66, 120), (150, 46, 42), (52, 104, 74), (196, 138, 44), (86, 84, 92))
 
 
-def some_color(rng: Random, low: int = 40, high: int = 225) -> Color:
-    """Return any colour."""
-    r, g, b = rng.integers(low, high, 3)
-    return int(r), int(g), int(b)
-
-
 def one_of(rng: Random, colors: tuple[Color, ...]) -> Color:
     """Return one of the colours."""
     return colors[int(rng.integers(len(colors)))]
@@ -62,7 +56,7 @@ def papers(scene: Builder, rng: Random, T: Array, width: float, depth: float, co
 
 def mug(scene: Builder, rng: Random, T: Array) -> None:
     """Add a mug with coffee."""
-    glaze = paint.plain(rng, some_color(rng, 60, 245), 0.004)
+    glaze = paint.plain(rng, paint.some_color(rng), 0.004)
     scene.drum(T, (0, 0, 0), 0.042, 0.095, glaze, 12, paint.plain(rng, (52, 32, 22), 0.01))
     scene.tube(T, [(0.04, 0, 0.075), (0.072, 0, 0.068), (0.072, 0, 0.032), (0.04, 0, 0.022)], 0.007, glaze, 4)
 
@@ -88,8 +82,8 @@ def books(scene: Builder, rng: Random, T: Array, width: float, height: float, de
             page,
             "front left right top",
             front=cover,
-            left=paint.plain(rng, some_color(rng), 0.006),
-            right=paint.plain(rng, some_color(rng), 0.006),
+            left=paint.plain(rng, paint.some_color(rng), 0.006),
+            right=paint.plain(rng, paint.some_color(rng), 0.006),
         )
         x += thick
 
@@ -100,7 +94,7 @@ def pile(scene: Builder, rng: Random, T: Array, count: int) -> None:
     for _ in range(count):
         w, d, h = float(rng.uniform(0.2, 0.3)), float(rng.uniform(0.15, 0.22)), float(rng.uniform(0.02, 0.05))
         at = T @ pose(0, 0, 0, float(rng.uniform(-25, 25)))
-        cover = paint.poster(rng, 0.0025) if rng.random() < 0.5 else paint.plain(rng, some_color(rng))
+        cover = paint.poster(rng, 0.0025) if rng.random() < 0.5 else paint.plain(rng, paint.some_color(rng))
         spine = paint.spine(rng)
         turned = lambda wm, hm, spine=spine: np.ascontiguousarray(np.rot90(spine(hm, wm)))  # noqa: E731  a painter
         scene.box(at, (0, 0, z + h / 2), (w, d, h - 0.002), paint.plain(rng, (225, 218, 200)), front=turned, top=cover)
@@ -179,7 +173,16 @@ def plant(scene: Builder, rng: Random, T: Array, size: float) -> None:
 
 def bin_(scene: Builder, rng: Random, T: Array) -> None:
     """Add a waste-paper bin."""
-    scene.drum(T, (0, 0, 0), 0.14, 0.34, paint.plain(rng, some_color(rng, 40, 150), 0.008), 14, paint.paper(rng, 0.004))
+    scene.drum(
+        T,
+        (0, 0, 0),
+        0.14,
+        0.34,
+        paint.plain(rng, paint.some_color(rng), 0.008),
+        14,
+        paint.plain(rng, (26, 26, 28), 0.008),
+    )
+    papers(scene, rng, T @ pose(0, 0, 0.32), 0.04, 0.04, 2)
 
 
 def cable(
@@ -255,6 +258,7 @@ def robot(scene: Builder, rng: Random, T: Array) -> None:
     """Add a wheeled robot with a mast."""
     hull = paint.plain(rng, one_of(rng, ((206, 150, 36), (190, 52, 44), (58, 96, 150))), 0.003)
     black = paint.plain(rng, (32, 32, 34), 0.008, 0.1)
+    hub = paint.plain(rng, (170, 172, 176))
     scene.box(
         T,
         (0, 0, 0.2),
@@ -269,10 +273,9 @@ def robot(scene: Builder, rng: Random, T: Array) -> None:
     for x in (-0.23, 0.23):
         for y in (-0.16, 0.16):
             scene.tube(T, [(x - 0.03, y, 0.1), (x + 0.03, y, 0.1)], 0.1, black, 10, BLACK)
-            for side in (-1, 1):
-                scene.box(
-                    T, (x + 0.031 * side, y, 0.1), (0.004, 0.12, 0.12), paint.plain(rng, (170, 172, 176)), "left right"
-                )
+            out = 1 if x > 0 else -1
+            scene.disc(T, (x + 0.03 * out, y, 0.1), (0, out, 0), (0, 0, -1), 0.098, black)
+            scene.disc(T, (x + 0.033 * out, y, 0.1), (0, out, 0), (0, 0, -1), 0.05, hub)
     scene.tube(T, [(0, 0.1, 0.3), (0, 0.1, 0.72)], 0.02, paint.plain(rng, (180, 182, 186)), 6)
     scene.box(T, (0, 0.1, 0.74), (0.28, 0.07, 0.06), black, "front back left right top bottom", front=paint.rack(rng))
     scene.drum(T, (0, -0.12, 0.3), 0.05, 0.08, black, 12, black)

@@ -52,6 +52,14 @@ WORDS = [
 ]
 
 
+def some_color(rng: np.random.Generator) -> Color:
+    """Return a colour as cloth, glaze and print have them: any hue, seldom loud."""
+    hue, strength, value = rng.uniform(0, 6), rng.beta(2.0, 2.2), rng.uniform(0.2, 0.88)
+    wheel = np.clip(np.abs((hue + np.array([0.0, 4.0, 2.0])) % 6 - 3) - 1, 0, 1)
+    r, g, b = 255 * value * (1 - 0.85 * strength * (1 - wheel))
+    return int(r), int(g), int(b)
+
+
 def canvas(width_m: float, height_m: float, texel_m: float, color: Color) -> Image:
     """Return an image of one colour, at least 2 x 2."""
     shape = (max(2, round(height_m / texel_m)), max(2, round(width_m / texel_m)), 3)
@@ -220,7 +228,7 @@ def poster(rng: np.random.Generator, texel_m: float = 0.0016) -> Painter:
     def paint(width_m: float, height_m: float) -> Image:
         image = canvas(width_m, height_m, texel_m, (246, 246, 242))
         height, width = image.shape[:2]
-        band: Color = tuple(int(c) for c in rng.integers(20, 150, 3))  # type: ignore[assignment]  # three by shape
+        band = some_color(rng)
         head = int(0.14 * height)
         image[:head] = band
         size = 0.055 * height
@@ -380,7 +388,7 @@ def window(rng: np.random.Generator, texel_m: float = 0.004) -> Painter:
         x = 0
         while x < width:
             w, top = int(rng.uniform(0.3, 0.6) / texel_m), int(rng.uniform(0.35, 0.6) * height)
-            color = rng.integers((150, 130, 120), (225, 210, 195))
+            color = rng.uniform(150, 225) * np.array((1.0, rng.uniform(0.86, 0.97), rng.uniform(0.72, 0.9)))
             image[top:, x : x + w] = color
             for yy in range(top + 12, height - 8, 26):
                 for xx in range(x + 8, min(x + w, width) - 14, 22):
@@ -435,7 +443,7 @@ def carton(rng: np.random.Generator, texel_m: float = 0.002) -> Painter:
 
 def spine(rng: np.random.Generator, texel_m: float = 0.0013) -> Painter:
     """Return a painter of the back of a book or binder."""
-    base: Color = tuple(int(c) for c in rng.integers(25, 225, 3))  # type: ignore[assignment]  # three by shape
+    base = some_color(rng)
 
     def paint(width_m: float, height_m: float) -> Image:
         turned = canvas(height_m, width_m, texel_m, base)

@@ -28,7 +28,7 @@ def shell(scene: Builder, rng: np.random.Generator, size: tuple[float, float, fl
     for k, (x, y, yaw, width) in enumerate(walls):
         wall = pose(x, y, 0, yaw)
         color = accent if k == 1 else tone
-        scene.panel(wall, (0, 0, h / 2), (width, 0, 0), (0, 0, -h), paint.plain(rng, color, 0.004, 0.035))
+        scene.panel(wall, (0, 0, h / 2), (width, 0, 0), (0, 0, -h), paint.plain(rng, color, 0.004, 0.022))
         scene.box(wall, (0, -0.008, 0.04), (width, 0.016, 0.08), skirting, "front top")
 
 
@@ -47,7 +47,7 @@ def ceiling_lamps(scene: Builder, spots: list[tuple[float, float]], height: floa
         for dx in (-0.18, 0.18):
             for dy in (-0.4, 0.0, 0.4):
                 points.append((x + dx, y + dy, height - 0.02))
-                power.append((0.34, 0.325, 0.29))
+                power.append((0.4, 0.383, 0.345))
     return np.array(points), np.tile((0.0, 0.0, -1.0), (len(points), 1)), np.array(power)
 
 

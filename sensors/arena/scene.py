@@ -133,11 +133,25 @@ class Builder:
         x, y, z = center
         self.tube(T, [(x, y, z), (x, y, z + height)], radius, painter, sides)
         if top is not None:
-            for k in range(sides // 2):
-                a, b = 2 * np.pi * 2 * k / sides, 2 * np.pi * (2 * k + 2) / sides
-                p, q = radius * np.array([np.cos(a), np.sin(a)]), radius * np.array([np.cos(b), np.sin(b)])
-                at = (x + (p[0] + q[0]) / 2, y + (p[1] + q[1]) / 2, z + height)
-                self.panel(T, at, (q[0], q[1], 0.0), (p[0], p[1], 0.0), top, two_sided=True)
+            self.disc(T, (x, y, z + height), (1, 0, 0), (0, -1, 0), radius, top)
+
+    def disc(
+        self,
+        T: Array,
+        center: tuple[float, float, float],
+        right: tuple[float, float, float],
+        down: tuple[float, float, float],
+        radius: float,
+        painter: Painter,
+        strips: int = 7,
+    ) -> None:
+        """Add a disc, in strips as wide as the circle is; `right` and `down` as seen by who looks at it."""
+        for k in range(strips):
+            at = radius * ((2 * k + 1) / strips - 1)
+            half = np.sqrt(radius**2 - at**2)
+            middle = np.array(center) + at * np.array(down)
+            u, v = 2 * half * np.array(right), 2 * radius / strips * np.array(down)
+            self.panel(T, tuple(middle), tuple(u), tuple(v), painter)
 
 
 def moved(panels: list[Panel], by: tuple[float, float, float]) -> list[Panel]:

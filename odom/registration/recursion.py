@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.registration.compiled import compiled
-from odom.registration.kernels import accumulate, mahalanobis, precisions, project, unpack
+from odom.registration.kernels import accumulate, cholesky_solve, mahalanobis, precisions, project, unpack
 
 Array = NDArray[np.float64]
 
@@ -75,3 +75,85 @@ def recurse(
             if changed == 0:
                 break
     return 0
+
+
+@compiled
+def affine_misfit(Y: Array, y: Array, T: Array) -> float:
+    """Return the squared distance, in sigmas, of the twelve states `inv(Y) y` from the rigid motion `T`.
+
+    Chi-square with 6 degrees of freedom if all is well: the recursion estimates an affine map, and a true one is
+    rigid. 0 when Y is singular: too few directions seen.
+    """
+    m = len(y)
+    L = Y.copy()
+    x = np.empty(m)
+    if not cholesky_solve(L, y, x):
+        return 0.0
+    total = 0.0
+    for i in range(m):
+        for j in range(m):
+            total += (x[i] - T[i // 4, i % 4]) * Y[i, j] * (x[j] - T[j // 4, j % 4])
+    return total
+
+
+@compiled
+def discount(Y: Array, y: Array, H: Array, steps: int, theta: float) -> tuple[float, int]:
+    """Take the H-infinity term of `steps` steps out of the information in place, the estimate staying where it is.
+
+    `Y+ = Y - theta^2 L'L`, `y+ = y - theta^2 L'L x` with L = I (12), and so `H -= theta^2 B'B`, where `steps theta^2
+    < lmin(Y) / 2` lets the filter exist: theta is halved until it does. `numbers` becomes (theta used, halvings,
+    squared distance in sigmas of the twelve states x from the rigid motion T), zeros when Y is singular: too few
+    directions seen.
+    """
+    m = len(y)
+    L = np.empty((m, m))
+    x = np.empty(m)
+    for i in range(m):
+        for j in range(m):
+            L[i, j] = Y[i, j]
+    if not cholesky_solve(L, y, x):
+        return 0.0, 0
+    unused = np.empty(m)
+    for halvings in range(60):
+        term = steps * theta * theta
+        for i in range(m):
+            for j in range(m):
+                L[i, j] = 0.5 * Y[i, j]
+            L[i, i] -= term
+        if cholesky_solve(L, y, unused):
+            for i in range(m):
+                Y[i, i] -= term
+                y[i] -= term * x[i]
+            for i in range(3):  # B'B = diag(1, 1, 1, 2, 2, 2)
+                H[i, i] -= term
+                H[3 + i, 3 + i] -= 2.0 * term
+            return theta, halvings
+        theta *= 0.5
+    return 0.0, 0
+
+
+@compiled
+def statistics(q: Array, p: Array, W: Array, g: Array, T: Array, chi2: Array, sums: Array) -> None:
+    """Fill `sums` with (number, sum chi2, sum chi2^2, sum u_i^2 / W_ii a target axis i) of the pairs used.
+
+    Used are those with `g` > 0; `u = W (p - R q - t)`: each axis' share has expectation 1 where the covariance is
+    true, whatever the other axes do.
+    """
+    for i in range(6):
+        sums[i] = 0.0
+    for k in range(len(q)):
+        if not g[k] > 0.0:
+            continue
+        x, y, z = q[k, 0], q[k, 1], q[k, 2]
+        a = p[k, 0] - (T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3])
+        b = p[k, 1] - (T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3])
+        c = p[k, 2] - (T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3])
+        u = W[k, 0] * a + W[k, 1] * b + W[k, 2] * c
+        v = W[k, 1] * a + W[k, 3] * b + W[k, 4] * c
+        w = W[k, 2] * a + W[k, 4] * b + W[k, 5] * c
+        sums[0] += 1.0
+        sums[1] += chi2[k]
+        sums[2] += chi2[k] * chi2[k]
+        sums[3] += u * u / W[k, 0]
+        sums[4] += v * v / W[k, 3]
+        sums[5] += w * w / W[k, 5]

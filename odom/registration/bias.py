@@ -1,0 +1,105 @@
+"""A biased axis, seen in the twelve states: a sensor whose axis reads too long makes the affine map no rigid motion.
+
+The recursion estimates an affine map; the noise of its six states that are no rigid motion is known. Where they are
+beyond it, the map may be `[D R | D t]` (an axis of the target is scaled) or `[R D | t]` (one of the source), and its
+projection tells by how much.
+"""
+
+from dataclasses import dataclass
+from enum import Enum, unique
+
+import numpy as np
+
+from odom.registration.kernels import tangent_basis
+from odom.registration.pairs import Array
+from odom.registration.se3 import exp
+from odom.registration.solve import Arrays, Solution
+
+_SUFFICIENT = 20.5
+"""The .999 quantile of chi-square with 5 degrees of freedom."""
+
+
+@unique
+class Side(Enum):
+    """Which cloud an axis belongs to."""
+
+    SOURCE = "source"
+    TARGET = "target"
+
+
+@dataclass(frozen=True)
+class Bias:
+    """One axis (0, 1, 2) of one side reads `scale` times the truth, with standard deviation `sigma`."""
+
+    side: Side
+    axis: int
+    scale: float
+    sigma: float
+
+
+def find_bias(solution: Solution, factor: float) -> Bias | None:
+    """Return the biased axis that explains why the twelve states are no rigid motion, or None.
+
+    `factor` is the variance of the noise relative to that of `solution`. None where none suffices, or the twelve
+    states are not determined.
+    """
+    if np.linalg.cond(solution.Y) > 1e12:
+        return None
+    found = [_projected(solution, side, axis) for side in Side for axis in range(3)]
+    bias, rest = min(found, key=lambda item: item[1])
+    return bias if rest < _SUFFICIENT * factor else None
+
+
+def unbiased(arrays: Arrays, bias: Bias) -> Arrays:
+    """Return the pairs with the biased axis set right."""
+    D = np.ones(3)
+    D[bias.axis] = 1.0 / bias.scale
+    if bias.side is Side.TARGET:
+        return Arrays(arrays.q, arrays.p * D, arrays.Sq, arrays.Sp * D[:, None] * D, arrays.weights)
+    return Arrays(arrays.q * D, arrays.p, arrays.Sq * D[:, None] * D, arrays.Sp, arrays.weights)
+
+
+def bias_information(solution: Solution, bias: Bias) -> Array:
+    """Return the information (6 x 6) that is left of `H` when the axis' scale is unknown too: Schur's complement.
+
+    `solution` is that of the unbiased pairs.
+    """
+    B = _basis(solution.T, bias.side, bias.axis, 1.0)
+    cross = B.T @ solution.Y @ B
+    return np.asarray(solution.H - np.outer(cross[:6, 6], cross[6, :6]) / cross[6, 6])
+
+
+def _basis(T: Array, side: Side, axis: int, scale: float) -> Array:
+    """Return d x / d(rho, phi, scale) (12 x 7) of the map with one axis scaled."""
+    rigid = np.empty((12, 6))
+    tangent_basis(T, rigid)
+    rows = rigid.reshape(3, 4, 6).copy()
+    last = np.zeros((3, 4))
+    if side is Side.TARGET:
+        rows[axis] *= scale
+        last[axis] = T[axis]
+    else:
+        rows[:, axis] *= scale
+        last[:, axis] = T[:3, axis]
+    return np.concatenate([rows.reshape(12, 6), last.reshape(12, 1)], axis=1)
+
+
+def _projected(solution: Solution, side: Side, axis: int) -> tuple[Bias, float]:
+    """Return the projection with one axis scaled, and the squared distance that remains."""
+    T, scale = solution.T.copy(), 1.0
+    Y, y = solution.Y, solution.y
+    for _ in range(10):
+        X = T[:3].copy()
+        if side is Side.TARGET:
+            X[axis] *= scale
+        else:
+            X[:, axis] *= scale
+        B = _basis(T, side, axis, scale)
+        H = B.T @ Y @ B
+        step = np.linalg.solve(H, B.T @ (y - Y @ X.ravel()))
+        T, scale = T @ exp(np.asarray(step[:6], dtype=np.float64)), scale + float(step[6])
+        if float(step @ H @ step) < 1e-12:
+            break
+    e = np.linalg.solve(Y, y) - X.ravel()
+    sigma = float(np.sqrt(np.linalg.inv(H)[6, 6]))
+    return Bias(side, axis, scale, sigma), float(e @ Y @ e)

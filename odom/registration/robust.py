@@ -1,0 +1,89 @@
+"""RF: the robust H-infinity filter, for pairs whose noise is known and for those whose noise is not as told."""
+
+import math
+from dataclasses import replace
+
+from odom.registration.adapt import Model, adapt, judge_model
+from odom.registration.bias import bias_information, find_bias, unbiased
+from odom.registration.pairs import Pairs, Prior, Registration, degenerate
+from odom.registration.recursion import affine_misfit, discount
+from odom.registration.solve import Arrays, Judgement, Solution, checked, judged, solve, start
+
+_MISFIT = 22.46
+"""The .999 quantile of chi-square with 6 degrees of freedom."""
+
+
+def robust(
+    pairs: Pairs, prior: Prior | None = None, *, theta: float = 0.1, alpha: float = 0.0, adaptive: bool = True
+) -> Registration:
+    """Return the motion of `pairs` by the robust H-infinity filter (eqs. 22-28) on the joint state [R | t].
+
+    `theta` = 1 / gamma discounts the information (`Y - n theta^2 I`), halved until the filter exists. The source's
+    noise makes the measurement matrix uncertain: by its exact second moment, `S_k = Sp + R Sq R'`, or with `alpha` >
+    0 by the norm-bounded `S_k = Sp + alpha tr(Sq) I`. `adaptive`: where the residuals contradict the covariances,
+    what is wrong is learnt: a biased axis (see `bias`), a common factor, other covariances (see `adapt`); and the
+    result's covariance grows where the twelve states are no rigid motion still. `details` holds theta, gamma, alpha
+    as used, halvings, the distance (misfit, chi-square 6) of the twelve states from the motion, and what was learnt.
+    Errors and verdicts as for `register`.
+    """
+    arrays = checked(pairs)
+    n = len(arrays)
+    if n < 3:
+        return degenerate(n, f"{n} pairs: at least 3 are needed")
+    first = prior.T_target_source if prior is not None else start(arrays, arrays.weights)
+    solution = solve(arrays, prior, first, arrays.weights, alpha=alpha)
+    details = {"alpha": alpha, "factor": 1.0, "nu": math.inf, "axis_scale": 1.0}
+    judgement = Judgement(1.0, _factor(solution, n), details)
+    if solution.determined and adaptive:
+        arrays, solution, judgement = _learnt(arrays, prior, solution, judgement)
+    if solution.determined:
+        used, halvings = discount(solution.Y, solution.y, solution.H, n, theta)
+        gamma = 1.0 / used if used > 0.0 else math.inf
+        details = judgement.details | {"theta": used, "gamma": gamma, "halvings": float(halvings)}
+        judgement = replace(judgement, details=details)
+    return judged(arrays, prior, solution, judgement)
+
+
+def _factor(solution: Solution, n: int) -> float:
+    """Return the mean of chi2 against its expectation."""
+    freedom = 3 * n - 6
+    return float(solution.chi2.sum()) / freedom if solution.determined and freedom > 0 else 1.0
+
+
+def _learnt(
+    arrays: Arrays, prior: Prior | None, solution: Solution, judgement: Judgement
+) -> tuple[Arrays, Solution, Judgement]:
+    """Return the pairs, solution and judgement after learning what is wrong: noise, then an axis, then noise again."""
+    told = solution
+    solution, judgement = _noise_learnt(arrays, prior, told, judgement)
+    misfit = affine_misfit(solution.Y, solution.y, solution.T)
+    if misfit > _MISFIT * judgement.inflation:
+        bias = find_bias(solution, judgement.inflation)
+        if bias is None:
+            judgement = replace(judgement, inflation=max(judgement.inflation, misfit / 6.0))
+        else:
+            arrays = unbiased(arrays, bias)
+            solution = solve(arrays, prior, solution.T, told.weights)
+            solution, judgement = _noise_learnt(arrays, prior, solution, replace(judgement, inflation=1.0))
+            misfit = affine_misfit(solution.Y, solution.y, solution.T)
+            solution = replace(solution, H=bias_information(solution, bias))
+            judgement.details.update(axis_scale=bias.scale, axis=float(bias.axis))
+    judgement.details["misfit"] = misfit
+    return arrays, solution, judgement
+
+
+def _noise_learnt(
+    arrays: Arrays, prior: Prior | None, solution: Solution, judgement: Judgement
+) -> tuple[Solution, Judgement]:
+    """Return the solution and judgement after learning the noise, if the residuals contradict what was told."""
+    match judge_model(arrays, solution):
+        case Model.HOLDS:
+            return solution, judgement
+        case Model.SCALED:
+            factor = _factor(solution, len(arrays))
+            return solution, replace(judgement, inflation=factor, details=judgement.details | {"factor": factor})
+        case Model.WRONG:
+            learnt = adapt(arrays, prior, solution)
+            seen = {"factor": learnt.factor, "nu": learnt.nu, "added": float(learnt.added.mean())}
+            inflation = (learnt.nu + 5.0) / (learnt.nu + 3.0) if learnt.nu < math.inf else 1.0
+            return learnt.solution, replace(judgement, inflation=inflation, details=judgement.details | seen)

@@ -26,12 +26,9 @@ def view(
     Example: odom view --web
     """
     import cv2
-    from pydantic import ValidationError
 
     from odom.cli import signals
-    from odom.cli.wiring import wire_settings
-    from odom.errors import ConfigError
-    from odom.service.settings import load_settings
+    from odom.cli.wiring import part_settings, wire_settings
     from odom.viewer import ViewerSettings
     from odom.viewer.outputs import choose
     from odom.viewer.process import view as show
@@ -40,9 +37,5 @@ def view(
     stop = signals.stop_event()
     wire = wire_settings(config, connect, listen, mode, namespace)
     given = {"host": host, "web_port": web_port, "data_port": data_port}
-    settings = load_settings(config).viewer
-    try:
-        settings = ViewerSettings(**{**settings.model_dump(), **{k: v for k, v in given.items() if v is not None}})
-    except ValidationError as error:
-        raise ConfigError("; ".join(f"--{e['loc'][0]}: {e['msg']}" for e in error.errors())) from error
+    settings = part_settings("viewer", ViewerSettings, config, given)
     show(wire, settings, choose(web, headless, rrd), stop, lambda address: typer.echo(f"viewer: {address}"))

@@ -26,6 +26,9 @@ _GAP_NS = 300_000_000
 _MAX_GAP_S = 1.0
 _RECENT = 900
 _ELLIPSOIDS = 150
+_STANDS = 1e-3
+"""A key frame that moves less (metres, or entries of its rotation) is not drawn again."""
+
 _LINE, _THIN, _POINT = -2.0, -1.0, -1.6
 
 
@@ -45,6 +48,7 @@ class MapScene:
         self._recent: OrderedDict[Stamp, _Recent] = OrderedDict()
         self._keyframes: tuple[StampedPose, ...] = ()
         self._covariances: dict[Stamp, Array] = {}
+        self._placed: dict[Stamp, Array] = {}
         self._seen_keyframe = Stamp(-(2**62))
         self._loops: deque[Loop] = deque()
         self._landmarks = np.zeros((0, 3), dtype=np.float32)
@@ -86,8 +90,8 @@ class MapScene:
                     self._covariances[pose.stamp] = recent.covariance
                 yield from self._new_cloud(stamp, pose)
         for pose in poses:
-            if pose.stamp in self.clouds:
-                yield draw(f"{entities.CLOUDS}/{pose.stamp}", stamp, transform(pose.T_parent_child))
+            if pose.stamp in self.clouds and not self._stands(pose):
+                yield self._place(stamp, pose)
 
     def image(self, stamp: Stamp, cloud: Callable[[], Cloud]) -> None:
         """Remember what makes the cloud of an image, should it turn out to be a key frame's."""
@@ -138,15 +142,23 @@ class MapScene:
             yield from self._ellipsoids(stamp)
         yield from self._loop_lines(stamp, corrected)
 
+    def _stands(self, keyframe: StampedPose) -> bool:
+        placed = self._placed.get(keyframe.stamp)
+        return placed is not None and bool(np.abs(placed - keyframe.T_parent_child).max() < _STANDS)
+
+    def _place(self, stamp: Stamp, keyframe: StampedPose) -> Draw:
+        self._placed[keyframe.stamp] = keyframe.T_parent_child
+        return draw(f"{entities.CLOUDS}/{keyframe.stamp}", stamp, transform(keyframe.T_parent_child))
+
     def all_points(self, stamp: Stamp) -> Iterator[Draw]:
         """Yield the landmarks and every cloud again, with its place."""
         if len(self._landmarks):
             yield from self.landmarks(stamp, self._landmarks)
-        places = {pose.stamp: pose.T_parent_child for pose in self._keyframes}
+        keyframes = {pose.stamp: pose for pose in self._keyframes}
         for keyframe, cloud in self.clouds:
-            if keyframe in places:
+            if keyframe in keyframes:
                 yield _cloud(stamp, keyframe, cloud)
-                yield draw(f"{entities.CLOUDS}/{keyframe}", stamp, transform(places[keyframe]))
+                yield self._place(stamp, keyframes[keyframe])
 
     def _new_cloud(self, stamp: Stamp, keyframe: StampedPose) -> Iterator[Draw]:
         image = self.clouds.near(keyframe.stamp)
@@ -161,6 +173,7 @@ class MapScene:
         cloud = self.clouds.recall(image)
         points = se3.apply(T_keyframe_image, cloud.points.astype(np.float64)).astype(np.float32)
         for gone in self.clouds.keep(keyframe.stamp, Cloud(points, cloud.colors)):
+            self._placed.pop(gone, None)
             yield draw(f"{entities.CLOUDS}/{gone}", stamp, rr.Clear(recursive=False))
         if keyframe.stamp in self.clouds:
             yield _cloud(stamp, keyframe.stamp, Cloud(points, cloud.colors))

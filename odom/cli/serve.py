@@ -21,6 +21,8 @@ def serve(
 ) -> None:
     """Estimate the pose of every frame of a device and publish it, until SIGINT or SIGTERM.
 
+    Results of an earlier start in the same folder are kept, in a subfolder named for the time of their end.
+
     Example: odom serve --namespace cam0 --connect tcp/router.local:7447 --out today
     """
     from odom.cli import signals
@@ -35,4 +37,5 @@ def serve(
 
     wire = wire_settings(config, connect, listen, mode, namespace)
     settings = load_settings(config).model_copy(update={"wire": wire})
-    run_odometry(settings, RunFiles(out, chain) if out is not None else None, stop, until_end)
+    files = RunFiles(out, chain, keep_earlier=not until_end) if out is not None else None
+    run_odometry(settings, files, stop, until_end)

@@ -1,6 +1,7 @@
 """The files of a run, written pose by pose so that kill -9 loses at most the last line."""
 
 from collections.abc import Iterable
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TextIO
 
@@ -14,6 +15,18 @@ from odom.wire.codec import quaternion_from_rotation
 Array = NDArray[np.float64]
 
 _UPPER = np.triu_indices(6)
+_MAX_BODIES = 16
+_RESULTS = (
+    "odometry.txt",
+    "trajectory.txt",
+    "relative_step.txt",
+    "relative_second.txt",
+    "chain.txt",
+    "truth.txt",
+    "report.json",
+    "plot.png",
+    "session.rrd",
+)
 
 
 def pose_line(stamp: Stamp, T: Array) -> str:
@@ -34,13 +47,14 @@ class RunFiles:
 
     Raises OSError when the folder cannot be written. With `chain` the paper's pairwise poses go to `chain.txt`,
     chained from the first frame on; a frame without one leaves a comment there and the chain goes on behind it.
+    Results of an earlier run in the folder are removed, or with `keep_earlier` moved into a subfolder of it: a service
+    that is started again after a crash has not lost what it wrote before.
     """
 
-    def __init__(self, folder: Path, chain: bool = False) -> None:
+    def __init__(self, folder: Path, chain: bool = False, keep_earlier: bool = False) -> None:
         self.folder = folder
         folder.mkdir(parents=True, exist_ok=True)
-        for stale in ("trajectory.txt", "truth.txt", "report.json", "plot.png"):
-            (folder / stale).unlink(missing_ok=True)
+        _clear(folder, keep_earlier)
         self._odometry = self._open("odometry.txt")
         self._step = self._open("relative_step.txt")
         self._second = self._open("relative_second.txt")
@@ -95,8 +109,23 @@ class RunFiles:
         return (self.folder / name).open("w", encoding="ascii", buffering=1)
 
 
-_MAX_BODIES = 16
-
-
 def _seconds(stamp: Stamp) -> str:
     return f"{stamp // 1_000_000_000}.{stamp % 1_000_000_000:09d}"
+
+
+def _clear(folder: Path, keep_earlier: bool) -> None:
+    earlier = [folder / name for name in _RESULTS if (folder / name).is_file()]
+    written = max((path.stat().st_mtime for path in earlier), default=0.0)
+    if not keep_earlier or not earlier:
+        for path in earlier:
+            path.unlink()
+        return
+    name = datetime.fromtimestamp(written, UTC).strftime("until-%Y%m%dT%H%M%SZ")
+    place = folder / name
+    for i in range(2, 1000):
+        if not place.exists():
+            break
+        place = folder / f"{name}-{i}"
+    place.mkdir()
+    for path in earlier:
+        path.rename(place / path.name)

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from odom.backend import Estimate, RelativePose, State, TrajectoryPose
 from odom.evaluation.files import read_tum
@@ -93,8 +94,16 @@ def test_truth_of_the_first_body_is_the_truth(tmp_path: Path) -> None:
     assert len(read_tum(tmp_path / "truth_robot.txt")) == 1
 
 
-def test_results_of_an_earlier_run_do_not_survive_in_the_folder(tmp_path: Path) -> None:
-    for name in ("trajectory.txt", "truth.txt", "report.json", "plot.png", "odometry.txt"):
+@pytest.mark.parametrize("keep", [False, True])
+def test_results_of_an_earlier_run_are_removed_or_kept_aside_and_nothing_else_is_touched(
+    tmp_path: Path, keep: bool
+) -> None:
+    for name in ("trajectory.txt", "report.json", "odometry.txt", "groundtruth.txt"):
         (tmp_path / name).write_text("old")
-    RunFiles(tmp_path)
-    assert [path.name for path in tmp_path.iterdir() if path.read_text() == "old"] == []
+    RunFiles(tmp_path, keep_earlier=keep).append(estimate(0))
+    assert (tmp_path / "groundtruth.txt").read_text() == "old"
+    assert not (tmp_path / "report.json").exists()
+    assert len((tmp_path / "odometry.txt").read_text().splitlines()) == 1
+    assert sorted(path.name for path in tmp_path.glob("until-*/*")) == (
+        ["odometry.txt", "report.json", "trajectory.txt"] if keep else []
+    )

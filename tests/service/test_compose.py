@@ -1,0 +1,71 @@
+"""The container files say what the commands understand: no Docker is needed to see that."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+import yaml
+
+from odom.cli import app
+from odom.wire import WireSettings
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def services() -> dict[str, Any]:
+    return dict(yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"])
+
+
+def test_every_command_of_the_compose_file_is_understood(services: dict[str, Any]) -> None:
+    group: Any = typer.main.get_command(app)
+    checked = 0
+    for name, service in services.items():
+        if service.get("image") != "rgbd-odom":
+            continue
+        command, *arguments = service["command"]
+        context = group.commands[command].make_context(command, list(arguments))
+        assert context.params, name
+        checked += 1
+    assert checked == 5
+
+
+def test_the_environment_of_the_compose_file_is_accepted_as_settings(services: dict[str, Any]) -> None:
+    for service in services.values():
+        environment = service.get("environment", {})
+        given = {
+            name.removeprefix("ODOM_WIRE__").lower(): json.loads(value) if value.startswith("[") else value
+            for name, value in environment.items()
+            if name.startswith("ODOM_WIRE__")
+        }
+        assert WireSettings(**given).mode in ("peer", "client")
+
+
+def test_replay_is_the_default_and_the_kinect_gets_its_device(services: dict[str, Any]) -> None:
+    assert (ROOT / ".env").read_text().split() == ["COMPOSE_PROFILES=replay"]
+    assert services["sensor"]["profiles"] == ["replay"]
+    assert services["kinect"]["profiles"] == ["kinect"]
+    assert any("/dev/bus/usb" in device for device in services["kinect"]["devices"])
+    assert {"router", "odometry", "recorder", "viewer"} == {n for n, s in services.items() if "profiles" not in s}
+
+
+def test_nothing_is_published_beyond_this_machine(services: dict[str, Any]) -> None:
+    ports = [port for service in services.values() for port in service.get("ports", [])]
+    assert ports
+    assert all(port.startswith("127.0.0.1:") for port in ports)
+
+
+def test_the_replayed_recording_is_in_the_repository(services: dict[str, Any]) -> None:
+    recording = services["sensor"]["command"][1].removeprefix("/opt/rgbd-odom/")
+    if not list((ROOT / "recordings").glob("*.mcap")):
+        pytest.skip("no recording is in the repository yet")
+    assert (ROOT / recording).is_file()
+
+
+def test_the_image_copies_what_there_is() -> None:
+    for line in (ROOT / "Dockerfile").read_text().splitlines():
+        if line.startswith("COPY "):
+            for source in line.split()[1:-1]:
+                assert (ROOT / source).exists(), source

@@ -1,5 +1,29 @@
 """Frames to trajectory: key frames, chaining, loop closure, graph. `Odometry.process(frame) -> Estimate`, no I/O."""
 
-from odom.backend.estimate import Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["Estimate", "Features", "LoopCandidate", "RelativePose", "State", "TrajectoryPose"]
+from odom.backend.estimate import Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
+from odom.backend.settings import OdometrySettings
+
+if TYPE_CHECKING:
+    from odom.backend.odometry import Odometry
+
+__all__ = [
+    "Estimate",
+    "Features",
+    "LoopCandidate",
+    "Odometry",
+    "OdometrySettings",
+    "RelativePose",
+    "State",
+    "TrajectoryPose",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import the odometry on first use: processes that only read estimates do not load the compiler."""
+    if name == "Odometry":
+        from odom.backend.odometry import Odometry
+
+        return Odometry
+    raise AttributeError(name)

@@ -1,0 +1,99 @@
+"""Closing loops: places that look alike, verified by geometry, held against the chain, and then acted upon."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.backend.graph import Edge, optimise
+from odom.backend.history import covariance_between
+from odom.backend.map import Map
+from odom.frontend.places import Place, PlaceIndex, match_places
+from odom.registration import se3
+from odom.registration.default import register
+from odom.registration.pairs import Registration
+
+Array = NDArray[np.float64]
+
+LEAST_INLIERS = 25
+_CANDIDATES = 3
+_CHAIN_SIGMA_SCALE = 2.0
+_CHI2_6_9999 = 27.86
+
+
+@dataclass(frozen=True, eq=False)
+class Recognition:
+    """A key frame that looks like the place, and the registration of the two (None: nothing matched)."""
+
+    candidate: int
+    registration: Registration | None
+
+    @property
+    def refusal(self) -> str:
+        """Why the geometry refuses it; empty where it does not."""
+        if self.registration is None:
+            return "looks alike, but no features match"
+        if not self.registration.ok:
+            return f"looks alike, but {self.registration.reason}"
+        inliers = int(self.registration.inliers.sum())
+        return "" if inliers >= LEAST_INLIERS else f"only {inliers} of {len(self.registration.inliers)} matches agree"
+
+
+def recognise(index: PlaceIndex, place: Place, excluded: set[int]) -> list[Recognition]:
+    """Return the places of `index` that look like `place`, each registered: T_candidate_place."""
+    out = []
+    for number in index.look_up(place, excluded, _CANDIDATES):
+        pairs = match_places(place, index.places[number])
+        out.append(Recognition(number, None if pairs is None else register(pairs)))
+    return out
+
+
+def contradiction(
+    map_: Map, candidate: int, keyframe: int, T_candidate_keyframe: Array, covariance: Array, scale: float
+) -> str:
+    """Say how a closure contradicts the chain of key frames between the two; empty where it does not.
+
+    `covariance` (6 x 6) is the closure's; the chain's is multiplied by `scale`, and both are given two sigma's credit.
+    """
+    a, b = map_.keyframes[candidate], map_.keyframes[keyframe]
+    if a.segment != b.segment:
+        return ""
+    T_chain = a.T_camera_map @ se3.inverse(b.T_camera_map)
+    away = se3.log(se3.inverse(T_chain) @ T_candidate_keyframe)
+    S = scale * covariance_between(map_.keyframes, candidate, keyframe) + covariance
+    chi2 = float(away @ np.linalg.solve(S * _CHAIN_SIGMA_SCALE**2 + 1e-12 * np.eye(6), away))
+    if chi2 <= _CHI2_6_9999:
+        return ""
+    metres, degrees = np.linalg.norm(away[:3]), np.rad2deg(np.linalg.norm(away[3:]))
+    return f"contradicts the chain by {metres:.2f} m and {degrees:.1f} deg ({np.sqrt(chi2):.0f} sigma)"
+
+
+def close_loop(map_: Map, loops: list[Edge], scale: float) -> None:
+    """Move the key frames of a segment to where all registrations and `loops` (the newest last) agree best."""
+    segment = map_.keyframes[loops[-1].b].segment
+    members = [k for k in map_.keyframes if k.segment == segment]
+    T_map_keyframe = {k.number: se3.inverse(k.T_camera_map) for k in members}
+    edges = [
+        Edge(
+            k.parent,
+            k.number,
+            map_.keyframes[k.parent].T_camera_map @ T_map_keyframe[k.number],
+            k.covariance_parent * scale,
+        )
+        for k in members
+        if k.parent is not None and k.parent in T_map_keyframe
+    ]
+    loops = [edge for edge in loops if edge.a in T_map_keyframe and edge.b in T_map_keyframe]
+    moved = optimise(T_map_keyframe, members[0].number, edges + loops)
+    numbers = np.array(sorted(moved))
+    map_.move_keyframes(numbers, np.array([se3.inverse(moved[int(n)]) for n in numbers]), np.zeros(0, dtype=np.int64))
+
+
+def merge_segment(map_: Map, segment: int, into: int, T_new_old: Array) -> None:
+    """Carry a whole segment into the map of another: `T_new_old` maps its old coordinates to the other's."""
+    numbers = np.array([k.number for k in map_.keyframes if k.segment == segment])
+    T_old_new = se3.inverse(T_new_old)
+    T_camera_map = np.array([map_.keyframes[int(n)].T_camera_map @ T_old_new for n in numbers])
+    map_.move_keyframes(numbers, T_camera_map, np.zeros(0, dtype=np.int64))
+    for n in numbers:
+        map_.keyframes[int(n)].segment = into

@@ -1,0 +1,99 @@
+"""Every frame's place relative to a key frame, so that it moves with the map, and covariances between frames."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.backend.estimate import RelativePose, TrajectoryPose
+from odom.backend.keyframes import Keyframe
+from odom.frame import Stamp
+from odom.registration import se3
+
+Array = NDArray[np.float64]
+
+_LONGEST_PATH = 200
+_LONGEST_GAP_S = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """One frame: `T_keyframe_camera` and its 6 x 6 covariance (`se3`, camera frame); `keyframe` is None when LOST.
+
+    The pose belongs to `stamp - delay_s`, the middle row's time. `segment` counts only while the frame is LOST:
+    otherwise its key frame's does, which may have been merged with another since.
+    """
+
+    stamp: Stamp
+    segment: int
+    delay_s: float
+    keyframe: int | None = None
+    T_keyframe_camera: Array | None = None
+    covariance: Array | None = None
+
+
+def _ancestors(keyframes: list[Keyframe], number: int) -> list[int]:
+    path = [number]
+    while len(path) < _LONGEST_PATH and (parent := keyframes[path[-1]].parent) is not None:
+        path.append(parent)
+    return path
+
+
+def covariance_between(keyframes: list[Keyframe], a: int, b: int) -> Array:
+    """Return the 6 x 6 covariance (`se3`, frame b) of T_a_b: the sum over the registrations on the path from a to b."""
+    up_a, up_b = _ancestors(keyframes, a), _ancestors(keyframes, b)
+    common = next((k for k in up_a if k in set(up_b)), None)
+    total = np.zeros((6, 6))
+    for path in (up_a, up_b):
+        for k in path[: path.index(common) if common is not None else None]:
+            A = se3.adjoint(keyframes[b].T_camera_map @ se3.inverse(keyframes[k].T_camera_map))
+            total += A @ keyframes[k].covariance_parent @ A.T
+    return total
+
+
+def relative_covariance(keyframes: list[Keyframe], earlier: Placed, current: Placed) -> Array | None:
+    """Return the 6 x 6 covariance (`se3`, current camera frame) of T_earlier_current, None over a loss or segments."""
+    if earlier.keyframe is None or earlier.T_keyframe_camera is None or earlier.covariance is None:
+        return None
+    if current.keyframe is None or current.T_keyframe_camera is None or current.covariance is None:
+        return None
+    a, b = keyframes[earlier.keyframe], keyframes[current.keyframe]
+    if a.segment != b.segment:
+        return None
+    T_current_b = se3.inverse(current.T_keyframe_camera)
+    T_current_earlier = T_current_b @ b.T_camera_map @ se3.inverse(a.T_camera_map) @ earlier.T_keyframe_camera
+    A_b, A_earlier = se3.adjoint(T_current_b), se3.adjoint(T_current_earlier)
+    between = covariance_between(keyframes, earlier.keyframe, current.keyframe)
+    return np.asarray(current.covariance + A_b @ between @ A_b.T + A_earlier @ earlier.covariance @ A_earlier.T)
+
+
+def relative_pose(
+    T_odom_earlier: Array, T_odom_current: Array, covariance: Array | None, stamp_earlier: Stamp, inliers: int
+) -> RelativePose | None:
+    """Return the published motion since `stamp_earlier`, None where its covariance is not known."""
+    if covariance is None:
+        return None
+    return RelativePose(stamp_earlier, se3.inverse(T_odom_earlier) @ T_odom_current, covariance, inliers)
+
+
+def trajectory(frames: list[Placed], keyframes: list[Keyframe]) -> tuple[TrajectoryPose, ...]:
+    """Return every frame's pose at its stamp: carried from the middle row's time along the motion to the next frame."""
+    T_map_middle: list[Array | None] = [
+        None
+        if f.keyframe is None or f.T_keyframe_camera is None
+        else se3.inverse(keyframes[f.keyframe].T_camera_map) @ f.T_keyframe_camera
+        for f in frames
+    ]
+    segments = [f.segment if f.keyframe is None else keyframes[f.keyframe].segment for f in frames]
+    out = []
+    for i, (f, T) in enumerate(zip(frames, T_map_middle, strict=True)):
+        T_stamp = T
+        for j, sign in ((i + 1, 1.0), (i - 1, -1.0)):
+            if T is None or not f.delay_s or not 0 <= j < len(frames) or segments[j] != segments[i]:
+                continue
+            other, apart_s = T_map_middle[j], abs(frames[j].stamp - f.stamp) * 1e-9
+            if other is not None and 0.0 < apart_s < _LONGEST_GAP_S:
+                T_stamp = T @ se3.exp(sign * f.delay_s / apart_s * se3.log(se3.inverse(T) @ other))
+                break
+        out.append(TrajectoryPose(f.stamp, T_stamp, segments[i]))
+    return tuple(out)

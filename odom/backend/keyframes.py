@@ -1,0 +1,81 @@
+"""Key frames: where they are, and which landmarks they measured."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.backend.bundle import Observations
+from odom.backend.landmarks import Landmarks
+from odom.frame import Stamp
+from odom.frontend.measure import Measurements
+from odom.frontend.timing import Timing
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@dataclass(eq=False)
+class Keyframe:
+    """A frame whose measurements are kept; `T_camera_map` moves as the map is adjusted.
+
+    `parent` is the key frame it was registered against and `covariance_parent` (6 x 6, `se3` convention, in this key
+    frame's camera) that registration's. `rows` and `identities` (n) name the landmarks measured at `uv` (n x 2 px);
+    `timing` is what `measurements` were carried with.
+    """
+
+    number: int
+    stamp: Stamp
+    segment: int
+    T_camera_map: Array
+    rows: Index
+    identities: Index
+    uv: Array
+    measurements: Measurements
+    timing: Timing
+    parent: int | None
+    covariance_parent: Array
+
+    def current(self, landmarks: Landmarks) -> NDArray[np.bool_]:
+        """Return which of the measured landmarks are still in the map (n)."""
+        return np.asarray(landmarks.identity[self.rows] == self.identities)
+
+
+def shared_landmarks(a: Keyframe, b: Keyframe) -> int:
+    """Return how many landmarks both key frames measured."""
+    return len(np.intersect1d(a.identities, b.identities, assume_unique=True))
+
+
+def gather_observations(
+    keyframes: list[Keyframe], landmarks: Landmarks, timing: Timing, only_rows: Index | None = None
+) -> tuple[Observations, Index]:
+    """Return what `keyframes` measured of the landmarks that at least two of them share, and those landmarks' rows.
+
+    Numbers of key frames and landmarks in the result count from 0 in the order given and returned; the values are
+    carried to `timing`. `only_rows` restricts the landmarks.
+    """
+    frame_numbers, rows, values, jacobians, variances = [], [], [], [], []
+    for number, keyframe in enumerate(keyframes):
+        valid = keyframe.current(landmarks)
+        frame_numbers.append(np.full(int(valid.sum()), number))
+        rows.append(keyframe.rows[valid])
+        m = keyframe.measurements.take(valid)
+        values.append(m.retimed(timing.vector - keyframe.timing.vector))
+        jacobians.append(m.jacobian_timing)
+        variances.append(m.covariance)
+    row = np.concatenate(rows)
+    unique, index, count = np.unique(row, return_inverse=True, return_counts=True)
+    useful = count >= 2
+    if only_rows is not None:
+        useful &= np.isin(unique, only_rows)
+    number_of = np.cumsum(useful) - 1
+    keep = np.flatnonzero(useful[index])
+    keep = keep[np.argsort(number_of[index[keep]], kind="stable")]
+    observations = Observations(
+        np.concatenate(frame_numbers)[keep],
+        number_of[index[keep]],
+        np.concatenate(values)[keep],
+        np.concatenate(jacobians)[keep],
+        np.concatenate(variances)[keep],
+    )
+    return observations, unique[useful]

@@ -1,0 +1,126 @@
+"""The map: key frames and the landmarks they measured, and how it grows."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.backend.keyframes import Keyframe
+from odom.backend.landmarks import Landmarks
+from odom.frame import Stamp
+from odom.frontend.images import FrameImages
+from odom.frontend.measure import Measurements, points_of
+from odom.frontend.patches import cut_patches
+from odom.frontend.timing import Timing
+from odom.registration import se3
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_ANCHOR_SHARE = 0.1
+"""Share of the ray's variance that a new landmark keeps: its patch is cut where it was measured, by definition."""
+_TRIALS, _SHARE_SEEN = 8, 0.25
+_LINKED = 15
+_HOPS = 3
+
+
+@dataclass(eq=False)
+class Map:
+    """Key frames, landmarks, and which key frames are linked: by common landmarks, succession or loop closure."""
+
+    landmarks: Landmarks = field(default_factory=Landmarks)
+    keyframes: list[Keyframe] = field(default_factory=list)
+    links: list[set[int]] = field(default_factory=list)
+
+    def add_keyframe(
+        self,
+        stamp: Stamp,
+        segment: int,
+        T_camera_map: Array,
+        images: FrameImages,
+        rows: Index,
+        uv: Array,
+        measurements: Measurements,
+        corners: Array,
+        measured_corners: Measurements,
+        timing: Timing,
+        parent: int | None,
+        covariance_parent: Array,
+    ) -> Keyframe:
+        """Keep a frame that measured known landmarks (`rows` at `uv`) and new `corners`, which become landmarks.
+
+        `parent` is the key frame it was registered against, `covariance_parent` (6 x 6) that registration's.
+        """
+        number = len(self.keyframes)
+        points, covariances = points_of(measured_corners, _ANCHOR_SHARE)
+        T_map_camera = se3.inverse(T_camera_map)
+        R = T_map_camera[:3, :3]
+        new_rows = self.landmarks.add(
+            se3.apply(T_map_camera, points),
+            R @ covariances @ R.T,
+            number,
+            corners,
+            np.column_stack([measured_corners.values[:, 2], measured_corners.slope]),
+            cut_patches(images.full, corners),
+            cut_patches(images.half, corners / 2.0),
+        )
+        all_rows = np.concatenate([rows, new_rows])
+        keyframe = Keyframe(
+            number,
+            stamp,
+            segment,
+            T_camera_map.copy(),
+            all_rows,
+            self.landmarks.identity[all_rows].copy(),
+            np.concatenate([uv, corners]),
+            measurements.joined(measured_corners),
+            timing,
+            parent,
+            covariance_parent,
+        )
+        self.keyframes.append(keyframe)
+        anchors, shared = np.unique(self.landmarks.keyframe[rows], return_counts=True)
+        self.links.append(set())
+        for other in [int(a) for a in anchors[shared >= _LINKED]] + ([] if parent is None else [parent]):
+            self.link(number, other)
+        return keyframe
+
+    def link(self, a: int, b: int) -> None:
+        """Let the landmarks of key frames `a` and `b` be looked for together."""
+        if a != b:
+            self.links[a].add(b)
+            self.links[b].add(a)
+
+    def neighbours(self, keyframe: int, T_camera_map: Array, most: int) -> Index:
+        """Return up to `most` key frames linked to `keyframe` over a few hops, nearest to the pose first.
+
+        Near is metres plus radians: at a metre's depth, both move a feature about as far.
+        """
+        reached, edge = {keyframe}, {keyframe}
+        for _ in range(_HOPS):
+            edge = set().union(*(self.links[k] for k in edge)) - reached
+            reached |= edge
+            if len(reached) > 4 * most:
+                break
+        numbers = np.array(sorted(reached))
+        T = np.array([self.keyframes[k].T_camera_map for k in numbers])
+        R = T_camera_map[:3, :3] @ T[:, :3, :3].transpose(0, 2, 1)
+        apart_m = np.linalg.norm(T_camera_map[:3, 3] - np.einsum("kij,kj->ki", R, T[:, :3, 3]), axis=1)
+        apart_rad = np.arccos(np.clip((np.trace(R, axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))
+        return np.asarray(numbers[np.argsort(apart_m + apart_rad, kind="stable")[:most]])
+
+    def cull(self, keyframes: Index) -> None:
+        """Give up landmarks of `keyframes` that were looked for in several frames and hardly ever found."""
+        L = self.landmarks
+        concerned = np.isin(L.keyframe, keyframes)
+        L.cull(np.flatnonzero(L.alive & concerned & (L.tried >= _TRIALS) & (L.seen < _SHARE_SEEN * L.tried)))
+
+    def move_keyframes(self, numbers: Index, T_camera_map: Array, adjusted_rows: Index) -> None:
+        """Give key frames new poses; their landmarks go with them, except `adjusted_rows`, which already have."""
+        L = self.landmarks
+        follows = L.alive.copy()
+        follows[adjusted_rows] = False
+        for number, T in zip(numbers, T_camera_map, strict=True):
+            rows = np.flatnonzero(follows & (L.keyframe == number))
+            L.position[rows] = se3.apply(se3.inverse(T) @ self.keyframes[number].T_camera_map, L.position[rows])
+            self.keyframes[number].T_camera_map = T

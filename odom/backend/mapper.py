@@ -1,0 +1,237 @@
+"""Growing and correcting the map: key frames, adjustment and place recognition in the background, loop closure."""
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.backend import window
+from odom.backend.bundle import Bundle
+from odom.backend.closing import Recognition, close_loop, contradiction, merge_segment, recognise
+from odom.backend.estimate import LoopCandidate
+from odom.backend.graph import Edge
+from odom.backend.keyframes import Keyframe
+from odom.backend.map import Map
+from odom.backend.settings import OdometrySettings
+from odom.backend.tracking import Tracked, track
+from odom.frame import Camera, RgbdFrame
+from odom.frontend.corners import detect_corners
+from odom.frontend.images import FrameImages
+from odom.frontend.lens import Lens
+from odom.frontend.measure import FeatureNoise, Measurements, measure
+from odom.frontend.places import Place, PlaceIndex, describe_place
+from odom.frontend.timing import Timing
+from odom.registration import se3
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_FARTHEST_M = 8.0
+_TIMING_FORGET, _TIMING_CREDIT = 0.95, 0.1
+LEAST_FOUND_AGAIN = 30
+_NO_ROWS = np.zeros(0, dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """A key frame's own images, kept while the background works on them."""
+
+    keyframe: int
+    frame: RgbdFrame
+    images: FrameImages
+    twist: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    due: int
+    adjustment: window.Adjustment
+    result: Future[tuple[Bundle, list[tuple[Seen, Place, list[Recognition]]]]]
+
+
+class Mapper:
+    """Owns the map. What runs in the background takes effect at a fixed frame number, so that repeats are equal."""
+
+    def __init__(self, camera: Camera, lens: Lens, settings: OdometrySettings) -> None:
+        self.map, self.index = Map(), PlaceIndex()
+        self._camera, self._lens, self._settings = camera, lens, settings
+        self.timing = Timing(settings.readout_prior_s, settings.depth_lag_prior_s)
+        self._timing_information = np.diag(
+            [settings.readout_prior_sigma_s**-2.0, settings.depth_lag_prior_sigma_s**-2.0]
+        )
+        self._loops: list[Edge] = []
+        self._waiting: list[Seen] = []
+        self._recognitions: list[tuple[Seen, list[Recognition]]] = []
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="odom-background")
+        self._task: _Task | None = None
+
+    def track(
+        self, frame: RgbdFrame, images: FrameImages, T_start: Array, twist: Array, near: int, noise: FeatureNoise
+    ) -> Tracked:
+        """Return `frame` tracked against the key frames around `near` (see `tracking.track`)."""
+        return track(
+            self.map, frame, images, self._camera, self._lens, T_start, twist, near, self.timing, noise, self._settings
+        )
+
+    def add_keyframe(
+        self,
+        frame: RgbdFrame,
+        images: FrameImages,
+        T_camera_map: Array,
+        twist: Array,
+        rows: Index,
+        uv: Array,
+        measurements: Measurements | None,
+        noise: FeatureNoise,
+        segment: int,
+        parent: int | None,
+        covariance: Array,
+        count: int,
+    ) -> Keyframe:
+        """Make a key frame of a frame that measured landmarks `rows` at `uv`; new corners become landmarks.
+
+        `count` is the number of the frame, from which the background's work is counted.
+        """
+        corners = detect_corners(images.full, uv, self._settings.cell_px)
+        no_covariance = np.zeros((len(corners), 3))
+        measured = measure(frame, self._lens, corners, no_covariance, twist, self.timing, noise)
+        usable = measured.values[:, 2] > 1.0 / _FARTHEST_M
+        keyframe = self.map.add_keyframe(
+            frame.stamp,
+            segment,
+            T_camera_map,
+            images,
+            rows,
+            uv,
+            measured.take(_NO_ROWS) if measurements is None else measurements,
+            corners[usable],
+            measured.take(usable),
+            self.timing,
+            parent,
+            covariance,
+        )
+        self.map.cull(self.map.neighbours(keyframe.number, T_camera_map, self._settings.local_keyframes))
+        self._waiting.append(Seen(keyframe.number, frame, images, twist))
+        del self._waiting[: -self._settings.background_delay_frames]
+        self._start_task(count, noise)
+        return keyframe
+
+    def _start_task(self, count: int, noise: FeatureNoise) -> None:
+        if self._task is not None or not self._waiting:
+            return
+        adjustment = window.newest(self.map, self._settings.window_keyframes, self.timing, self._timing_information)
+        waiting, self._waiting = self._waiting, []
+        linked = [self._linked(seen.keyframe) for seen in waiting]
+        timing, lens, index = self.timing, self._lens, self.index
+
+        def work() -> tuple[Bundle, list[tuple[Seen, Place, list[Recognition]]]]:
+            bundle = adjustment.run()
+            found = []
+            for seen, excluded in zip(waiting, linked, strict=True):
+                place = describe_place(seen.frame, seen.images, lens, seen.twist, timing, noise)
+                found.append((seen, place, recognise(index, place, excluded)))
+            return bundle, found
+
+        due = count + self._settings.background_delay_frames
+        self._task = _Task(due, adjustment, self._pool.submit(work))
+
+    def _linked(self, number: int) -> set[int]:
+        """Return the key frames that `number` needs no closure with: linked over two hops, itself included."""
+        near = self.map.links[number] | {number}
+        return near.union(*(self.map.links[k] for k in near))
+
+    def take_adjustment(self, count: int | None, noise: FeatureNoise) -> bool:
+        """Take over the background's work if it is due at frame `count` (None: at once); say whether the map moved."""
+        if self._task is None or (count is not None and count < self._task.due):
+            return False
+        task, self._task = self._task, None
+        bundle, found = task.result.result()
+        self._take_over(task.adjustment, bundle)
+        for seen, place, recognitions in found:
+            self.index.add(seen.keyframe, place)
+            self._recognitions.append((seen, recognitions))
+        if count is not None:
+            self._start_task(count, noise)
+        return True
+
+    def _take_over(self, adjustment: window.Adjustment, bundle: Bundle) -> None:
+        window.take_over(self.map, adjustment, bundle)
+        change = bundle.timing_change
+        self.timing = Timing(self.timing.readout_s + float(change[0]), self.timing.depth_lag_s + float(change[1]))
+        if bundle.information_timing is not None:
+            self._timing_information = (
+                _TIMING_FORGET * self._timing_information + _TIMING_CREDIT * bundle.information_timing
+            )
+
+    def take_recognitions(self, noise: FeatureNoise, scale: float) -> tuple[tuple[LoopCandidate, ...], Array | None]:
+        """Judge the places recognised since; act on those that hold.
+
+        Returns every candidate with its decision and reason, and the motion of map coordinates near the newest key
+        frame, T_new_old, None where nothing was closed. `scale` is the self-check's of pose covariances.
+        """
+        waiting, self._recognitions = self._recognitions, []
+        candidates: list[LoopCandidate] = []
+        T_new_old: Array | None = None
+        for seen, recognitions in waiting:
+            for recognition in recognitions:
+                before = self.map.keyframes[seen.keyframe].T_camera_map.copy()
+                candidate = self._judge(seen, recognition, noise, scale)
+                candidates.append(candidate)
+                if candidate.accepted:
+                    moved = se3.inverse(self.map.keyframes[seen.keyframe].T_camera_map) @ before
+                    T_new_old = moved if T_new_old is None else moved @ T_new_old
+                    break
+        return tuple(candidates), T_new_old
+
+    def _judge(self, seen: Seen, recognition: Recognition, noise: FeatureNoise, scale: float) -> LoopCandidate:
+        keyframe = self.map.keyframes[seen.keyframe]
+        candidate = self.map.keyframes[recognition.candidate]
+        registration = recognition.registration
+        inliers = 0 if registration is None else int(registration.inliers.sum())
+        verdict = LoopCandidate(keyframe.stamp, candidate.stamp, inliers, False, recognition.refusal)
+        if recognition.refusal or registration is None:
+            return verdict
+        T_start = se3.inverse(registration.T_target_source) @ candidate.T_camera_map
+        tracked = self.track(seen.frame, seen.images, T_start, seen.twist, candidate.number, noise)
+        found = int(np.count_nonzero(tracked.inliers))
+        T_candidate_keyframe = candidate.T_camera_map @ se3.inverse(tracked.T_camera_map)
+        verdict = replace(verdict, inliers=found, T_candidate_current=T_candidate_keyframe)
+        if found < LEAST_FOUND_AGAIN:
+            return replace(verdict, reason=f"only {found} of {tracked.looked_for} landmarks found again")
+        covariance = tracked.covariance * scale
+        refusal = contradiction(self.map, candidate.number, keyframe.number, T_candidate_keyframe, covariance, scale)
+        if refusal:
+            return replace(verdict, reason=refusal)
+        if candidate.segment != keyframe.segment:
+            T_new_old = se3.inverse(tracked.T_camera_map) @ keyframe.T_camera_map
+            merge_segment(self.map, keyframe.segment, candidate.segment, T_new_old)
+            reason = f"merges two segments: {found} landmarks found again"
+        else:
+            self._loops.append(Edge(candidate.number, keyframe.number, T_candidate_keyframe, covariance, True))
+            close_loop(self.map, self._loops, scale)
+            reason = f"{found} landmarks found again"
+        self.map.link(candidate.number, keyframe.number)
+        self._remember_sighting(keyframe, tracked)
+        return replace(verdict, accepted=True, reason=reason)
+
+    def _remember_sighting(self, keyframe: Keyframe, tracked: Tracked) -> None:
+        """Let a key frame hold the old landmarks that it was found to see: the adjustment joins the loop by them."""
+        new = tracked.inliers & ~np.isin(tracked.rows, keyframe.rows[keyframe.current(self.map.landmarks)])
+        rows = tracked.rows[new]
+        keyframe.rows = np.concatenate([keyframe.rows, rows])
+        keyframe.identities = np.concatenate([keyframe.identities, self.map.landmarks.identity[rows]])
+        keyframe.uv = np.concatenate([keyframe.uv, tracked.uv[new]])
+        values = tracked.measurements.take(new)
+        change = keyframe.timing.vector - self.timing.vector
+        keyframe.measurements = keyframe.measurements.joined(replace(values, values=values.retimed(change)))
+
+    def finish(self, noise: FeatureNoise, scale: float) -> None:
+        """Take over what is in the background, then adjust each segment as a whole."""
+        self.take_adjustment(None, noise)
+        self.take_recognitions(noise, scale)
+        for segment in sorted({k.segment for k in self.map.keyframes}):
+            if sum(k.segment == segment for k in self.map.keyframes) >= 2:
+                adjustment = window.everything(self.map, segment, self.timing, self._timing_information)
+                self._take_over(adjustment, adjustment.run())
+        self._pool.shutdown()

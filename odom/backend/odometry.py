@@ -1,0 +1,399 @@
+"""Frames to poses: predict, track, grow the map, and say how far to trust it."""
+
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.backend.closing import recognise
+from odom.backend.estimate import Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
+from odom.backend.history import Placed, relative_covariance, relative_pose, trajectory
+from odom.backend.mapper import LEAST_FOUND_AGAIN, Mapper
+from odom.backend.pairwise import register_successive
+from odom.backend.selfcheck import SelfCheck
+from odom.backend.settings import OdometrySettings
+from odom.backend.stopwatch import Stopwatch
+from odom.backend.tracking import INLIER_CHI2, Tracked, coarse_pose, disagreement
+from odom.frame import Camera, RgbdFrame, Stamp
+from odom.frontend.images import FrameImages
+from odom.frontend.lens import Lens
+from odom.frontend.measure import FeatureNoise
+from odom.frontend.places import describe_place
+from odom.frontend.timing import Timing
+from odom.registration import se3
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_LEAST_INLIERS, _SURE_INLIERS = 15, 30
+_FASTEST_M_S, _FASTEST_RAD_S = 5.0, 12.0
+_LONGEST_GAP_S = 0.2
+_MANY, _SHARE_LEFT, _VERY_FEW = 150, 0.85, 50
+_SHARE_COVERED, _COVER_PX = 0.55, 40
+_MOVED_M, _MOVED_RAD = 0.015, 0.02
+_LEAST_CORNERS = 50
+_CHECK_EVERY = 4
+_TWIST_GAIN = 0.2
+_BRIDGE_SIGMA = np.array([0.5, 0.5, 0.5, 1.0, 1.0, 1.0])
+"""How fast a bridged pose gets worse: m/s and rad/s."""
+_RECENT = 64
+_CLOUD = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class _Published:
+    """A pose as it went out, for the motion between published ones."""
+
+    placed: Placed
+    T_odom_camera: Array
+
+
+class Odometry:
+    """The odometry of one RGB-D camera: give it frames in order, it gives an estimate for each.
+
+    Deterministic: what runs in the background takes effect at a fixed frame number, never by the clock; time is that
+    of the frames' stamps. A frame that cannot be placed is LOST, a value; a frame whose size is not the camera's
+    raises InputError.
+    """
+
+    def __init__(self, camera: Camera, settings: OdometrySettings | None = None) -> None:
+        self.settings = settings or OdometrySettings()
+        self._camera, self._lens = camera, Lens.of(camera)
+        knots = np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0])
+        table = np.stack([knots, np.full_like(knots, self.settings.inverse_depth_sigma)])
+        self._check = SelfCheck.of(FeatureNoise(self.settings.pixel_sigma_px, table))
+        self._mapper = Mapper(camera, self._lens, self.settings)
+        self._frames: list[Placed] = []
+        self._recent: deque[_Published] = deque(maxlen=_RECENT)
+        self._T_camera_map, self._T_map_odom = np.eye(4), np.eye(4)
+        self._twist, self._twist_change = np.zeros(6), np.zeros(6)
+        self._near, self._segment = 0, -1
+        self._previous: tuple[Stamp, FrameImages, Tracked | None] | None = None
+        self._followed: tuple[Index, Array] = (np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
+        self._seen_at_keyframe: tuple[int, int] | None = None
+        self._sight_s = 0.0
+
+    @property
+    def timing(self) -> Timing:
+        """The sensor's timing as estimated so far."""
+        return self._mapper.timing
+
+    def process(self, frame: RgbdFrame) -> Estimate:
+        """Return the estimate for the next frame.
+
+        Raises InputError for a frame whose size is not the camera's.
+        """
+        watch = Stopwatch()
+        images = FrameImages.of(frame.color)
+        watch.lap("images")
+        loops, map_moved = self._take_background()
+        watch.lap("background")
+        was_lost = not self._frames or self._frames[-1].keyframe is None
+        tracked = None if was_lost else self._follow(frame, images, watch)
+        is_recovered = False
+        if tracked is None and self._mapper.map.keyframes:
+            tracked = self._relocalise(frame, images)
+            is_recovered = tracked is not None
+            watch.lap("relocalise")
+        if tracked is not None:
+            estimate = self._advance(frame, images, tracked, is_recovered, watch)
+        elif not was_lost and self._since_previous_s(frame) <= self.settings.bridge_s:
+            estimate = self._bridge(frame)
+        else:
+            estimate = self._lose(frame, images)
+        if map_moved or estimate.is_keyframe:
+            estimate = replace(estimate, path=self._path(), landmarks_map=self._cloud())
+        return replace(estimate, loops=loops, timings_ms=watch.laps_ms)
+
+    def finish(self) -> tuple[TrajectoryPose, ...]:
+        """Return the final corrected trajectory, one pose a frame, after adjusting the whole map once more."""
+        self._mapper.finish(self._check.noise, self._check.scale)
+        return trajectory(self._frames, self._mapper.map.keyframes)
+
+    def _since_previous_s(self, frame: RgbdFrame) -> float:
+        return np.inf if self._previous is None else (frame.stamp - self._previous[0]) * 1e-9
+
+    def _take_background(self) -> tuple[tuple[LoopCandidate, ...], bool]:
+        """Take over what the background has for this frame: the current pose goes with the map, odom stays put."""
+        keyframes = self._mapper.map.keyframes
+        if not keyframes:
+            return (), False
+        before = keyframes[self._near].T_camera_map.copy()
+        if not self._mapper.take_adjustment(len(self._frames), self._check.noise):
+            return (), False
+        loops, T_new_old = self._mapper.take_recognitions(self._check.noise, self._check.scale)
+        if T_new_old is not None:
+            self._T_map_odom = T_new_old @ self._T_map_odom
+            self._segment = keyframes[self._near].segment
+        self._T_camera_map = self._T_camera_map @ se3.inverse(before) @ keyframes[self._near].T_camera_map
+        return loops, True
+
+    def _follow(self, frame: RgbdFrame, images: FrameImages, watch: Stopwatch) -> Tracked | None:
+        """Return the frame tracked on from the previous one, None where that fails."""
+        dt = self._since_previous_s(frame)
+        if self._previous is None or not 0.0 < dt < _LONGEST_GAP_S:
+            return None
+        T_predicted = se3.exp(-self._twist * dt) @ self._T_camera_map
+        rows, uv = self._followed
+        alive = self._mapper.map.landmarks.alive[rows]
+        T_coarse = coarse_pose(
+            self._mapper.map, rows[alive], uv[alive], self._previous[1], images, self._lens, T_predicted
+        )
+        watch.lap("follow")
+        twist = -se3.log(T_coarse @ se3.inverse(self._T_camera_map)) / dt
+        tracked = self._mapper.track(frame, images, T_coarse, twist, self._near, self._check.noise)
+        watch.lap("find and fit")
+        moved = se3.log(tracked.T_camera_map @ se3.inverse(self._T_camera_map)) / dt
+        is_bounded = np.linalg.norm(moved[:3]) < _FASTEST_M_S and np.linalg.norm(moved[3:]) < _FASTEST_RAD_S
+        return tracked if is_bounded and np.count_nonzero(tracked.inliers) >= _LEAST_INLIERS else None
+
+    def _relocalise(self, frame: RgbdFrame, images: FrameImages) -> Tracked | None:
+        """Return the frame tracked from a key frame that it is recognised to show, None where there is none."""
+        still = np.zeros(6)
+        place = describe_place(frame, images, self._lens, still, self.timing, self._check.noise)
+        for recognition in recognise(self._mapper.index, place, set()):
+            if recognition.refusal or recognition.registration is None:
+                continue
+            keyframe = self._mapper.map.keyframes[recognition.candidate]
+            T_camera_map = se3.inverse(recognition.registration.T_target_source) @ keyframe.T_camera_map
+            tracked = self._mapper.track(frame, images, T_camera_map, still, keyframe.number, self._check.noise)
+            if np.count_nonzero(tracked.inliers) >= LEAST_FOUND_AGAIN:
+                self._segment = keyframe.segment
+                return tracked
+        return None
+
+    def _advance(
+        self, frame: RgbdFrame, images: FrameImages, tracked: Tracked, is_recovered: bool, watch: Stopwatch
+    ) -> Estimate:
+        """Take over a tracked frame: motion, covariance, key frame."""
+        previous, T_before = self._previous, self._T_camera_map
+        dt = 0.0 if is_recovered else self._since_previous_s(frame)
+        self._T_camera_map, self._near = tracked.T_camera_map, tracked.reference
+        twist = -se3.log(self._T_camera_map @ se3.inverse(T_before)) / dt if dt else np.zeros(6)
+        if dt:
+            self._twist_change += _TWIST_GAIN * ((twist - self._twist) ** 2 - self._twist_change)
+        self._twist = twist
+        self._sight_s = 0.0
+        self._mapper.map.landmarks.seen[tracked.rows[tracked.inliers]] += 1
+        if len(self._frames) % _CHECK_EVERY == 0:
+            self._check_noise(tracked)
+        watch.lap("check")
+        covariance = tracked.covariance * self._check.scale
+        step, second, published = self._publish(frame, covariance, dt, tracked)
+        pairwise = None
+        if dt and previous is not None and previous[2] is not None:
+            pairwise = register_successive(previous[2], previous[0], tracked)
+        watch.lap("pairwise")
+        rows, uv = tracked.rows[tracked.inliers], tracked.uv[tracked.inliers]
+        is_keyframe = self._needs_keyframe(uv)
+        if is_keyframe:
+            rows, uv = self._add_keyframe(frame, images, tracked, covariance)
+        self._followed = (rows, uv)
+        self._previous = (frame.stamp, images, tracked)
+        watch.lap("keyframe")
+        inliers = int(np.count_nonzero(tracked.inliers))
+        state, reason = State.TRACKING, ""
+        if is_recovered:
+            state, reason = State.RECOVERED, f"place recognised: {inliers} landmarks found again"
+        elif inliers < _SURE_INLIERS:
+            state, reason = State.UNCERTAIN, f"only {inliers} landmarks found again"
+        residual = np.where(tracked.inliers, np.sqrt(tracked.chi2[:, 0]), np.nan)
+        return self._estimate(
+            frame,
+            state,
+            reason,
+            published,
+            inliers=inliers,
+            matches=tracked.looked_for,
+            is_keyframe=is_keyframe,
+            step=step,
+            second=second,
+            pairwise=pairwise,
+            features=Features(tracked.uv, residual),
+        )
+
+    def _check_noise(self, tracked: Tracked) -> None:
+        chosen = tracked.inliers & (tracked.chi2[:, 1] < INLIER_CHI2)
+        self._check = self._check.with_residuals(tracked.chi2[chosen], tracked.measurements.values[chosen, 2])
+        nees = disagreement(self._mapper.map, tracked, self._camera.width)
+        if nees is not None:
+            self._check = self._check.with_disagreement(nees)
+
+    def _publish(
+        self, frame: RgbdFrame, covariance: Array, dt: float, tracked: Tracked
+    ) -> tuple[RelativePose | None, RelativePose | None, _Published]:
+        """Note where a frame is, and return what is published of it: the pose carried to the stamp, and motions.
+
+        The carried pose is T_i + a (T_i - T_i-1) with a = delay / dt; to its covariance comes what the motion changes
+        from frame to frame.
+        """
+        delay_s = self.timing.readout_s / 2.0
+        keyframes = self._mapper.map.keyframes
+        T_keyframe_camera = keyframes[self._near].T_camera_map @ se3.inverse(self._T_camera_map)
+        self._frames.append(Placed(frame.stamp, self._segment, delay_s, self._near, T_keyframe_camera))
+        a = delay_s / dt if dt else 0.0
+        unmodelled = np.diag(self._twist_change) * (0.5 * delay_s * (1.0 + a)) ** 2
+        carry = se3.exp(self._twist * delay_s)
+        placed = replace(
+            self._frames[-1],
+            T_keyframe_camera=T_keyframe_camera @ carry,
+            covariance=covariance * (1.0 + 2.0 * a + 2.0 * a * a) + unmodelled,
+        )
+        T_odom_camera = se3.inverse(self._T_map_odom) @ se3.inverse(self._T_camera_map) @ carry
+        published = _Published(placed, T_odom_camera)
+        step = self._motion_since(self._recent[-1], published, tracked) if self._recent and dt else None
+        second = None
+        around = [p for p in self._recent if abs((frame.stamp - p.placed.stamp) * 1e-9 - 1.0) < 0.025]
+        if around:
+            then = min(around, key=lambda p: abs((frame.stamp - p.placed.stamp) * 1e-9 - 1.0))
+            second = self._motion_since(then, published, tracked)
+        self._recent.append(published)
+        return step, second, published
+
+    def _motion_since(self, earlier: _Published, current: _Published, tracked: Tracked) -> RelativePose | None:
+        covariance = relative_covariance(self._mapper.map.keyframes, earlier.placed, current.placed)
+        inliers = int(np.count_nonzero(tracked.inliers))
+        return relative_pose(earlier.T_odom_camera, current.T_odom_camera, covariance, earlier.placed.stamp, inliers)
+
+    def _needs_keyframe(self, uv: Array) -> bool:
+        """Say whether too little of the last key frame's view is left, and the camera has moved at all."""
+        covered = len(np.unique(uv // _COVER_PX @ np.array([1.0, 1000.0])))
+        if self._seen_at_keyframe is None:
+            self._seen_at_keyframe = (len(uv), covered)
+        many, most_covered = self._seen_at_keyframe
+        few = len(uv) < min(_MANY, _SHARE_LEFT * many)
+        if not (few or len(uv) < _VERY_FEW or covered < _SHARE_COVERED * most_covered):
+            return False
+        away = se3.log(self._T_camera_map @ se3.inverse(self._mapper.map.keyframes[self._near].T_camera_map))
+        return bool(np.linalg.norm(away[:3]) > _MOVED_M or np.linalg.norm(away[3:]) > _MOVED_RAD)
+
+    def _add_keyframe(
+        self, frame: RgbdFrame, images: FrameImages, tracked: Tracked | None, covariance: Array
+    ) -> tuple[Index, Array]:
+        """Make the current frame a key frame; return the landmarks it measured and where."""
+        parent = None if tracked is None else self._near
+        inliers = np.zeros(0, dtype=np.int64) if tracked is None else np.flatnonzero(tracked.inliers)
+        keyframe = self._mapper.add_keyframe(
+            frame,
+            images,
+            self._T_camera_map,
+            self._twist,
+            inliers if tracked is None else tracked.rows[inliers],
+            np.zeros((0, 2)) if tracked is None else tracked.uv[inliers],
+            None if tracked is None else tracked.measurements.take(inliers),
+            self._check.noise,
+            self._segment,
+            parent,
+            covariance,
+            len(self._frames),
+        )
+        self._near, self._seen_at_keyframe = keyframe.number, None
+        return keyframe.rows, keyframe.uv
+
+    def _bridge(self, frame: RgbdFrame) -> Estimate:
+        """Let the motion prediction stand in for a frame that could not be tracked."""
+        last = self._recent[-1]
+        dt = (frame.stamp - last.placed.stamp) * 1e-9
+        step = se3.exp(self._twist * dt)
+        assert last.placed.T_keyframe_camera is not None
+        assert last.placed.covariance is not None
+        growth = np.diag((_BRIDGE_SIGMA * dt) ** 2)
+        placed = replace(
+            last.placed,
+            stamp=frame.stamp,
+            T_keyframe_camera=last.placed.T_keyframe_camera @ step,
+            covariance=last.placed.covariance + growth,
+        )
+        published = _Published(placed, last.T_odom_camera @ step)
+        self._frames.append(replace(placed, delay_s=0.0, covariance=None))
+        self._recent.append(published)
+        return self._estimate(
+            frame, State.UNCERTAIN, "not tracked: the motion is predicted", published, is_predicted=True
+        )
+
+    def _lose(self, frame: RgbdFrame, images: FrameImages) -> Estimate:
+        """Say that the frame has no pose, or begin a new segment where none can be hoped for."""
+        if self._frames:
+            self._sight_s += (frame.stamp - self._frames[-1].stamp) * 1e-9
+        if not self._frames or self._segment < 0 or self._sight_s > self.settings.new_segment_s:
+            estimate = self._begin_segment(frame, images)
+            if estimate is not None:
+                return estimate
+        self._frames.append(Placed(frame.stamp, self._segment, 0.0))
+        self._recent.clear()
+        reason = "no depth yet" if self._segment < 0 else "no known place recognised"
+        return self._estimate(frame, State.LOST, reason, None)
+
+    def _begin_segment(self, frame: RgbdFrame, images: FrameImages) -> Estimate | None:
+        """Begin a new segment of the map at the last known pose, None where the frame does not hold enough."""
+        still = np.zeros(6)
+        place = describe_place(frame, images, self._lens, still, self.timing, self._check.noise)
+        if len(place.points) < _LEAST_CORNERS:
+            return None
+        is_first = self._segment < 0
+        self._segment = 1 + max((k.segment for k in self._mapper.map.keyframes), default=-1)
+        self._twist = still
+        rows, uv = self._add_keyframe(frame, images, None, np.zeros((6, 6)))
+        self._followed = (rows, uv)
+        self._previous = (frame.stamp, images, None)
+        self._sight_s = 0.0
+        placed = Placed(frame.stamp, self._segment, 0.0, self._near, np.eye(4), np.zeros((6, 6)))
+        self._frames.append(placed)
+        published = _Published(placed, se3.inverse(self._T_map_odom) @ se3.inverse(self._T_camera_map))
+        self._recent.append(published)
+        state = State.TRACKING if is_first else State.RECOVERED
+        reason = "" if is_first else "new segment: no known place recognised"
+        return self._estimate(frame, state, reason, published, matches=len(rows), is_keyframe=True)
+
+    def _estimate(
+        self,
+        frame: RgbdFrame,
+        state: State,
+        reason: str,
+        published: _Published | None,
+        *,
+        inliers: int = 0,
+        matches: int = 0,
+        is_keyframe: bool = False,
+        is_predicted: bool = False,
+        step: RelativePose | None = None,
+        second: RelativePose | None = None,
+        pairwise: RelativePose | None = None,
+        features: Features | None = None,
+    ) -> Estimate:
+        covariance = None
+        if published is not None and published.placed.keyframe is not None:
+            keyframes = self._mapper.map.keyframes
+            first = next(k for k in keyframes if k.segment == self._segment)
+            origin = Placed(first.stamp, first.segment, 0.0, first.number, np.eye(4), np.zeros((6, 6)))
+            covariance = relative_covariance(keyframes, origin, published.placed)
+        return Estimate(
+            frame.sequence,
+            frame.stamp,
+            state,
+            reason,
+            max(self._segment, 0),
+            None if published is None else published.T_odom_camera,
+            covariance,
+            self._T_map_odom,
+            inliers,
+            matches,
+            is_keyframe,
+            is_predicted,
+            step,
+            second,
+            pairwise,
+            (),
+            features,
+        )
+
+    def _path(self) -> tuple[tuple[Stamp, Array], ...]:
+        keyframes = self._mapper.map.keyframes
+        T_map_camera = np.linalg.inv(np.array([k.T_camera_map for k in keyframes]))
+        return tuple((k.stamp, T) for k, T in zip(keyframes, T_map_camera, strict=True))
+
+    def _cloud(self) -> Array:
+        L = self._mapper.map.landmarks
+        rows = np.flatnonzero(L.alive & (L.seen > 1))
+        return np.asarray(L.position[rows[:: 1 + len(rows) // _CLOUD]])

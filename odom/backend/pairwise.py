@@ -1,0 +1,34 @@
+"""The paper's chain: every frame registered against the one before it, C_i against C_i+1, and nothing else."""
+
+import numpy as np
+
+from odom.backend.estimate import RelativePose
+from odom.backend.tracking import Tracked
+from odom.frame import Stamp
+from odom.frontend.measure import points_of
+from odom.registration import se3
+from odom.registration.default import register
+from odom.registration.pairs import Pairs, Prior
+
+_LEAST_PAIRS = 10
+
+
+def register_successive(previous: Tracked, stamp_previous: Stamp, current: Tracked) -> RelativePose | None:
+    """Return T_previous_current from the features that both frames measured with depth, None where that fails.
+
+    The recursive robust filter sees both clouds' covariances; the map's motion serves as a hint to its gate only.
+    """
+    _, a, b = np.intersect1d(previous.rows, current.rows, assume_unique=True, return_indices=True)
+    deep = (previous.measurements.values[a, 2] > 0.0) & (current.measurements.values[b, 2] > 0.0)
+    a, b = a[deep], b[deep]
+    if len(a) < _LEAST_PAIRS:
+        return None
+    points_previous, covariances_previous = points_of(previous.measurements.take(a))
+    points_current, covariances_current = points_of(current.measurements.take(b))
+    pairs = Pairs(points_current, points_previous, covariances_current, covariances_previous)
+    hint = Prior(previous.T_camera_map @ se3.inverse(current.T_camera_map))
+    registration = register(pairs, hint)
+    if not registration.ok:
+        return None
+    inliers = int(registration.inliers.sum())
+    return RelativePose(stamp_previous, registration.T_target_source, registration.covariance, inliers)

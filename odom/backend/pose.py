@@ -1,0 +1,134 @@
+"""The pose of a frame against landmarks: robust, covariance-weighted, in the measured coordinates (x/z, y/z, 1/z).
+
+An iterated information filter: every landmark adds J' inv(S) J, with S the measurement's covariance plus the
+landmark's own, carried through the projection (the multiplicative form of the robust recursion, S = Sp + R Sq R').
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.registration import se3
+from odom.registration.compiled import compiled
+
+Array = NDArray[np.float64]
+
+CAUCHY_CHI2 = 9.0
+"""Where the Cauchy weight of a residual has fallen to one half (chi-squared)."""
+
+
+@compiled
+def projection_terms(T: Array, p: Array, value: Array, J: Array, P: Array, r: Array) -> bool:
+    """Fill residual r (3), d/d(pose) J (3 x 6), d/d(point) P (3 x 3) of one point `p` measured as `value` (3).
+
+    The pose's perturbation is on the left, exp(xi) @ T_camera_map; the residual's third entry is 0 without depth.
+    Returns False when the point lies behind the camera.
+    """
+    X = T[0, 0] * p[0] + T[0, 1] * p[1] + T[0, 2] * p[2] + T[0, 3]
+    Y = T[1, 0] * p[0] + T[1, 1] * p[1] + T[1, 2] * p[2] + T[1, 3]
+    Z = T[2, 0] * p[0] + T[2, 1] * p[1] + T[2, 2] * p[2] + T[2, 3]
+    if Z < 0.05:
+        return False
+    w = 1.0 / Z
+    x, y = X * w, Y * w
+    r[0], r[1] = value[0] - x, value[1] - y
+    r[2] = value[2] - w if value[2] > 0.0 else 0.0
+    J[0, 0], J[0, 1], J[0, 2], J[0, 3], J[0, 4], J[0, 5] = w, 0.0, -x * w, -x * y, 1.0 + x * x, -y
+    J[1, 0], J[1, 1], J[1, 2], J[1, 3], J[1, 4], J[1, 5] = 0.0, w, -y * w, -1.0 - y * y, x * y, x
+    J[2, 0], J[2, 1], J[2, 2], J[2, 3], J[2, 4], J[2, 5] = 0.0, 0.0, -w * w, -y * w, x * w, 0.0
+    for c in range(3):
+        P[0, c] = w * (T[0, c] - x * T[2, c])
+        P[1, c] = w * (T[1, c] - y * T[2, c])
+        P[2, c] = -w * w * T[2, c]
+    return True
+
+
+@compiled
+def _accumulate(
+    T: Array, points: Array, covariances: Array, values: Array, variances: Array, used: NDArray[np.bool_], cauchy: float
+) -> tuple[Array, Array, Array]:
+    n = points.shape[0]
+    H = np.zeros((6, 6))
+    g = np.zeros(6)
+    chi2 = np.zeros((n, 2))
+    J = np.zeros((3, 6))
+    P = np.zeros((3, 3))
+    r = np.zeros(3)
+    PC = np.zeros((3, 3))
+    for k in range(n):
+        if not used[k]:
+            continue
+        if not projection_terms(T, points[k], values[k], J, P, r):
+            chi2[k, 0] = 1e9
+            continue
+        C = covariances[k]
+        for a in range(3):
+            for b in range(3):
+                PC[a, b] = P[a, 0] * C[0, b] + P[a, 1] * C[1, b] + P[a, 2] * C[2, b]
+        sxx = variances[k, 0] + PC[0, 0] * P[0, 0] + PC[0, 1] * P[0, 1] + PC[0, 2] * P[0, 2]
+        sxy = variances[k, 1] + PC[0, 0] * P[1, 0] + PC[0, 1] * P[1, 1] + PC[0, 2] * P[1, 2]
+        syy = variances[k, 2] + PC[1, 0] * P[1, 0] + PC[1, 1] * P[1, 1] + PC[1, 2] * P[1, 2]
+        determinant = sxx * syy - sxy * sxy
+        chi2[k, 0] = (syy * r[0] * r[0] - 2.0 * sxy * r[0] * r[1] + sxx * r[1] * r[1]) / determinant
+        weight = 1.0 / (1.0 + chi2[k, 0] / cauchy)
+        ixx, ixy, iyy = syy / determinant * weight, -sxy / determinant * weight, sxx / determinant * weight
+        iww = 0.0
+        if values[k, 2] > 0.0:
+            sww = variances[k, 3] + PC[2, 0] * P[2, 0] + PC[2, 1] * P[2, 1] + PC[2, 2] * P[2, 2]
+            chi2[k, 1] = r[2] * r[2] / sww
+            iww = 1.0 / (1.0 + chi2[k, 1] / cauchy) / sww
+        for a in range(6):
+            j0 = ixx * J[0, a] + ixy * J[1, a]
+            j1 = ixy * J[0, a] + iyy * J[1, a]
+            j2 = iww * J[2, a]
+            g[a] += j0 * r[0] + j1 * r[1] + j2 * r[2]
+            for b in range(a, 6):
+                H[a, b] += j0 * J[0, b] + j1 * J[1, b] + j2 * J[2, b]
+    for a in range(6):
+        for b in range(a):
+            H[a, b] = H[b, a]
+    return H, g, chi2
+
+
+@dataclass(frozen=True, eq=False)
+class PoseFit:
+    """`T_camera_map`, its information matrix (6 x 6, left perturbation, camera frame), chi2 (n x 2: ray, depth).
+
+    `chi2` is 0 for what was not used, and huge for a point behind the camera.
+    """
+
+    T_camera_map: Array
+    information: Array
+    chi2: Array
+
+
+def fit_pose(
+    points_map: Array,
+    covariances_map: Array,
+    values: Array,
+    variances: Array,
+    T_camera_map: Array,
+    used: NDArray[np.bool_] | None = None,
+    prior_information: Array | None = None,
+    iterations: int = 10,
+    cauchy: float = CAUCHY_CHI2,
+) -> PoseFit:
+    """Fit the pose of a frame that measured n landmarks, from the start `T_camera_map`.
+
+    `points_map` (n x 3 m) with `covariances_map` (n x 3 x 3 m^2); `values` (n x 3) and `variances` (n x 4) as in
+    `Measurements`. `prior_information` (6 x 6) holds the start in its place where the landmarks don't.
+    """
+    chosen = np.ones(len(points_map), dtype=np.bool_) if used is None else used
+    T = T_camera_map.copy()
+    prior = 1e-6 * np.eye(6) if prior_information is None else prior_information
+    away = np.zeros(6)
+    H, g, chi2 = _accumulate(T, points_map, covariances_map, values, variances, chosen, cauchy)
+    for _ in range(iterations):
+        step: Array = np.asarray(np.linalg.solve(H + prior, g - prior @ away), dtype=np.float64)
+        T = se3.exp(step) @ T
+        away = away + step
+        H, g, chi2 = _accumulate(T, points_map, covariances_map, values, variances, chosen, cauchy)
+        if np.abs(step).max() < 1e-7:
+            break
+    return PoseFit(T, H + prior, chi2)

@@ -1,0 +1,27 @@
+"""What may be set about the odometry; the defaults are meant to work everywhere."""
+
+from pydantic import BaseModel, Field
+
+
+class OdometrySettings(BaseModel, frozen=True, extra="forbid"):
+    """Settings of front-end and back-end."""
+
+    max_features: int = Field(400, ge=50, le=2000, description="landmarks looked for in a frame")
+    cell_px: int = Field(22, ge=8, le=100, description="a key frame adds at most one corner a square of this side")
+    local_keyframes: int = Field(10, ge=2, le=50, description="key frames whose landmarks are looked for")
+    window_keyframes: int = Field(7, ge=2, le=30, description="newest key frames adjusted together")
+    background_delay_frames: int = Field(
+        4, ge=1, le=30, description="frames that adjustment and place recognition may take in the background"
+    )
+    bridge_s: float = Field(0.12, ge=0, description="a motion prediction may stand in for this long before LOST")
+    new_segment_s: float = Field(1.0, gt=0, description="LOST with sight for so long begins a new segment")
+    pixel_sigma_px: float = Field(0.6, gt=0, description="localisation noise of a feature, at the start")
+    inverse_depth_sigma: float = Field(
+        2.1e-3, gt=0, description="noise of the inverse depth, at the start", json_schema_extra={"unit": "1/m"}
+    )
+    readout_prior_s: float = Field(
+        0.016, ge=0, description="rolling shutter's readout expected before it is known: half of a 30 Hz period"
+    )
+    readout_prior_sigma_s: float = Field(0.01, gt=0, description="one sigma of it")
+    depth_lag_prior_s: float = Field(-0.01, description="lag of the depth stream's stamps expected before it is known")
+    depth_lag_prior_sigma_s: float = Field(0.02, gt=0, description="one sigma of it")

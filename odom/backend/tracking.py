@@ -1,0 +1,164 @@
+"""One frame against the map: predicted, followed from the previous image, found in key frames' patches, fitted."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.backend.localmap import look_for
+from odom.backend.map import Map
+from odom.backend.pose import fit_pose
+from odom.backend.settings import OdometrySettings
+from odom.frame import Camera, RgbdFrame
+from odom.frontend.images import FrameImages, follow
+from odom.frontend.lens import Lens, project, rays_at
+from odom.frontend.measure import FeatureNoise, Measurements, measure
+from odom.frontend.timing import Timing
+from odom.registration import se3
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_FOLLOWED = 150
+_LEAST_FOLLOWED = 15
+_GATES_PX = (30.0, 6.0, 1.5)
+_GATE_CAUCHY = 4.0
+_FAR_CHI2 = 16.0
+INLIER_CHI2 = 12.0
+_IMAGE_NOISE_LEVELS = 3.0
+_RANK_OF_REFERENCE = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Tracked:
+    """A frame's pose `T_camera_map` for its middle row, with the information of the fit (6 x 6, camera frame).
+
+    `rows` (n) are the landmarks found, at `uv` (n x 2 px), with their `measurements`, `chi2` (n x 2) and `inliers`
+    (n); `looked_for` says how many were expected, `reference` the key frame nearest in pose, `twist` the camera's
+    velocity (SI, its own frame) that the measurements were carried with.
+    """
+
+    T_camera_map: Array
+    information: Array
+    rows: Index
+    uv: Array
+    measurements: Measurements
+    chi2: Array
+    inliers: NDArray[np.bool_]
+    looked_for: int
+    reference: int
+    twist: Array
+
+    @property
+    def covariance(self) -> Array:
+        """The pose's 6 x 6 covariance (`se3`, camera frame) that the measurements' own imply."""
+        return np.asarray(np.linalg.inv(self.information), dtype=np.float64)
+
+
+def coarse_pose(
+    map_: Map,
+    rows: Index,
+    uv_previous: Array,
+    previous: FrameImages,
+    current: FrameImages,
+    lens: Lens,
+    T_predicted: Array,
+) -> Array:
+    """Return T_camera_map from landmarks `rows` followed from the previous image, the prediction where too few are.
+
+    The fit's gate closes from 30 px to 1.5 px (graduated non-convexity), so that a wrong prediction does no harm.
+    """
+    if len(rows) > _FOLLOWED:
+        chosen = np.linspace(0, len(rows) - 1, _FOLLOWED).astype(np.int64)
+        rows, uv_previous = rows[chosen], uv_previous[chosen]
+    height, width = current.full.shape
+    L = map_.landmarks
+    seen = project(L.position[rows], T_predicted, lens.intrinsics, lens.distortion, width, height, 2.0)
+    guess = np.where(np.isnan(seen[:, :2]), uv_previous, seen[:, :2])
+    uv, found = follow(previous.full, current.full, uv_previous, guess)
+    values = np.full((len(rows), 3), np.nan)
+    values[:, :2] = rays_at(lens.rays, np.where(found[:, None], uv, 0.0))
+    pixel = np.array([lens.intrinsics[0] ** -2, 0.0, lens.intrinsics[1] ** -2, 1.0])
+    T = T_predicted
+    for sigma_px in _GATES_PX:
+        variances = np.tile(pixel * sigma_px**2, (len(rows), 1))
+        fit = fit_pose(L.position[rows], L.covariance[rows], values, variances, T, found, cauchy=_GATE_CAUCHY)
+        T = fit.T_camera_map
+    agreed = np.count_nonzero(found & (fit.chi2[:, 0] < _FAR_CHI2))
+    return T if agreed >= _LEAST_FOLLOWED else T_predicted
+
+
+def track(
+    map_: Map,
+    frame: RgbdFrame,
+    images: FrameImages,
+    camera: Camera,
+    lens: Lens,
+    T_start: Array,
+    twist: Array,
+    near: int,
+    timing: Timing,
+    noise: FeatureNoise,
+    settings: OdometrySettings,
+) -> Tracked:
+    """Find the landmarks of the key frames around `near` where `T_start` (T_camera_map) predicts them, and fit."""
+    L = map_.landmarks
+    local = map_.neighbours(near, T_start, settings.local_keyframes)
+    reference = int(local[0])
+    T_map_start = se3.inverse(T_start)
+    T_camera_keyframe = np.zeros((len(map_.keyframes), 4, 4))
+    is_local = np.zeros(len(map_.keyframes), dtype=np.bool_)
+    for k in local:
+        T_camera_keyframe[k] = se3.inverse(map_.keyframes[k].T_camera_map @ T_map_start)
+        is_local[k] = True
+    candidates = np.flatnonzero(L.alive & is_local[L.keyframe])
+    priority = L.seen[candidates] + _RANK_OF_REFERENCE * (L.keyframe[candidates] == reference)
+    sighting = look_for(
+        L, candidates, priority, T_start, T_camera_keyframe, images, camera, lens, settings.max_features
+    )
+    measured = measure(
+        frame,
+        lens,
+        sighting.uv,
+        sighting.covariance_uv * _IMAGE_NOISE_LEVELS**2,
+        twist,
+        timing,
+        noise,
+        sighting.inverse_depth,
+    )
+    fit = fit_pose(
+        L.position[sighting.rows], L.covariance[sighting.rows], measured.values, measured.covariance, T_start
+    )
+    inliers = fit.chi2[:, 0] < INLIER_CHI2
+    return Tracked(
+        fit.T_camera_map,
+        fit.information,
+        sighting.rows,
+        sighting.uv,
+        measured,
+        fit.chi2,
+        inliers,
+        sighting.looked_for,
+        reference,
+        twist,
+    )
+
+
+def disagreement(map_: Map, tracked: Tracked, width: int) -> float | None:
+    """Return the NEES (6 expected) of the difference between the poses of the image's alternate quarters.
+
+    The parts are columns 0-1/4 with 1/2-3/4 against the others. None where one of them holds too little.
+    """
+    L = map_.landmarks
+    fits = []
+    part = (tracked.uv[:, 0] // (width / 4)).astype(np.int64) % 2
+    for p in (0, 1):
+        chosen = tracked.inliers & (part == p)
+        if np.count_nonzero(chosen) < 40:
+            return None
+        rows = tracked.rows[chosen]
+        m = tracked.measurements.take(chosen)
+        fits.append(fit_pose(L.position[rows], L.covariance[rows], m.values, m.covariance, tracked.T_camera_map))
+    away = se3.log(fits[0].T_camera_map @ se3.inverse(fits[1].T_camera_map))
+    S = np.linalg.inv(fits[0].information) + np.linalg.inv(fits[1].information)
+    return float(away @ np.linalg.solve(S, away))

@@ -1,0 +1,155 @@
+"""What a frame says about a feature: its ray and inverse depth at the frame's stamp, with covariance.
+
+Inverse depth is what a Kinect measures (disparity): its noise is near to Gaussian there and independent of the pixel's.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.frame import RgbdFrame
+from odom.frontend.depth import read_plane
+from odom.frontend.lens import Lens, ray_at
+from odom.frontend.timing import Timing, point_flow
+from odom.registration.compiled import compiled
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """n features of one frame.
+
+    `values` (n x 3): x/z, y/z and 1/z (1/m; NaN: depth not measured) in the colour camera at the frame's stamp.
+    `jacobian_timing` (n x 3 x 2): their derivative by (readout_s, depth_lag_s). `covariance` (n x 4): the entries
+    xx, xy, yy of the ray's and the variance of the inverse depth. `slope` (n x 2): inverse depth per pixel in u, v.
+    """
+
+    values: Array
+    jacobian_timing: Array
+    covariance: Array
+    slope: Array
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> "Measurements":
+        """Return the chosen rows."""
+        return Measurements(self.values[rows], self.jacobian_timing[rows], self.covariance[rows], self.slope[rows])
+
+    def joined(self, other: "Measurements") -> "Measurements":
+        """Return these and then the `other`'s."""
+        return Measurements(
+            np.concatenate([self.values, other.values]),
+            np.concatenate([self.jacobian_timing, other.jacobian_timing]),
+            np.concatenate([self.covariance, other.covariance]),
+            np.concatenate([self.slope, other.slope]),
+        )
+
+    def retimed(self, change: Array) -> Array:
+        """Return `values` as they would be after the timing (readout_s, depth_lag_s) has changed by `change`."""
+        return np.asarray(self.values + self.jacobian_timing @ change)
+
+
+def points_of(measurements: Measurements, share_of_ray: float = 1.0) -> tuple[Array, Array]:
+    """Return the points (n x 3, m, camera frame) behind features with depth, and their covariances (n x 3 x 3, m^2).
+
+    `share_of_ray` scales the variance across the ray.
+    """
+    x, y, w = measurements.values.T
+    z = 1.0 / w
+    J = np.zeros((len(z), 3, 3))
+    J[:, 0, 0] = J[:, 1, 1] = z
+    J[:, 0, 2], J[:, 1, 2], J[:, 2, 2] = -x * z * z, -y * z * z, -z * z
+    S = np.zeros((len(z), 3, 3))
+    S[:, 0, 0], S[:, 1, 1] = measurements.covariance[:, 0] * share_of_ray, measurements.covariance[:, 2] * share_of_ray
+    S[:, 0, 1] = S[:, 1, 0] = measurements.covariance[:, 1] * share_of_ray
+    S[:, 2, 2] = measurements.covariance[:, 3]
+    return np.column_stack([x * z, y * z, z]), J @ S @ J.transpose(0, 2, 1)
+
+
+@compiled
+def _measure(
+    depth_mm: NDArray[np.uint16],
+    rays: NDArray[np.float32],
+    intrinsics: Array,
+    uv: Array,
+    inverse_depth_guess: Array,
+    twist: Array,
+    depth_delay_s: float,
+    readout_s: float,
+    relative_step: float,
+) -> tuple[Array, Array, Array]:
+    height = depth_mm.shape[0]
+    n = uv.shape[0]
+    values = np.empty((n, 3))
+    jacobian = np.zeros((n, 3, 2))
+    slope = np.zeros((n, 2))
+    for k in range(n):
+        u, v = uv[k, 0], uv[k, 1]
+        x, y = ray_at(rays, u, v)
+        guess = inverse_depth_guess[k]
+        if not guess > 0.0:
+            guess = read_plane(depth_mm, u, v, relative_step)[0]
+        xd, yd, wd = point_flow(x, y, guess if guess > 0.0 else 0.5, twist)
+        w, su, sv = read_plane(
+            depth_mm,
+            u + xd * intrinsics[0] * depth_delay_s,
+            v + yd * intrinsics[1] * depth_delay_s,
+            relative_step,
+        )
+        row = v / height - 0.5
+        values[k, 0] = x - xd * row * readout_s
+        values[k, 1] = y - yd * row * readout_s
+        values[k, 2] = w - wd * (depth_delay_s + row * readout_s)
+        jacobian[k, 0, 0] = -xd * row
+        jacobian[k, 1, 0] = -yd * row
+        if w > 0.0:
+            jacobian[k, 2, 0] = -wd * row
+            jacobian[k, 2, 1] = su * xd * intrinsics[0] + sv * yd * intrinsics[1] - wd
+            slope[k, 0], slope[k, 1] = su, sv
+    return values, jacobian, slope
+
+
+@dataclass(frozen=True)
+class FeatureNoise:
+    """Standard deviations of a feature: `pixel_sigma` (px), and of its inverse depth (1/m) at the mean depth noise.
+
+    `inverse_depth_sigma` is a table (inverse depth, sigma), increasing in the first row; `relative_step` is the largest
+    relative change of depth in a 7 x 7 window that is not yet a depth edge.
+    """
+
+    pixel_sigma: float
+    inverse_depth_sigma: Array
+    relative_step: float = 0.03
+
+
+def measure(
+    frame: RgbdFrame,
+    lens: Lens,
+    uv: Array,
+    covariance_uv: Array,
+    twist: Array,
+    timing: Timing,
+    noise: FeatureNoise,
+    inverse_depth_guess: Array | None = None,
+) -> Measurements:
+    """Measure the features at `uv` (n x 2 px) of `frame`, seen by a camera moving with `twist` (its own frame, SI).
+
+    `covariance_uv` (n x 3 px^2: uu, uv, vv) is the localisation's own, to which `noise` adds. The depth is read where
+    the point was when the depth image was taken, and carried to the frame's stamp; rows are carried from the time of
+    their readout. `inverse_depth_guess` (n, NaN where unknown) saves a look at the depth image.
+    """
+    guess = np.full(len(uv), np.nan) if inverse_depth_guess is None else inverse_depth_guess
+    delay_s = (frame.depth_stamp - frame.stamp) * 1e-9 + timing.depth_lag_s
+    values, jacobian, slope = _measure(
+        frame.depth_mm, lens.rays, lens.intrinsics, uv, guess, twist, delay_s, timing.readout_s, noise.relative_step
+    )
+    fx, fy = lens.intrinsics[:2]
+    covariance = np.empty((len(uv), 4))
+    covariance[:, 0] = (covariance_uv[:, 0] + noise.pixel_sigma**2) / fx**2
+    covariance[:, 1] = covariance_uv[:, 1] / (fx * fy)
+    covariance[:, 2] = (covariance_uv[:, 2] + noise.pixel_sigma**2) / fy**2
+    covariance[:, 3] = np.interp(values[:, 2], noise.inverse_depth_sigma[0], noise.inverse_depth_sigma[1]) ** 2
+    return Measurements(values, jacobian, covariance, slope)

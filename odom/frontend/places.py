@@ -1,0 +1,102 @@
+"""Recognising a place: scale- and rotation-invariant features with their 3-D points, indexed by appearance."""
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.frame import RgbdFrame
+from odom.frontend.images import FrameImages
+from odom.frontend.lens import Lens
+from odom.frontend.measure import FeatureNoise, measure, points_of
+from odom.frontend.timing import Timing
+from odom.registration.pairs import Pairs
+
+Array = NDArray[np.float64]
+Descriptors = NDArray[np.uint8]
+
+_FEATURES = 700
+_RATIO = 0.8
+_MOST_DIFFERENT = 64
+_TABLES, _BITS, _BUCKET = 6, 20, 24
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """n features of one frame: ORB descriptors (n x 32), points (n x 3, m, camera frame), covariances (n x 3 x 3)."""
+
+    descriptors: Descriptors
+    points: Array
+    covariances: Array
+
+
+def describe_place(
+    frame: RgbdFrame, images: FrameImages, lens: Lens, twist: Array, timing: Timing, noise: FeatureNoise
+) -> Place:
+    """Return the place that a frame shows (ORB: E. Rublee et al., ICCV 2011), seen while moving with `twist`."""
+    orb = cv2.ORB.create(nfeatures=_FEATURES, fastThreshold=12)
+    keypoints, descriptors = orb.detectAndCompute(images.full, None)
+    if descriptors is None:
+        return Place(np.zeros((0, 32), np.uint8), np.zeros((0, 3)), np.zeros((0, 3, 3)))
+    uv = np.array([k.pt for k in keypoints], dtype=np.float64)
+    variance = np.array([k.size / 31.0 for k in keypoints]) ** 2
+    covariance_uv = np.stack([variance, np.zeros_like(variance), variance], axis=1)
+    measured = measure(frame, lens, uv, covariance_uv, twist, timing, noise)
+    deep = measured.values[:, 2] > 0.0
+    points, covariances = points_of(measured.take(deep))
+    return Place(np.asarray(descriptors, dtype=np.uint8)[deep], points, covariances)
+
+
+def match_places(source: Place, target: Place) -> Pairs | None:
+    """Return the pairs of features that look alike in both and unlike any other, None when there are fewer than 3."""
+    if min(len(source.points), len(target.points)) < 3:
+        return None
+    matches = cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(source.descriptors, target.descriptors, k=2)
+    good = [
+        (m.queryIdx, m.trainIdx) for m, second in matches if m.distance < min(_RATIO * second.distance, _MOST_DIFFERENT)
+    ]
+    if len(good) < 3:
+        return None
+    s, t = np.array(good).T
+    return Pairs(source.points[s], target.points[t], source.covariances[s], target.covariances[t])
+
+
+@dataclass(eq=False)
+class PlaceIndex:
+    """Places by number, found by sampled bits of their descriptors (locality-sensitive hashing, A. Gionis, 1999).
+
+    A look-up costs the same however many places there are: buckets hold the newest 24 places only.
+    """
+
+    places: dict[int, Place] = field(default_factory=dict)
+    _tables: list[dict[int, list[int]]] = field(default_factory=lambda: [defaultdict(list) for _ in range(_TABLES)])
+    _sampled: NDArray[np.int64] = field(
+        default_factory=lambda: np.array(
+            [np.random.default_rng(t).choice(256, _BITS, replace=False) for t in range(_TABLES)]
+        )
+    )
+
+    def _keys(self, descriptors: Descriptors) -> NDArray[np.int64]:
+        bits = np.unpackbits(descriptors, axis=1)[:, self._sampled].astype(np.int64)
+        return np.asarray(bits @ (1 << np.arange(_BITS)))
+
+    def add(self, number: int, place: Place) -> None:
+        """Remember `place` under `number`."""
+        self.places[number] = place
+        for table, keys in zip(self._tables, self._keys(place.descriptors).T, strict=True):
+            for key in np.unique(keys):
+                bucket = table[int(key)]
+                bucket.append(number)
+                del bucket[:-_BUCKET]
+
+    def look_up(self, place: Place, excluded: set[int], most: int) -> list[int]:
+        """Return up to `most` places that look most like `place`, best first, without the `excluded`."""
+        votes: dict[int, int] = defaultdict(int)
+        for table, keys in zip(self._tables, self._keys(place.descriptors).T, strict=True):
+            for key in keys:
+                for number in table.get(int(key), ()):
+                    votes[number] += 1
+        ranked = sorted((-count, number) for number, count in votes.items() if number not in excluded)
+        return [number for _, number in ranked[:most]]

@@ -24,7 +24,8 @@ LEAP_NS = 1_000_000_000
 _DEFAULT_PERIOD_NS = 1_000_000_000 / 30
 _INTERVALS = 30
 _ENOUGH_INTERVALS = 5
-_LONG_QUANTILE = 0.9
+_LONG_QUANTILE, _SHORT_QUANTILE = 0.9, 0.25
+_LONGEST = 1.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +116,8 @@ class _Stream(Generic[T]):
         period, shortest = _DEFAULT_PERIOD_NS, _DEFAULT_PERIOD_NS
         if len(self._intervals) >= _ENOUGH_INTERVALS:
             ordered = sorted(self._intervals)
-            period, shortest = ordered[int(_LONG_QUANTILE * (len(ordered) - 1))], ordered[0]
+            long, short = (ordered[int(q * (len(ordered) - 1))] for q in (_LONG_QUANTILE, _SHORT_QUANTILE))
+            period, shortest = min(long, _LONGEST * short), ordered[0]
         self.waiting.append(_Waiting(stamp, item, period, shortest))
 
 
@@ -123,7 +125,8 @@ class Pairer(Generic[C, D]):
     """Pairs two streams; pure: its answer depends on what it was fed only.
 
     `period_s` is the colour period; None measures it: a long one (the 90 % quantile) of the last 30 intervals, since
-    half of the interval around it is how far off an image can lie; 1/30 s at the beginning.
+    half of the interval around it is how far off an image can lie, but no more than 1.3 times a short one (25 %),
+    since the longest are where images are missing; 1/30 s at the beginning.
     """
 
     def __init__(self, period_s: float | None = None, capacity: int = 32) -> None:

@@ -1,0 +1,143 @@
+import threading
+import time
+from collections.abc import Callable
+
+import psutil
+import pytest
+from conftest import OpenSession
+from made_up_messages import session_messages
+
+from odom.errors import WireError
+from odom.frame import Stamp
+from odom.wire import WireSettings
+from odom.wire.codec import encode_text
+from odom.wire.session import WireSession, open_session
+
+
+def eventually(condition: Callable[[], bool], timeout: float = 5.0) -> bool:
+    deadline = time.monotonic() + timeout
+    while time.monotonic() < deadline:
+        if condition():
+            return True
+        time.sleep(0.01)
+    return condition()
+
+
+def meet(sender: WireSession, key: str) -> None:
+    """Wait until a subscriber of `key` is known to the sender."""
+    with sender.zenoh.declare_publisher(key) as probe:
+        assert eventually(lambda: probe.matching_status.matching)
+
+
+def text(key: str, number: int) -> object:
+    return encode_text(key, Stamp(number), str(number))
+
+
+def test_messages_arrive_as_they_were_sent_and_counted(open_peer: OpenSession) -> None:
+    sender, receiver = open_peer(), open_peer()
+    messages = session_messages(5)
+    subscriber = receiver.subscriber(["cam0/**", "truth/**"], depth=64)
+    meet(sender, "cam0/x")
+    meet(sender, "truth/x")
+    publisher = sender.publisher()
+    serials = [publisher.put(message) for message in messages]
+    received = [subscriber.receive(5.0) for _ in messages]
+    assert serials == list(range(len(messages)))
+    assert [delivery.message for delivery in received if delivery] == messages
+    assert [delivery.serial for delivery in received if delivery] == serials
+    assert received[-1] is not None
+    assert (received[-1].epoch, received[-1].sequence) == (publisher.epoch, 4)
+    assert subscriber.receive(0.05) is None
+    total = subscriber.total()
+    assert (total.received, total.lost, total.dropped, total.malformed) == (len(messages), 0, 0, 0)
+
+
+def test_newest_wins_when_the_receiver_is_slow(open_peer: OpenSession) -> None:
+    sender, receiver = open_peer(), open_peer()
+    subscriber = receiver.subscriber(["a", "b"], depth=3)
+    meet(sender, "a")
+    publisher = sender.publisher()
+    for i in range(10):
+        publisher.put(encode_text("a", Stamp(i), str(i)))
+        publisher.put(encode_text("b", Stamp(i), str(i)))
+    assert eventually(lambda: subscriber.total().received == 20)
+    waiting = [subscriber.receive(0.0) for _ in range(6)]
+    assert [d.sequence for d in waiting if d and d.message.topic == "a"] == [7, 8, 9]
+    assert [d.sequence for d in waiting if d and d.message.topic == "b"] == [7, 8, 9]
+    assert subscriber.receive(0.0) is None
+    assert subscriber.counters["a"].dropped == 7
+    assert subscriber.counters["a"].lost == 0
+
+
+def test_losses_on_the_way_are_counted_and_a_new_sender_is_none(open_peer: OpenSession) -> None:
+    sender, receiver = open_peer(), open_peer()
+    subscriber = receiver.subscriber(["a"], depth=64)
+    meet(sender, "a")
+    publisher = sender.publisher()
+    publisher.put(encode_text("a", Stamp(0), ""))
+    publisher._sequences["a"] += 4  # as if four had been dropped at a congested link
+    publisher.put(encode_text("a", Stamp(1), ""))
+    sender.publisher().put(encode_text("a", Stamp(2), ""))
+    assert eventually(lambda: subscriber.total().received == 3)
+    assert subscriber.counters["a"].lost == 4
+
+
+def test_malformed_and_foreign_messages_are_survived(open_peer: OpenSession, caplog: pytest.LogCaptureFixture) -> None:
+    sender, receiver = open_peer(), open_peer()
+    subscriber = receiver.subscriber(["cam0/**"], depth=64)
+    meet(sender, "cam0/x")
+    info = session_messages(0)[0]
+    sender.zenoh.put(info.topic, b"", encoding="application/cdr;sensor_msgs/msg/CameraInfo")
+    sender.zenoh.put(info.topic, b"\xff" * 50, attachment=b"\xff" * 33)
+    sender.zenoh.put("cam0/unknown", b"\0\1\0\0")
+    sender.zenoh.put(info.topic, info.payload)  # a foreign sender: neither encoding nor attachment
+    delivery = subscriber.receive(5.0)
+    assert delivery is not None
+    assert delivery.message == info
+    assert delivery.sequence is None
+    assert subscriber.total().malformed == 3
+    assert len(caplog.records) == 2
+
+
+def test_the_death_of_a_process_is_noticed(open_peer: OpenSession, endpoint: str) -> None:
+    watcher = open_peer()
+    seen: list[tuple[str, bool]] = []
+    watcher.watch("cam0/alive/**", lambda key, alive: seen.append((key, alive)))
+    with open_session(WireSettings(connect=(endpoint,), listen=())) as session:
+        session.announce("cam0/alive")
+        session.announce("cam0/alive/odometry")
+        assert eventually(lambda: len(seen) == 2)
+    assert eventually(lambda: len(seen) == 4)
+    assert {key for key, alive in seen if not alive} == {"cam0/alive", "cam0/alive/odometry"}
+
+
+def test_nothing_listens_beyond_loopback_and_no_memory_is_shared(endpoint: str) -> None:
+    before = {c.laddr for c in psutil.Process().net_connections() if c.status == psutil.CONN_LISTEN}
+    with open_session(WireSettings(connect=(), listen=(endpoint, "tcp/127.0.0.1:0"))) as session:
+        after = {c.laddr for c in psutil.Process().net_connections("inet") if c.status == psutil.CONN_LISTEN} - before
+        bound = {c.laddr for c in psutil.Process().net_connections("udp")}
+        assert session.zenoh.info.zid()
+    assert after
+    assert all(address.ip == "127.0.0.1" for address in after)
+    assert not bound
+    from odom.wire.session import _configuration
+
+    assert _configuration(WireSettings())["transport/shared_memory/enabled"] is False
+    assert all("127.0.0.1" in where for where in (*WireSettings().listen, *WireSettings().connect))
+
+
+def test_a_router_that_is_not_there_is_named(endpoint: str) -> None:
+    settings = WireSettings(mode="client", connect=(endpoint,), zenoh={"connect/timeout_ms": 300})
+    with pytest.raises(WireError, match=endpoint), open_session(settings):
+        pass
+
+
+def test_closing_wakes_who_waits(open_peer: OpenSession) -> None:
+    subscriber = open_peer().subscriber(["a"])
+    got: list[object] = []
+    waiting = threading.Thread(target=lambda: got.append(subscriber.receive()))
+    waiting.start()
+    time.sleep(0.05)
+    subscriber.close()
+    waiting.join(2.0)
+    assert got == [None]

@@ -46,7 +46,8 @@ def run(
     stop = signals.stop_event()
     from odom.service.run import RunPlan
     from odom.service.run import run as run_all
-    from odom.service.settings import CONFIG_ENVIRONMENT, load_settings
+    from odom.service.settings import load_settings
+    from odom.service.sources import CONFIG_ENVIRONMENT
 
     if config is not None:
         os.environ[CONFIG_ENVIRONMENT] = str(config.resolve())

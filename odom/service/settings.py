@@ -1,19 +1,14 @@
-"""Every setting of the service, nested by part: from the environment, then a YAML file, then the defaults."""
+"""Every setting, nested by part."""
 
-import os
 from pathlib import Path
-from typing import Any
 
-import yaml
 from pydantic import BaseModel, Field, ValidationError
-from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SettingsConfigDict
 
 from odom.backend import OdometrySettings
 from odom.errors import ConfigError
+from odom.service.sources import Sourced, read_file, refusal
 from odom.viewer import ViewerSettings
 from odom.wire import WireSettings
-
-CONFIG_ENVIRONMENT = "ODOM_CONFIG"
 
 
 class ServiceSettings(BaseModel, frozen=True, extra="forbid"):
@@ -26,27 +21,13 @@ class ServiceSettings(BaseModel, frozen=True, extra="forbid"):
     stop_timeout_s: float = Field(15.0, gt=0, description="a child may take this long to end before it is killed")
 
 
-class Settings(BaseSettings):
+class Settings(Sourced):
     """All settings; see `odom config`."""
-
-    model_config = SettingsConfigDict(env_prefix="ODOM_", env_nested_delimiter="__", extra="ignore", frozen=True)
 
     odometry: OdometrySettings = OdometrySettings()
     wire: WireSettings = WireSettings()
     service: ServiceSettings = ServiceSettings()
     viewer: ViewerSettings = ViewerSettings()
-
-    @classmethod
-    def settings_customise_sources(
-        cls,
-        settings_cls: type[BaseSettings],
-        init_settings: PydanticBaseSettingsSource,
-        env_settings: PydanticBaseSettingsSource,
-        dotenv_settings: PydanticBaseSettingsSource,
-        file_secret_settings: PydanticBaseSettingsSource,
-    ) -> tuple[PydanticBaseSettingsSource, ...]:
-        """Let the environment win over what was read from the file."""
-        return env_settings, init_settings
 
 
 def load_settings(config: Path | None = None) -> Settings:
@@ -54,21 +35,10 @@ def load_settings(config: Path | None = None) -> Settings:
 
     Raises ConfigError naming each setting that is unknown or out of range.
     """
-    path = config or (Path(named) if (named := os.environ.get(CONFIG_ENVIRONMENT)) else None)
+    content = read_file(config)
+    if unknown := content.keys() - Settings.model_fields.keys():
+        raise ConfigError(f"no sections {', '.join(map(str, unknown))}: there are {', '.join(Settings.model_fields)}")
     try:
-        return Settings(**(_read(path) if path else {}))
+        return Settings(**content)
     except ValidationError as error:
-        problems = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
-        raise ConfigError(f"settings: {problems} (see `odom config`)") from error
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        content = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"{path} cannot be read as YAML: {error}") from error
-    if content is None:
-        return {}
-    if not isinstance(content, dict) or not content.keys() <= Settings.model_fields.keys():
-        raise ConfigError(f"{path} has sections other than {', '.join(Settings.model_fields)}: see `odom config`")
-    return content
+        raise refusal(error) from error

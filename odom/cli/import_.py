@@ -9,7 +9,7 @@ from odom.wire.settings import Compression
 
 
 def import_(
-    source: Annotated[str, typer.Argument(help="A TUM RGB-D folder, or any recorded SOURCE.")],
+    source: Annotated[str, typer.Argument(help="A TUM RGB-D folder, or any SOURCE that is not live.")],
     output: Annotated[Path, typer.Argument(help="The .mcap recording to write.")],
     camera: Annotated[Path | None, typer.Option(help="Calibration (ROS camera-calibration YAML).")] = None,
     namespace: Annotated[str, typer.Option(help="Name of the device, first part of its topics.")] = "cam0",
@@ -19,6 +19,7 @@ def import_(
     topic: Annotated[
         list[str] | None, typer.Option(help="A recording's own topic: color=, depth=, camera_info= or truth=/name.")
     ] = None,
+    option: Annotated[list[str] | None, typer.Option(help="A setting of the source itself: name=value.")] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace OUTPUT if it exists.")] = False,
 ) -> None:
     """Turn a TUM RGB-D folder into an MCAP recording: colour files byte for byte, depth lossless, truth with it.
@@ -38,7 +39,14 @@ def import_(
     cv2.setNumThreads(1)
     stop = signals.stop_event()
     topics = Topics(namespace)
-    options = SourceOptions(topics=topics, camera=camera, start=start, end=end, topics_from=pairs("--topic", topic))
+    options = SourceOptions(
+        topics=topics,
+        camera=camera,
+        start=start,
+        end=end,
+        topics_from=pairs("--topic", topic),
+        extra=pairs("--option", option),
+    )
     opened, frames = open_source(source, options), 0
     if not opened.lossless:
         raise RecordingError(f"{source} is live: record it with `odom sensor {source}` and `odom record {output}`")

@@ -47,7 +47,7 @@ def unpack(light: NDArray[np.uint64]) -> NDArray[np.uint8]:
 def noise_table() -> NDArray[np.float32]:
     """Return the deviation of each 8 bit display value: photon and read noise through the gamma curve, over 24."""
     linear = np.maximum(np.arange(256) / 255, 0.004) ** 2.2
-    sigma = np.sqrt(0.012**2 * linear + 0.0016**2)
+    sigma = np.sqrt(0.016**2 * linear + 0.0024**2)
     slope = linear ** (1 / 2.2 - 1) / 2.2
     return np.asarray(np.clip(255 * sigma * slope, 1.2, 5.0) / 24, np.float32)
 

@@ -14,7 +14,7 @@ from sensors.arena.color import picture, unpack
 from sensors.arena.exposure import exposure_gain
 from sensors.arena.lens import bent, straight
 from sensors.arena.noise import Tiles, frame_random, make_tiles
-from sensors.arena.options import RATE_HZ, ArenaOptions
+from sensors.arena.options import RATE_HZ, ArenaOptions, halved
 from sensors.arena.render import JITTER, Renderer
 from sensors.arena.to_color import intrinsics, to_color
 from sensors.arena.walk import Joined, Walk, make_walk
@@ -86,7 +86,7 @@ def _in_blackout(options: ArenaOptions, index: int) -> bool:
 
 def hidden(options: ArenaOptions, index: int) -> bool:
     """Tell whether frame `index` never leaves the sensor."""
-    return options.blackout == "frames" and _in_blackout(options, index)
+    return bool(index % options.every) or (options.blackout == "frames" and _in_blackout(options, index))
 
 
 def frame(options: ArenaOptions, index: int) -> ArenaFrame:
@@ -150,6 +150,8 @@ def _depth(options: ArenaOptions, walk: Walk, index: int, t: float, dark: bool) 
         shifted = [K - np.array([0.0, 0.0, *jitter]) for jitter in JITTER]
         samples = [scene.depth(T_infrared_world, K_k, shape) for K_k in shifted]
         depth_m = kinect2.measured_depth(seen[0], samples, scene.infrared, _tiles(options.seed), rng)
+    if options.half:
+        depth_m, infrared = depth_m[::2, ::2], halved(infrared, 0.0)
     return to_color(depth_m, infrared, camera, T_color_infrared)
 
 

@@ -1,6 +1,6 @@
 """What can be chosen about the simulated laboratory."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Literal, Self, get_args, get_type_hints
 
 from odom.errors import ConfigError
@@ -26,11 +26,13 @@ class ArenaOptions:
 
     `walk`: `infinity` (a closed lying eight, 960 frames a lap), `rest` (a tripod), `corridor` (past identical
     rooms), `joined` (a lap in one room, then in another one, without a way between). `laps` repeats the infinity;
-    `seconds` sets the length instead (0: the walk's own). `faults=False` gives perfect images. `blackout` names
-    what is missing (`frames`, `color`, `depth`) from `blackout_start_s` for `blackout_s`. `distortion` bends the
-    colour lens. `depth_lag_s` is how much later depth was really taken than its stamp says.
-    `mocap_offset_s` is the motion capture's clock minus the camera's; `marker_m` and `marker_deg` are how far the
-    marker body is from the camera. `exact_truth` adds the camera's own exact pose. `start` is the first stamp.
+    `seconds` sets the length instead (0: the walk's own). `every` keeps each n-th frame only (8: the key poses) and
+    `half` halves the images' sides, as the sensor's small mode does. `jpeg_quality` is that of colour sent as JPEG.
+    `faults=False` gives perfect images. `blackout` names what is missing (`frames`, `color`, `depth`) from
+    `blackout_start_s` for `blackout_s`. `distortion` bends the colour lens. `depth_lag_s` is how much later depth was
+    really taken than its stamp says. `mocap_offset_s` is the motion capture's clock minus the camera's; `marker_m` and
+    `marker_deg` are how far the marker `body` is from the camera. `exact_truth` adds the camera's own exact pose.
+    `start` is the first stamp (nanoseconds).
     """
 
     seed: int = 1
@@ -38,6 +40,9 @@ class ArenaOptions:
     walk: WalkName = "infinity"
     laps: int = 1
     seconds: float = 0.0
+    every: int = 1
+    half: bool = False
+    jpeg_quality: int = 90
     faults: bool = True
     distortion: bool = False
     depth_lag_s: float = 0.0
@@ -58,8 +63,10 @@ class ArenaOptions:
                 raise ConfigError(
                     f"arena: {name}={getattr(self, name)!r}: give one of {', '.join(map(repr, get_args(hint)))}"
                 )
-        if self.laps < 1 or self.seconds < 0 or self.seed < 0:
-            raise ConfigError("arena: laps must be at least 1, seconds and seed not negative")
+        if not 1 <= self.jpeg_quality <= 100:
+            raise ConfigError(f"arena: jpeg_quality={self.jpeg_quality}: give 1 to 100")
+        if min(self.laps, self.every) < 1 or min(self.seconds, self.seed) < 0:
+            raise ConfigError("arena: laps and every must be at least 1, seconds and seed not negative")
 
     @classmethod
     def from_texts(cls, texts: dict[str, str]) -> Self:
@@ -80,16 +87,30 @@ class ArenaOptions:
     def camera(self) -> Camera:
         """The colour camera, to which depth is registered."""
         c = KINECT1 if self.sensor == "kinect1" else KINECT2
-        return Camera(c.width, c.height, c.fx, c.fy, c.cx, c.cy, BARREL if self.distortion else ())
+        c = replace(c, distortion=BARREL if self.distortion else ())
+        return halved(c, 0.5) if self.half else c
 
     @property
     def frames(self) -> int:
-        """How many frames the session has."""
+        """How many frames the session has at 30 Hz, kept or not."""
         if self.seconds:
             return max(1, round(self.seconds * RATE_HZ))
         lap = KEY_POSES * FRAMES_PER_KEY_POSE
         whole = {"infinity": lap * self.laps + 1, "rest": 1800, "corridor": 900, "joined": 2 * (lap + 1)}
         return whole[self.walk]
+
+
+def halved(camera: Camera, shift: float) -> Camera:
+    """Return the camera of images half the size: 2 x 2 pixels averaged (`shift` .5) or every other one taken (0)."""
+    return replace(
+        camera,
+        width=camera.width // 2,
+        height=camera.height // 2,
+        fx=camera.fx / 2,
+        fy=camera.fy / 2,
+        cx=(camera.cx - shift) / 2,
+        cy=(camera.cy - shift) / 2,
+    )
 
 
 def _parse(text: str, hint: object) -> object:

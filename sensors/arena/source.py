@@ -104,7 +104,8 @@ class ArenaSource:
     def _images(self, shot: ArenaFrame) -> Iterator[Message]:
         topics = self._options.topics
         if self._options.color == "jpeg":
-            yield encode_color_jpeg(topics.color_compressed, shot.stamp, shot.rgb)
+            quality = self._arena.jpeg_quality
+            yield encode_color_jpeg(topics.color_compressed, shot.stamp, shot.rgb, quality=quality)
         else:
             yield encode_color(topics.color, shot.stamp, shot.rgb)
         if self._options.depth == "raw":

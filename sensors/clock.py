@@ -87,7 +87,7 @@ class ClockMapping:
             start = float(np.median(offset - self._drift * device))
         else:
             self._drift = 0.0
-            start = float(offset.min())
+            start = float(offset[np.argmin([pair[2] for pair in self._best])])
         self._reference_ns = self._best[0][0]
         self._offset_ns = self._best[0][1] + start
 

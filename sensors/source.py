@@ -55,7 +55,9 @@ class SourceOptions:
 
 
 def open_source(spec: str, options: SourceOptions) -> Source:
-    """Open the SOURCE `spec`: `arena`, `kinect[:URI]`, `kinect:FILE.oni`, an .mcap recording or a TUM RGB-D folder.
+    """Open the SOURCE `spec`.
+
+    It is `arena`, `kinect[:URI]`, `kinect:FILE.oni`, an .mcap recording, a ROS 2 bag folder or a TUM RGB-D folder.
 
     Raises ConfigError when `spec` is none of these, SourceError when it cannot be opened.
     """
@@ -77,10 +79,13 @@ def open_source(spec: str, options: SourceOptions) -> Source:
         from sensors.tum import open_tum
 
         return open_tum(path, options)
-    if path.suffix == ".mcap" and path.is_file():
+    if (path.suffix == ".mcap" and path.is_file()) or (path / "metadata.yaml").is_file():
         from sensors.replay import open_recording
 
         return open_recording(path, options)
     if path.exists():
-        raise ConfigError(f"{spec} is neither an .mcap recording nor a TUM RGB-D folder (with rgb.txt and depth.txt)")
+        raise ConfigError(
+            f"{spec} is neither an .mcap recording, a ROS 2 bag folder (with metadata.yaml) nor a TUM RGB-D folder "
+            "(with rgb.txt and depth.txt)"
+        )
     raise SourceError(f"{spec}: no such file or folder; a SOURCE is arena, kinect, an .mcap file or a TUM RGB-D folder")

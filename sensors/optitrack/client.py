@@ -1,0 +1,213 @@
+"""A NatNet client: rigid bodies with their capture time in this machine's clock, from unicast or multicast servers."""
+
+import logging
+import select
+import socket
+import struct
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+
+from odom.errors import SourceError, WireError
+from odom.frame import Stamp
+from sensors.clock import ClockMapping
+from sensors.optitrack import packets
+from sensors.optitrack.packets import Body, Frame, Id, ServerInfo
+from sensors.optitrack.settings import NATNET_VERSION, OptiTrackSettings
+
+_log = logging.getLogger(__name__)
+
+ECHO_S = 0.25
+KEEP_ALIVE_S = 0.5
+FIRST_ECHOES = 8
+"""Round trips before the first pose is given out: the quickest of them relates the clocks."""
+SILENCE_S = 2.0
+_BUFFER = 1 << 20
+
+
+@dataclass(frozen=True)
+class BodyPose:
+    """A rigid body as the server streams it, at its capture time in this machine's clock."""
+
+    name: str
+    stamp: Stamp
+    body: Body
+
+
+class NatNetClient:
+    """Connects to `server`; raises SourceError when it does not answer. `counters` tells what came and what was wrong.
+
+    Datagrams of other senders are not looked at; malformed ones are counted and dropped.
+    """
+
+    def __init__(self, server: str, settings: OptiTrackSettings) -> None:
+        self._settings = settings
+        self.counters = {"frames": 0, "lost": 0, "malformed": 0, "untracked": 0, "foreign": 0}
+        self.clock = ClockMapping()
+        self._stop = threading.Event()
+        self._names: dict[int, str] = {}
+        self._echoes = 0
+        self._last_frame: int | None = None
+        self._sockets: list[socket.socket] = []
+        self.server: ServerInfo | None = None
+        try:
+            self._address = socket.gethostbyname(server), settings.command_port
+            self._command = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            self._sockets.append(self._command)
+            self._command.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
+            self._command.bind((settings.local, 0))
+            self._connect(server)
+        except OSError as error:
+            self.close()
+            raise SourceError(
+                f"OptiTrack server {server} cannot be reached from {settings.local or 'here'}: {error}"
+            ) from error
+        except SourceError:
+            self.close()
+            raise
+
+    def _connect(self, server: str) -> None:
+        deadline = time.monotonic() + self._settings.timeout_s
+        problem = ""
+        while self.server is None:
+            if time.monotonic() > deadline:
+                raise SourceError(
+                    f"no answer from the OptiTrack server {server} port {self._address[1]}{problem}: in Motive "
+                    "switch on Streaming > Broadcast Frame Data, choose its network interface and Rigid Bodies, and "
+                    "let UDP 1510 and 1511 through the firewalls"
+                )
+            self._send(packets.connect_request(NATNET_VERSION))
+            try:
+                self._wait(0.3)
+            except WireError as error:
+                problem = f" ({error})"
+        if self.server.multicast:
+            self._join(self.server.multicast, self.server.data_port)
+        self._send(packets.packet(Id.REQUEST_MODELS))
+        _log.info(
+            "OptiTrack %s, NatNet %d.%d, %s",
+            self.server.name,
+            *self.server.version,
+            f"multicast {self.server.multicast}:{self.server.data_port}" if self.server.multicast else "unicast",
+        )
+
+    def _join(self, group: str, port: int) -> None:
+        data = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._sockets.append(data)
+        data.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        data.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
+        data.bind((group, port))
+        local = socket.inet_aton(self._settings.local or "0.0.0.0")
+        data.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(group) + local)
+
+    def _wait(self, seconds: float) -> None:
+        """Handle datagrams until the server has told who it is, for at most `seconds`; raises what is wrong with it."""
+        end = time.monotonic() + seconds
+        while self.server is None and (left := end - time.monotonic()) > 0:
+            for identifier, payload, _ in self._receive(left):
+                if identifier == Id.SERVER_INFO:
+                    self.server = packets.read_server_info(payload)
+
+    def _send(self, datagram: bytes) -> None:
+        with suppress(OSError):  # a server that is gone is noticed by its silence
+            self._command.sendto(datagram, self._address)
+
+    def _receive(self, timeout: float) -> Iterator[tuple[int, bytes, int]]:
+        """Yield identifier, payload and time of receipt (ns) of the datagrams that wait."""
+        readable, _, _ = select.select(self._sockets, [], [], timeout)
+        for ready in readable:
+            try:
+                datagram, sender = ready.recvfrom(65535)
+            except OSError:
+                continue  # the system reports here that an earlier datagram was refused
+            received_ns = time.time_ns()
+            if sender[0] != self._address[0]:
+                self.counters["foreign"] += 1
+                continue
+            try:
+                yield *packets.split(datagram), received_ns
+            except WireError:
+                self.counters["malformed"] += 1
+
+    def poses(self) -> Iterator[BodyPose]:
+        """Yield the poses of the bodies that are tracked, as they come, until `close`."""
+        next_echo = next_alive = 0.0
+        heard = time.monotonic()
+        silent = False
+        while not self._stop.is_set():
+            now = time.monotonic()
+            if now >= next_echo:
+                next_echo = now + (ECHO_S if self._echoes >= FIRST_ECHOES else 0.02)
+                self._send(packets.echo_request(time.time_ns()))
+            if now >= next_alive:
+                next_alive = now + KEEP_ALIVE_S
+                self._send(packets.packet(Id.KEEP_ALIVE))
+            if now - heard > SILENCE_S:
+                if not silent:
+                    _log.error("the OptiTrack server has gone silent: asking it again")
+                silent = True
+                heard = now
+                self._send(packets.connect_request(NATNET_VERSION))
+                self._send(packets.packet(Id.REQUEST_MODELS))
+            for identifier, payload, received_ns in self._receive(0.02):
+                try:
+                    frame = self._handle(identifier, payload, received_ns)
+                except (WireError, struct.error):
+                    self.counters["malformed"] += 1
+                    continue
+                if frame is None:
+                    continue
+                if silent:
+                    _log.warning("the OptiTrack server streams again")
+                heard, silent = now, False
+                yield from self._poses_of(frame)
+
+    def _handle(self, identifier: int, payload: bytes, received_ns: int) -> Frame | None:
+        server = self.server
+        if server is None:
+            return None
+        if identifier == Id.FRAME:
+            return packets.read_frame(payload, server.version)
+        if identifier == Id.MODELS:
+            self._names = packets.read_models(payload, server.version)
+        elif identifier == Id.ECHO_RESPONSE:
+            sent_ns, ticks = packets.read_echo(payload)
+            round_trip = received_ns - sent_ns
+            if not 0 <= round_trip < 1_000_000_000:
+                raise WireError("an echo of nothing that was sent")
+            self._echoes += 1
+            self.clock.observe(self._server_ns(ticks), sent_ns + round_trip // 2, round_trip)
+        elif identifier == Id.SERVER_INFO:
+            self.server = packets.read_server_info(payload)
+        return None
+
+    def _server_ns(self, ticks: int) -> int:
+        return 0 if self.server is None else ticks * 1_000_000_000 // self.server.frequency
+
+    def _poses_of(self, frame: Frame) -> Iterator[BodyPose]:
+        if self._last_frame is not None:
+            self.counters["lost"] += max(0, min(frame.number - self._last_frame - 1, 1_000_000))
+        self._last_frame = frame.number
+        self.counters["frames"] += 1
+        if frame.models_changed or any(body.identifier not in self._names for body in frame.bodies):
+            self._send(packets.packet(Id.REQUEST_MODELS))
+        if self._echoes < FIRST_ECHOES:
+            return
+        stamp = self.clock.to_host(self._server_ns(frame.exposed or frame.received))
+        for body in frame.bodies:
+            name = self._names.get(body.identifier)
+            if name is None:
+                continue  # its name is on the way
+            if not body.valid:
+                self.counters["untracked"] += 1
+            elif not self._settings.body or name == self._settings.body:
+                yield BodyPose(name, stamp, body)
+
+    def close(self) -> None:
+        """Stop, and give the sockets back."""
+        self._stop.set()
+        for opened in self._sockets:
+            opened.close()
+        self._sockets = []

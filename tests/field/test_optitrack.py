@@ -1,0 +1,189 @@
+"""OptiTrack: the NatNet client against a server, over real sockets; Motive files."""
+
+import math
+import random
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from natnet_server import NatNetServer, Pose
+from scipy.spatial.transform import Rotation
+
+from odom.errors import ConfigError, SourceError, WireError
+from odom.wire import Message
+from odom.wire.codec import decode_pose
+from sensors.optitrack import open_optitrack, packets
+from sensors.optitrack.source import OptiTrackSource
+from sensors.source import SourceOptions
+
+
+def swing(host_s: float) -> Pose:
+    """A position that tells its time: 0.5 m to and fro at 1 Hz, so 1 ms of error is 3 mm at the middle."""
+    angle = 2 * math.pi * math.fmod(host_s, 1.0)
+    q = Rotation.from_rotvec([0.1, 0.4, -0.2]).as_quat()
+    return (0.5 * math.sin(angle), 1.2, 0.5 * math.cos(angle)), tuple(q)
+
+
+def connect(server: NatNetServer, seconds: float | None = None, **extra: str) -> OptiTrackSource:
+    settings = {"command_port": str(server.command_port), "local": server.address} | extra
+    source = open_optitrack(
+        f"optitrack:{server.address}", SourceOptions(seconds=seconds, extra=tuple(settings.items()))
+    )
+    assert isinstance(source, OptiTrackSource)
+    return source
+
+
+def time_error_ms(message: Message) -> float:
+    """How far the stamp is from the time that the position tells."""
+    x, _, z = decode_pose(message).T_parent_child[:3, 3] * np.array([1, 1, -1])
+    z = -decode_pose(message).T_parent_child[1, 3]
+    told = math.atan2(x, z) / (2 * math.pi) % 1.0
+    error = (message.stamp * 1e-9 - told) % 1.0
+    return 1e3 * (error - 1.0 if error > 0.5 else error)
+
+
+@pytest.mark.parametrize("version", [(3, 0), (4, 0), (4, 1)], ids=["3.0", "4.0", "4.1"])
+@pytest.mark.parametrize("multicast", [None, "239.255.42.99"], ids=["unicast", "multicast"])
+def test_poses_carry_the_capture_time_in_the_hosts_clock(version: tuple[int, int], multicast: str | None) -> None:
+    with NatNetServer({"camera rig": swing}, version=version, multicast=multicast, drift_ppm=150.0) as server:
+        source = connect(server, seconds=2.0)
+        messages = list(source.messages())
+        source.close()
+    assert len(messages) > 200
+    assert {message.topic for message in messages} == {"truth/camera_rig/pose"}
+    errors = [time_error_ms(message) for message in messages[20:]]
+    assert abs(np.median(errors)) < 0.5
+    assert np.percentile(np.abs(errors), 95) < 1.0
+    assert source.client.counters["malformed"] == 0
+
+
+def test_y_up_becomes_z_up() -> None:
+    with NatNetServer({"rig": swing}) as server:
+        source = connect(server)
+        T = decode_pose(next(source.messages())).T_parent_child
+        source.close()
+    assert T[2, 3] == pytest.approx(1.2)
+    up_in_body = Rotation.from_rotvec([0.1, 0.4, -0.2]).as_matrix().T @ [0, 1, 0]
+    assert pytest.approx(up_in_body, abs=1e-6) == T[:3, :3].T @ [0, 0, 1]
+
+
+def test_untracked_bodies_are_counted_not_published_and_one_may_be_chosen() -> None:
+    bodies = {"rig": swing, "hidden": lambda _: None, "wand": swing}
+    with NatNetServer(bodies) as server:
+        source = connect(server, seconds=0.5)
+        topics = {message.topic for message in source.messages()}
+        assert topics == {"truth/rig/pose", "truth/wand/pose"}
+        assert source.client.counters["untracked"] > 10
+        source.close()
+        source = connect(server, seconds=0.3, body="wand")
+        assert {message.topic for message in source.messages()} == {"truth/wand/pose"}
+        source.close()
+
+
+def test_a_server_that_was_silent_is_heard_again() -> None:
+    with NatNetServer({"rig": swing}) as server:
+        source = connect(server)
+        stream = source.messages()
+        next(stream)
+        server.silent = True
+        threading.Timer(2.5, lambda: setattr(server, "silent", False)).start()
+        back = time.time_ns() + 2_400_000_000
+        message = next(m for m in stream if m.stamp > back)
+        assert abs(time_error_ms(message)) < 2.0
+        source.close()
+
+
+def test_malformed_datagrams_are_counted_and_harmless() -> None:
+    rng = random.Random(3)
+
+    def garble(datagram: bytes) -> bytes:
+        kind = rng.random()
+        if datagram[0] != 7 or kind < 0.4:
+            return datagram
+        if kind < 0.7:
+            return datagram[: rng.randrange(len(datagram))]
+        spoilt = bytearray(datagram)
+        for _ in range(4):
+            spoilt[rng.randrange(4, len(spoilt))] = rng.randrange(256)
+        return bytes(spoilt)
+
+    with NatNetServer({"rig": swing}, garble=garble) as server:
+        source = connect(server, seconds=2.0)
+        messages = list(source.messages())
+        source.close()
+    assert source.client.counters["malformed"] > 10
+    assert len(messages) > 60
+    assert all(np.isfinite(decode_pose(message).T_parent_child).all() for message in messages)
+
+
+@given(st.binary(max_size=400), st.sampled_from([(3, 0), (4, 0), (4, 1), (4, 2)]))
+def test_any_bytes_are_refused_politely(payload: bytes, version: tuple[int, int]) -> None:
+    for read in (
+        packets.split,
+        packets.read_echo,
+        packets.read_server_info,
+        lambda data: packets.read_models(data, version),
+        lambda data: packets.read_frame(data, version),
+    ):
+        try:
+            read(payload)
+        except WireError:
+            continue
+
+
+def test_frames_agree_with_an_independent_reader() -> None:
+    """PyPI's natnet reads the test server's frames as this project's client does."""
+    natnet = pytest.importorskip("natnet")
+    from natnet.packet_buffer import PacketBuffer
+
+    for version in [(3, 0), (4, 0), (4, 1)]:
+        payload = NatNetServer({"rig": swing, "wand": swing}, version=version)._frame(7, 1.7e9 + 0.3)
+        ours = packets.read_frame(payload, version)
+        theirs = natnet.DataFrame.read_from_buffer(PacketBuffer(payload), natnet.Version(*version))
+        assert ours.number == theirs.prefix.frame_number
+        assert ours.exposed == theirs.suffix.stamp_camera_mid_exposure
+        for mine, other in zip(ours.bodies, theirs.rigid_bodies, strict=True):
+            assert (mine.identifier, mine.position, mine.quaternion) == (other.id_num, other.pos, other.rot)
+            assert mine.valid == other.tracking_valid
+
+
+def test_no_server_says_what_to_switch_on() -> None:
+    with pytest.raises(SourceError, match="Broadcast Frame Data"):
+        open_optitrack("optitrack:127.0.0.1", SourceOptions(extra=(("timeout_s", "0.5"), ("command_port", "9"))))
+
+
+def test_an_old_server_is_refused_with_the_reason() -> None:
+    with NatNetServer({"rig": swing}, version=(2, 9)) as server, pytest.raises(SourceError, match=r"2\.9.*Motive 2\.0"):
+        connect(server, timeout_s="0.7")
+
+
+def test_an_unknown_option_is_named() -> None:
+    with pytest.raises(ConfigError, match="colour"):
+        open_optitrack("optitrack:127.0.0.1", SourceOptions(extra=(("colour", "red"),)))
+
+
+def motive_rows() -> Iterator[str]:
+    yield "Format Version,1.23,Take Name,walk,Rotation Type,Quaternion,Length Units,Millimeters"
+    yield ""
+    yield ",Type," + ",".join(["Rigid Body"] * 7)
+    yield ",Name," + ",".join(["rig"] * 7)
+    yield ",ID," + ",".join(["1"] * 7)
+    yield ",,Rotation,Rotation,Rotation,Rotation,Position,Position,Position"
+    yield "Frame,Time (Seconds),X,Y,Z,W,X,Y,Z"
+    for index in range(12):
+        yield f"{index},{index / 120:.6f},0,0,0,1,{index},1200,-500"
+
+
+def test_a_motive_file_is_a_source(tmp_path: Path) -> None:
+    file = tmp_path / "walk.csv"
+    file.write_text("\n".join(motive_rows()) + "\n")
+    source = open_optitrack(str(file), SourceOptions(extra=(("start_s", "1700000000"), ("body", "rig"))))
+    messages = list(source.messages())
+    assert [message.topic for message in messages] == ["truth/rig/pose"] * 12
+    assert messages[3].stamp == 1_700_000_000_025_000_000
+    assert decode_pose(messages[3]).T_parent_child[:3, 3] == pytest.approx([0.003, 0.5, 1.2])

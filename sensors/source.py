@@ -57,7 +57,8 @@ class SourceOptions:
 def open_source(spec: str, options: SourceOptions) -> Source:
     """Open the SOURCE `spec`.
 
-    It is `arena`, `kinect[:URI]`, `kinect:FILE.oni`, an .mcap recording, a ROS 2 bag folder or a TUM RGB-D folder.
+    It is `arena`, `kinect[:URI]`, `kinect:FILE.oni`, an .mcap recording, a ROS 2 bag folder or a TUM RGB-D folder;
+    for truth alone `optitrack:SERVER` or a CSV file exported from Motive.
 
     Raises ConfigError when `spec` is none of these, SourceError when it cannot be opened.
     """
@@ -74,6 +75,10 @@ def open_source(spec: str, options: SourceOptions) -> Source:
         from sensors.openni2 import open_kinect
 
         return open_kinect(spec, options)
+    if spec.startswith("optitrack:") or spec.endswith(".csv"):
+        from sensors.optitrack import open_optitrack
+
+        return open_optitrack(spec, options)
     path = Path(spec)
     if (path / "rgb.txt").is_file():
         from sensors.tum import open_tum

@@ -7,7 +7,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from odom.registration.closed_form import horn
     from odom.registration.default import register, warm_up
+    from odom.registration.icp import em_icp, wicp
+    from odom.registration.kalman_filter import kalman
     from odom.registration.noise import (
         Generic,
         KinectV1,
@@ -19,26 +22,12 @@ if TYPE_CHECKING:
         point_covariances,
     )
     from odom.registration.pairs import Estimator, Pairs, Prior, Registration, Verdict
-
-_HOME = {
-    **dict.fromkeys(("register", "warm_up"), "default"),
-    **dict.fromkeys(
-        (
-            "Generic",
-            "KinectV1",
-            "KinectV1Incidence",
-            "KinectV2",
-            "NoiseModel",
-            "ZLevels",
-            "back_project",
-            "point_covariances",
-        ),
-        "noise",
-    ),
-    **dict.fromkeys(("Estimator", "Pairs", "Prior", "Registration", "Verdict"), "pairs"),
-}
+    from odom.registration.recursive import Centroids, RecursiveFilter
+    from odom.registration.robust_filter import robust
+    from odom.registration.scale import with_scale
 
 __all__ = [
+    "Centroids",
     "Estimator",
     "Generic",
     "KinectV1",
@@ -47,14 +36,43 @@ __all__ = [
     "NoiseModel",
     "Pairs",
     "Prior",
+    "RecursiveFilter",
     "Registration",
     "Verdict",
     "ZLevels",
     "back_project",
+    "em_icp",
+    "horn",
+    "kalman",
     "point_covariances",
     "register",
+    "robust",
     "warm_up",
+    "wicp",
+    "with_scale",
 ]
+
+_MODULES = {
+    "closed_form": ("horn",),
+    "default": ("register", "warm_up"),
+    "icp": ("em_icp", "wicp"),
+    "kalman_filter": ("kalman",),
+    "noise": (
+        "Generic",
+        "KinectV1",
+        "KinectV1Incidence",
+        "KinectV2",
+        "NoiseModel",
+        "ZLevels",
+        "back_project",
+        "point_covariances",
+    ),
+    "pairs": ("Estimator", "Pairs", "Prior", "Registration", "Verdict"),
+    "recursive": ("Centroids", "RecursiveFilter"),
+    "robust_filter": ("robust",),
+    "scale": ("with_scale",),
+}
+_HOME = {name: module for module, names in _MODULES.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:

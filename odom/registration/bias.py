@@ -37,17 +37,16 @@ class Bias:
     sigma: float
 
 
-def find_bias(solution: Solution, factor: float) -> Bias | None:
-    """Return the biased axis that explains why the twelve states are no rigid motion, or None.
+def possible_biases(solution: Solution, factor: float) -> list[Bias]:
+    """Return the biased axes that could explain why the twelve states are no rigid motion, the best first.
 
-    `factor` is the variance of the noise relative to that of `solution`. None where none suffices, or the twelve
-    states are not determined.
+    `factor` is the variance of the noise relative to that of `solution`. Empty where no single axis suffices, or the
+    twelve states are not determined.
     """
     if np.linalg.cond(solution.Y) > 1e12:
-        return None
+        return []
     found = [_projected(solution, side, axis) for side in Side for axis in range(3)]
-    bias, rest = min(found, key=lambda item: item[1])
-    return bias if rest < _SUFFICIENT * factor else None
+    return [bias for bias, rest in sorted(found, key=lambda item: item[1]) if rest < _SUFFICIENT * factor]
 
 
 def unbiased(arrays: Arrays, bias: Bias) -> Arrays:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from odom.registration.horn import checked_points, closed_form, least_squares_result
+from odom.registration.closed_form import checked_points, closed_form, least_squares_result
 from odom.registration.pairs import Array, Pairs, Prior, Registration, degenerate
 
 _MAX_ROUNDS = 100

@@ -4,13 +4,13 @@ import math
 from dataclasses import replace
 
 from odom.registration.adapt import Model, adapt, judge_model
-from odom.registration.bias import bias_information, find_bias, unbiased
+from odom.registration.bias import bias_information, possible_biases, unbiased
 from odom.registration.pairs import Pairs, Prior, Registration, degenerate
 from odom.registration.recursion import affine_misfit, discount
 from odom.registration.solve import Arrays, Judgement, Solution, checked, judged, solve, start
 
-_MISFIT = 22.46
-"""The .999 quantile of chi-square with 6 degrees of freedom."""
+_MISFIT = 33.1
+"""The .99999 quantile of chi-square with 6 degrees of freedom."""
 
 
 def robust(
@@ -57,19 +57,21 @@ def _learnt(
     told = solution
     solution, judgement = _noise_learnt(arrays, prior, told, judgement)
     misfit = affine_misfit(solution.Y, solution.y, solution.T)
+    best = arrays, solution, judgement
     if misfit > _MISFIT * judgement.inflation:
-        bias = find_bias(solution, judgement.inflation)
-        if bias is None:
-            judgement = replace(judgement, inflation=max(judgement.inflation, misfit / 6.0))
-        else:
-            arrays = unbiased(arrays, bias)
-            solution = solve(arrays, prior, solution.T, told.weights)
-            solution, judgement = _noise_learnt(arrays, prior, solution, replace(judgement, inflation=1.0))
-            misfit = affine_misfit(solution.Y, solution.y, solution.T)
-            solution = replace(solution, H=bias_information(solution, bias))
-            judgement.details.update(axis_scale=bias.scale, axis=float(bias.axis))
-    judgement.details["misfit"] = misfit
-    return arrays, solution, judgement
+        for bias in possible_biases(solution, judgement.inflation):
+            mended = unbiased(arrays, bias)
+            again = solve(mended, prior, solution.T, told.weights)
+            again, verdict = _noise_learnt(mended, prior, again, replace(judgement, inflation=1.0))
+            rest = affine_misfit(again.Y, again.y, again.T)
+            if rest / verdict.inflation < misfit / best[2].inflation:
+                misfit = rest
+                seen = {"axis_scale": bias.scale, "axis": float(bias.axis)}
+                verdict = replace(verdict, details=verdict.details | seen)
+                best = mended, replace(again, H=bias_information(again, bias)), verdict
+    arrays, solution, judgement = best
+    grown = misfit / 6.0 if misfit > _MISFIT * judgement.inflation else judgement.inflation
+    return arrays, solution, replace(judgement, inflation=grown, details=judgement.details | {"misfit": misfit})
 
 
 def _noise_learnt(

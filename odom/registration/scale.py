@@ -1,0 +1,60 @@
+"""Scale on request: eq. (4), around any estimator."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from odom.registration.pairs import Pairs, Prior, Registration
+
+_MAX_ROUNDS = 20
+
+
+def with_scale(
+    estimator: Callable[[Pairs, Prior | None], Registration],
+) -> Callable[[Pairs, Prior | None], Registration]:
+    """Return the estimator that also finds the scale s of `p = s R q + t`, as `Registration.scale`.
+
+    Eq. (4) sums ratios, which noise near the centroid ruins; here it is the ratio of sums, `s = sum w p' R q / sum w
+    |R q|^2` about the (weighted) centroids. `T_target_source` and its covariance are of the source points times the
+    scale.
+    """
+
+    def estimate(pairs: Pairs, prior: Prior | None = None) -> Registration:
+        scale = 1.0
+        for _ in range(_MAX_ROUNDS):
+            C = pairs.covariances_source
+            scaled = Pairs(
+                scale * pairs.points_source,
+                pairs.points_target,
+                None if C is None else scale**2 * C,
+                pairs.covariances_target,
+                pairs.weights,
+            )
+            result = estimator(scaled, prior)
+            if not result.ok:
+                return result
+            used = result.inliers
+            w = _weights(scaled)[used]
+            w /= w.sum()
+            q = scaled.points_source[used] @ result.T_target_source[:3, :3].T
+            p = scaled.points_target[used]
+            q, p = q - w @ q, p - w @ p
+            step = float(np.einsum("n,ni,ni->", w, p, q) / np.einsum("n,ni,ni->", w, q, q))  # eq. (4)
+            result = replace(result, scale=scale)
+            if abs(step - 1.0) < 1e-10:
+                break
+            scale *= step
+        return result
+
+    return estimate
+
+
+def _weights(pairs: Pairs) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Return a weight a pair: given weight over the mean variance, where that is known."""
+    given = np.ones(len(pairs)) if pairs.weights is None else pairs.weights.copy()
+    variance = np.zeros(len(pairs))
+    for C in (pairs.covariances_source, pairs.covariances_target):
+        if C is not None:
+            variance += np.einsum("nii->n", C) / 3.0
+    return np.asarray(given / variance if variance.any() else given)

@@ -131,7 +131,7 @@ class RecursiveFilter:
         H = np.zeros((6, 6))
         T = self._linearised_at()
         if self.centroids is not None:
-            return self._rotation(Y[np.ix_(_NINE, _NINE)], y[_NINE], Y[np.ix_(_NINE, [3, 7, 11])])
+            return self._rotation(Y[np.ix_(_NINE, _NINE)], y[_NINE], Y[_NINE][:, 3::4])
         Y0, T0 = prior_information(self.prior)
         if project(Y, y, Y0, T0, T, H) == 0:
             return degenerate(0, f"{self.count} pairs do not determine the motion")

@@ -9,7 +9,7 @@ from odom.errors import RecordingError
 from odom.frame import Stamp, from_seconds
 from odom.wire import Message, truth
 from odom.wire.codec import cdr, decode_camera_info, encode_camera_info, restamp
-from odom.wire.recording import RecordingReader, Roles, Stream, assign_roles
+from odom.wire.recording import RecordingReader, Roles, Stream, assign_roles, open_reader
 from sensors.calibration import load_calibration
 from sensors.source import SourceOptions
 
@@ -94,11 +94,11 @@ class ReplaySource:
 
 
 def open_recording(path: Path, options: SourceOptions) -> ReplaySource:
-    """Open an MCAP recording, this project's or any of ROS 2 with colour, depth and calibration; cut ones too.
+    """Open an MCAP recording or a ROS 2 bag folder, any with colour, depth and calibration; cut ones too.
 
     Raises RecordingError when it is none or lacks a stream, ConfigError when a named topic is not in it.
     """
-    reader = RecordingReader(path)
+    reader = open_reader(path)
     streams, counts = reader.streams(limit=_PEEK), reader.counts()
     if counts is None:
         log.warning("%s has no sound end: what is whole is played (mend it with: odom recover %s OUT.mcap)", path, path)

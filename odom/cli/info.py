@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 
-def info(file: Annotated[Path, typer.Argument(help="An .mcap recording.")]) -> None:
+def info(file: Annotated[Path, typer.Argument(help="An .mcap recording or a ROS 2 bag folder.")]) -> None:
     """Say what a recording holds, which of it would be colour, depth and calibration, and what it lacks.
 
     Reads the whole file. Exit status 1 when nothing can be read.
@@ -15,14 +15,15 @@ def info(file: Annotated[Path, typer.Argument(help="An .mcap recording.")]) -> N
     """
     from odom.errors import ConfigError, RecordingError
     from odom.wire.codec import decode_camera_info
-    from odom.wire.recording import RecordingReader, assign_roles
+    from odom.wire.recording import assign_roles, open_reader
 
-    reader = RecordingReader(file)
+    reader = open_reader(file)
     streams = reader.streams()
     if not streams:
         raise RecordingError("; ".join((f"{file} holds no ROS 2 messages", *reader.damage)))
     begin, end = min(stream.begin for stream in streams), max(stream.end for stream in streams)
-    megabytes = file.stat().st_size / 1e6
+    parts = [file] if file.is_file() else [*file.glob("*.mcap"), *file.glob("*.db3")]
+    megabytes = sum(part.stat().st_size for part in parts) / 1e6
     typer.echo(f"{file}: {megabytes:.1f} MB, {(end - begin) / 1e9:.2f} s from {begin / 1e9:.6f}")
     for key, value in reader.metadata.items():
         typer.echo(f"  {key}: {value}")

@@ -1,5 +1,6 @@
 """Images and messages that the wire's tests share."""
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,7 +13,8 @@ BEGIN = 1_700_000_000_000_000_000
 
 
 def textured(height: int = 48, width: int = 64, seed: int = 0) -> NDArray[np.uint8]:
-    return np.random.default_rng(seed).integers(0, 256, (height, width, 3), dtype=np.uint8)
+    patches = np.random.default_rng(seed).integers(0, 256, (height // 8, width // 8, 3), dtype=np.uint8)
+    return np.asarray(cv2.resize(patches, (width, height), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
 
 
 def kinect_depth(height: int = 48, width: int = 64, seed: int = 0) -> NDArray[np.uint16]:
@@ -32,7 +34,7 @@ def session_messages(frames: int, topics: Topics | None = None, height: int = 48
     for i in range(frames):
         at = BEGIN + i * PERIOD_NS
         T = np.eye(4)
-        T[0, 3] = 0.01 * i
+        T[:3, 3] = 0.01 * i, 0.05 * np.sin(i / 5), 0.05 * np.cos(i / 7)
         messages.append(encode_depth(keys.depth, Stamp(at), kinect_depth(height, width, i)))
         messages.append(encode_color_jpeg(keys.color_compressed, Stamp(at + 5_000_000), textured(height, width, i)))
         messages.append(encode_pose(truth("camera"), Stamp(at + 10_000_000), T, "mocap"))

@@ -57,6 +57,7 @@ class RecordingWriter:
         self._writer.start(profile="ros2", library=LIBRARY)
         if metadata:
             self._writer.add_metadata(LIBRARY, dict(metadata))
+        self._file.flush()
 
     def write(self, message: Message) -> None:
         """Append a message; raises RecordingError when the disk is full or gone."""

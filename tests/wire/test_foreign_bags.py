@@ -1,0 +1,189 @@
+"""Recordings that another program made: rosbags' own writer, foreign names, every encoding of depth."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from made_up_messages import BEGIN, PERIOD_NS, kinect_depth, textured
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from odom.errors import ConfigError, RecordingError
+from odom.frame import Camera, Stamp
+from odom.wire import Message, Topics
+from odom.wire.assembler import FrameAssembler
+from odom.wire.codec import (
+    cdr,
+    encode_camera_info,
+    encode_color,
+    encode_color_jpeg,
+    encode_depth,
+    encode_depth_compressed,
+    encode_pose,
+    images,
+)
+from sensors.source import SourceOptions, open_source
+
+CAMERA = Camera(64, 48, 50.0, 51.0, 31.0, 23.0, (0.1, 0.0, 0.0, 0.0, 0.0))
+FRAMES = 6
+OTHER = Path("camera") / "infra1" / "image_rect_raw"
+
+Encode = Callable[[str, Stamp, np.ndarray], Message]
+
+
+def metres(topic: str, stamp: Stamp, depth: np.ndarray) -> Message:
+    depth_m = np.where(depth > 0, depth / np.float32(1000), np.float32(np.nan)).astype(np.float32)
+    return images._encode_image(topic, stamp, depth_m, "32FC1", "camera")
+
+
+def png(topic: str, stamp: Stamp, depth: np.ndarray) -> Message:
+    return encode_depth_compressed(topic, stamp, depth, codec="png")
+
+
+def rvl(topic: str, stamp: Stamp, depth: np.ndarray) -> Message:
+    return encode_depth_compressed(topic, stamp, depth, codec="rvl")
+
+
+def bgr(topic: str, stamp: Stamp, color: np.ndarray) -> Message:
+    return images._encode_image(topic, stamp, np.ascontiguousarray(color[..., ::-1]), "bgr8", "camera")
+
+
+def jpeg(topic: str, stamp: Stamp, color: np.ndarray) -> Message:
+    return encode_color_jpeg(topic, stamp, color, quality=100)
+
+
+def record(folder: Path, messages: list[Message], plugin: StoragePlugin = StoragePlugin.MCAP) -> Path:
+    """Write the messages with rosbags, logged 80 ms after capture as a driver would."""
+    with Writer(folder, version=9, storage_plugin=plugin) as writer:
+        connections = {}
+        for message in messages:
+            if message.topic not in connections:
+                connections[message.topic] = writer.add_connection(
+                    f"/{message.topic}", message.type_name, typestore=cdr.typestore()
+                )
+            writer.write(connections[message.topic], message.stamp + 80_000_000, message.payload)
+    return folder
+
+
+def realsense(color: Encode = bgr, depth: Encode = encode_depth) -> list[Message]:
+    """The topics of a well-known driver, with what else it publishes."""
+    messages = []
+    for i in range(FRAMES):
+        stamp, late = Stamp(BEGIN + i * PERIOD_NS), Stamp(BEGIN + i * PERIOD_NS + 7_000_000)
+        messages += [
+            depth("camera/aligned_depth_to_color/image_raw", stamp, kinect_depth(seed=i)),
+            encode_depth("camera/depth/image_rect_raw", stamp, kinect_depth(24, 32, seed=i)),
+            encode_color("camera/infra1/image_rect_raw", stamp, textured(seed=i)[..., 0]),
+            encode_camera_info("camera/aligned_depth_to_color/camera_info", stamp, Camera(64, 48, 1, 1, 1, 1)),
+            encode_camera_info("camera/depth/camera_info", stamp, Camera(32, 24, 1, 1, 1, 1)),
+            color("camera/color/image_raw", late, textured(seed=i)),
+            encode_camera_info("camera/color/camera_info", late, CAMERA),
+            encode_pose("vicon/helmet/pose", late, np.eye(4), "vicon"),
+        ]
+    return messages
+
+
+def frames_of(
+    spec: Path, options: SourceOptions | None = None
+) -> tuple[list[tuple[np.ndarray, np.ndarray]], FrameAssembler]:
+    options = options or SourceOptions()
+    assembler = FrameAssembler(options.topics)
+    frames = [frame for message in open_source(str(spec), options).messages() for frame in assembler.feed(message)]
+    return [(frame.color, frame.depth_mm) for frame in [*frames, *assembler.finish()]], assembler
+
+
+@pytest.mark.parametrize("depth", [encode_depth, metres, png, rvl])
+@pytest.mark.parametrize("color", [bgr, jpeg])
+def test_frames_are_found_by_type_in_foreign_recordings(tmp_path: Path, color: Encode, depth: Encode) -> None:
+    bag = record(tmp_path / "bag", realsense(color, depth))
+    for spec in (bag, *bag.glob("*.mcap")):
+        frames, assembler = frames_of(spec)
+        assert assembler.camera == CAMERA
+        assert len(frames) == FRAMES
+        for i, (rgb, mm) in enumerate(frames):
+            assert np.array_equal(mm, kinect_depth(seed=i))
+            assert np.abs(rgb.astype(int) - textured(seed=i)).mean() < (1e-9 if color is bgr else 4)
+
+
+def test_database_bags_read_alike(tmp_path: Path) -> None:
+    bag = record(tmp_path / "bag", realsense(), StoragePlugin.SQLITE3)
+    frames, assembler = frames_of(bag)
+    assert len(frames) == FRAMES
+    assert assembler.camera == CAMERA
+    assert open_source(str(bag), SourceOptions()).length == FRAMES
+
+
+def test_named_topics_win_and_unknown_ones_are_refused(tmp_path: Path) -> None:
+    bag = record(tmp_path / "bag", realsense())
+    options = SourceOptions(
+        topics_from=(("color", "/camera/infra1/image_rect_raw"), ("truth", "/vicon/helmet/pose")), topics=Topics("k2")
+    )
+    messages = list(open_source(str(bag), options).messages())
+    assert {message.topic for message in messages} == {
+        "k2/color/image_raw",
+        "k2/depth/image_raw",
+        "k2/color/camera_info",
+        "truth/helmet/pose",
+    }
+    with pytest.raises(ConfigError, match="/nothing"):
+        open_source(str(bag), SourceOptions(topics_from=(("depth", "/nothing"),)))
+    with pytest.raises(ConfigError, match="sound"):
+        open_source(str(bag), SourceOptions(topics_from=(("sound", "/vicon/helmet/pose"),)))
+
+
+def test_depth_of_another_size_is_refused_with_advice(tmp_path: Path) -> None:
+    bag = record(tmp_path / "bag", realsense())
+    with pytest.raises(RecordingError, match="registered"):
+        open_source(str(bag), SourceOptions(topics_from=(("depth", "/camera/depth/image_rect_raw"),)))
+
+
+def test_what_is_missing_is_named(tmp_path: Path) -> None:
+    without_depth = [message for message in realsense() if "depth" not in message.topic]
+    with pytest.raises(RecordingError, match=r"no depth images.*camera/color/image_raw"):
+        open_source(str(record(tmp_path / "a", without_depth)), SourceOptions())
+    without_info = [message for message in realsense() if "camera_info" not in message.topic]
+    bag = record(tmp_path / "b", without_info)
+    with pytest.raises(RecordingError, match=r"no camera_info.*--camera"):
+        open_source(str(bag), SourceOptions())
+    calibration = tmp_path / "camera.yaml"
+    calibration.write_text(
+        "image_width: 64\nimage_height: 48\ncamera_matrix: {data: [50, 0, 31, 0, 51, 23, 0, 0, 1]}\n"
+        "distortion_model: plumb_bob\ndistortion_coefficients: {data: [0.1, 0, 0, 0, 0]}\n"
+    )
+    frames, assembler = frames_of(bag, SourceOptions(camera=calibration))
+    assert len(frames) == FRAMES
+    assert assembler.camera == CAMERA
+
+
+def test_rectified_colour_gets_the_rectified_camera(tmp_path: Path) -> None:
+    messages = []
+    for i in range(FRAMES):
+        stamp = Stamp(BEGIN + i * PERIOD_NS)
+        messages += [
+            encode_color("k/rgb/image_rect_color", stamp, textured(seed=i)),
+            encode_depth("k/depth_registered/image_rect", stamp, kinect_depth(seed=i)),
+            encode_camera_info("k/rgb/camera_info", stamp, CAMERA),
+        ]
+    _, assembler = frames_of(record(tmp_path / "bag", messages))
+    assert assembler.camera == Camera(64, 48, 50.0, 51.0, 31.0, 23.0)
+
+
+def test_big_endian_cdr_is_read(tmp_path: Path) -> None:
+    """Some embedded writers use the other byte order."""
+    big = [
+        Message(
+            message.topic,
+            message.type_name,
+            message.stamp,
+            bytes(
+                cdr.typestore().serialize_cdr(
+                    cdr.deserialise(message, message.type_name), message.type_name, little_endian=False
+                )
+            ),
+        )
+        for message in realsense(jpeg)
+    ]
+    frames, _ = frames_of(record(tmp_path / "bag", big))
+    assert len(frames) == FRAMES
+    assert cv2.PSNR(frames[0][0], textured(seed=0)) > 30

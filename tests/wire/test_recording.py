@@ -1,0 +1,257 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_up_messages import BEGIN, PERIOD_NS, session_messages
+
+from odom.errors import RecordingError
+from odom.frame import Stamp
+from odom.wire import Message, Topics, truth
+from odom.wire.codec import encode_odometry, encode_pose, encode_tf
+from odom.wire.recording import RecordingReader, RecordingWriter, recover
+
+CODECS = ("zstd", "lz4", "none")
+
+
+def write(path: Path, messages: list[Message], compression: str = "zstd") -> Path:
+    with RecordingWriter(path, compression=compression, overwrite=True) as writer:  # type: ignore[arg-type]  # one of CODECS
+        for message in messages:
+            writer.write(message)
+    return path
+
+
+def read(path: Path) -> tuple[list[Message], RecordingReader]:
+    reader = RecordingReader(path)
+    return list(reader.messages()), reader
+
+
+@pytest.fixture(scope="module")
+def messages() -> list[Message]:
+    """Some 1.2 MB of small frames, compressed."""
+    return session_messages(50, height=120, width=160)
+
+
+@pytest.fixture(scope="module", params=CODECS)
+def recording(
+    request: pytest.FixtureRequest, messages: list[Message], tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    return write(tmp_path_factory.mktemp("recording") / f"{request.param}.mcap", messages, request.param)
+
+
+def test_what_was_written_is_read(recording: Path, messages: list[Message]) -> None:
+    back, reader = read(recording)
+    assert back == messages
+    assert reader.complete
+    assert reader.damage == ()
+    assert reader.counts() == {stream.topic: stream.count for stream in reader.streams()}
+
+
+def test_two_recordings_of_one_session_are_byte_equal(tmp_path: Path) -> None:
+    small = session_messages(3)
+    first = write(tmp_path / "a.mcap", small).read_bytes()
+    assert write(tmp_path / "b.mcap", small).read_bytes() == first
+
+
+def test_messages_come_by_stamp_although_recorded_out_of_order(tmp_path: Path) -> None:
+    original = session_messages(30)
+    delayed = sorted(original, key=lambda message: message.stamp + (50_000_000 if "depth" in message.topic else 0))
+    assert delayed != original
+    back, _ = read(write(tmp_path / "a.mcap", delayed))
+    assert [message.stamp for message in back] == sorted(message.stamp for message in original)
+
+
+def test_reading_can_begin_anywhere(recording: Path, messages: list[Message]) -> None:
+    start = Stamp(BEGIN + 40 * PERIOD_NS)
+    reader = RecordingReader(recording)
+    assert list(reader.messages(start=start)) == [message for message in messages if message.stamp >= start]
+    (poses,) = {message.topic for message in messages if message.topic.startswith("truth")}
+    assert list(reader.messages({poses})) == [message for message in messages if message.topic == poses]
+
+
+def test_a_file_cut_anywhere_reads_to_the_cut_and_says_so(recording: Path, messages: list[Message]) -> None:
+    """At every 1000th byte of the last megabyte (with the default codec), and at every byte of the end."""
+    whole = recording.read_bytes()
+    cut_file = recording.with_suffix(".cut")
+    cut_file.write_bytes(whole)
+    size = len(whole)
+    lengths = sorted(
+        {*range(size - 1, max(0, size - 1_000_000), -1000), *range(size - 1, size - 200, -1)}, reverse=True
+    )
+    counts = []
+    for length in lengths:
+        os.truncate(cut_file, length)
+        back, reader = read(cut_file)
+        assert back == messages[: len(back)]
+        assert reader.damage
+        assert not reader.complete
+        assert f"{length}" in reader.damage[-1]
+        counts.append(len(back))
+    assert all(earlier >= later for earlier, later in pairwise(counts))
+    assert counts[0] == len(messages)
+    assert size > 1_000_000
+
+
+@pytest.mark.parametrize("length", [0, 1, 7, 8, 20, 60])
+def test_a_file_cut_at_its_beginning_is_empty_or_refused(tmp_path: Path, length: int) -> None:
+    path = write(tmp_path / "a.mcap", session_messages(1))
+    os.truncate(path, length)
+    if length == 0:
+        with pytest.raises(RecordingError, match="not an MCAP file"):
+            read(path)
+    else:
+        assert read(path)[0] == []
+
+
+def test_most_of_a_cut_chunk_is_saved(recording: Path, messages: list[Message]) -> None:
+    """A cut in mid-file loses what comes behind it, not the whole chunk it lies in."""
+    cut_file = recording.with_suffix(".middle")
+    whole = recording.read_bytes()
+    cut_file.write_bytes(whole[: int(0.9 * len(whole))])
+    back, _ = read(cut_file)
+    assert len(back) > 0.8 * len(messages)
+
+
+@settings(max_examples=60)
+@given(st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255)), min_size=1, max_size=20), st.sampled_from(CODECS))
+def test_damage_anywhere_is_survived(
+    tmp_path_factory: pytest.TempPathFactory, flips: list[tuple[float, int]], codec: str
+) -> None:
+    path = write(tmp_path_factory.mktemp("flip") / "a.mcap", session_messages(4), codec)
+    content = bytearray(path.read_bytes())
+    for where, value in flips:
+        content[min(len(content) - 1, int(where * len(content)))] = value
+    path.write_bytes(content)
+    reader = RecordingReader(path)
+    try:
+        list(reader.messages())
+        reader.counts()
+        reader.streams()
+    except RecordingError:
+        assert bytes(content[:8]) != b"\x89MCAP0\r\n"
+
+
+def test_a_damaged_chunk_costs_its_messages_only(tmp_path: Path, messages: list[Message]) -> None:
+    path = write(tmp_path / "a.mcap", messages)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    path.write_bytes(content)
+    back, reader = read(path)
+    assert len(messages) * 0.4 < len(back) < len(messages)
+    assert len(reader.damage) == 1
+    assert back[-1] == messages[-1]
+
+
+def test_recover_mends_a_cut_recording(tmp_path: Path, recording: Path) -> None:
+    cut_file, mended = tmp_path / "cut.mcap", tmp_path / "mended.mcap"
+    whole = recording.read_bytes()
+    cut_file.write_bytes(whole[: len(whole) * 3 // 4])
+    saved, _ = read(cut_file)
+    count, damage = recover(cut_file, mended)
+    back, reader = read(mended)
+    assert back == saved
+    assert count == len(saved)
+    assert damage
+    assert reader.complete
+    with pytest.raises(RecordingError, match="exists"):
+        recover(cut_file, mended)
+    with pytest.raises(RecordingError, match="exists"):
+        recover(mended, mended, overwrite=True)
+
+
+def test_an_existing_recording_is_not_overwritten_unasked(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.mcap", session_messages(1))
+    with pytest.raises(RecordingError, match="exists"):
+        RecordingWriter(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"not a recording" * 10])
+def test_other_files_are_named_for_what_they_are_not(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "a.mcap"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match="not an MCAP file"):
+        read(path)
+    with pytest.raises(RecordingError, match="cannot be opened"):
+        read(tmp_path / "nothing.mcap")
+
+
+_KILLED_WRITER = """
+import sys, time
+from pathlib import Path
+sys.path.insert(0, sys.argv[2])
+from made_up_messages import session_messages
+from odom.wire.recording import RecordingWriter
+writer = RecordingWriter(Path(sys.argv[1]))
+for message in session_messages(200):
+    if message.topic.startswith("truth"):
+        print(message.stamp, flush=True)
+    writer.write(message)
+    time.sleep(0.01)
+"""
+
+
+def test_kill_9_costs_the_recording_half_a_second_at_most(tmp_path: Path) -> None:
+    path = tmp_path / "killed.mcap"
+    command = [sys.executable, "-c", _KILLED_WRITER, str(path), str(Path(__file__).parent)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        written: list[tuple[float, int]] = [(time.monotonic(), int(process.stdout.readline()))]
+        deadline = time.monotonic() + 2.0
+        while time.monotonic() < deadline:
+            written.append((time.monotonic(), int(process.stdout.readline())))
+        killed = time.monotonic()
+        process.send_signal(signal.SIGKILL)
+    back, reader = read(path)
+    assert not reader.complete
+    last = max(message.stamp for message in back if message.topic.startswith("truth"))
+    assert max(at for at, stamp in written if stamp <= last) > killed - 0.5
+
+
+@pytest.fixture
+def session_recording(tmp_path: Path) -> Path:
+    """Images, truth and the estimates as the odometry publishes them, a second long."""
+    topics, messages = Topics(), session_messages(40)
+    for i in range(40):
+        stamp, T = Stamp(BEGIN + i * PERIOD_NS + 5_000_000), np.eye(4)
+        T[:3, 3] = 0.01 * i + 0.001 * (i % 2), 0.05 * np.sin(i / 5), 0.05 * np.cos(i / 7)
+        messages.append(encode_pose(topics.pose, stamp, T, topics.frame_map))
+        messages.append(encode_odometry(topics.odom, stamp, T, np.eye(6), topics.frame_odom, topics.frame_camera))
+        messages.append(encode_tf(stamp, [("map", "odom", np.eye(4)), (topics.frame_odom, topics.frame_camera, T)]))
+    return write(tmp_path / "session.mcap", messages)
+
+
+def run(*command: str) -> Iterator[str]:
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    yield from done.stdout.splitlines()
+
+
+def test_rerun_shows_images_depth_pinhole_poses_and_transforms(session_recording: Path, endpoint: str) -> None:
+    scripts, rrd = Path(sys.executable).parent, session_recording.with_suffix(".rrd")
+    port = endpoint.rsplit(":", 1)[1]
+    list(run(str(scripts / "rerun"), str(session_recording), "--save", str(rrd), "--bind", "127.0.0.1", "--port", port))
+    shown = "\n".join(run(str(scripts / "rerun"), "rrd", "stats", str(rrd)))
+    for component in (
+        "EncodedImage:blob",
+        "DepthImage:buffer",
+        "Pinhole:image_from_camera",
+        "InstancePoses3D:translations",
+        "Transform3D:translation",
+    ):
+        assert component in shown
+    for entity in ("/cam0/color/image_raw/compressed", "/cam0/depth/image_raw", "/cam0/pose", "/tf"):
+        assert entity in shown
+
+
+def test_evo_judges_a_recording(session_recording: Path) -> None:
+    evo = str(Path(sys.executable).parent / "evo_ape")
+    told = "\n".join(run(evo, "mcap", str(session_recording), f"/{truth('camera')}", "/cam0/pose", "-a"))
+    assert "rmse" in told

@@ -83,9 +83,9 @@ def test_a_file_cut_anywhere_reads_to_the_cut_and_says_so(recording: Path, messa
     cut_file = recording.with_suffix(".cut")
     cut_file.write_bytes(whole)
     size = len(whole)
-    lengths = sorted(
-        {*range(size - 1, max(0, size - 1_000_000), -1000), *range(size - 1, size - 200, -1)}, reverse=True
-    )
+    step, fine = (1000, 1) if "zstd" in recording.name else (10_000, 10)
+    last_megabyte = range(size - 1, max(0, size - 1_000_000), -step)
+    lengths = sorted({*last_megabyte, *range(size - 1, size - 200, -fine)}, reverse=True)
     counts = []
     for length in lengths:
         os.truncate(cut_file, length)

@@ -70,6 +70,7 @@ class Intake:
         )
         self.overtaken = 0
         self.uncalibrated = 0
+        self.source_ended = False
         self.refused_cameras = 0
         self.assembler = FrameAssembler(topics, grey=True)
         self._color_keys = keys[:2]
@@ -142,12 +143,14 @@ class Intake:
             if delivery is not None:
                 self._understand(delivery)
             elif self._consumer.ended is not None:
+                self.source_ended = True
                 for frame in self.assembler.finish():
                     self._put_frame(frame, None)
                 self._put(EndArrival(self._consumer.ended))
                 self._consumer.restart()
 
     def _understand(self, delivery: Delivery) -> None:
+        self.source_ended = False
         message = delivery.message
         if message.topic.startswith("truth/"):
             try:

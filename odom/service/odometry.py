@@ -58,7 +58,6 @@ class OdometryProcess:
         self._last_at = time.monotonic()
         self._unsaved = False
         self._refused = 0
-        self._ended = False
         self._sensor = ""
         self._alive = topics.alive
         session.watch(f"{topics.alive}/**", self._watch)
@@ -93,13 +92,11 @@ class OdometryProcess:
                 self._files.append_truth(arrival.body, arrival.pose.stamp, arrival.pose.T_parent_child)
         else:
             _LOG.info("the source has ended: %s", arrival.reason)
-            self._ended = True
             self._save()
 
     def _process(self, frame: RgbdFrame, camera: Camera, origin: Stamp | None) -> None:
         if self._odometry is None:
             self._odometry = Odometry(camera, self._settings.odometry)
-        self._ended = False
         self._tally.begin()
         begun = time.perf_counter()
         try:
@@ -151,7 +148,7 @@ class OdometryProcess:
         role = key.removeprefix(self._alive).strip("/") or "sensor"
         if role == "odometry":
             return
-        expected = alive or self._ended
+        expected = alive or self._intake.source_ended
         _LOG.log(logging.INFO if expected else logging.WARNING, "%s is %s", role, "here" if alive else "gone")
         if role == "sensor":
             self._sensor = "here" if alive else "gone"

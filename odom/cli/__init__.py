@@ -3,17 +3,22 @@
 import logging
 import os
 import sys
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from odom.cli import logs, signals
+from odom.cli.bench import bench
 from odom.cli.config import config
+from odom.cli.doctor import doctor
 from odom.cli.eval import evaluate
 from odom.cli.import_ import import_
 from odom.cli.info import info
+from odom.cli.keys import keys
 from odom.cli.record import record
 from odom.cli.recover import recover
+from odom.cli.router import router
 from odom.cli.run import run
 from odom.cli.sensor import sensor
 from odom.cli.serve import serve
@@ -31,11 +36,15 @@ app.command("serve")(serve)
 app.command("view")(view)
 app.command("config")(config)
 app.command("eval")(evaluate)
+app.command("doctor")(doctor)
 app.command("sensor")(sensor)
 app.command("record")(record)
 app.command("import")(import_)
 app.command("recover")(recover)
 app.command("info")(info)
+app.command("router")(router)
+app.command("keys")(keys)
+app.add_typer(bench, name="bench")
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -48,9 +57,21 @@ def root(
     log_level: Annotated[
         logs.Level, typer.Option(envvar=logs.LEVEL_ENVIRONMENT, help="Log lines of this level and above.")
     ] = logs.Level.INFO,
+    tls: Annotated[
+        tuple[Path, Path, Path] | None,
+        typer.Option(metavar="CERT KEY CA", help="Encrypt, and check both sides (see keys)."),
+    ] = None,
+    user: Annotated[str | None, typer.Option(help="User name to present.")] = None,
+    password_file: Annotated[Path | None, typer.Option(help="File with the user's password in its first line.")] = None,
 ) -> None:
     """RGB-D odometry as a streaming service."""
     logs.configure(log_level, log_json)
+    certificate, key, ca = tls or (None, None, None)
+    given = {"CERTIFICATE": certificate, "KEY": key, "CA": ca, "USER": user, "PASSWORD_FILE": password_file}
+    # As settings, so that the processes that `odom run` starts have them too.
+    os.environ.update(
+        {f"ODOM_WIRE__SECURITY__{name}": str(value) for name, value in given.items() if value is not None}
+    )
 
 
 def main() -> None:

@@ -23,6 +23,7 @@ from odom.errors import WireError
 from odom.frame import Stamp
 from odom.wire.codec import cdr
 from odom.wire.message import Message
+from odom.wire.security import secured, security_configuration
 from odom.wire.settings import WireSettings
 
 log = logging.getLogger(__name__)
@@ -310,11 +311,11 @@ def _configuration(settings: WireSettings) -> dict[str, Any]:
     patience = settings.drop_after_ms * 1000
     return {
         "mode": settings.mode,
-        "connect/endpoints": list(settings.connect),
+        "connect/endpoints": secured(settings.connect, settings.security),
         "connect/exit_on_failure": settings.mode == "client",
         "connect/timeout_ms": 5000 if settings.mode == "client" else 0,
         "connect/retry": {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2},
-        "listen/endpoints": [] if settings.mode == "client" else list(settings.listen),
+        "listen/endpoints": [] if settings.mode == "client" else secured(settings.listen, settings.security),
         "listen/exit_on_failure": False,
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": True,
@@ -322,6 +323,7 @@ def _configuration(settings: WireSettings) -> dict[str, Any]:
         "transport/link/tx/lease": settings.lease_ms,
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": patience,
         "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 2 * patience,
+        **security_configuration(settings.security),
     }
 
 

@@ -4,6 +4,8 @@ from typing import Literal
 
 from pydantic import BaseModel, Field, JsonValue
 
+from odom.wire.security import SecuritySettings
+
 LOCAL = "tcp/127.0.0.1:7447"
 ANY_LOCAL_PORT = "tcp/127.0.0.1:0"
 
@@ -28,6 +30,7 @@ class WireSettings(BaseModel, frozen=True, extra="forbid"):
     drop_after_ms: int = Field(
         25, ge=0, description="a live message waits so long for a congested link before it is dropped"
     )
+    security: SecuritySettings = Field(SecuritySettings(), description="certificates, identities and rules")
     zenoh: dict[str, JsonValue] = Field(
         default_factory=dict,
         description="further Zenoh configuration: path such as transport/auth/usrpwd/user to value",

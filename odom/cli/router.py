@@ -1,0 +1,34 @@
+"""`odom router`: where the processes of several hosts meet."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def router(
+    listen: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to listen on.")] = None,
+    connect: Annotated[list[str] | None, typer.Option(help="Another router to join.")] = None,
+    allow: Annotated[
+        list[str] | None,
+        typer.Option(help="Identity that may come in, with its role's rights: sensor.cam0, viewer; may be repeated."),
+    ] = None,
+    users_file: Annotated[Path | None, typer.Option(help="Users that may come in, lines of user:password.")] = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file of settings.")] = None,
+) -> None:
+    """Pass messages on between sensor, odometry, recorder and viewer of several hosts.
+
+    It listens on this machine only unless told otherwise. What the rules refuse is logged.
+
+    Example: odom --tls router.pem router.key ca.pem router --listen tls/0.0.0.0:7447 --allow sensor.cam0 --allow viewer
+    """
+    from odom.cli import signals
+    from odom.cli.wiring import wire_settings
+    from odom.wire.router import run_router
+
+    stop = signals.stop_event()
+    settings = wire_settings(config, connect, listen, "router", None)
+    security = settings.security
+    given = {"access": tuple(allow or security.access), "users_file": users_file or security.users_file}
+    update = {"security": security.model_copy(update=given), "connect": tuple(connect or ())}
+    run_router(settings.model_copy(update=update), stop)

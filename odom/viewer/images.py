@@ -17,6 +17,7 @@ from odom.wire.codec import cdr
 
 _RANGE_PERCENT, _RANGE_INERTIA = (2, 98), 0.9
 _PAIR_NS = 25_000_000
+_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
 _FRUSTUM_M = 0.35
 _HALF = 2
 
@@ -62,7 +63,7 @@ class Images:
             seen = np.percentile(measured, _RANGE_PERCENT)
             old = seen if self._range_mm is None else self._range_mm
             self._range_mm = _RANGE_INERTIA * old + (1.0 - _RANGE_INERTIA) * seen
-        data = cv2.imencode(".png", half, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes()
+        data = cv2.imencode(".png", half, _PNG)[1].tobytes()
         archetype = rr.EncodedDepthImage(
             data,
             media_type="image/png",

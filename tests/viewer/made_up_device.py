@@ -15,7 +15,7 @@ from odom.wire import Message, Topics, codec, truth
 
 Array = NDArray[np.float64]
 
-CAMERA = Camera(320, 240, 260.0, 260.0, 159.5, 119.5)
+CAMERA = Camera(640, 480, 520.0, 520.0, 319.5, 239.5)
 PERIOD_NS = 33_333_333
 BEGIN = Stamp(1_700_000_000_000_000_000)
 T_WORLD_MAP = se3.exp(np.array([0.3, -0.2, 1.0, 0.0, 0.0, 0.7]))
@@ -68,7 +68,7 @@ def estimates(options: MadeUp) -> Iterator[Estimate]:
                 reason = "the geometry agrees" if accepted else "only 11 inliers"
                 loops = (LoopCandidate(stamp, keyframes[len(keyframes) // 3][0], 90, accepted, reason),)
         uncertain = 100 <= i % 400 < 110
-        uv = rng.uniform((0, 0), (320, 240), (60, 2))
+        uv = rng.uniform((0, 0), (640, 480), (60, 2))
         yield Estimate(
             sequence=i,
             stamp=stamp,
@@ -120,12 +120,12 @@ def messages(options: MadeUp, topics: Topics) -> Iterator[tuple[Message, ...]]:
 
 def _pictures() -> tuple[tuple[bytes, NDArray[np.uint16]], ...]:
     rng = np.random.default_rng(3)
-    coarse = rng.integers(30, 226, (15, 20, 3), dtype=np.uint8)
-    wide = np.asarray(cv2.resize(coarse, (320 + 8 * _PICTURES, 240), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
+    coarse = rng.integers(30, 226, (60, 80, 3), dtype=np.uint8)
+    wide = np.asarray(cv2.resize(coarse, (640 + 8 * _PICTURES, 480), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
     pictures = []
     for k in range(_PICTURES):
-        image = np.ascontiguousarray(wide[:, 8 * k : 8 * k + 320])
+        image = np.ascontiguousarray(wide[:, 8 * k : 8 * k + 640])
         depth = (1200 + 900 * rng.random((12, 16))).astype(np.float32)
-        smooth = cv2.resize(depth, (320, 240), interpolation=cv2.INTER_CUBIC).astype(np.uint16)
-        pictures.append((cv2.imencode(".jpg", image)[1].tobytes(), smooth))
+        smooth = cv2.resize(depth, (640, 480), interpolation=cv2.INTER_CUBIC) + rng.normal(0, 4, (480, 640))
+        pictures.append((cv2.imencode(".jpg", image)[1].tobytes(), smooth.astype(np.uint16)))
     return tuple(pictures)

@@ -146,4 +146,5 @@ def test_memory_stays_flat_over_10000_frames(start: Start) -> None:
         rss.append(sum(process.memory_info().rss for process in view.family()) / 2**20)
     print(f"viewer and server: {max(rss):.0f} MiB at most, {rss[len(rss) // 2]:.0f} half way, {rss[-1]:.0f} at the end")
     assert max(rss) < 1024
-    assert max(rss[-10:]) < 1.1 * max(rss[len(rss) // 3 : len(rss) // 2])
+    third = len(rss) // 3
+    assert max(rss[-third:]) < 1.1 * max(rss[third : 2 * third])

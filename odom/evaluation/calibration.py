@@ -30,7 +30,7 @@ _ITERATIONS = 30
 _CONVERGED = 1e-6
 _MINIMUM = 20
 _BLOCK_S = 1.0
-_REACH_S = 0.03
+_REACH_S = 0.04
 _WILD = 3.0
 """Truth that turns so much faster than the camera ever does has jumped: such frames are left out."""
 
@@ -194,7 +194,8 @@ class _Problem:
         free = np.ones(13, dtype=bool)
         free[:6] = options.T_body_camera is None
         free[12] = options.offset_s is None
-        return cls(estimate.take(valid), truth, offset_s, options.T_body_camera, free, options.max_gap_s)
+        gap_s = max(options.max_gap_s, 2 * _REACH_S)  # poses between valid ones are never missing
+        return cls(estimate.take(valid), truth, offset_s, options.T_body_camera, free, gap_s)
 
     def body(self, offset_s: float) -> Array:
         """Return the body's poses (n x 4 x 4) at the frames' stamps plus an offset."""

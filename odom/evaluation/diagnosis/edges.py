@@ -1,0 +1,168 @@
+"""Whether depth and colour show the same thing at the same pixel and at the same time.
+
+Where a near surface ends in the depth image, the colour image has an edge too. The shift between the two is measured
+over many frames at once, by where it puts the most colour gradient across the depth edges. A wrong registration shifts
+them by the same pixels whatever the camera does; a wrong depth stamp shifts them by the edge's image velocity times the
+lag. The velocity of each edge follows from its depth and the camera's motion, so both are solved for together.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.evaluation.diagnosis.motion import PairMotion
+from odom.frame import Camera, RgbdFrame
+from odom.registration import se3
+
+Array = NDArray[np.float64]
+
+_GAP_PX = 8
+_STEP_SHARE, _STEP_M = 0.08, 0.04
+_EDGES_A_FRAME = 300
+_LEAST_EDGES = 1000
+_COARSE_EDGES = 4000
+_REACH_PX, _REACH_S = 24.0, 0.12
+_COARSE_PX, _COARSE_S = 3.0, 0.012
+
+
+@dataclass(frozen=True, eq=False)
+class DepthEdges:
+    """Pixels (n x 2) at the rim of near surfaces, the unit outward normal as axis (0: x, 1: y), and depth (n, m)."""
+
+    uv: Array
+    axis: NDArray[np.intp]
+    depth_m: Array
+
+
+@dataclass(frozen=True)
+class EdgeShift:
+    """Where colour edges lie relative to depth edges: pixels right and down, and the lag of depth in seconds.
+
+    `lag_s` is how much earlier than stamped the depth was really taken; NaN when the camera moved too little to tell.
+    `contrast` is the height of the best match over the spread of all others, in standard deviations.
+    """
+
+    shift_px: tuple[float, float]
+    lag_s: float
+    contrast: float
+    edges: int
+
+
+def depth_edges(depth_mm: NDArray[np.uint16], limit: int, rng: np.random.Generator) -> DepthEdges:
+    """Return at most `limit` pixels at which the surface ends and a farther one follows within eight pixels.
+
+    Pixels without depth in between (a structured-light sensor's shadow) are passed over, so the rim is that of the
+    near surface on both sides.
+    """
+    depth = depth_mm.astype(np.float32) * 1e-3
+    uv, axes = [], []
+    for axis, back in ((0, False), (0, True), (1, False), (1, True)):
+        view = depth if axis == 1 else depth.T
+        view = view[::-1] if back else view
+        following = np.zeros_like(view)
+        for step in range(_GAP_PX, 0, -1):
+            there = view[step:]
+            following[:-step] = np.where(there > 0, there, following[:-step])
+        inside = np.zeros_like(view, dtype=bool)
+        inside[3:] = view[:-3] > 0
+        rim = inside & (view > 0) & (following > view * (1 + _STEP_SHARE) + _STEP_M)
+        rim = rim[::-1] if back else rim
+        row, column = np.nonzero(rim if axis == 1 else rim.T)
+        offset = np.zeros(2)
+        offset[axis] = -0.5 if back else 0.5
+        uv.append(np.column_stack([column, row]) + offset)
+        axes.append(np.full(len(row), axis))
+    points, axis_of = np.vstack(uv), np.concatenate(axes)
+    chosen = rng.permutation(len(points))[:limit]
+    points, axis_of = points[chosen], axis_of[chosen]
+    column, row = np.floor(points).astype(np.intp).T
+    height, width = depth.shape
+    near = np.minimum.reduce(
+        [
+            np.where(d > 0, d, np.inf)
+            for d in (depth[row, column], depth[np.minimum(row + 1, height - 1), np.minimum(column + 1, width - 1)])
+        ]
+    )
+    good = np.isfinite(near)
+    return DepthEdges(points[good], axis_of[good], near[good].astype(np.float64))
+
+
+def edge_shift(
+    frames: Sequence[RgbdFrame], motions: Sequence[PairMotion | None], camera: Camera, seed: int = 0
+) -> EdgeShift | None:
+    """Return the shift and lag of the depth edges in `frames`; `motions[k]` is the motion about frame k.
+
+    A motion spans two frames of the same sequence, `earlier` and `later` being indices into it. None when the scene
+    has too few edges.
+    """
+    rng = np.random.default_rng(seed)
+    strengths: list[NDArray[np.float32]] = []
+    positions, velocities, axes, which = [], [], [], []
+    for frame, motion in zip(frames, motions, strict=True):
+        edges = depth_edges(frame.depth_mm, _EDGES_A_FRAME, rng)
+        if motion is None or not len(edges.uv):
+            continue
+        velocity = _velocity(edges, motion, camera)
+        apart = (frame.stamp - frame.depth_stamp) * 1e-9
+        which.append(np.full(len(edges.uv), len(strengths)))
+        strengths.append(_gradients(frame.color))
+        positions.append(edges.uv + apart * velocity)
+        velocities.append(velocity)
+        axes.append(edges.axis)
+    if not which or sum(len(w) for w in which) < _LEAST_EDGES:
+        return None
+    image, axis = np.concatenate(which), np.concatenate(axes)
+    uv, velocity = np.vstack(positions), np.vstack(velocities)
+    stack = np.stack(strengths)
+
+    base = (image * 2 + axis) * (stack.shape[2] * stack.shape[3])
+    few = rng.permutation(len(uv))[:_COARSE_EDGES]
+
+    def score(shift_x: float, shift_y: float, lag: float, chosen: NDArray[np.intp] | slice = slice(None)) -> float:
+        at = np.rint(uv[chosen] + lag * velocity[chosen] + (shift_x, shift_y)).astype(np.intp)
+        x = np.clip(at[:, 0], 0, stack.shape[3] - 1)
+        y = np.clip(at[:, 1], 0, stack.shape[2] - 1)
+        return float(stack.ravel()[base[chosen] + y * stack.shape[3] + x].mean())
+
+    speed = float(np.sqrt(np.mean(np.square(velocity - velocity.mean(axis=0)))))
+    moving = speed * 0.03 > 2.0
+    lags = np.arange(-_REACH_S, _REACH_S + 1e-9, _COARSE_S) if moving else np.zeros(1)
+    pixels = np.arange(-_REACH_PX, _REACH_PX + 1e-9, _COARSE_PX)
+    grid = np.array([[[score(x, y, lag, few) for lag in lags] for y in pixels] for x in pixels])
+    i, j, k = np.unravel_index(int(np.argmax(grid)), grid.shape)
+    best = np.array([pixels[i], pixels[j], lags[k]])
+    contrast = float((grid.max() - np.median(grid)) / (1.4826 * np.median(np.abs(grid - np.median(grid))) + 1e-9))
+    for size_px, size_s in ((1.0, 0.004), (0.5, 0.002)):
+        around = [
+            best + np.array([a * size_px, b * size_px, c * size_s])
+            for a in range(-3, 4) for b in range(-3, 4) for c in (range(-3, 4) if moving else (0,))
+        ]  # fmt: skip
+        best = max(around, key=lambda place: score(*place))
+    return EdgeShift((float(best[0]), float(best[1])), float(best[2]) if moving else float("nan"), contrast, len(uv))
+
+
+def _gradients(color: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Return gradient strengths across x and y (2 x H x W), 0 .. 1, comparable between dull and busy places."""
+    grey = color if color.ndim == 2 else cv2.cvtColor(color, cv2.COLOR_RGB2GRAY)
+    smooth = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), 1.5)
+    out = np.empty((2, *grey.shape), dtype=np.float32)
+    for axis, (dx, dy) in enumerate(((1, 0), (0, 1))):
+        strength = np.abs(cv2.Sobel(smooth, cv2.CV_32F, dx, dy))
+        usual = cv2.blur(strength, (61, 61)) + 0.3 * float(strength.mean()) + 1e-3
+        out[axis] = np.minimum(strength / (4.0 * usual), 1.0)
+    return out
+
+
+def _velocity(edges: DepthEdges, motion: PairMotion, camera: Camera) -> Array:
+    """Return the image velocity (px/s) of each edge under the motion, which spans `motion.seconds`."""
+    focal, centre = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
+    points = np.column_stack([(edges.uv - centre) / focal * edges.depth_m[:, None], edges.depth_m])
+    xi = 0.5 * se3.log(motion.T_later_earlier)
+    seen = []
+    for half in (se3.exp(-xi), se3.exp(xi)):
+        moved = se3.apply(half, points)
+        seen.append(moved[:, :2] / np.maximum(moved[:, 2:], 0.1) * focal)
+    return np.asarray((seen[1] - seen[0]) / motion.seconds)

@@ -1,0 +1,23 @@
+"""One line of a diagnosis: what was measured, whether it is good enough, and what to do."""
+
+from dataclasses import dataclass
+from enum import Enum, unique
+
+
+@unique
+class Verdict(Enum):
+    """`BAD` would spoil the odometry; `UNKNOWN` could not be judged from this recording."""
+
+    GOOD = "good"
+    UNKNOWN = "not judged"
+    BAD = "BAD"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """`key` names the check, `value` is the measurement in words, `advice` what to do (empty when all is well)."""
+
+    key: str
+    value: str
+    verdict: Verdict
+    advice: str = ""

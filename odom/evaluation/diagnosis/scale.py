@@ -1,0 +1,114 @@
+"""The depth scale against truth: how far the camera went by its depth, over how far it really went."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.errors import InputError
+from odom.evaluation.calibration import calibrate
+from odom.evaluation.diagnosis.motion import PairMotion, pair_motion
+from odom.evaluation.diagnosis.tracks import Tracks
+from odom.evaluation.trajectory import Stamps, Trajectory, inverse_all
+from odom.registration import se3
+
+Array = NDArray[np.float64]
+
+_KEY_EVERY = 10
+_SHORTEST_M = 0.05
+_GROUPS = 8
+_MAX_GAP_S = 0.1
+_LEAST_CORRELATION = 0.6
+_MOST_TURN_SIGMA = np.radians(3.0)
+_DISPLACEMENT_SIGMA_M = 0.01
+_LEVER_SIGMA_M = 0.3
+
+
+@dataclass(frozen=True)
+class ScaleFit:
+    """Measured over true displacement, its standard deviation, and the usual true displacement of a pair (m)."""
+
+    ratio: float
+    sigma: float
+    usual_m: float
+
+
+def chain(tracks: Sequence[Tracks], stamps: Stamps, focal_px: Array) -> Trajectory:
+    """Return the longest unbroken run of camera poses, by motions from a key frame every ten frames."""
+    best: list[tuple[int, Array]] = []
+    run: list[tuple[int, Array]] = [(0, np.eye(4))]
+    key, T_world_key = 0, np.eye(4)
+    for k in range(1, len(tracks)):
+        motion = pair_motion(tracks, key, k, focal_px)
+        if motion is None and key < k - 1:
+            key, T_world_key = run[-1]
+            motion = pair_motion(tracks, key, k, focal_px)
+        if motion is None:
+            best = max(best, run, key=len)
+            run, key, T_world_key = [(k, np.eye(4))], k, np.eye(4)
+            continue
+        run.append((k, T_world_key @ se3.inverse(motion.T_later_earlier)))
+        if k - key >= _KEY_EVERY:
+            key, T_world_key = run[-1]
+    best = max(best, run, key=len)
+    index = np.array([k for k, _ in best])
+    return Trajectory(stamps[index], np.array([T for _, T in best]))
+
+
+@dataclass(frozen=True, eq=False)
+class BodyTruth:
+    """Truth of a body on the camera's clock, how the camera is turned in it, and whether it is the camera itself."""
+
+    truth: Trajectory
+    R_body_camera: Array
+    is_camera: bool
+
+
+def body_truth(tracks: Sequence[Tracks], stamps: Stamps, focal_px: Array, truth: Trajectory) -> BodyTruth | None:
+    """Return a marker body's truth brought to the camera's clock, None when the motion does not settle how."""
+    try:
+        found = calibrate(chain(tracks, stamps, focal_px), truth)
+    except InputError:
+        return None
+    if found.correlation < _LEAST_CORRELATION or found.hand_eye_sigma[3:].max() > _MOST_TURN_SIGMA:
+        return None
+    return BodyTruth(truth.delayed(-found.offset_s), found.T_body_camera[:3, :3], False)
+
+
+def fit_scale(motions: Sequence[PairMotion], stamps: Stamps, body: BodyTruth) -> ScaleFit | None:
+    """Return the ratio of measured to true displacement over pairs of frames, None when the camera hardly moved.
+
+    For the body's motion (R, t) and the camera's displacement m, both seen from the earlier frame,
+    `m = s R_body_camera' (t + (R - 1) lever)`: linear in the scale s and s times the unknown lever arm.
+    """
+    earlier, later = (stamps[[getattr(m, name) for m in motions]] for name in ("earlier", "later"))
+    T_earlier, valid_earlier = body.truth.at(earlier, _MAX_GAP_S)
+    T_later, valid_later = body.truth.at(later, _MAX_GAP_S)
+    chosen = np.flatnonzero(valid_earlier & valid_later)
+    if len(chosen) < 2 * _GROUPS:
+        return None
+    T = inverse_all(T_earlier[chosen]) @ T_later[chosen]
+    columns = 1 if body.is_camera else 4
+    A = np.concatenate([T[:, :3, 3:], T[:, :3, :3] - np.eye(3)], axis=2)[:, :, :columns]
+    A = body.R_body_camera.T @ A
+    m = np.array([se3.inverse(motions[k].T_later_earlier)[:3, 3] for k in chosen.tolist()])
+    usual = float(np.median(np.linalg.norm(A[:, :, 0], axis=1)))
+    if usual < _SHORTEST_M:
+        return None
+    keep = np.ones(len(m), dtype=bool)
+    for _ in range(4):
+        x = _solve(A[keep], m[keep])
+        error = np.linalg.norm(m - A @ x, axis=1)
+        keep = error <= 3.0 * 1.4826 * np.median(error) + 1e-6
+    A, m = A[keep], m[keep]
+    parts = np.array_split(np.arange(len(m)), _GROUPS)
+    without = np.array([_solve(np.delete(A, part, axis=0), np.delete(m, part, axis=0))[0] for part in parts])
+    sigma = float(np.sqrt((_GROUPS - 1) / _GROUPS * np.square(without - without.mean()).sum()))
+    return ScaleFit(float(_solve(A, m)[0]), sigma, usual)
+
+
+def _solve(A: Array, m: Array) -> Array:
+    flat, right = A.reshape(-1, A.shape[2]), m.ravel()
+    sigma = _DISPLACEMENT_SIGMA_M / np.array([10.0, *[_LEVER_SIGMA_M] * 3])[: A.shape[2]]
+    return np.linalg.solve(flat.T @ flat + np.diag(np.square(sigma)), flat.T @ right)

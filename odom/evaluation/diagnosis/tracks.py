@@ -1,0 +1,97 @@
+"""Corners followed through the recording, and their depth: the raw material of the geometric checks."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.frame import Camera, RgbdFrame
+
+Array = NDArray[np.float64]
+
+_CORNERS = 300
+_REFILL_BELOW = 200
+_WINDOW = (21, 21)
+_LEVELS = 3
+_FORWARD_BACKWARD_PX = 0.5
+_SPREAD = 0.03
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """Corners of one frame: `ids` (n, increasing) and pixels `uv` (n x 2).
+
+    `rays` (n x 2) are undistorted x/z and y/z by the given calibration; `depth_m` (n) is NaN where depth is missing or
+    has an edge.
+    """
+
+    ids: NDArray[np.int64]
+    uv: Array
+    rays: Array
+    depth_m: Array
+
+
+def follow(frames: Sequence[RgbdFrame], camera: Camera) -> list[Tracks]:
+    """Return the tracks of every frame; a corner keeps its id as long as it is found again forth and back."""
+    previous: NDArray[np.uint8] | None = None
+    ids, uv, fresh = np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.float32), 0
+    out = []
+    for frame in frames:
+        color = frame.color
+        image = color if color.ndim == 2 else np.asarray(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+        if previous is not None and len(uv):
+            kept, uv = _track(previous, image, uv)
+            ids = ids[kept]
+        if len(uv) < _REFILL_BELOW:
+            added = _corners(image, uv)
+            ids = np.concatenate([ids, np.arange(fresh, fresh + len(added))])
+            uv, fresh = np.vstack([uv, added]).astype(np.float32), fresh + len(added)
+        out.append(Tracks(ids, uv.astype(np.float64), _rays(uv, camera), depth_at(frame.depth_mm, uv)))
+        previous = image
+    return out
+
+
+def depth_at(depth_mm: NDArray[np.uint16], uv: NDArray[np.floating]) -> Array:
+    """Return the median depth (m) of the 5 x 5 pixels around each of n points; NaN where they differ or are missing."""
+    height, width = depth_mm.shape
+    column, row = np.rint(uv).astype(np.intp).T.reshape(2, -1)
+    inside = (column >= 2) & (column < width - 2) & (row >= 2) & (row < height - 2)
+    steps = np.arange(-2, 3)
+    patch = depth_mm[
+        np.clip(row, 2, height - 3)[:, None, None] + steps[:, None],
+        np.clip(column, 2, width - 3)[:, None, None] + steps,
+    ].reshape(-1, 25)
+    low, high = patch.min(axis=1, initial=65535), patch.max(axis=1, initial=0)
+    middle = np.median(patch, axis=1) if len(patch) else np.zeros(0)
+    good = inside & (low > 0) & (high - low < _SPREAD * middle)
+    return np.where(good, middle * 1e-3, np.nan)
+
+
+def _track(
+    previous: NDArray[np.uint8], image: NDArray[np.uint8], uv: NDArray[np.float32]
+) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
+    there, found, _ = cv2.calcOpticalFlowPyrLK(previous, image, uv, uv.copy(), winSize=_WINDOW, maxLevel=_LEVELS)
+    back, returned, _ = cv2.calcOpticalFlowPyrLK(image, previous, there, uv.copy(), winSize=_WINDOW, maxLevel=_LEVELS)
+    good = (found.ravel() == 1) & (returned.ravel() == 1)
+    good &= np.linalg.norm(back - uv, axis=1) < _FORWARD_BACKWARD_PX
+    height, width = image.shape
+    good &= ((there > 4) & (there < np.array([width - 5, height - 5]))).all(axis=1)
+    return good, np.asarray(there[good], dtype=np.float32)
+
+
+def _corners(image: NDArray[np.uint8], uv: NDArray[np.float32]) -> NDArray[np.float32]:
+    mask = np.full(image.shape, 255, dtype=np.uint8)
+    for u, v in uv:
+        cv2.circle(mask, (round(float(u)), round(float(v))), 12, 0, -1)
+    found = cv2.goodFeaturesToTrack(image, _CORNERS - len(uv), 0.01, 12, mask=mask)
+    return np.zeros((0, 2), dtype=np.float32) if found is None else np.asarray(found, dtype=np.float32).reshape(-1, 2)
+
+
+def _rays(uv: NDArray[np.float32], camera: Camera) -> Array:
+    if not len(uv):
+        return np.zeros((0, 2))
+    coefficients = np.array(camera.distortion) if camera.distortion else None
+    points = uv.reshape(-1, 1, 2).astype(np.float64)
+    return np.asarray(cv2.undistortPoints(points, camera.matrix, coefficients), dtype=np.float64).reshape(-1, 2)

@@ -5,7 +5,6 @@ import os
 import re
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -16,14 +15,15 @@ from odom.wire.settings import WireSettings
 
 log = logging.getLogger(__name__)
 
-_FILTER = "warn,zenoh::net::routing::interceptor::access_control=trace"
-_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
-_LINE = re.compile(
-    r"\S+\s+(?P<level>[A-Z]+)\s+(?:(?P<thread>rx-\d+|\S*?) )?ThreadId\(\d+\) (?P<target>\S+?): (?P<text>.*)"
+_FILTER = (
+    "warn,zenoh_transport::unicast::establishment::accept=debug,zenoh::net::routing::interceptor::access_control=trace"
 )
-_DECISION = re.compile(r"on (?P<link>\S+) is (?P<un>un)?authorized to (?P<action>.+?) \(ingress\) on (?P<key>\S+)")
-_NAME = re.compile(r"(?:CertCommonName|Username)\((.*?)\)")
-_HELD_S = 1.0
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+_IDENTITY = re.compile(r"(\w+) on \S*(?:CertCommonName|Username)\((.*?)\)")
+_REFUSED = re.compile(r"(\w+)(?: on \S+)? is unauthorized to (.+?) \(ingress\) on (\S+)")
+_PASSWORD = re.compile(r"UsrPwd extension - Recv \w+\. (.*?)\.? at ")
+_WARNING = re.compile(r"\S+ +(?:WARN|ERROR) .*?ThreadId\(\d+\) \S+: (.*)")
+_VERBS = {"Put": "publish", "Delete": "publish", "Declare Subscriber": "subscribe to"}
 _MOST = 1000
 
 
@@ -37,61 +37,45 @@ def run_router(settings: WireSettings, stop: threading.Event) -> None:
 class Refusals:
     """Turns Zenoh's own log lines into this project's, each refusal once.
 
-    Zenoh decides about a declared key once for all kinds of messages ("caching permissions"), whether or not they are
-    ever sent: there only a refused `Put` counts, and not where the same identity then subscribes to that key.
+    Zenoh first decides about a declared key for all kinds of messages ("caching permissions"), whether or not they will
+    ever be sent, and says "Using cached result" when one is: those first decisions only tell who is who.
     """
 
     def __init__(self) -> None:
-        self._cached_key: dict[str, str] = {}
-        self._held: dict[tuple[str, str], float] = {}
-        self._told: set[tuple[str, str, str]] = set()
+        self._names: dict[str, str] = {}
+        self._deciding_ahead = False
+        self._told: set[str] = set()
 
     def line(self, raw: str) -> None:
-        """Take in one line."""
-        found = _LINE.match(_COLOUR.sub("", raw))
-        if found is None:
-            return
-        if found["target"].endswith("access_control"):
-            self._access(found["thread"] or "", found["text"])
-        elif found["level"] in ("WARN", "ERROR"):
-            log.warning("%s", found["text"].removesuffix(" Hint: increase the system open file limit."))
+        """Take in one line; quick for the many that say nothing of interest."""
+        if "caching permissions" in raw:
+            self._deciding_ahead = True
+        elif "authorized to" in raw:
+            self._decision(raw)
+        elif "UsrPwd extension" in raw:
+            if found := _PASSWORD.search(_COLOUR.sub("", raw)):
+                log.warning("refused: a client (%s)", found[1].lower())
+        elif found := _WARNING.match(_COLOUR.sub("", raw)):
+            log.warning("%s", found[1].removesuffix(" Hint: increase the system open file limit."))
 
-    def _access(self, thread: str, text: str) -> None:
-        if text.startswith("ACL (ingress): caching permissions for"):
-            self._cached_key[thread] = text.split("`")[1]
+    def _decision(self, raw: str) -> None:
+        cached = "Using cached result" in raw
+        if not cached:
+            if (found := _IDENTITY.search(raw)) and len(self._names) < _MOST:
+                self._names[found[1]] = found[2]
+            # The decisions ahead end with this kind of message, once for each direction.
+            if self._deciding_ahead:
+                self._deciding_ahead = "Declare Liveliness Subscriber" not in raw
+                return
+        if "unauthorized" not in raw or not (refused := _REFUSED.search(_COLOUR.sub("", raw))):
             return
-        decision = _DECISION.search(text)
-        if decision is None:
-            if text.startswith("ACL"):
-                self._cached_key.pop(thread, None)
-            return
-        name = _NAME.search(decision["link"])
-        who = name[1] if name else "a stranger"
-        action, key = decision["action"], decision["key"].strip("`")
-        in_cache = self._cached_key.get(thread) == key
-        if in_cache and decision["un"] and action == "Put":
-            self._held[who, key] = time.monotonic()
-        elif not in_cache and "Subscriber" in action:
-            self._held.pop((who, key), None)
-            if decision["un"]:
-                self._tell(who, "subscribe to", key)
-        elif not in_cache and decision["un"]:
-            self._tell(who, "publish" if action in ("Put", "Delete") else action.lower(), key)
-
-    def flush(self, now: float) -> None:
-        """Tell of what was held back long enough."""
-        for (who, key), since in list(self._held.items()):
-            if now - since > _HELD_S:
-                del self._held[who, key]
-                self._tell(who, "publish", key)
-
-    def _tell(self, who: str, action: str, key: str) -> None:
-        if (who, action, key) in self._told:
-            return
-        if len(self._told) >= _MOST:
-            self._told.clear()
-        self._told.add((who, action, key))
-        log.warning("refused: %s may not %s %s", who, action, key)
+        who = self._names.get(refused[1], "a stranger")
+        told = f"{who} may not {_VERBS.get(refused[2], refused[2].lower())} {refused[3]}"
+        if told not in self._told:
+            if len(self._told) >= _MOST:
+                self._told.clear()
+            self._told.add(told)
+            log.warning("refused: %s", told)
 
 
 @contextmanager
@@ -108,7 +92,6 @@ def refusals_logged() -> Iterator[None]:
         with os.fdopen(reading, errors="replace") as lines:
             for line in lines:
                 refusals.line(line)
-                refusals.flush(time.monotonic())
 
     thread = threading.Thread(target=read, name="zenoh-log", daemon=True)
     thread.start()
@@ -119,4 +102,3 @@ def refusals_logged() -> Iterator[None]:
         os.dup2(own, 1)
         os.close(own)
         thread.join(timeout=1)
-        refusals.flush(float("inf"))

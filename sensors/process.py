@@ -4,7 +4,7 @@ import logging
 import queue
 import threading
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from odom.frame import Stamp
@@ -57,10 +57,12 @@ class SensorProcess:
         Raises SourceError from the source, after the consumers were told of the end.
         """
         reason = INTERRUPTED
-        messages = _read_ahead(self._source, stop)
+        ahead = _ReadAhead(self._source)
         try:
+            if self._source.lossless:
+                ahead.start(stop)
             if self._window.wait_for_consumers(self._consumers, stop):
-                for message in messages:
+                for message in ahead.messages(stop):
                     if not self._send(message, stop):
                         break
                     progress(self.frames)
@@ -71,7 +73,7 @@ class SensorProcess:
             raise
         finally:
             self._source.close()
-            messages.close()
+            ahead.close()
             self._say_goodbye(reason, stop)
         return SensorReport(self.frames, self._publisher.serial, self._window.lost, reason)
 
@@ -106,36 +108,29 @@ class SensorProcess:
         self._window.wait_until_consumed(stop if complete else threading.Event(), None if complete else _FAREWELL_S)
 
 
-def _read_ahead(source: Source, stop: threading.Event) -> Generator[Message]:
-    """Yield the source's messages, a few of them read and decoded ahead in a thread while others wait to be sent."""
-    waiting: queue.Queue[Message | BaseException | None] = queue.Queue(_READ_AHEAD)
-    abandoned = threading.Event()
+class _ReadAhead:
+    """The source's messages, a few of them read and decoded ahead in a thread while others wait to be sent."""
 
-    def put(item: Message | BaseException | None) -> bool:
-        while not abandoned.is_set():
-            try:
-                waiting.put(item, timeout=0.1)
-            except queue.Full:
-                continue
-            return True
-        return False
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self._waiting: queue.Queue[Message | BaseException | None] = queue.Queue(_READ_AHEAD)
+        self._abandoned = threading.Event()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._read, name="source", daemon=True)
 
-    def read() -> None:
-        try:
-            for message in source.messages():
-                if not put(message):
-                    return
-        except BaseException as error:  # handed over to the thread that publishes, which raises it
-            put(error)
-        else:
-            put(None)
+    def start(self, stop: threading.Event) -> None:
+        """Begin to read, and wait until messages lie ready: whatever is loaded or compiled for the first is by then."""
+        self._thread.start()
+        while not (stop.is_set() or self._waiting.full() or self._ended.wait(0.01)):
+            pass
 
-    thread = threading.Thread(target=read, name="source", daemon=True)
-    thread.start()
-    try:
+    def messages(self, stop: threading.Event) -> Iterator[Message]:
+        """Yield until the source ends or `stop` is set; raises what the source raised."""
+        if not self._thread.is_alive() and not self._ended.is_set():
+            self._thread.start()
         while not stop.is_set():
             try:
-                item = waiting.get(timeout=0.1)
+                item = self._waiting.get(timeout=0.1)
             except queue.Empty:
                 continue
             if item is None:
@@ -143,6 +138,29 @@ def _read_ahead(source: Source, stop: threading.Event) -> Generator[Message]:
             if isinstance(item, BaseException):
                 raise item
             yield item
-    finally:
-        abandoned.set()
-        thread.join(timeout=_FAREWELL_S)
+
+    def close(self) -> None:
+        """Let the thread go."""
+        self._abandoned.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=_FAREWELL_S)
+
+    def _read(self) -> None:
+        last: BaseException | None = None
+        try:
+            for message in self._source.messages():
+                if not self._put(message):
+                    return
+        except BaseException as error:  # handed over to the thread that publishes, which raises it
+            last = error
+        self._ended.set()
+        self._put(last)
+
+    def _put(self, item: Message | BaseException | None) -> bool:
+        while not self._abandoned.is_set():
+            try:
+                self._waiting.put(item, timeout=0.1)
+            except queue.Full:
+                continue
+            return True
+        return False

@@ -164,6 +164,19 @@ def test_poses_return_with_stamp_and_frames(position: list[float], rotation: lis
     assert np.allclose(edge.T_parent_child, pose, atol=1e-9)
 
 
+@given(st.lists(st.floats(-4, 4), min_size=3, max_size=3))
+@example([np.pi, 0.0, 0.0])
+@example([0.0, -np.pi, 1e-9])
+@example([0.0, 0.0, 0.0])
+def test_quaternions_are_those_of_scipy(rotation: list[float]) -> None:
+    R = Rotation.from_rotvec(rotation).as_matrix()
+    quaternion = codec.quaternion_from_rotation(R)
+    expected = Rotation.from_matrix(R).as_quat(canonical=True)
+    assert quaternion[3] >= 0
+    assert np.isclose(abs(quaternion @ expected), 1.0, atol=1e-12)
+    assert np.allclose(codec.rotation_from_quaternion(quaternion), R, atol=1e-9)
+
+
 def test_covariance_crosses_in_the_convention_of_ros() -> None:
     """A camera that looks along the parent's x axis and errs along its view errs along x for ROS, and returns."""
     view = np.eye(4)

@@ -35,10 +35,19 @@ class StampedPose:
 
 
 def quaternion_from_rotation(R: Array) -> Array:
-    """Return the unit quaternion (x, y, z, w), w >= 0, of a rotation matrix."""
-    from scipy.spatial.transform import Rotation
+    """Return the unit quaternion (x, y, z, w), w >= 0, of a rotation matrix.
 
-    return np.asarray(Rotation.from_matrix(R).as_quat(canonical=True))
+    The row of 4 q q^T with the largest diagonal element is q without cancellation (S. W. Shepperd, 1978).
+    """
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    products = (
+        (1 + a - e - i, b + d, c + g, h - f),
+        (b + d, 1 - a + e - i, f + h, c - g),
+        (c + g, f + h, 1 - a - e + i, d - b),
+        (h - f, c - g, d - b, 1 + a + e + i),
+    )
+    row = np.array(products[max(range(4), key=lambda k: products[k][k])])
+    return np.asarray(row / np.copysign(np.sqrt(row @ row), row[3]))
 
 
 def rotation_from_quaternion(quaternion: Array) -> Array:

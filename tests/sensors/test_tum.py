@@ -1,0 +1,188 @@
+from collections import Counter
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from odom.errors import ConfigError, SourceError
+from odom.frame import Stamp
+from odom.wire import Topics, truth
+from odom.wire.assembler import FrameAssembler
+from odom.wire.codec import cdr, decode_depth, decode_pose
+from odom.wire.pairing import Pairer
+from sensors.calibration import load_calibration
+from sensors.source import SourceOptions, open_source
+from sensors.tum import depth_table, read_list
+
+CAMERA = """image_width: 32
+image_height: 24
+camera_matrix: {rows: 3, cols: 3, data: [30, 0, 16, 0, 31, 12, 0, 0, 1]}
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 5, data: [0.1, 0, 0, 0, 0.2]}
+"""
+FRAMES = 4
+
+
+def write_folder(folder: Path, extension: str = "jpg", scale: float | None = None) -> Path:
+    (folder / "rgb").mkdir(parents=True)
+    (folder / "depth").mkdir()
+    rgb, depth = ["# colour"], ["# depth"]
+    for i in range(FRAMES):
+        color = np.full((24, 32, 3), (10 * i, 100, 200), dtype=np.uint8)
+        cv2.imwrite(str(folder / "rgb" / f"{i}.{extension}"), color)
+        cv2.imwrite(str(folder / "depth" / f"{i}.png"), np.full((24, 32), 5003 + i, dtype=np.uint16))
+        rgb.append(f"100.{i}00000123 rgb/{i}.{extension}")
+        depth.append(f"100.{i}10000 depth/{i}.png")
+    (folder / "rgb.txt").write_text("\n".join(rgb) + "\n")
+    (folder / "depth.txt").write_text("\n".join(depth) + "\n")
+    (folder / "groundtruth.txt").write_text(
+        "# truth\n99.9 1 2 3 0 0 0 1\n100.05 1 2 3 0 0 0.7071 0.7071\n900 0 0 0 0 0 0 1\n"
+    )
+    (folder / "camera.yaml").write_text(CAMERA + (f"depth_scale: {scale}\n" if scale else ""))
+    return folder
+
+
+def keys(folder: Path, options: SourceOptions | None = None) -> Counter[str]:
+    return Counter(message.topic for message in open_source(str(folder), options or SourceOptions()).messages())
+
+
+@pytest.mark.parametrize("extension", ["jpg", "png"])
+def test_a_folder_goes_out_in_order_with_its_colour_files_unchanged(tmp_path: Path, extension: str) -> None:
+    folder = write_folder(tmp_path / "tum", extension)
+    topics = Topics("kinect")
+    source = open_source(str(folder), SourceOptions(topics=topics))
+    messages = list(source.messages())
+    assert source.lossless
+    assert source.length == FRAMES
+    assert messages[0].topic == topics.camera_info
+    assert [message.stamp for message in messages[1:]] == sorted(message.stamp for message in messages[1:])
+    colors = [message for message in messages if message.topic == topics.color_compressed]
+    assert [message.stamp for message in colors] == [100_000_000_123 + i * 100_000_000 for i in range(FRAMES)]
+    for i, message in enumerate(colors):
+        file = (folder / "rgb" / f"{i}.{extension}").read_bytes()
+        assert cdr.deserialise(message, cdr.COMPRESSED_IMAGE).data.tobytes() == file
+    assembler = FrameAssembler(topics)
+    frames = [frame for message in messages for frame in assembler.feed(message)]
+    assert len(frames) == FRAMES
+    assert assembler.camera == load_calibration(folder / "camera.yaml").camera
+    assert np.array_equal(frames[2].depth_mm, np.full((24, 32), 1001))
+    red, green, blue = frames[2].color[0, 0]
+    assert (abs(int(red) - 200) <= 3, abs(int(green) - 100) <= 3, abs(int(blue) - 20) <= 3) == (True, True, True)
+
+
+def test_truth_near_the_images_goes_out_as_a_body(tmp_path: Path) -> None:
+    messages = list(open_source(str(write_folder(tmp_path / "tum")), SourceOptions()).messages())
+    poses = [decode_pose(message) for message in messages if message.topic == truth("camera")]
+    assert [pose.stamp for pose in poses] == [99_900_000_000, 100_050_000_000]
+    assert poses[1].T_parent_child[:3, 3].tolist() == [1, 2, 3]
+    assert np.allclose(poses[1].T_parent_child[:3, :3] @ [1, 0, 0], [0, 1, 0], atol=1e-6)
+
+
+@pytest.mark.parametrize("scale", [1000.0, 5000.0, 1234.5, 100.0])
+def test_depth_becomes_millimetres_rounded_once(tmp_path: Path, scale: float) -> None:
+    folder = write_folder(tmp_path / "tum", scale=scale)
+    message = next(
+        m for m in open_source(str(folder), SourceOptions()).messages() if m.topic.endswith("depth/image_raw")
+    )
+    assert decode_depth(message)[0, 0] == round(5003 * 1000 / scale)
+    table = depth_table(scale)
+    every = np.arange(65536) if table is None else table
+    exact = np.arange(65536) * 1000 / scale
+    inside = np.rint(exact) < 65536
+    assert np.abs(every[inside] - exact[inside]).max() <= 0.5
+    assert not every[~inside].any()
+
+
+def test_a_part_is_played_and_a_round_follows_another(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / "tum")
+    part = keys(folder, SourceOptions(start=0.1, end=0.3))
+    assert part["cam0/color/image_raw/compressed"] == 2
+    source = open_source(str(folder), SourceOptions(loop=True))
+    stamps: list[int] = []
+    for message in source.messages():
+        if message.topic.endswith("compressed"):
+            stamps.append(message.stamp)
+            if len(stamps) == 3 * FRAMES:
+                source.close()
+    assert len(stamps) == 3 * FRAMES
+    assert stamps == sorted(set(stamps))
+
+
+def test_a_missing_or_damaged_image_is_left_out_and_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    folder = write_folder(tmp_path / "tum")
+    (folder / "rgb" / "1.jpg").unlink()
+    damaged = folder / "depth" / "2.png"
+    damaged.write_bytes(damaged.read_bytes()[:40])
+    (folder / "rgb" / "3.jpg").write_bytes(b"no image")
+    counted = keys(folder)
+    assert counted["cam0/color/image_raw/compressed"] == FRAMES - 2
+    assert counted["cam0/depth/image_raw"] == FRAMES - 1
+    assert [record.getMessage().count("left out") for record in caplog.records] == [1, 1, 1]
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "error", "says"),
+    [
+        ("rgb.txt", "100.0\n", SourceError, "rgb.txt:1"),
+        ("depth.txt", "# one\nwhen where\n", SourceError, "depth.txt:2"),
+        ("depth.txt", "", SourceError, "lists no images"),
+        ("camera.yaml", "image_width: 3\n", ConfigError, "camera_matrix"),
+        ("camera.yaml", "[", ConfigError, "cannot be read"),
+        ("camera.yaml", "just text", ConfigError, "not a ROS"),
+        ("camera.yaml", CAMERA.replace("plumb_bob", "fisheye"), ConfigError, "fisheye"),
+        ("camera.yaml", CAMERA.replace("30, 0", ".nan, 0"), ConfigError, "finite"),
+        ("camera.yaml", CAMERA + "depth_scale: 0\n", ConfigError, "depth_scale"),
+    ],
+)
+def test_what_is_wrong_with_a_folder_is_named(
+    tmp_path: Path, file: str, content: str, error: type[Exception], says: str
+) -> None:
+    folder = write_folder(tmp_path / "tum")
+    (folder / file).write_text(content)
+    with pytest.raises(error, match=says):
+        open_source(str(folder), SourceOptions())
+
+
+def test_a_folder_without_calibration_asks_for_one(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / "tum")
+    elsewhere = tmp_path / "elsewhere.yaml"
+    (folder / "camera.yaml").rename(elsewhere)
+    with pytest.raises(ConfigError, match="--camera"):
+        open_source(str(folder), SourceOptions())
+    assert keys(folder, SourceOptions(camera=elsewhere))["cam0/depth/image_raw"] == FRAMES
+
+
+def test_what_is_no_source_is_said(tmp_path: Path) -> None:
+    with pytest.raises(SourceError, match="no such file"):
+        open_source(str(tmp_path / "nothing"), SourceOptions())
+    with pytest.raises(ConfigError, match="neither"):
+        open_source(str(tmp_path), SourceOptions())
+
+
+def test_a_real_recording_becomes_its_frames(shared_data: Path) -> None:
+    source = open_source(str(shared_data / "tum_fr1_rpy_part"), SourceOptions(end=3.0))
+    assembler = FrameAssembler(Topics(), grey=True)
+    frames = [frame for message in source.messages() for frame in assembler.feed(message)]
+    frames += assembler.finish()
+    assert len(frames) == source.length
+    assert not assembler.malformed
+    assert all(500 < np.median(frame.depth_mm[frame.depth_mm > 0]) < 4000 for frame in frames)
+
+
+def test_every_mutually_nearest_pair_of_a_real_kinect_is_found(shared_data: Path) -> None:
+    color, depth = (
+        np.array([entry.stamp for entry in read_list(shared_data / "tum_fr1_xyz" / name, 1)])
+        for name in ("rgb.txt", "depth.txt")
+    )
+    apart = np.abs(color[:, None] - depth[None])
+    nearest_depth, nearest_color = apart.argmin(axis=1), apart.argmin(axis=0)
+    mutual = {(color[i], depth[j]) for i, j in enumerate(nearest_depth) if nearest_color[j] == i}
+    pairer: Pairer[None, None] = Pairer()
+    pairs = []
+    for stamp, is_color in sorted([(at, True) for at in color] + [(at, False) for at in depth]):
+        add = pairer.add_color if is_color else pairer.add_depth
+        pairs += add(Stamp(int(stamp)), None)
+    pairs += pairer.finish()
+    assert mutual <= {(pair.color_stamp, pair.depth_stamp) for pair in pairs}
+    assert len(mutual) > 0.98 * len(color)

@@ -15,7 +15,7 @@ from odom.viewer.draw import Draw, draw
 from odom.wire import Message, codec
 from odom.wire.codec import cdr
 
-_RANGE_PERCENT, _RANGE_INERTIA = (2, 98), 0.9
+_FAR_PERCENT, _INERTIA = 99.5, 0.9
 _PAIR_NS = 25_000_000
 _PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
 _FRUSTUM_M = 0.35
@@ -31,7 +31,7 @@ class Images:
         self._camera: Camera | None = None
         self._color: Message | None = None
         self._depth: Message | None = None
-        self._range_mm: NDArray[np.float64] | None = None
+        self._far_mm: float | None = None
 
     def camera_info(self, message: Message) -> Iterator[Draw]:
         """Yield the pinholes when the camera has changed."""
@@ -60,15 +60,14 @@ class Images:
         self._depth = message
         half = np.ascontiguousarray(codec.decode_depth(message)[::_HALF, ::_HALF])
         if len(measured := half[::4, ::4][half[::4, ::4] > 0]):
-            seen = np.percentile(measured, _RANGE_PERCENT)
-            old = seen if self._range_mm is None else self._range_mm
-            self._range_mm = _RANGE_INERTIA * old + (1.0 - _RANGE_INERTIA) * seen
+            far = float(np.percentile(measured, _FAR_PERCENT))
+            self._far_mm = far if self._far_mm is None else _INERTIA * self._far_mm + (1.0 - _INERTIA) * far
         data = cv2.imencode(".png", half, _PNG)[1].tobytes()
         archetype = rr.EncodedDepthImage(
             data,
             media_type="image/png",
             meter=1000.0,
-            depth_range=self._range_mm,
+            depth_range=(0.0, 1.1 * self._far_mm) if self._far_mm else None,
             colormap=rr.components.Colormap.Viridis,
         )
         yield draw(entities.DEPTH, message.stamp, archetype)

@@ -1,5 +1,6 @@
 """What happened and how it goes, in plain words."""
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -20,6 +21,7 @@ _STATES: Mapping[str, tuple[str, str, palette.Rgb]] = {
     "UNCERTAIN": (WARN, "Uncertain", palette.WARN),
     "LOST": (ERROR, "Lost", palette.BAD),
 }
+_NUMBER = re.compile(r"\d+(\.\d+)?")
 _REFUSED_EVERY_NS = 1_000_000_000
 
 
@@ -34,6 +36,7 @@ class Words:
     """Turns changes of status, loops and truth into lines, and the present into a short table."""
 
     _state: tuple[str, str] = ("", "")
+    _said: tuple[str, str] = ("", "")
     _values: Mapping[str, str] = field(default_factory=dict)
     _began: Stamp | None = None
     _frames: int = 0
@@ -45,14 +48,15 @@ class Words:
     _calibrated: bool = False
 
     def status(self, stamp: Stamp, status: Status) -> Iterator[Draw]:
-        """Yield a line when the state or its reason has changed."""
+        """Yield a line when the state or its reason has changed, in more than its numbers."""
         self._values = {**self._values, **status.values}
         state = status.values.get("state", "")
         reason = status.values.get("reason", status.message)
-        if not state or (state, reason) == self._state:
+        kind = (state, _NUMBER.sub("", reason))
+        self._state, changed_state = (state, reason), state != self._state[0]
+        if not state or kind == self._said:
             return
-        changed_state = state != self._state[0]
-        self._state = (state, reason)
+        self._said = kind
         level, word, color = _STATES.get(state, (INFO, state.capitalize(), palette.BOUND))
         if changed_state or state not in ("TRACKING", "RECOVERED"):
             yield says(stamp, level, f"{word}: {reason}" if reason else word, color)

@@ -165,7 +165,8 @@ def test_a_real_recording_becomes_its_frames(shared_data: Path) -> None:
     assembler = FrameAssembler(Topics(), grey=True)
     frames = [frame for message in source.messages() for frame in assembler.feed(message)]
     frames += assembler.finish()
-    assert len(frames) == source.length
+    assert source.length is not None
+    assert len(frames) >= source.length - 1
     assert not assembler.malformed
     assert all(500 < np.median(frame.depth_mm[frame.depth_mm > 0]) < 4000 for frame in frames)
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from sensors.arena import paint
 from sensors.arena.paint import Color
-from sensors.arena.scene import BLACK, GLASS, Array, Builder, pose
+from sensors.arena.scene import BLACK, GLASS, ORDINARY, Array, Builder, pose
 from sensors.arena.texture import Image
 
 Random = np.random.Generator
@@ -20,7 +20,7 @@ def one_of(rng: Random, colors: tuple[Color, ...]) -> Color:
 
 def table(scene: Builder, rng: Random, T: Array, width: float, depth: float, height: float = 0.73) -> None:
     """Add a table with four legs."""
-    top = paint.wood(rng, one_of(rng, WOODS), 0.0025)
+    top = paint.wood(rng, one_of(rng, WOODS), 0.0032)
     edge = paint.plain(rng, (70, 62, 56))
     scene.box(T, (0, 0, height - 0.015), (width, depth, 0.03), edge, "front back left right top bottom", top=top)
     leg = paint.plain(rng, (120, 122, 126), 0.01)
@@ -74,7 +74,7 @@ def books(scene: Builder, rng: Random, T: Array, width: float, height: float, de
         tall = float(rng.uniform(0.6, 0.93)) * height
         deep = float(rng.uniform(0.75, 1.0)) * depth
         cover = paint.spine(rng)
-        page = paint.plain(rng, (222, 214, 194), 0.006, 0.05)
+        page = paint.plain(rng, (222, 214, 194), 0.008, 0.05)
         scene.box(
             T,
             (x + thick / 2, depth / 2 - deep / 2, tall / 2),
@@ -82,8 +82,8 @@ def books(scene: Builder, rng: Random, T: Array, width: float, height: float, de
             page,
             "front left right top",
             front=cover,
-            left=paint.plain(rng, paint.some_color(rng), 0.006),
-            right=paint.plain(rng, paint.some_color(rng), 0.006),
+            left=paint.plain(rng, paint.some_color(rng), 0.01),
+            right=paint.plain(rng, paint.some_color(rng), 0.01),
         )
         x += thick
 
@@ -103,7 +103,7 @@ def pile(scene: Builder, rng: Random, T: Array, count: int) -> None:
 
 def shelf(scene: Builder, rng: Random, T: Array, width: float, height: float, depth: float = 0.3) -> None:
     """Add a standing shelf, filled."""
-    board = paint.wood(rng, one_of(rng, WOODS), 0.004)
+    board = paint.wood(rng, one_of(rng, WOODS), 0.006)
     back = paint.plain(rng, (186, 172, 150), 0.01)
     for x in (-width / 2 + 0.01, width / 2 - 0.01):
         scene.box(T, (x, 0, height / 2), (0.02, depth, height), board)
@@ -298,28 +298,21 @@ def on_wall(
     painter: paint.Painter,
     rim: Color,
     thick: float = 0.02,
-    infrared: float = 0.6,
+    infrared: float = ORDINARY,
+    glow: float = 0.0,
 ) -> None:
     """Add a framed picture, poster or board: T is at its middle, on the wall, looking into the room along -y."""
     frame = paint.plain(rng, rim, 0.006)
     scene.box(T, (0, -thick / 2, 0), (width, thick, height), frame, "front left right top bottom")
     b = 0.02 if thick > 0.01 else 0.0
-    scene.panel(T, (0, -thick - 0.002, 0), (width - 2 * b, 0, 0), (0, 0, -height + 2 * b), painter, infrared=infrared)
+    scene.panel(
+        T, (0, -thick - 0.002, 0), (width - 2 * b, 0, 0), (0, 0, -height + 2 * b), painter, False, infrared, glow
+    )
 
 
 def window(scene: Builder, rng: Random, T: Array, width: float, height: float) -> None:
     """Add a window with a sill, a cross bar and daylight."""
-    on_wall(scene, rng, T, width, height, paint.window(rng), (232, 230, 224), 0.03, GLASS)
-    last = scene.panels.pop()
-    scene.panel(
-        T,
-        (0, -0.033, 0),
-        (width - 0.08, 0, 0),
-        (0, 0, -height + 0.08),
-        lambda w, h: last.image,
-        infrared=GLASS,
-        glow=1.0,
-    )
+    on_wall(scene, rng, T, width, height, paint.window(rng), (232, 230, 224), 0.03, GLASS, 1.0)
     bar = paint.plain(rng, (232, 230, 224), 0.006)
     scene.box(T, (0, -0.04, 0), (0.05, 0.03, height), bar, "front left right")
     scene.box(T, (0, -0.045, height * 0.2), (width, 0.02, 0.05), bar, "front top bottom")

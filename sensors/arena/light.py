@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.registration.compiled import compiled
+from sensors.arena.paint import STRIPE
 from sensors.arena.scene import Panel
 from sensors.arena.texture import Image
 
@@ -192,8 +193,8 @@ def _grid(panel: Panel) -> tuple[int, int]:
     return max(2, round(float(height) / CELL_M)), max(2, round(float(width) / CELL_M))
 
 
-def bake(panels: list[Panel], neighbours: list[Panel], lamps: Lamps, seed: int) -> list[Image]:
-    """Return the panels' pictures as the lamps light them; `neighbours` only cast shadows."""
+def bake(panels: list[Panel], neighbours: list[Panel], lamps: Lamps, seed: int) -> list[NDArray[np.float32]]:
+    """Return coarse maps (rows x columns x 3) of the light on the panels; `neighbours` only cast shadows."""
     rng = np.random.default_rng([seed, 7])
     b = sort_blockers(panels + neighbours)
     points, normals, shapes = [], [], []
@@ -219,7 +220,8 @@ def bake(panels: list[Panel], neighbours: list[Panel], lamps: Lamps, seed: int) 
         rays,
         rng.uniform(0, 2 * np.pi, len(everywhere)),
     )
-    baked, start = [], 0
+    maps: list[NDArray[np.float32]] = []
+    start = 0
     for panel, (rows, columns) in zip(panels, shapes, strict=True):
         part = light[start : start + rows * columns].reshape(rows, columns, 3)
         start += rows * columns
@@ -227,13 +229,16 @@ def bake(panels: list[Panel], neighbours: list[Panel], lamps: Lamps, seed: int) 
             part = np.full_like(part, panel.glow)
         if rows > 2 and columns > 2:
             part = np.asarray(cv2.GaussianBlur(part, (3, 3), 0.7))
-        baked.append(_lit(panel.image, part.astype(np.float32)))
-    return baked
+        maps.append(part.astype(np.float32))
+    return maps
 
 
-def _lit(image: Image, light: NDArray[np.float32]) -> Image:
+def lit(image: Image, light: NDArray[np.float32]) -> Image:
     """Return the picture under a coarse map of linear light, in display values (gamma 2.2), soft towards white."""
     height, width = image.shape[:2]
-    factor = np.asarray(cv2.resize(light ** (1 / 2.2), (width, height), interpolation=cv2.INTER_LINEAR))
-    value = image * factor
-    return np.asarray(np.where(value > 200, 200 + 55 * (1 - np.exp(-(value - 200) / 55)), value), np.uint8)
+    value = np.asarray(cv2.resize(light ** (1 / 2.2), (width, height), interpolation=cv2.INTER_LINEAR))
+    out = np.empty_like(image)
+    for top in range(0, height, STRIPE):
+        part = value[top : top + STRIPE] * image[top : top + STRIPE]
+        out[top : top + STRIPE] = np.where(part > 200, 200 + 55 * (1 - np.exp(-np.maximum(part - 200, 0) / 55)), part)
+    return out

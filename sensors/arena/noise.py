@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-TILE = 1024
+TILE = 512
 """Side of a tile in pixels, a power of two: indices wrap round."""
 WANDER_PX = 0.75
 """How far a matching window may catch an edge beside its middle."""

@@ -15,6 +15,8 @@ Painter = Callable[[float, float], Image]
 Color = tuple[int, int, int]
 Float = NDArray[np.float32]
 
+STRIPE = 64
+"""Rows worked on at a time, so that large pictures need little memory."""
 WORDS = [
     "lidar",
     "pose",
@@ -82,10 +84,14 @@ def clouds(shape: tuple[int, int], rng: np.random.Generator, cells: tuple[int, i
 
 def modulate(image: Image, factor: Float) -> Image:
     """Return `image` times `factor` (H x W), clipped."""
-    return np.asarray(np.clip(image * factor[..., None], 0, 255), np.uint8)
+    out = np.empty_like(image)
+    for top in range(0, len(image), STRIPE):
+        part = slice(top, top + STRIPE)
+        out[part] = np.clip(image[part] * factor[part, :, None], 0, 255)
+    return out
 
 
-def plain(rng: np.random.Generator, color: Color, texel_m: float = 0.004, mottle: float = 0.03) -> Painter:
+def plain(rng: np.random.Generator, color: Color, texel_m: float = 0.006, mottle: float = 0.03) -> Painter:
     """Return a painter of painted or moulded stuff: one colour with faint clouds and grain."""
 
     def paint(width_m: float, height_m: float) -> Image:
@@ -222,7 +228,7 @@ def chart(rng: np.random.Generator, shape: tuple[int, int], paper: Color = (250,
     return image
 
 
-def poster(rng: np.random.Generator, texel_m: float = 0.0016) -> Painter:
+def poster(rng: np.random.Generator, texel_m: float = 0.002) -> Painter:
     """Return a painter of a scientific poster: head band, columns of print, charts and pictures."""
 
     def paint(width_m: float, height_m: float) -> Image:
@@ -273,7 +279,7 @@ def poster(rng: np.random.Generator, texel_m: float = 0.0016) -> Painter:
     return paint
 
 
-def picture(rng: np.random.Generator, texel_m: float = 0.002) -> Painter:
+def picture(rng: np.random.Generator, texel_m: float = 0.0022) -> Painter:
     """Return a painter of a photograph or painting with a mount."""
     view = landscape if rng.random() < 0.65 else abstract
 
@@ -287,7 +293,7 @@ def picture(rng: np.random.Generator, texel_m: float = 0.002) -> Painter:
     return paint
 
 
-def paper(rng: np.random.Generator, texel_m: float = 0.0012) -> Painter:
+def paper(rng: np.random.Generator, texel_m: float = 0.0016) -> Painter:
     """Return a painter of a printed sheet."""
 
     def paint(width_m: float, height_m: float) -> Image:
@@ -306,7 +312,7 @@ def paper(rng: np.random.Generator, texel_m: float = 0.0012) -> Painter:
     return paint
 
 
-def screen(rng: np.random.Generator, texel_m: float = 0.0012) -> Painter:
+def screen(rng: np.random.Generator, texel_m: float = 0.0017) -> Painter:
     """Return a painter of a monitor: an editor, a plot and windows."""
 
     def paint(width_m: float, height_m: float) -> Image:
@@ -330,7 +336,7 @@ def screen(rng: np.random.Generator, texel_m: float = 0.0012) -> Painter:
     return paint
 
 
-def whiteboard(rng: np.random.Generator, texel_m: float = 0.002) -> Painter:
+def whiteboard(rng: np.random.Generator, texel_m: float = 0.0024) -> Painter:
     """Return a painter of a whiteboard with formulas, sketches, wiped traces and notes."""
 
     def paint(width_m: float, height_m: float) -> Image:
@@ -371,7 +377,7 @@ def whiteboard(rng: np.random.Generator, texel_m: float = 0.002) -> Painter:
     return paint
 
 
-def window(rng: np.random.Generator, texel_m: float = 0.004) -> Painter:
+def window(rng: np.random.Generator, texel_m: float = 0.006) -> Painter:
     """Return a painter of the view out of a window: bright sky, houses, trees."""
 
     def paint(width_m: float, height_m: float) -> Image:
@@ -403,7 +409,7 @@ def window(rng: np.random.Generator, texel_m: float = 0.004) -> Painter:
     return paint
 
 
-def carton(rng: np.random.Generator, texel_m: float = 0.002) -> Painter:
+def carton(rng: np.random.Generator, texel_m: float = 0.0028) -> Painter:
     """Return a painter of corrugated cardboard with tape, arrows and a label."""
 
     def paint(width_m: float, height_m: float) -> Image:
@@ -441,7 +447,7 @@ def carton(rng: np.random.Generator, texel_m: float = 0.002) -> Painter:
     return paint
 
 
-def spine(rng: np.random.Generator, texel_m: float = 0.0013) -> Painter:
+def spine(rng: np.random.Generator, texel_m: float = 0.0018) -> Painter:
     """Return a painter of the back of a book or binder."""
     base = some_color(rng)
 
@@ -466,7 +472,7 @@ def spine(rng: np.random.Generator, texel_m: float = 0.0013) -> Painter:
     return paint
 
 
-def keyboard(rng: np.random.Generator, texel_m: float = 0.0015) -> Painter:
+def keyboard(rng: np.random.Generator, texel_m: float = 0.0018) -> Painter:
     """Return a painter of rows of keys."""
 
     def paint(width_m: float, height_m: float) -> Image:
@@ -503,7 +509,7 @@ def checker(squares: int = 8) -> Painter:
     return paint
 
 
-def rack(rng: np.random.Generator, texel_m: float = 0.002) -> Painter:
+def rack(rng: np.random.Generator, texel_m: float = 0.0024) -> Painter:
     """Return a painter of fronts of laboratory instruments: knobs, sockets, displays."""
 
     def paint(width_m: float, height_m: float) -> Image:
@@ -535,7 +541,7 @@ def rack(rng: np.random.Generator, texel_m: float = 0.002) -> Painter:
     return paint
 
 
-def rug(rng: np.random.Generator, texel_m: float = 0.003) -> Painter:
+def rug(rng: np.random.Generator, texel_m: float = 0.004) -> Painter:
     """Return a painter of a woven carpet with borders and rhombs."""
     inks = rng.integers((60, 25, 25), (215, 170, 140), (6, 3))
 
@@ -555,7 +561,7 @@ def rug(rng: np.random.Generator, texel_m: float = 0.003) -> Painter:
     return paint
 
 
-def ceiling(rng: np.random.Generator, texel_m: float = 0.005) -> Painter:
+def ceiling(rng: np.random.Generator, texel_m: float = 0.01) -> Painter:
     """Return a painter of acoustic tiles with holes in a metal grid."""
 
     def paint(width_m: float, height_m: float) -> Image:
@@ -564,9 +570,9 @@ def ceiling(rng: np.random.Generator, texel_m: float = 0.005) -> Painter:
         image[holes] = (image[holes] * 0.72).astype(np.uint8)
         step = round(0.6 / texel_m)
         for k in range(0, image.shape[0], step):
-            image[k : k + 4] = 205
+            image[k : k + 2] = 205
         for k in range(0, image.shape[1], step):
-            image[:, k : k + 4] = 205
+            image[:, k : k + 2] = 205
         return image
 
     return paint

@@ -1,10 +1,12 @@
 """Furnished rooms from a seed: the laboratory of the default walk, and a corridor of identical rooms."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from sensors.arena import furniture, paint
-from sensors.arena.light import Lamps, bake
+from sensors.arena.light import Lamps, bake, lit
 from sensors.arena.paint import Color
 from sensors.arena.render import Renderer, Surfaces
 from sensors.arena.scene import Array, Builder, Panel, moved, pose
@@ -20,7 +22,7 @@ def shell(scene: Builder, rng: np.random.Generator, size: tuple[float, float, fl
     tone = furniture.one_of(rng, WALL_TONES)
     accent = furniture.one_of(rng, ACCENTS)
     T = np.eye(4)
-    floor = paint.wood(rng, furniture.one_of(rng, ((176, 130, 88), (150, 112, 80), (190, 160, 122))), 0.003, 0.11)
+    floor = paint.wood(rng, furniture.one_of(rng, ((176, 130, 88), (150, 112, 80), (190, 160, 122))), 0.0045, 0.11)
     scene.panel(T, (0, 0, 0), (size[0], 0, 0), (0, -size[1], 0), floor)
     scene.panel(T, (0, 0, h), (size[0], 0, 0), (0, size[1], 0), paint.ceiling(rng))
     walls = ((0, b, 0.0, size[0]), (a, 0, -90.0, size[1]), (0, -b, 180.0, size[0]), (-a, 0, 90.0, size[1]))
@@ -28,7 +30,7 @@ def shell(scene: Builder, rng: np.random.Generator, size: tuple[float, float, fl
     for k, (x, y, yaw, width) in enumerate(walls):
         wall = pose(x, y, 0, yaw)
         color = accent if k == 1 else tone
-        scene.panel(wall, (0, 0, h / 2), (width, 0, 0), (0, 0, -h), paint.plain(rng, color, 0.004, 0.022))
+        scene.panel(wall, (0, 0, h / 2), (width, 0, 0), (0, 0, -h), paint.plain(rng, color, 0.008, 0.022))
         scene.box(wall, (0, -0.008, 0.04), (width, 0.016, 0.08), skirting, "front top")
 
 
@@ -125,7 +127,7 @@ def laboratory(seed: int) -> Renderer:
         ceiling_lamps(scene, [(-1.7, -1.1), (-1.7, 1.1), (1.7, -1.1), (1.7, 1.1)], size[2]),
         daylight(light, 1.7, 1.25),
     ]
-    return renderer(scene.panels, join_lamps(lamps), seed)
+    return draw([scene.panels], bake(scene.panels, [], join_lamps(lamps), seed))
 
 
 BAY_M = 3.2
@@ -140,8 +142,8 @@ def corridor(seed: int) -> Renderer:
     width, depth, h = BAY_M, 3.6, 2.7
     T = np.eye(4)
     tone = furniture.one_of(rng, WALL_TONES)
-    wall = paint.plain(rng, tone, 0.004, 0.035)
-    scene.panel(T, (0, 0, 0), (width, 0, 0), (0, -depth, 0), paint.wood(rng, (176, 130, 88), 0.003, 0.11))
+    wall = paint.plain(rng, tone, 0.008, 0.022)
+    scene.panel(T, (0, 0, 0), (width, 0, 0), (0, -depth, 0), paint.wood(rng, (176, 130, 88), 0.0045, 0.11))
     scene.panel(T, (0, 0, h), (width, 0, 0), (0, depth, 0), paint.ceiling(rng))
     north, south = pose(0, depth / 2), pose(0, -depth / 2, 0, 180)
     for side in (north, south):
@@ -164,14 +166,8 @@ def corridor(seed: int) -> Renderer:
     shifts = [(k * width, 0.0, 0.0) for k in (-2, -1, 1, 2)]
     neighbours = [panel for shift in shifts for panel in moved(scene.panels, shift)]
     lamps = join_lamps([light, *((light[0] + shift, light[1], light[2]) for shift in shifts)])
-    images = bake(scene.panels, neighbours, lamps, seed)
     rooms = [moved(scene.panels, (k * width, 0.0, 0.0)) for k in range(-1, BAYS - 1)]
-    ends = Builder()
-    for x, yaw in ((-1.5 * width, 90.0), ((BAYS - 1.5) * width, -90.0)):
-        ends.panel(pose(x, 0, 0, yaw), (0, 0, h / 2), (depth, 0, 0), (0, 0, -h), wall)
-    panels = [panel for one in rooms for panel in one] + ends.panels
-    patch = [*(k for _ in rooms for k in range(len(images))), *range(len(images), len(images) + 2)]
-    return draw(panels, patch, images + [panel.image for panel in ends.panels])
+    return draw(rooms, bake(scene.panels, neighbours, lamps, seed))
 
 
 def join_lamps(lamps: list[tuple[Array, Array, Array]]) -> Lamps:
@@ -180,22 +176,27 @@ def join_lamps(lamps: list[tuple[Array, Array, Array]]) -> Lamps:
     return Lamps(np.concatenate(points), np.concatenate(normals), np.concatenate(power))
 
 
-def renderer(panels: list[Panel], lamps: Lamps, seed: int) -> Renderer:
-    """Bake the light and return what draws the scene."""
-    return draw(panels, list(range(len(panels))), bake(panels, [], lamps, seed))
+def draw(rooms: list[list[Panel]], light: list[NDArray[np.float32]]) -> Renderer:
+    """Return what draws rooms that are the first one repeated; `light` (see `bake`) is that of the first's panels."""
+    tones: list[float] = []
 
+    def pictures() -> Iterator[NDArray[np.uint8]]:
+        for panel, on_it in zip(rooms[0], light, strict=True):
+            image = panel.paint()
+            tones.append(panel.infrared * _tone(image))
+            yield lit(image, on_it)
 
-def draw(panels: list[Panel], patch: list[int], images: list[NDArray[np.uint8]]) -> Renderer:
-    """Return what draws panels whose pictures are `images[patch[i]]`."""
+    atlas = pack(pictures())
+    panels = [panel for one in rooms for panel in one]
     surfaces = Surfaces(
         np.array([p.origin for p in panels]),
         np.array([p.u for p in panels]),
         np.array([p.v for p in panels]),
         np.array([p.two_sided for p in panels]),
-        np.array([p.infrared * _tone(p.image) for p in panels], np.float32),
-        np.array(patch, np.int32),
+        np.tile(np.array(tones, np.float32), len(rooms)),
+        np.tile(np.arange(len(rooms[0]), dtype=np.int32), len(rooms)),
     )
-    return Renderer(surfaces, pack(images))
+    return Renderer(surfaces, atlas)
 
 
 def _tone(image: NDArray[np.uint8]) -> float:

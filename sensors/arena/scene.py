@@ -21,12 +21,12 @@ BLACK = 0.08
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """One surface `origin + s u + t v` (world frame, metres) with its picture; `glow` > 0 shines by itself."""
+    """One surface `origin + s u + t v` (world frame, metres) and who paints it; `glow` > 0 shines by itself."""
 
     origin: Array
     u: Array
     v: Array
-    image: Image
+    painter: Painter
     two_sided: bool = False
     infrared: float = ORDINARY
     glow: float = 0.0
@@ -35,6 +35,10 @@ class Panel:
     def area(self) -> float:
         """Square metres."""
         return float(np.linalg.norm(np.cross(self.u, self.v)))
+
+    def paint(self) -> Image:
+        """Return the picture; it is another one each time, as the painter's random numbers go on."""
+        return self.painter(float(np.linalg.norm(self.u)), float(np.linalg.norm(self.v)))
 
 
 def pose(x: float, y: float, z: float = 0.0, yaw_deg: float = 0.0) -> Array:
@@ -74,8 +78,7 @@ class Builder:
         """Add a panel with the given middle, right edge `u` and downward edge `v` in the frame of T_world_thing."""
         u_world, v_world = T[:3, :3] @ np.array(u, float), T[:3, :3] @ np.array(v, float)
         origin = T[:3, :3] @ np.array(center, float) + T[:3, 3] - (u_world + v_world) / 2
-        image = painter(float(np.linalg.norm(u_world)), float(np.linalg.norm(v_world)))
-        self.panels.append(Panel(origin, u_world, v_world, image, two_sided, infrared, glow))
+        self.panels.append(Panel(origin, u_world, v_world, painter, two_sided, infrared, glow))
 
     def box(
         self,
@@ -155,5 +158,5 @@ class Builder:
 
 
 def moved(panels: list[Panel], by: tuple[float, float, float]) -> list[Panel]:
-    """Return the same panels elsewhere, sharing their pictures."""
+    """Return the same panels elsewhere."""
     return [replace(panel, origin=panel.origin + np.array(by)) for panel in panels]

@@ -1,6 +1,6 @@
 """The colours of all surfaces in one flat array, each with its chain of halved (mip) images."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import cv2
@@ -25,24 +25,41 @@ class Atlas:
     level_size: NDArray[np.int32]
 
 
-def pack(images: Sequence[Image]) -> Atlas:
-    """Return the atlas of RGB images (height x width x 3, at least 2 x 2), each level averaged from the one below."""
-    offset = np.zeros((len(images), LEVELS), np.int64)
-    size = np.zeros((len(images), LEVELS, 2), np.int32)
-    parts: list[NDArray[np.uint32]] = []
+def _sizes(width: int, height: int) -> list[tuple[int, int]]:
+    """Return width and height of all levels, the smallest repeated."""
+    sizes = [(width, height)]
+    while len(sizes) < LEVELS:
+        width, height = max(2, width // 2), max(2, height // 2)
+        sizes.append((width, height))
+    return sizes
+
+
+def pack(images: Iterable[Image]) -> Atlas:
+    """Return the atlas of RGB images (height x width x 3, at least 2 x 2); each is let go before the next is taken."""
+    offset: list[list[int]] = []
+    size: list[list[tuple[int, int]]] = []
+    texels = np.empty(1 << 20, np.uint32)
     end = 0
-    for i, image in enumerate(images):
+    for image in images:
         level_image = image
-        for level in range(LEVELS):
-            height, width = level_image.shape[:2]
-            offset[i, level], size[i, level] = end, (width, height)
-            if level == 0 or size[i, level].tolist() != size[i, level - 1].tolist():
-                red, green, blue = level_image.astype(np.uint32).transpose(2, 0, 1)
-                parts.append(np.asarray(red | green << 8 | blue << 16, np.uint32).ravel())
-                end += parts[-1].size
-            else:
-                offset[i, level] = offset[i, level - 1]
-            smaller = (max(2, width // 2), max(2, height // 2))
-            if smaller != (width, height):
-                level_image = np.asarray(cv2.resize(level_image, smaller, interpolation=cv2.INTER_AREA), np.uint8)
-    return Atlas(np.concatenate(parts), offset, size)
+        sizes = _sizes(image.shape[1], image.shape[0])
+        offsets: list[int] = []
+        for level, (width, height) in enumerate(sizes):
+            if level and sizes[level] == sizes[level - 1]:
+                offsets.append(offsets[-1])
+                continue
+            if level:
+                level_image = np.asarray(
+                    cv2.resize(level_image, (width, height), interpolation=cv2.INTER_AREA), np.uint8
+                )
+            count = width * height
+            if end + count > texels.size:
+                texels.resize(texels.size + max(count, 1 << 21), refcheck=False)
+            red, green, blue = level_image.astype(np.uint32).transpose(2, 0, 1)
+            texels[end : end + count] = (red | green << 8 | blue << 16).ravel()
+            offsets.append(end)
+            end += count
+        offset.append(offsets)
+        size.append(sizes)
+    texels.resize(end, refcheck=False)
+    return Atlas(texels, np.array(offset, np.int64), np.array(size, np.int32))

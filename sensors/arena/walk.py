@@ -6,14 +6,13 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import gaussian_filter1d
 
 from odom.registration.se3 import so3_exp
 from sensors.arena.options import FRAMES_PER_KEY_POSE, KEY_POSES, RATE_HZ, ArenaOptions
 
 Array = NDArray[np.float64]
 
+HARMONICS = 24
 TURN_AHEAD_S = 1.4
 """How much the look is smoother than the course."""
 LAP_S = KEY_POSES * FRAMES_PER_KEY_POSE / RATE_HZ
@@ -78,27 +77,25 @@ class Infinity:
         return Shake(self.seed, LAP_S)
 
     @cached_property
-    def _course(self) -> CubicSpline:
-        """(x, y, heading - 2 pi laps) over time of one lap."""
+    def _course(self) -> NDArray[np.complex128]:
+        """3 x HARMONICS Fourier coefficients of x, y and heading over a lap (heading turns back as far as it turns)."""
         s = np.linspace(0, 2 * np.pi, 4001)
         x = self.half_length_m * np.sin(s)
         y = self.half_width_m * np.sin(2 * s)
         way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
-        t = np.linspace(0, LAP_S, KEY_POSES + 1)
-        at = np.interp(t / LAP_S * way[-1], way, s)
-        dx = self.half_length_m * np.cos(at)
-        dy = 2 * self.half_width_m * np.cos(2 * at)
-        heading = gaussian_filter1d(np.unwrap(np.arctan2(dy, dx))[:-1], TURN_AHEAD_S / LAP_S * KEY_POSES, mode="wrap")
-        heading = np.append(heading, heading[0])
-        poses = np.stack([self.half_length_m * np.sin(at), self.half_width_m * np.sin(2 * at), heading], axis=1)
-        poses[-1] = poses[0]
-        return CubicSpline(t, poses, bc_type="periodic")
+        at = np.interp(np.arange(512) / 512 * way[-1], way, s)
+        heading = np.unwrap(np.arctan2(2 * self.half_width_m * np.cos(2 * at), self.half_length_m * np.cos(at)))
+        samples = np.stack([self.half_length_m * np.sin(at), self.half_width_m * np.sin(2 * at), heading])
+        waves = np.fft.rfft(samples, axis=1)[:, :HARMONICS] / 512
+        waves[:, 1:] *= 2
+        waves[2] *= np.exp(-0.5 * (2 * np.pi * np.arange(HARMONICS) * TURN_AHEAD_S / LAP_S) ** 2)
+        return np.asarray(waves)
 
     def T_world_camera(self, t: float) -> Array:
         """See Walk."""
-        x, y, heading = self._course(t % LAP_S)
-        shake = self._shake(t)
         turn = 2 * np.pi * t / LAP_S
+        x, y, heading = (self._course * np.exp(1j * turn * np.arange(HARMONICS))).real.sum(axis=1)
+        shake = self._shake(t)
         heading += 0.1 * np.sin(2 * turn + 0.4) + shake[3]
         pitch = np.deg2rad(-13 + 5 * np.sin(3 * turn + 1.0)) + shake[4]
         height = self.height_m + 0.07 * np.sin(2 * turn + 2.0)

@@ -19,7 +19,6 @@ from scipy.special import gammaln
 
 from odom.registration.kernels import precisions
 from odom.registration.pairs import Prior
-from odom.registration.recursion import statistics
 from odom.registration.solve import Arrays, Solution, solve
 
 Array = NDArray[np.float64]
@@ -40,24 +39,22 @@ class Model(Enum):
     WRONG = "wrong"
 
 
-def judge_model(arrays: Arrays, solution: Solution) -> Model:
+def judge_model(solution: Solution) -> Model:
     """Return whether the residuals are what the covariances promise, within five sigma of chance.
 
     Tested are the mean of chi2 and, relative to it, its spread (pairs much worse or better than told) and each target
     axis.
     """
-    sums = np.empty(6)
-    statistics(arrays.q, arrays.p, solution.W, solution.weights, solution.T, solution.chi2, sums)
-    n = sums[0]
+    n, chi2, squares, *axes = solution.sums.tolist()
     freedom = 3.0 * n - 6.0
     if freedom <= 0.0:
         return Model.HOLDS
     allowed = _SIGNIFICANT * math.sqrt(2.0 / freedom)
-    spread = n * sums[2] / sums[1] ** 2  # 15 / 9 for chi-square (3)
-    factor = sums[1] / freedom
+    spread = n * squares / chi2**2  # 15 / 9 for chi-square (3)
+    factor = chi2 / freedom
     if abs(spread - 15.0 / 9.0) > _SIGNIFICANT * _SPREAD_SIGMA / math.sqrt(n):
         return Model.WRONG
-    if max(abs(3.0 * s / freedom / factor - 1.0) for s in sums[3:]) > math.sqrt(3.0) * allowed:
+    if max(abs(3.0 * s / freedom / factor - 1.0) for s in axes) > math.sqrt(3.0) * allowed:
         return Model.WRONG
     return Model.HOLDS if abs(factor - 1.0) < allowed else Model.SCALED
 
@@ -87,7 +84,7 @@ def adapt(arrays: Arrays, prior: Prior | None, solution: Solution) -> Adapted:
     factor = max(float(np.median(solution.chi2[used])) / 2.366, 1e-6)  # the median of chi-square (3)
     added = np.full(3, 0.1 * factor * float(np.einsum("nii->n", base[used]).mean()) / 3.0)
     nu = np.inf
-    W = np.empty((len(arrays), 8))
+    W = np.empty((len(arrays.q), 8))
     for round_ in range(_MAX_ROUNDS):
         S = factor * base + np.diag(added)
         precisions(_NO_COVARIANCES, S, T, 0.0, W)
@@ -148,7 +145,7 @@ def _weighted(W: Array, r: Array) -> Array:
 
 def _target_covariances(arrays: Arrays, T: Array) -> Array:
     """Return `Sp + R Sq R'` (n x 3 x 3)."""
-    S = np.zeros((len(arrays), 3, 3)) if len(arrays.Sp) == 0 else arrays.Sp.copy()
+    S = np.zeros((len(arrays.q), 3, 3)) if len(arrays.Sp) == 0 else arrays.Sp.copy()
     if len(arrays.Sq):
         S += T[:3, :3] @ arrays.Sq @ T[:3, :3].T
     return S

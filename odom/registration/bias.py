@@ -49,6 +49,19 @@ def possible_biases(solution: Solution, factor: float) -> list[Bias]:
     return [bias for bias, rest in sorted(found, key=lambda item: item[1]) if rest < _SUFFICIENT * factor]
 
 
+def source_noise(Sq: Array, solution: Solution) -> Array:
+    """Return the part of Y (12 x 12) that is only the noise of the source points: `sum W (x) Sq`.
+
+    The states are found between two noisy clouds, so `Y - this` is what the twelve states, taken freely, must be seen
+    by: else the map shrinks, by the noise over the spread of the points, which counts where there are thousands of
+    them.
+    """
+    W = solution.W[:, (0, 1, 2, 1, 3, 4, 2, 4, 5)] * solution.weights[:, None]
+    out = np.zeros((3, 4, 3, 4))
+    out[:, :3, :, :3] = (W.T @ Sq.reshape(-1, 9)).reshape(3, 3, 3, 3).transpose(0, 2, 1, 3)
+    return out.reshape(12, 12)
+
+
 def unbiased(arrays: Arrays, bias: Bias) -> Arrays:
     """Return the pairs with the biased axis set right."""
     D = np.ones(3)

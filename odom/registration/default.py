@@ -20,7 +20,7 @@ def register(pairs: Pairs, prior: Prior | None = None, *, bound: float = BOUND) 
     that are not finite, covariances that are not positive, or missing covariances.
     """
     arrays = checked(pairs)
-    n = len(arrays)
+    n = len(arrays.q)
     if n < 3:
         return degenerate(n, f"{n} pairs: at least 3 are needed")
     T = np.eye(4) if prior is None else prior.T_target_source
@@ -29,10 +29,9 @@ def register(pairs: Pairs, prior: Prior | None = None, *, bound: float = BOUND) 
         reason = f"no consensus: {passed.inliers} of {n} pairs agree, as chance would have it"
         return degenerate(n, reason, passed.chi2, passed.weights > 0.0)
     solution = solve(arrays, prior, passed.T_target_source, passed.weights, bound)
-    inliers = solution.weights > 0.0
-    freedom = 3 * int(np.count_nonzero(inliers)) - 6
-    factor = float(solution.chi2[inliers].sum()) / (freedom * _TRUNCATED_MEAN) if freedom > 0 else 1.0
-    excessive = freedom > 0 and factor > 1.0 + 3.0 * np.sqrt(2.0 / freedom)
+    freedom = 3.0 * float(solution.sums[0]) - 6.0
+    factor = float(solution.sums[1]) / (freedom * _TRUNCATED_MEAN) if solution.determined and freedom > 0.0 else 1.0
+    excessive = freedom > 0.0 and factor > 1.0 + 3.0 * np.sqrt(2.0 / freedom)
     judgement = Judgement(factor if excessive else 1.0, factor, {"rounds": float(passed.rounds)})
     return judged(arrays, prior, solution, judgement)
 

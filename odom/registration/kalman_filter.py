@@ -12,11 +12,11 @@ def kalman(pairs: Pairs, prior: Prior | None = None) -> Registration:
     Errors and verdicts as for `register`.
     """
     arrays = checked(pairs)
-    n = len(arrays)
+    n = len(arrays.q)
     if n < 3:
         return degenerate(n, f"{n} pairs: at least 3 are needed")
     first = prior.T_target_source if prior is not None else start(arrays, arrays.weights)
     solution = solve(arrays, prior, first, arrays.weights)
     freedom = 3 * n - 6
-    factor = float(solution.chi2.sum()) / freedom if freedom > 0 else 1.0
+    factor = float(solution.sums[1]) / freedom if freedom > 0 else 1.0
     return judged(arrays, prior, solution, Judgement(variance_factor=factor))

@@ -117,8 +117,9 @@ def accumulate(q: Array, p: Array, W: Array, g: Array, A: Array, y: Array) -> fl
         h[7], h[8], h[9] = z * z, z, 1.0
         for i in range(6):
             w = s * W[k, i]
-            for j in range(10):
-                A[i, j] += w * h[j]
+            if w != 0.0:  # a diagonal covariance leaves three rows out
+                for j in range(10):
+                    A[i, j] += w * h[j]
         u, v, w = p[k, 0], p[k, 1], p[k, 2]
         b0 = s * (W[k, 0] * u + W[k, 1] * v + W[k, 2] * w)
         b1 = s * (W[k, 1] * u + W[k, 3] * v + W[k, 4] * w)
@@ -137,6 +138,41 @@ def accumulate(q: Array, p: Array, W: Array, g: Array, A: Array, y: Array) -> fl
         y[11] += b2
         c += b0 * u + b1 * v + b2 * w
     return c
+
+
+@compiled
+def rotation_of(
+    m00: float, m01: float, m02: float, m10: float, m11: float, m12: float, m20: float, m21: float, m22: float, T: Array
+) -> None:
+    """Set `T[:3, :3]` to the rotation R of largest trace(R M), by Horn's quaternion."""
+    # the symmetric matrix whose eigenvector of the largest eigenvalue is the quaternion (w x y z)
+    N = np.empty((4, 4))
+    N[0, 0] = m00 + m11 + m22
+    N[1, 1] = m00 - m11 - m22
+    N[2, 2] = m11 - m00 - m22
+    N[3, 3] = m22 - m00 - m11
+    N[0, 1] = N[1, 0] = m12 - m21
+    N[0, 2] = N[2, 0] = m20 - m02
+    N[0, 3] = N[3, 0] = m01 - m10
+    N[1, 2] = N[2, 1] = m01 + m10
+    N[1, 3] = N[3, 1] = m20 + m02
+    N[2, 3] = N[3, 2] = m12 + m21
+    V = np.eye(4)
+    jacobi(N, V)
+    best = 0
+    for j in range(1, 4):
+        if N[j, j] > N[best, best]:
+            best = j
+    a, x, y, z = V[0, best], V[1, best], V[2, best], V[3, best]
+    T[0, 0] = a * a + x * x - y * y - z * z
+    T[0, 1] = 2.0 * (x * y - a * z)
+    T[0, 2] = 2.0 * (x * z + a * y)
+    T[1, 0] = 2.0 * (x * y + a * z)
+    T[1, 1] = a * a - x * x + y * y - z * z
+    T[1, 2] = 2.0 * (y * z - a * x)
+    T[2, 0] = 2.0 * (x * z - a * y)
+    T[2, 1] = 2.0 * (y * z + a * x)
+    T[2, 2] = a * a - x * x - y * y + z * z
 
 
 @compiled
@@ -179,34 +215,7 @@ def horn(q: Array, p: Array, W: Array, g: Array, T: Array) -> float:
     m20 -= sq2 * sp0 * i
     m21 -= sq2 * sp1 * i
     m22 -= sq2 * sp2 * i
-    # Horn's symmetric matrix, whose eigenvector of the largest eigenvalue is the quaternion (w x y z)
-    N = np.empty((4, 4))
-    N[0, 0] = m00 + m11 + m22
-    N[1, 1] = m00 - m11 - m22
-    N[2, 2] = m11 - m00 - m22
-    N[3, 3] = m22 - m00 - m11
-    N[0, 1] = N[1, 0] = m12 - m21
-    N[0, 2] = N[2, 0] = m20 - m02
-    N[0, 3] = N[3, 0] = m01 - m10
-    N[1, 2] = N[2, 1] = m01 + m10
-    N[1, 3] = N[3, 1] = m20 + m02
-    N[2, 3] = N[3, 2] = m12 + m21
-    V = np.eye(4)
-    jacobi(N, V)
-    best = 0
-    for j in range(1, 4):
-        if N[j, j] > N[best, best]:
-            best = j
-    a, x, y, z = V[0, best], V[1, best], V[2, best], V[3, best]
-    T[0, 0] = a * a + x * x - y * y - z * z
-    T[0, 1] = 2.0 * (x * y - a * z)
-    T[0, 2] = 2.0 * (x * z + a * y)
-    T[1, 0] = 2.0 * (x * y + a * z)
-    T[1, 1] = a * a - x * x + y * y - z * z
-    T[1, 2] = 2.0 * (y * z - a * x)
-    T[2, 0] = 2.0 * (x * z - a * y)
-    T[2, 1] = 2.0 * (y * z + a * x)
-    T[2, 2] = a * a - x * x - y * y + z * z
+    rotation_of(m00, m01, m02, m10, m11, m12, m20, m21, m22, T)
     T[0, 3] = (sp0 - T[0, 0] * sq0 - T[0, 1] * sq1 - T[0, 2] * sq2) * i  # eq. (4)
     T[1, 3] = (sp1 - T[1, 0] * sq0 - T[1, 1] * sq1 - T[1, 2] * sq2) * i
     T[2, 3] = (sp2 - T[2, 0] * sq0 - T[2, 1] * sq1 - T[2, 2] * sq2) * i
@@ -217,7 +226,7 @@ def horn(q: Array, p: Array, W: Array, g: Array, T: Array) -> float:
 
 @compiled
 def jacobi(N: Array, V: Array) -> None:
-    """Diagonalise the symmetric matrix `N` in place; the columns of `V` (identity on entry) become its eigenvectors."""
+    """Diagonalise the symmetric matrix `N` in place; the columns of `V` (identity, or empty) its eigenvectors."""
     m = len(N)
     for _ in range(30):
         off = 0.0
@@ -246,14 +255,15 @@ def jacobi(N: Array, V: Array) -> None:
                     x, y = N[i, k], N[j, k]
                     N[i, k] = c * x - s * y
                     N[j, k] = s * x + c * y
+                for k in range(len(V)):
                     x, y = V[k, i], V[k, j]
                     V[k, i] = c * x - s * y
                     V[k, j] = s * x + c * y
 
 
 @compiled
-def cholesky_solve(H: Array, g: Array, x: Array) -> bool:
-    """Solve `H x = g` for a positive matrix `H` (m x m, its lower triangle is overwritten); False when it is not."""
+def cholesky(H: Array) -> bool:
+    """Replace the lower triangle of the positive matrix `H` by its Cholesky factor; False when it is not positive."""
     m = len(H)
     for j in range(m):
         d = H[j, j]
@@ -268,16 +278,31 @@ def cholesky_solve(H: Array, g: Array, x: Array) -> bool:
             for k in range(j):
                 s -= H[i, k] * H[j, k]
             H[i, j] = s / d
+    return True
+
+
+@compiled
+def substitute(L: Array, g: Array, x: Array) -> None:
+    """Solve `L L' x = g` for a Cholesky factor `L`."""
+    m = len(L)
     for i in range(m):
         s = g[i]
         for k in range(i):
-            s -= H[i, k] * x[k]
-        x[i] = s / H[i, i]
+            s -= L[i, k] * x[k]
+        x[i] = s / L[i, i]
     for i in range(m - 1, -1, -1):
         s = x[i]
         for k in range(i + 1, m):
-            s -= H[k, i] * x[k]
-        x[i] = s / H[i, i]
+            s -= L[k, i] * x[k]
+        x[i] = s / L[i, i]
+
+
+@compiled
+def cholesky_solve(H: Array, g: Array, x: Array) -> bool:
+    """Solve `H x = g` for a positive matrix `H`, whose lower triangle is overwritten; False when it is not."""
+    if not cholesky(H):
+        return False
+    substitute(H, g, x)
     return True
 
 
@@ -417,36 +442,42 @@ def assess(q: Array, W: Array, g: Array, H: Array, covariance: Array, numbers: A
     """
     m = H.shape[0]
     e = np.zeros(m)
-    L = np.empty((m, m))
+    L = H.copy()
+    if not cholesky(L):
+        return False
     for k in range(m):
-        for i in range(m):
-            e[i] = 0.0
-            for j in range(m):
-                L[i, j] = H[i, j]
         e[k] = 1.0
-        if not cholesky_solve(L, e, covariance[k]):
-            return False
-    total = 0.0
-    used = 0.0
-    mean = np.zeros(3)
+        substitute(L, e, covariance[k])
+        e[k] = 0.0
+    used = total = 0.0
+    mx = my = mz = 0.0
+    xx = xy = xz = yy = yz = zz = 0.0
+    a, b, c = q[0, 0], q[0, 1], q[0, 2]  # sums are about the first point: no digits are lost
     for k in range(len(q)):
-        if g[k] > 0.0:
+        w = g[k] * W[k, 6]
+        if w > 0.0:
+            x, y, z = q[k, 0] - a, q[k, 1] - b, q[k, 2] - c
             used += 1.0
-            w = g[k] * W[k, 6]
             total += w
-            for i in range(3):
-                mean[i] += w * q[k, i]
-    for i in range(3):
-        mean[i] /= total
-    S = np.zeros((3, 3))
-    for k in range(len(q)):
-        if g[k] > 0.0:
-            w = g[k] * W[k, 6]
-            for i in range(3):
-                for j in range(3):
-                    S[i, j] += w * (q[k, i] - mean[i]) * (q[k, j] - mean[j])
+            mx += w * x
+            my += w * y
+            mz += w * z
+            xx += w * x * x
+            xy += w * x * y
+            xz += w * x * z
+            yy += w * y * y
+            yz += w * y * z
+            zz += w * z * z
+    mx, my, mz = mx / total, my / total, mz / total
+    S = np.empty((3, 3))
+    S[0, 0], S[1, 1], S[2, 2] = xx - total * mx * mx, yy - total * my * my, zz - total * mz * mz
+    S[0, 1] = S[1, 0] = xy - total * mx * my
+    S[0, 2] = S[2, 0] = xz - total * mx * mz
+    S[1, 2] = S[2, 1] = yz - total * my * mz
+    mx, my, mz = mx + a, my + b, mz + c
     spread = np.sqrt((S[0, 0] + S[1, 1] + S[2, 2]) / total)
-    jacobi(S, np.eye(3))
+    none = np.empty((0, 0))
+    jacobi(S, none)
     a, b, c = S[0, 0], S[1, 1], S[2, 2]
     largest = max(a, max(b, c))
     second = a + b + c - largest - min(a, min(b, c))
@@ -457,9 +488,9 @@ def assess(q: Array, W: Array, g: Array, H: Array, covariance: Array, numbers: A
     s = 1.0 / spread
     for i in range(3):
         B[3 + i, 3 + i] = s
-    B[0, 4], B[0, 5] = -s * mean[2], s * mean[1]
-    B[1, 3], B[1, 5] = s * mean[2], -s * mean[0]
-    B[2, 3], B[2, 4] = -s * mean[1], s * mean[0]
+    B[0, 4], B[0, 5] = -s * mz, s * my
+    B[1, 3], B[1, 5] = s * mz, -s * mx
+    B[2, 3], B[2, 4] = -s * my, s * mx
     C = np.zeros((m, m))
     for i in range(m):
         for j in range(m):
@@ -470,7 +501,7 @@ def assess(q: Array, W: Array, g: Array, H: Array, covariance: Array, numbers: A
         for j in range(m):
             for k in range(m):
                 C[i, j] += B[k, i] * L[k, j]
-    jacobi(C, np.eye(m))
+    jacobi(C, none)
     low = high = C[0, 0]
     for i in range(m):
         low, high = min(low, C[i, i]), max(high, C[i, i])

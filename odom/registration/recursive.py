@@ -91,7 +91,7 @@ class RecursiveFilter:
         q, p = arrays.q, arrays.p
         if self.centroids is not None:
             q, p = q - self.centroids.source, p - self.centroids.target
-        W = np.empty((len(arrays), 8))
+        W = np.empty((len(arrays.q), 8))
         R = self._linearised_at()
         bad = precisions(arrays.Sq, arrays.Sp, R, self.alpha, W)
         if bad >= 0:

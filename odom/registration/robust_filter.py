@@ -1,10 +1,9 @@
 """RF: the robust H-infinity filter, for pairs whose noise is known and for those whose noise is not as told."""
 
 import math
-from dataclasses import replace
 
 from odom.registration.adapt import Model, adapt, judge_model
-from odom.registration.bias import bias_information, possible_biases, unbiased
+from odom.registration.bias import bias_information, possible_biases, source_noise, unbiased
 from odom.registration.pairs import Pairs, Prior, Registration, degenerate
 from odom.registration.recursion import affine_misfit, discount
 from odom.registration.solve import Arrays, Judgement, Solution, checked, judged, solve, start
@@ -27,27 +26,28 @@ def robust(
     Errors and verdicts as for `register`.
     """
     arrays = checked(pairs)
-    n = len(arrays)
+    n = len(arrays.q)
     if n < 3:
         return degenerate(n, f"{n} pairs: at least 3 are needed")
     first = prior.T_target_source if prior is not None else start(arrays, arrays.weights)
     solution = solve(arrays, prior, first, arrays.weights, alpha=alpha)
-    details = {"alpha": alpha, "factor": 1.0, "nu": math.inf, "axis_scale": 1.0}
+    details: dict[str, float] = {"alpha": alpha, "factor": 1.0, "nu": math.inf, "axis_scale": 1.0}
     judgement = Judgement(1.0, _factor(solution, n), details)
     if solution.determined and adaptive:
         arrays, solution, judgement = _learnt(arrays, prior, solution, judgement)
     if solution.determined:
         used, halvings = discount(solution.Y, solution.y, solution.H, n, theta)
         gamma = 1.0 / used if used > 0.0 else math.inf
-        details = judgement.details | {"theta": used, "gamma": gamma, "halvings": float(halvings)}
-        judgement = replace(judgement, details=details)
+        details |= judgement.details
+        details |= {"theta": used, "gamma": gamma, "halvings": float(halvings)}
+        judgement = judgement._replace(details=details)
     return judged(arrays, prior, solution, judgement)
 
 
 def _factor(solution: Solution, n: int) -> float:
     """Return the mean of chi2 against its expectation."""
     freedom = 3 * n - 6
-    return float(solution.chi2.sum()) / freedom if solution.determined and freedom > 0 else 1.0
+    return float(solution.sums[1]) / freedom if solution.determined and freedom > 0 else 1.0
 
 
 def _learnt(
@@ -56,36 +56,41 @@ def _learnt(
     """Return the pairs, solution and judgement after learning what is wrong: noise, then an axis, then noise again."""
     told = solution
     solution, judgement = _noise_learnt(arrays, prior, told, judgement)
+    seen = solution
     misfit = affine_misfit(solution.Y, solution.y, solution.T)
+    if misfit > _MISFIT * judgement.inflation and len(arrays.Sq):
+        factor = float(judgement.details["factor"])
+        seen = solution._replace(Y=solution.Y - factor * source_noise(arrays.Sq, solution))
+        misfit = affine_misfit(seen.Y, solution.y, solution.T)
     best = arrays, solution, judgement
     if misfit > _MISFIT * judgement.inflation:
-        for bias in possible_biases(solution, judgement.inflation):
+        for bias in possible_biases(seen, judgement.inflation):
             mended = unbiased(arrays, bias)
             again = solve(mended, prior, solution.T, told.weights)
-            again, verdict = _noise_learnt(mended, prior, again, replace(judgement, inflation=1.0))
+            again, verdict = _noise_learnt(mended, prior, again, judgement._replace(inflation=1.0))
             rest = affine_misfit(again.Y, again.y, again.T)
             if rest / verdict.inflation < misfit / best[2].inflation:
                 misfit = rest
-                seen = {"axis_scale": bias.scale, "axis": float(bias.axis)}
-                verdict = replace(verdict, details=verdict.details | seen)
-                best = mended, replace(again, H=bias_information(again, bias)), verdict
+                found = {"axis_scale": bias.scale, "axis": float(bias.axis)}
+                verdict = verdict._replace(details={**verdict.details, **found})
+                best = mended, again._replace(H=bias_information(again, bias)), verdict
     arrays, solution, judgement = best
     grown = misfit / 6.0 if misfit > _MISFIT * judgement.inflation else judgement.inflation
-    return arrays, solution, replace(judgement, inflation=grown, details=judgement.details | {"misfit": misfit})
+    return arrays, solution, judgement._replace(inflation=grown, details={**judgement.details, "misfit": misfit})
 
 
 def _noise_learnt(
     arrays: Arrays, prior: Prior | None, solution: Solution, judgement: Judgement
 ) -> tuple[Solution, Judgement]:
     """Return the solution and judgement after learning the noise, if the residuals contradict what was told."""
-    match judge_model(arrays, solution):
+    match judge_model(solution):
         case Model.HOLDS:
             return solution, judgement
         case Model.SCALED:
-            factor = _factor(solution, len(arrays))
-            return solution, replace(judgement, inflation=factor, details=judgement.details | {"factor": factor})
+            factor = _factor(solution, len(arrays.q))
+            return solution, judgement._replace(inflation=factor, details={**judgement.details, "factor": factor})
         case Model.WRONG:
             learnt = adapt(arrays, prior, solution)
             seen = {"factor": learnt.factor, "nu": learnt.nu, "added": float(learnt.added.mean())}
             inflation = (learnt.nu + 5.0) / (learnt.nu + 3.0) if learnt.nu < math.inf else 1.0
-            return learnt.solution, replace(judgement, inflation=inflation, details=judgement.details | seen)
+            return learnt.solution, judgement._replace(inflation=inflation, details={**judgement.details, **seen})

@@ -68,6 +68,14 @@ def inverse(T: Array) -> Array:
     return out
 
 
+def orthonormal(T: Array) -> Array:
+    """Return `T` with its rotation brought back onto SO(3), for one that has drifted off by rounding (one Newton step)."""
+    R = T[:3, :3]
+    out = T.copy()
+    out[:3, :3] = 0.5 * R @ (3.0 * np.eye(3) - R.T @ R)
+    return out
+
+
 def adjoint(T: Array) -> Array:
     """Return the 6 x 6 matrix with `T @ exp(xi) == exp(adjoint(T) @ xi) @ T`."""
     R, t = T[:3, :3], T[:3, 3]

@@ -45,3 +45,11 @@ def test_composed_covariance_matches_sampling(seed):
     expected = se3.compose_covariance(roots[0] @ roots[0].T, T_b_c, roots[1] @ roots[1].T)
     deviation = np.cov(np.array(samples).T) - expected
     assert np.abs(deviation).max() < 0.12 * np.abs(expected).max()
+
+
+@given(tangents, arrays(np.float64, (3, 3), elements=st.floats(-1e-6, 1e-6)))
+def test_orthonormal_undoes_rounding(xi, noise):
+    T = se3.exp(xi)
+    T[:3, :3] += noise
+    R = se3.orthonormal(T)[:3, :3]
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-10)

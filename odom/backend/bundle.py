@@ -244,7 +244,7 @@ def adjust(
         step = cho_solve(cho_factor(S_damped, check_finite=False), gradient, check_finite=False)
         T_camera_map = best.T_camera_map.copy()
         for k in np.flatnonzero(~is_fixed):
-            T_camera_map[k] = se3.exp(step[6 * free[k] : 6 * free[k] + 6]) @ T_camera_map[k]
+            T_camera_map[k] = se3.orthonormal(se3.exp(step[6 * free[k] : 6 * free[k] + 6]) @ T_camera_map[k])
         moved = _substitute(best.landmarks, free, o.keyframe, o.landmark, V_inverse, b_landmark, W_timing, W, step)
         trial = Bundle(T_camera_map, moved, best.timing_change + step[-2:])
         system = reduced(trial, damping * 0.1)

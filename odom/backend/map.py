@@ -123,4 +123,4 @@ class Map:
         for number, T in zip(numbers, T_camera_map, strict=True):
             rows = np.flatnonzero(follows & (L.keyframe == number))
             L.position[rows] = se3.apply(se3.inverse(T) @ self.keyframes[number].T_camera_map, L.position[rows])
-            self.keyframes[number].T_camera_map = T
+            self.keyframes[number].T_camera_map = se3.orthonormal(T)

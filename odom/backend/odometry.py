@@ -172,6 +172,7 @@ class Odometry:
         self._T_camera_map, self._near = tracked.T_camera_map, tracked.reference
         twist = -se3.log(self._T_camera_map @ se3.inverse(T_before)) / dt if dt else np.zeros(6)
         if dt:
+            self._check = self._check.with_interval(dt)
             self._twist_change += _TWIST_GAIN * ((twist - self._twist) ** 2 - self._twist_change)
         self._twist = twist
         self._sight_s = 0.0
@@ -226,7 +227,7 @@ class Odometry:
         """Note where a frame is, and return what is published of it: the pose carried to the stamp, and motions.
 
         The carried pose is T_i + a (T_i - T_i-1) with a = delay / dt; to its covariance comes what the motion changes
-        from frame to frame.
+        from frame to frame, and how far it goes in the stamp's jitter.
         """
         delay_s = self.timing.readout_s / 2.0
         keyframes = self._mapper.map.keyframes
@@ -234,6 +235,7 @@ class Odometry:
         self._frames.append(Placed(frame.stamp, self._segment, delay_s, self._near, T_keyframe_camera))
         a = delay_s / dt if dt else 0.0
         unmodelled = np.diag(self._twist_change) * (0.5 * delay_s * (1.0 + a)) ** 2
+        unmodelled += np.outer(self._twist, self._twist) * self._check.jitter_s**2
         carry = se3.exp(self._twist * delay_s)
         placed = replace(
             self._frames[-1],

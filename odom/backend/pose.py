@@ -126,7 +126,7 @@ def fit_pose(
     H, g, chi2 = _accumulate(T, points_map, covariances_map, values, variances, chosen, cauchy)
     for _ in range(iterations):
         step: Array = np.asarray(np.linalg.solve(H + prior, g - prior @ away), dtype=np.float64)
-        T = se3.exp(step) @ T
+        T = se3.orthonormal(se3.exp(step) @ T)
         away = away + step
         H, g, chi2 = _accumulate(T, points_map, covariances_map, values, variances, chosen, cauchy)
         if np.abs(step).max() < 1e-7:

@@ -1,8 +1,8 @@
 """Is the noise what we think it is? The stream's own residuals answer, and the covariance follows them.
 
-Three answers, each a slow average: the pixel's sigma, the inverse depth's sigma at several distances, and by how much
-poses from different parts of the image disagree more than their covariances allow (errors that neighbours share, such
-as the lens's or the depth's calibration, do not average out and show only there).
+Four answers, each a slow average: the pixel's sigma, the inverse depth's sigma at several distances, the jitter of the
+stamps, and by how much poses from the left and the right half of the image disagree more than their covariances allow
+(errors that neighbours share, such as the lens's or the depth's calibration, do not average out and show only there).
 """
 
 from dataclasses import dataclass, replace
@@ -17,16 +17,22 @@ Array = NDArray[np.float64]
 _MEDIAN_CHI2_1, _MEDIAN_CHI2_2 = 0.4549, 1.3863
 _GAIN = 0.05
 _LEAST = 15
-_RANGE = 4.0
+_RANGE = 8.0
 
 
 @dataclass(frozen=True, eq=False)
 class SelfCheck:
-    """`noise` as it now seems, what it was at the start, and `inflation` of pose covariances (at least 1)."""
+    """`noise` as it now seems, what it was at the start, and `inflation` of pose covariances after `comparisons`.
+
+    `period_s` is the frames' usual distance and `jitter_s` one sigma of a single stamp about it.
+    """
 
     noise: FeatureNoise
     start: FeatureNoise
     inflation: float = 1.0
+    comparisons: int = 0
+    period_s: float = 0.0
+    jitter_s: float = 0.0
 
     @classmethod
     def of(cls, noise: FeatureNoise) -> "SelfCheck":
@@ -54,7 +60,19 @@ class SelfCheck:
     def with_disagreement(self, nees: float) -> "SelfCheck":
         """Return the check after comparing poses of two parts of one image: their difference's NEES (6 expected)."""
         seen = min(max(nees / 6.0, 0.1), 50.0)
-        return replace(self, inflation=self.inflation * (1.0 - _GAIN) + _GAIN * seen)
+        gain = max(_GAIN, 1.0 / (self.comparisons + 2.0))
+        inflation = self.inflation + gain * (seen - self.inflation)
+        return replace(self, inflation=inflation, comparisons=self.comparisons + 1)
+
+    def with_interval(self, dt: float) -> "SelfCheck":
+        """Return the check after one more interval between stamps (s); gaps where frames were lost don't count."""
+        if not self.period_s:
+            return replace(self, period_s=dt)
+        away = dt - self.period_s
+        if abs(away) > 0.4 * self.period_s:
+            return self
+        variance = self.jitter_s**2 + _GAIN * (0.5 * away * away - self.jitter_s**2)
+        return replace(self, period_s=self.period_s + _GAIN * away, jitter_s=float(np.sqrt(variance)))
 
     @property
     def scale(self) -> float:

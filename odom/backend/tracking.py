@@ -145,15 +145,15 @@ def track(
 
 
 def disagreement(map_: Map, tracked: Tracked, width: int) -> float | None:
-    """Return the NEES (6 expected) of the difference between the poses of the image's alternate quarters.
+    """Return the NEES (6 expected) of the difference between the poses that the image's two halves give.
 
-    The parts are columns 0-1/4 with 1/2-3/4 against the others. None where one of them holds too little.
+    None where one of them, left or right, holds too little.
     """
     L = map_.landmarks
     fits = []
-    part = (tracked.uv[:, 0] // (width / 4)).astype(np.int64) % 2
-    for p in (0, 1):
-        chosen = tracked.inliers & (part == p)
+    is_left = tracked.uv[:, 0] < width / 2
+    for half in (is_left, ~is_left):
+        chosen = tracked.inliers & half
         if np.count_nonzero(chosen) < 40:
             return None
         rows = tracked.rows[chosen]

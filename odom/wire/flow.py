@@ -23,6 +23,7 @@ log = logging.getLogger(__name__)
 
 _IDLE_REPORT_S = 0.25
 _LOST_AFTER_S = 2.0
+_SMALL = 4096
 _MESSAGES_IN_FLIGHT = 64
 
 
@@ -48,7 +49,7 @@ class Consumer:
         """
         if self.ended is not None:
             return None
-        self._acknowledge(waiting=False)
+        self._acknowledge_consumed()
         deadline = None if timeout is None else time.monotonic() + timeout
         while True:
             left = _IDLE_REPORT_S if deadline is None else min(_IDLE_REPORT_S, deadline - time.monotonic())
@@ -58,7 +59,8 @@ class Consumer:
                 if deadline is not None and time.monotonic() >= deadline:
                     return None
                 continue
-            self._last = delivery
+            if delivery.lossless:
+                self._last = delivery
             if delivery.message.topic != self._end:
                 return delivery
             try:
@@ -86,9 +88,14 @@ class Consumer:
         """Return the sums over all keys."""
         return self._subscriber.total()
 
+    def _acknowledge_consumed(self) -> None:
+        """Acknowledge the last message, unless it is a small one among others that wait: a later one speaks for it."""
+        if self._last is not None and (self._subscriber.waiting == 0 or len(self._last.message.payload) > _SMALL):
+            self._acknowledge(waiting=False)
+
     def _acknowledge(self, waiting: bool) -> None:
         last = self._last
-        if last is None or last.epoch is None or last.serial is None or not last.lossless:
+        if last is None or last.epoch is None or last.serial is None:
             return
         numbers = (last.epoch, last.serial, int(waiting))
         self._publisher.put(encode_numbers(self._key, Stamp(time.time_ns()), numbers))

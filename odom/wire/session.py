@@ -32,6 +32,7 @@ _ATTACHMENT = Struct("<BQQQq")
 _LOSSLESS = 1
 _ENCODING = "application/cdr"
 _RESERVE = 256
+_BUDGET = 128 << 20
 _MAX_EPOCHS = 64
 
 _TYPES: tuple[tuple[str, str], ...] = (
@@ -132,7 +133,8 @@ class Subscriber:
     """Messages of several keys in the order in which they arrived, in one bounded queue.
 
     Of a live key at most `depth` messages wait, the newest win; messages of a lossless sender all wait (its flow
-    control bounds them; beyond 256 the oldest go) when `lossless`, else they are treated as live ones.
+    control bounds them; beyond 256 the oldest go) when `lossless`, else they are treated as live ones. Beyond 128 MiB
+    the oldest of all go.
     """
 
     def __init__(self, session: zenoh.Session, keys: Iterable[str], depth: int, lossless: bool) -> None:
@@ -141,6 +143,7 @@ class Subscriber:
         self._lossless = lossless
         self._queue: deque[tuple[str, Delivery | None, zenoh.Sample]] = deque()
         self._waiting: dict[str, int] = {}
+        self._bytes = 0
         self._expected: dict[tuple[str, int], int] = {}
         self._ready = threading.Condition()
         self._closed = False
@@ -166,8 +169,7 @@ class Subscriber:
                     self._ready.wait(left)
                 if not self._queue:
                     return None
-                topic, header, sample = self._queue.popleft()
-                self._waiting[topic] -= 1
+                topic, header, sample = self._take(0)
             try:
                 delivery = _delivery(topic, header, sample)
             except WireError as error:
@@ -175,6 +177,11 @@ class Subscriber:
                 continue
             self.counters[topic].bytes += len(delivery.message.payload)
             return delivery
+
+    @property
+    def waiting(self) -> int:
+        """Messages in the queue."""
+        return len(self._queue)
 
     def malformed(self, topic: str, why: str) -> None:
         """Count a message that could not be used, and log the first of its key."""
@@ -219,14 +226,25 @@ class Subscriber:
             counters.received += 1
             if header is not None and header.epoch is not None and header.sequence is not None:
                 counters.lost += self._gap(topic, header.epoch, header.sequence)
-            waiting = self._waiting.get(topic, 0)
-            if waiting >= (_RESERVE if keep_all else self._depth):
-                self._drop_oldest(topic)
-                counters.dropped += 1
-                waiting -= 1
+            if self._waiting.get(topic, 0) >= (_RESERVE if keep_all else self._depth):
+                self._drop(next(i for i, entry in enumerate(self._queue) if entry[0] == topic))
+            while self._queue and self._bytes + len(sample.payload) > _BUDGET:
+                self._drop(0)
             self._queue.append((topic, header, sample))
-            self._waiting[topic] = waiting + 1
+            self._waiting[topic] = self._waiting.get(topic, 0) + 1
+            self._bytes += len(sample.payload)
             self._ready.notify()
+
+    def _take(self, index: int) -> tuple[str, Delivery | None, zenoh.Sample]:
+        entry = self._queue[index]
+        del self._queue[index]
+        self._waiting[entry[0]] -= 1
+        self._bytes -= len(entry[2].payload)
+        return entry
+
+    def _drop(self, index: int) -> None:
+        topic, _, _ = self._take(index)
+        self.counters[topic].dropped += 1
 
     def _gap(self, topic: str, epoch: int, sequence: int) -> int:
         expected = self._expected.get((topic, epoch))
@@ -234,12 +252,6 @@ class Subscriber:
             self._expected.clear()
         self._expected[topic, epoch] = max(sequence + 1, expected or 0)
         return max(0, sequence - expected) if expected is not None else 0
-
-    def _drop_oldest(self, topic: str) -> None:
-        for i, entry in enumerate(self._queue):
-            if entry[0] == topic:
-                del self._queue[i]
-                return
 
 
 @dataclass

@@ -7,7 +7,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from playing import kinect_driver, rendered, rig, vga_rig
 from virtual_kinect.device import Kinects
+
+__all__ = ["kinect_driver", "rendered", "rig", "vga_rig"]
 
 DRIVER = Path(__file__).parent / "virtual_kinect" / "virtual_kinect.cpp"
 HEADERS = Path("/usr/include/openni2")

@@ -4,73 +4,13 @@ import json
 import time
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
+from playing import TOPICS, PlayingKinect
 from rig import Process, processes
-from virtual_kinect.device import VirtualKinect, write_sequence
 
-from odom.wire import Topics
 from odom.wire.codec import decode_color, decode_depth
 from odom.wire.recording import RecordingReader
-from sensors.replay import open_recording
-from sensors.source import SourceOptions
-
-TOPICS = Topics("cam0")
-RECORDING = Path(__file__).parents[2] / "recordings" / "arena.mcap"
-
-
-@pytest.fixture(scope="session")
-def rendered() -> tuple[np.ndarray, np.ndarray]:
-    """Colour and depth of the committed recording."""
-    source = open_recording(RECORDING, SourceOptions(topics=TOPICS))
-    color, depth = [], []
-    for message in source.messages():
-        if "/color/image" in message.topic:
-            color.append(decode_color(message))
-        elif "/depth/" in message.topic:
-            depth.append(decode_depth(message))
-    source.close()
-    count = min(len(color), len(depth))
-    return np.stack(color[:count]), np.stack(depth[:count])
-
-
-class Rig:
-    """A virtual Kinect that plays some frames, and `odom run` on it."""
-
-    def __init__(self, folder: Path, color: np.ndarray, depth: np.ndarray) -> None:
-        self.color, self.depth, self.folder = color, depth, folder
-        self.size = f"{color.shape[2]}x{color.shape[1]}"
-        self.kinect = VirtualKinect(folder / "kinects" / "a", uri="virtual://a", serial="VK42", loop=1)
-        # 525 px of focal length at 640 x 480.
-        self.kinect.configure(horizontal_fov=2 * np.arctan(320 / 525), vertical_fov=2 * np.arctan(240 / 525))
-        write_sequence(self.kinect, color, depth)
-        self.kinect.plug()
-        self.out, self.recording = folder / "live", folder / "live.mcap"
-
-    def live(self, seconds: float) -> Process:
-        arguments = ["run", "kinect", "--headless", "--out", self.out, "--record", self.recording, "--seconds", seconds]
-        options = ["--sensor-option=--color=raw", f"--sensor-option=--option=size={self.size}"]
-        return Process("run", self.folder / "run.log", [*arguments, *options])
-
-
-@pytest.fixture
-def kinect_driver(openni2_redist: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("OPENNI2_REDIST64", str(openni2_redist))
-    monkeypatch.setenv("VIRTUAL_KINECT", str(tmp_path / "kinects"))
-    return tmp_path
-
-
-@pytest.fixture
-def rig(kinect_driver: Path, rendered: tuple[np.ndarray, np.ndarray]) -> Rig:
-    return Rig(kinect_driver, *rendered)
-
-
-@pytest.fixture
-def vga_rig(kinect_driver: Path, rendered: tuple[np.ndarray, np.ndarray]) -> Rig:
-    color = np.stack([cv2.resize(image, (640, 480), interpolation=cv2.INTER_CUBIC) for image in rendered[0]])
-    depth = np.stack([cv2.resize(image, (640, 480), interpolation=cv2.INTER_NEAREST) for image in rendered[1]])
-    return Rig(kinect_driver, color, depth)
 
 
 def poses(file: Path) -> dict[str, str]:
@@ -78,7 +18,7 @@ def poses(file: Path) -> dict[str, str]:
     return {line.split()[0]: line for line in lines}
 
 
-def run_and_compare(rig: Rig, seconds: float) -> dict[str, float]:
+def run_and_compare(rig: PlayingKinect, seconds: float) -> dict[str, float]:
     out, recording = rig.out, rig.recording
     with processes() as started:
         process = rig.live(seconds)
@@ -120,7 +60,7 @@ def run_and_compare(rig: Rig, seconds: float) -> dict[str, float]:
 
 @pytest.mark.timeout(600)
 def test_live_odometry_equals_that_of_the_replayed_recording(
-    rig: Rig,
+    rig: PlayingKinect,
 ) -> None:
     found = run_and_compare(rig, 8.0)
     print(found)
@@ -134,7 +74,7 @@ def test_live_odometry_equals_that_of_the_replayed_recording(
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
 def test_sixty_seconds_at_30_hz_lose_no_frame_and_no_pixel(
-    vga_rig: Rig,
+    vga_rig: PlayingKinect,
 ) -> None:
     found = run_and_compare(vga_rig, 60.0)
     print(found)
@@ -146,7 +86,7 @@ def test_sixty_seconds_at_30_hz_lose_no_frame_and_no_pixel(
 
 
 @pytest.mark.timeout(600)
-def test_unplugged_the_odometry_goes_lost_and_recovers(rig: Rig) -> None:
+def test_unplugged_the_odometry_goes_lost_and_recovers(rig: PlayingKinect) -> None:
     with processes() as started:
         process, out = rig.live(14.0), rig.out
         started.append(process)

@@ -81,7 +81,8 @@ def depth_time(options: ArenaOptions, index: int) -> float:
 
 
 def _in_blackout(options: ArenaOptions, index: int) -> bool:
-    return 0 <= index / RATE_HZ - options.blackout_start_s < options.blackout_s
+    end_s = options.blackout_start_s + options.blackout_s
+    return round(options.blackout_start_s * RATE_HZ) <= index < round(end_s * RATE_HZ)
 
 
 def hidden(options: ArenaOptions, index: int) -> bool:

@@ -1,0 +1,100 @@
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from odom.errors import ConfigError
+from odom.wire.assembler import FrameAssembler
+from odom.wire.codec import decode_pose
+from odom.wire.recording import RecordingReader
+from sensors.arena import ArenaOptions, frame
+from sensors.source import SourceOptions, open_source
+
+RECORDING = Path(__file__).parents[2] / "recordings" / "arena.mcap"
+
+
+def test_messages_come_in_the_order_of_their_stamps_and_make_every_frame() -> None:
+    options = SourceOptions(seconds=2.0, extra=(("exact_truth", "yes"),))
+    source = open_source("arena", options)
+    assert source.lossless
+    assert source.length == 60
+    messages = list(source.messages())
+    stamps = [m.stamp for m in messages]
+    assert stamps == sorted(stamps)
+    kinds = Counter(m.topic for m in messages)
+    assert kinds["cam0/color/image_raw/compressed"] == kinds["cam0/depth/image_raw"] == 60
+    assert kinds["truth/exact_camera/pose"] == 60
+    assert 210 < kinds["truth/kinect/pose"] <= 240
+    assembler = FrameAssembler(options.topics)
+    frames = [f for m in messages for f in assembler.feed(m)] + list(assembler.finish())
+    assert len(frames) == 60
+    assert assembler.pairing.unmatched == 0
+    assert not assembler.malformed
+    arena = ArenaOptions(seconds=2.0)
+    assert assembler.camera == arena.camera
+    truth = [decode_pose(m) for m in messages if m.topic == "truth/exact_camera/pose"]
+    shot = frame(arena, 17)
+    assert np.array_equal(frames[17].depth_mm, shot.depth_mm)
+    assert np.allclose(truth[17].T_parent_child, shot.T_world_camera)
+
+
+def test_two_sessions_are_byte_equal() -> None:
+    def session() -> list[tuple[str, int, bytes]]:
+        source = open_source("arena", SourceOptions(seconds=0.5, color="raw", depth="rvl"))
+        return [(m.topic, m.stamp, m.payload) for m in source.messages()]
+
+    assert session() == session()
+
+
+def test_a_live_session_keeps_time() -> None:
+    options = SourceOptions(seconds=1.5, live=True, extra=(("half", "1"),))
+    source = open_source("arena", options)
+    assert not source.lossless
+    early, late = [], []
+    for message in source.messages():
+        behind = time.time_ns() - message.stamp
+        if "info" not in message.topic:
+            early.append(behind)
+        if "color/image" in message.topic:
+            late.append(behind * 1e-9)
+    assert min(early) > -2_000_000
+    assert np.percentile(late, 20) < 0.05
+    assert np.diff(late).max() < 0.5
+
+
+def test_a_closed_session_ends() -> None:
+    source = open_source("arena", SourceOptions(live=True))
+    count = 0
+    for _ in source.messages():
+        count += 1
+        if count == 20:
+            source.close()
+            source.close()
+    assert count <= 21
+
+
+@pytest.mark.parametrize("options", [SourceOptions(extra=(("walk", "up"),)), SourceOptions(depth="none")])
+def test_what_it_cannot_do_is_said(options: SourceOptions) -> None:
+    with pytest.raises(ConfigError):
+        open_source("arena", options)
+
+
+def test_the_committed_recording_is_what_its_readme_says() -> None:
+    assert RECORDING.stat().st_size <= 12_000_000
+    reader = RecordingReader(RECORDING)
+    options = SourceOptions(extra=(("half", "1"), ("every", "4")))
+    assembler = FrameAssembler(options.topics)
+    messages = list(reader.messages())
+    assert reader.complete
+    frames = [f for m in messages for f in assembler.feed(m)] + list(assembler.finish())
+    assert len(frames) == 241
+    arena = ArenaOptions(half=True, every=4)
+    assert assembler.camera == arena.camera
+    for k in (0, 120, 240):
+        shot = frame(arena, 4 * k)
+        assert frames[k].stamp == shot.stamp
+        same = np.abs(frames[k].color.astype(int) - shot.rgb).mean()
+        assert same < 6
+        assert (frames[k].depth_mm == shot.depth_mm).mean() > 0.98

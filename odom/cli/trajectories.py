@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from odom.errors import SourceError
 from odom.evaluation.files import read_kitti, read_tum
 from odom.evaluation.motive import read_motive
-from odom.evaluation.run import CAMERA
+from odom.evaluation.run import CAMERA, body_of
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Stamp
 
@@ -36,7 +36,8 @@ def read_truth(
     """Return the truth, and whether it is of a marker body by another clock rather than of the camera."""
     if path.is_dir() and (path / "truth.txt").is_file():
         path = path / "truth.txt"
-    elif of_run:
+        return read_tum(path), body_of(path) != CAMERA
+    if of_run:
         raise SourceError(f"{path} holds no truth.txt: give the truth as second argument")
     if path.suffix.lower() == ".csv" and _columns(path) != 8:
         return read_motive(path, body, y_up), True
@@ -66,15 +67,15 @@ def _columns(path: Path) -> int:
 
 
 def _is_recording(path: Path) -> bool:
-    return path.suffix.lower() == ".mcap"
+    return path.suffix.lower() in (".mcap", ".db3", ".bag") or (path.is_dir() and (path / "metadata.yaml").is_file())
 
 
 def _from_recording(path: Path, topic: str | None) -> tuple[Trajectory, str]:
     """Return the poses of a topic, the one below `truth/` when None, and the topic's name."""
     from odom.wire.codec import decode_odometry, decode_path, decode_pose
-    from odom.wire.recording import RecordingReader
+    from odom.wire.recording import open_reader
 
-    reader = RecordingReader(path)
+    reader = open_reader(path)
     decoders: dict[str, Callable[[Message], Sequence[StampedPose]]] = {
         "geometry_msgs/msg/PoseStamped": lambda message: (decode_pose(message),),
         "nav_msgs/msg/Odometry": lambda message: (decode_odometry(message),),

@@ -84,6 +84,7 @@ def calibrate(estimate: Trajectory, truth: Trajectory, options: CalibrationOptio
     Raises InputError when too few poses match in time.
     """
     options = options or CalibrationOptions()
+    estimate = estimate.longest_segment()
     if options.offset_s is None:
         clock = clock_offset(estimate, truth, options.max_gap_s, options.search_s)
     else:

@@ -1,5 +1,6 @@
 """Trajectories as text files: TUM, KITTI and Motive's CSV."""
 
+import re
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
@@ -11,6 +12,8 @@ from odom.errors import SourceError
 from odom.evaluation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+
+_SEGMENT = re.compile(r"#\s*segment\s+(\d{1,9})\s*$")
 
 
 def nanoseconds(text: str) -> int:
@@ -27,11 +30,17 @@ def nanoseconds(text: str) -> int:
 def read_tum(path: Path) -> Trajectory:
     """Read `stamp tx ty tz qx qy qz qw` lines (seconds, metres); `#` starts a comment.
 
+    A comment `# segment N`, as `odom run` writes it, begins a segment.
+
     Raises SourceError naming the line that cannot be read.
     """
     stamps: list[int] = []
     values: list[list[float]] = []
+    segments: list[int] = []
+    segment = 0
     for number, line in enumerate(_text(path).splitlines(), 1):
+        begun = _SEGMENT.match(line)
+        segment = int(begun[1]) if begun else segment
         fields = line.split("#", 1)[0].replace(",", " ").split()
         if not fields:
             continue
@@ -40,9 +49,10 @@ def read_tum(path: Path) -> Trajectory:
                 raise ValueError(f"{len(fields)} fields")
             stamps.append(nanoseconds(fields[0]))
             values.append([float(field) for field in fields[1:]])
+            segments.append(segment)
         except (ValueError, InvalidOperation, OverflowError) as error:
             raise SourceError(f"{path}:{number}: not a pose `stamp tx ty tz qx qy qz qw` ({error})") from error
-    return trajectory_of(path, stamps, np.array(values).reshape(-1, 7))
+    return trajectory_of(path, stamps, np.array(values).reshape(-1, 7), segments)
 
 
 def read_kitti(path: Path, times: Path) -> Trajectory:
@@ -74,7 +84,9 @@ def read_kitti(path: Path, times: Path) -> Trajectory:
     return trajectory_of(path, stamps, np.column_stack([P[:, :, 3], quaternions]))
 
 
-def trajectory_of(path: Path, stamps: list[int], translation_quaternion: Array) -> Trajectory:
+def trajectory_of(
+    path: Path, stamps: list[int], translation_quaternion: Array, segments: list[int] | None = None
+) -> Trajectory:
     """Return the trajectory of n stamps (ns) and n x 7 values (t, q as x y z w), sorted, repeated stamps dropped.
 
     Raises SourceError when a value is not finite or a quaternion has no length.
@@ -87,7 +99,8 @@ def trajectory_of(path: Path, stamps: list[int], translation_quaternion: Array) 
         T[:, :3, :3] = Rotation.from_quat(translation_quaternion[:, 3:]).as_matrix()
     T[:, :3, 3] = translation_quaternion[:, :3]
     unique, first = np.unique(np.array(stamps, dtype=np.int64), return_index=True)
-    return Trajectory(unique, T[first])
+    several = np.array(segments)[first] if segments and len(set(segments)) > 1 else None
+    return Trajectory(unique, T[first], several)
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:

@@ -45,15 +45,19 @@ class Report:
 def evaluate(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions | None = None) -> Report:
     """Return the errors of `estimate` against `truth`, interpolated at the estimate's stamps.
 
-    Raises InputError when fewer than three poses can be matched in time.
+    Of an estimate in several segments the longest is judged; the others count as not matched. Raises InputError when
+    fewer than three poses can be matched in time.
     """
     options = options or EvaluationOptions()
-    T_world_truth, valid = truth.at(estimate.stamps, options.max_gap_s)
+    valid = truth.at(estimate.stamps, options.max_gap_s)[1]
     total = max(options.total_frames or 0, len(estimate))
     if valid.sum() < 3:
         raise InputError(_why_unmatched(estimate, truth, int(valid.sum()), options.max_gap_s))
-    matched = estimate.take(valid)
-    true = Trajectory(matched.stamps, T_world_truth[valid])
+    everything = estimate.take(valid)
+    matched = everything.longest_segment()
+    if len(matched) < 3:
+        raise InputError(f"the longest of the estimate's segments has {len(matched)} poses: nothing to align")
+    true = Trajectory(matched.stamps, truth.at(matched.stamps, options.max_gap_s)[0])
     alignment = align(matched.positions, true.positions)
     aligned = matched.moved(alignment.T_truth_estimate)
     errors = np.linalg.norm(aligned.positions - true.positions, axis=1)
@@ -69,8 +73,15 @@ def evaluate(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions
         estimate_aligned=aligned,
         truth=true,
         errors_m=errors,
-        notes=(*alignment.notes, *_coverage_notes(len(matched), total)),
+        notes=(*alignment.notes, *_segment_notes(everything), *_coverage_notes(len(matched), total)),
     )
+
+
+def _segment_notes(estimate: Trajectory) -> tuple[str, ...]:
+    if estimate.segment is None or len(set(estimate.segment.tolist())) < 2:
+        return ()
+    count = len(set(estimate.segment.tolist()))
+    return (f"the estimate has {count} segments that were never joined: only the longest is judged",)
 
 
 def _coverage_notes(matched: int, total: int) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ _CALIBRATION = ("time_offset_s", "hand_eye")
 def report_with_truth(
     out_dir: Path,
     *,
-    body: str = CAMERA,
+    body: str | None = None,
     total_frames: int | None = None,
     calibration_options: CalibrationOptions | None = None,
     title: str = "",
@@ -36,11 +36,13 @@ def report_with_truth(
 
     Reads `trajectory.txt`, `odometry.txt`, `relative_step.txt`, `relative_second.txt` and `truth.txt`. `body` names
     the topic `truth/<body>/pose` that the truth came on: unless it is `camera`, the clock offset and the hand-eye
-    transformation are estimated (or imposed by `calibration_options`) and used for every figure. Returns the fields
+    transformation are estimated (or imposed by `calibration_options`) and used for every figure; None takes the name
+    from the comment `# body NAME` that `truth.txt` begins with, `camera` without one. Returns the fields
     of the contract and `truth_notes` in plain words; a figure that cannot be had is None and its note says why.
     Raises SourceError when `trajectory.txt` or `truth.txt` cannot be read.
     """
     truth = read_tum(out_dir / "truth.txt")
+    body = body or body_of(out_dir / "truth.txt")
     estimate = read_tum(out_dir / "trajectory.txt")
     options = EvaluationOptions(total_frames=total_frames)
     try:
@@ -65,6 +67,13 @@ def report_with_truth(
         "truth_notes": [*final.notes, *(calibration.notes if calibration else ())],
     }
     return {key: _finite(value) for key, value in fields.items()}
+
+
+def body_of(path: Path) -> str:
+    """Return the body that a truth file is of: the name in its first line, `# body NAME`, else `camera`."""
+    with path.open() as file:
+        words = file.readline().split()
+    return words[2] if len(words) == 3 and words[:2] == ["#", "body"] else CAMERA
 
 
 def error_fields(report: Report) -> dict[str, Any]:

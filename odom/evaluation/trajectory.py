@@ -1,6 +1,6 @@
 """A trajectory: stamped poses of one body in one world, and its pose at any time between them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +16,13 @@ Stamps = NDArray[np.int64]
 class Trajectory:
     """Poses `T_world_body` (n x 4 x 4, metres) at strictly increasing `stamps` (n, int64 nanoseconds).
 
+    `segment` (n) numbers worlds of their own, where an estimate was lost and begun anew; None when there is but one.
     Raises InputError when shapes disagree, stamps do not increase or a pose is not finite.
     """
 
     stamps: Stamps
     T_world_body: Array
+    segment: Stamps | None = None
 
     def __post_init__(self) -> None:
         if self.stamps.ndim != 1 or self.T_world_body.shape != (len(self.stamps), 4, 4):
@@ -50,19 +52,27 @@ class Trajectory:
 
     def take(self, index: NDArray[np.bool_] | NDArray[np.intp]) -> "Trajectory":
         """Return the poses chosen by a mask or by increasing indices."""
-        return Trajectory(self.stamps[index], self.T_world_body[index])
+        segment = None if self.segment is None else self.segment[index]
+        return Trajectory(self.stamps[index], self.T_world_body[index], segment)
 
     def moved(self, T_new_world: Array) -> "Trajectory":
         """Return the trajectory expressed in another world frame."""
-        return Trajectory(self.stamps, T_new_world @ self.T_world_body)
+        return replace(self, T_world_body=T_new_world @ self.T_world_body)
 
     def of_body(self, T_body_other: Array) -> "Trajectory":
         """Return the trajectory of another body fixed to this one."""
-        return Trajectory(self.stamps, self.T_world_body @ T_body_other)
+        return replace(self, T_world_body=self.T_world_body @ T_body_other)
 
     def delayed(self, seconds: float) -> "Trajectory":
         """Return the trajectory with `seconds` added to every stamp."""
-        return Trajectory(self.stamps + np.int64(round(seconds * 1e9)), self.T_world_body)
+        return replace(self, stamps=self.stamps + np.int64(round(seconds * 1e9)))
+
+    def longest_segment(self) -> "Trajectory":
+        """Return the poses of the segment that has the most of them."""
+        if self.segment is None:
+            return self
+        numbers, counts = np.unique(self.segment, return_counts=True)
+        return self if len(numbers) < 2 else self.take(self.segment == numbers[np.argmax(counts)])
 
     def at(self, stamps: Stamps, max_gap_s: float) -> tuple[Array, NDArray[np.bool_]]:
         """Return m x 4 x 4 poses interpolated at m stamps, and which of them are valid.

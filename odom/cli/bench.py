@@ -16,7 +16,8 @@ bench = typer.Typer(help="Measure accuracy and cost.", no_args_is_help=True)
 
 @bench.command("registration")
 def registration(
-    full: Annotated[bool, typer.Option("--full", help="1000 clouds a scenario, as the paper; else 100.")] = False,
+    clouds: Annotated[int, typer.Option(min=2, help="Clouds a scenario.")] = 100,
+    full: Annotated[bool, typer.Option("--full", help="1000 clouds a scenario, as the paper.")] = False,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write all figures to this file.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Write the picture of RMSE and time to this .png.")] = None,
 ) -> None:
@@ -28,6 +29,7 @@ def registration(
     Example: odom bench registration --json table.json --plot table.png
     """
     import json
+    import sys
     from dataclasses import asdict
 
     from rich.console import Console
@@ -36,8 +38,8 @@ def registration(
     from odom.evaluation.paper import benchmark, scenarios, timing
     from odom.registration import warm_up
 
-    console = Console()
-    clouds = 1000 if full else 100
+    console = Console(width=None if sys.stdout.isatty() else 190)
+    clouds = 1000 if full else clouds
     warm_up()
     for _ in benchmark.stress_cases(2):  # compiles and loads what the first timed call would
         pass

@@ -104,7 +104,7 @@ def _em_matched(clouds: _Clouds, given: Array) -> Registration:
         rounds += 1
         squares = ((clouds.p - clouds.q @ T[:3, :3].T - T[:3, 3]) ** 2).sum(axis=1) / variance
         if factor < 0.0:
-            factor = float(squares.mean()) / 3.0
+            factor = max(float(squares.mean()) / 3.0, 1e-12)
         density = (1.0 - _OUTLIERS) * np.exp(-0.5 * squares / factor) / (2.0 * np.pi * factor * variance) ** 1.5
         right = density / (density + even)
         weights = given * right / variance

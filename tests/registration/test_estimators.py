@@ -1,0 +1,260 @@
+"""Properties that all estimators share."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from registration_clouds import noisy_pairs
+
+from odom.errors import InputError
+from odom.registration import Pairs, Prior, Verdict, em_icp, horn, kalman, register, robust, wicp, with_scale
+from odom.registration.se3 import apply, exp, inverse, log
+
+ALL = {"horn": horn, "wicp": wicp, "em_icp": em_icp, "kalman": kalman, "robust": robust, "register": register}
+every = pytest.mark.parametrize("estimator", ALL.values(), ids=ALL.keys())
+filters = pytest.mark.parametrize("estimator", [kalman, robust, register])
+tangents = arrays(np.float64, 6, elements=st.floats(-1.5, 1.5, allow_nan=False))
+
+
+def exact(T, n=30, seed=0):
+    q = np.random.default_rng(seed).uniform(-1.0, 1.0, (n, 3))
+    small = np.full((n, 3), 1e-8)
+    return Pairs(q, apply(T, q), small, small)
+
+
+@every
+@given(xi=tangents)
+def test_exact_pairs_give_the_motion_whatever_it_is(estimator, xi):
+    result = estimator(exact(exp(xi)))
+    assert result.verdict is Verdict.OK
+    np.testing.assert_allclose(result.T_target_source, exp(xi), atol=1e-8)
+
+
+@every
+@given(xi=tangents)
+def test_rotations_stay_rotations(estimator, xi):
+    T = estimator(exact(exp(xi))).T_target_source
+    np.testing.assert_allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(T[:3, :3]) > 0.0
+
+
+@every
+def test_the_order_of_the_pairs_does_not_matter(estimator, rng):
+    _, pairs = noisy_pairs(rng, 100, angle=0.2)
+    order = rng.permutation(100)
+    one, other = estimator(pairs), estimator(pairs[order])
+    np.testing.assert_allclose(one.T_target_source, other.T_target_source, atol=1e-8)
+    np.testing.assert_array_equal(one.inliers[order], other.inliers)
+
+
+@every
+def test_moving_the_target_moves_the_estimate(estimator, rng):
+    _, pairs = noisy_pairs(rng, 100, angle=0.2)
+    moved = exp(np.array([0.3, -0.2, 0.5, 0.4, 0.1, -0.3]))
+    R = moved[:3, :3]
+    other = Pairs(
+        pairs.points_source,
+        apply(moved, pairs.points_target),
+        pairs.covariances_source,
+        R @ pairs.covariances_target @ R.T,
+    )
+    np.testing.assert_allclose(
+        estimator(other).T_target_source,
+        moved @ estimator(pairs).T_target_source,
+        atol=2e-4 if estimator is em_icp else 1e-6,
+    )
+
+
+@every
+def test_a_pair_of_weight_zero_does_not_count(estimator, rng):
+    _, pairs = noisy_pairs(rng, 60, angle=0.2)
+    weights = np.ones(60)
+    weights[::3] = 0.0
+    weighted = Pairs(
+        pairs.points_source, pairs.points_target, pairs.covariances_source, pairs.covariances_target, weights
+    )
+    kept = estimator(weighted)
+    np.testing.assert_allclose(kept.T_target_source, estimator(pairs[weights > 0]).T_target_source, atol=1e-3)
+    assert not kept.inliers[::3].any()
+
+
+@filters
+def test_covariance_is_in_the_source_frame_translation_first(estimator):
+    """A rotation that cannot be seen well is a rotation about the source's axis along which the points lie."""
+    rng = np.random.default_rng(3)
+    n = 200
+    q = rng.normal(size=(n, 3)) * [1.0, 0.03, 0.03]
+    T = exp(np.array([0.1, 0.2, 0.3, 0.0, 0.0, np.pi / 2]))  # turns the source's x into the target's y
+    C = np.full((n, 3), 1e-6)
+    result = estimator(Pairs(q, apply(T, q) + rng.normal(0.0, 1e-3, (n, 3)), None, C))
+    rotation = np.diag(result.covariance)[3:]
+    assert rotation[0] > 20.0 * rotation[1:].max()
+
+
+@filters
+def test_a_prior_with_covariance_is_fused_as_evidence(estimator, rng):
+    T, pairs = noisy_pairs(rng, 30, angle=0.2)
+    alone = estimator(pairs)
+    offset = np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.01])
+    P = np.diag([1e-6] * 6)
+    fused = estimator(pairs, Prior(T @ exp(offset), P))
+    information = np.linalg.inv(alone.covariance) + np.linalg.inv(P)
+    expected = np.linalg.solve(information, np.linalg.solve(P, log(inverse(alone.T_target_source) @ T @ exp(offset))))
+    np.testing.assert_allclose(log(inverse(alone.T_target_source) @ fused.T_target_source), expected, atol=2e-4)
+    np.testing.assert_allclose(fused.covariance, np.linalg.inv(information), rtol=0.05, atol=1e-8)
+
+
+@filters
+def test_a_prior_without_covariance_is_only_where_to_begin(estimator, rng):
+    T, pairs = noisy_pairs(rng, 100, angle=0.2)
+    one = estimator(pairs)
+    other = estimator(pairs, Prior(T @ exp(np.full(6, 0.02))))
+    np.testing.assert_allclose(one.T_target_source, other.T_target_source, atol=1e-5)
+
+
+@every
+def test_scale_is_found_on_request(estimator, rng):
+    T, pairs = noisy_pairs(rng, 200, angle=0.2)
+    small = Pairs(pairs.points_source / 1.25, pairs.points_target, pairs.covariances_source, pairs.covariances_target)
+    result = with_scale(estimator)(small)
+    assert result.scale == pytest.approx(1.25, rel=5e-3)
+    np.testing.assert_allclose(result.T_target_source, T, atol=0.02)
+
+
+@pytest.mark.parametrize("estimator", [wicp, em_icp])
+def test_correspondences_are_found_when_none_are_given(estimator):
+    rng = np.random.default_rng(0)
+    n = 400
+    q = rng.uniform(-1.0, 1.0, (n, 3))
+    T = exp(np.array([0.02, -0.01, 0.015, 0.01, -0.02, 0.01]))
+    order = rng.permutation(n)
+    C = np.full((n, 3), 1e-6)
+    noisy = apply(T, q)[order] + rng.normal(0.0, 1e-3, (n, 3))
+    result = estimator(Pairs(q, noisy, C, C), matched=False)
+    assert result.ok
+    np.testing.assert_allclose(result.T_target_source, T, atol=1e-3)
+
+
+# bad input: an error of the family or the degenerate verdict, never a silent pose
+
+
+@every
+@pytest.mark.parametrize("n", [0, 1, 2])
+def test_fewer_than_three_pairs_are_degenerate(estimator, n):
+    result = estimator(exact(np.eye(4))[:n])
+    assert result.verdict is Verdict.DEGENERATE
+    assert "3" in result.reason
+    assert np.isnan(result.T_target_source).all()
+
+
+@every
+@pytest.mark.parametrize("noise", [0.0, 1e-4, 1e-3])
+def test_points_on_a_line_are_degenerate(estimator, noise, rng):
+    n = 60
+    line = np.outer(rng.uniform(-1.0, 1.0, n), [1.0, 2.0, 0.5]) + np.array([0.0, 0.0, 2.0])
+    C = np.full((n, 3), max(noise, 1e-4) ** 2)
+    result = estimator(Pairs(line + rng.normal(0, noise, (n, 3)), line + rng.normal(0, noise, (n, 3)), C, C))
+    assert result.verdict is Verdict.DEGENERATE, result
+    assert result.reason
+
+
+@every
+def test_coinciding_points_are_degenerate(estimator):
+    points = np.ones((20, 3))
+    C = np.full((20, 3), 1e-6)
+    assert estimator(Pairs(points, points, C, C)).verdict is Verdict.DEGENERATE
+
+
+@every
+def test_points_in_a_plane_are_enough(estimator, rng):
+    T, pairs = noisy_pairs(rng, 200, angle=0.2)
+    q = pairs.points_source.copy()
+    q[:, 2] = 1.0
+    C = np.full((200, 3), 1e-6)
+    result = estimator(Pairs(q, apply(T, q) + rng.normal(0, 1e-3, (200, 3)), C, C))
+    assert result.ok, result.reason
+    np.testing.assert_allclose(result.T_target_source, T, atol=2e-3)
+
+
+@every
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("side", ["points_source", "points_target"])
+def test_points_that_are_not_finite_are_an_error(estimator, side, value):
+    pairs = exact(np.eye(4))
+    getattr(pairs, side)[3, 1] = value
+    with pytest.raises(InputError, match="finite"):
+        estimator(pairs)
+
+
+@every
+@pytest.mark.parametrize("weight", [np.nan, np.inf, -1.0])
+def test_weights_that_are_not_positive_are_an_error(estimator, weight):
+    pairs = exact(np.eye(4))
+    weights = np.ones(len(pairs))
+    weights[5] = weight
+    with pytest.raises(InputError, match="weights"):
+        estimator(
+            Pairs(pairs.points_source, pairs.points_target, pairs.covariances_source, pairs.covariances_target, weights)
+        )
+
+
+@filters
+@pytest.mark.parametrize("bad", [np.zeros((3, 3)), -np.eye(3), np.full((3, 3), np.nan), np.diag([1e-4, 1e-4, 0.0])])
+def test_a_covariance_that_is_not_positive_is_an_error(estimator, bad):
+    pairs = exact(np.eye(4))
+    C = pairs.covariances_target.copy()
+    C[4] = bad
+    with pytest.raises(InputError, match="pair 4"):
+        estimator(Pairs(pairs.points_source, pairs.points_target, None, C))
+
+
+@filters
+def test_missing_covariances_are_an_error(estimator):
+    pairs = exact(np.eye(4))
+    with pytest.raises(InputError, match="covariances"):
+        estimator(Pairs(pairs.points_source, pairs.points_target))
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        (np.zeros((4, 2)), np.zeros((4, 2))),
+        (np.zeros((4, 3)), np.zeros((5, 3))),
+        (np.zeros(3), np.zeros(3)),
+        (np.zeros((4, 3)), np.zeros((4, 3)), np.zeros((4, 2))),
+        (np.zeros((4, 3)), np.zeros((4, 3)), None, np.zeros((3, 3, 3))),
+        (np.zeros((4, 3)), np.zeros((4, 3)), None, None, np.zeros(3)),
+    ],
+)
+def test_wrong_shapes_are_an_error(arguments):
+    with pytest.raises(InputError, match="shape"):
+        Pairs(*arguments)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [(np.zeros((4, 4)),), (np.full((4, 4), np.nan),), (np.eye(4), np.zeros((6, 6))), (np.eye(4), np.eye(3))],
+)
+def test_a_prior_that_is_no_motion_is_an_error(arguments):
+    with pytest.raises(InputError, match="prior"):
+        Prior(*arguments)
+
+
+def test_inputs_are_left_as_they_were(rng):
+    _, pairs = noisy_pairs(rng, 50)
+    before = [a.copy() for a in (pairs.points_source, pairs.points_target, pairs.covariances_source)]
+    prior = Prior(np.eye(4), np.eye(6))
+    for estimator in ALL.values():
+        estimator(pairs, prior)
+    for a, b in zip(before, (pairs.points_source, pairs.points_target, pairs.covariances_source), strict=True):
+        np.testing.assert_array_equal(a, b)
+    np.testing.assert_array_equal(prior.T_target_source, np.eye(4))
+
+
+def test_results_repeat_to_the_byte(rng):
+    _, pairs = noisy_pairs(rng, 200)
+    for estimator in ALL.values():
+        one, two = estimator(pairs), estimator(pairs)
+        assert one.T_target_source.tobytes() == two.T_target_source.tobytes()
+        assert one.covariance.tobytes() == two.covariance.tobytes()

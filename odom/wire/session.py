@@ -333,6 +333,7 @@ def _configuration(settings: WireSettings) -> dict[str, Any]:
         "scouting/gossip/enabled": True,
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": settings.lease_ms,
+        "transport/link/tx/queue/size/data": 8,
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": patience,
         "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 2 * patience,
         **security_configuration(settings.security),

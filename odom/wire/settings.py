@@ -28,7 +28,7 @@ class WireSettings(BaseModel, frozen=True, extra="forbid"):
     namespace: str = Field("cam0", description="name of the device, first part of its keys")
     lease_ms: int = Field(2000, ge=200, description="a process silent for so long counts as gone")
     drop_after_ms: int = Field(
-        25, ge=0, description="a live message waits so long for a congested link before it is dropped"
+        40, ge=0, description="a live message waits so long for a congested link before it is dropped"
     )
     security: SecuritySettings = Field(SecuritySettings(), description="certificates, identities and rules")
     zenoh: dict[str, JsonValue] = Field(

@@ -1,6 +1,7 @@
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import psutil
 import pytest
@@ -141,3 +142,19 @@ def test_closing_wakes_who_waits(open_peer: OpenSession) -> None:
     subscriber.close()
     waiting.join(2.0)
     assert got == [None]
+
+
+def test_a_flood_that_claims_to_be_lossless_is_bounded_in_bytes(open_peer: OpenSession) -> None:
+    sender, receiver = open_peer(), open_peer()
+    subscriber = receiver.subscriber(["a", "b"], depth=3, lossless=True)
+    meet(sender, "a")
+    publisher = sender.publisher(lossless=True)
+    megabyte = encode_text("a", Stamp(0), "x" * 2**20)
+    for i in range(200):
+        publisher.put(replace(megabyte, topic="ab"[i % 2]))
+    assert eventually(lambda: subscriber.total().received == 200)
+    assert subscriber.waiting <= 128
+    assert subscriber.total().dropped == 200 - subscriber.waiting
+    last = [subscriber.receive(0.0) for _ in range(subscriber.waiting)][-1]
+    assert last is not None
+    assert last.serial == 199

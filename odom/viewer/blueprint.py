@@ -6,6 +6,8 @@ from odom.viewer import entities
 from odom.viewer.draw import TIMELINE
 
 _GROUND = (13, 16, 20)
+_EYE, _LOOK_AT = (0.0, -3.6, -3.1), (0.0, 0.5, 0.5)
+"""Behind and above the first camera pose (x right, y down, z forward), looking at what it sees."""
 
 
 def blueprint(plot_seconds: float | None = 60.0) -> rrb.Blueprint:
@@ -60,6 +62,7 @@ def _map() -> rrb.Spatial3DView:
         contents=["+ $origin/**", f"- {entities.DEPTH}/**", f"- {entities.FEATURES}/**"],
         background=rrb.Background(color=_GROUND),
         line_grid=rrb.LineGrid3D(visible=False),
+        eye_controls=rrb.EyeControls3D(position=_EYE, look_target=_LOOK_AT, eye_up=(0.0, -1.0, 0.0)),
     )
 
 

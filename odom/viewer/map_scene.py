@@ -29,7 +29,9 @@ _ELLIPSOIDS = 150
 _STANDS = 1e-3
 """A key frame that moves less (metres, or entries of its rotation) is not drawn again."""
 
-_LINE, _THIN, _POINT = -2.0, -1.0, -1.6
+_WIDTH = {entities.TRUTH: -2.6, entities.CORRECTED: -1.7, entities.ONLINE: -0.8}
+_LOOP, _REFUSED, _POINT = -1.8, -0.4, -1.6
+_REFUSED_SHOWN = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,9 +128,9 @@ class MapScene:
         before = np.clip(np.searchsorted(stamps[valid], online.stamps, side="right") - 1, 0, None)
         return Trajectory(online.stamps, correction[before] @ online.T_world_body)
 
-    def refresh(self, stamp: Stamp) -> Iterator[Draw]:
+    def refresh(self, stamp: Stamp, corrected: Trajectory) -> Iterator[Draw]:
         """Yield the whole trajectories, key frames, ellipsoids and loops: what a browser opened now must see."""
-        corrected, online, strips = self.corrected(), self.online.trajectory(), self.online.strips()
+        online, strips = self.online.trajectory(), self.online.strips()
         if not len(online):
             return
         same = len(corrected) == len(online)
@@ -211,11 +213,12 @@ class MapScene:
         accepted = np.array([loop.accepted for loop in self._loops])
         segments = np.stack([ends[0][0][:, :3, 3], ends[1][0][:, :3, 3]], axis=1).astype(np.float32)
         for path, chosen, color, radius in (
-            (entities.LOOPS_ACCEPTED, both & accepted, palette.LOOP_ACCEPTED, _LINE),
-            (entities.LOOPS_REFUSED, both & ~accepted, palette.LOOP_REFUSED, _THIN),
+            (entities.LOOPS_ACCEPTED, both & accepted, palette.LOOP_ACCEPTED, _LOOP),
+            (entities.LOOPS_REFUSED, both & ~accepted, palette.LOOP_REFUSED, _REFUSED),
         ):
             if chosen.any():
-                yield draw(path, stamp, rr.LineStrips3D(segments[chosen], colors=[color], radii=radius))
+                shown = segments[chosen] if radius == _LOOP else segments[chosen][-_REFUSED_SHOWN:]
+                yield draw(path, stamp, rr.LineStrips3D(shown, colors=[color], radii=radius))
 
 
 def trajectory(poses: tuple[StampedPose, ...]) -> Trajectory:
@@ -236,7 +239,8 @@ def _line(path: str, stamp: Stamp, positions: list[Array], color: palette.Rgb) -
 
 
 def _strips(path: str, stamp: Stamp, strips: list[NDArray[np.float32]], color: palette.Rgb) -> Draw:
-    return draw(path, stamp, rr.LineStrips3D(strips, colors=[color], radii=_LINE))
+    width = next(width for of, width in _WIDTH.items() if path.startswith(of))
+    return draw(path, stamp, rr.LineStrips3D(strips, colors=[color], radii=width))
 
 
 def _cloud(stamp: Stamp, keyframe: Stamp, cloud: Cloud) -> Draw:

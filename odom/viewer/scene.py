@@ -17,7 +17,8 @@ from odom.viewer.truth import Comparison, ProgressiveCalibration, TruthInMap, al
 from odom.viewer.words import INFO, Words, says
 from odom.wire import Message, Topics, codec
 
-_REFRESH_NS = 500_000_000
+_REFRESH_NS = 1_000_000_000
+_JUDGE_NS = 200_000_000
 _RESTART_NS = 5_000_000_000
 _TRUTH_BODIES = 8
 _CAMERA_BODY = "camera"
@@ -68,6 +69,7 @@ class Scene:
         self._bounds: tuple[Stamp, float, float] = (Stamp(0), np.nan, np.nan)
         self._newest: Stamp | None = None
         self._refreshed: Stamp | None = None
+        self._judged_at: Stamp | None = None
 
     def setup(self) -> Iterator[Draw]:
         """Yield what never changes: axes and the styles of the plots."""
@@ -102,6 +104,8 @@ class Scene:
             yield from self._refresh(self._newest)
 
     def _color(self, message: Message) -> Iterator[Draw]:
+        if self._newest is None:
+            self._newest = message.stamp
         yield from self._images.color(message)
         self._remember_pair()
 
@@ -129,6 +133,8 @@ class Scene:
         if self._refreshed is None or pose.stamp - self._refreshed >= _REFRESH_NS:
             self._refreshed = pose.stamp
             yield from self._refresh(pose.stamp)
+        if self._judged_at is None or pose.stamp - self._judged_at >= _JUDGE_NS:
+            self._judged_at = pose.stamp
             yield from self._errors()
 
     def _pose(self, message: Message) -> Iterator[Draw]:
@@ -146,9 +152,11 @@ class Scene:
         yield from self._words.loop(loop)
 
     def _status(self, message: Message) -> Iterator[Draw]:
-        """Show a status at the newest pose, where there is one: its own stamp is the wall time of its sending."""
+        """Show a status at the newest image or pose: its own stamp is the wall time of its sending."""
         for status in codec.decode_status(message):
-            stamp = self._newest if self._newest is not None else status.stamp
+            stamp = self._newest
+            if stamp is None:
+                continue
             yield from self._words.status(stamp, status)
             for path, keys in (
                 (entities.INLIERS, ("inliers", "matches")),
@@ -159,9 +167,10 @@ class Scene:
                     yield draw(path, stamp, rr.Scalars(values))
 
     def _end(self, message: Message) -> Iterator[Draw]:
-        stamp = self._newest if self._newest is not None else message.stamp
-        yield from self._refresh(stamp)
-        yield says(stamp, INFO, f"The source has ended: {codec.decode_text(message) or 'complete'}")
+        if self._newest is None:
+            return
+        yield from self._refresh(self._newest)
+        yield says(self._newest, INFO, f"The source has ended: {codec.decode_text(message) or 'complete'}")
 
     def _add_truth(self, body: str, message: Message) -> None:
         pose = codec.decode_pose(message)
@@ -181,8 +190,8 @@ class Scene:
         return next(iter(self._truth.values()), None)
 
     def _refresh(self, stamp: Stamp) -> Iterator[Draw]:
-        yield from self._map.refresh(stamp)
         corrected = self._map.corrected()
+        yield from self._map.refresh(stamp, corrected)
         truth = self._judged()
         if truth is not None and (fit := self._align(corrected, truth.trajectory())):
             yield from self._words.truth(stamp, fit, first=self._fit is None)
@@ -192,14 +201,18 @@ class Scene:
                 yield truth_line(body, stamp, in_map(trail.trajectory(), self._fit).positions, trail.strips())
         yield self._words.summary(stamp, self._fit, corrected.length_m)
 
+    @property
+    def _truth_is_the_cameras(self) -> bool:
+        """Whether the body is called `camera`, which says that its truth is the camera's own; others carry markers."""
+        return next(iter(self._truth), "") == _CAMERA_BODY
+
     def _align(self, corrected: Trajectory, truth: Trajectory) -> TruthInMap | None:
-        """Align truth; that of a body called `camera` is the camera's own, any other is a marker body's."""
-        is_camera = next(iter(self._truth)) == _CAMERA_BODY
-        calibrated = None if is_camera else self._calibration.update(corrected, truth)
+        calibrated = None if self._truth_is_the_cameras else self._calibration.update(corrected, truth)
         return align_truth(corrected, truth, calibrated)
 
     def _errors(self) -> Iterator[Draw]:
-        if self._fit is None:
+        """Judge the poses that truth has caught up with; those of a marker body wait until it is calibrated."""
+        if self._fit is None or (self._fit.calibrated is None and not self._truth_is_the_cameras):
             return
         for error in self._comparison.errors(self._fit):
             self._words.error(error)

@@ -84,6 +84,7 @@ class RunFiles:
                 return
             self._truth[body] = self._open(f"truth_{body}.txt" if self._truth else "truth.txt")
             self._truth[body].write(f"# body {body}\n")
+            self._truth[body].write(f"# body {body}\n")
         self._truth[body].write(pose_line(stamp, T_world_body))
 
     def write_trajectory(self, poses: Iterable[TrajectoryPose]) -> None:

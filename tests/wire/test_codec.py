@@ -1,6 +1,7 @@
 import contextlib
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -297,3 +298,15 @@ def test_a_raw_vga_pair_costs_a_millisecond_each_way() -> None:
         decode_s.append(time.perf_counter() - between)
     assert min(encode_s) < 1e-3
     assert min(decode_s) < 1e-3
+
+
+@given(st.integers(8, 10_000), st.integers(1, 255))
+def test_a_png_with_any_flipped_byte_is_refused(where: int, flip: int) -> None:
+    for name in ("png depth", "png colour"):
+        message, decode = EXAMPLES[name]
+        begin = message.payload.index(b"\x89PNG")
+        end = message.payload.index(b"IEND") + 8
+        payload = bytearray(message.payload)
+        payload[begin + 8 + (where - 8) % (end - begin - 8)] ^= flip
+        with pytest.raises(WireError):
+            decode(replace(message, payload=bytes(payload)))

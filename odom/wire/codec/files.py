@@ -1,5 +1,6 @@
 """JPEG and PNG files in memory: decoded only after their size and completeness are known."""
 
+import zlib
 from typing import Any
 
 import cv2
@@ -11,7 +12,7 @@ from odom.errors import WireError
 MAX_PIXELS = 16_777_216
 
 _JPEG_BEGIN, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
-_PNG_BEGIN, _PNG_END = b"\x89PNG\r\n\x1a\n", b"IEND\xaeB`\x82"
+_PNG_BEGIN, _PNG_LAST = b"\x89PNG\r\n\x1a\n", b"IEND"
 _NO_LENGTH = frozenset((0x01, *range(0xD0, 0xD9)))
 _FRAME = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _PADDING = 64
@@ -20,13 +21,13 @@ _PADDING = 64
 def file_size(data: bytes | memoryview) -> tuple[int, int]:
     """Return (width, height) from the header of a JPEG or PNG file.
 
-    Raises WireError when it is neither, is cut, or holds more than `MAX_PIXELS` pixels.
+    Raises WireError when it is neither, is cut or damaged, or holds more than `MAX_PIXELS` pixels.
     """
     view = memoryview(data)
     begin = bytes(view[:8])
     if begin == _PNG_BEGIN and len(view) >= 33:
         width, height = int.from_bytes(view[16:20], "big"), int.from_bytes(view[20:24], "big")
-        complete = _PNG_END in bytes(view[-len(_PNG_END) - _PADDING :])
+        complete = _png_is_sound(view)
     elif begin.startswith(_JPEG_BEGIN):
         width, height = _jpeg_size(view)
         complete = _JPEG_END in bytes(view[-len(_JPEG_END) - _PADDING :])
@@ -35,7 +36,7 @@ def file_size(data: bytes | memoryview) -> tuple[int, int]:
     if not 0 < width * height <= MAX_PIXELS:
         raise WireError(f"image of {width} x {height} pixels is not plausible")
     if not complete:
-        raise WireError(f"image file of {len(view)} bytes is cut: its end mark is missing")
+        raise WireError(f"image file of {len(view)} bytes is cut or damaged")
     return width, height
 
 
@@ -52,6 +53,19 @@ def decode_file(data: NDArray[np.uint8], flags: int) -> NDArray[Any]:
     if image is None or image.shape[1::-1] != size:
         raise WireError(f"image file of {data.size} bytes cannot be decoded")
     return np.asarray(image)
+
+
+def _png_is_sound(view: memoryview) -> bool:
+    """Whether the chunks up to the last are whole; checked here because libpng complains on stderr, not to us."""
+    at = len(_PNG_BEGIN)
+    while at + 12 <= len(view):
+        after = at + 12 + int.from_bytes(view[at : at + 4], "big")
+        if after > len(view) or zlib.crc32(view[at + 4 : after - 4]) != int.from_bytes(view[after - 4 : after], "big"):
+            return False
+        if view[at + 4 : at + 8] == _PNG_LAST:
+            return True
+        at = after
+    return False
 
 
 def _jpeg_size(view: memoryview) -> tuple[int, int]:

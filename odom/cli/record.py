@@ -1,5 +1,6 @@
 """`odom record OUT.mcap`: everything of a device, from the wire into a file."""
 
+import time
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -9,7 +10,7 @@ from odom.wire.settings import Compression
 
 
 def record(
-    output: Annotated[Path, typer.Argument(help="The .mcap recording to write.")],
+    output: Annotated[Path, typer.Argument(help="The .mcap recording to write; {time} becomes the time of the start.")],
     namespace: Annotated[str | None, typer.Option(help="Name of the device, first part of its keys.")] = None,
     estimates: Annotated[bool, typer.Option(help="Record poses, transforms, status and loops too.")] = True,
     compression: Annotated[Compression, typer.Option(help="Of the file's chunks.")] = "zstd",
@@ -22,7 +23,7 @@ def record(
     """Record frames, calibration, truth and estimates of a device until its source ends or Ctrl-C.
 
     The bytes of the wire go into the file as they are. A recorded source waits for this recorder: nothing is lost.
-    After a crash the file lacks at most the last half second.
+    After a crash the file lacks at most the last half second; with {time} in its name a supervisor may start it again.
 
     Example: odom record session.mcap
     """
@@ -35,6 +36,7 @@ def record(
     from odom.wire.session import open_session
 
     stop = signals.stop_event()
+    output = Path(str(output).replace("{time}", time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())))
     settings = wire_settings(config, connect, listen, mode, namespace)
     topics = Topics(settings.namespace)
     metadata = {"namespace": topics.namespace}

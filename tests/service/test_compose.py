@@ -29,7 +29,7 @@ def test_every_command_of_the_compose_file_is_understood(services: dict[str, Any
         context = group.commands[command].make_context(command, list(arguments))
         assert context.params, name
         checked += 1
-    assert checked == 5
+    assert checked == 6
 
 
 def test_the_environment_of_the_compose_file_is_accepted_as_settings(services: dict[str, Any]) -> None:

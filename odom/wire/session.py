@@ -325,7 +325,7 @@ def _configuration(settings: WireSettings) -> dict[str, Any]:
         "mode": settings.mode,
         "connect/endpoints": secured(settings.connect, settings.security),
         "connect/exit_on_failure": settings.mode == "client",
-        "connect/timeout_ms": 5000 if settings.mode == "client" else 0,
+        "connect/timeout_ms": 5000 if settings.mode == "client" else -1,
         "connect/retry": {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2},
         "listen/endpoints": [] if settings.mode == "client" else secured(settings.listen, settings.security),
         "listen/exit_on_failure": False,

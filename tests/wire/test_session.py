@@ -158,3 +158,17 @@ def test_a_flood_that_claims_to_be_lossless_is_bounded_in_bytes(open_peer: OpenS
     last = [subscriber.receive(0.0) for _ in range(subscriber.waiting)][-1]
     assert last is not None
     assert last.serial == 199
+
+
+def test_whoever_comes_first_waits_for_the_other_and_meets_it_again(endpoint: str) -> None:
+    """A peer whose meeting point is not there yet, or goes away and returns, finds it by itself."""
+    seen: list[bool] = []
+    with open_session(WireSettings(connect=(endpoint,), listen=())) as early:
+        early.watch("hub", lambda key, alive: seen.append(alive))
+        for life in range(2):
+            time.sleep(0.3)
+            with open_session(WireSettings(connect=(), listen=(endpoint,))) as hub:
+                hub.announce("hub")
+                assert eventually(lambda: len(seen) == 2 * life + 1)  # noqa: B023  # called before the next life
+            assert eventually(lambda: len(seen) == 2 * life + 2)  # noqa: B023  # called before the next life
+    assert seen == [True, False, True, False]

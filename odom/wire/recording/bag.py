@@ -1,0 +1,80 @@
+"""Reads a ROS 2 bag folder (`metadata.yaml` beside .mcap or .db3 files) like a single recording."""
+
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any
+
+from odom.errors import RecordingError, WireError
+from odom.frame import Stamp
+from odom.wire.codec import stamp_of
+from odom.wire.message import Message
+from odom.wire.recording.reader import RecordingReader
+
+
+class BagReader(RecordingReader):
+    """Reads the folder `path`: its .mcap files one after the other, even cut ones, or its .db3 files.
+
+    Raises RecordingError when it holds neither or they cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._parts = [RecordingReader(part) for part in sorted(path.glob("*.mcap"))]
+        if not self._parts and not any(path.glob("*.db3")):
+            raise RecordingError(f"{path} is no ROS 2 bag: neither .mcap nor .db3 files are in it")
+
+    def counts(self) -> dict[str, int] | None:
+        """Return the number of messages a topic, None when a part has no sound index."""
+        totals: dict[str, int] = {}
+        if not self._parts:
+            with self._database() as bag:
+                for connection in bag.connections:
+                    topic = connection.topic.removeprefix("/")
+                    totals[topic] = totals.get(topic, 0) + connection.msgcount
+            return totals
+        for part in self._parts:
+            counts = part.counts()
+            if counts is None:
+                return None
+            for topic, count in counts.items():
+                totals[topic] = totals.get(topic, 0) + count
+        return totals
+
+    def _in_file_order(self, topics: Collection[str] | None, start: Stamp | None) -> Iterator[Message]:
+        if not self._parts:
+            yield from self._from_database(topics, start)
+            return
+        self.damage, self.complete, self.skipped = (), True, 0
+        for part in self._parts:
+            yield from part._in_file_order(topics, start)
+            self.damage += tuple(f"{part.path.name}: {what}" for what in part.damage)
+            self.complete &= part.complete
+            self.skipped += part.skipped
+
+    def _from_database(self, topics: Collection[str] | None, start: Stamp | None) -> Iterator[Message]:
+        self.complete, self.skipped = False, 0
+        with self._database() as bag:
+            wanted = [c for c in bag.connections if topics is None or c.topic.removeprefix("/") in topics]
+            if not wanted:
+                return
+            try:
+                for connection, time, payload in bag.messages(connections=wanted):
+                    try:
+                        stamp = stamp_of(connection.msgtype, payload)
+                    except WireError:
+                        self.skipped += 1
+                        continue
+                    at = Stamp(time) if stamp is None else stamp
+                    if start is None or at >= start:
+                        yield Message(connection.topic.removeprefix("/"), connection.msgtype, at, bytes(payload))
+            except OSError as error:
+                raise RecordingError(f"{self.path} cannot be read: {error}") from error
+        self.complete = True
+
+    def _database(self) -> Any:
+        from rosbags.rosbag2 import Reader, ReaderError
+
+        try:
+            return Reader(self.path)
+        except (ReaderError, OSError) as error:
+            raise RecordingError(f"{self.path} is no ROS 2 bag that can be read: {error}") from error

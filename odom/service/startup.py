@@ -4,6 +4,7 @@ import gc
 import logging
 import os
 import socket
+import threading
 
 import cv2
 import numpy as np
@@ -14,6 +15,7 @@ from odom.wire import Topics, codec
 
 _LOG = logging.getLogger(__name__)
 _WARM_FRAMES = 6
+_PATIENCE_S = 4.0
 
 
 def warm_up(settings: OdometrySettings, topics: Topics) -> None:
@@ -22,6 +24,9 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
     Without it the first frames would wait for imports and compilation, seconds on a machine's first run.
     """
     cv2.setNumThreads(1)
+    patience = threading.Timer(_PATIENCE_S, _LOG.info, ["compiling: the first start takes about half a minute longer"])
+    patience.daemon = True
+    patience.start()
     camera = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)
     texture = np.random.default_rng(1).integers(0, 256, (60, 80), dtype=np.uint8)
     scene = np.asarray(cv2.resize(texture, (700, 500), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
@@ -38,6 +43,7 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
         codec.decode_depth(codec.encode_depth_compressed(topics.depth_compressed, stamp, depth, codec="rvl"))
         odometry.process(RgbdFrame(i, stamp, codec.decode_color(jpeg, grey=True), stamp, decoded))
     odometry.finish()
+    patience.cancel()
     del odometry
     gc.collect()
     gc.freeze()

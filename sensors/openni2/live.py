@@ -10,6 +10,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from odom.errors import DeviceError, OdomError
 from odom.frame import Camera, Stamp
 from odom.wire import Message
@@ -24,8 +26,9 @@ _log = logging.getLogger(__name__)
 
 WAITING = 24
 """Images held for the consumer before the oldest is dropped (0.4 s of colour and depth at 30 Hz)."""
-LEARN_UNIT_NS = 300_000_000
-"""How long the first images are held until the unit of the device's stamps is known."""
+LEARN_UNIT_NS = 200_000_000
+LEARN_UNIT_FRAMES = 6
+"""How long, and how many of a stream, the first images are held until the unit of the device's stamps is known."""
 RETRY_S = 0.1
 RESTART_EVERY = 10
 """Every so many retries the library is restarted: libfreenect's driver lists devices only when it is initialised."""
@@ -49,10 +52,17 @@ class DeviceClock:
         """Whether the unit of the device's stamps is known."""
         return self._unit_ns is not None
 
-    def learn_unit(self, ticks: int, elapsed_ns: int) -> None:
-        """Settle the unit from a span of the device's stamps and the host's time meanwhile."""
-        self._unit_ns = tick_length(ticks, elapsed_ns) or 0.0
-        if not self._unit_ns:
+    def learn_unit(self, frames: list[tuple[int, int]], period_ns: float) -> None:
+        """Settle the unit from the stamp (ticks) and receipt (ns) of one stream's frames, nominally `period_ns` apart.
+
+        The nominal rate decides, for a loaded machine's times of receipt may be off by tens of milliseconds; where it
+        does not fit (a camera that halves its rate in the dark) they must do.
+        """
+        ticks = np.diff([stamp for stamp, _ in frames]) % (1 << 32)
+        elapsed_ns = frames[-1][1] - frames[0][1]
+        unit = tick_length(int(np.median(ticks)), round(period_ns)) or tick_length(int(ticks.sum()), elapsed_ns)
+        self._unit_ns = unit or 0.0
+        if unit is None:
             _log.warning("the device's time stamps run at no known rate: the time of receipt is used instead")
 
     def stamp(self, is_color: bool, ticks: int, host_ns: int) -> Stamp:
@@ -235,10 +245,9 @@ class LiveKinect:
                 yield received
                 continue
             held.append(received)
-            same = [other for other in held if other.frame.is_color == received.frame.is_color]
-            elapsed_ns = received.host_ns - same[0].host_ns
-            if elapsed_ns >= LEARN_UNIT_NS:
-                clock.learn_unit((received.frame.ticks - same[0].frame.ticks) % (1 << 32), elapsed_ns)
+            same = [r for r in held if r.frame.is_color == received.frame.is_color]
+            if received.host_ns - same[0].host_ns >= LEARN_UNIT_NS and len(same) >= LEARN_UNIT_FRAMES:
+                clock.learn_unit([(r.frame.ticks, r.host_ns) for r in same], 1e9 / self._settings.fps)
                 yield from held
                 held = []
 

@@ -33,7 +33,7 @@ class KinectSettings(BaseModel):
     auto_exposure: bool = Field(
         True, description="automatic exposure and white balance; off keeps both as they are at the start"
     )
-    silence_s: float = Field(1.0, gt=0, description="without a frame for so long the device is taken to be gone")
+    silence_s: float = Field(2.0, gt=0, description="without a frame for so long the device is taken to be gone")
     start_s: float = Field(4.0, gt=0, description="time a device has to deliver its first frames")
 
     @property

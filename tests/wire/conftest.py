@@ -1,14 +1,13 @@
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 
 import pytest
+from private_network import OpenSession
 
 from odom.wire import WireSettings
 from odom.wire.session import WireSession, open_session
 from odom.wire.settings import ANY_LOCAL_PORT
-
-OpenSession = Callable[[], WireSession]
 
 
 @pytest.fixture

@@ -1,8 +1,8 @@
 import threading
 import time
 
-from conftest import OpenSession
 from made_up_messages import session_messages
+from private_network import OpenSession
 
 from odom.frame import Stamp
 from odom.wire import Message, Topics

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import psutil
 import pytest
-from conftest import OpenSession
 from made_up_messages import session_messages
+from private_network import OpenSession
 
 from odom.errors import WireError
 from odom.frame import Stamp

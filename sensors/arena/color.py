@@ -23,7 +23,7 @@ def develop(
     at: NDArray[np.int64],
     out: NDArray[np.uint8],
 ) -> None:
-    """Turn the light (see `render.shade`) into the picture; `noise_of` (256) is the deviation at a value, over 24."""
+    """Turn the light (see `shading.shade`) into the picture; `noise_of` (256) is the deviation at a value, over 24."""
     height, width = light.shape
     for y in range(height):
         row = grain[(y + at[0]) & (TILE - 1)]

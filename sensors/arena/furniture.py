@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from sensors.arena import paint
+from sensors.arena import paint, prints, wares
 from sensors.arena.paint import Color
-from sensors.arena.scene import BLACK, GLASS, ORDINARY, Array, Builder, pose
-from sensors.arena.texture import Image
+from sensors.arena.scene import BLACK, Array, Builder, pose
 
 Random = np.random.Generator
 
@@ -16,49 +15,6 @@ CLOTHS: tuple[Color, ...] = ((40, 66, 120), (150, 46, 42), (52, 104, 74), (196, 
 def one_of(rng: Random, colors: tuple[Color, ...]) -> Color:
     """Return one of the colours."""
     return colors[int(rng.integers(len(colors)))]
-
-
-def table(scene: Builder, rng: Random, T: Array, width: float, depth: float, height: float = 0.73) -> None:
-    """Add a table with four legs."""
-    top = paint.wood(rng, one_of(rng, WOODS), 0.0032)
-    edge = paint.plain(rng, (70, 62, 56))
-    scene.box(T, (0, 0, height - 0.015), (width, depth, 0.03), edge, "front back left right top bottom", top=top)
-    leg = paint.plain(rng, (120, 122, 126), 0.01)
-    for x in (-width / 2 + 0.06, width / 2 - 0.06):
-        for y in (-depth / 2 + 0.06, depth / 2 - 0.06):
-            scene.box(T, (x, y, (height - 0.03) / 2), (0.05, 0.05, height - 0.03), leg, "front back left right")
-
-
-def monitor(scene: Builder, rng: Random, T: Array, width: float = 0.53) -> None:
-    """Add a monitor on its foot."""
-    height = width * 0.58
-    black = paint.plain(rng, (28, 28, 31), 0.006)
-    scene.box(T, (0, 0, 0.13 + height / 2), (width, 0.035, height), black, "front back left right top bottom", BLACK)
-    inner = (width - 0.03, 0.0, 0.0)
-    scene.panel(
-        T, (0, -0.0205, 0.135 + height / 2), inner, (0, 0, -height + 0.04), paint.screen(rng), infrared=GLASS, glow=0.75
-    )
-    scene.box(T, (0, 0.03, 0.08), (0.06, 0.025, 0.16), black, infrared=BLACK)
-    scene.box(T, (0, 0.01, 0.006), (0.24, 0.18, 0.012), black, infrared=BLACK)
-
-
-def papers(scene: Builder, rng: Random, T: Array, width: float, depth: float, count: int) -> None:
-    """Sheets lying about, each a little higher than the last."""
-    for k in range(count):
-        at = pose(
-            rng.uniform(-width / 2, width / 2),
-            rng.uniform(-depth / 2, depth / 2),
-            0.003 + 0.0025 * k,
-            rng.uniform(-40, 40),
-        )
-        scene.panel(T @ at, (0, 0, 0), (0.21, 0, 0), (0, -0.297, 0), paint.paper(rng))
-
-
-def mug(scene: Builder, rng: Random, T: Array) -> None:
-    """Add a mug with coffee."""
-    glaze = paint.plain(rng, paint.some_color(rng), 0.004)
-    scene.drum(T, (0, 0, 0), 0.042, 0.095, glaze, 12, paint.plain(rng, (52, 32, 22), 0.01))
-    scene.tube(T, [(0.04, 0, 0.075), (0.072, 0, 0.068), (0.072, 0, 0.032), (0.04, 0, 0.022)], 0.007, glaze, 4)
 
 
 def books(scene: Builder, rng: Random, T: Array, width: float, height: float, depth: float = 0.2) -> None:
@@ -73,7 +29,7 @@ def books(scene: Builder, rng: Random, T: Array, width: float, height: float, de
             continue
         tall = float(rng.uniform(0.6, 0.93)) * height
         deep = float(rng.uniform(0.75, 1.0)) * depth
-        cover = paint.spine(rng)
+        cover = wares.spine(rng)
         page = paint.plain(rng, (222, 214, 194), 0.008, 0.05)
         scene.box(
             T,
@@ -94,8 +50,8 @@ def pile(scene: Builder, rng: Random, T: Array, count: int) -> None:
     for _ in range(count):
         w, d, h = float(rng.uniform(0.2, 0.3)), float(rng.uniform(0.15, 0.22)), float(rng.uniform(0.02, 0.05))
         at = T @ pose(0, 0, 0, float(rng.uniform(-25, 25)))
-        cover = paint.poster(rng, 0.0025) if rng.random() < 0.5 else paint.plain(rng, paint.some_color(rng))
-        spine = paint.spine(rng)
+        cover = prints.poster(rng, 0.0025) if rng.random() < 0.5 else paint.plain(rng, paint.some_color(rng))
+        spine = wares.spine(rng)
         turned = lambda wm, hm, spine=spine: np.ascontiguousarray(np.rot90(spine(hm, wm)))  # noqa: E731  a painter
         scene.box(at, (0, 0, z + h / 2), (w, d, h - 0.002), paint.plain(rng, (225, 218, 200)), front=turned, top=cover)
         z += h
@@ -122,7 +78,7 @@ def shelf(scene: Builder, rng: Random, T: Array, width: float, height: float, de
         else:
             for x in np.arange(-width / 2 + 0.17, width / 2 - 0.12, 0.3):
                 size = (float(rng.uniform(0.16, 0.26)), depth - 0.08, float(rng.uniform(0.5, 0.85)) * (gap - 0.04))
-                scene.box(on, (float(x), 0, size[2] / 2), size, paint.carton(rng))
+                scene.box(on, (float(x), 0, size[2] / 2), size, wares.carton(rng))
     if height < 2.0:
         plant(scene, rng, T @ pose(float(rng.uniform(-width / 4, width / 4)), 0, height + 0.005), 0.3)
 
@@ -132,26 +88,8 @@ def carton_stack(scene: Builder, rng: Random, T: Array, count: int) -> None:
     z = 0.0
     for _ in range(count):
         size = (float(rng.uniform(0.32, 0.52)), float(rng.uniform(0.3, 0.42)), float(rng.uniform(0.22, 0.38)))
-        scene.box(T @ pose(0, 0, 0, float(rng.uniform(-14, 14))), (0, 0, z + size[2] / 2), size, paint.carton(rng))
+        scene.box(T @ pose(0, 0, 0, float(rng.uniform(-14, 14))), (0, 0, z + size[2] / 2), size, wares.carton(rng))
         z += size[2] + 0.001
-
-
-def chair(scene: Builder, rng: Random, T: Array) -> None:
-    """Add an office chair on a star of five feet."""
-    cloth = paint.plain(rng, one_of(rng, CLOTHS), 0.003, 0.16)
-    black = paint.plain(rng, (34, 34, 37), 0.01)
-    scene.box(T, (0, 0, 0.47), (0.46, 0.44, 0.07), cloth, "front back left right top bottom")
-    scene.box(T, (0, 0.2, 0.82), (0.42, 0.06, 0.46), cloth, "front back left right top bottom")
-    scene.tube(T, [(0, 0.23, 0.45), (0, 0.25, 0.62)], 0.025, black, 5, BLACK)
-    scene.tube(T, [(0, 0, 0.08), (0, 0, 0.44)], 0.03, black, 6, BLACK)
-    for k in range(5):
-        a = 2 * np.pi * k / 5 + 0.3
-        foot = (0.29 * np.cos(a), 0.29 * np.sin(a), 0.06)
-        scene.tube(T, [(0, 0, 0.1), foot], 0.02, black, 4, BLACK)
-        scene.drum(T, (foot[0], foot[1], 0.0), 0.025, 0.055, black, 6)
-    for x in (-0.25, 0.25):
-        scene.tube(T, [(x, 0.08, 0.45), (x, 0.1, 0.66)], 0.014, black, 4, BLACK)
-        scene.box(T, (x, 0.0, 0.68), (0.05, 0.26, 0.03), black, "front back left right top bottom", BLACK)
 
 
 def plant(scene: Builder, rng: Random, T: Array, size: float) -> None:
@@ -169,6 +107,18 @@ def plant(scene: Builder, rng: Random, T: Array, size: float) -> None:
         green: Color = (int(rng.integers(40, 90)), int(rng.integers(105, 160)), int(rng.integers(38, 70)))
         u, v = out * length / 2 + wide, out * length / 2 - wide
         scene.panel(T, tuple(root + out * length / 2), tuple(u), tuple(v), paint.plain(rng, green, 0.008, 0.12), True)
+
+
+def papers(scene: Builder, rng: Random, T: Array, width: float, depth: float, count: int) -> None:
+    """Sheets lying about, each a little higher than the last."""
+    for k in range(count):
+        at = pose(
+            rng.uniform(-width / 2, width / 2),
+            rng.uniform(-depth / 2, depth / 2),
+            0.003 + 0.0025 * k,
+            rng.uniform(-40, 40),
+        )
+        scene.panel(T @ at, (0, 0, 0), (0.21, 0, 0), (0, -0.297, 0), prints.paper(rng))
 
 
 def bin_(scene: Builder, rng: Random, T: Array) -> None:
@@ -203,57 +153,6 @@ def cable(
     )
 
 
-def desk(scene: Builder, rng: Random, T: Array, width: float, depth: float = 0.75) -> None:
-    """Add a working place: table, monitors, keyboard, papers, mugs, books, lamp, cables, chair."""
-    table(scene, rng, T, width, depth)
-    on = T @ pose(0, 0, 0.731)
-    for x in np.linspace(-width / 4, width / 4, 2 if width > 1.3 else 1) if width > 1.3 else (0.0,):
-        monitor(scene, rng, on @ pose(float(x), 0.12, 0, float(rng.uniform(-14, 14))), float(rng.uniform(0.47, 0.58)))
-        cable(scene, rng, T, (float(x), 0.2, 0.8), (float(x) + 0.15, 0.36, 0.02))
-    scene.box(
-        on @ pose(float(rng.uniform(-0.15, 0.05)), -0.18, 0, float(rng.uniform(-8, 8))),
-        (0, 0, 0.012),
-        (0.44, 0.14, 0.022),
-        paint.plain(rng, (42, 43, 46)),
-        top=paint.keyboard(rng),
-    )
-    papers(scene, rng, on, width * 0.75, depth * 0.5, 5)
-    mug(scene, rng, on @ pose(width * 0.28, -0.22, 0.02, float(rng.uniform(0, 360))))
-    pile(scene, rng, on @ pose(-width / 2 + 0.2, 0.05, 0.02), int(rng.integers(2, 6)))
-    lamp(scene, rng, on @ pose(width / 2 - 0.14, 0.2))
-    chair(scene, rng, T @ pose(float(rng.uniform(-0.2, 0.2)), -depth / 2 - 0.12, 0, 180 + float(rng.uniform(-35, 35))))
-    scene.box(
-        T @ pose(width / 2 - 0.25, 0.05),
-        (0, 0, 0.26),
-        (0.36, 0.5, 0.5),
-        paint.plain(rng, (206, 206, 202), 0.005),
-        front=drawers(rng),
-    )
-
-
-def drawers(rng: Random) -> paint.Painter:
-    """Return a painter of the front of a chest of three drawers."""
-
-    def front(width_m: float, height_m: float) -> Image:
-        image = paint.plain(rng, (198, 199, 196), 0.003)(width_m, height_m)
-        height, width = image.shape[:2]
-        for k in range(3):
-            y = k * height // 3
-            image[y : y + 2] = 70
-            image[y + height // 12 : y + height // 12 + 5, width // 3 : 2 * width // 3] = 60
-        return image
-
-    return front
-
-
-def lamp(scene: Builder, rng: Random, T: Array) -> None:
-    """Add a desk lamp."""
-    metal = paint.plain(rng, one_of(rng, ((190, 40, 36), (44, 44, 48), (210, 212, 214))), 0.008)
-    scene.drum(T, (0, 0, 0), 0.08, 0.02, metal, 12, metal)
-    scene.tube(T, [(0, 0, 0.02), (0.06, 0.05, 0.25), (-0.08, -0.1, 0.42)], 0.009, metal, 5)
-    scene.tube(T, [(-0.08, -0.1, 0.43), (-0.12, -0.17, 0.36)], 0.055, metal, 8)
-
-
 def robot(scene: Builder, rng: Random, T: Array) -> None:
     """Add a wheeled robot with a mast."""
     hull = paint.plain(rng, one_of(rng, ((206, 150, 36), (190, 52, 44), (58, 96, 150))), 0.003)
@@ -265,10 +164,10 @@ def robot(scene: Builder, rng: Random, T: Array) -> None:
         (0.42, 0.5, 0.2),
         hull,
         "front back left right top bottom",
-        front=paint.rack(rng),
-        left=paint.carton(rng),
-        right=paint.rack(rng),
-        top=paint.keyboard(rng),
+        front=wares.rack(rng),
+        left=wares.carton(rng),
+        right=wares.rack(rng),
+        top=wares.keyboard(rng),
     )
     for x in (-0.23, 0.23):
         for y in (-0.16, 0.16):
@@ -277,75 +176,20 @@ def robot(scene: Builder, rng: Random, T: Array) -> None:
             scene.disc(T, (x + 0.03 * out, y, 0.1), (0, out, 0), (0, 0, -1), 0.098, black)
             scene.disc(T, (x + 0.033 * out, y, 0.1), (0, out, 0), (0, 0, -1), 0.05, hub)
     scene.tube(T, [(0, 0.1, 0.3), (0, 0.1, 0.72)], 0.02, paint.plain(rng, (180, 182, 186)), 6)
-    scene.box(T, (0, 0.1, 0.74), (0.28, 0.07, 0.06), black, "front back left right top bottom", front=paint.rack(rng))
+    scene.box(T, (0, 0.1, 0.74), (0.28, 0.07, 0.06), black, "front back left right top bottom", front=wares.rack(rng))
     scene.drum(T, (0, -0.12, 0.3), 0.05, 0.08, black, 12, black)
     cable(scene, rng, T, (0.05, 0.1, 0.7), (0.12, -0.1, 0.31))
-
-
-def radiator(scene: Builder, rng: Random, T: Array, width: float) -> None:
-    """Add a ribbed radiator."""
-    white = paint.plain(rng, (226, 226, 222), 0.006)
-    for x in np.arange(-width / 2, width / 2, 0.07):
-        scene.box(T, (float(x) + 0.025, 0, 0.4), (0.045, 0.08, 0.55), white)
-
-
-def on_wall(
-    scene: Builder,
-    rng: Random,
-    T: Array,
-    width: float,
-    height: float,
-    painter: paint.Painter,
-    rim: Color,
-    thick: float = 0.02,
-    infrared: float = ORDINARY,
-    glow: float = 0.0,
-) -> None:
-    """Add a framed picture, poster or board: T is at its middle, on the wall, looking into the room along -y."""
-    frame = paint.plain(rng, rim, 0.006)
-    scene.box(T, (0, -thick / 2, 0), (width, thick, height), frame, "front left right top bottom")
-    b = 0.02 if thick > 0.01 else 0.0
-    scene.panel(
-        T, (0, -thick - 0.002, 0), (width - 2 * b, 0, 0), (0, 0, -height + 2 * b), painter, False, infrared, glow
-    )
-
-
-def window(scene: Builder, rng: Random, T: Array, width: float, height: float) -> None:
-    """Add a window with a sill, a cross bar and daylight."""
-    on_wall(scene, rng, T, width, height, paint.window(rng), (232, 230, 224), 0.03, GLASS, 1.0)
-    bar = paint.plain(rng, (232, 230, 224), 0.006)
-    scene.box(T, (0, -0.04, 0), (0.05, 0.03, height), bar, "front left right")
-    scene.box(T, (0, -0.045, height * 0.2), (width, 0.02, 0.05), bar, "front top bottom")
-    scene.box(T, (0, -0.09, -height / 2 - 0.02), (width + 0.1, 0.18, 0.03), bar, "front left right top bottom")
 
 
 def instruments(scene: Builder, rng: Random, T: Array, width: float, height: float) -> None:
     """Add a rack of laboratory instruments."""
     side = paint.plain(rng, (74, 76, 82), 0.005)
-    scene.box(T, (0, 0, height / 2), (width, 0.55, height), side, front=paint.rack(rng))
+    scene.box(T, (0, 0, height / 2), (width, 0.55, height), side, front=wares.rack(rng))
     for k in range(4):
         z = 0.3 + 0.32 * k
         scene.box(
-            T, (0, -0.29, z), (width * 0.96, 0.05, 0.2), side, "front left right top bottom", front=paint.rack(rng)
+            T, (0, -0.29, z), (width * 0.96, 0.05, 0.2), side, "front left right top bottom", front=wares.rack(rng)
         )
     for k in range(3):
         x = float(rng.uniform(-0.2, 0.2))
         cable(scene, rng, T, (x, -0.32, 0.35 + 0.3 * k), (x + float(rng.uniform(-0.15, 0.15)), -0.32, 0.65 + 0.3 * k))
-
-
-def door(scene: Builder, rng: Random, T: Array) -> None:
-    """Add a door with its frame, a notice and a handle."""
-    frame = paint.plain(rng, (226, 222, 214), 0.006)
-    leaf = paint.wood(rng, one_of(rng, WOODS), 0.003)
-    scene.panel(T, (0, -0.012, 1.02), (0.9, 0, 0), (0, 0, -2.04), leaf)
-    for x in (-0.49, 0.49):
-        scene.box(T, (x, -0.02, 1.06), (0.08, 0.04, 2.12), frame, "front left right")
-    scene.box(T, (0, -0.02, 2.08), (1.06, 0.04, 0.08), frame, "front top bottom")
-    scene.panel(T, (0, -0.016, 1.55), (0.21, 0, 0), (0, 0, -0.297), paint.paper(rng))
-    scene.tube(
-        T,
-        [(0.36, -0.015, 1.02), (0.36, -0.06, 1.02), (0.26, -0.06, 1.02)],
-        0.011,
-        paint.plain(rng, (186, 188, 192), 0.01),
-        6,
-    )

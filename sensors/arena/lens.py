@@ -48,7 +48,7 @@ def _lookup(camera: Camera) -> NDArray[np.float32]:
 
 @compiled
 def look_up(light: NDArray[np.uint64], where: NDArray[np.float32], out: NDArray[np.uint64]) -> None:
-    """Fill `out` with the packed light (see `render.shade`) at `where`, bilinearly."""
+    """Fill `out` with the packed light (see `shading.shade`) at `where`, bilinearly."""
     height, width = light.shape
     for y in range(out.shape[0]):
         for x in range(out.shape[1]):

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.arena import furniture, paint
+from sensors.arena import fittings, furniture, paint, prints, wares, workplace
 from sensors.arena.light import Lamps, bake, lit
 from sensors.arena.paint import Color
 from sensors.arena.render import Renderer, Surfaces
@@ -74,39 +74,39 @@ def laboratory(seed: int) -> Renderer:
     north, east = pose(0, b), pose(a, 0, 0, -90)
     south, west = pose(0, -b, 0, 180), pose(-a, 0, 0, 90)
 
-    furniture.desk(scene, rng, north @ pose(-1.5, -0.42), 1.7)
-    furniture.desk(scene, rng, north @ pose(0.6, -0.42), 1.5)
+    workplace.desk(scene, rng, north @ pose(-1.5, -0.42), 1.7)
+    workplace.desk(scene, rng, north @ pose(0.6, -0.42), 1.5)
     furniture.shelf(scene, rng, north @ pose(2.55, -0.17), 1.1, 2.05)
-    furniture.on_wall(scene, rng, north @ pose(-1.9, 0, 1.75), 0.9, 0.64, paint.poster(rng), (40, 42, 46))
-    furniture.on_wall(scene, rng, north @ pose(-0.75, 0, 1.7), 0.6, 0.8, paint.picture(rng), (92, 64, 44))
-    furniture.on_wall(scene, rng, north @ pose(0.55, 0, 1.72), 1.1, 0.75, paint.poster(rng), (230, 230, 226), 0.006)
-    furniture.on_wall(scene, rng, north @ pose(1.55, 0, 1.75), 0.5, 0.7, paint.picture(rng), (30, 30, 32))
+    fittings.on_wall(scene, rng, north @ pose(-1.9, 0, 1.75), 0.9, 0.64, prints.poster(rng), (40, 42, 46))
+    fittings.on_wall(scene, rng, north @ pose(-0.75, 0, 1.7), 0.6, 0.8, prints.picture(rng), (92, 64, 44))
+    fittings.on_wall(scene, rng, north @ pose(0.55, 0, 1.72), 1.1, 0.75, prints.poster(rng), (230, 230, 226), 0.006)
+    fittings.on_wall(scene, rng, north @ pose(1.55, 0, 1.75), 0.5, 0.7, prints.picture(rng), (30, 30, 32))
 
     light = east @ pose(0.2, 0, 1.62)
-    furniture.window(scene, rng, light, 1.7, 1.25)
-    furniture.radiator(scene, rng, east @ pose(0.2, -0.07), 1.5)
+    fittings.window(scene, rng, light, 1.7, 1.25)
+    fittings.radiator(scene, rng, east @ pose(0.2, -0.07), 1.5)
     furniture.carton_stack(scene, rng, east @ pose(-1.55, -0.3), 3)
     furniture.plant(scene, rng, east @ pose(1.4, -0.35), 0.75)
-    furniture.on_wall(scene, rng, east @ pose(-1.5, 0, 1.75), 0.62, 0.88, paint.poster(rng), (40, 42, 46))
-    furniture.on_wall(scene, rng, east @ pose(1.75, 0, 1.7), 0.5, 0.66, paint.picture(rng), (120, 92, 56))
+    fittings.on_wall(scene, rng, east @ pose(-1.5, 0, 1.75), 0.62, 0.88, prints.poster(rng), (40, 42, 46))
+    fittings.on_wall(scene, rng, east @ pose(1.75, 0, 1.7), 0.5, 0.66, prints.picture(rng), (120, 92, 56))
 
     furniture.shelf(scene, rng, south @ pose(-2.3, -0.17), 1.4, 1.5)
-    furniture.desk(scene, rng, south @ pose(-0.35, -0.42), 1.6)
-    furniture.on_wall(scene, rng, south @ pose(0.0, 0, 1.65), 1.9, 1.0, paint.whiteboard(rng), (176, 180, 184))
-    furniture.on_wall(scene, rng, south @ pose(-1.55, 0, 1.95), 0.7, 0.5, paint.picture(rng), (60, 44, 34))
+    workplace.desk(scene, rng, south @ pose(-0.35, -0.42), 1.6)
+    fittings.on_wall(scene, rng, south @ pose(0.0, 0, 1.65), 1.9, 1.0, prints.whiteboard(rng), (176, 180, 184))
+    fittings.on_wall(scene, rng, south @ pose(-1.55, 0, 1.95), 0.7, 0.5, prints.picture(rng), (60, 44, 34))
     furniture.carton_stack(scene, rng, south @ pose(1.15, -0.32), 2)
     furniture.instruments(scene, rng, south @ pose(2.1, -0.34), 0.62, 1.75)
     furniture.bin_(scene, rng, south @ pose(1.6, -0.4))
 
-    furniture.door(scene, rng, west @ pose(-1.55, 0))
+    fittings.door(scene, rng, west @ pose(-1.55, 0))
     furniture.shelf(scene, rng, west @ pose(0.15, -0.17), 1.2, 1.85)
-    furniture.desk(scene, rng, west @ pose(1.65, -0.42), 1.3)
-    furniture.on_wall(scene, rng, west @ pose(1.55, 0, 1.72), 1.0, 0.7, paint.poster(rng), (40, 42, 46))
-    furniture.on_wall(scene, rng, west @ pose(-0.72, 0, 1.6), 0.4, 0.56, paint.picture(rng), (36, 36, 40))
+    workplace.desk(scene, rng, west @ pose(1.65, -0.42), 1.3)
+    fittings.on_wall(scene, rng, west @ pose(1.55, 0, 1.72), 1.0, 0.7, prints.poster(rng), (40, 42, 46))
+    fittings.on_wall(scene, rng, west @ pose(-0.72, 0, 1.6), 0.4, 0.56, prints.picture(rng), (36, 36, 40))
 
     for x in (-1.22, 1.22):
         island = pose(x, float(rng.uniform(-0.05, 0.05)), 0, float(rng.uniform(-25, 25)))
-        furniture.table(scene, rng, island, 0.75, 0.5, 0.7)
+        workplace.table(scene, rng, island, 0.75, 0.5, 0.7)
         furniture.papers(scene, rng, island @ pose(0, 0, 0.701), 0.4, 0.2, 3)
         if x < 0:
             furniture.robot(scene, rng, island @ pose(0, 0, 0.71, 40))
@@ -117,11 +117,11 @@ def laboratory(seed: int) -> Renderer:
                 (0, 0, 0.17),
                 (0.42, 0.015, 0.34),
                 paint.plain(rng, (210, 206, 200)),
-                front=paint.checker(),
-                back=paint.checker(),
+                front=wares.checker(),
+                back=wares.checker(),
             )
             furniture.carton_stack(scene, rng, island @ pose(0.2, -0.02, 0.712, 30), 1)
-            furniture.mug(scene, rng, island @ pose(-0.25, -0.15, 0.715))
+            workplace.mug(scene, rng, island @ pose(-0.25, -0.15, 0.715))
         furniture.carton_stack(scene, rng, island @ pose(0.05, 0.0, 0.002, 15), 1)
     lamps = [
         ceiling_lamps(scene, [(-1.7, -1.1), (-1.7, 1.1), (1.7, -1.1), (1.7, 1.1)], size[2]),
@@ -156,12 +156,12 @@ def corridor(seed: int) -> Renderer:
         paint.plain(rng, furniture.one_of(rng, ACCENTS), 0.004),
         "front left right",
     )
-    furniture.desk(scene, rng, north @ pose(-0.55, -0.42), 1.4)
+    workplace.desk(scene, rng, north @ pose(-0.55, -0.42), 1.4)
     furniture.shelf(scene, rng, north @ pose(0.85, -0.17), 1.0, 1.9)
-    furniture.on_wall(scene, rng, north @ pose(-0.65, 0, 1.75), 0.95, 0.66, paint.poster(rng), (40, 42, 46))
+    fittings.on_wall(scene, rng, north @ pose(-0.65, 0, 1.75), 0.95, 0.66, prints.poster(rng), (40, 42, 46))
     furniture.plant(scene, rng, north @ pose(1.4, -0.3), 0.5)
     furniture.carton_stack(scene, rng, north @ pose(0.35, -0.5), 2)
-    furniture.door(scene, rng, south)
+    fittings.door(scene, rng, south)
     light = ceiling_lamps(scene, [(0.0, 0.2)], h)
     shifts = [(k * width, 0.0, 0.0) for k in (-2, -1, 1, 2)]
     neighbours = [panel for shift in shifts for panel in moved(scene.panels, shift)]

@@ -1,0 +1,119 @@
+"""What colour each pixel gets: mip-mapped textures looked up for every sample of an exposure, and averaged."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.registration.compiled import compiled
+
+Array = NDArray[np.float64]
+
+RUN = 32
+"""Pixels that may share a mip level."""
+
+
+@compiled
+def sample_run(
+    texels: NDArray[np.uint32],
+    size: tuple[np.int32, np.int32],
+    affine: tuple[np.float32, np.float32, np.float32, np.float32, np.float32, np.float32],
+    origin: tuple[np.float32, np.float32],
+    scratch: NDArray[np.int32],
+    out: NDArray[np.uint64],
+) -> None:
+    """Add one surface's colour, looked up bilinearly, to a run of pixels (see `shade` for `out`).
+
+    `affine` gives inverse depth and the two texture coordinates over depth along the run (start, slope each);
+    `origin` is subtracted from the texture coordinates, all in texels of a level of `size` (width, height).
+    """
+    w0, wx, s0, sx, t0, tx = affine
+    width = size[0]
+    zero, one, unit = np.float32(0), np.float32(1), np.float32(256)
+    high_s, high_t = np.float32(size[0]) - np.float32(1.01), np.float32(size[1]) - np.float32(1.01)
+    n = out.shape[0]
+    for x in range(n):
+        k = np.float32(x)
+        z = one / (w0 + wx * k)
+        s = (s0 + sx * k) * z - origin[0]
+        t = (t0 + tx * k) * z - origin[1]
+        s = zero if s < zero else (high_s if s > high_s else s)
+        t = zero if t < zero else (high_t if t > high_t else t)
+        i, j = np.int32(s), np.int32(t)
+        scratch[0, x] = j * width + i
+        scratch[1, x] = np.int32((s - np.float32(i)) * unit)
+        scratch[2, x] = np.int32((t - np.float32(j)) * unit)
+    lanes = np.uint64(0x00FF00FF00FF)
+    quarter = np.uint64(0x3FFF3FFF3FFF)
+    spread, two = np.uint64(24), np.uint64(2)
+    for x in range(n):
+        at = np.uint64(scratch[0, x])
+        below = at + np.uint64(width)
+        fx, fy = np.int64(scratch[1, x]), np.int64(scratch[2, x])
+        w11 = (fx * fy) >> 8
+        c00, c10 = np.uint64(texels[at]), np.uint64(texels[at + np.uint64(1)])
+        c01, c11 = np.uint64(texels[below]), np.uint64(texels[below + np.uint64(1)])
+        total = ((c00 | c00 << spread) & lanes) * np.uint64(256 - fx - fy + w11)
+        total += ((c10 | c10 << spread) & lanes) * np.uint64(fx - w11)
+        total += ((c01 | c01 << spread) & lanes) * np.uint64(fy - w11)
+        total += ((c11 | c11 << spread) & lanes) * np.uint64(w11)
+        out[x] += (total >> two) & quarter
+
+
+@compiled
+def shade(
+    identity: NDArray[np.int16],
+    coefficients: Array,
+    patch: NDArray[np.int32],
+    level_offset: NDArray[np.int64],
+    level_size: NDArray[np.int32],
+    sharpness: Array,
+    texels: NDArray[np.uint32],
+    out: NDArray[np.uint64],
+) -> None:
+    """Average the textures' colour over the SAMPLES samples of an exposure.
+
+    `identity` is k x H x W and `coefficients` k x n x 12 (see `project_surfaces`); `out` (H x W) holds 256 times the
+    8 bit colour in lanes of 16 bits, red lowest, then blue, then green. Runs of up to RUN pixels of one surface
+    share a mip level, by their middle's footprint; it is rounded differently from sample to sample, which blends
+    neighbouring levels without looking up both.
+    """
+    samples, height, width = identity.shape
+    levels = level_offset.shape[1]
+    scratch = np.empty((3, RUN), np.int32)
+    f4 = np.float32
+    for y in range(height):
+        out[y] = np.uint64(0)
+        for k in range(samples):
+            row = identity[k, y]
+            x = 0
+            while x < width:
+                i = row[x]
+                end = x + 1
+                last = min(width, x + RUN)
+                while end < last and row[end] == i:
+                    end += 1
+                if i >= 0:
+                    c = coefficients[k, i]
+                    p = patch[i]
+                    z = 1.0 / (c[0] * (0.5 * (x + end)) + c[1] * y + c[2])
+                    footprint = sharpness[k, i] * z * z * z * (0.5 + 0.5 * (k & 1) + 0.25 * (k >> 1))
+                    level = 0
+                    while footprint > 1.0 and level < levels - 1:
+                        footprint *= 0.25
+                        level += 1
+                    w, h = level_size[p, level, 0], level_size[p, level, 1]
+                    sample_run(
+                        texels[level_offset[p, level] :],
+                        (w, h),
+                        (
+                            f4(c[0] * x + c[1] * y + c[2]),
+                            f4(c[0]),
+                            f4((c[3] * x + c[4] * y + c[5]) * w),
+                            f4(c[3] * w),
+                            f4((c[6] * x + c[7] * y + c[8]) * h),
+                            f4(c[6] * h),
+                        ),
+                        (f4(c[9] * w + 0.5), f4(c[10] * h + 0.5)),
+                        scratch,
+                        out[y, x:end],
+                    )
+                x = end

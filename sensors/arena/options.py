@@ -96,7 +96,7 @@ class ArenaOptions:
         if self.seconds:
             return max(1, round(self.seconds * RATE_HZ))
         lap = KEY_POSES * FRAMES_PER_KEY_POSE
-        whole = {"infinity": lap * self.laps + 1, "rest": 1800, "corridor": 900, "joined": 2 * (lap + 1)}
+        whole = {"infinity": lap * self.laps + 1, "rest": 1800, "corridor": 1800, "joined": 2 * (lap + 1)}
         return whole[self.walk]
 
 

@@ -15,13 +15,15 @@ def info(file: Annotated[Path, typer.Argument(help="An .mcap recording or a ROS 
     """
     from odom.errors import ConfigError, RecordingError
     from odom.wire.codec import decode_camera_info
+    from odom.wire.codec.cdr import DIAGNOSTICS
     from odom.wire.recording import assign_roles, open_reader
 
     reader = open_reader(file)
     streams = reader.streams()
     if not streams:
         raise RecordingError("; ".join((f"{file} holds no ROS 2 messages", *reader.damage)))
-    begin, end = min(stream.begin for stream in streams), max(stream.end for stream in streams)
+    timed = [stream for stream in streams if stream.type_name != DIAGNOSTICS] or streams
+    begin, end = min(stream.begin for stream in timed), max(stream.end for stream in timed)
     parts = [file] if file.is_file() else [*file.glob("*.mcap"), *file.glob("*.db3")]
     megabytes = sum(part.stat().st_size for part in parts) / 1e6
     typer.echo(f"{file}: {megabytes:.1f} MB, {(end - begin) / 1e9:.2f} s from {begin / 1e9:.6f}")

@@ -9,6 +9,7 @@ from typing import Self
 from mcap.writer import CompressionType, Writer
 
 from odom.errors import RecordingError
+from odom.frame import Stamp
 from odom.wire.codec import schema
 from odom.wire.message import Message
 from odom.wire.settings import Compression
@@ -26,7 +27,7 @@ _COMPRESSION: Mapping[Compression, CompressionType] = {
 class RecordingWriter:
     """Writes to `path`; what was given more than a quarter of a second ago survives the death of the process.
 
-    Log and publish time of a message are its stamp, so that a recording of a replay equals the recording. Raises
+    A message is logged at its stamp, not at the time of writing: a recording of a replay equals the recording. Raises
     RecordingError when the file cannot be written; an existing one is replaced only if `overwrite`.
     """
 
@@ -59,14 +60,14 @@ class RecordingWriter:
             self._writer.add_metadata(LIBRARY, dict(metadata))
         self._file.flush()
 
-    def write(self, message: Message) -> None:
-        """Append a message; raises RecordingError when the disk is full or gone."""
+    def write(self, message: Message, at: Stamp | None = None) -> None:
+        """Append a message, logged at its stamp or at `at`; raises RecordingError when the disk is full or gone."""
         try:
             channel = self._channels.get((message.topic, message.type_name)) or self._register(message)
             sequence = self._sequences.get(channel, 0)
             self._sequences[channel] = sequence + 1
-            at = max(0, message.stamp)
-            self._writer.add_message(channel, at, message.payload, at, sequence)
+            logged = max(0, message.stamp if at is None else at)
+            self._writer.add_message(channel, logged, message.payload, logged, sequence)
             self.count += 1
             if self._chunk_began is None:
                 self._chunk_began = time.monotonic()

@@ -23,9 +23,9 @@ _GAP_PX = 8
 _STEP_SHARE, _STEP_M = 0.08, 0.04
 _EDGES_A_FRAME = 300
 _LEAST_EDGES = 1000
-_COARSE_EDGES = 4000
+_COARSE_EDGES = 2500
 _REACH_PX, _REACH_S = 24.0, 0.12
-_COARSE_PX, _COARSE_S = 3.0, 0.012
+_COARSE_PX, _COARSE_S = 4.0, 0.015
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,15 +57,15 @@ def depth_edges(depth_mm: NDArray[np.uint16], limit: int, rng: np.random.Generat
     Pixels without depth in between (a structured-light sensor's shadow) are passed over, so the rim is that of the
     near surface on both sides.
     """
-    depth = depth_mm.astype(np.float32) * 1e-3
+    depth = depth_mm.astype(np.float32) * np.float32(1e-3)
+    across = np.ascontiguousarray(depth.T)
     uv, axes = [], []
     for axis, back in ((0, False), (0, True), (1, False), (1, True)):
-        view = depth if axis == 1 else depth.T
+        view = depth if axis == 1 else across
         view = view[::-1] if back else view
         following = np.zeros_like(view)
         for step in range(_GAP_PX, 0, -1):
-            there = view[step:]
-            following[:-step] = np.where(there > 0, there, following[:-step])
+            np.copyto(following[:-step], view[step:], where=view[step:] > 0)
         inside = np.zeros_like(view, dtype=bool)
         inside[3:] = view[:-3] > 0
         rim = inside & (view > 0) & (following > view * (1 + _STEP_SHARE) + _STEP_M)
@@ -99,7 +99,7 @@ def edge_shift(
     has too few edges.
     """
     rng = np.random.default_rng(seed)
-    strengths: list[NDArray[np.float32]] = []
+    strengths: list[NDArray[np.uint8]] = []
     positions, velocities, axes, which = [], [], [], []
     for frame, motion in zip(frames, motions, strict=True):
         edges = depth_edges(frame.depth_mm, _EDGES_A_FRAME, rng)
@@ -135,7 +135,7 @@ def edge_shift(
     i, j, k = np.unravel_index(int(np.argmax(grid)), grid.shape)
     best = np.array([pixels[i], pixels[j], lags[k]])
     contrast = float((grid.max() - np.median(grid)) / (1.4826 * np.median(np.abs(grid - np.median(grid))) + 1e-9))
-    for size_px, size_s in ((1.0, 0.004), (0.5, 0.002)):
+    for size_px, size_s in ((1.5, 0.005), (0.5, 0.002)):
         around = [
             best + np.array([a * size_px, b * size_px, c * size_s])
             for a in range(-3, 4) for b in range(-3, 4) for c in (range(-3, 4) if moving else (0,))
@@ -144,15 +144,15 @@ def edge_shift(
     return EdgeShift((float(best[0]), float(best[1])), float(best[2]) if moving else float("nan"), contrast, len(uv))
 
 
-def _gradients(color: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Return gradient strengths across x and y (2 x H x W), 0 .. 1, comparable between dull and busy places."""
+def _gradients(color: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return gradient strengths across x and y (2 x H x W), 0 .. 255, comparable between dull and busy places."""
     grey = color if color.ndim == 2 else cv2.cvtColor(color, cv2.COLOR_RGB2GRAY)
     smooth = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), 1.5)
-    out = np.empty((2, *grey.shape), dtype=np.float32)
+    out = np.empty((2, *grey.shape), dtype=np.uint8)
     for axis, (dx, dy) in enumerate(((1, 0), (0, 1))):
         strength = np.abs(cv2.Sobel(smooth, cv2.CV_32F, dx, dy))
         usual = cv2.blur(strength, (61, 61)) + 0.3 * float(strength.mean()) + 1e-3
-        out[axis] = np.minimum(strength / (4.0 * usual), 1.0)
+        out[axis] = np.minimum(strength * (255.0 / 4.0) / usual, 255.0)
     return out
 
 

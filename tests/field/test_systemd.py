@@ -1,0 +1,70 @@
+"""The systemd units: their commands are understood, systemd finds no fault, and readiness is told."""
+
+import os
+import shlex
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from odom.cli import app
+
+UNITS = sorted((Path(__file__).parents[2] / "deploy").glob("*.service"))
+PROGRAM = "/opt/odom/bin/odom"
+
+
+def lines_of(unit: Path) -> dict[str, str]:
+    return dict(line.split("=", 1) for line in unit.read_text().splitlines() if "=" in line and line[0] not in "#[")
+
+
+@pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.name)
+def test_the_command_of_each_unit_is_understood(unit: Path) -> None:
+    command = (
+        lines_of(unit)["ExecStart"].replace("$SOURCE", "kinect").replace("$ROUTER_OPTIONS", "").replace("%i", "cam0")
+    )
+    program, name, *arguments = shlex.split(command)
+    group: Any = typer.main.get_command(app)
+    assert program == PROGRAM
+    assert group.commands[name].make_context(name, arguments) is not None
+
+
+@pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.name)
+def test_systemd_finds_no_fault(unit: Path, tmp_path: Path) -> None:
+    if shutil.which("systemd-analyze") is None:
+        pytest.skip("needs systemd-analyze: apt install systemd")
+    instance = tmp_path / unit.name.replace("@", "@cam0")
+    instance.write_text(unit.read_text().replace(PROGRAM, "/bin/true"))
+    checked = subprocess.run(["systemd-analyze", "verify", instance], capture_output=True, text=True)
+    assert not [line for line in checked.stderr.splitlines() if unit.stem in line]
+    assert checked.returncode == 0
+
+
+def test_units_restart_for_ever_and_are_bounded() -> None:
+    assert len(UNITS) == 4
+    for unit in UNITS:
+        lines = lines_of(unit)
+        assert lines["Restart"] in ("always", "on-failure")
+        assert lines["StartLimitIntervalSec"] == "0"
+        assert "MemoryMax" in lines
+
+
+@pytest.mark.timeout(400)
+def test_readiness_and_stopping_are_told(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        address = tmp_path / "notify"
+        manager.bind(str(address))
+        manager.settimeout(300)
+        command = [sys.executable, "-m", "odom", "serve", "--listen", "tcp/127.0.0.1:0", "--connect", "tcp/127.0.0.1:9"]
+        with subprocess.Popen(
+            command, env=os.environ | {"NOTIFY_SOCKET": str(address)}, stderr=subprocess.DEVNULL
+        ) as process:
+            assert manager.recv(100) == b"READY=1"
+            process.send_signal(signal.SIGTERM)
+            assert manager.recv(100) == b"STOPPING=1"
+            assert process.wait(60) == 0

@@ -23,6 +23,7 @@ from odom.wire.settings import ANY_LOCAL_PORT
 _LOG = logging.getLogger(__name__)
 _POLL_S = 0.1
 _CALLED_WRONGLY = 2
+_LAST_POSES_S = 3.0
 _PARENT_ENVIRONMENT = "ODOM_PARENT_PID"
 
 
@@ -119,10 +120,11 @@ class Crew:
                 continue
 
     def dismiss(self) -> None:
-        """End all children, those first on whose end others wait."""
+        """End all children, those first on whose end others wait; the recorder ends by itself behind the last pose."""
         for name in ("sensor", "odometry", "recorder", "viewer"):
-            if name in self.children:
-                self.children[name].stop(self._patience_s)
+            child = self.children.get(name)
+            if child is not None and not (name == "recorder" and child.wait(_LAST_POSES_S)):
+                child.stop(self._patience_s)
 
     def _start(self, name: str, arguments: Sequence[str], environment: Mapping[str, str]) -> Child:
         return Child(name, arguments, environment, self._hear)

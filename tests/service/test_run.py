@@ -9,6 +9,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from mcap.reader import make_reader
 
 from odom.evaluation.files import read_tum
 
@@ -92,6 +93,19 @@ def test_two_runs_of_one_recording_are_equal_to_the_byte(odom: Start, desk: Path
         assert run.returncode == 0, words
     for name in ("odometry.txt", "trajectory.txt", "relative_step.txt", "relative_second.txt"):
         assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "second" / name).read_bytes(), name
+
+
+def test_a_recorded_run_replayed_gives_the_same_trajectory(odom: Start, desk: Path, tmp_path: Path) -> None:
+    recording = tmp_path / "session.mcap"
+    for name, arguments in (("live", [desk, "--end", "3", "--record", recording]), ("again", [recording])):
+        run = odom("run", *arguments, "--headless", "--out", tmp_path / name)
+        words, _ = run.communicate(timeout=120)
+        assert run.returncode == 0, words
+    for name in ("odometry.txt", "trajectory.txt"):
+        assert (tmp_path / "live" / name).read_bytes() == (tmp_path / "again" / name).read_bytes(), name
+    with recording.open("rb") as stream:
+        recorded = [channel.topic for _, channel, _ in make_reader(stream).iter_messages()]
+    assert recorded.count("/cam0/odom") + recorded.count("cam0/odom") == lines(tmp_path / "live" / "odometry.txt")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -5,6 +5,7 @@ beyond it, the map may be `[D R | D t]` (an axis of the target is scaled) or `[R
 projection tells by how much.
 """
 
+import math
 from dataclasses import dataclass
 from enum import Enum, unique
 
@@ -17,6 +18,8 @@ from odom.registration.solve import Arrays, Solution
 
 _SUFFICIENT = 20.5
 """The .999 quantile of chi-square with 5 degrees of freedom."""
+_PLAUSIBLE = math.log(1.2)
+"""No sensor's axis is further off: it would be wrong pairs that look like it."""
 
 
 @unique
@@ -29,12 +32,11 @@ class Side(Enum):
 
 @dataclass(frozen=True)
 class Bias:
-    """One axis (0, 1, 2) of one side reads `scale` times the truth, with standard deviation `sigma`."""
+    """One axis (0, 1, 2) of one side reads `scale` times the truth."""
 
     side: Side
     axis: int
     scale: float
-    sigma: float
 
 
 def possible_biases(solution: Solution, factor: float) -> list[Bias]:
@@ -46,7 +48,11 @@ def possible_biases(solution: Solution, factor: float) -> list[Bias]:
     if np.linalg.cond(solution.Y) > 1e12:
         return []
     found = [_projected(solution, side, axis) for side in Side for axis in range(3)]
-    return [bias for bias, rest in sorted(found, key=lambda item: item[1]) if rest < _SUFFICIENT * factor]
+    return [
+        bias
+        for bias, rest in sorted(found, key=lambda item: item[1])
+        if rest < _SUFFICIENT * factor and abs(math.log(max(bias.scale, 1e-9))) < _PLAUSIBLE
+    ]
 
 
 def source_noise(Sq: Array, solution: Solution) -> Array:
@@ -113,5 +119,4 @@ def _projected(solution: Solution, side: Side, axis: int) -> tuple[Bias, float]:
         if float(step @ H @ step) < 1e-12:
             break
     e = np.linalg.solve(Y, y) - X.ravel()
-    sigma = float(np.sqrt(np.linalg.inv(H)[6, 6]))
-    return Bias(side, axis, scale, sigma), float(e @ Y @ e)
+    return Bias(side, axis, scale), float(e @ Y @ e)

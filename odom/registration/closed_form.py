@@ -54,7 +54,7 @@ def least_squares_result(q: Array, p: Array, weights: Array, T: Array, details: 
     scatter = (centred * weights[:, None]).T @ centred
     spread = np.linalg.eigvalsh(scatter)
     if spread[1] <= max(1e-9 * spread[2], 4.0 * s * count / 3.0 * 0.5):
-        return degenerate(n, f"{count} points lie on a line, within their noise", inliers=used)
+        return degenerate(n, f"{count} points lie on a line or in one place, within their noise", inliers=used)
     information = np.zeros((6, 6))
     information[:3, :3] = total * np.eye(3)
     hat = np.array([[0.0, -mean[2], mean[1]], [mean[2], 0.0, -mean[0]], [-mean[1], mean[0], 0.0]])

@@ -61,7 +61,7 @@ def _learnt(
     if misfit > _MISFIT * judgement.inflation and len(arrays.Sq):
         factor = float(judgement.details["factor"])
         seen = solution._replace(Y=solution.Y - factor * source_noise(arrays.Sq, solution))
-        misfit = affine_misfit(seen.Y, solution.y, solution.T)
+        misfit = affine_misfit(seen.Y, solution.y, solution.T) or misfit
     best = arrays, solution, judgement
     if misfit > _MISFIT * judgement.inflation:
         for bias in possible_biases(seen, judgement.inflation):

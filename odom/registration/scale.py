@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from odom.registration.pairs import Pairs, Prior, Registration
 
@@ -21,7 +22,9 @@ def with_scale(
     """
 
     def estimate(pairs: Pairs, prior: Prior | None = None) -> Registration:
-        scale = 1.0
+        scale = _spread(pairs.points_target) / max(_spread(pairs.points_source), 1e-300)
+        if not 0.0 < scale < np.inf:
+            scale = 1.0  # the estimator says what is wrong
         for _ in range(_MAX_ROUNDS):
             C = pairs.covariances_source
             scaled = Pairs(
@@ -50,7 +53,14 @@ def with_scale(
     return estimate
 
 
-def _weights(pairs: Pairs) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def _spread(points: NDArray[np.float64]) -> float:
+    """Return the median distance of points from their median: a guess of scale that wrong pairs do not spoil."""
+    if len(points) == 0:
+        return 0.0
+    return float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
+
+
+def _weights(pairs: Pairs) -> NDArray[np.float64]:
     """Return a weight a pair: given weight over the mean variance, where that is known."""
     given = np.ones(len(pairs)) if pairs.weights is None else pairs.weights.copy()
     variance = np.zeros(len(pairs))

@@ -18,7 +18,7 @@ _NO_COVARIANCES = np.empty((0, 3, 3))
 _NO_PRIOR = np.empty((0, 0))
 _IDENTITY = np.eye(4)
 _MAX_ROTATION_SIGMA = 0.2
-_MIN_SCATTER = 4.0
+_MIN_SCATTER = 9.0
 
 
 class Arrays(NamedTuple):
@@ -135,8 +135,9 @@ def judged(arrays: Arrays, prior: Prior | None, solution: Solution, judgement: J
         reason = f"{used} pairs do not determine the motion"
     elif prior is None or prior.covariance is None:
         sigma = math.sqrt(judgement.inflation * max(covariance[3, 3], covariance[4, 4], covariance[5, 5]))
-        if numbers[1] < _MIN_SCATTER or numbers[2] < 1e-9:
-            reason = f"{used} points lie on a line, within their noise"
+        noise = min(judgement.inflation, max(1.0, judgement.variance_factor))
+        if numbers[1] < _MIN_SCATTER * noise or numbers[2] < 1e-9:
+            reason = f"{used} points lie on a line or in one place, within their noise"
         elif sigma > _MAX_ROTATION_SIGMA:
             reason = f"the rotation is uncertain by {math.degrees(sigma):.0f} degrees"
     if reason:

@@ -64,7 +64,7 @@ def growth(sizes: tuple[int, ...] = (100, 1000, 10_000, 100_000)) -> list[Cost]:
         both, wrong = _sample(rng, n, True).told, with_outliers(n, 0.3, n).told
         found += [
             Cost(name, n, 1e3 * seconds, ratio)
-            for name, seconds, ratio in _against_horn(both, wrong, max(7, 20_000 // n))
+            for name, seconds, ratio in _against_horn(both, wrong, max(5, 20_000 // n))
         ]
     return found
 

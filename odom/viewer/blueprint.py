@@ -58,7 +58,7 @@ def blueprint(plot_seconds: float | None = 60.0) -> rrb.Blueprint:
 def _map() -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
         origin=entities.WORLD,
-        name="Map: online (orange), corrected (blue), truth (white)",
+        name="Map: online (orange dashes), corrected (blue), truth (white dashes)",
         contents=["+ $origin/**", f"- {entities.DEPTH}/**", f"- {entities.FEATURES}/**"],
         background=rrb.Background(color=_GROUND),
         line_grid=rrb.LineGrid3D(visible=False),

@@ -17,7 +17,7 @@ from odom.viewer import entities, palette
 from odom.viewer.clouds import Cloud, KeyframeClouds
 from odom.viewer.draw import Draw, draw, transform
 from odom.viewer.settings import ViewerSettings
-from odom.viewer.trail import Trail, lines
+from odom.viewer.trail import Trail, dashes, lines
 from odom.wire.codec import Loop, StampedPose
 
 Array = NDArray[np.float64]
@@ -29,7 +29,8 @@ _ELLIPSOIDS = 150
 _STANDS = 1e-3
 """A key frame that moves less (metres, or entries of its rotation) is not drawn again."""
 
-_WIDTH = {entities.TRUTH: -2.6, entities.CORRECTED: -1.7, entities.ONLINE: -0.8}
+_LINE, _DASH = -1.2, -2.2
+_ONLINE_PHASE, _TRUTH_PHASE = 0, 1
 _LOOP, _REFUSED, _POINT = -1.8, -0.4, -1.6
 _REFUSED_SHOWN = 60
 
@@ -135,7 +136,8 @@ class MapScene:
             return
         same = len(corrected) == len(online)
         strips_corrected = strips if same else np.zeros(len(corrected), dtype=np.int64)
-        yield _strips(entities.ONLINE, stamp, lines(online.positions, strips), palette.ONLINE)
+        dashed = dashes(lines(online.positions, strips), _ONLINE_PHASE)
+        yield _strips(entities.ONLINE, stamp, dashed, palette.ONLINE, _DASH)
         yield _strips(entities.CORRECTED, stamp, lines(corrected.positions, strips_corrected), palette.CORRECTED)
         self._online_tail, self._corrected_tail = self._online_tail[-1:], self._corrected_tail[-1:]
         if self._keyframes:
@@ -231,15 +233,17 @@ def trajectory(poses: tuple[StampedPose, ...]) -> Trajectory:
 
 def truth_line(body: str, stamp: Stamp, positions: Array, strips: NDArray[np.int64]) -> Draw:
     """Return the true trajectory of a body, positions n x 3 in the map."""
-    return _strips(f"{entities.TRUTH}/{body}", stamp, lines(positions, strips), palette.TRUTH)
+    dashed = dashes(lines(positions, strips), _TRUTH_PHASE)
+    return _strips(f"{entities.TRUTH}/{body}", stamp, dashed, palette.TRUTH, _DASH)
 
 
 def _line(path: str, stamp: Stamp, positions: list[Array], color: palette.Rgb) -> Draw:
     return _strips(path, stamp, [np.array(positions, dtype=np.float32)], color)
 
 
-def _strips(path: str, stamp: Stamp, strips: list[NDArray[np.float32]], color: palette.Rgb) -> Draw:
-    width = next(width for of, width in _WIDTH.items() if path.startswith(of))
+def _strips(
+    path: str, stamp: Stamp, strips: list[NDArray[np.float32]], color: palette.Rgb, width: float = _LINE
+) -> Draw:
     return draw(path, stamp, rr.LineStrips3D(strips, colors=[color], radii=width))
 
 

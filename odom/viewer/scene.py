@@ -66,6 +66,7 @@ class Scene:
         self._comparison = Comparison()
         self._calibration = ProgressiveCalibration()
         self._fit: TruthInMap | None = None
+        self._segment: tuple[str | None, Stamp] = (None, Stamp(0))
         self._bounds: tuple[Stamp, float, float] = (Stamp(0), np.nan, np.nan)
         self._newest: Stamp | None = None
         self._refreshed: Stamp | None = None
@@ -157,6 +158,7 @@ class Scene:
             stamp = self._newest
             if stamp is None:
                 continue
+            self._begin_segment(status.values.get("segment"), stamp)
             yield from self._words.status(stamp, status)
             for path, keys in (
                 (entities.INLIERS, ("inliers", "matches")),
@@ -165,6 +167,14 @@ class Scene:
                 values = [_number(status.values.get(key)) for key in keys]
                 if np.isfinite(values).any():
                     yield draw(path, stamp, rr.Scalars(values))
+
+    def _begin_segment(self, segment: str | None, stamp: Stamp) -> None:
+        """Forget how truth lies in the map when the odometry says that it has begun a map of its own again."""
+        if segment is None or segment == self._segment[0]:
+            return
+        if self._segment[0] is not None:
+            self._fit = None
+        self._segment = segment, stamp if self._segment[0] is not None else Stamp(0)
 
     def _end(self, message: Message) -> Iterator[Draw]:
         if self._newest is None:
@@ -207,6 +217,7 @@ class Scene:
         return next(iter(self._truth), "") == _CAMERA_BODY
 
     def _align(self, corrected: Trajectory, truth: Trajectory) -> TruthInMap | None:
+        corrected = corrected.take(corrected.stamps >= self._segment[1])
         calibrated = None if self._truth_is_the_cameras else self._calibration.update(corrected, truth)
         return align_truth(corrected, truth, calibrated)
 

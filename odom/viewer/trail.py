@@ -8,6 +8,8 @@ from odom.frame import Stamp
 
 Array = NDArray[np.float64]
 
+_DASHES = 1500
+
 
 class Trail:
     """Stamped poses (4 x 4), at most `limit`: when full, every second one goes and half as many are taken from then on.
@@ -84,3 +86,20 @@ def lines(positions: Array, strips: NDArray[np.int64]) -> list[NDArray[np.float3
         return []
     parts = np.split(positions.astype(np.float32), np.flatnonzero(np.diff(strips)) + 1)
     return [part for part in parts if len(part) > 1]
+
+
+def dashes(strips: list[NDArray[np.float32]], phase: int, length_m: float = 0.05) -> list[NDArray[np.float32]]:
+    """Return every third piece of `length_m` along the strips, from piece `phase` (0, 1 or 2) on.
+
+    Lines that lie on each other stay visible when they are dashed in different phases. Long ones get longer pieces, so
+    that there are some 1500 at the most.
+    """
+    walked = [np.append(0.0, np.cumsum(np.linalg.norm(np.diff(strip, axis=0), axis=1))) for strip in strips]
+    length = max(length_m, sum(float(s[-1]) for s in walked) / (3 * _DASHES))
+    pieces = []
+    for strip, s in zip(strips, walked, strict=True):
+        begins = np.arange(phase * length, s[-1], 3 * length)
+        at = np.minimum(begins[:, None] + np.array([0.0, 0.5, 1.0]) * length, s[-1])
+        points = np.stack([np.interp(at, s, strip[:, axis]) for axis in range(3)], axis=-1)
+        pieces += list(points.astype(np.float32))
+    return pieces

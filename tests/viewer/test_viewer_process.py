@@ -63,9 +63,9 @@ def test_a_late_viewer_shows_the_whole_trajectory_and_a_killed_one_comes_back(st
     assert _rows(shown["/world/camera"]) < 700
     for path in ("/world/online", "/world/corrected", "/world/truth/camera"):
         line = _last_line(shown[path])
-        assert np.abs(line - true_pose(0)[:3, 3]).sum(axis=1).min() < 0.02, path
-        assert np.abs(line - true_pose(899)[:3, 3]).sum(axis=1).min() < 0.02, path
-        assert np.linalg.norm(np.diff(line, axis=0), axis=1).max() < 0.1, path
+        for end in (0, 899):
+            assert np.linalg.norm(line - true_pose(end)[:3, 3], axis=1).min() < 0.12, path
+        assert np.linalg.norm(np.diff(line, axis=0), axis=1).max() < 0.2, path
 
 
 def test_a_frozen_viewer_holds_nobody_up(start: Start, tmp_path: Path) -> None:

@@ -114,8 +114,8 @@ def test_a_late_joiner_sees_the_whole_way_from_history_and_path() -> None:
     drawn = [item for frame in late for message in frame for item in scene.handle(message)]
     for path in (entities.ONLINE, entities.CORRECTED, f"{entities.TRUTH}/camera"):
         points = np.concatenate([np.array(s) for s in _batch(_last(drawn, path), "strips")])
-        assert np.linalg.norm(points - true_pose(0)[:3, 3], axis=1).min() < 0.01
-        assert len(points) > 150
+        assert np.linalg.norm(points - true_pose(0)[:3, 3], axis=1).min() < 0.06
+        assert len(points) > 60
 
 
 def test_memory_is_bounded_and_old_clouds_are_cleared() -> None:

@@ -1,10 +1,12 @@
+from itertools import pairwise
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from odom.evaluation import Trajectory
 from odom.frame import Stamp
-from odom.viewer.trail import Trail, lines
+from odom.viewer.trail import Trail, dashes, lines
 
 
 def _pose(i: int) -> np.ndarray:
@@ -66,3 +68,14 @@ def test_history_is_put_before_what_is_known(earlier: int, later: int) -> None:
         assert kept.stamps[-1] == 400 + later - 1
     if earlier:
         assert kept.stamps[0] == 0
+
+
+@given(points=st.integers(2, 60), step=st.floats(0.01, 3.0))
+def test_dashes_of_two_phases_never_cover_each_other_and_lie_on_the_line(points: int, step: float) -> None:
+    line = [np.array([[step * i, 0.0, 0.0] for i in range(points)], dtype=np.float32)]
+    covered = [dashes(line, phase) for phase in range(3)]
+    spans = sorted((float(piece[0, 0]), float(piece[-1, 0])) for pieces in covered for piece in pieces)
+    assert spans[0][0] == 0.0
+    assert abs(spans[-1][1] - line[0][-1, 0]) < 1e-3
+    assert all(abs(end - begin) < 1e-3 for (_, end), (begin, _) in pairwise(spans))
+    assert max(len(pieces) for pieces in covered) <= 1501

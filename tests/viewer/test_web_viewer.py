@@ -4,7 +4,7 @@ import re
 import shutil
 import subprocess
 import sys
-import threading
+import time
 from pathlib import Path
 
 import cv2
@@ -18,27 +18,27 @@ needs_chromium = pytest.mark.skipif(shutil.which("chromium") is None, reason="no
 
 
 def _look(tmp_path: Path, *arguments: str) -> np.ndarray:
+    """Photograph the page of a run as soon as no panel is empty; the run's words are printed when that fails."""
     command = [sys.executable, "-m", "odom", "run", *arguments, "--web", "--stay", "--out", str(tmp_path / "out")]
-    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    words = tmp_path / "words.txt"
+    with words.open("wb") as file:
+        run = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT)
     try:
-        assert run.stdout is not None
-        lines = []
-        for line in run.stdout:
-            lines.append(line)
-            if found := re.search(r"viewer: (http\S+)", line):
-                break
-        else:
-            pytest.fail("".join(lines))
-        threading.Thread(target=run.stdout.read, daemon=True).start()
-        return photograph(found[1], tmp_path / "seen.png", 150.0, lambda seen: not empty_panels(seen))
+        deadline = time.monotonic() + 60
+        while (found := re.search(r"viewer: (http\S+)", words.read_text())) is None:
+            assert time.monotonic() < deadline, words.read_text()
+            assert run.poll() is None, words.read_text()
+            time.sleep(0.2)
+        return photograph(found[1], tmp_path / "seen.png", 180.0, lambda seen: not empty_panels(seen))
     finally:
         run.terminate()
         run.wait(60)
+        print(words.read_text()[-3000:])
 
 
 @needs_chromium
 def test_no_panel_of_the_page_is_empty_during_a_run(tmp_path: Path) -> None:
-    picture = _look(tmp_path, str(ARENA), "--realtime")
+    picture = _look(tmp_path, str(ARENA))
     assert empty_panels(picture) == []
 
 

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Self
+from typing import NamedTuple, Self
 
 import zenoh
 
@@ -18,9 +18,14 @@ log = logging.getLogger(__name__)
 
 _RESERVE = 256
 _BUDGET = 128 << 20
-_MAX_EPOCHS = 64
+_MAX_KNOWN, _MAX_NEW = 256, 4096
+_PLAUSIBLE_GAP = 1000
 
-_Arrival = tuple[str, Attachment | None, zenoh.Sample]
+
+class _Arrival(NamedTuple):
+    slot: tuple[str, int | None]
+    attachment: Attachment | None
+    sample: zenoh.Sample
 
 
 @dataclass
@@ -34,12 +39,45 @@ class Counters:
     bytes: int = 0
 
 
+class _Senders:
+    """Who sends on which key, told by sequence numbers that go on: a flood of nonsense is one stranger, not many.
+
+    A sender is known from its second message on; until then, and without an attachment, it is a stranger.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[str, int], int] = {}
+        self._new: dict[tuple[str, int], int] = {}
+
+    def take(self, topic: str, attachment: Attachment | None) -> tuple[int | None, int, bool]:
+        """Return the sender's epoch (None: stranger), messages missing before this one, and if it is known just now."""
+        if attachment is None:
+            return None, 0, False
+        key, sequence = (topic, attachment.epoch), attachment.sequence
+        expected, introduced = self._known.get(key), False
+        if expected is None:
+            expected, introduced = self._new.pop(key, None), True
+            if expected is None or not 0 <= sequence - expected < _PLAUSIBLE_GAP:
+                _bounded(self._new, _MAX_NEW)[key] = sequence + 1
+                return None, 0, False
+            _bounded(self._known, _MAX_KNOWN)
+        self._known[key] = max(sequence + 1, expected)
+        return attachment.epoch, max(0, sequence - expected), introduced
+
+
+def _bounded(senders: dict[tuple[str, int], int], limit: int) -> dict[tuple[str, int], int]:
+    """Return the dictionary after its oldest entry has made room, if need be."""
+    if len(senders) >= limit:
+        del senders[next(iter(senders))]
+    return senders
+
+
 class Subscriber:
     """Messages of several keys in the order in which they arrived, in one bounded queue.
 
-    Of a live key at most `depth` messages wait, the newest win; messages of a lossless sender all wait (its flow
-    control bounds them; beyond 256 the oldest go) when `lossless`, else they are treated as live ones. Beyond 128 MiB
-    the oldest of all go.
+    Of a live sender's key at most `depth` messages wait, the newest win; messages of a lossless sender all wait (its
+    flow control bounds them; beyond 256 the oldest go) when `lossless`, else they are treated as live ones. Beyond
+    128 MiB the oldest of all go. Strangers (see `_Senders`) crowd out each other only.
     """
 
     def __init__(self, session: zenoh.Session, keys: Iterable[str], depth: int, lossless: bool) -> None:
@@ -47,9 +85,9 @@ class Subscriber:
         self._depth = depth
         self._lossless = lossless
         self._queue: deque[_Arrival] = deque()
-        self._waiting: dict[str, int] = {}
+        self._waiting: dict[tuple[str, int | None], int] = {}
         self._bytes = 0
-        self._expected: dict[tuple[str, int], int] = {}
+        self._senders = _Senders()
         self._ready = threading.Condition()
         self._closed = False
         self._complained: set[str] = set()
@@ -74,13 +112,13 @@ class Subscriber:
                     self._ready.wait(left)
                 if not self._queue:
                     return None
-                arrival = self._take(0)
+                (topic, _), attachment, sample = self._take(0)
             try:
-                delivery = delivery_of(*arrival)
+                delivery = delivery_of(topic, attachment, sample)
             except WireError as error:
-                self.malformed(arrival[0], str(error))
+                self.malformed(topic, str(error))
                 continue
-            self.counters[arrival[0]].bytes += len(delivery.message.payload)
+            self.counters[topic].bytes += len(delivery.message.payload)
             return delivery
 
     @property
@@ -129,31 +167,37 @@ class Subscriber:
                 return  # a flood of invented keys must not fill the memory
             counters = self.counters.setdefault(topic, Counters())
             counters.received += 1
-            if attachment is not None:
-                counters.lost += self._gap(topic, attachment.epoch, attachment.sequence)
-            if self._waiting.get(topic, 0) >= (_RESERVE if keep_all else self._depth):
-                self._drop(next(i for i, entry in enumerate(self._queue) if entry[0] == topic))
+            epoch, missing, introduced = self._senders.take(topic, attachment)
+            counters.lost += missing
+            slot = (topic, epoch)
+            if introduced:
+                self._adopt(slot)
+            if self._waiting.get(slot, 0) >= (_RESERVE if keep_all else self._depth):
+                self._drop(next(i for i, arrival in enumerate(self._queue) if arrival.slot == slot))
             while self._queue and self._bytes + len(sample.payload) > _BUDGET:
                 self._drop(0)
-            self._queue.append((topic, attachment, sample))
-            self._waiting[topic] = self._waiting.get(topic, 0) + 1
+            self._queue.append(_Arrival(slot, attachment, sample))
+            self._waiting[slot] = self._waiting.get(slot, 0) + 1
             self._bytes += len(sample.payload)
             self._ready.notify()
 
+    def _adopt(self, slot: tuple[str, int | None]) -> None:
+        """Give a sender that is known just now what it sent as a stranger."""
+        for i, arrival in enumerate(self._queue):
+            if arrival.attachment and arrival.slot == (slot[0], None) and arrival.attachment.epoch == slot[1]:
+                self._queue[i] = arrival._replace(slot=slot)
+                self._waiting[arrival.slot] -= 1
+                self._waiting[slot] = self._waiting.get(slot, 0) + 1
+
     def _take(self, index: int) -> _Arrival:
-        entry = self._queue[index]
+        arrival = self._queue[index]
         del self._queue[index]
-        self._waiting[entry[0]] -= 1
-        self._bytes -= len(entry[2].payload)
-        return entry
+        self._waiting[arrival.slot] -= 1
+        if not self._waiting[arrival.slot]:
+            del self._waiting[arrival.slot]
+        self._bytes -= len(arrival.sample.payload)
+        return arrival
 
     def _drop(self, index: int) -> None:
-        topic, _, _ = self._take(index)
+        topic, _ = self._take(index).slot
         self.counters[topic].dropped += 1
-
-    def _gap(self, topic: str, epoch: int, sequence: int) -> int:
-        expected = self._expected.get((topic, epoch))
-        if expected is None and len(self._expected) >= _MAX_EPOCHS * max(1, len(self.counters)):
-            self._expected.clear()
-        self._expected[topic, epoch] = max(sequence + 1, expected or 0)
-        return max(0, sequence - expected) if expected is not None else 0

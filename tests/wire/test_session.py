@@ -2,6 +2,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from random import Random
 
 import psutil
 import pytest
@@ -75,11 +76,12 @@ def test_losses_on_the_way_are_counted_and_a_new_sender_is_none(open_peer: OpenS
     subscriber = receiver.subscriber(["a"], depth=64)
     meet(sender, "a")
     publisher = sender.publisher()
-    publisher.put(encode_text("a", Stamp(0), ""))
+    for i in range(2):
+        publisher.put(encode_text("a", Stamp(i), ""))
     publisher._sequences["a"] += 4  # as if four had been dropped at a congested link
     publisher.put(encode_text("a", Stamp(1), ""))
     sender.publisher().put(encode_text("a", Stamp(2), ""))
-    assert eventually(lambda: subscriber.total().received == 3)
+    assert eventually(lambda: subscriber.total().received == 4)
     assert subscriber.counters["a"].lost == 4
 
 
@@ -172,3 +174,24 @@ def test_whoever_comes_first_waits_for_the_other_and_meets_it_again(endpoint: st
                 assert eventually(lambda: len(seen) == 2 * life + 1)  # noqa: B023  # called before the next life
             assert eventually(lambda: len(seen) == 2 * life + 2)  # noqa: B023  # called before the next life
     assert seen == [True, False, True, False]
+
+
+def test_a_flood_of_nonsense_does_not_crowd_out_a_sender(open_peer: OpenSession) -> None:
+    sender, flooder, receiver = open_peer(), open_peer(), open_peer()
+    subscriber = receiver.subscriber(["a"], depth=3, lossless=True)
+    meet(sender, "a")
+    meet(flooder, "a")
+    publisher, random = sender.publisher(), Random(1)
+    for i in range(3):
+        publisher.put(encode_text("a", Stamp(i), str(i)))
+    assert eventually(lambda: subscriber.total().received == 3)
+    for _ in range(5000):
+        flooder.zenoh.put("a", random.randbytes(20), attachment=random.randbytes(random.choice((0, 5, 33))))
+    assert eventually(lambda: subscriber.total().received > 1000)
+    assert subscriber.waiting <= 3 + 256 + 3
+    kept = []
+    while (delivery := subscriber.receive(0.2)) is not None:
+        kept.append(delivery.message)
+    assert [message.payload for message in kept if message.type_name.endswith("String")] == [
+        encode_text("a", Stamp(i), str(i)).payload for i in range(3)
+    ]

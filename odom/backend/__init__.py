@@ -2,13 +2,14 @@
 
 from typing import TYPE_CHECKING, Any
 
-from odom.backend.estimate import Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
+from odom.backend.estimate import ClosingTest, Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
 from odom.backend.settings import OdometrySettings
 
 if TYPE_CHECKING:
     from odom.backend.odometry import Odometry
 
 __all__ = [
+    "ClosingTest",
     "Estimate",
     "Features",
     "LoopCandidate",

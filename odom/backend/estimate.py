@@ -94,3 +94,19 @@ class TrajectoryPose:
     stamp: Stamp
     T_map_camera: Array | None
     segment: int
+
+
+@dataclass(frozen=True, eq=False)
+class ClosingTest:
+    """The paper's test of a closed walk: the last frame registered against its predecessor and against the first.
+
+    `direct` is the last frame's pose in the first one from what both see, with its covariance;
+    `T_first_last_trajectory` the same from the final trajectory; `pairwise` the last frame's pose in its predecessor.
+    """
+
+    direct: RelativePose
+    T_first_last_trajectory: Array
+    pairwise: RelativePose | None
+    disagreement_m: float
+    disagreement_deg: float
+    disagreement_sigma: float

@@ -30,6 +30,8 @@ Index = NDArray[np.int64]
 _FARTHEST_M = 8.0
 _TIMING_FORGET, _TIMING_CREDIT = 0.95, 0.1
 LEAST_FOUND_AGAIN = 30
+_SHARE_IN_CHAIN, _SHARE_WITHOUT_CHAIN = 0.2, 0.35
+"""Of the landmarks looked for, what must be found again: less where the chain of key frames agrees as well."""
 _NO_ROWS = np.zeros(0, dtype=np.int64)
 
 
@@ -70,9 +72,20 @@ class Mapper:
         self, frame: RgbdFrame, images: FrameImages, T_start: Array, twist: Array, near: int, noise: FeatureNoise
     ) -> Tracked:
         """Return `frame` tracked against the key frames around `near` (see `tracking.track`)."""
+        local = self.map.neighbours(near, T_start, self._settings.local_keyframes)
+        return self.track_against(local, frame, images, T_start, twist, noise)
+
+    def track_against(
+        self, local: Index, frame: RgbdFrame, images: FrameImages, T_start: Array, twist: Array, noise: FeatureNoise
+    ) -> Tracked:
+        """Return `frame` tracked against the key frames `local` and no others."""
         return track(
-            self.map, frame, images, self._camera, self._lens, T_start, twist, near, self.timing, noise, self._settings
+            self.map, frame, images, self._camera, self._lens, T_start, twist, local, self.timing, noise, self._settings
         )
+
+    def is_known_place(self, tracked: Tracked) -> bool:
+        """Say whether a frame without any chain to it shows what its key frames saw."""
+        return tracked.found_again >= max(LEAST_FOUND_AGAIN, _SHARE_WITHOUT_CHAIN * tracked.looked_for)
 
     def add_keyframe(
         self,
@@ -194,10 +207,11 @@ class Mapper:
             return verdict
         T_start = se3.inverse(registration.T_target_source) @ candidate.T_camera_map
         tracked = self.track(seen.frame, seen.images, T_start, seen.twist, candidate.number, noise)
-        found = int(np.count_nonzero(tracked.inliers))
+        found = tracked.found_again
         T_candidate_keyframe = candidate.T_camera_map @ se3.inverse(tracked.T_camera_map)
         verdict = replace(verdict, inliers=found, T_candidate_current=T_candidate_keyframe)
-        if found < LEAST_FOUND_AGAIN:
+        share = _SHARE_IN_CHAIN if candidate.segment == keyframe.segment else _SHARE_WITHOUT_CHAIN
+        if found < max(LEAST_FOUND_AGAIN, share * tracked.looked_for):
             return replace(verdict, reason=f"only {found} of {tracked.looked_for} landmarks found again")
         covariance = tracked.covariance * scale
         refusal = contradiction(self.map, candidate.number, keyframe.number, T_candidate_keyframe, covariance, scale)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.backend.closing import recognise
-from odom.backend.estimate import Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
+from odom.backend.estimate import ClosingTest, Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
 from odom.backend.history import Placed, relative_covariance, relative_pose, trajectory
 from odom.backend.mapper import LEAST_FOUND_AGAIN, Mapper
 from odom.backend.pairwise import register_successive
@@ -33,6 +33,7 @@ _MANY, _SHARE_LEFT, _VERY_FEW = 150, 0.85, 50
 _SHARE_COVERED, _COVER_PX = 0.55, 40
 _MOVED_M, _MOVED_RAD = 0.015, 0.02
 _LEAST_CORNERS = 50
+_LEAST_DEEP = 0.05
 _CHECK_EVERY = 4
 _TWIST_GAIN = 0.2
 _BRIDGE_SIGMA = np.array([0.5, 0.5, 0.5, 1.0, 1.0, 1.0])
@@ -47,6 +48,16 @@ class _Published:
 
     placed: Placed
     T_odom_camera: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Previous:
+    """The last frame that was tracked, or that began a segment (`tracked` is None)."""
+
+    frame: RgbdFrame
+    images: FrameImages
+    tracked: Tracked | None
+    pairwise: RelativePose | None
 
 
 class Odometry:
@@ -69,7 +80,7 @@ class Odometry:
         self._T_camera_map, self._T_map_odom = np.eye(4), np.eye(4)
         self._twist, self._twist_change = np.zeros(6), np.zeros(6)
         self._near, self._segment = 0, -1
-        self._previous: tuple[Stamp, FrameImages, Tracked | None] | None = None
+        self._previous: _Previous | None = None
         self._followed: tuple[Index, Array] = (np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
         self._seen_at_keyframe: tuple[int, int] | None = None
         self._sight_s = 0.0
@@ -108,11 +119,46 @@ class Odometry:
 
     def finish(self) -> tuple[TrajectoryPose, ...]:
         """Return the final corrected trajectory, one pose a frame, after adjusting the whole map once more."""
+        keyframes = self._mapper.map.keyframes
+        before = keyframes[self._near].T_camera_map.copy() if keyframes else np.eye(4)
         self._mapper.finish(self._check.noise, self._check.scale)
+        if keyframes:
+            self._T_camera_map = self._T_camera_map @ se3.inverse(before) @ keyframes[self._near].T_camera_map
+            self._segment = keyframes[self._near].segment
         return trajectory(self._frames, self._mapper.map.keyframes)
 
+    def closing_test(self) -> ClosingTest | None:
+        """Return the paper's test of a closed walk, None where the last frame does not show what the first one did."""
+        last = self._previous
+        if last is None or last.tracked is None:
+            return None
+        first = next(k for k in self._mapper.map.keyframes if k.segment == self._segment)
+        tracked = self._mapper.track_against(
+            np.array([first.number]),
+            last.frame,
+            last.images,
+            self._T_camera_map,
+            last.tracked.twist,
+            self._check.noise,
+        )
+        inliers = int(np.count_nonzero(tracked.inliers))
+        if inliers < LEAST_FOUND_AGAIN:
+            return None
+        T_direct = first.T_camera_map @ se3.inverse(tracked.T_camera_map)
+        T_trajectory = first.T_camera_map @ se3.inverse(self._T_camera_map)
+        away = se3.log(se3.inverse(T_trajectory) @ T_direct)
+        covariance = tracked.covariance * self._check.scale
+        return ClosingTest(
+            RelativePose(first.stamp, T_direct, covariance, inliers),
+            T_trajectory,
+            last.pairwise,
+            float(np.linalg.norm(away[:3])),
+            float(np.rad2deg(np.linalg.norm(away[3:]))),
+            float(np.sqrt(away @ np.linalg.solve(covariance, away))),
+        )
+
     def _since_previous_s(self, frame: RgbdFrame) -> float:
-        return np.inf if self._previous is None else (frame.stamp - self._previous[0]) * 1e-9
+        return np.inf if self._previous is None else (frame.stamp - self._previous.frame.stamp) * 1e-9
 
     def _take_background(self) -> tuple[tuple[LoopCandidate, ...], bool]:
         """Take over what the background has for this frame: the current pose goes with the map, odom stays put."""
@@ -138,7 +184,7 @@ class Odometry:
         rows, uv = self._followed
         alive = self._mapper.map.landmarks.alive[rows]
         T_coarse = coarse_pose(
-            self._mapper.map, rows[alive], uv[alive], self._previous[1], images, self._lens, T_predicted
+            self._mapper.map, rows[alive], uv[alive], self._previous.images, images, self._lens, T_predicted
         )
         watch.lap("follow")
         twist = -se3.log(T_coarse @ se3.inverse(self._T_camera_map)) / dt
@@ -158,7 +204,7 @@ class Odometry:
             keyframe = self._mapper.map.keyframes[recognition.candidate]
             T_camera_map = se3.inverse(recognition.registration.T_target_source) @ keyframe.T_camera_map
             tracked = self._mapper.track(frame, images, T_camera_map, still, keyframe.number, self._check.noise)
-            if np.count_nonzero(tracked.inliers) >= LEAST_FOUND_AGAIN:
+            if self._mapper.is_known_place(tracked):
                 self._segment = keyframe.segment
                 return tracked
         return None
@@ -183,15 +229,15 @@ class Odometry:
         covariance = tracked.covariance * self._check.scale
         step, second, published = self._publish(frame, covariance, dt, tracked)
         pairwise = None
-        if dt and previous is not None and previous[2] is not None:
-            pairwise = register_successive(previous[2], previous[0], tracked)
+        if dt and previous is not None and previous.tracked is not None:
+            pairwise = register_successive(previous.tracked, previous.frame.stamp, tracked)
         watch.lap("pairwise")
         rows, uv = tracked.rows[tracked.inliers], tracked.uv[tracked.inliers]
         is_keyframe = self._needs_keyframe(uv)
         if is_keyframe:
             rows, uv = self._add_keyframe(frame, images, tracked, covariance)
         self._followed = (rows, uv)
-        self._previous = (frame.stamp, images, tracked)
+        self._previous = _Previous(frame, images, tracked, pairwise)
         watch.lap("keyframe")
         inliers = int(np.count_nonzero(tracked.inliers))
         state, reason = State.TRACKING, ""
@@ -199,6 +245,8 @@ class Odometry:
             state, reason = State.RECOVERED, f"place recognised: {inliers} landmarks found again"
         elif inliers < _SURE_INLIERS:
             state, reason = State.UNCERTAIN, f"only {inliers} landmarks found again"
+        elif np.count_nonzero(tracked.chi2[tracked.inliers, 1]) < _LEAST_DEEP * inliers:
+            state, reason = State.UNCERTAIN, "hardly any depth: tracked by known landmarks alone"
         residual = np.where(tracked.inliers, np.sqrt(tracked.chi2[:, 0]), np.nan)
         return self._estimate(
             frame,
@@ -338,7 +386,7 @@ class Odometry:
         self._twist = still
         rows, uv = self._add_keyframe(frame, images, None, np.zeros((6, 6)))
         self._followed = (rows, uv)
-        self._previous = (frame.stamp, images, None)
+        self._previous = _Previous(frame, images, None, None)
         self._sight_s = 0.0
         placed = Placed(frame.stamp, self._segment, 0.0, self._near, np.eye(4), np.zeros((6, 6)))
         self._frames.append(placed)

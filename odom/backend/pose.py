@@ -14,6 +14,7 @@ from odom.registration.compiled import compiled
 
 Array = NDArray[np.float64]
 
+_CONVERGED = 1e-6
 CAUCHY_CHI2 = 9.0
 """Where the Cauchy weight of a residual has fallen to one half (chi-squared)."""
 
@@ -126,9 +127,9 @@ def fit_pose(
     H, g, chi2 = _accumulate(T, points_map, covariances_map, values, variances, chosen, cauchy)
     for _ in range(iterations):
         step: Array = np.asarray(np.linalg.solve(H + prior, g - prior @ away), dtype=np.float64)
-        T = se3.orthonormal(se3.exp(step) @ T)
+        T = se3.exp(step) @ T
         away = away + step
         H, g, chi2 = _accumulate(T, points_map, covariances_map, values, variances, chosen, cauchy)
-        if np.abs(step).max() < 1e-7:
+        if np.abs(step).max() < _CONVERGED:
             break
-    return PoseFit(T, H + prior, chi2)
+    return PoseFit(se3.orthonormal(T), H + prior, chi2)

@@ -50,6 +50,11 @@ class Tracked:
     twist: Array
 
     @property
+    def found_again(self) -> int:
+        """How many landmarks were found where the pose says, and at the depth it says where depth was measured."""
+        return int(np.count_nonzero(self.inliers & (self.chi2[:, 1] < INLIER_CHI2)))
+
+    @property
     def covariance(self) -> Array:
         """The pose's 6 x 6 covariance (`se3`, camera frame) that the measurements' own imply."""
         return np.asarray(np.linalg.inv(self.information), dtype=np.float64)
@@ -96,14 +101,16 @@ def track(
     lens: Lens,
     T_start: Array,
     twist: Array,
-    near: int,
+    local: Index,
     timing: Timing,
     noise: FeatureNoise,
     settings: OdometrySettings,
 ) -> Tracked:
-    """Find the landmarks of the key frames around `near` where `T_start` (T_camera_map) predicts them, and fit."""
+    """Find the landmarks of the key frames `local` where `T_start` (T_camera_map) predicts them, and fit.
+
+    The first of `local` becomes the reference: its landmarks come first where there are more than are looked for.
+    """
     L = map_.landmarks
-    local = map_.neighbours(near, T_start, settings.local_keyframes)
     reference = int(local[0])
     T_map_start = se3.inverse(T_start)
     T_camera_keyframe = np.zeros((len(map_.keyframes), 4, 4))

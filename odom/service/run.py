@@ -174,7 +174,8 @@ def complete_report(out: Path, crew: Crew, elapsed_s: float) -> dict[str, Any]:
     path = out / "report.json"
     report: dict[str, Any] = json.loads(path.read_text()) if path.is_file() else {}
     children = crew.children.values()
-    report["peak_rss_mb"] = {child.name: round(child.peak_rss_mb, 1) for child in children}
+    peaks = {child.name: round(child.peak_rss_mb, 1) for child in children}
+    report["peak_rss_mb"] = {"sensor": None, "odometry": None, "viewer": None} | peaks
     report["cpu_s"] = {child.name: round(child.cpu_s, 2) for child in children}
     report["elapsed_s"] = round(elapsed_s, 2)
     if (out / "truth.txt").is_file() and (out / "trajectory.txt").is_file():

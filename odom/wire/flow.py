@@ -59,7 +59,7 @@ class Consumer:
                 if deadline is not None and time.monotonic() >= deadline:
                     return None
                 continue
-            if delivery.lossless:
+            if delivery.lossless or delivery.message.topic == self._end:
                 self._last = delivery
             if delivery.message.topic != self._end:
                 return delivery

@@ -173,13 +173,19 @@ class Subscriber:
             if introduced:
                 self._adopt(slot)
             if self._waiting.get(slot, 0) >= (_RESERVE if keep_all else self._depth):
-                self._drop(next(i for i, arrival in enumerate(self._queue) if arrival.slot == slot))
+                self._drop(self._oldest(slot))
             while self._queue and self._bytes + len(sample.payload) > _BUDGET:
                 self._drop(0)
             self._queue.append(_Arrival(slot, attachment, sample))
             self._waiting[slot] = self._waiting.get(slot, 0) + 1
             self._bytes += len(sample.payload)
             self._ready.notify()
+
+    def _oldest(self, slot: tuple[str, int | None]) -> int:
+        """Return which waiting message of a slot goes first: a flood must not push out what may not be lost."""
+        mine = [i for i, arrival in enumerate(self._queue) if arrival.slot == slot]
+        live = (i for i in mine if (attachment := self._queue[i].attachment) is None or not attachment.lossless)
+        return next(live, mine[0])
 
     def _adopt(self, slot: tuple[str, int | None]) -> None:
         """Give a sender that is known just now what it sent as a stranger."""

@@ -55,7 +55,7 @@ def test_printed_yaml_is_a_file_of_settings(tmp_path: Path) -> None:
 def test_config_prints_default_and_unit() -> None:
     printed = CliRunner().invoke(app, ["config"])
     assert "service.stop_timeout_s" in printed.output
-    assert "15.0 s" in printed.output
+    assert "60.0 s" in printed.output
 
 
 def test_every_command_has_help_with_an_example() -> None:

@@ -11,7 +11,7 @@ from enum import Enum, unique
 
 import numpy as np
 
-from odom.registration.kernels import tangent_basis
+from odom.registration.motion import tangent_basis
 from odom.registration.pairs import Array
 from odom.registration.se3 import exp
 from odom.registration.solve import Arrays, Solution

@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from odom.errors import InputError
 from odom.registration.compiled import compiled
-from odom.registration.kernels import accumulate, horn, mahalanobis, precisions, project, unpack
+from odom.registration.kernels import accumulate, mahalanobis, precisions, unpack
+from odom.registration.motion import horn
+from odom.registration.projection import project
 from odom.registration.rigidity import rate, rigid_set
 
 Array = NDArray[np.float64]

@@ -4,15 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.registration.compiled import compiled
-from odom.registration.kernels import (
-    accumulate,
-    cholesky_solve,
-    horn,
-    precisions,
-    project,
-    rotation_of,
-    unpack,
-)
+from odom.registration.kernels import accumulate, precisions, unpack
+from odom.registration.linear import cholesky_solve
+from odom.registration.motion import horn, rotation_of
+from odom.registration.projection import project
 
 Array = NDArray[np.float64]
 

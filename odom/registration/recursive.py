@@ -13,9 +13,11 @@ import numpy as np
 
 from odom.errors import InputError
 from odom.registration.gate import bad_covariance
-from odom.registration.kernels import accumulate, cholesky_solve, precisions, project, unpack
+from odom.registration.kernels import accumulate, precisions, unpack
+from odom.registration.linear import cholesky_solve
 from odom.registration.pairs import Array, Pairs, Prior, Registration, Verdict, degenerate
 from odom.registration.paper_form import nearest_rotation
+from odom.registration.projection import project
 from odom.registration.recursion import discount
 from odom.registration.se3 import hat
 from odom.registration.solve import checked, prior_information

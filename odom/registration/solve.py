@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from odom.errors import InputError
 from odom.registration.gate import bad_covariance
-from odom.registration.kernels import assess, horn, precisions
+from odom.registration.kernels import precisions
+from odom.registration.motion import horn
 from odom.registration.pairs import Array, Pairs, Prior, Registration, Verdict, degenerate
+from odom.registration.projection import assess
 from odom.registration.recursion import recurse, unusable
 
 _NO_COVARIANCES = np.empty((0, 3, 3))

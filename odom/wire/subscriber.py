@@ -16,6 +16,8 @@ from odom.wire.delivery import Attachment, Delivery, attachment_of, delivery_of
 
 log = logging.getLogger(__name__)
 
+SMALL = 4096
+
 _RESERVE = 256
 _BUDGET = 128 << 20
 _MAX_KNOWN, _MAX_NEW = 256, 4096
@@ -75,14 +77,17 @@ def _bounded(senders: dict[tuple[str, int], int], limit: int) -> dict[tuple[str,
 class Subscriber:
     """Messages of several keys in the order in which they arrived, in one bounded queue.
 
-    Of a live sender's key at most `depth` messages wait, the newest win; messages of a lossless sender all wait (its
+    Of a live sender's key at most `depth` messages wait (`small_depth` of 4 kB or less), the newest win; messages of a lossless sender all wait (its
     flow control bounds them; beyond 256 the oldest go) when `lossless`, else they are treated as live ones. Beyond
     128 MiB the oldest of all go. Strangers (see `_Senders`) crowd out each other only.
     """
 
-    def __init__(self, session: zenoh.Session, keys: Iterable[str], depth: int, lossless: bool) -> None:
+    def __init__(
+        self, session: zenoh.Session, keys: Iterable[str], depth: int, small_depth: int, lossless: bool
+    ) -> None:
         self.counters: dict[str, Counters] = {}
         self._depth = depth
+        self._small_depth = max(depth, small_depth)
         self._lossless = lossless
         self._queue: deque[_Arrival] = deque()
         self._waiting: dict[tuple[str, int | None], int] = {}
@@ -172,7 +177,8 @@ class Subscriber:
             slot = (topic, epoch)
             if introduced:
                 self._adopt(slot)
-            if self._waiting.get(slot, 0) >= (_RESERVE if keep_all else self._depth):
+            depth = self._small_depth if len(sample.payload) <= SMALL else self._depth
+            if self._waiting.get(slot, 0) >= (_RESERVE if keep_all else depth):
                 self._drop(self._oldest(slot))
             while self._queue and self._bytes + len(sample.payload) > _BUDGET:
                 self._drop(0)

@@ -17,13 +17,14 @@ from odom.errors import WireError
 from odom.frame import Stamp
 from odom.wire.codec import decode_numbers, decode_text, encode_numbers
 from odom.wire.session import Counters, Delivery, Publisher, Subscriber, WireSession
+from odom.wire.subscriber import SMALL
 from odom.wire.topics import Topics
 
 log = logging.getLogger(__name__)
 
 _IDLE_REPORT_S = 0.25
 _LOST_AFTER_S = 2.0
-_SMALL = 4096
+_SMALL_DEPTH = 64
 _MESSAGES_IN_FLIGHT = 64
 
 
@@ -37,7 +38,7 @@ class Consumer:
         self.ended: str | None = None
         self._key = topics.ack_of(name)
         self._end = topics.end
-        self._subscriber = session.subscriber((*keys, topics.end), depth=depth, lossless=True)
+        self._subscriber = session.subscriber((*keys, topics.end), depth, _SMALL_DEPTH, lossless=True)
         self._publisher = session.publisher(urgent=True)
         self._last: Delivery | None = None
         session.announce(self._key)
@@ -90,7 +91,7 @@ class Consumer:
 
     def _acknowledge_consumed(self) -> None:
         """Acknowledge the last message, unless it is a small one among others that wait: a later one speaks for it."""
-        if self._last is not None and (self._subscriber.waiting == 0 or len(self._last.message.payload) > _SMALL):
+        if self._last is not None and (self._subscriber.waiting == 0 or len(self._last.message.payload) > SMALL):
             self._acknowledge(waiting=False)
 
     def _acknowledge(self, waiting: bool) -> None:

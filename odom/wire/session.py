@@ -32,9 +32,11 @@ class WireSession:
         self._stack.callback(publisher.close)
         return publisher
 
-    def subscriber(self, keys: Iterable[str], depth: int = 3, lossless: bool = False) -> Subscriber:
+    def subscriber(
+        self, keys: Iterable[str], depth: int = 3, small_depth: int = 0, lossless: bool = False
+    ) -> Subscriber:
         """Return a subscriber of the key expressions; see `Subscriber`."""
-        subscriber = Subscriber(self.zenoh, tuple(keys), depth, lossless)
+        subscriber = Subscriber(self.zenoh, tuple(keys), depth, small_depth, lossless)
         self._stack.callback(subscriber.close)
         return subscriber
 

@@ -77,9 +77,10 @@ def _bounded(senders: dict[tuple[str, int], int], limit: int) -> dict[tuple[str,
 class Subscriber:
     """Messages of several keys in the order in which they arrived, in one bounded queue.
 
-    Of a live sender's key at most `depth` messages wait (`small_depth` of 4 kB or less), the newest win; messages of a lossless sender all wait (its
-    flow control bounds them; beyond 256 the oldest go) when `lossless`, else they are treated as live ones. Beyond
-    128 MiB the oldest of all go. Strangers (see `_Senders`) crowd out each other only.
+    Of a live sender's key at most `depth` messages wait (`small_depth` of those of 4 kB or less), the newest win.
+    Messages of a lossless sender all wait (its flow control bounds them; beyond 256 the oldest go) when `lossless`,
+    else they are treated as live ones. Beyond 128 MiB the oldest of all go. Strangers (see `_Senders`) crowd out each
+    other only.
     """
 
     def __init__(

@@ -52,11 +52,13 @@ def evaluate(
     Example: odom eval out motive.csv --body rig --mocap --relative out/relative_second.txt
     """
     import json
+    from math import degrees
 
     from odom.cli.trajectories import read_estimate, read_truth
     from odom.evaluation import EvaluationOptions
     from odom.evaluation import evaluate as judge
     from odom.evaluation.calibration import calibrate
+    from odom.evaluation.noise import truth_noise, widened
     from odom.evaluation.plot import plot as draw
     from odom.evaluation.relative import read_relative, relative_nees
     from odom.evaluation.run import calibration_fields, error_fields, remarks
@@ -76,9 +78,16 @@ def evaluate(
     for name, error in (("RPE a frame", report.rpe_frame), ("RPE 1 s", report.rpe_1s)):
         print(f"{name:<14} {error.rmse_m:.4f} m  {error.rmse_deg:.3f} deg  ({error.pairs} pairs)")
     fields = {**error_fields(report), **calibration_fields(calibration, body or "body")}
+    noise = truth_noise(true)
+    if noise:
+        print(f"truth's noise  {1e3 * noise.sigma_m:.2f} mm  {degrees(noise.sigma_rad):.3f} deg an axis, at least")
     for path in relative or []:
-        values = relative_nees(read_relative(path), true, max_gap)
+        poses = read_relative(path)
+        values = relative_nees(poses, true, max_gap)
         print(f"NEES           {values.mean:.2f} (6 is ideal), {values.inside_95:.1%} inside 95 %  {path.name}")
+        if noise:
+            floored = relative_nees(widened(poses, noise), true, max_gap)
+            print(f"{'':<14} {floored.mean:.2f}, {floored.inside_95:.1%} inside, allowing for the truth's own noise")
         fields[f"nees_{path.stem}"] = {"mean": values.mean, "inside_95": values.inside_95}
     if calibration:
         _print_calibration(calibration_fields(calibration, body or "body"), calibration.correlation)

@@ -1,7 +1,7 @@
 """`plot.png`: a trajectory against truth on one sheet, readable in print and without telling colours apart."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 TRUTH, FINAL, ONLINE, BAND = "#1a1a1a", "#0072B2", "#D55E00", "#56B4E9"
 """Colours of M. Okabe and K. Ito's palette; each line also differs in width and dashes."""
+
+_CLEARLY_UP = 0.7
 
 _STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
@@ -58,8 +60,11 @@ def plot(
 ) -> None:
     """Draw the matched trajectories from above and from the side, errors over time and their histogram.
 
-    The truth's world has z up; `online` is the causal estimate, `claimed` the bound its covariance promises.
+    `online` is the causal estimate, `claimed` the bound its covariance promises. Up is the world's axis to which the
+    camera held its own up direction most of the time: motion capture has y up, most else z.
     """
+    R_drawn_world = _upright(final.truth.T_world_body)
+    final, online = _turned(final, R_drawn_world), _turned(online, R_drawn_world) if online else None
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -82,6 +87,27 @@ def plot(
         if remarks:
             figure.supxlabel("\n".join(remarks), x=0.012, ha="left", fontsize=8.5, color="#444444")
         figure.savefig(path)
+
+
+def _upright(T_world_camera: Array) -> Array:
+    """Return the rotation (4 x 4) that brings the world's up axis to z, the identity when it cannot be told."""
+    up = -T_world_camera[:, :3, 1].mean(axis=0)
+    axis = int(np.argmax(np.abs(up)))
+    T = np.eye(4)
+    if axis != 2 and abs(up[axis]) > _CLEARLY_UP:
+        z = np.zeros(3)
+        z[axis] = np.sign(up[axis])
+        x = np.roll(np.abs(z), 1)
+        T[:3, :3] = np.stack([x, np.cross(z, x), z])
+    return T
+
+
+def _turned(report: Report, T_drawn_world: Array) -> Report:
+    return replace(
+        report,
+        truth=report.truth.moved(T_drawn_world),
+        estimate_aligned=report.estimate_aligned.moved(T_drawn_world),
+    )
 
 
 def _seconds(report: Report) -> Array:
@@ -111,11 +137,10 @@ def _draw_views(above: "Axes", side: "Axes", final: Report, online: Report | Non
         curves: list[tuple[Report, Array, str, float, Any, str, float]] = [
             (final, final.truth.positions, TRUTH, 3.2, "-", "truth", 0.30)
         ]
+        name = "corrected" if online else "estimate"
+        curves.append((final, final.estimate_aligned.positions, FINAL, 1.8, "-", name, 1.0))
         if online:
-            curves.append((online, online.estimate_aligned.positions, ONLINE, 1.1, (0, (3, 1.4)), "online", 1.0))
-        curves.append(
-            (final, final.estimate_aligned.positions, FINAL, 1.4, "-", "corrected" if online else "estimate", 1.0)
-        )
+            curves.append((online, online.estimate_aligned.positions, ONLINE, 1.0, (0, (3, 2.5)), "online", 1.0))
         for report, points, colour, width, dashes, name, alpha in curves:
             xy = drawn(report, points, view)
             axis.plot(*xy.T, color=colour, lw=width, ls=dashes, label=name, alpha=alpha, solid_capstyle="round")

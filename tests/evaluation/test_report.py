@@ -1,0 +1,162 @@
+"""What a run leaves on disk, judged; and the command that judges any two trajectories."""
+
+import json
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from synthetic import T_BODY_CAMERA, mocap, odometry, smooth, trajectory
+
+from odom.errors import InputError
+from odom.evaluation import EvaluationOptions, Trajectory, align, evaluate
+from odom.evaluation.files import write_tum
+from odom.evaluation.run import report_with_truth
+from odom.registration import se3
+
+FIELDS = {
+    "ate_m", "ate_online_m", "rpe_frame_m", "rpe_frame_deg", "rpe_1s_m", "rpe_1s_deg", "nees_mean", "nees_inside_95",
+    "matched", "total", "time_offset_s", "hand_eye",
+}  # fmt: skip
+COVARIANCE = np.diag([0.002**2] * 3 + [0.001**2] * 3)
+
+
+def relative_line(earlier, current, T, covariance):
+    numbers = (*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_quat(), *covariance[np.triu_indices(6)])
+    return " ".join([f"{s // 10**9}.{s % 10**9:09d}" for s in (earlier, current)] + [f"{v:.9e}" for v in numbers])
+
+
+@pytest.fixture(scope="module")
+def scene():
+    rng = np.random.default_rng(0)
+    pose = smooth(rng)
+    true = trajectory(pose, np.arange(0, 30, 1 / 30))
+    return rng, true, odometry(rng, true), mocap(rng, pose, 31.0, offset_s=0.037)
+
+
+@pytest.fixture
+def run(tmp_path, scene):
+    """A folder as a run leaves it: exact truth of the camera, honest covariances."""
+    rng, true, estimate, _ = scene
+    write_tum(tmp_path / "trajectory.txt", estimate)
+    write_tum(tmp_path / "odometry.txt", estimate)
+    write_tum(tmp_path / "truth.txt", true)
+    for name, lag in (("relative_step.txt", 1), ("relative_second.txt", 30)):
+        lines = []
+        for k in range(lag, len(true)):
+            T = se3.inverse(true.T_world_body[k - lag]) @ true.T_world_body[k]
+            T = T @ se3.exp(rng.multivariate_normal(np.zeros(6), COVARIANCE))
+            lines.append(relative_line(true.stamps[k - lag], true.stamps[k], T, COVARIANCE))
+        (tmp_path / name).write_text("\n".join(lines) + "\n")
+    return tmp_path
+
+
+def test_the_fields_of_the_contract_are_all_there_and_a_plot(run):
+    report = report_with_truth(run, total_frames=1000)
+    assert set(report) >= FIELDS
+    assert json.loads(json.dumps(report)) == report
+    assert (report["matched"], report["total"]) == (900, 1000)
+    assert report["nees_mean"] == pytest.approx(6, abs=0.5)
+    assert report["nees_inside_95"] == pytest.approx(0.95, abs=0.03)
+    assert report["time_offset_s"] is None
+    picture = cv2.imread(str(run / "plot.png"))
+    assert picture.shape[1] > 1500
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 200
+
+
+def test_truth_of_a_marker_body_is_calibrated_by_the_name_in_its_file(run, scene):
+    write_tum(run / "truth.txt", scene[3])
+    text = (run / "truth.txt").read_text()
+    (run / "truth.txt").write_text("# body rig\n" + text)
+    report = report_with_truth(run)
+    assert report["time_offset_s"] == pytest.approx(0.037, abs=0.002)
+    assert report["hand_eye"]["parent"] == "rig"
+    np.testing.assert_allclose(report["hand_eye"]["translation_m"], T_BODY_CAMERA[:3, 3], atol=0.005)
+
+
+def test_truth_of_another_time_gives_nulls_and_says_why(run, scene):
+    write_tum(run / "truth.txt", scene[1].delayed(5000.0))
+    report = report_with_truth(run)
+    assert report["ate_m"] is None
+    assert report["matched"] == 0
+    assert "clock" in report["truth_notes"][0]
+
+
+def test_a_gap_in_truth_is_not_interpolated_over(scene):
+    _, true, estimate, _ = scene
+    kept = np.ones(len(true), dtype=bool)
+    kept[300:400] = False
+    report = evaluate(estimate, true.take(kept))
+    assert (report.matched, report.total) == (800, 900)
+    assert any("only 800 of 900" in note for note in report.notes)
+
+
+def test_segments_that_were_never_joined_are_not_glued(scene):
+    _, true, estimate, _ = scene
+    late = estimate.moved(se3.exp(np.array([5.0, 0, 0, 0, 0, 1.0])))
+    late_part = np.arange(len(estimate)) >= 600
+    poses = np.where(late_part[:, None, None], late.T_world_body, estimate.T_world_body)
+    split = Trajectory(estimate.stamps, poses, late_part.astype(np.int64))
+    report = evaluate(split, true)
+    assert report.matched == 600
+    assert report.ate_m == pytest.approx(evaluate(estimate.take(~late_part), true).ate_m)
+    assert any("never joined" in note for note in report.notes)
+
+
+def test_an_alignment_that_positions_cannot_settle_is_said():
+    t = np.linspace(0, 1, 100)[:, None]
+    line = t * np.array([1.0, 2.0, 0.5])
+    assert "straight line" in align(line, line).notes[0]
+    assert "spread only" in align(line * 1e-4, line * 1e-4).notes[0]
+    with pytest.raises(InputError, match="3 at least"):
+        align(line[:2], line[:2])
+
+
+def test_evaluation_is_the_same_in_every_world_and_knows_no_scale(scene):
+    _, true, estimate, _ = scene
+    moved = evaluate(estimate.moved(se3.exp(np.array([9.0, -4, 2, 1, 2, -1]))), true)
+    assert moved.ate_m == pytest.approx(evaluate(estimate, true).ate_m, rel=1e-9)
+    double = true.T_world_body.copy()
+    double[:, :3, 3] *= 2
+    assert evaluate(Trajectory(true.stamps, double), true).ate_m > 0.1
+
+
+def odom(*arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "odom", *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False
+    )
+
+
+def test_the_command_judges_a_run_and_writes_what_it_is_asked_for(run, tmp_path):
+    out = tmp_path / "figures.json"
+    done = odom("eval", run, "--relative", run / "relative_second.txt", "--json", out, "--plot", tmp_path / "p.png")
+    assert done.returncode == 0, done.stderr
+    assert "matched        900 / 900" in done.stdout
+    assert json.loads(out.read_text())["matched"] == 900
+    assert (tmp_path / "p.png").is_file()
+
+
+def test_the_command_imposes_what_is_known_of_mocap(run, scene, tmp_path):
+    write_tum(tmp_path / "mocap.txt", scene[3])
+    pose = [*T_BODY_CAMERA[:3, 3], *Rotation.from_matrix(T_BODY_CAMERA[:3, :3]).as_quat()]
+    known = " ".join(f"{value:.9f}" for value in pose)
+    imposed = odom(
+        "eval", run / "trajectory.txt", tmp_path / "mocap.txt", "--time-offset", "0.037", "--hand-eye", known
+    )
+    assert imposed.returncode == 0, imposed.stderr
+    assert "+0.0370 ± 0.0000 s (imposed)" in imposed.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status"),
+    [(["nowhere.txt", "nowhere.txt"], 1), ([], 2), (["a", "b", "--time-offset", "soon"], 1)],
+)
+def test_the_command_fails_with_the_contracts_status(arguments, status):
+    assert odom("eval", *arguments).returncode == status
+
+
+def test_total_counts_frames_without_a_pose(scene):
+    _, true, estimate, _ = scene
+    assert evaluate(estimate, true, EvaluationOptions(total_frames=1234)).total == 1234

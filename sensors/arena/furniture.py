@@ -59,7 +59,7 @@ def pile(scene: Builder, rng: Random, T: Array, count: int) -> None:
 
 def shelf(scene: Builder, rng: Random, T: Array, width: float, height: float, depth: float = 0.3) -> None:
     """Add a standing shelf, filled."""
-    board = paint.wood(rng, one_of(rng, WOODS), 0.006)
+    board = paint.wood(rng, one_of(rng, WOODS), 0.008)
     back = paint.plain(rng, (186, 172, 150), 0.01)
     for x in (-width / 2 + 0.01, width / 2 - 0.01):
         scene.box(T, (x, 0, height / 2), (0.02, depth, height), board)

@@ -56,7 +56,7 @@ def modulate(image: Image, factor: Float) -> Image:
     return out
 
 
-def plain(rng: np.random.Generator, color: Color, texel_m: float = 0.006, mottle: float = 0.03) -> Painter:
+def plain(rng: np.random.Generator, color: Color, texel_m: float = 0.008, mottle: float = 0.03) -> Painter:
     """Return a painter of painted or moulded stuff: one colour with faint clouds and grain."""
 
     def paint(width_m: float, height_m: float) -> Image:
@@ -124,7 +124,7 @@ def rug(rng: np.random.Generator, texel_m: float = 0.004) -> Painter:
     return paint
 
 
-def ceiling(rng: np.random.Generator, texel_m: float = 0.01) -> Painter:
+def ceiling(rng: np.random.Generator, texel_m: float = 0.014) -> Painter:
     """Return a painter of acoustic tiles with holes in a metal grid."""
 
     def paint(width_m: float, height_m: float) -> Image:

@@ -216,7 +216,7 @@ def paper(rng: np.random.Generator, texel_m: float = 0.0016) -> Painter:
     return paint
 
 
-def screen(rng: np.random.Generator, texel_m: float = 0.0017) -> Painter:
+def screen(rng: np.random.Generator, texel_m: float = 0.002) -> Painter:
     """Return a painter of a monitor: an editor, a plot and windows."""
 
     def paint(width_m: float, height_m: float) -> Image:

@@ -22,7 +22,7 @@ def shell(scene: Builder, rng: np.random.Generator, size: tuple[float, float, fl
     tone = furniture.one_of(rng, WALL_TONES)
     accent = furniture.one_of(rng, ACCENTS)
     T = np.eye(4)
-    floor = paint.wood(rng, furniture.one_of(rng, ((176, 130, 88), (150, 112, 80), (190, 160, 122))), 0.0045, 0.11)
+    floor = paint.wood(rng, furniture.one_of(rng, ((176, 130, 88), (150, 112, 80), (190, 160, 122))), 0.0055, 0.11)
     scene.panel(T, (0, 0, 0), (size[0], 0, 0), (0, -size[1], 0), floor)
     scene.panel(T, (0, 0, h), (size[0], 0, 0), (0, size[1], 0), paint.ceiling(rng))
     walls = ((0, b, 0.0, size[0]), (a, 0, -90.0, size[1]), (0, -b, 180.0, size[0]), (-a, 0, 90.0, size[1]))
@@ -30,7 +30,7 @@ def shell(scene: Builder, rng: np.random.Generator, size: tuple[float, float, fl
     for k, (x, y, yaw, width) in enumerate(walls):
         wall = pose(x, y, 0, yaw)
         color = accent if k == 1 else tone
-        scene.panel(wall, (0, 0, h / 2), (width, 0, 0), (0, 0, -h), paint.plain(rng, color, 0.008, 0.022))
+        scene.panel(wall, (0, 0, h / 2), (width, 0, 0), (0, 0, -h), paint.plain(rng, color, 0.01, 0.022))
         scene.box(wall, (0, -0.008, 0.04), (width, 0.016, 0.08), skirting, "front top")
 
 
@@ -142,8 +142,8 @@ def corridor(seed: int) -> Renderer:
     width, depth, h = BAY_M, 3.6, 2.7
     T = np.eye(4)
     tone = furniture.one_of(rng, WALL_TONES)
-    wall = paint.plain(rng, tone, 0.008, 0.022)
-    scene.panel(T, (0, 0, 0), (width, 0, 0), (0, -depth, 0), paint.wood(rng, (176, 130, 88), 0.0045, 0.11))
+    wall = paint.plain(rng, tone, 0.01, 0.022)
+    scene.panel(T, (0, 0, 0), (width, 0, 0), (0, -depth, 0), paint.wood(rng, (176, 130, 88), 0.0055, 0.11))
     scene.panel(T, (0, 0, h), (width, 0, 0), (0, depth, 0), paint.ceiling(rng))
     north, south = pose(0, depth / 2), pose(0, -depth / 2, 0, 180)
     for side in (north, south):

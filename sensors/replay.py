@@ -16,7 +16,7 @@ from sensors.source import SourceOptions
 log = logging.getLogger(__name__)
 
 _TRUTH_ROLE = "truth"
-_PEEK = 600
+_PEEK_BYTES = 128 << 20
 
 
 class ReplaySource:
@@ -99,7 +99,7 @@ def open_recording(path: Path, options: SourceOptions) -> ReplaySource:
     Raises RecordingError when it is none or lacks a stream, ConfigError when a named topic is not in it.
     """
     reader = open_reader(path)
-    streams, counts = reader.streams(limit=_PEEK), reader.counts()
+    streams, counts = reader.streams(limit=_PEEK_BYTES), reader.counts()
     if counts is None:
         log.warning("%s has no sound end: what is whole is played (mend it with: odom recover %s OUT.mcap)", path, path)
     if not streams:

@@ -64,11 +64,13 @@ class RecordingReader:
             yield heapq.heappop(heap)[2]
 
     def streams(self, limit: int | None = None) -> list[Stream]:
-        """Return what the recording holds, by topic, from reading all of it or its first `limit` messages."""
+        """Return what the recording holds, by topic, from reading all of it or its first `limit` bytes of messages."""
         streams: dict[tuple[str, str], Stream] = {}
-        for index, message in enumerate(self._in_file_order(None, None)):
-            if limit is not None and index >= limit:
+        size = 0
+        for message in self._in_file_order(None, None):
+            if limit is not None and size >= limit:
                 break
+            size += len(message.payload)
             key = (message.topic, message.type_name)
             stream = streams.get(key)
             if stream is None:

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from odom.errors import ConfigError
 from odom.frame import Camera
 from odom.registration.compiled import compiled
 
@@ -26,7 +27,12 @@ class Lens:
 
     @classmethod
     def of(cls, camera: Camera) -> "Lens":
-        """Return the lens of `camera`; the inverse distortion is solved once for every pixel (OpenCV)."""
+        """Return the lens of `camera`; the inverse distortion is solved once for every pixel (OpenCV).
+
+        Raises ConfigError for coefficients beyond the rational model's eight (thin prism, tilt) that are not 0.
+        """
+        if any(camera.distortion[8:]):
+            raise ConfigError(f"distortion {camera.distortion}: only the first 8 coefficients may differ from 0")
         grid = np.stack(np.meshgrid(np.arange(camera.width), np.arange(camera.height)), axis=-1)
         pixels = grid.reshape(-1, 1, 2).astype(np.float64)
         coefficients = np.array(camera.distortion or (0.0,) * 5)

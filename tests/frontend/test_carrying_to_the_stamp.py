@@ -1,0 +1,118 @@
+"""Rolling shutter and depth lag: what a moving camera sees of resting points, carried to one time."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from odom.frame import Camera, RgbdFrame, Stamp
+from odom.frontend.lens import Lens, project
+from odom.frontend.measure import FeatureNoise, measure, points_of
+from odom.frontend.timing import Timing, point_flow
+from odom.registration import se3
+
+CAMERA = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)
+LENS = Lens.of(CAMERA)
+NOISE = FeatureNoise(0.5, np.array([[0.2, 2.0], [2e-3, 2e-3]]))
+STAMP = Stamp(1_700_000_000_000_000_000)
+
+twists = arrays(np.float64, 6, elements=st.floats(-2.0, 2.0))
+
+
+@given(st.floats(-0.6, 0.6), st.floats(-0.5, 0.5), st.floats(0.2, 2.0), twists)
+def test_point_flow_is_the_derivative_of_a_projected_point(x, y, w, twist):
+    point = np.array([x, y, 1.0]) / w
+
+    def seen(t):
+        X, Y, Z = se3.apply(se3.exp(-t * twist), point[None])[0]
+        return np.array([X / Z, Y / Z, 1.0 / Z])
+
+    step = 1e-5
+    numerical = (seen(step) - seen(-step)) / (2.0 * step)
+    np.testing.assert_allclose(point_flow(x, y, w, twist), numerical, atol=1e-6)
+
+
+def plane_seen(normal, distance, T_start_camera, row):
+    """A row of the inverse depth image of the plane `normal . X = distance` (start frame) from another pose."""
+    n = T_start_camera[:3, :3].T @ normal
+    d = distance - normal @ T_start_camera[:3, 3]
+    return (LENS.rays[row].astype(np.float64) @ n[:2] + n[2]) / d
+
+
+def moving_view(twist, readout_s, depth_time_s, seed=0):
+    """Features of a slanted wall as a rolling shutter shows them, the depth image, and the truth at time 0."""
+    rng = np.random.default_rng(seed)
+    normal, distance = np.array([0.3, -0.2, 1.0]), 2.2
+    rays = rng.uniform((-0.5, -0.38), (0.5, 0.38), (300, 2))
+    w = (rays @ normal[:2] + normal[2]) / distance
+    points = np.column_stack([rays, np.ones(300)]) / w[:, None]
+    uv = project(points, np.eye(4), LENS.intrinsics, LENS.distortion, 640, 480, -200.0)[:, :2]
+    for _ in range(6):  # the row says when, and when says the row
+        for k in range(300):
+            T = se3.exp(-(uv[k, 1] / 480 - 0.5) * readout_s * twist)
+            uv[k] = project(points[k : k + 1], T, LENS.intrinsics, LENS.distortion, 640, 480, -200.0)[0, :2]
+    rows = [depth_time_s + (v / 480 - 0.5) * readout_s for v in range(480)]  # the depth sensor's shutter rolls too
+    inverse_depth = np.stack([plane_seen(normal, distance, se3.exp(t * twist), v) for v, t in enumerate(rows)])
+    inside = ((uv > 25) & (uv < (615, 455))).all(axis=1)
+    return uv[inside], np.rint(1000.0 / inverse_depth).astype(np.uint16), np.column_stack([rays, w])[inside]
+
+
+@pytest.mark.parametrize(
+    "twist", [(0.5, 0.1, 0.4, 0, 0, 0), (0, 0, 0, 0.8, 1.0, 0.6), (-0.4, 0.3, 0.5, -0.7, 0.9, -0.8)]
+)
+@pytest.mark.parametrize("readout_s", [0.0, 0.025])
+@pytest.mark.parametrize("depth_delay_ns", [-18_000_000, 12_000_000])
+def test_rows_and_depth_are_carried_to_the_stamp(twist, readout_s, depth_delay_ns):
+    twist, lag_s = np.array(twist, dtype=np.float64), -0.006
+    uv, depth_mm, truth = moving_view(twist, readout_s, depth_delay_ns * 1e-9 + lag_s)
+    frame = RgbdFrame(0, STAMP, np.zeros((480, 640), np.uint8), Stamp(STAMP + depth_delay_ns), depth_mm)
+    nothing = np.zeros((len(uv), 3))
+    carried = measure(frame, LENS, uv, nothing, twist, Timing(readout_s, lag_s), NOISE)
+    as_seen = measure(frame, LENS, uv, nothing, np.zeros(6), Timing(0.0, 0.0), NOISE)
+    deep = np.isfinite(carried.values[:, 2]) & np.isfinite(as_seen.values[:, 2])
+    assert deep.mean() > 0.95
+    errors = [np.abs(m.values[deep] - truth[deep]) for m in (carried, as_seen)]
+    assert np.percentile(errors[0][:, :2], 95) < max(0.05 * np.percentile(errors[1][:, :2], 95), 0.05 / 525)
+    assert np.sqrt(np.mean(errors[0][:, 2] ** 2)) < 6e-4
+
+
+def test_retimed_values_are_those_of_a_new_measurement():
+    twist = np.array([0.3, -0.2, 0.4, 0.6, -0.8, 0.5])
+    uv, depth_mm, _ = moving_view(twist, 0.02, -0.008)
+    frame = RgbdFrame(0, STAMP, np.zeros((480, 640), np.uint8), STAMP, depth_mm)
+    nothing = np.zeros((len(uv), 3))
+    before, after = Timing(0.016, -0.010), Timing(0.021, -0.004)
+    a, b = (measure(frame, LENS, uv, nothing, twist, timing, NOISE) for timing in (before, after))
+    change = after.vector - before.vector
+    deep = np.isfinite(a.values[:, 2]) & np.isfinite(b.values[:, 2])
+    moved = np.abs(b.values - a.values)[deep]
+    left = np.abs(b.values - a.retimed(change))[deep]
+    assert np.mean(moved[:, :2]) > 20 * np.mean(left[:, :2])
+    assert np.mean(left[:, 2]) < 5e-4
+
+
+def test_no_depth_is_nan_and_leaves_the_ray():
+    uv = np.array([[100.5, 200.25], [500.0, 300.0]])
+    frame = RgbdFrame(0, STAMP, np.zeros((480, 640), np.uint8), STAMP, np.zeros((480, 640), np.uint16))
+    m = measure(frame, LENS, uv, np.zeros((2, 3)), np.full(6, 0.5), Timing(0.02, 0.01), NOISE)
+    assert np.isnan(m.values[:, 2]).all()
+    assert np.isfinite(m.values[:, :2]).all()
+    assert np.isfinite(m.covariance[:, :3]).all()
+
+
+def test_the_covariance_of_points_is_that_of_sampled_measurements():
+    rng = np.random.default_rng(5)
+    _, depth_mm, truth = moving_view(np.zeros(6), 0.0, 0.0)
+    frame = RgbdFrame(0, STAMP, np.zeros((480, 640), np.uint8), STAMP, depth_mm)
+    m = measure(frame, LENS, np.array([[150.0, 350.0]]), np.array([[0.3, 0.1, 0.5]]), np.zeros(6), Timing(), NOISE)
+    xx, xy, yy, ww = m.covariance[0]
+    samples = m.values[0] + np.column_stack(
+        [rng.multivariate_normal([0, 0], [[xx, xy], [xy, yy]], 20000), rng.normal(0, np.sqrt(ww), 20000)]
+    )
+    points, _ = points_of(replace(m, values=samples, covariance=np.tile(m.covariance, (20000, 1))))
+    claimed = points_of(m)[1][0]
+    np.testing.assert_allclose(np.cov(points.T), claimed, atol=0.05 * claimed.max())
+    assert len(truth)

@@ -1,0 +1,101 @@
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from odom.frontend.patches import align_patches, cut_patches
+
+SHAPE = (120, 160)
+AT = np.array([[60.0, 50.0], [80.0, 62.0], [101.0, 70.0], [46.0, 75.0]])
+IDENTITY = np.tile(np.eye(2), (len(AT), 1, 1))
+EVERY = np.ones(len(AT), dtype=bool)
+
+
+def waves(seed, uv):
+    """A smooth picture: waves of 14 to 60 px in all directions, 40 grey levels rms about 0."""
+    rng = np.random.default_rng(seed)
+    direction, length = rng.uniform(0, 2 * np.pi, 20), np.geomspace(14.0, 60.0, 20)
+    k = 2 * np.pi / length * np.stack([np.cos(direction), np.sin(direction)])
+    return 40.0 * np.sqrt(0.1) * np.cos(uv @ k + rng.uniform(0, 2 * np.pi, 20)).sum(axis=-1)
+
+
+def picture(seed, A=None, shift=(0.0, 0.0), gain=0.8, offset=127.0, noise=0.0):
+    v, u = np.mgrid[0 : SHAPE[0], 0 : SHAPE[1]].astype(np.float64)
+    uv = np.stack([u, v], axis=-1)
+    centre = np.array([80.0, 60.0])
+    uv = (uv - centre - shift) @ (np.eye(2) if A is None else A).T + centre
+    grey = gain * waves(seed, uv) + offset + noise * np.random.default_rng(seed + 1).normal(size=SHAPE)
+    return np.clip(np.rint(grey), 0, 255).astype(np.uint8)
+
+
+@settings(max_examples=60)
+@given(
+    st.integers(0, 10_000),
+    st.tuples(st.floats(-1.4, 1.4), st.floats(-1.4, 1.4)),
+    st.floats(0.5, 0.8),
+    st.floats(100.0, 155.0),
+)
+def test_a_shifted_patch_is_found_to_a_fiftieth_of_a_pixel_whatever_gain_and_offset(seed, shift, gain, offset):
+    patches = cut_patches(picture(seed), AT)
+    uv = AT.copy()
+    score, _ = align_patches(picture(seed, None, shift, gain, offset), patches, IDENTITY, uv, EVERY, 12, 4.0)
+    found = score > 0.98
+    assert found.sum() >= 3
+    assert np.abs(uv - AT - np.array(shift))[found].max() < 0.02
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 1000), st.floats(0.75, 1.3), st.floats(-0.4, 0.4), st.floats(-0.2, 0.2))
+def test_a_turned_and_scaled_patch_is_found_through_its_affinity(seed, scale, turn, shear):
+    A = scale * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ [[1, shear], [0, 1]]
+    centre = np.array([80.0, 60.0])
+    truth = (AT - centre) @ np.linalg.inv(A).T + centre
+    patches = cut_patches(picture(seed), AT)
+    image = picture(seed, A)
+    uv = truth + 0.7
+    score, _ = align_patches(image, patches, np.tile(A, (len(AT), 1, 1)), uv, EVERY, 12, 4.0)
+    found = score > 0.98
+    assert found.sum() >= 2
+    assert np.abs(uv - truth)[found].max() < 0.06
+
+
+def test_the_claimed_covariance_is_that_of_repeated_measurements():
+    reference, errors, claimed = cut_patches(picture(4), AT), [], []
+    for k in range(300):
+        rng = np.random.default_rng(k)
+        v, u = np.mgrid[0 : SHAPE[0], 0 : SHAPE[1]].astype(np.float64)
+        grey = 0.8 * waves(4, np.stack([u, v], axis=-1)) + 127.0 + 4.0 * rng.normal(size=SHAPE)
+        uv = AT.copy()
+        _, covariance = align_patches(np.rint(grey).astype(np.uint8), reference, IDENTITY, uv, EVERY, 12, 4.0)
+        errors.append(uv - AT)
+        claimed.append(covariance * 4.0**2)
+    for k in range(len(AT)):
+        seen = np.cov(np.array(errors)[:, k].T)
+        uu, uv_, vv = np.mean(claimed, axis=0)[k]
+        np.testing.assert_allclose(seen, [[uu, uv_], [uv_, vv]], atol=0.35 * max(uu, vv))
+
+
+def test_a_patch_that_is_not_there_gets_a_low_score():
+    score, _ = align_patches(picture(7), cut_patches(picture(5), AT), IDENTITY, AT.copy(), EVERY, 12, 4.0)
+    assert (score < 0.75).all()
+
+
+def test_flat_or_one_dimensional_patches_the_border_and_huge_warps_are_not_aligned():
+    u = np.arange(SHAPE[1])
+    stripes = np.tile((127 + 60 * np.sin(u / 3.0)).astype(np.uint8), (SHAPE[0], 1))
+    flat = np.full(SHAPE, 90, np.uint8)
+    for image in (stripes, flat):
+        score, _ = align_patches(image, cut_patches(image, AT), IDENTITY, AT.copy(), EVERY, 8, 4.0)
+        assert (score == 0).all()
+    image = picture(1)
+    corners = np.array([[2.0, 2.0], [158.0, 50.0], [50.0, 118.0], [1e6, -1e6]])
+    assert (align_patches(image, cut_patches(image, AT), IDENTITY, corners, EVERY, 8, 4.0)[0] == 0).all()
+    assert (align_patches(image, cut_patches(image, AT), 4.0 * IDENTITY, AT.copy(), EVERY, 8, 4.0)[0] == 0).all()
+    nothing = np.zeros(len(AT), dtype=bool)
+    assert (align_patches(image, cut_patches(image, AT), IDENTITY, AT.copy(), nothing, 8, 4.0)[0] == 0).all()
+
+
+def test_an_alignment_never_leaves_its_limit():
+    patches, start = cut_patches(picture(9), AT), AT + np.array([3.0, -3.0])
+    uv = start.copy()
+    align_patches(picture(9), patches, IDENTITY, uv, EVERY, 20, 1.0)
+    assert np.abs(uv - start).max() <= 1.0

@@ -1,0 +1,106 @@
+import numpy as np
+import pytest
+from painted_room import PaintedRoom, stroll
+
+from odom.frame import Camera
+from odom.frontend.images import FrameImages
+from odom.frontend.lens import Lens
+from odom.frontend.measure import FeatureNoise
+from odom.frontend.places import Place, PlaceIndex, describe_place, match_places
+from odom.frontend.timing import Timing
+from odom.registration import se3
+from odom.registration.default import register
+
+CAMERA = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)
+NOISE = FeatureNoise(0.5, np.array([[0.2, 2.0], [2e-3, 2e-3]]))
+
+
+def place_of(descriptors):
+    n = len(descriptors)
+    return Place(descriptors, np.zeros((n, 3)), np.tile(np.eye(3), (n, 1, 1)))
+
+
+def seen_again(descriptors, rng, share_seen=0.5, bits_flipped=0.06):
+    kept = descriptors[rng.random(len(descriptors)) < share_seen]
+    noise = np.packbits(rng.random((len(kept), 256)) < bits_flipped, axis=1)
+    others = rng.integers(0, 256, (len(descriptors) - len(kept), 32), dtype=np.uint8)
+    return place_of(np.concatenate([kept ^ noise, others]))
+
+
+@pytest.fixture(scope="module")
+def hundreds():
+    rng = np.random.default_rng(0)
+    looks = rng.integers(0, 256, (400, 200, 32), dtype=np.uint8)
+    index = PlaceIndex()
+    for number, descriptors in enumerate(looks):
+        index.add(number, place_of(descriptors))
+    return index, looks
+
+
+def test_the_right_place_among_hundreds_comes_first(hundreds):
+    index, looks = hundreds
+    rng = np.random.default_rng(1)
+    asked = range(0, 400, 7)
+    right = [index.look_up(seen_again(looks[k], rng), set(), 3)[:1] == [k] for k in asked]
+    assert np.mean(right) == 1.0
+
+
+def test_an_excluded_place_is_not_returned(hundreds):
+    index, looks = hundreds
+    assert 5 not in index.look_up(place_of(looks[5]), {5}, 3)
+
+
+@pytest.mark.parametrize("places", [200, 1000])
+def test_a_look_up_costs_the_same_however_many_places_look_alike(places):
+    rng = np.random.default_rng(2)
+    looks = rng.integers(0, 256, (50, 32), dtype=np.uint8)
+    index = PlaceIndex()
+    for number in range(places):
+        index.add(number, place_of(looks))
+    visited = sum(len(bucket) for table in index._tables for bucket in table.values())
+    assert visited <= 24 * 6 * 50
+    newest = index.look_up(place_of(looks), set(), 1000)
+    assert set(newest) <= set(range(places - 24, places))
+
+
+def test_nothing_is_found_for_an_image_without_features(hundreds):
+    index, looks = hundreds
+    nothing = place_of(np.zeros((0, 32), np.uint8))
+    assert index.look_up(nothing, set(), 3) == []
+    assert match_places(nothing, place_of(looks[0])) is None
+
+
+def described(room, T_room_camera):
+    lens = Lens.of(CAMERA)
+    frame = room.frame(CAMERA, 0, T_room_camera)
+    return describe_place(frame, FrameImages.of(frame.color), lens, np.zeros(6), Timing(), NOISE)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_place_seen_again_gives_the_motion_between_the_two_views(seed):
+    room = PaintedRoom(seed)
+    T_a = stroll(0.0)
+    T_b = T_a @ se3.exp(np.array([0.15, -0.08, 0.2, 0.05, -0.15, 0.3]))
+    pairs = match_places(described(room, T_b), described(room, T_a))
+    assert pairs is not None
+    registration = register(pairs)
+    assert registration.ok
+    away = se3.log(se3.inverse(se3.inverse(T_a) @ T_b) @ registration.T_target_source)
+    assert np.linalg.norm(away[:3]) < 0.01
+    assert np.rad2deg(np.linalg.norm(away[3:])) < 0.4
+
+
+def test_two_different_rooms_do_not_agree_on_a_motion():
+    a, b = described(PaintedRoom(1), stroll(0.0)), described(PaintedRoom(2), stroll(0.0))
+    pairs = match_places(a, b)
+    if pairs is not None:
+        registration = register(pairs)
+        assert not registration.ok or registration.inliers.sum() < 25
+
+
+def test_a_black_image_describes_no_place():
+    lens = Lens.of(CAMERA)
+    frame = PaintedRoom().frame(CAMERA, 0, stroll(0.0))
+    black = FrameImages.of(np.zeros_like(frame.color))
+    place = describe_place(frame, black, lens, np.zeros(6), Timing(), NOISE)
+    assert len(place.points) == len(place.descriptors) == 0

@@ -1,0 +1,82 @@
+import numpy as np
+import pytest
+from painted_room import PaintedRoom
+
+from odom.frame import Camera
+from odom.frontend.depth import read_plane
+from odom.frontend.lens import Lens, project, ray_at
+from odom.frontend.patches import align_patches, cut_patches
+from odom.frontend.warp import affinities
+from odom.registration import se3
+
+PLAIN = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)
+BENT = Camera(640, 480, 525.0, 525.0, 319.5, 239.5, (0.12, -0.22, 0.0008, -0.0006, 0.0))
+
+
+def pose(*xi):
+    return se3.exp(np.array(xi, dtype=np.float64))
+
+
+MOTIONS = {
+    "sideways": pose(0.25, 0.0, 0.0, 0.0, -0.1, 0.0),
+    "towards": pose(0.0, 0.05, 0.4, 0.0, 0.0, 0.0),
+    "away and rolled": pose(0.1, 0.0, -0.4, 0.0, 0.05, 0.35),
+}
+
+
+def seen_patches(camera, T_reference_current):
+    """Corners on the walls, their planes, true pixels and the affinities that `affinities` gives."""
+    lens, room = Lens.of(camera), PaintedRoom(seed=2, contrast=1.0)
+    T_room_reference = pose(0.0, 0.0, -0.5, 0.1, 0.35, 0.0)  # two slanted walls in view
+    reference, depth_mm = room.render(camera, T_room_reference)
+    current, _ = room.render(camera, T_room_reference @ T_reference_current)
+    v, u = np.mgrid[60:430:37, 60:590:41]
+    uv = np.column_stack([u.ravel(), v.ravel()]).astype(np.float64)
+    plane = np.array([read_plane(depth_mm, *p, 0.05) for p in uv])
+    uv, plane = uv[plane[:, 0] > 0], plane[plane[:, 0] > 0]
+    z = 1.0 / plane[:, 0]
+    points = np.array([[*ray_at(lens.rays, *p), 1.0] for p in uv]) * z[:, None]
+    T = se3.inverse(T_reference_current)
+    there = project(points, T, lens.intrinsics, lens.distortion, 640, 480, 12.0)[:, :2]
+    inside = np.isfinite(there[:, 0])
+    numbers = np.zeros(inside.sum(), dtype=np.int64)
+    A, usable = affinities(uv[inside], plane[inside], numbers, T[None], lens.rays, lens.intrinsics, lens.distortion)
+    return reference, current, uv[inside], there[inside], A, usable
+
+
+@pytest.mark.parametrize("camera", [PLAIN, BENT], ids=["pinhole", "bent lens"])
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_patches_of_slanted_walls_are_found_where_they_truly_are(camera, motion):
+    reference, current, uv_reference, truth, A, usable = seen_patches(camera, MOTIONS[motion])
+    uv = truth.copy()
+    patches = cut_patches(reference, uv_reference)
+    score, _ = align_patches(current, patches, A, uv, usable, 10, 3.0)
+    found = score > 0.9
+    assert found.sum() > 0.6 * len(uv)
+    assert np.median(np.linalg.norm(uv - truth, axis=1)[found]) < 0.08
+    unwarped, _ = align_patches(current, patches, np.tile(np.eye(2), (len(uv), 1, 1)), truth.copy(), usable, 10, 3.0)
+    assert np.mean(1.0 - unwarped[found]) > 4.0 * np.mean(1.0 - score[found])
+
+
+def test_no_motion_gives_the_identity():
+    lens = Lens.of(BENT)
+    uv = np.random.default_rng(0).uniform((30, 30), (600, 440), (50, 2))
+    plane = np.tile([0.5, 0.001, -0.0007], (50, 1))
+    A, usable = affinities(
+        uv, plane, np.zeros(50, np.int64), np.eye(4)[None], lens.rays, lens.intrinsics, lens.distortion
+    )
+    assert usable.all()
+    np.testing.assert_allclose(A, np.tile(np.eye(2), (50, 1, 1)), atol=1e-3)
+
+
+def test_surfaces_from_behind_too_near_or_too_far_are_not_used():
+    lens = Lens.of(PLAIN)
+    uv, plane, first = np.array([[320.0, 240.0]]), np.array([[0.5, 0.0, 0.0]]), np.zeros(1, np.int64)
+    for T in (
+        pose(0, 0, -1.3, 0, 0, 0),
+        pose(0, 0, 6.0, 0, 0, 0),
+        pose(0, 0, 0, 0, np.pi, 0),
+        pose(0, 0, -2.1, 0, 0, 0),
+    ):
+        usable = affinities(uv, plane, first, T[None], lens.rays, lens.intrinsics, lens.distortion)[1]
+        assert not usable.any()

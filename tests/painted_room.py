@@ -1,0 +1,66 @@
+"""A painted box seen from inside: exact images and depth of it from any pose, for tests that need no simulator."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.frame import Camera, RgbdFrame, Stamp
+from odom.frontend.lens import Lens
+from odom.registration import se3
+
+Array = NDArray[np.float64]
+
+SMALL = Camera(320, 240, 262.5, 262.5, 159.5, 119.5)
+START = Stamp(1_700_000_000_000_000_000)
+PERIOD = 33_333_333
+
+
+@dataclass(frozen=True)
+class PaintedRoom:
+    """Walls at +-`half_size` (m); each is painted with waves of 5 to 60 cm, so that images are smooth functions."""
+
+    seed: int = 0
+    half_size: tuple[float, float, float] = (1.6, 1.2, 2.0)
+    contrast: float = 2.5
+
+    def render(self, camera: Camera, T_room_camera: Array) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
+        """Return grey image and depth (mm) of a camera in the room."""
+        rays = Lens.of(camera).rays.reshape(-1, 2).astype(np.float64)
+        directions = np.column_stack([rays, np.ones(len(rays))]) @ T_room_camera[:3, :3].T
+        origin, size = T_room_camera[:3, 3], np.array(self.half_size)
+        with np.errstate(divide="ignore"):
+            reach = (np.sign(directions) * size - origin) / directions
+        wall = reach.argmin(axis=1)
+        depth = reach[np.arange(len(rays)), wall]
+        points = origin + depth[:, None] * directions
+        side = 2 * wall + (directions[np.arange(len(rays)), wall] > 0)
+        shape = (camera.height, camera.width)
+        grey = np.rint(127.5 + 110.0 * np.tanh(self.contrast * self._paint(points, side, wall)))
+        return grey.astype(np.uint8).reshape(shape), np.rint(1000.0 * depth).astype(np.uint16).reshape(shape)
+
+    def _paint(self, points: Array, side: NDArray[np.int64], wall: NDArray[np.int64]) -> Array:
+        out = np.zeros(len(points))
+        for number in np.unique(side):
+            rng = np.random.default_rng([self.seed, int(number)])
+            here = side == number
+            across = np.delete(points[here], int(wall[here][0]), axis=1)
+            direction, length = rng.uniform(0, 2 * np.pi, 24), np.geomspace(0.05, 0.6, 24)
+            waves = 2 * np.pi / length * np.stack([np.cos(direction), np.sin(direction)])
+            out[here] = np.cos(across @ waves + rng.uniform(0, 2 * np.pi, 24)).mean(axis=1)
+        return 3.0 * out
+
+    def frame(self, camera: Camera, number: int, T_room_camera: Array) -> RgbdFrame:
+        """Return the `number`-th frame of a 30 Hz stream, colour and depth taken at once."""
+        grey, depth_mm = self.render(camera, T_room_camera)
+        stamp = Stamp(START + number * PERIOD)
+        return RgbdFrame(number, stamp, grey, stamp, depth_mm)
+
+
+def stroll(t: float) -> Array:
+    """Return T_room_camera after `t` seconds of a calm walk to and fro: .2 m/s and 15 deg/s at most."""
+    sway = np.array([0.25 * np.sin(0.8 * t), 0.1 * np.sin(1.1 * t), 0.3 * np.sin(0.5 * t)])
+    turn = np.array([0.1 * np.sin(0.9 * t), 0.3 * np.sin(0.7 * t), 0.05 * np.sin(1.3 * t)])
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = se3.so3_exp(turn), sway
+    return T

@@ -77,6 +77,25 @@ def test_reading_can_begin_anywhere(recording: Path, messages: list[Message]) ->
     assert list(reader.messages({poses})) == [message for message in messages if message.topic == poses]
 
 
+@pytest.mark.parametrize("cut", [False, True])
+def test_a_topic_announced_in_a_skipped_chunk_is_still_read(tmp_path: Path, messages: list[Message], cut: bool) -> None:
+    """Depth begins a second late, in a chunk that ends long before the reading starts."""
+    early, late = Stamp(BEGIN + 10 * PERIOD_NS), Stamp(BEGIN + 48 * PERIOD_NS)
+    path = tmp_path / "a.mcap"
+    with RecordingWriter(path) as writer:
+        for message in messages:
+            if "depth" not in message.topic or message.stamp > early:
+                writer.write(message)
+                if message.stamp < early + 5 * PERIOD_NS:
+                    writer._writer.flush()
+    if cut:
+        os.truncate(path, path.stat().st_size - 50)
+    reader = RecordingReader(path)
+    back = list(reader.messages(start=late))
+    assert [m.stamp for m in back] == [m.stamp for m in messages if m.stamp >= late]
+    assert bool(reader.damage) is cut
+
+
 def test_a_file_cut_anywhere_reads_to_the_cut_and_says_so(recording: Path, messages: list[Message]) -> None:
     """At every 1000th byte of the last megabyte (with the default codec), and at every byte of the end."""
     whole = recording.read_bytes()

@@ -5,7 +5,6 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.reader import SeekingReader
 from mcap.records import Channel
 from mcap.records import Message as McapMessage
 
@@ -82,11 +81,7 @@ class RecordingReader:
 
     def counts(self) -> dict[str, int] | None:
         """Return the number of messages a topic from the file's index, None when it has none (cut, damaged)."""
-        try:
-            with self.path.open("rb") as file:
-                summary = SeekingReader(file).get_summary()
-        except Exception:  # what the mcap package raises for a file without a sound index
-            return None
+        summary = Scan(self.path).summary()
         if summary is None or summary.statistics is None:
             return None
         counts = summary.statistics.channel_message_counts

@@ -15,7 +15,9 @@ import zstandard
 from lz4 import frame as lz4  # type: ignore[import-untyped]  # has no types
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
+from mcap.reader import SeekingReader
 from mcap.records import Channel, Chunk, Header, Message, Metadata, Schema
+from mcap.summary import Summary
 
 from odom.errors import RecordingError
 
@@ -58,7 +60,25 @@ class Scan:
                     self.damage.append(f"cut after {len(begin)} bytes: nothing is left")
                     return
                 raise RecordingError(f"{self.path} is not an MCAP file")
+            if not_before and not self._know_channels():
+                not_before = 0  # a skipped chunk could have announced a channel
             yield from self._records(file, self.path.stat().st_size, not_before)
+
+    def summary(self) -> Summary | None:
+        """Return the file's index, None when it has none or an unsound one (cut, damaged)."""
+        try:
+            with self.path.open("rb") as file:
+                return SeekingReader(file).get_summary()
+        except _MALFORMED:
+            return None
+
+    def _know_channels(self) -> bool:
+        summary = self.summary()
+        if summary is None:
+            return False
+        self.schemas.update(summary.schemas)
+        self.channels.update(summary.channels)
+        return bool(summary.channels)
 
     def _records(self, file: BinaryIO, size: int, not_before: int) -> Iterator[tuple[Channel, Message]]:
         finished = False
@@ -91,7 +111,7 @@ class Scan:
     def _chunk(self, file: BinaryIO, length: int, not_before: int) -> Iterator[tuple[Channel, Message]]:
         times = file.read(16)
         self.chunks += 1
-        if int.from_bytes(times[8:], "little") < not_before and self.channels:
+        if int.from_bytes(times[8:], "little") < not_before:
             return
         chunk = Chunk.read(ReadDataStream(BytesIO(times + file.read(length - 16))))
         if chunk.uncompressed_size > _MAX_CHUNK:

@@ -105,8 +105,8 @@ def _print_costs(console: "Console", costs: "list[Cost]") -> None:
     """Print what a registration costs against Horn's closed form."""
     from rich.table import Table
 
-    shown = Table(title="cost: medians, taking turns, one thread", title_justify="left")
-    for name in ("what", "pairs", "time\nms", "against\nHorn", "us a\npair"):
+    shown = Table(title="cost: medians of CPU time, taking turns, one thread", title_justify="left")
+    for name in ("what", "pairs", "CPU\nms", "against\nHorn", "us a\npair"):
         shown.add_column(name, justify="left" if name == "what" else "right")
     for cost in costs:
         per_pair = 1e3 * cost.time_ms / cost.pairs

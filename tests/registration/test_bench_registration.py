@@ -5,7 +5,6 @@ import subprocess
 import sys
 
 import numpy as np
-import pytest
 
 from odom.evaluation.paper.benchmark import PAPER_MM
 from odom.evaluation.paper.timing import costs, growth
@@ -36,7 +35,6 @@ def test_bench_refuses_no_clouds():
     assert subprocess.run(command, capture_output=True, timeout=60, check=False).returncode == 2
 
 
-@pytest.mark.slow
 def test_cost_is_within_its_bars():
     found = {cost.what: cost for cost in costs()}
     assert found["RF, diagonal covariances of the target"].ratio_to_horn <= 1.0
@@ -44,7 +42,6 @@ def test_cost_is_within_its_bars():
     assert found["gate + RF, full covariances, 30 % wrong"].ratio_to_horn <= 1.5 / 0.09
 
 
-@pytest.mark.slow
 def test_cost_is_linear_in_the_number_of_pairs():
     for what in ("RF", "gate + RF, 30 % wrong"):
         chosen = [cost for cost in growth((1000, 10_000, 100_000)) if cost.what == what]

@@ -73,10 +73,9 @@ def test_live_odometry_equals_that_of_the_replayed_recording(
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
-def test_sixty_seconds_at_30_hz_lose_no_frame_and_no_pixel(
-    vga_rig: PlayingKinect,
-) -> None:
-    found = run_and_compare(vga_rig, 60.0)
+@pytest.mark.parametrize("size", ["rig", "vga_rig"], ids=["320x240", "640x480"])
+def test_sixty_seconds_at_30_hz_lose_no_frame_and_no_pixel(size: str, request: pytest.FixtureRequest) -> None:
+    found = run_and_compare(request.getfixturevalue(size), 60.0)
     print(found)
     assert found["frames"] >= 1790
     assert found["images differing"] == 0

@@ -91,9 +91,24 @@ def test_a_topic_announced_in_a_skipped_chunk_is_still_read(tmp_path: Path, mess
     if cut:
         os.truncate(path, path.stat().st_size - 50)
     reader = RecordingReader(path)
+    reader.streams()
     back = list(reader.messages(start=late))
     assert [m.stamp for m in back] == [m.stamp for m in messages if m.stamp >= late]
     assert bool(reader.damage) is cut
+
+
+@pytest.mark.parametrize("hours", [-1, 1])
+def test_reading_from_a_stamp_does_not_trust_the_clock_of_logging(
+    tmp_path: Path, messages: list[Message], hours: int
+) -> None:
+    path, start = tmp_path / "a.mcap", Stamp(BEGIN + 40 * PERIOD_NS)
+    with RecordingWriter(path) as writer:
+        for message in messages:
+            writer.write(message, Stamp(message.stamp + hours * 3600 * 10**9))
+    reader = RecordingReader(path)
+    for _ in range(2):
+        assert [m.stamp for m in reader.messages(start=start)] == [m.stamp for m in messages if m.stamp >= start]
+        reader.streams()
 
 
 def test_a_file_cut_anywhere_reads_to_the_cut_and_says_so(recording: Path, messages: list[Message]) -> None:

@@ -15,7 +15,7 @@ from odom.wire.message import Message
 from odom.wire.recording.scan import Scan
 
 _REORDER = 48
-_STAMP_LAG_NS = 1_000_000_000
+_MARGIN_NS = 1_000_000_000
 
 
 @dataclass
@@ -48,6 +48,7 @@ class RecordingReader:
         self.complete = False
         self.skipped = 0
         self.metadata: dict[str, str] = {}
+        self._least_lead: int | None = None
 
     def messages(self, topics: Collection[str] | None = None, start: Stamp | None = None) -> Iterator[Message]:
         """Yield the messages of `topics` (all: None) from `start` on, sorted by stamp.
@@ -94,7 +95,9 @@ class RecordingReader:
     def _in_file_order(self, topics: Collection[str] | None, start: Stamp | None) -> Iterator[Message]:
         scan = Scan(self.path)
         self.skipped = 0
-        not_before = 0 if start is None else max(0, start - _STAMP_LAG_NS)
+        # chunks are skipped by the clock of logging, which is told from the stamps by what was read before
+        lead = self._least_lead
+        not_before = 0 if start is None or lead is None else max(0, start + lead - _MARGIN_NS)
         try:
             for channel, raw in scan.messages(not_before):
                 topic = channel.topic.removeprefix("/")
@@ -104,6 +107,8 @@ class RecordingReader:
                 if message is None:
                     self.skipped += 1
                 elif start is None or message.stamp >= start:
+                    lead = raw.log_time - message.stamp
+                    self._least_lead = lead if self._least_lead is None else min(lead, self._least_lead)
                     yield message
         finally:
             self.damage, self.complete = tuple(scan.damage), scan.complete

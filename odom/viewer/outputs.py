@@ -22,7 +22,7 @@ from odom.viewer.settings import ViewerSettings
 
 _LOG = logging.getLogger(__name__)
 APPLICATION = "rgbd-odom"
-_FLUSH_S = 0.05
+_FLUSH_S = 0.1
 _SET_PARENT_DEATH_SIGNAL = 1
 
 
@@ -94,6 +94,7 @@ def open_outputs(outputs: Outputs, settings: ViewerSettings, name: str) -> Itera
                     settings.host,
                     data_port,
                     server_memory_limit=f"{settings.server_memory_mib}MiB",
+                    newest_first=True,
                     cors_allow_origin=[f"http://{_origin(settings.host)}:{web_port}"],
                 )
             )

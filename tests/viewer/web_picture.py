@@ -1,7 +1,7 @@
 """A real browser looks at the live viewer: what is in each panel, and the picture for the README.
 
-`python tests/viewer/web_picture.py OUT.png [ADDRESS]` photographs the viewer at ADDRESS, or without one a whole run of
-the arena, once every panel shows something.
+`python tests/viewer/web_picture.py OUT.png [SOURCE or ADDRESS]` photographs the viewer of a whole run (of the arena, if
+nothing else is said), or the one at ADDRESS, once every panel shows something.
 """
 
 import re
@@ -24,6 +24,7 @@ from odom.viewer import palette
 WIDTH, HEIGHT = 1600, 900
 _SOFTWARE = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
 _LOAD_S, _LOOK_S, _SHOT_MS = 15.0, 3.0, 90_000
+_PATIENCE_S = 200.0
 
 Picture = NDArray[np.uint8]
 
@@ -117,11 +118,11 @@ def photograph(address: str, out: Path, timeout_s: float, satisfied: Callable[[P
             time.sleep(_LOOK_S)
 
 
-def main(out: str, address: str | None = None) -> None:
-    """Take the README's picture: of a whole arena run, quantised to be small."""
-    run = None
+def main(out: str, source: str = "arena") -> None:
+    """Take the README's picture: of a whole run of `source`, or of the page at that address; few colours, so small."""
+    run, address = None, source if source.startswith("http") else None
     if address is None:
-        command = [sys.executable, "-m", "odom", "run", "arena", "--web", "--stay", "--out", "out/picture"]
+        command = [sys.executable, "-m", "odom", "run", source, "--web", "--stay", "--out", "out/picture"]
         run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         assert run.stdout is not None
         for line in run.stdout:
@@ -130,7 +131,11 @@ def main(out: str, address: str | None = None) -> None:
             if "the source has ended;" in line:
                 break
     assert address is not None, "the run printed no address"
-    picture = photograph(address, Path(out), 120.0, lambda seen: not empty_panels(seen))
+    Path(out).parent.mkdir(parents=True, exist_ok=True)
+    picture = photograph(address, Path(out), _PATIENCE_S, lambda seen: False)  # all of it has loaded by then
+    from PIL import Image
+
+    Image.fromarray(picture).quantize(256).save(out, optimize=True)
     print(f"{out}: {Path(out).stat().st_size / 1024:.0f} KiB, empty: {', '.join(empty_panels(picture)) or 'none'}")
     if run is not None:
         run.terminate()

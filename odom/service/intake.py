@@ -81,6 +81,7 @@ class Intake:
         self._frames = 0
         self._changed = threading.Condition()
         self._closed = False
+        self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="intake", daemon=True)
 
     def start(self) -> None:
@@ -95,11 +96,16 @@ class Intake:
         self._thread.join(timeout=2.0)
 
     def take(self, timeout: float) -> Arrival | None:
-        """Return the next arrival in order, None when none came within `timeout` seconds."""
+        """Return the next arrival in order, None when none came within `timeout` seconds.
+
+        Raises what has ended the receiving thread, behind the last arrival.
+        """
         with self._changed:
-            if not self._waiting:
+            if not self._waiting and self._failure is None:
                 self._changed.wait(timeout)
             if not self._waiting:
+                if self._failure is not None:
+                    raise self._failure
                 return None
             arrival = self._waiting.popleft()
             if isinstance(arrival, FrameArrival):
@@ -109,7 +115,9 @@ class Intake:
 
     def drain(self) -> Iterator[Arrival]:
         """Yield what still waits, after `close`."""
-        while (arrival := self.take(0.0)) is not None:
+        while self._waiting:
+            arrival = self.take(0.0)
+            assert arrival is not None
             yield arrival
 
     @property
@@ -138,6 +146,14 @@ class Intake:
         return {kind: n for kind, n in sorted(counts.items()) if n}
 
     def _run(self) -> None:
+        try:
+            self._receive()
+        except BaseException as error:  # handed over to the thread that takes, which raises it
+            with self._changed:
+                self._failure = error
+                self._changed.notify_all()
+
+    def _receive(self) -> None:
         while not self._closed:
             delivery = self._consumer.receive(timeout=_POLL_S)
             if delivery is not None:

@@ -77,11 +77,13 @@ class OdometryProcess:
     def close(self) -> None:
         """Process what still waits and save everything."""
         self._intake.close()
-        for arrival in self._intake.drain():
-            self._handle(arrival)
-        self._save()
-        if self._files is not None:
-            self._files.close()
+        try:
+            for arrival in self._intake.drain():
+                self._handle(arrival)
+        finally:
+            self._save()
+            if self._files is not None:
+                self._files.close()
 
     def _handle(self, arrival: Arrival) -> None:
         if isinstance(arrival, FrameArrival):

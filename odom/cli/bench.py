@@ -10,6 +10,7 @@ if TYPE_CHECKING:
 
     from odom.evaluation.paper.benchmark import Row
     from odom.evaluation.paper.timing import Cost
+    from odom.service.pipeline_bench import PipelineCost
 
 bench = typer.Typer(help="Measure accuracy and cost.", no_args_is_help=True)
 
@@ -66,6 +67,70 @@ def registration(
         from odom.evaluation.paper.plot import plot as draw
 
         draw(table, plot)
+
+
+@bench.command("pipeline")
+def pipeline(
+    source: Annotated[
+        str, typer.Argument(help="arena, kinect[:URI], kinect:FILE.oni, an .mcap recording or a TUM RGB-D folder.")
+    ],
+    camera: Annotated[Path | None, typer.Option(help="Calibration (ROS camera-calibration YAML).")] = None,
+    start: Annotated[float, typer.Option(min=0, help="Seconds of a recording to skip.")] = 0.0,
+    end: Annotated[float | None, typer.Option(min=0, help="Seconds from a recording's beginning to stop at.")] = None,
+    frames: Annotated[int | None, typer.Option(min=1, help="Stop after so many frames.")] = None,
+    seconds: Annotated[float | None, typer.Option(min=0, help="Length of the arena's session.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the arena.")] = 1,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write all figures to this file.")] = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file of settings.")] = None,
+) -> None:
+    """Print what a frame costs, stage by stage: decoding and odometry in one process, without a wire.
+
+    The source's own work (reading files, drawing the arena) is in no figure; a stage that a frame did not pass through
+    counts 0 for it. Made-up frames warm the process up first.
+
+    Example: odom bench pipeline session.mcap --json cost.json
+    """
+    import json
+    import sys
+    from dataclasses import asdict
+
+    from rich.console import Console
+
+    from odom.service.pipeline_bench import measure_pipeline
+    from odom.service.settings import load_settings
+    from odom.service.startup import warm_up
+    from odom.wire import Topics
+    from sensors.source import SourceOptions, open_source
+
+    topics, settings = Topics(), load_settings(config).odometry
+    options = SourceOptions(topics=topics, camera=camera, start=start, end=end, seconds=seconds, seed=seed)
+    opened = open_source(source, options)
+    warm_up(settings, topics)
+    cost = measure_pipeline(opened, topics, settings, frames)
+    _print_stages(Console(width=None if sys.stdout.isatty() else 120), source, cost)
+    if json_file is not None:
+        json_file.write_text(json.dumps({"source": source, **asdict(cost)}, indent=1) + "\n")
+
+
+def _print_stages(console: "Console", source: str, cost: "PipelineCost") -> None:
+    """Print the cost of each stage, and below it what all of them cost together."""
+    from rich.table import Table
+
+    from odom.service.pipeline_bench import ODOMETRY
+
+    shown = Table(title=f"{source}: {cost.frames} frames, wall ms a frame", title_justify="left")
+    for name in ("stage", "mean", "p50", "p95", "p99"):
+        shown.add_column(name, justify="left" if name == "stage" else "right")
+    for stage in cost.stages:
+        if stage.stage == ODOMETRY:
+            shown.add_section()
+        values = (stage.mean_ms, stage.p50_ms, stage.p95_ms, stage.p99_ms)
+        shown.add_row(stage.stage, *(f"{value:.2f}" for value in values))
+    console.print(shown)
+    console.print(
+        f"{cost.frames_a_second:.1f} frames/s; CPU {cost.cpu_ms_a_frame:.2f} ms a frame, "
+        f"{cost.background_ms_a_frame:.2f} of it in the background; final adjustment {cost.finish_s:.2f} s"
+    )
 
 
 def _print_rows(console: "Console", table: "list[Row]") -> None:

@@ -54,10 +54,14 @@ def covariance_between(keyframes: list[Keyframe], a: int, b: int) -> Array:
     return total
 
 
-def relative_covariance(keyframes: list[Keyframe], earlier: Placed, current: Placed) -> Array | None:
+def relative_covariance(
+    keyframes: list[Keyframe], earlier: Placed, current: Placed, calibration_error: float
+) -> Array | None:
     """Return the 6 x 6 covariance (`se3`, current camera frame) of T_earlier_current, None over a loss or segments.
 
     Each frame's own error is white; the errors that frames share part exponentially with time (Ornstein-Uhlenbeck).
+    `calibration_error` is the share of the motion that a wrong calibration adds or hides; a focal length that is off
+    takes rotation for translation, at a scene depth of about a metre.
     """
     if earlier.keyframe is None or earlier.T_keyframe_camera is None or earlier.covariance is None:
         return None
@@ -73,7 +77,9 @@ def relative_covariance(keyframes: list[Keyframe], earlier: Placed, current: Pla
     apart_s = (current.stamp - earlier.stamp) * 1e-9
     parted = 1.0 + _SHARED * (1.0 - np.exp(-apart_s / _SHARED_S))
     ends = current.covariance + A_earlier @ earlier.covariance @ A_earlier.T
-    return np.asarray(parted * ends + A_b @ between @ A_b.T)
+    moved = calibration_error * se3.log(T_current_earlier)
+    calibration = float(moved @ moved) * np.eye(6)
+    return np.asarray(parted * ends + A_b @ between @ A_b.T + calibration)
 
 
 def relative_pose(

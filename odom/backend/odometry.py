@@ -10,6 +10,7 @@ from odom.backend.closing import recognise
 from odom.backend.estimate import ClosingTest, Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
 from odom.backend.history import Placed, relative_covariance, relative_pose, trajectory
 from odom.backend.mapper import LEAST_FOUND_AGAIN, Mapper
+from odom.backend.motion import Motion
 from odom.backend.pairwise import register_successive
 from odom.backend.selfcheck import SelfCheck
 from odom.backend.settings import OdometrySettings
@@ -35,7 +36,6 @@ _MOVED_M, _MOVED_RAD = 0.015, 0.02
 _LEAST_CORNERS = 50
 _LEAST_DEEP = 0.05
 _CHECK_EVERY = 4
-_TWIST_GAIN = 0.2
 _BRIDGE_SIGMA = np.array([0.5, 0.5, 0.5, 1.0, 1.0, 1.0])
 """How fast a bridged pose gets worse: m/s and rad/s."""
 _RECENT = 64
@@ -78,7 +78,8 @@ class Odometry:
         self._frames: list[Placed] = []
         self._recent: deque[_Published] = deque(maxlen=_RECENT)
         self._T_camera_map, self._T_map_odom = np.eye(4), np.eye(4)
-        self._twist, self._twist_change = np.zeros(6), np.zeros(6)
+        self._twist = np.zeros(6)
+        self._motion: Motion | None = None
         self._near, self._segment = 0, -1
         self._previous: _Previous | None = None
         self._followed: tuple[Index, Array] = (np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
@@ -219,7 +220,6 @@ class Odometry:
         twist = -se3.log(self._T_camera_map @ se3.inverse(T_before)) / dt if dt else np.zeros(6)
         if dt:
             self._check = self._check.with_interval(dt)
-            self._twist_change += _TWIST_GAIN * ((twist - self._twist) ** 2 - self._twist_change)
         self._twist = twist
         self._sight_s = 0.0
         self._mapper.map.landmarks.seen[tracked.rows[tracked.inliers]] += 1
@@ -274,24 +274,25 @@ class Odometry:
     ) -> tuple[RelativePose | None, RelativePose | None, _Published]:
         """Note where a frame is, and return what is published of it: the pose carried to the stamp, and motions.
 
-        The carried pose is T_i + a (T_i - T_i-1) with a = delay / dt; to its covariance comes what the motion changes
-        from frame to frame, and how far it goes in the stamp's jitter.
+        To the motion filter's covariance comes how far the camera goes in the stamp's jitter.
         """
         delay_s = self.timing.readout_s / 2.0
         keyframes = self._mapper.map.keyframes
         T_keyframe_camera = keyframes[self._near].T_camera_map @ se3.inverse(self._T_camera_map)
         self._frames.append(Placed(frame.stamp, self._segment, delay_s, self._near, T_keyframe_camera))
-        a = delay_s / dt if dt else 0.0
-        unmodelled = np.diag(self._twist_change) * (0.5 * delay_s * (1.0 + a)) ** 2
-        unmodelled += np.outer(self._twist, self._twist) * self._check.jitter_s**2
-        carry = se3.exp(self._twist * delay_s)
+        T_odom_camera = se3.inverse(self._T_map_odom) @ se3.inverse(self._T_camera_map)
+        if dt and self._motion is not None:
+            self._motion = self._motion.after(dt).corrected(T_odom_camera, covariance)
+        else:
+            self._motion = Motion.at_rest(T_odom_camera, covariance)
+        carried = self._motion.after(delay_s)
+        twist = self._motion.twist
         placed = replace(
             self._frames[-1],
-            T_keyframe_camera=T_keyframe_camera @ carry,
-            covariance=covariance * (1.0 + 2.0 * a + 2.0 * a * a) + unmodelled,
+            T_keyframe_camera=T_keyframe_camera @ se3.inverse(T_odom_camera) @ carried.T_odom_camera,
+            covariance=carried.covariance + np.outer(twist, twist) * self._check.jitter_s**2,
         )
-        T_odom_camera = se3.inverse(self._T_map_odom) @ se3.inverse(self._T_camera_map) @ carry
-        published = _Published(placed, T_odom_camera)
+        published = _Published(placed, carried.T_odom_camera)
         step = self._motion_since(self._recent[-1], published, tracked) if self._recent and dt else None
         second = None
         around = [p for p in self._recent if abs((frame.stamp - p.placed.stamp) * 1e-9 - 1.0) < 0.025]
@@ -302,7 +303,9 @@ class Odometry:
         return step, second, published
 
     def _motion_since(self, earlier: _Published, current: _Published, tracked: Tracked) -> RelativePose | None:
-        covariance = relative_covariance(self._mapper.map.keyframes, earlier.placed, current.placed)
+        covariance = relative_covariance(
+            self._mapper.map.keyframes, earlier.placed, current.placed, self._check.calibration_error
+        )
         inliers = int(np.count_nonzero(tracked.inliers))
         return relative_pose(earlier.T_odom_camera, current.T_odom_camera, covariance, earlier.placed.stamp, inliers)
 
@@ -417,7 +420,7 @@ class Odometry:
             keyframes = self._mapper.map.keyframes
             first = next(k for k in keyframes if k.segment == self._segment)
             origin = Placed(first.stamp, first.segment, 0.0, first.number, np.eye(4), np.zeros((6, 6)))
-            covariance = relative_covariance(keyframes, origin, published.placed)
+            covariance = relative_covariance(keyframes, origin, published.placed, self._check.calibration_error)
         return Estimate(
             frame.sequence,
             frame.stamp,

@@ -18,6 +18,8 @@ _MEDIAN_CHI2_1, _MEDIAN_CHI2_2 = 0.4549, 1.3863
 _GAIN = 0.05
 _LEAST = 15
 _RANGE = 8.0
+_CALIBRATION_ERROR = 0.02
+_EXPLAINED_BY_NOISE = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,3 +80,11 @@ class SelfCheck:
     def scale(self) -> float:
         """What to multiply a pose covariance with."""
         return max(1.0, self.inflation)
+
+    @property
+    def calibration_error(self) -> float:
+        """By what share of a motion it may be wrong: 2 % where the halves' disagreement is all the calibration's.
+
+        A wrong focal length or lens errs with the motion, and tears the halves of the image apart.
+        """
+        return _CALIBRATION_ERROR * max(0.0, 1.0 - _EXPLAINED_BY_NOISE / max(self.inflation, 1e-9))

@@ -1,0 +1,134 @@
+"""Points in front of cameras, and what exact and noisy measurements of them are."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from odom.backend.bundle import Bundle, Observations
+from odom.backend.keyframes import Keyframe
+from odom.backend.map import Map
+from odom.backend.pose import CAUCHY_CHI2
+from odom.frame import Stamp
+from odom.frontend.images import FrameImages
+from odom.frontend.measure import Measurements
+from odom.frontend.timing import Timing, point_flow
+from odom.registration import se3
+
+RAY_SIGMA, DEPTH_SIGMA = 0.5 / 525.0, 2e-3
+
+
+def points_ahead(rng, n):
+    rays = rng.uniform((-0.55, -0.42), (0.55, 0.42), (n, 2))
+    z = rng.uniform(0.8, 4.0, (n, 1))
+    return np.column_stack([rays * z, z])
+
+
+def project(T_camera_map, points):
+    """x/z, y/z, 1/z of points (n x 3)."""
+    X = se3.apply(T_camera_map, points)
+    return np.column_stack([X[:, :2] / X[:, 2:], 1.0 / X[:, 2]])
+
+
+def noisy(rng, values):
+    """The values with noise, and its variances as in `Measurements`."""
+    n = len(values)
+    variances = np.tile([RAY_SIGMA**2, 0.0, RAY_SIGMA**2, DEPTH_SIGMA**2], (n, 1))
+    return values + rng.normal(size=(n, 3)) * [RAY_SIGMA, RAY_SIGMA, DEPTH_SIGMA], variances
+
+
+def nothing_measured():
+    return Measurements(np.zeros((0, 3)), np.zeros((0, 3, 2)), np.zeros((0, 4)), np.zeros((0, 2)))
+
+
+def bare_keyframe(number, T_map_camera, parent=None, covariance=None, segment=0):
+    """A key frame that measured nothing."""
+    none = np.zeros(0, dtype=np.int64)
+    stamp, T = Stamp(1_000_000_000 * number), se3.inverse(T_map_camera)
+    covariance = np.zeros((6, 6)) if covariance is None else covariance
+    return Keyframe(
+        number, stamp, segment, T, none, none, np.zeros((0, 2)), nothing_measured(), Timing(), parent, covariance
+    )
+
+
+def chain_of_keyframes(poses, covariance, segment=0):
+    """A map of key frames at `poses` (T_map_camera), each registered against the one before, with 20 landmarks each."""
+    map_, rng = Map(), np.random.default_rng(0)
+    images = FrameImages.of(np.zeros((48, 64), np.uint8))
+    for number, T_map_camera in enumerate(poses):
+        points = points_ahead(rng, 20)
+        values = project(np.eye(4), points)
+        measured = Measurements(values, np.zeros((20, 3, 2)), np.full((20, 4), 1e-6), np.zeros((20, 2)))
+        map_.add_keyframe(
+            Stamp(1_000_000_000 * number),
+            segment,
+            se3.inverse(T_map_camera),
+            images,
+            np.zeros(0, dtype=np.int64),
+            np.zeros((0, 2)),
+            nothing_measured(),
+            np.full((20, 2), 30.0),
+            measured,
+            Timing(),
+            number - 1 if number else None,
+            covariance,
+        )
+    return map_
+
+
+@dataclass(frozen=True, eq=False)
+class MadeUpBundle:
+    """A bundle to adjust, disturbed, and the truth it was made from."""
+
+    start: Bundle
+    observations: Observations
+    T_camera_map: np.ndarray
+    landmarks: np.ndarray
+    timing_change: np.ndarray
+
+
+def made_up_bundle(seed, keyframes=7, points=160, timing_change=(0.006, -0.008), disturbed=1.0, outliers=0.0):
+    rng = np.random.default_rng(seed)
+    landmarks = points_ahead(rng, points)
+    T = np.array([se3.exp(rng.normal(0.0, 1.0, 6) * [0.12, 0.1, 0.12, 0.06, 0.08, 0.1]) for _ in range(keyframes)])
+    twists = rng.normal(0.0, 1.0, (keyframes, 6)) * [0.4, 0.4, 0.4, 0.8, 0.8, 0.8]
+    numbers = [np.sort(rng.choice(keyframes, rng.integers(2, keyframes + 1), replace=False)) for _ in range(points)]
+    keyframe = np.concatenate(numbers)
+    landmark = np.repeat(np.arange(points), [len(n) for n in numbers])
+    values, jacobians = np.empty((len(keyframe), 3)), np.zeros((len(keyframe), 3, 2))
+    for o, (k, p) in enumerate(zip(keyframe, landmark, strict=True)):
+        x, y, w = project(T[k], landmarks[p : p + 1])[0]
+        flow = np.array(point_flow(x, y, w, twists[k]))
+        jacobians[o, :, 0] = -flow * (y / 0.9)
+        jacobians[o, 2, 1] = -flow[2]
+        values[o] = np.array([x, y, w]) - jacobians[o] @ np.array(timing_change)
+    values, variances = noisy(rng, values)
+    wrong = rng.random(len(values)) < outliers
+    values[wrong, :2] += rng.uniform(-0.2, 0.2, (wrong.sum(), 2))
+    values[rng.random(len(values)) < 0.3, 2] = np.nan
+    start_T, moved = T.copy(), rng.normal(0.0, 1.0, (keyframes, 6)) * 0.01 * disturbed
+    for k in range(2, keyframes):
+        start_T[k] = se3.exp(moved[k]) @ T[k]
+    start = Bundle(start_T, landmarks + 0.02 * disturbed * rng.normal(size=(points, 3)), np.zeros(2))
+    return MadeUpBundle(
+        start,
+        Observations(keyframe, landmark, values, jacobians, variances),
+        T,
+        landmarks,
+        np.array(timing_change),
+    )
+
+
+def robust_cost(bundle, observations, prior_mean, prior_information):
+    """The cost that adjustment lowers, written anew: Cauchy of rays and depths, and the timing's prior."""
+    o = observations
+    values = o.values + o.jacobian_timing @ bundle.timing_change
+    cost = 0.0
+    for k, p, value, (xx, xy, yy, ww) in zip(o.keyframe, o.landmark, values, o.variances, strict=True):
+        x, y, w = project(bundle.T_camera_map[k], bundle.landmarks[p : p + 1])[0]
+        r = value[:2] - [x, y]
+        chi2 = [r @ np.linalg.solve([[xx, xy], [xy, yy]], r)]
+        if value[2] > 0:
+            chi2.append((value[2] - w) ** 2 / ww)
+        cost += CAUCHY_CHI2 * np.log1p(np.array(chi2) / CAUCHY_CHI2).sum()
+    away = prior_mean - bundle.timing_change
+    return cost + away @ prior_information @ away

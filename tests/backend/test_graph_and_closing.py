@@ -1,0 +1,173 @@
+from itertools import pairwise
+
+import numpy as np
+from made_up_scene import bare_keyframe, chain_of_keyframes
+
+from odom.backend.closing import close_loop, contradiction, merge_segment
+from odom.backend.graph import Edge, optimise
+from odom.backend.history import Placed, covariance_between, relative_covariance, trajectory
+from odom.backend.map import Map
+from odom.frame import Stamp
+from odom.registration import se3
+
+SMALL = np.diag([1e-4] * 3 + [1e-5] * 3) ** 1.0 * 0.01
+COUNT = 24
+
+
+def circle():
+    """Key frames on a circle, looking outward; the last stands where the first does."""
+    out = []
+    for angle in np.linspace(0.0, 2.0 * np.pi, COUNT):
+        T = np.eye(4)
+        T[:3, :3] = se3.so3_exp(np.array([0.0, angle, 0.0]))
+        T[:3, 3] = T[:3, :3] @ [0.0, 0.0, 1.5]
+        out.append(T)
+    return out
+
+
+def drifted(poses, sigma=0.004, seed=0):
+    rng = np.random.default_rng(seed)
+    out = [poses[0]]
+    for a, b in pairwise(poses):
+        out.append(out[-1] @ se3.inverse(a) @ b @ se3.exp(sigma * rng.normal(size=6)))
+    return out
+
+
+def gap(a, b):
+    return np.linalg.norm(se3.log(se3.inverse(a) @ b))
+
+
+def test_a_drifted_loop_is_pulled_closed_and_the_held_pose_stays():
+    true = circle()
+    start = drifted(true)
+    edges = [Edge(k, k + 1, se3.inverse(start[k]) @ start[k + 1], SMALL) for k in range(COUNT - 1)]
+    loop = Edge(0, COUNT - 1, se3.inverse(true[0]) @ true[-1], SMALL * 0.1, True)
+    found = optimise(dict(enumerate(start)), 0, [*edges, loop])
+    assert gap(found[0], true[0]) < 1e-5
+    assert gap(found[0], found[COUNT - 1]) < 0.1 * gap(start[0], start[-1])
+    before, after = ([gap(p[k], true[k]) for k in range(COUNT)] for p in (start, found))
+    assert np.mean(after) < 0.7 * np.mean(before)
+
+
+def test_a_wrong_loop_among_right_ones_does_not_tear_the_map():
+    true = circle()
+    start = drifted(true)
+    edges = [Edge(k, k + 1, se3.inverse(start[k]) @ start[k + 1], SMALL) for k in range(COUNT - 1)]
+    right = [Edge(0, COUNT - 1, se3.inverse(true[0]) @ true[-1], SMALL * 0.1, True)]
+    right += [Edge(1, COUNT - 1, se3.inverse(true[1]) @ true[-1], SMALL * 0.1, True)]
+    wrong = Edge(4, 15, se3.exp(np.array([0.8, 0, 0, 0, 0.3, 0])) @ se3.inverse(true[4]) @ true[15], SMALL, True)
+    good, bad = (optimise(dict(enumerate(start)), 0, [*edges, *right, *more]) for more in ([], [wrong]))
+    assert max(gap(good[k], bad[k]) for k in range(COUNT)) < 0.3
+
+
+def test_closing_moves_landmarks_with_their_key_frames():
+    true = circle()
+    start = drifted(true)
+    map_ = chain_of_keyframes(start, SMALL)
+    L = map_.landmarks
+    in_camera = [se3.apply(k.T_camera_map, L.position[L.keyframe == k.number]) for k in map_.keyframes]
+    alive = L.alive.copy()
+    close_loop(map_, [Edge(0, COUNT - 1, se3.inverse(true[0]) @ true[-1], SMALL * 0.1, True)], 1.0)
+    assert gap(*(se3.inverse(map_.keyframes[k].T_camera_map) for k in (0, COUNT - 1))) < 0.1 * gap(start[0], start[-1])
+    for k, before in zip(map_.keyframes, in_camera, strict=True):
+        here = (L.keyframe == k.number) & alive
+        np.testing.assert_allclose(se3.apply(k.T_camera_map, L.position[here]), before[: here.sum()], atol=1e-9)
+
+
+def test_merging_a_segment_keeps_its_shape_and_its_landmarks():
+    map_ = chain_of_keyframes(circle()[:6], SMALL)
+    for k in map_.keyframes[3:]:
+        k.segment = 1
+    L = map_.landmarks
+    poses = [k.T_camera_map.copy() for k in map_.keyframes]
+    points = L.position.copy()
+    T_new_old = se3.exp(np.array([1.0, -2.0, 0.5, 0.4, -1.0, 0.3]))
+    merge_segment(map_, 1, 0, T_new_old)
+    assert {k.segment for k in map_.keyframes} == {0}
+    for a, b in ((3, 4), (4, 5), (3, 5)):
+        np.testing.assert_allclose(
+            map_.keyframes[a].T_camera_map @ se3.inverse(map_.keyframes[b].T_camera_map),
+            poses[a] @ se3.inverse(poses[b]),
+            atol=1e-9,
+        )
+    moved = L.alive & (L.keyframe >= 3)
+    np.testing.assert_allclose(L.position[moved], se3.apply(T_new_old, points[moved]), atol=1e-9)
+    np.testing.assert_array_equal(L.position[L.alive & (L.keyframe < 3)], points[L.alive & (L.keyframe < 3)])
+    for k in range(3):
+        np.testing.assert_array_equal(map_.keyframes[k].T_camera_map, poses[k])
+
+
+def test_a_closure_three_metres_wrong_contradicts_the_chain_and_a_right_one_does_not():
+    true = circle()
+    map_ = chain_of_keyframes(drifted(true, 0.003), np.eye(6) * 0.003**2)
+    right = se3.inverse(true[0]) @ true[-1]
+    assert contradiction(map_, 0, COUNT - 1, right, SMALL, 1.0) == ""
+    wrong = se3.exp(np.array([3.0, 0, 0, 0, 0, 0])) @ right
+    assert "3.0" in contradiction(map_, 0, COUNT - 1, wrong, SMALL, 1.0)
+    turned = right @ se3.exp(np.array([0, 0, 0, 0, 0.5, 0]))
+    assert "deg" in contradiction(map_, 0, COUNT - 1, turned, SMALL, 1.0)
+
+
+def test_segments_that_share_no_chain_cannot_contradict():
+    map_ = chain_of_keyframes(circle()[:4], SMALL)
+    map_.keyframes[3].segment = 1
+    assert contradiction(map_, 0, 3, se3.exp(np.full(6, 0.5)), SMALL, 1.0) == ""
+
+
+def test_covariances_add_up_along_the_chain_of_parents():
+    rng = np.random.default_rng(1)
+    poses = [se3.exp(0.3 * rng.normal(size=6)) for _ in range(6)]
+    roots = 0.01 * rng.normal(size=(6, 6, 6))
+    parents = [None, 0, 1, 1, 3, 4]
+    keyframes = [bare_keyframe(k, poses[k], parents[k], roots[k] @ roots[k].T) for k in range(6)]
+
+    def relative(a, b):
+        return se3.inverse(poses[a]) @ poses[b]
+
+    step_3_4_5 = se3.compose_covariance(keyframes[4].covariance_parent, relative(4, 5), keyframes[5].covariance_parent)
+    along = se3.compose_covariance(keyframes[3].covariance_parent, relative(3, 5), step_3_4_5)
+    np.testing.assert_allclose(covariance_between(keyframes, 1, 5), along, rtol=1e-9)
+    up = se3.inverse_covariance(relative(1, 2), keyframes[2].covariance_parent)
+    across = se3.compose_covariance(up, relative(1, 5), along)
+    np.testing.assert_allclose(covariance_between(keyframes, 2, 5), across, rtol=1e-9)
+    np.testing.assert_allclose(
+        covariance_between(keyframes, 5, 2), se3.inverse_covariance(relative(2, 5), across), rtol=1e-9
+    )
+    assert (covariance_between(keyframes, 4, 4) == 0).all()
+
+
+def test_no_covariance_is_claimed_across_a_loss_or_between_segments():
+    keyframes = [bare_keyframe(0, np.eye(4)), bare_keyframe(1, np.eye(4), segment=1)]
+    here = Placed(Stamp(0), 0, 0.0, 0, np.eye(4), np.eye(6))
+    there = Placed(Stamp(10), 1, 0.0, 1, np.eye(4), np.eye(6))
+    assert relative_covariance(keyframes, here, there, 0.0) is None
+    assert relative_covariance(keyframes, here, Placed(Stamp(10), 0, 0.0), 0.0) is None
+    assert relative_covariance(keyframes, here, Placed(Stamp(10), 0, 0.0, 0, np.eye(4), np.eye(6)), 0.0) is not None
+
+
+def test_the_trajectory_carries_every_pose_to_its_stamp():
+    twist, delay_s, period = np.array([0.3, -0.2, 0.1, 0.5, 0.8, -0.4]), 0.009, 33_333_333
+    keyframes = [bare_keyframe(0, se3.exp(np.full(6, 0.2)))]
+    T_map_keyframe = se3.inverse(keyframes[0].T_camera_map)
+
+    def at(seconds):
+        return T_map_keyframe @ se3.exp(twist * seconds)
+
+    frames = [
+        Placed(Stamp(i * period), 0, delay_s, 0, se3.inverse(T_map_keyframe) @ at(i * period * 1e-9 - delay_s))
+        for i in range(8)
+    ]
+    lost = Placed(Stamp(8 * period), 0, 0.0)
+    poses = trajectory([*frames, lost], keyframes)
+    assert poses[8].T_map_camera is None
+    for i, pose in enumerate(poses[:8]):
+        assert pose.stamp == i * period
+        np.testing.assert_allclose(pose.T_map_camera, at(i * period * 1e-9), atol=1e-9)
+
+
+def test_links_lead_to_near_key_frames_only():
+    map_: Map = chain_of_keyframes(circle(), SMALL)
+    near = map_.neighbours(10, map_.keyframes[10].T_camera_map, 5)
+    assert near[0] == 10
+    assert set(near) <= set(range(7, 14))
+    assert len(near) == 5

@@ -1,0 +1,81 @@
+import numpy as np
+import pytest
+from made_up_scene import noisy, points_ahead, project
+
+from odom.backend.pose import fit_pose
+from odom.registration import se3
+
+
+def sighting(seed, n=200, landmark_sigma=0.0):
+    rng = np.random.default_rng(seed)
+    T = se3.exp(rng.normal(0.0, 0.15, 6))
+    points = points_ahead(rng, n)
+    values, variances = noisy(rng, project(T, points))
+    roots = landmark_sigma * rng.normal(size=(n, 3, 3))
+    covariances = roots @ roots.transpose(0, 2, 1)
+    points = points + np.einsum("nij,nj->ni", roots, rng.normal(size=(n, 3)))
+    start = se3.exp(rng.normal(0.0, 1.0, 6) * [0.05, 0.05, 0.05, 0.02, 0.02, 0.02]) @ T
+    return rng, T, points, covariances, values, variances, start
+
+
+def error(T_found, T):
+    return se3.log(T @ se3.inverse(T_found))
+
+
+@pytest.mark.parametrize("landmark_sigma", [0.0, 0.004])
+def test_the_claimed_covariance_is_honest(landmark_sigma):
+    nees = []
+    for seed in range(150):
+        _, T, points, covariances, values, variances, start = sighting(seed, 150, landmark_sigma)
+        fit = fit_pose(points, covariances, values, variances, start)
+        e = error(fit.T_camera_map, T)
+        nees.append(e @ fit.information @ e)
+    assert 4.5 < np.mean(nees) < 7.0  # Cauchy weights give a little away
+    assert np.mean(np.array(nees) < 12.59) > 0.93
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_three_wrong_landmarks_in_ten_do_no_harm(seed):
+    rng, T, points, covariances, values, variances, start = sighting(seed)
+    clean = fit_pose(points, covariances, values, variances, start)
+    values = values.copy()
+    values[:60, :2] += rng.uniform(0.02, 0.3, (60, 2)) * rng.choice([-1, 1], (60, 2))
+    values[:60, 2] *= rng.uniform(0.5, 2.0, 60)
+    fit = fit_pose(points, covariances, values, variances, start, iterations=30)
+    e = error(fit.T_camera_map, T)
+    assert e @ clean.information @ e < 40.0
+    assert (fit.chi2[:60, 0] > 12.0).mean() > 0.95
+
+
+def test_the_pose_is_found_from_rays_alone():
+    for seed in range(10):
+        _, T, points, covariances, values, variances, start = sighting(seed)
+        values = values.copy()
+        values[:, 2] = np.nan
+        fit = fit_pose(points, covariances, values, variances, start)
+        assert np.linalg.norm(error(fit.T_camera_map, T)) < 0.003
+        assert (fit.chi2[:, 1] == 0).all()
+
+
+def test_a_landmark_behind_the_camera_is_left_out():
+    _, T, points, covariances, values, variances, start = sighting(1)
+    points = points.copy()
+    points[0] = se3.apply(se3.inverse(T), np.array([[0.0, 0.0, -1.0]]))[0]
+    fit = fit_pose(points, covariances, values, variances, start)
+    assert fit.chi2[0, 0] > 1e6
+    assert np.linalg.norm(error(fit.T_camera_map, T)) < 0.003
+
+
+def test_without_landmarks_the_start_stays():
+    start = se3.exp(np.full(6, 0.1))
+    fit = fit_pose(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 4)), start)
+    np.testing.assert_allclose(fit.T_camera_map, start, atol=1e-12)
+
+
+def test_a_prior_holds_what_the_landmarks_do_not():
+    _, _, points, covariances, values, variances, start = sighting(2)
+    used = np.zeros(len(points), dtype=bool)
+    used[:1] = True
+    fit = fit_pose(points, covariances, values, variances, start, used, 1e8 * np.eye(6))
+    assert np.linalg.norm(error(fit.T_camera_map, start)) < 0.02
+    assert np.isfinite(fit.T_camera_map).all()

@@ -1,0 +1,66 @@
+"""Where compiled loops are kept: a folder of these contents, one that can be written, this user's alone."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from odom.registration import compiled
+
+
+def test_a_folder_that_cannot_be_written_is_passed_over(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("no folder")
+    monkeypatch.setattr(compiled, "_places", lambda: iter([tmp_path / "file" / "below", tmp_path / "good"]))
+    assert compiled._cache_folder().parent == tmp_path / "good"
+
+
+def test_other_contents_have_another_folder_and_leave_no_litter(tmp_path, monkeypatch):
+    monkeypatch.setattr(compiled, "_places", lambda: iter([tmp_path]))
+    first = compiled._cache_folder()
+    monkeypatch.setattr(compiled, "_digest", lambda: "other")
+    second = compiled._cache_folder()
+    assert second != first
+    assert [p.name for p in tmp_path.iterdir()] == [second.name]
+
+
+def test_a_temporary_folder_that_others_may_write_is_not_trusted(tmp_path, monkeypatch):
+    monkeypatch.setattr(compiled.tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    (tmp_path / f"odom-{os.getuid()}").mkdir(mode=0o777)
+    (tmp_path / f"odom-{os.getuid()}").chmod(0o777)
+    places = list(compiled._places())
+    assert tmp_path / f"odom-{os.getuid()}" not in places
+    assert places[-1].stat().st_mode & 0o077 == 0
+
+
+@pytest.mark.slow
+def test_a_second_process_loads_what_the_first_compiled(tmp_path):
+    code = (
+        "import time; from odom.registration import warm_up; t = time.process_time(); warm_up();"
+        "print(time.process_time() - t)"
+    )
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-c", code]
+    seconds = [
+        float(subprocess.run(command, env=environment, capture_output=True, check=True, timeout=280).stdout)
+        for _ in range(2)
+    ]
+    assert seconds[1] < 0.25 * seconds[0]
+    assert any(Path(tmp_path).rglob("*.nbc"))
+
+
+def test_importing_se3_does_not_load_the_compiler():
+    code = "import sys, odom.registration.se3; print('numba' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert run.stdout.strip() == "False"
+
+
+def test_compiled_functions_divide_by_zero_like_numpy():
+    @compiled.compiled
+    def divide(a, b):
+        return a / b
+
+    assert divide(1.0, 0.0) == np.inf

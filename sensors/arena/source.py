@@ -46,6 +46,7 @@ class ArenaSource:
         self._options = options
         self._closed = threading.Event()
         self.skipped = 0
+        self._first = round(options.start * RATE_HZ)
         prepare(arena)
 
     @property
@@ -56,20 +57,21 @@ class ArenaSource:
     @property
     def length(self) -> int | None:
         """Colour frames of the session."""
-        return sum(not hidden(self._arena, k) for k in range(self._arena.frames))
+        return sum(not hidden(self._arena, k) for k in range(self._first, self._arena.frames))
 
     def messages(self) -> Iterator[Message]:
         """Yield calibration, colour, depth and truth in the order of their stamps."""
         arena = self._arena
         if self._options.live:
-            arena = replace(arena, start=Stamp(time.time_ns() + START_IN_NS))
+            begin = time.time_ns() + START_IN_NS - round(self._options.start * 1e9)
+            arena = replace(arena, start=Stamp(begin))
         yield encode_camera_info(self._options.topics.camera_info, arena.start, arena.camera)
         waiting: list[tuple[Stamp, int, Message]] = []
         serial = count()
         with ThreadPoolExecutor(1) as pool:
             ahead: deque[Future[list[Message]]] = deque()
-            indices = iter(range(arena.frames))
-            for index in range(arena.frames):
+            indices = iter(range(self._first, arena.frames))
+            for index in range(self._first, arena.frames):
                 for next_index in islice(indices, FRAMES_AHEAD - len(ahead)):
                     ahead.append(pool.submit(self._period, arena, next_index))
                 for message in ahead.popleft().result():
@@ -128,8 +130,9 @@ class ArenaSource:
 def arena_options(options: SourceOptions) -> ArenaOptions:
     """Return the arena that the options of a source describe. Raises ConfigError for what does not fit."""
     texts = {"sensor": options.sensor, "seed": str(options.seed), **dict(options.extra)}
-    if options.seconds is not None:
-        texts["seconds"] = str(options.seconds)
+    seconds = options.end if options.seconds is None else options.seconds
+    if seconds is not None:
+        texts["seconds"] = str(seconds)
     if options.color not in ("jpeg", "raw") or options.depth not in ("raw", "rvl", "png"):
         raise ConfigError(f"arena: color {options.color!r}, depth {options.depth!r}: give jpeg or raw; raw, rvl or png")
     return ArenaOptions.from_texts(texts)

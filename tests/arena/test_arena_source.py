@@ -40,6 +40,16 @@ def test_messages_come_in_the_order_of_their_stamps_and_make_every_frame() -> No
     assert np.allclose(truth[17].T_parent_child, shot.T_world_camera)
 
 
+def test_a_part_of_a_session_is_the_same_as_in_the_whole() -> None:
+    def color(options: SourceOptions) -> dict[int, bytes]:
+        messages = open_source("arena", options).messages()
+        return {m.stamp: m.payload for m in messages if m.topic == options.topics.color_compressed}
+
+    part, whole = color(SourceOptions(start=0.2, end=0.4)), color(SourceOptions(end=0.5))
+    assert len(part) == 6
+    assert part.items() <= whole.items()
+
+
 def test_two_sessions_are_byte_equal() -> None:
     def session() -> list[tuple[str, int, bytes]]:
         source = open_source("arena", SourceOptions(seconds=0.5, color="raw", depth="rvl"))

@@ -134,37 +134,39 @@ class _State:
 
 @dataclass(frozen=True, eq=False)
 class _Whitener:
-    """Prediction-error filters of the translation and the rotation residuals, and the size of what they leave."""
+    """Prediction-error filters of the six residuals (6 x taps), and the inverse root of what they leave (6 x 6).
 
-    filters: tuple[Array, Array]
-    sigmas: tuple[float, float]
+    What they leave is correlated: seen from a camera, a small turn looks like a small step, so their errors go together
+    as if the camera hung on a lever arm. Only the full 6 x 6 covariance keeps that out of the estimated one.
+    """
+
+    filters: Array
+    inverse_root: Array
 
     @classmethod
     def fit(cls, residuals: Array) -> "_Whitener":
         """Fit autoregressive models (Yule-Walker) to n x 6 residuals, large ones clipped."""
         order = min(_ORDER, len(residuals) // 20)
-        filters, sigmas = [], []
-        for columns in (slice(0, 3), slice(3, 6)):
-            r = residuals[:, columns] - np.median(residuals[:, columns], axis=0)
-            limit = 5.0 * 1.4826 * float(np.median(np.abs(r))) + 1e-12
-            r = np.clip(r, -limit, limit)
+        centred = residuals - np.median(residuals, axis=0)
+        limits = 5.0 * 1.4826 * np.median(np.abs(centred), axis=0) + 1e-12
+        clipped = np.clip(centred, -limits, limits)
+        filters = []
+        for r in clipped.T:
             c = np.array([(r[: len(r) - lag] * r[lag:]).sum() / r.size for lag in range(order + 1)])
             c[0] = c[0] * (1.0 + 1e-6) + 1e-18
-            a = np.asarray(solve_toeplitz(c[:-1], c[1:])) if order else np.zeros(0)
-            filters.append(np.concatenate([[1.0], -a]))
-            sigmas.append(float(np.sqrt(max(c[0] - a @ c[1:], 1e-18))))
-        return cls((filters[0], filters[1]), (sigmas[0], sigmas[1]))
+            filters.append(np.concatenate([[1.0], -np.asarray(solve_toeplitz(c[:-1], c[1:]))]))
+        innovations = cls(np.array(filters), np.eye(6))(clipped[:, :, None])[:, :, 0]
+        covariance = innovations.T @ innovations / len(innovations)
+        covariance += np.diag(1e-6 * np.diag(covariance) + 1e-18)
+        return cls(np.array(filters), np.linalg.inv(np.linalg.cholesky(covariance)))
 
     def __call__(self, columns: Array) -> Array:
         """Return n x 6 x k columns filtered along time; the first few rows, which have no past, are left out."""
-        parts = [
-            lfilter(taps, [1.0], columns[:, rows], axis=0) / sigma
-            for taps, sigma, rows in zip(self.filters, self.sigmas, (slice(0, 3), slice(3, 6)), strict=True)
-        ]
-        return np.concatenate(parts, axis=1)[len(self.filters[0]) - 1 :]
+        filtered = [lfilter(taps, [1.0], columns[:, k], axis=0) for k, taps in enumerate(self.filters)]
+        return np.asarray(self.inverse_root @ np.stack(filtered, axis=1)[self.filters.shape[1] - 1 :])
 
 
-_UNWHITENED = _Whitener((np.ones(1), np.ones(1)), (0.01, 0.01))
+_UNWHITENED = _Whitener(np.ones((6, 1)), np.eye(6) / 0.01)
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,15 +226,18 @@ class _Problem:
         return states
 
     def residuals(self, state: _State, offset_s: float) -> Array:
-        """Return n x 6: position (m, world) and rotation (rad, camera) of truth against the moved estimate."""
-        camera = self.body(offset_s) @ state.T_body_camera
+        """Return n x 6: position (m, body) and rotation (rad, camera) of truth against the moved estimate."""
+        body = self.body(offset_s)
+        camera = body @ state.T_body_camera
         moved = state.T_world_odom @ self.estimate.T_world_body
         turned = moved[:, :3, :3].transpose(0, 2, 1) @ camera[:, :3, :3]
-        return np.column_stack([camera[:, :3, 3] - moved[:, :3, 3], Rotation.from_matrix(turned).as_rotvec()])
+        apart = np.einsum("nji,nj->ni", body[:, :3, :3], camera[:, :3, 3] - moved[:, :3, 3])
+        return np.column_stack([apart, Rotation.from_matrix(turned).as_rotvec()])
 
     def jacobian(self, state: _State) -> Array:
         """Return n x 6 x 13: by X exp(xi), by (turn of R_Y about the world's axes, shift of t_Y), by the offset."""
-        R_world_camera = (self.body(state.offset_s) @ state.T_body_camera)[:, :3, :3]
+        R_world_body = self.body(state.offset_s)[:, :3, :3]
+        R_world_camera = R_world_body @ state.T_body_camera[:3, :3]
         turned_points = self.estimate.positions @ state.T_world_odom[:3, :3].T
         J = np.zeros((len(self.estimate), 6, 13))
         J[:, :3, :3] = R_world_camera
@@ -240,6 +245,7 @@ class _Problem:
         J[:, :3, 6:9] = np.array([se3.hat(q) for q in turned_points])
         J[:, 3:, 6:9] = -R_world_camera.transpose(0, 2, 1)
         J[:, :3, 9:12] = -np.eye(3)
+        J[:, :3, :12] = R_world_body.transpose(0, 2, 1) @ J[:, :3, :12]
         later, sooner = (self.residuals(state, state.offset_s + h) for h in (_DERIVATIVE_S, -_DERIVATIVE_S))
         J[:, :, 12] = (later - sooner) / (2 * _DERIVATIVE_S)
         return J[:, :, self.free]

@@ -28,6 +28,7 @@ _TYPES: tuple[tuple[str, str], ...] = (
     ("/odom", cdr.ODOMETRY),
     ("/path", cdr.PATH),
     ("/status", cdr.DIAGNOSTICS),
+    ("/device", cdr.DIAGNOSTICS),
     ("/loops", cdr.DIAGNOSTICS),
     ("/features", cdr.POINT_CLOUD),
     ("/landmarks", cdr.POINT_CLOUD),

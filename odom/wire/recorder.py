@@ -66,7 +66,14 @@ class Recorder:
         self._topics = topics
         self._writer = writer
         self._odometry_lives = threading.Event()
-        images = (topics.color, topics.color_compressed, topics.depth, topics.depth_compressed, topics.camera_info)
+        images = (
+            topics.color,
+            topics.color_compressed,
+            topics.depth,
+            topics.depth_compressed,
+            topics.camera_info,
+            topics.device,
+        )
         estimated = (topics.odom, topics.pose, topics.path, topics.status, topics.loops, TF) if estimates else ()
         session.watch(topics.alive_of("odometry"), self._odometry)
         self._timeline = Timeline(images)

@@ -23,6 +23,7 @@ _IDENTITY = re.compile(r"(\w+) on \S*(?:CertCommonName|Username)\((.*?)\)")
 _REFUSED = re.compile(r"(\w+)(?: on \S+)? is unauthorized to (.+?) \(ingress\) on (\S+)")
 _PASSWORD = re.compile(r"UsrPwd extension - Recv \w+\. (.*?)\.? at ")
 _WARNING = re.compile(r"\S+ +(?:WARN|ERROR) .*?ThreadId\(\d+\) \S+: (.*)")
+_THREAD = re.compile(r"ThreadId\(\d+\)")
 _VERBS = {"Put": "publish", "Delete": "publish", "Declare Subscriber": "subscribe to"}
 _MOST = 1000
 
@@ -43,13 +44,13 @@ class Refusals:
 
     def __init__(self) -> None:
         self._names: dict[str, str] = {}
-        self._deciding_ahead = False
+        self._deciding_ahead: set[str] = set()
         self._told: set[str] = set()
 
     def line(self, raw: str) -> None:
         """Take in one line; quick for the many that say nothing of interest."""
         if "caching permissions" in raw:
-            self._deciding_ahead = True
+            self._deciding_ahead.add(_thread(raw))
         elif "authorized to" in raw:
             self._decision(raw)
         elif "UsrPwd extension" in raw:
@@ -64,8 +65,10 @@ class Refusals:
             if (found := _IDENTITY.search(raw)) and len(self._names) < _MOST:
                 self._names[found[1]] = found[2]
             # The decisions ahead end with this kind of message, once for each direction.
-            if self._deciding_ahead:
-                self._deciding_ahead = "Declare Liveliness Subscriber" not in raw
+            thread = _thread(raw)
+            if thread in self._deciding_ahead:
+                if "Declare Liveliness Subscriber" in raw:
+                    self._deciding_ahead.discard(thread)
                 return
         if "unauthorized" not in raw or not (refused := _REFUSED.search(_COLOUR.sub("", raw))):
             return
@@ -76,6 +79,11 @@ class Refusals:
                 self._told.clear()
             self._told.add(told)
             log.warning("refused: %s", told)
+
+
+def _thread(raw: str) -> str:
+    found = _THREAD.search(raw)
+    return found[0] if found else ""
 
 
 @contextmanager

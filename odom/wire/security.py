@@ -120,7 +120,7 @@ def grants(identity: str) -> Grants:
     if role == "router":
         return ((_EVERYTHING, ("**",)),)
     if role == "sensor":
-        images = (f"{ns}/color/**", f"{ns}/depth/**", f"{ns}/end")
+        images = (f"{ns}/color/**", f"{ns}/depth/**", f"{ns}/device", f"{ns}/end")
         return (_SAY, images), (_BE, (f"{ns}/alive",)), (_HEAR, (f"{ns}/ack/**", f"{ns}/alive/**"))
     if role == "odometry":
         results = ("odom", "pose", "path", "status", "loops", "features", "landmarks", "ack/odometry")

@@ -59,6 +59,11 @@ class Topics:
         return f"{self.namespace}/color/camera_info"
 
     @property
+    def device(self) -> str:
+        """diagnostic_msgs/DiagnosticArray of a live sensor, every second: name, serial number, what it lost."""
+        return f"{self.namespace}/device"
+
+    @property
     def odom(self) -> str:
         """nav_msgs/Odometry: the causal pose with covariance, every frame."""
         return f"{self.namespace}/odom"

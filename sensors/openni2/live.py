@@ -222,20 +222,26 @@ class LiveKinect:
         """Yield calibration, colour and depth as they arrive; raises DeviceError when the device never delivers."""
         clock = DeviceClock()
         connection = 0
-        info_sent = False
         first_ns: int | None = None
+        told_ns = 0
         for received in self._learned(clock):
             if received.connection != connection:
                 connection = received.connection
                 clock.restart()
             stamp = clock.stamp(received.frame.is_color, received.frame.ticks, received.host_ns)
-            first_ns = stamp if first_ns is None else first_ns
+            if first_ns is None:
+                first_ns = stamp
+                yield self._encoder.info(stamp)
             if self._seconds is not None and stamp - first_ns >= self._seconds * 1e9:
                 return
-            if not info_sent:
-                info_sent = True
-                yield self._encoder.info(stamp)
+            if stamp - told_ns >= 1_000_000_000:
+                told_ns = stamp
+                yield self._encoder.device(stamp, self.name, self._particulars(clock))
             yield self._encoder.image(received.frame, stamp)
+
+    def _particulars(self, clock: DeviceClock) -> dict[str, str]:
+        counts = {name: str(count) for name, count in self.counters.items()}
+        return {"uri": self.uri, "serial": self.serial, "drift_ppm": f"{clock.mapping.drift_ppm:.1f}", **counts}
 
     def _learned(self, clock: DeviceClock) -> Iterator[_Received]:
         """Yield what is received, the first images only when the unit of their stamps is known."""
@@ -273,6 +279,9 @@ class LiveKinect:
             self._release()
         elif thread is not threading.current_thread():
             thread.join(timeout=5)
+            counts = ", ".join(f"{count} {name}" for name, count in self.counters.items())
+            _log.info("%s %s: %s", self.name, self.uri, counts)
+            del self._thread
 
 
 def _find(wanted: str, listed: tuple[library.Listed, ...]) -> str | None:

@@ -5,7 +5,15 @@ import logging
 from odom.errors import ConfigError
 from odom.frame import Camera, Stamp
 from odom.wire import Message
-from odom.wire.codec import encode_camera_info, encode_color, encode_color_jpeg, encode_depth, encode_depth_compressed
+from odom.wire.codec import (
+    Status,
+    encode_camera_info,
+    encode_color,
+    encode_color_jpeg,
+    encode_depth,
+    encode_depth_compressed,
+    encode_status,
+)
 from sensors.calibration import load_calibration
 from sensors.depth_registration import DepthRegistration, load_depth_registration
 from sensors.openni2.device import RawFrame
@@ -51,6 +59,10 @@ class Encoder:
     def info(self, stamp: Stamp) -> Message:
         """Return the calibration message."""
         return encode_camera_info(self._topics.camera_info, stamp, self.camera, frame_id=self._topics.frame_camera)
+
+    def device(self, stamp: Stamp, name: str, values: dict[str, str]) -> Message:
+        """Return the message that says which device this is and what it lost."""
+        return encode_status(self._topics.device, Status(stamp, name, 0, "delivering", values))
 
     def image(self, frame: RawFrame, stamp: Stamp) -> Message:
         """Return the image's message."""

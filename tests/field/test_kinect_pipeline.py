@@ -9,7 +9,7 @@ import pytest
 from playing import TOPICS, PlayingKinect
 from rig import Process, processes
 
-from odom.wire.codec import decode_color, decode_depth
+from odom.wire.codec import decode_color, decode_depth, decode_status
 from odom.wire.recording import RecordingReader
 
 
@@ -66,6 +66,10 @@ def test_live_odometry_equals_that_of_the_replayed_recording(
     print(found)
     assert found["frames"] > 200
     assert found["images differing"] == 0
+    told = [decode_status(m)[0] for m in RecordingReader(rig.recording).messages() if m.topic == TOPICS.device]
+    assert len(told) >= 7
+    assert told[-1].values["serial"] == "VK42"
+    assert int(told[-1].values["images"]) > 400
     # On a loaded machine the live odometry may have had to leave frames out; then the poses may not be compared.
     if found["frames lost by the odometry"] == 0 and found["poses live"] == found["poses replayed"]:
         assert found["poses that differ"] == 0

@@ -80,7 +80,8 @@ class Viewer:
     def start(self) -> None:
         """Show what is static, and ask for what happened before."""
         self._draw(self._scene.setup())
-        for message in self._past():
+        past = list(self._past())
+        for message in past:
             try:
                 if message.topic.endswith(("/history", "/history/odom")):
                     self._scene.history(message)
@@ -89,6 +90,7 @@ class Viewer:
             except WireError as error:
                 _LOG.warning("the history has a malformed message: %s", error)
         self._draw(self._scene.everything())
+        _LOG.info("showing %s, with %d messages of what happened before", self.topics.namespace, len(past))
 
     def step(self, repeat: bool) -> None:
         """Show what is small and waits, then one image, and now and then everything again with `repeat`."""
@@ -126,7 +128,7 @@ class Viewer:
         except WireError as error:
             subscriber.malformed(message.topic, str(error))
         if message.topic == self.topics.end:
-            self.ended_s = time.monotonic()
+            self.ended_s = self._repeat_due = time.monotonic()
         elif message.topic == self.topics.odom:
             self.ended_s = None
         return True

@@ -95,6 +95,7 @@ class Scene:
             trail = self._trail(message.topic.removeprefix("truth/").removesuffix("/history"))
         else:
             trail = self._map.online
+            self._newest = max(self._newest or poses[-1].stamp, poses[-1].stamp)
         if trail is not None:
             trail.prepend(trajectory(poses))
 

@@ -1,21 +1,21 @@
 """Frames to poses: predict, track, grow the map, and say how far to trust it."""
 
-from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from odom.backend.causal import CausalTrajectory, Publication
 from odom.backend.closing import recognise
 from odom.backend.estimate import ClosingTest, Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
-from odom.backend.history import Placed, relative_covariance, relative_pose, trajectory
+from odom.backend.history import Placed, trajectory
 from odom.backend.mapper import LEAST_FOUND_AGAIN, Mapper
-from odom.backend.motion import Motion
 from odom.backend.pairwise import register_successive
 from odom.backend.selfcheck import SelfCheck
 from odom.backend.settings import OdometrySettings
 from odom.backend.stopwatch import Stopwatch
 from odom.backend.tracking import INLIER_CHI2, Tracked, coarse_pose, disagreement
+from odom.errors import InputError
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.images import FrameImages
 from odom.frontend.lens import Lens
@@ -36,18 +36,7 @@ _MOVED_M, _MOVED_RAD = 0.015, 0.02
 _LEAST_CORNERS = 50
 _LEAST_DEEP = 0.05
 _CHECK_EVERY = 4
-_BRIDGE_SIGMA = np.array([0.5, 0.5, 0.5, 1.0, 1.0, 1.0])
-"""How fast a bridged pose gets worse: m/s and rad/s."""
-_RECENT = 64
 _CLOUD = 20_000
-
-
-@dataclass(frozen=True, eq=False)
-class _Published:
-    """A pose as it went out, for the motion between published ones."""
-
-    placed: Placed
-    T_odom_camera: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +53,7 @@ class Odometry:
     """The odometry of one RGB-D camera: give it frames in order, it gives an estimate for each.
 
     Deterministic: what runs in the background takes effect at a fixed frame number, never by the clock; time is that
-    of the frames' stamps. A frame that cannot be placed is LOST, a value; a frame whose size is not the camera's
-    raises InputError.
+    of the frames' stamps. A frame that cannot be placed is LOST, a value.
     """
 
     def __init__(self, camera: Camera, settings: OdometrySettings | None = None) -> None:
@@ -75,11 +63,9 @@ class Odometry:
         table = np.stack([knots, np.full_like(knots, self.settings.inverse_depth_sigma)])
         self._check = SelfCheck.of(FeatureNoise(self.settings.pixel_sigma_px, table))
         self._mapper = Mapper(camera, self._lens, self.settings)
-        self._frames: list[Placed] = []
-        self._recent: deque[_Published] = deque(maxlen=_RECENT)
+        self._causal = CausalTrajectory(self._mapper.map.keyframes)
         self._T_camera_map, self._T_map_odom = np.eye(4), np.eye(4)
         self._twist = np.zeros(6)
-        self._motion: Motion | None = None
         self._near, self._segment = 0, -1
         self._previous: _Previous | None = None
         self._followed: tuple[Index, Array] = (np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
@@ -94,14 +80,20 @@ class Odometry:
     def process(self, frame: RgbdFrame) -> Estimate:
         """Return the estimate for the next frame.
 
-        Raises InputError for a frame whose size is not the camera's.
+        Raises InputError for a frame whose size is not the camera's, or whose stamp is not after the last one's.
         """
+        if frame.depth_mm.shape != (self._camera.height, self._camera.width):
+            raise InputError(
+                f"a frame of {frame.depth_mm.shape[::-1]} pixels from {self._camera}: give that camera's own"
+            )
+        if self._causal.since_last_s(frame.stamp) <= 0.0:
+            raise InputError(f"frame {frame.sequence} is not later than the one before: give frames in order of time")
         watch = Stopwatch()
         images = FrameImages.of(frame.color)
         watch.lap("images")
         loops, map_moved = self._take_background()
         watch.lap("background")
-        was_lost = not self._frames or self._frames[-1].keyframe is None
+        was_lost = self._causal.is_lost
         tracked = None if was_lost else self._follow(frame, images, watch)
         is_recovered = False
         if tracked is None and self._mapper.map.keyframes:
@@ -126,7 +118,7 @@ class Odometry:
         if keyframes:
             self._T_camera_map = self._T_camera_map @ se3.inverse(before) @ keyframes[self._near].T_camera_map
             self._segment = keyframes[self._near].segment
-        return trajectory(self._frames, self._mapper.map.keyframes)
+        return trajectory(self._causal.frames, self._mapper.map.keyframes)
 
     def closing_test(self) -> ClosingTest | None:
         """Return the paper's test of a closed walk, None where the last frame does not show what the first one did."""
@@ -167,7 +159,7 @@ class Odometry:
         if not keyframes:
             return (), False
         before = keyframes[self._near].T_camera_map.copy()
-        if not self._mapper.take_adjustment(len(self._frames), self._check.noise):
+        if not self._mapper.take_adjustment(len(self._causal.frames), self._check.noise):
             return (), False
         loops, T_new_old = self._mapper.take_recognitions(self._check.noise, self._check.scale)
         if T_new_old is not None:
@@ -223,11 +215,27 @@ class Odometry:
         self._twist = twist
         self._sight_s = 0.0
         self._mapper.map.landmarks.seen[tracked.rows[tracked.inliers]] += 1
-        if len(self._frames) % _CHECK_EVERY == 0:
+        if len(self._causal.frames) % _CHECK_EVERY == 0:
             self._check_noise(tracked)
         watch.lap("check")
         covariance = tracked.covariance * self._check.scale
-        step, second, published = self._publish(frame, covariance, dt, tracked)
+        inliers = int(np.count_nonzero(tracked.inliers))
+        keyframe = self._mapper.map.keyframes[self._near]
+        T_map_middle = se3.inverse(self._T_camera_map)
+        published = self._causal.advance(
+            Placed(
+                frame.stamp,
+                self._segment,
+                self.timing.readout_s / 2.0,
+                self._near,
+                keyframe.T_camera_map @ T_map_middle,
+            ),
+            se3.inverse(self._T_map_odom) @ T_map_middle,
+            covariance,
+            dt,
+            inliers,
+            self._check,
+        )
         pairwise = None
         if dt and previous is not None and previous.tracked is not None:
             pairwise = register_successive(previous.tracked, previous.frame.stamp, tracked)
@@ -239,7 +247,6 @@ class Odometry:
         self._followed = (rows, uv)
         self._previous = _Previous(frame, images, tracked, pairwise)
         watch.lap("keyframe")
-        inliers = int(np.count_nonzero(tracked.inliers))
         state, reason = State.TRACKING, ""
         if is_recovered:
             state, reason = State.RECOVERED, f"place recognised: {inliers} landmarks found again"
@@ -256,8 +263,6 @@ class Odometry:
             inliers=inliers,
             matches=tracked.looked_for,
             is_keyframe=is_keyframe,
-            step=step,
-            second=second,
             pairwise=pairwise,
             features=Features(tracked.uv, residual),
         )
@@ -268,46 +273,6 @@ class Odometry:
         nees = disagreement(self._mapper.map, tracked, self._camera.width)
         if nees is not None:
             self._check = self._check.with_disagreement(nees)
-
-    def _publish(
-        self, frame: RgbdFrame, covariance: Array, dt: float, tracked: Tracked
-    ) -> tuple[RelativePose | None, RelativePose | None, _Published]:
-        """Note where a frame is, and return what is published of it: the pose carried to the stamp, and motions.
-
-        To the motion filter's covariance comes how far the camera goes in the stamp's jitter.
-        """
-        delay_s = self.timing.readout_s / 2.0
-        keyframes = self._mapper.map.keyframes
-        T_keyframe_camera = keyframes[self._near].T_camera_map @ se3.inverse(self._T_camera_map)
-        self._frames.append(Placed(frame.stamp, self._segment, delay_s, self._near, T_keyframe_camera))
-        T_odom_camera = se3.inverse(self._T_map_odom) @ se3.inverse(self._T_camera_map)
-        if dt and self._motion is not None:
-            self._motion = self._motion.after(dt).corrected(T_odom_camera, covariance)
-        else:
-            self._motion = Motion.at_rest(T_odom_camera, covariance)
-        carried = self._motion.after(delay_s)
-        twist = self._motion.twist
-        placed = replace(
-            self._frames[-1],
-            T_keyframe_camera=T_keyframe_camera @ se3.inverse(T_odom_camera) @ carried.T_odom_camera,
-            covariance=carried.covariance + np.outer(twist, twist) * self._check.jitter_s**2,
-        )
-        published = _Published(placed, carried.T_odom_camera)
-        step = self._motion_since(self._recent[-1], published, tracked) if self._recent and dt else None
-        second = None
-        around = [p for p in self._recent if abs((frame.stamp - p.placed.stamp) * 1e-9 - 1.0) < 0.025]
-        if around:
-            then = min(around, key=lambda p: abs((frame.stamp - p.placed.stamp) * 1e-9 - 1.0))
-            second = self._motion_since(then, published, tracked)
-        self._recent.append(published)
-        return step, second, published
-
-    def _motion_since(self, earlier: _Published, current: _Published, tracked: Tracked) -> RelativePose | None:
-        covariance = relative_covariance(
-            self._mapper.map.keyframes, earlier.placed, current.placed, self._check.calibration_error
-        )
-        inliers = int(np.count_nonzero(tracked.inliers))
-        return relative_pose(earlier.T_odom_camera, current.T_odom_camera, covariance, earlier.placed.stamp, inliers)
 
     def _needs_keyframe(self, uv: Array) -> bool:
         """Say whether too little of the last key frame's view is left, and the camera has moved at all."""
@@ -339,42 +304,26 @@ class Odometry:
             self._segment,
             parent,
             covariance,
-            len(self._frames),
+            len(self._causal.frames),
         )
         self._near, self._seen_at_keyframe = keyframe.number, None
         return keyframe.rows, keyframe.uv
 
     def _bridge(self, frame: RgbdFrame) -> Estimate:
         """Let the motion prediction stand in for a frame that could not be tracked."""
-        last = self._recent[-1]
-        dt = (frame.stamp - last.placed.stamp) * 1e-9
-        step = se3.exp(self._twist * dt)
-        assert last.placed.T_keyframe_camera is not None
-        assert last.placed.covariance is not None
-        growth = np.diag((_BRIDGE_SIGMA * dt) ** 2)
-        placed = replace(
-            last.placed,
-            stamp=frame.stamp,
-            T_keyframe_camera=last.placed.T_keyframe_camera @ step,
-            covariance=last.placed.covariance + growth,
-        )
-        published = _Published(placed, last.T_odom_camera @ step)
-        self._frames.append(replace(placed, delay_s=0.0, covariance=None))
-        self._recent.append(published)
-        return self._estimate(
-            frame, State.UNCERTAIN, "not tracked: the motion is predicted", published, is_predicted=True
-        )
+        published = self._causal.bridge(frame.stamp, self._twist)
+        reason = "not tracked: the motion is predicted"
+        return self._estimate(frame, State.UNCERTAIN, reason, published, is_predicted=True)
 
     def _lose(self, frame: RgbdFrame, images: FrameImages) -> Estimate:
         """Say that the frame has no pose, or begin a new segment where none can be hoped for."""
-        if self._frames:
-            self._sight_s += (frame.stamp - self._frames[-1].stamp) * 1e-9
-        if not self._frames or self._segment < 0 or self._sight_s > self.settings.new_segment_s:
+        if self._causal.frames:
+            self._sight_s += self._causal.since_last_s(frame.stamp)
+        if self._segment < 0 or self._sight_s > self.settings.new_segment_s:
             estimate = self._begin_segment(frame, images)
             if estimate is not None:
                 return estimate
-        self._frames.append(Placed(frame.stamp, self._segment, 0.0))
-        self._recent.clear()
+        self._causal.lose(frame.stamp, self._segment)
         reason = "no depth yet" if self._segment < 0 else "no known place recognised"
         return self._estimate(frame, State.LOST, reason, None)
 
@@ -391,10 +340,8 @@ class Odometry:
         self._followed = (rows, uv)
         self._previous = _Previous(frame, images, None, None)
         self._sight_s = 0.0
-        placed = Placed(frame.stamp, self._segment, 0.0, self._near, np.eye(4), np.zeros((6, 6)))
-        self._frames.append(placed)
-        published = _Published(placed, se3.inverse(self._T_map_odom) @ se3.inverse(self._T_camera_map))
-        self._recent.append(published)
+        T_odom_camera = se3.inverse(self._T_map_odom) @ se3.inverse(self._T_camera_map)
+        published = self._causal.begin(frame.stamp, self._segment, self._near, T_odom_camera)
         state = State.TRACKING if is_first else State.RECOVERED
         reason = "" if is_first else "new segment: no known place recognised"
         return self._estimate(frame, state, reason, published, matches=len(rows), is_keyframe=True)
@@ -404,23 +351,15 @@ class Odometry:
         frame: RgbdFrame,
         state: State,
         reason: str,
-        published: _Published | None,
+        published: Publication | None,
         *,
         inliers: int = 0,
         matches: int = 0,
         is_keyframe: bool = False,
         is_predicted: bool = False,
-        step: RelativePose | None = None,
-        second: RelativePose | None = None,
         pairwise: RelativePose | None = None,
         features: Features | None = None,
     ) -> Estimate:
-        covariance = None
-        if published is not None and published.placed.keyframe is not None:
-            keyframes = self._mapper.map.keyframes
-            first = next(k for k in keyframes if k.segment == self._segment)
-            origin = Placed(first.stamp, first.segment, 0.0, first.number, np.eye(4), np.zeros((6, 6)))
-            covariance = relative_covariance(keyframes, origin, published.placed, self._check.calibration_error)
         return Estimate(
             frame.sequence,
             frame.stamp,
@@ -428,14 +367,14 @@ class Odometry:
             reason,
             max(self._segment, 0),
             None if published is None else published.T_odom_camera,
-            covariance,
+            None if published is None else self._causal.covariance_since_start(published, self._check),
             self._T_map_odom,
             inliers,
             matches,
             is_keyframe,
             is_predicted,
-            step,
-            second,
+            None if published is None else published.step,
+            None if published is None else published.second,
             pairwise,
             (),
             features,

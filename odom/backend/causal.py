@@ -1,0 +1,142 @@
+"""The causal trajectory: what is published of each frame, at once and for good, with covariances of its motions."""
+
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.backend.estimate import RelativePose
+from odom.backend.history import Placed, relative_covariance, relative_pose
+from odom.backend.keyframes import Keyframe
+from odom.backend.motion import Motion
+from odom.backend.selfcheck import SelfCheck
+from odom.frame import Stamp
+from odom.registration import se3
+
+Array = NDArray[np.float64]
+
+_RECENT = 64
+_SECOND_S, _NEAR_A_SECOND_S = 1.0, 0.025
+_BRIDGE_SIGMA = np.array([0.5, 0.5, 0.5, 1.0, 1.0, 1.0])
+"""How fast a predicted pose gets worse: m/s and rad/s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Publication:
+    """A pose as it goes out: `placed` at the stamp itself, `T_odom_camera`, and the motions since earlier ones."""
+
+    placed: Placed
+    T_odom_camera: Array
+    step: RelativePose | None = None
+    second: RelativePose | None = None
+
+
+class CausalTrajectory:
+    """Every frame's place (`frames`, for the middle row) and the newest publications.
+
+    `keyframes` is the map's list, which grows and moves meanwhile.
+    """
+
+    def __init__(self, keyframes: list[Keyframe]) -> None:
+        self.frames: list[Placed] = []
+        self._keyframes = keyframes
+        self._recent: deque[Publication] = deque(maxlen=_RECENT)
+        self._motion: Motion | None = None
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the last frame has no pose, or there is none yet."""
+        return not self.frames or self.frames[-1].keyframe is None
+
+    def since_last_s(self, stamp: Stamp) -> float:
+        """Return the seconds from the last frame to `stamp`, infinite where there is none."""
+        return (stamp - self.frames[-1].stamp) * 1e-9 if self.frames else np.inf
+
+    def begin(self, stamp: Stamp, segment: int, keyframe: int, T_odom_camera: Array) -> Publication:
+        """Publish the first pose of a segment, which its key frame's is by definition."""
+        self.frames.append(Placed(stamp, segment, 0.0, keyframe, np.eye(4), np.zeros((6, 6))))
+        self._motion = None
+        self._recent.clear()
+        self._recent.append(Publication(self.frames[-1], T_odom_camera))
+        return self._recent[-1]
+
+    def advance(
+        self,
+        middle: Placed,
+        T_odom_middle: Array,
+        covariance: Array,
+        twist_dt: float,
+        inliers: int,
+        check: SelfCheck,
+    ) -> Publication:
+        """Publish a tracked frame, found at `T_odom_middle` with `covariance` (6 x 6) in its middle row's time.
+
+        The pose is smoothed and carried to the stamp; to the motion filter's covariance comes how far the camera goes
+        in the stamp's jitter. `twist_dt` is the time since the frame before, 0 where the motion to it is not known.
+        """
+        assert middle.T_keyframe_camera is not None
+        self.frames.append(middle)
+        if twist_dt and self._motion is not None:
+            self._motion = self._motion.after(twist_dt).corrected(T_odom_middle, covariance)
+        else:
+            self._motion = Motion.at_rest(T_odom_middle, covariance)
+        carried = self._motion.after(middle.delay_s)
+        twist = self._motion.twist
+        placed = replace(
+            middle,
+            T_keyframe_camera=middle.T_keyframe_camera @ se3.inverse(T_odom_middle) @ carried.T_odom_camera,
+            covariance=carried.covariance + np.outer(twist, twist) * check.jitter_s**2,
+        )
+        current = Publication(placed, carried.T_odom_camera)
+        if self._recent and twist_dt:
+            current = replace(current, step=self._motion_since(self._recent[-1], current, inliers, check))
+        around = [p for p in self._recent if self._from_a_second(p, placed.stamp) < _NEAR_A_SECOND_S]
+        if around:
+            then = min(around, key=lambda p: self._from_a_second(p, placed.stamp))
+            current = replace(current, second=self._motion_since(then, current, inliers, check))
+        self._recent.append(current)
+        return current
+
+    @staticmethod
+    def _from_a_second(earlier: Publication, stamp: Stamp) -> float:
+        return abs((stamp - earlier.placed.stamp) * 1e-9 - _SECOND_S)
+
+    def _motion_since(
+        self, earlier: Publication, current: Publication, inliers: int, check: SelfCheck
+    ) -> RelativePose | None:
+        covariance = relative_covariance(self._keyframes, earlier.placed, current.placed, check.calibration_error)
+        stamp = earlier.placed.stamp
+        return relative_pose(earlier.T_odom_camera, current.T_odom_camera, covariance, stamp, inliers)
+
+    def bridge(self, stamp: Stamp, twist: Array) -> Publication:
+        """Publish what the motion `twist` (6, SI) predicts for a frame that could not be tracked."""
+        last = self._recent[-1]
+        assert last.placed.T_keyframe_camera is not None
+        assert last.placed.covariance is not None
+        dt = (stamp - last.placed.stamp) * 1e-9
+        step = se3.exp(twist * dt)
+        placed = replace(
+            last.placed,
+            stamp=stamp,
+            T_keyframe_camera=last.placed.T_keyframe_camera @ step,
+            covariance=last.placed.covariance + np.diag((_BRIDGE_SIGMA * dt) ** 2),
+        )
+        self.frames.append(replace(placed, delay_s=0.0, covariance=None))
+        self._recent.append(Publication(placed, last.T_odom_camera @ step))
+        return self._recent[-1]
+
+    def lose(self, stamp: Stamp, segment: int) -> None:
+        """Note a frame without a pose; motions are not counted over it."""
+        self.frames.append(Placed(stamp, segment, 0.0))
+        self._recent.clear()
+        self._motion = None
+
+    def covariance_since_start(self, publication: Publication, check: SelfCheck) -> Array | None:
+        """Return the 6 x 6 covariance (`se3`) of a pose since its segment began, None for one without a key frame."""
+        if publication.placed.keyframe is None:
+            return None
+        segment = self._keyframes[publication.placed.keyframe].segment
+        first = next(k for k in self._keyframes if k.segment == segment)
+        origin = Placed(first.stamp, segment, 0.0, first.number, np.eye(4), np.zeros((6, 6)))
+        return relative_covariance(self._keyframes, origin, publication.placed, check.calibration_error)

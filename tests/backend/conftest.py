@@ -1,0 +1,75 @@
+"""Walks that several tests run the odometry over; rendered or read once a session."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from painted_room import SMALL, PaintedRoom, stroll
+from running import Ran, run
+
+from odom.evaluation.files import read_tum
+from odom.evaluation.trajectory import Trajectory
+from odom.frame import Camera, RgbdFrame
+from odom.wire import Topics
+from odom.wire.assembler import FrameAssembler
+from sensors.arena import ArenaFrame, ArenaOptions, frame
+from sensors.source import SourceOptions, open_source
+
+ARENA_FRAMES = 105
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _one_thread() -> None:
+    cv2.setNumThreads(1)
+
+
+@pytest.fixture(scope="session")
+def arena() -> tuple[Camera, list[ArenaFrame]]:
+    """The first seconds of the simulated walk, with all of a sensor's faults."""
+    options = ArenaOptions()
+    return options.camera, [frame(options, k) for k in range(ARENA_FRAMES)]
+
+
+@pytest.fixture(scope="session")
+def arena_truth(arena) -> Trajectory:
+    return Trajectory(np.array([f.stamp for f in arena[1]]), np.array([f.T_world_camera for f in arena[1]]))
+
+
+@pytest.fixture(scope="session")
+def arena_ran(arena) -> Ran:
+    return run(arena[0], [f.rgbd() for f in arena[1]])
+
+
+@pytest.fixture(scope="session")
+def room_frames() -> list[RgbdFrame]:
+    """Two seconds in a painted room, perfect small images."""
+    room = PaintedRoom()
+    return [room.frame(SMALL, k, stroll(k / 30.0)) for k in range(60)]
+
+
+def read_tum_frames(folder: Path, most: int | None) -> tuple[Camera, list[RgbdFrame], Trajectory]:
+    """A recording's camera, its first frames and the truth."""
+    assembler = FrameAssembler(Topics(), grey=True)
+    source = open_source(str(folder), SourceOptions())
+    frames: list[RgbdFrame] = []
+    for message in source.messages():
+        frames += assembler.feed(message)
+        if most is not None and len(frames) >= most:
+            break
+    else:
+        frames += assembler.finish()
+    assert assembler.camera is not None
+    return assembler.camera, frames, read_tum(folder / "groundtruth.txt")
+
+
+@pytest.fixture(scope="session")
+def desk(shared_data: Path) -> tuple[Camera, list[RgbdFrame], Trajectory]:
+    """The first five seconds of a real Kinect at a desk."""
+    return read_tum_frames(shared_data / "tum_fr1_xyz", 150)
+
+
+@pytest.fixture(scope="session")
+def turning(shared_data: Path) -> tuple[Camera, list[RgbdFrame], Trajectory]:
+    """A real Kinect turned fast by hand, eight seconds."""
+    return read_tum_frames(shared_data / "tum_fr1_rpy_part", None)

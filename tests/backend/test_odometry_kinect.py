@@ -1,0 +1,28 @@
+"""The whole odometry on real Kinect recordings; short ones here, whole ones in the acceptance tests."""
+
+from running import check_sanity, run
+
+from odom.backend import State
+
+
+def test_a_desk_is_tracked_and_the_rolling_shutter_is_found(desk):
+    camera, frames, truth = desk
+    ran = run(camera, frames)
+    check_sanity(ran)
+    assert set(ran.states) == {State.TRACKING}
+    report = ran.judged(truth)
+    assert report.matched == len(frames)
+    assert report.ate_m < 0.0125  # .0098 measured; motion capture itself is good for about .005
+    assert report.rpe_1s.rmse_m < 0.022
+
+
+def test_fast_turns_are_tracked_and_the_rolling_shutter_is_found(turning):
+    camera, frames, truth = turning
+    ran = run(camera, frames)
+    check_sanity(ran)
+    report = ran.judged(truth)
+    assert report.matched >= 0.99 * len(frames)
+    assert State.LOST not in ran.states
+    assert report.ate_m <= 0.018
+    assert report.rpe_frame.rmse_deg <= 0.44
+    assert 0.010 < ran.timing.readout_s < 0.030

@@ -1,8 +1,8 @@
 """How numerical loops are compiled: on their first call, cached on disk, without the GIL.
 
-numba notices a change of the file that a loop stands in, not of the files it calls; so the cache lies in a folder
-named after the contents of all of them. Where the package is not writable, that folder is in the user's cache or a
-private temporary one.
+numba notices a change of the file that a loop stands in, not of the files it calls; so the loops of a package are kept
+in a folder named after its contents and those of the packages below. Where the installation is not writable, that
+folder is in the user's cache or a private temporary one.
 """
 
 import hashlib
@@ -11,22 +11,33 @@ import shutil
 import stat
 import tempfile
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+import numba
+from numba.core import config
+
 F = TypeVar("F", bound=Callable[..., Any])
 
+_FLOORS = ("registration", "frontend", "backend")
+"""The packages that hold compiled loops, each calling those before it."""
 
-def _digest() -> str:
-    """Return a name for the present contents of this package."""
+
+def _digest(package: str) -> str:
+    """Return a name for the present contents of a package and those below it."""
     state = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob("*.py")):
-        state.update(source.read_bytes())
+    floors = _FLOORS[: _FLOORS.index(package) + 1] if package in _FLOORS else _FLOORS
+    for floor in floors:
+        for source in sorted((Path(__file__).parents[1] / floor).glob("*.py")):
+            state.update(source.read_bytes())
     return state.hexdigest()[:16]
 
 
 def _places() -> Iterator[Path]:
     """Yield where compiled code may be kept, best first: cached code is executed, so nobody else may write there."""
+    if "NUMBA_CACHE_DIR" in os.environ:
+        yield Path(os.environ["NUMBA_CACHE_DIR"])
     yield Path(__file__).parent / "__pycache__"
     yield Path.home() / ".cache" / "odom"
     own = Path(tempfile.gettempdir()) / f"odom-{os.getuid()}"
@@ -37,32 +48,33 @@ def _places() -> Iterator[Path]:
     yield Path(tempfile.mkdtemp(prefix="odom-"))
 
 
-def _cache_folder() -> Path:
-    """Return the first folder that can be written, cleared of what belongs to other contents."""
-    name = f"numba-{_digest()}"
+@cache
+def _cache_folder(package: str = "") -> str:
+    """Return the first folder that can be written, cleared of what belongs to other contents of the package."""
+    name = f"numba-{package}-{_digest(package)}"
     for place in _places():
         try:
             (place / name).mkdir(parents=True, exist_ok=True)
         except OSError:
             continue
         if os.access(place / name, os.W_OK):
-            for other in place.glob("numba-*"):
+            for other in place.glob(f"numba-{package}-*"):
                 if other.name != name:
                     shutil.rmtree(other, ignore_errors=True)
-            return place / name
+            return str(place / name)
     raise AssertionError("a temporary folder was made, so one was returned")
 
 
-if "NUMBA_CACHE_DIR" not in os.environ:
-    os.environ["NUMBA_CACHE_DIR"] = str(_cache_folder())
-
-import numba  # noqa: E402  numba reads its cache folder when it is imported
-from numba.core import config  # noqa: E402  same reason
-
-vars(config)["CACHE_DIR"] = os.environ["NUMBA_CACHE_DIR"]  # someone else may have imported numba before
-
-
 def compiled(function: F) -> F:
-    """Compile `function` on its first call (numba, cached, GIL released, division by zero gives inf, not an error)."""
-    jitted: Any = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})(function)
+    """Compile `function` on its first call (numba, cached, GIL released, division by zero gives inf, not an error).
+
+    The cache is below NUMBA_CACHE_DIR where that is set.
+    """
+    settings = vars(config)
+    before = settings["CACHE_DIR"]
+    settings["CACHE_DIR"] = _cache_folder(*function.__module__.split(".")[1:2])  # read when a function is decorated
+    try:
+        jitted: Any = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})(function)
+    finally:
+        settings["CACHE_DIR"] = before
     return cast(F, jitted)

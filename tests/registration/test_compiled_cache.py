@@ -11,19 +11,42 @@ import pytest
 from odom.registration import compiled
 
 
+@pytest.fixture(autouse=True)
+def _forgotten():
+    compiled._cache_folder.cache_clear()
+    yield
+    compiled._cache_folder.cache_clear()
+
+
 def test_a_folder_that_cannot_be_written_is_passed_over(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setattr(compiled, "_places", lambda: iter([tmp_path / "file" / "below", tmp_path / "good"]))
-    assert compiled._cache_folder().parent == tmp_path / "good"
+    assert Path(compiled._cache_folder("registration")).parent == tmp_path / "good"
 
 
 def test_other_contents_have_another_folder_and_leave_no_litter(tmp_path, monkeypatch):
     monkeypatch.setattr(compiled, "_places", lambda: iter([tmp_path]))
-    first = compiled._cache_folder()
-    monkeypatch.setattr(compiled, "_digest", lambda: "other")
-    second = compiled._cache_folder()
+    first, neighbour = compiled._cache_folder("frontend"), compiled._cache_folder("backend")
+    compiled._cache_folder.cache_clear()
+    monkeypatch.setattr(compiled, "_digest", lambda package: "other")
+    second = compiled._cache_folder("frontend")
     assert second != first
-    assert [p.name for p in tmp_path.iterdir()] == [second.name]
+    assert {str(p) for p in tmp_path.iterdir()} == {second, neighbour}
+
+
+def test_a_change_below_is_a_change_above_and_not_the_other_way_round(tmp_path, monkeypatch):
+    for package in ("registration", "frontend", "backend"):
+        (tmp_path / package).mkdir()
+    monkeypatch.setattr(compiled, "__file__", str(tmp_path / "registration" / "compiled.py"))
+    before = [compiled._digest(package) for package in ("registration", "frontend", "backend")]
+    (tmp_path / "frontend" / "loop.py").write_text("changed")
+    after = [compiled._digest(package) for package in ("registration", "frontend", "backend")]
+    assert [a == b for a, b in zip(before, after, strict=True)] == [True, False, False]
+
+
+def test_the_environment_names_the_place(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert Path(compiled._cache_folder("registration")).parent == tmp_path
 
 
 def test_a_temporary_folder_that_others_may_write_is_not_trusted(tmp_path, monkeypatch):

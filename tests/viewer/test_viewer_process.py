@@ -39,13 +39,13 @@ def _last_line(chunks: list[pa.RecordBatch]) -> np.ndarray:
 
 
 def test_a_file_holds_everything_from_the_first_frame_and_ends_by_itself(start: Start, tmp_path: Path) -> None:
-    device = start("device", 90, 30)
+    device = start("device", 150, 30)
     view = start("view", "--headless", "--rrd", tmp_path / "session.rrd")
     device.wait_for("ended", 60)
     assert view.process.wait(20) == 0
     shown = _loaded(tmp_path / "session.rrd")
-    assert _rows(shown["/world/camera"]) == 90
-    assert 2 <= _rows(shown["/world/camera/color"]) <= 92  # and its pinhole; a busy machine thins images
+    assert _rows(shown["/world/camera"]) == 150
+    assert 2 <= _rows(shown["/world/camera/color"]) <= 152  # and its pinhole; a busy machine thins images
     for path in ("/world/camera/depth", "/world/online", "/world/corrected", "/world/truth/camera", "/log", "/summary"):
         assert path in shown
 

@@ -1,7 +1,7 @@
 """A real browser looks at the live viewer: what is in each panel, and the picture for the README.
 
-`python tests/viewer/web_picture.py OUT.png [SOURCE or ADDRESS]` photographs the viewer of a whole run (of the arena, if
-nothing else is said), or the one at ADDRESS, once every panel shows something.
+`python tests/viewer/web_picture.py OUT.png [SOURCE, ADDRESS or FILE.rrd]` photographs the viewer of a whole run (of
+the arena, if nothing else is said), the one at ADDRESS, or a file in Rerun's window (xvfb, mesa's software driver).
 """
 
 import re
@@ -12,7 +12,9 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import cv2
@@ -118,8 +120,34 @@ def photograph(address: str, out: Path, timeout_s: float, satisfied: Callable[[P
             time.sleep(_LOOK_S)
 
 
+def _photograph_file(recording: Path) -> Picture:
+    """Return what Rerun's own window shows of a file, drawn in software without a screen."""
+    package = find_spec("rerun_cli")
+    assert package is not None
+    program = Path(str(package.origin)).with_name("rerun")
+    with TemporaryDirectory() as folder:
+        shot = Path(folder) / "shot.png"
+        size = f"{WIDTH}x{HEIGHT}"
+        command = ["xvfb-run", "-a", program, recording, "--screenshot-to", shot, "--window-size", size]
+        subprocess.run(command, check=True, timeout=300, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        bgr = cv2.resize(cv2.imread(str(shot)), (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+
+
+def _shrink(picture: Picture, out: Path) -> None:
+    """Save with 256 colours, and say what is missing."""
+    from PIL import Image
+
+    out.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(picture).quantize(256).save(out, optimize=True)
+    print(f"{out}: {out.stat().st_size / 1024:.0f} KiB, empty: {', '.join(empty_panels(picture)) or 'none'}")
+
+
 def main(out: str, source: str = "arena") -> None:
-    """Take the README's picture: of a whole run of `source`, or of the page at that address; few colours, so small."""
+    """Take the README's picture: of a whole run of `source`, of the page at that address, or of a file for Rerun."""
+    if source.endswith(".rrd"):
+        _shrink(_photograph_file(Path(source)), Path(out))
+        return
     run, address = None, source if source.startswith("http") else None
     if address is None:
         command = [sys.executable, "-m", "odom", "run", source, "--web", "--stay", "--out", "out/picture"]
@@ -133,10 +161,7 @@ def main(out: str, source: str = "arena") -> None:
     assert address is not None, "the run printed no address"
     Path(out).parent.mkdir(parents=True, exist_ok=True)
     picture = photograph(address, Path(out), _PATIENCE_S, lambda seen: False)  # all of it has loaded by then
-    from PIL import Image
-
-    Image.fromarray(picture).quantize(256).save(out, optimize=True)
-    print(f"{out}: {Path(out).stat().st_size / 1024:.0f} KiB, empty: {', '.join(empty_panels(picture)) or 'none'}")
+    _shrink(picture, Path(out))
     if run is not None:
         run.terminate()
         run.wait()

@@ -46,7 +46,18 @@ def bare_keyframe(number, T_map_camera, parent=None, covariance=None, segment=0)
     stamp, T = Stamp(1_000_000_000 * number), se3.inverse(T_map_camera)
     covariance = np.zeros((6, 6)) if covariance is None else covariance
     return Keyframe(
-        number, stamp, segment, T, none, none, np.zeros((0, 2)), nothing_measured(), Timing(), parent, covariance
+        number,
+        stamp,
+        segment,
+        T,
+        none,
+        none,
+        np.zeros((0, 2)),
+        nothing_measured(),
+        Timing(),
+        parent,
+        covariance,
+        covariance,
     )
 
 

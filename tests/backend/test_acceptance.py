@@ -1,0 +1,150 @@
+"""Whole recordings and walks through `odom run`, each figure beside its bar. Minutes long: `pytest -m slow -s` prints.
+
+Times are not asserted here: they are those of the machine at the moment (`odom bench pipeline` prints them).
+"""
+
+import json
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from odom.backend import Odometry, OdometrySettings
+from odom.evaluation.files import read_tum
+from odom.frame import Stamp
+from odom.registration import se3
+from sensors.arena import ArenaOptions, frame
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
+
+
+def run(out: Path, source: str, *arguments: str) -> dict:
+    command = [sys.executable, "-m", "odom", "run", source, "--headless", "--out", str(out), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=3500, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    return json.loads((out / "report.json").read_text())
+
+
+def arena(out: Path, **options: object) -> dict:
+    given = [f"--sensor-option=--option={name}={value}" for name, value in options.items()]
+    return run(out, "arena", *given)
+
+
+def hold(report: dict, **bars: tuple[str, float]) -> None:
+    """Print every figure beside its bar, then assert all of them."""
+    missed = []
+    for name, (relation, bar) in bars.items():
+        value = report[name]
+        holds = {"<=": value <= bar, ">=": value >= bar, "==": value == bar}[relation]
+        print(f"{name:16} {value:10.4f} {relation} {bar:g}{'' if holds else '   MISSED'}")
+        missed += [] if holds else [name]
+    assert not missed
+
+
+def hold_honesty(report: dict) -> None:
+    """The covariance of frame-to-frame and 1 s motions is neither too small nor too large."""
+    for name in ("nees_mean", "nees_inside_95"):
+        values = report[name]
+        for which, value in values.items() if isinstance(values, dict) else [("", values)]:
+            print(f"{name} {which}: {value:.3f}, bar {'3 .. 9' if name == 'nees_mean' else '>= .90'}")
+            assert 3.0 <= value <= 9.0 if name == "nees_mean" else value >= 0.90
+
+
+def test_fr1_xyz(shared_data, tmp_path):
+    report = run(tmp_path, str(shared_data / "tum_fr1_xyz"))
+    hold(
+        report,
+        ate_m=("<=", 0.009),
+        ate_online_m=("<=", 0.012),
+        rpe_1s_m=("<=", 0.015),
+        completeness=("==", 1.0),
+        segments=("==", 1),
+    )
+    hold_honesty(report)
+
+
+def test_fr1_rpy_part(shared_data, tmp_path):
+    report = run(tmp_path, str(shared_data / "tum_fr1_rpy_part"))
+    hold(
+        report,
+        ate_m=("<=", 0.018),
+        rpe_frame_deg=("<=", 0.44),
+        rpe_1s_m=("<=", 0.040),
+        completeness=(">=", 0.99),
+        segments=("==", 1),
+    )
+    hold_honesty(report)
+
+
+def test_arena_default_walk(tmp_path):
+    report = arena(tmp_path, exact_truth="true")
+    hold(report, ate_m=("<=", 0.008), loop_closures=(">=", 1), completeness=("==", 1.0), segments=("==", 1))
+    poses = read_tum(tmp_path / "trajectory.txt").T_world_body
+    away = se3.log(se3.inverse(poses[0]) @ poses[-1])  # the walk ends exactly where it began
+    metres, degrees = np.linalg.norm(away[:3]), np.rad2deg(np.linalg.norm(away[3:]))
+    print(f"last against first: {1e3 * metres:.2f} mm <= 5, {degrees:.3f} deg <= .2")
+    assert metres <= 0.005
+    assert degrees <= 0.2
+    hold_honesty(report)
+
+
+@pytest.mark.parametrize("kind", ["frames", "color", "depth"])
+def test_a_second_of_blackout_in_the_arena(tmp_path, kind):
+    undisturbed = arena(tmp_path / "undisturbed")
+    report = arena(tmp_path / "blackout", blackout=kind)
+    hold(report, ate_m=("<=", 1.5 * undisturbed["ate_m"]), segments=("==", 1))
+
+
+def test_no_false_closure_past_identical_rooms(tmp_path):
+    report = arena(tmp_path, walk="corridor")
+    hold(report, ate_m=("<=", 0.05), completeness=(">=", 0.99))
+
+
+def test_no_closure_between_two_rooms_joined(tmp_path):
+    report = arena(tmp_path, walk="joined")
+    truth, estimate = read_tum(tmp_path / "truth.txt"), read_tum(tmp_path / "trajectory.txt")
+    print(f"segments {report['segments']}, {len(estimate)} poses of {report['frames']}, truth {len(truth)}")
+    assert report["segments"] >= 2
+
+
+def test_a_minute_at_rest(tmp_path):
+    report = arena(tmp_path, walk="rest")
+    poses = read_tum(tmp_path / "trajectory.txt").T_world_body
+    away = np.array([se3.log(se3.inverse(poses[0]) @ T) for T in poses])
+    drift = away[-30:].mean(axis=0) - away[:30].mean(axis=0)
+    metres, degrees = np.linalg.norm(drift[:3]), np.rad2deg(np.linalg.norm(drift[3:]))
+    print(f"drift of the mean pose of a second: {1e3 * metres:.3f} mm <= 1, {degrees:.4f} deg <= .05")
+    print(f"farthest from the first: {1e3 * np.linalg.norm(away[:, :3], axis=1).max():.3f} mm")
+    hold(report, keyframes=("==", 1), completeness=("==", 1.0))
+    assert metres <= 0.001
+    assert degrees <= 0.05
+
+
+def test_ten_thousand_frames_of_laps_cost_the_same_at_the_end(tmp_path):
+    options = ArenaOptions(laps=11)
+    lap = [frame(options, k).rgbd() for k in range(960)]
+    odometry, cpu_ms, keyframes = Odometry(options.camera, OdometrySettings()), [], []
+    period = lap[1].stamp - lap[0].stamp
+    for k in range(10_000):
+        f, moved = lap[k % 960], (k // 960) * 960 * period
+        f = replace(f, sequence=k, stamp=Stamp(f.stamp + moved), depth_stamp=Stamp(f.depth_stamp + moved))
+        begun = time.thread_time()
+        estimate = odometry.process(f)
+        cpu_ms.append(1e3 * (time.thread_time() - begun))
+        keyframes.append(estimate.is_keyframe)
+    ratio = np.median(cpu_ms[-1000:]) / np.median(cpu_ms[:1000])
+    laps = [sum(keyframes[i : i + 960]) for i in range(0, 9600, 960)]
+    print(f"CPU p50 of the last 1000 frames against the first: {ratio:.2f} <= 1.2; key frames a lap {laps}")
+    assert ratio <= 1.2
+    assert laps[-1] <= 0.25 * laps[0] + 2
+
+
+def test_two_replays_leave_the_same_bytes(shared_data, tmp_path):
+    for name in ("a", "b"):
+        run(tmp_path / name, str(shared_data / "tum_fr1_rpy_part"))
+    for file in ("odometry.txt", "trajectory.txt", "relative_step.txt", "relative_second.txt"):
+        assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()

@@ -131,10 +131,10 @@ def test_stamps_are_host_time_without_drift_or_jitter_in_any_unit(kinects: Kinec
     finally:
         source.close()
     assert started - 1e9 < color[0] < color[-1] < ended
-    # What is left of 8 ms of jitter, once the first second's best pair is found.
-    later = np.array(color[40:], dtype=np.float64)
-    line = np.polyval(np.polyfit(np.arange(len(later)), later, 1), np.arange(len(later)))
-    assert np.abs(later - line).max() < 1.0e6
+    # Of 8 ms of jitter nothing is left between two frames, but where the estimate of the offset was bettered (how far
+    # that may go is tested in test_clock, on times that no machine's load disturbs). Lost frames leave whole periods.
+    intervals = np.diff(np.array(color[40:], dtype=np.int64)) / (1e9 / 30)
+    assert np.median(np.abs(intervals - np.round(intervals))) < 0.005
 
 
 def test_colour_and_depth_keep_their_offset(kinects: Kinects) -> None:
@@ -144,8 +144,8 @@ def test_colour_and_depth_keep_their_offset(kinects: Kinects) -> None:
         color, depth = split(list(islice(source.messages(), 150)))
     finally:
         source.close()
-    count = min(len(color), len(depth))
-    offset = [d.stamp - c.stamp for c, d in zip(color[30:count], depth[30:count], strict=True)]
+    stamps = np.array([c.stamp for c in color[30:]])
+    offset = [d.stamp - stamps[np.abs(stamps + 11_000_000 - d.stamp).argmin()] for d in depth[30:]]
     assert np.median(offset) == pytest.approx(11e6, abs=1e6)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.backend.estimate import RelativePose
-from odom.backend.history import Placed, relative_covariance, relative_pose
+from odom.backend.history import Placed, covariance_since_start, relative_covariance, relative_pose
 from odom.backend.keyframes import Keyframe
 from odom.backend.motion import Motion
 from odom.backend.selfcheck import SelfCheck
@@ -133,10 +133,5 @@ class CausalTrajectory:
         self._motion = None
 
     def covariance_since_start(self, publication: Publication, check: SelfCheck) -> Array | None:
-        """Return the 6 x 6 covariance (`se3`) of a pose since its segment began, None for one without a key frame."""
-        if publication.placed.keyframe is None:
-            return None
-        segment = self._keyframes[publication.placed.keyframe].segment
-        first = next(k for k in self._keyframes if k.segment == segment)
-        origin = Placed(first.stamp, segment, 0.0, first.number, np.eye(4), np.zeros((6, 6)))
-        return relative_covariance(self._keyframes, origin, publication.placed, check.calibration_error)
+        """Return the 6 x 6 covariance (`se3`) of a published pose since its segment began."""
+        return covariance_since_start(self._keyframes, publication.placed, check.calibration_error)

@@ -82,6 +82,18 @@ def relative_covariance(
     return np.asarray(parted * ends + A_b @ between @ A_b.T + calibration)
 
 
+def covariance_since_start(keyframes: list[Keyframe], placed: Placed, calibration_error: float) -> Array | None:
+    """Return the 6 x 6 covariance (`se3`, camera frame) of a pose since its segment began, None where LOST."""
+    if placed.keyframe is None or placed.T_keyframe_camera is None or placed.covariance is None:
+        return None
+    keyframe = keyframes[placed.keyframe]
+    first = next(k for k in keyframes if k.segment == keyframe.segment)
+    T_first_keyframe = first.T_camera_map @ se3.inverse(keyframe.T_camera_map)
+    moved = calibration_error * se3.log(T_first_keyframe @ placed.T_keyframe_camera)
+    own = (1.0 + _SHARED) * placed.covariance + float(moved @ moved) * np.eye(6)
+    return se3.compose_covariance(keyframe.covariance_since_start, placed.T_keyframe_camera, own)
+
+
 def relative_pose(
     T_odom_earlier: Array, T_odom_current: Array, covariance: Array | None, stamp_earlier: Stamp, inliers: int
 ) -> RelativePose | None:

@@ -35,6 +35,7 @@ class Keyframe:
     timing: Timing
     parent: int | None
     covariance_parent: Array
+    covariance_since_start: Array
 
     def current(self, landmarks: Landmarks) -> NDArray[np.bool_]:
         """Return which of the measured landmarks are still in the map (n)."""

@@ -77,6 +77,7 @@ class Map:
             timing,
             parent,
             covariance_parent,
+            self._covariance_since_start(T_camera_map, parent, covariance_parent),
         )
         self.keyframes.append(keyframe)
         anchors, shared = np.unique(self.landmarks.keyframe[rows], return_counts=True)
@@ -84,6 +85,14 @@ class Map:
         for other in [int(a) for a in anchors[shared >= _LINKED]] + ([] if parent is None else [parent]):
             self.link(number, other)
         return keyframe
+
+    def _covariance_since_start(self, T_camera_map: Array, parent: int | None, covariance_parent: Array) -> Array:
+        if parent is None:
+            return covariance_parent
+        T_parent_keyframe = self.keyframes[parent].T_camera_map @ se3.inverse(T_camera_map)
+        return se3.compose_covariance(
+            self.keyframes[parent].covariance_since_start, T_parent_keyframe, covariance_parent
+        )
 
     def link(self, a: int, b: int) -> None:
         """Let the landmarks of key frames `a` and `b` be looked for together."""

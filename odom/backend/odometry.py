@@ -30,6 +30,7 @@ Index = NDArray[np.int64]
 _LEAST_INLIERS, _SURE_INLIERS = 15, 30
 _FASTEST_M_S, _FASTEST_RAD_S = 5.0, 12.0
 _LONGEST_GAP_S = 0.2
+_LEAP_S = 1.0
 _MANY, _SHARE_LEFT, _VERY_FEW = 150, 0.85, 50
 _SHARE_COVERED, _COVER_PX = 0.55, 40
 _MOVED_M, _MOVED_RAD = 0.015, 0.02
@@ -80,13 +81,14 @@ class Odometry:
     def process(self, frame: RgbdFrame) -> Estimate:
         """Return the estimate for the next frame.
 
-        Raises InputError for a frame whose size is not the camera's, or whose stamp is not after the last one's.
+        Raises InputError for a frame whose size is not the camera's, or whose stamp is the last one's or up to a
+        second before it; a leap further back is a new time, in which the camera has to be found again.
         """
         if frame.depth_mm.shape != (self._camera.height, self._camera.width):
             raise InputError(
                 f"a frame of {frame.depth_mm.shape[::-1]} pixels from {self._camera}: give that camera's own"
             )
-        if self._causal.since_last_s(frame.stamp) <= 0.0:
+        if -_LEAP_S <= self._causal.since_last_s(frame.stamp) <= 0.0:
             raise InputError(f"frame {frame.sequence} is not later than the one before: give frames in order of time")
         watch = Stopwatch()
         images = FrameImages.of(frame.color)
@@ -102,7 +104,7 @@ class Odometry:
             watch.lap("relocalise")
         if tracked is not None:
             estimate = self._advance(frame, images, tracked, is_recovered, watch)
-        elif not was_lost and self._since_previous_s(frame) <= self.settings.bridge_s:
+        elif not was_lost and 0.0 < self._since_previous_s(frame) <= self.settings.bridge_s:
             estimate = self._bridge(frame)
         else:
             estimate = self._lose(frame, images)
@@ -317,7 +319,7 @@ class Odometry:
 
     def _lose(self, frame: RgbdFrame, images: FrameImages) -> Estimate:
         """Say that the frame has no pose, or begin a new segment where none can be hoped for."""
-        if self._causal.frames:
+        if 0.0 < self._causal.since_last_s(frame.stamp) < _LEAP_S:
             self._sight_s += self._causal.since_last_s(frame.stamp)
         if self._segment < 0 or self._sight_s > self.settings.new_segment_s:
             estimate = self._begin_segment(frame, images)

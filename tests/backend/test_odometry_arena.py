@@ -120,15 +120,16 @@ def test_frames_out_of_order_are_refused_and_leave_no_trace(arena):
     for k, f in enumerate(frames):
         estimates.append(odometry.process(f))
         if k == 30:
-            for wrong in (frames[30], frames[29], frames[10], replace(f, stamp=Stamp(f.stamp - 3_600_000_000_000))):
+            for wrong in (frames[30], frames[29], frames[10]):
                 with pytest.raises(InputError, match="order"):
                     odometry.process(wrong)
     with_refusals = Ran(tuple(estimates), odometry.finish(), odometry.timing)
     assert numbers(with_refusals) == numbers(run(arena[0], frames))
 
 
-def test_stamps_that_leap_an_hour_ahead_do_not_end_the_odometry(arena):
-    hour = 3_600_000_000_000
+@pytest.mark.parametrize("hours", [1, -1])
+def test_stamps_that_leap_an_hour_do_not_end_the_odometry(arena, hours):
+    hour = hours * 3_600_000_000_000
     first, second = arena[1][:30], [f.rgbd() for f in arena[1][30:50]]
     moved = [replace(f, stamp=Stamp(f.stamp + hour), depth_stamp=Stamp(f.depth_stamp + hour)) for f in second]
     ran = run(arena[0], [*(f.rgbd() for f in first), *moved])

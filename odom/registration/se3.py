@@ -69,7 +69,7 @@ def inverse(T: Array) -> Array:
 
 
 def orthonormal(T: Array) -> Array:
-    """Return `T` with its rotation brought back onto SO(3), for one that has drifted off by rounding (one Newton step)."""
+    """Return `T` with its rotation brought back onto SO(3) from a drift by rounding (one Newton step)."""
     R = T[:3, :3]
     out = T.copy()
     out[:3, :3] = 0.5 * R @ (3.0 * np.eye(3) - R.T @ R)

@@ -35,7 +35,7 @@ _MANY, _SHARE_LEFT, _VERY_FEW = 150, 0.85, 50
 _SHARE_COVERED, _COVER_PX = 0.55, 40
 _MOVED_M, _MOVED_RAD = 0.015, 0.02
 _LEAST_CORNERS = 50
-_LEAST_DEEP = 0.05
+_LEAST_DEEP, _LONGEST_SHALLOW_S = 0.05, 0.15
 _CHECK_EVERY = 4
 _CLOUD = 20_000
 
@@ -72,6 +72,7 @@ class Odometry:
         self._followed: tuple[Index, Array] = (np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
         self._seen_at_keyframe: tuple[int, int] | None = None
         self._sight_s = 0.0
+        self._deep_stamp = Stamp(0)
 
     @property
     def timing(self) -> Timing:
@@ -243,7 +244,10 @@ class Odometry:
             pairwise = register_successive(previous.tracked, previous.frame.stamp, tracked)
         watch.lap("pairwise")
         rows, uv = tracked.rows[tracked.inliers], tracked.uv[tracked.inliers]
-        is_keyframe = self._needs_keyframe(uv)
+        is_deep = np.count_nonzero(tracked.chi2[tracked.inliers, 1]) >= _LEAST_DEEP * inliers
+        if is_deep:
+            self._deep_stamp = frame.stamp
+        is_keyframe = bool(is_deep) and self._needs_keyframe(uv)
         if is_keyframe:
             rows, uv = self._add_keyframe(frame, images, tracked, covariance)
         self._followed = (rows, uv)
@@ -254,7 +258,7 @@ class Odometry:
             state, reason = State.RECOVERED, f"place recognised: {inliers} landmarks found again"
         elif inliers < _SURE_INLIERS:
             state, reason = State.UNCERTAIN, f"only {inliers} landmarks found again"
-        elif np.count_nonzero(tracked.chi2[tracked.inliers, 1]) < _LEAST_DEEP * inliers:
+        elif (frame.stamp - self._deep_stamp) * 1e-9 > _LONGEST_SHALLOW_S:
             state, reason = State.UNCERTAIN, "hardly any depth: tracked by known landmarks alone"
         residual = np.where(tracked.inliers, np.sqrt(tracked.chi2[:, 0]), np.nan)
         return self._estimate(
@@ -343,6 +347,7 @@ class Odometry:
         self._previous = _Previous(frame, images, None, None)
         self._sight_s = 0.0
         T_odom_camera = se3.inverse(self._T_map_odom) @ se3.inverse(self._T_camera_map)
+        self._deep_stamp = frame.stamp
         published = self._causal.begin(frame.stamp, self._segment, self._near, T_odom_camera)
         state = State.TRACKING if is_first else State.RECOVERED
         reason = "" if is_first else "new segment: no known place recognised"

@@ -142,7 +142,7 @@ class Tally:
 
     def report(self) -> dict[str, object]:
         """Return the odometry's entries of report.json; what was not measured is None."""
-        offered = self.frames + self.lost_frames + self.unmatched_frames
+        offered = self.frames + self.lost_frames
         return {
             "frames": self.frames,
             "tracked": self.tracked,

@@ -3,6 +3,8 @@
 import logging
 from collections import Counter
 
+import numpy as np
+
 from odom.errors import WireError
 from odom.frame import Camera, RgbdFrame
 from odom.wire.codec import decode_camera_info, decode_color, decode_depth
@@ -17,7 +19,8 @@ log = logging.getLogger(__name__)
 class FrameAssembler:
     """Turns one device's messages into frames; pure but for its log lines, and deterministic.
 
-    `malformed` counts refusals by key, the first of each is logged; `camera` is the latest calibration.
+    Every colour image becomes a frame: one that has no depth image gets an empty one. `malformed` counts refusals by
+    key, the first of each is logged; `camera` is the latest calibration.
     """
 
     def __init__(self, topics: Topics, grey: bool = False, period_s: float | None = None) -> None:
@@ -25,7 +28,7 @@ class FrameAssembler:
         self.malformed: Counter[str] = Counter()
         self._topics = topics
         self._grey = grey
-        self._pairer: Pairer[Color, Depth] = Pairer(period_s)
+        self._pairer: Pairer[Color, Depth] = Pairer(period_s, singles=True)
         self._sequence = 0
 
     @property
@@ -58,13 +61,14 @@ class FrameAssembler:
         frames = []
         for pair in pairs:
             camera, size = self.camera, pair.color.shape[:2]
-            if pair.depth.shape != size:
-                self._refuse(self._topics.depth, f"depth of {pair.depth.shape} is not registered to colour of {size}")
+            depth = np.zeros(size, dtype=np.uint16) if pair.depth is None else pair.depth
+            if depth.shape != size:
+                self._refuse(self._topics.depth, f"depth of {depth.shape} is not registered to colour of {size}")
                 continue
             if camera is not None and (camera.height, camera.width) != size:
                 self._refuse(self._topics.camera_info, f"calibration is not that of colour of {size}: {camera}")
                 continue
-            frames.append(RgbdFrame(self._sequence, pair.color_stamp, pair.color, pair.depth_stamp, pair.depth))
+            frames.append(RgbdFrame(self._sequence, pair.color_stamp, pair.color, pair.depth_stamp, depth))
             self._sequence += 1
         return tuple(frames)
 

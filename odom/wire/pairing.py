@@ -30,12 +30,15 @@ _LONGEST = 1.3
 
 @dataclass(frozen=True, eq=False)
 class Pair(Generic[C, D]):
-    """A colour and a depth image that belong together; `leap` on the first pair behind a leap of the stamps."""
+    """A colour and a depth image that belong together; `leap` on the first pair behind a leap of the stamps.
+
+    `depth` is None for a colour image that stayed single, where those are asked for; `depth_stamp` is then its own.
+    """
 
     color_stamp: Stamp
     color: C
     depth_stamp: Stamp
-    depth: D
+    depth: D | None
     leap: bool = False
 
 
@@ -126,10 +129,12 @@ class Pairer(Generic[C, D]):
 
     `period_s` is the colour period; None measures it: a long one (the 90 % quantile) of the last 30 intervals, since
     half of the interval around it is how far off an image can lie, but no more than 1.3 times a short one (25 %),
-    since the longest are where images are missing; 1/30 s at the beginning.
+    since the longest are where images are missing; 1/30 s at the beginning. With `singles`, a colour image that has no
+    depth image is returned too, in its place.
     """
 
-    def __init__(self, period_s: float | None = None, capacity: int = 32) -> None:
+    def __init__(self, period_s: float | None = None, capacity: int = 32, singles: bool = False) -> None:
+        self._singles = singles
         self.counters = PairingCounters()
         self._fixed_period = None if period_s is None else period_s * 1e9
         self._capacity = capacity
@@ -149,7 +154,8 @@ class Pairer(Generic[C, D]):
     def finish(self) -> list[Pair[C, D]]:
         """Return the last pairs when no more images come; what stays is single."""
         pairs = self._match(final=True)
-        self._color.drop(len(self._color.waiting))
+        while self._color.waiting:
+            self._leave_single(self._color, pairs)
         self._depth.drop(len(self._depth.waiting))
         self._count_single()
         return pairs
@@ -163,14 +169,14 @@ class Pairer(Generic[C, D]):
             apart = abs(color.stamp - depth.stamp)
             early: _Stream[C] | _Stream[D] = self._color if color.stamp <= depth.stamp else self._depth
             if apart > (self._fixed_period or color.period) / 2:
-                early.drop()
+                self._leave_single(early, pairs)
                 continue
             # a rival is a later image of the stream that came first; its regular intervals leave no room for one
             if 2 * apart >= early.waiting[0].shortest:
                 if len(early.waiting) < 2 and not final:
                     break
                 if len(early.waiting) >= 2 and abs(early.waiting[1].stamp - max(color.stamp, depth.stamp)) < apart:
-                    early.drop()
+                    self._leave_single(early, pairs)
                     continue
             colors.popleft()
             depths.popleft()
@@ -178,10 +184,18 @@ class Pairer(Generic[C, D]):
             self._color.leapt = self._depth.leapt = False
             self.counters.pairs += 1
             pairs.append(Pair(color.stamp, color.item, depth.stamp, depth.item, leap))
-        self._color.drop(len(colors) - self._capacity)
+        while len(colors) > self._capacity:
+            self._leave_single(self._color, pairs)
         self._depth.drop(len(depths) - self._capacity)
         self._count_single()
         return pairs
+
+    def _leave_single(self, stream: _Stream[C] | _Stream[D], pairs: list[Pair[C, D]]) -> None:
+        """Give up on the oldest waiting image of a stream; a colour image may go out alone."""
+        if self._singles and stream is self._color:
+            color = self._color.waiting[0]
+            pairs.append(Pair(color.stamp, color.item, color.stamp, None))
+        stream.drop()
 
     def _forget_what_a_leap_left(self) -> None:
         """After a leap back: what waits from before it, in either stream, can have no partner any more."""

@@ -15,7 +15,7 @@ import typer
 
 from odom.cli import app
 
-UNITS = sorted((Path(__file__).parents[2] / "deploy").glob("*.service"))
+UNITS = sorted((Path(__file__).parents[2] / "odom" / "service" / "systemd").glob("*.service"))
 PROGRAM = "/opt/odom/bin/odom"
 
 

@@ -65,7 +65,9 @@ class ArenaSource:
         if self._options.live:
             begin = time.time_ns() + START_IN_NS - round(self._options.start * 1e9)
             arena = replace(arena, start=Stamp(begin))
-        yield encode_camera_info(self._options.topics.camera_info, arena.start, arena.camera)
+        yield encode_camera_info(
+            self._options.topics.camera_info, arena.start, arena.camera, self._options.topics.frame_camera
+        )
         waiting: list[tuple[Stamp, int, Message]] = []
         serial = count()
         with ThreadPoolExecutor(1) as pool:
@@ -107,14 +109,16 @@ class ArenaSource:
         topics = self._options.topics
         if self._options.color == "jpeg":
             quality = self._arena.jpeg_quality
-            yield encode_color_jpeg(topics.color_compressed, shot.stamp, shot.rgb, quality=quality)
+            yield encode_color_jpeg(topics.color_compressed, shot.stamp, shot.rgb, topics.frame_camera, quality)
         else:
-            yield encode_color(topics.color, shot.stamp, shot.rgb)
+            yield encode_color(topics.color, shot.stamp, shot.rgb, topics.frame_camera)
         if self._options.depth == "raw":
-            yield encode_depth(topics.depth, shot.depth_stamp, shot.depth_mm)
+            yield encode_depth(topics.depth, shot.depth_stamp, shot.depth_mm, topics.frame_camera)
         else:
             codec = self._options.depth
-            yield encode_depth_compressed(topics.depth_compressed, shot.depth_stamp, shot.depth_mm, codec=codec)
+            yield encode_depth_compressed(
+                topics.depth_compressed, shot.depth_stamp, shot.depth_mm, topics.frame_camera, codec
+            )
         if self._arena.exact_truth:
             yield encode_pose(truth(EXACT_BODY), shot.stamp, shot.T_world_camera, WORLD_FRAME)
 

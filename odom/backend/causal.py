@@ -17,7 +17,7 @@ from odom.registration import se3
 Array = NDArray[np.float64]
 
 _RECENT = 64
-_SECOND_S, _NEAR_A_SECOND_S = 1.0, 0.025
+_SECOND_S, _NEAR_A_SECOND_S = 1.0, 0.075
 _BRIDGE_SIGMA = np.array([0.5, 0.5, 0.5, 1.0, 1.0, 1.0])
 """How fast a predicted pose gets worse: m/s and rad/s."""
 

@@ -248,4 +248,3 @@ class Mapper:
             if sum(k.segment == segment for k in self.map.keyframes) >= 2:
                 adjustment = window.everything(self.map, segment, self.timing, self._timing_information)
                 self._take_over(adjustment, adjustment.run())
-        self._pool.shutdown()

@@ -29,7 +29,7 @@ Index = NDArray[np.int64]
 
 _LEAST_INLIERS, _SURE_INLIERS = 15, 30
 _FASTEST_M_S, _FASTEST_RAD_S = 5.0, 12.0
-_LONGEST_GAP_S = 0.2
+_LONGEST_GAP_S, _LONGEST_GAP_PERIODS = 0.2, 2.5
 _LEAP_S = 1.0
 _MANY, _SHARE_LEFT, _VERY_FEW = 150, 0.85, 50
 _SHARE_COVERED, _COVER_PX = 0.55, 40
@@ -174,7 +174,7 @@ class Odometry:
     def _follow(self, frame: RgbdFrame, images: FrameImages, watch: Stopwatch) -> Tracked | None:
         """Return the frame tracked on from the previous one, None where that fails."""
         dt = self._since_previous_s(frame)
-        if self._previous is None or not 0.0 < dt < _LONGEST_GAP_S:
+        if self._previous is None or not 0.0 < dt < max(_LONGEST_GAP_S, _LONGEST_GAP_PERIODS * self._check.period_s):
             return None
         T_predicted = se3.exp(-self._twist * dt) @ self._T_camera_map
         rows, uv = self._followed

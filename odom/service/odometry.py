@@ -14,13 +14,14 @@ from odom.service.files import RunFiles
 from odom.service.intake import Arrival, EndArrival, FrameArrival, Intake, TruthArrival
 from odom.service.settings import Settings
 from odom.service.startup import notify_service_manager, warm_up
-from odom.service.tally import Tally
+from odom.service.tally import Tally, closing_fields
 from odom.wire import Topics
 from odom.wire.session import WireSession, open_session
 
 _LOG = logging.getLogger(__name__)
-_POLL_S = 0.1
+_POLL_S = 0.05
 _SILENCE_S = 1.0
+_LOST_AFTER_S, _LOST_AFTER_PERIODS = 0.12, 2.5
 
 
 def serve(settings: Settings, files: RunFiles | None, stop: threading.Event, until_end: bool) -> None:
@@ -57,6 +58,7 @@ class OdometryProcess:
         self._last: Estimate | None = None
         self._last_at = time.monotonic()
         self._unsaved = False
+        self._is_live = False
         self._refused = 0
         self._sensor = ""
         self._alive = topics.alive
@@ -116,14 +118,19 @@ class OdometryProcess:
         self._tally.add(estimate, frame, processing_ms, latency_ms)
         self._tell_changes(estimate)
         self._last, self._last_at, self._unsaved = estimate, time.monotonic(), True
+        self._is_live = origin is not None
         self._announcer.pictures(estimate)
         if self._announcer.status_is_due(self._state):
             self._publish_status()
 
     @property
     def _state(self) -> State | None:
-        silent = time.monotonic() - self._last_at > _SILENCE_S
-        return None if silent or self._last is None else self._last.state
+        silent_s = time.monotonic() - self._last_at
+        if self._last is None or silent_s > _SILENCE_S:
+            return None
+        period_s = 1.0 / max(self._tally.recent_fps, 1.0)
+        is_missed = self._is_live and silent_s > max(_LOST_AFTER_S, _LOST_AFTER_PERIODS * period_s)
+        return State.LOST if is_missed else self._last.state
 
     def _tell_changes(self, estimate: Estimate) -> None:
         before = self._last.state if self._last is not None else None
@@ -134,7 +141,8 @@ class OdometryProcess:
         self._count_input()
         last, silent_s = self._last, time.monotonic() - self._last_at
         state = self._state
-        reason = last.reason if last is not None and state is not None else f"no frame for {silent_s:.0f} s"
+        is_told = last is not None and state is last.state
+        reason = last.reason if last is not None and is_told else f"no frame for {silent_s:.1f} s"
         values = {"state": state.value if state is not None else "WAITING", "reason": reason, "sensor": self._sensor}
         if last is not None:
             values |= {"segment": str(last.segment), "inliers": str(last.inliers), "matches": str(last.matches)}
@@ -164,7 +172,10 @@ class OdometryProcess:
         self._unsaved = False
         begun = time.perf_counter()
         self._files.write_trajectory(self._odometry.finish())
-        report = self._tally.report() | {"finish_s": round(time.perf_counter() - begun, 3)}
+        report = self._tally.report() | {
+            "finish_s": round(time.perf_counter() - begun, 3),
+            "closing": closing_fields(self._odometry.closing_test()),
+        }
         write_json(self._files.folder / "report.json", report)
 
 

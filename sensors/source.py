@@ -1,11 +1,10 @@
-"""What every sensor, folder and recording looks like to the sensor process, and how a SOURCE is found."""
+"""What every sensor, folder and recording looks like to the sensor process."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
-from odom.errors import ConfigError, SourceError
 from odom.wire import Message, Topics
 
 
@@ -52,45 +51,3 @@ class SourceOptions:
     seconds: float | None = None
     live: bool = False
     extra: tuple[tuple[str, str], ...] = ()
-
-
-def open_source(spec: str, options: SourceOptions) -> Source:
-    """Open the SOURCE `spec`.
-
-    It is `arena`, `kinect[:URI]`, `kinect:FILE.oni`, an .mcap recording, a ROS 2 bag folder or a TUM RGB-D folder;
-    for truth alone `optitrack:SERVER` or a CSV file exported from Motive.
-
-    Raises ConfigError when `spec` is none of these, SourceError when it cannot be opened.
-    """
-    if options.loop:
-        from sensors.loop import LoopedSource
-
-        once = replace(options, loop=False)
-        return LoopedSource(lambda: open_source(spec, once))
-    if spec == "arena":
-        from sensors.arena import open_arena
-
-        return open_arena(options)
-    if spec == "kinect" or spec.startswith("kinect:"):
-        from sensors.openni2 import open_kinect
-
-        return open_kinect(spec, options)
-    if spec.startswith("optitrack:") or spec.endswith(".csv"):
-        from sensors.optitrack import open_optitrack
-
-        return open_optitrack(spec, options)
-    path = Path(spec)
-    if (path / "rgb.txt").is_file():
-        from sensors.tum import open_tum
-
-        return open_tum(path, options)
-    if (path.suffix == ".mcap" and path.is_file()) or (path / "metadata.yaml").is_file():
-        from sensors.replay import open_recording
-
-        return open_recording(path, options)
-    if path.exists():
-        raise ConfigError(
-            f"{spec} is neither an .mcap recording, a ROS 2 bag folder (with metadata.yaml) nor a TUM RGB-D folder "
-            "(with rgb.txt and depth.txt)"
-        )
-    raise SourceError(f"{spec}: no such file or folder; a SOURCE is arena, kinect, an .mcap file or a TUM RGB-D folder")

@@ -100,7 +100,8 @@ def pipeline(
     from odom.service.settings import load_settings
     from odom.service.startup import warm_up
     from odom.wire import Topics
-    from sensors.source import SourceOptions, open_source
+    from sensors.catalogue import open_source
+    from sensors.source import SourceOptions
 
     topics, settings = Topics(), load_settings(config).odometry
     options = SourceOptions(topics=topics, camera=camera, start=start, end=end, seconds=seconds, seed=seed)

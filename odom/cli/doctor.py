@@ -48,7 +48,8 @@ def doctor(
     from odom.cli.counting import counting
     from odom.cli.wiring import pairs
     from odom.evaluation.diagnosis import Verdict, examine
-    from sensors.source import SourceOptions, open_source
+    from sensors.catalogue import open_source
+    from sensors.source import SourceOptions
 
     cv2.setNumThreads(1)
     stop = signals.stop_event()

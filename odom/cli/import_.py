@@ -34,7 +34,8 @@ def import_(
     from odom.errors import RecordingError
     from odom.wire import Topics
     from odom.wire.recording import RecordingWriter
-    from sensors.source import SourceOptions, open_source
+    from sensors.catalogue import open_source
+    from sensors.source import SourceOptions
 
     cv2.setNumThreads(1)
     stop = signals.stop_event()

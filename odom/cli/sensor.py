@@ -50,8 +50,9 @@ def sensor(
     from odom.cli.wiring import pairs, wire_settings
     from odom.wire import Topics
     from odom.wire.session import open_session
+    from sensors.catalogue import open_source
     from sensors.process import SensorProcess
-    from sensors.source import SourceOptions, open_source
+    from sensors.source import SourceOptions
 
     cv2.setNumThreads(1)
     stop = signals.stop_event()

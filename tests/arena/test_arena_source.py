@@ -10,7 +10,8 @@ from odom.wire.assembler import FrameAssembler
 from odom.wire.codec import decode_pose
 from odom.wire.recording import RecordingReader
 from sensors.arena import ArenaOptions, frame, open_arena
-from sensors.source import SourceOptions, open_source
+from sensors.catalogue import open_source
+from sensors.source import SourceOptions
 
 RECORDING = Path(__file__).parents[2] / "recordings" / "arena.mcap"
 

@@ -14,7 +14,8 @@ from odom.frame import Camera, RgbdFrame
 from odom.wire import Topics
 from odom.wire.assembler import FrameAssembler
 from sensors.arena import ArenaFrame, ArenaOptions, frame
-from sensors.source import SourceOptions, open_source
+from sensors.catalogue import open_source
+from sensors.source import SourceOptions
 
 ARENA_FRAMES = 105
 

@@ -18,7 +18,8 @@ from odom.evaluation.diagnosis import Recording, Verdict, examine
 from odom.evaluation.diagnosis.timing import judge_rhythm, rhythm
 from odom.frame import RgbdFrame
 from odom.wire import Topics
-from sensors.source import SourceOptions, open_source
+from sensors.catalogue import open_source
+from sensors.source import SourceOptions
 
 SECONDS = 8.0
 

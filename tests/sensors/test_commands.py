@@ -22,8 +22,9 @@ from odom.wire.flow import Consumer
 from odom.wire.recording import RecordingReader
 from odom.wire.session import WireSession, open_session
 from odom.wire.settings import ANY_LOCAL_PORT
+from sensors.catalogue import open_source
 from sensors.process import SensorProcess
-from sensors.source import SourceOptions, open_source
+from sensors.source import SourceOptions
 
 TOPICS = Topics()
 KEYS = (TOPICS.color_compressed, TOPICS.depth, TOPICS.camera_info, "truth/**")

@@ -19,8 +19,9 @@ from odom.wire.codec import encode_camera_info, encode_color, encode_depth
 from odom.wire.flow import Consumer
 from odom.wire.session import open_session
 from odom.wire.settings import ANY_LOCAL_PORT
+from sensors.catalogue import open_source
 from sensors.process import SensorProcess
-from sensors.source import SourceOptions, open_source
+from sensors.source import SourceOptions
 
 TOPICS = Topics()
 KEYS = (TOPICS.color, TOPICS.color_compressed, TOPICS.depth, TOPICS.camera_info)

@@ -12,7 +12,8 @@ from odom.wire.assembler import FrameAssembler
 from odom.wire.codec import cdr, decode_depth, decode_pose
 from odom.wire.pairing import Pairer
 from sensors.calibration import load_calibration
-from sensors.source import SourceOptions, open_source
+from sensors.catalogue import open_source
+from sensors.source import SourceOptions
 from sensors.tum import depth_table, read_list
 
 CAMERA = """image_width: 32

@@ -23,7 +23,8 @@ from odom.wire.codec import (
     encode_pose,
     images,
 )
-from sensors.source import SourceOptions, open_source
+from sensors.catalogue import open_source
+from sensors.source import SourceOptions
 
 CAMERA = Camera(64, 48, 50.0, 51.0, 31.0, 23.0, (0.1, 0.0, 0.0, 0.0, 0.0))
 FRAMES = 6

@@ -14,10 +14,10 @@ Stamps = list[int]
 
 
 def run(
-    color: Stamps, depth: Stamps, order: random.Random | None = None
+    color: Stamps, depth: Stamps, order: random.Random | None = None, singles: bool = False
 ) -> tuple[list[tuple[int, int]], Pairer[int, int]]:
     """Feed two streams, merged by stamp or in a random interleaving that keeps each stream's order."""
-    pairer: Pairer[int, int] = Pairer()
+    pairer: Pairer[int, int] = Pairer(singles=singles)
     pairs: list[Pair[int, int]] = []
     i = j = 0
     while i < len(color) or j < len(depth):
@@ -72,6 +72,13 @@ def test_pairs_are_one_to_one_in_order_and_within_reach(two: tuple[Stamps, Stamp
     counters = pairer.counters
     assert counters.pairs + counters.color_single == len(two[0])
     assert counters.pairs + counters.depth_single == len(two[1])
+
+
+@given(streams(), st.integers(0, 2**32))
+def test_with_singles_every_colour_image_comes_out_once_in_order(two: tuple[Stamps, Stamps], seed: int) -> None:
+    everything, _ = run(*two, random.Random(seed), singles=True)
+    assert [color for color, _ in everything] == two[0]
+    assert set(run(*two)[0]) <= set(everything)
 
 
 @given(streams())

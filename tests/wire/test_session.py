@@ -58,6 +58,7 @@ def test_newest_wins_when_the_receiver_is_slow(open_peer: OpenSession) -> None:
     sender, receiver = open_peer(), open_peer()
     subscriber = receiver.subscriber(["a", "b"], depth=3)
     meet(sender, "a")
+    meet(sender, "b")
     publisher = sender.publisher()
     for i in range(10):
         publisher.put(encode_text("a", Stamp(i), str(i)))

@@ -13,7 +13,7 @@ from odom.registration import se3
 
 Array = NDArray[np.float64]
 
-_ACCELERATION = np.array([2.0, 2.0, 2.0, 6.0, 6.0, 6.0])
+_ACCELERATION = np.array([2.0, 2.0, 2.0, 12.0, 12.0, 12.0])
 """One sigma of a hand-held camera's acceleration: m/s^2 and rad/s^2."""
 _TWIST_SIGMA = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
 

@@ -98,8 +98,13 @@ class Crew:
         self.children = {name: self._start(name, arguments, environment) for name, arguments in _commands(plan)}
 
     def work(self, stop: threading.Event) -> Child | None:
-        """Wait for the end of the source; return the child that died before, None when none did."""
+        """Wait for the end of the source; return the child that died before, None when none did.
+
+        A dead sensor, odometry or recorder ends the work; without its viewer it goes on.
+        """
         sensor, odometry = self.children["sensor"], self.children["odometry"]
+        viewer = self.children.get("viewer")
+        viewer_is_missed = False
         while odometry.poll() is None:
             self._show_progress()
             if stop.is_set():
@@ -107,9 +112,12 @@ class Crew:
                 odometry.stop(self._patience_s)
                 return None
             dead = [child for child in self.children.values() if child.died]
-            if dead:
-                return dead[0]
-        return odometry if odometry.died else None
+            if any(child is not viewer for child in dead):
+                return next(child for child in dead if child is not viewer)
+            if viewer in dead and not viewer_is_missed and viewer is not None:
+                viewer_is_missed = True
+                self._display.say("run", f"the viewer {viewer.ending()}; the run goes on without it")
+        return next((child for child in (odometry, viewer) if child is not None and child.died), None)
 
     def keep_viewer(self, stop: threading.Event) -> None:
         """Let people look until `stop` is set or the viewer is closed."""

@@ -46,7 +46,7 @@ TRUTH_FIELDS = {
     "time_offset_s",
     "hand_eye",
 }
-ROLES = {"sensor": "sensor", "odometry": "serve", "recorder": "record"}
+ROLES = {"sensor": "sensor", "odometry": "serve", "recorder": "record", "viewer": "view"}
 
 
 RECORDING = Path(__file__).parents[2] / "recordings" / "arena.mcap"
@@ -153,6 +153,18 @@ def test_a_killed_child_is_named_at_once_and_the_rest_is_saved(
     assert (tmp_path / "odometry.txt").read_text().endswith("\n")
     assert (tmp_path / "report.json").exists()
     assert (tmp_path / "trajectory.txt").exists() == (role != "odometry")
+
+
+def test_a_run_goes_on_without_its_viewer_and_says_so(odom: Start, eventually: Eventually, tmp_path: Path) -> None:
+    run = odom("run", RECORDING, "--rrd", "--out", tmp_path)
+    eventually(lambda: lines(tmp_path / "odometry.txt") > 10, 120, "poses")
+    viewer = child(run, "viewer")
+    assert viewer is not None
+    viewer.kill()
+    words, _ = run.communicate(timeout=120)
+    assert run.returncode == 1
+    assert "the viewer was killed by SIGKILL; the run goes on" in words
+    assert len(read_tum(tmp_path / "trajectory.txt")) == 241
 
 
 def test_children_do_not_outlive_a_killed_run(odom: Start, eventually: Eventually, tmp_path: Path) -> None:

@@ -142,12 +142,12 @@ def _reduce(
         c01 = V[0, 2] * V[2, 1] - V[0, 1] * V[2, 2]
         c02 = V[0, 1] * V[1, 2] - V[0, 2] * V[1, 1]
         determinant = V[0, 0] * c00 + V[1, 0] * c01 + V[2, 0] * c02
-        I = V_inverse[point]  # noqa: E741  the inverse of V, as in the article
-        I[0, 0], I[0, 1], I[0, 2] = c00 / determinant, c01 / determinant, c02 / determinant
-        I[1, 1] = (V[0, 0] * V[2, 2] - V[0, 2] * V[0, 2]) / determinant
-        I[1, 2] = (V[0, 2] * V[0, 1] - V[0, 0] * V[1, 2]) / determinant
-        I[2, 2] = (V[0, 0] * V[1, 1] - V[0, 1] * V[0, 1]) / determinant
-        I[1, 0], I[2, 0], I[2, 1] = I[0, 1], I[0, 2], I[1, 2]
+        inverse = V_inverse[point]
+        inverse[0, 0], inverse[0, 1], inverse[0, 2] = c00 / determinant, c01 / determinant, c02 / determinant
+        inverse[1, 1] = (V[0, 0] * V[2, 2] - V[0, 2] * V[0, 2]) / determinant
+        inverse[1, 2] = (V[0, 2] * V[0, 1] - V[0, 0] * V[1, 2]) / determinant
+        inverse[2, 2] = (V[0, 0] * V[1, 1] - V[0, 1] * V[0, 1]) / determinant
+        inverse[1, 0], inverse[2, 0], inverse[2, 1] = inverse[0, 1], inverse[0, 2], inverse[1, 2]
         b_l = b_landmark[point]
         # The timing is one more block (2 x 3) beside the key frames' (6 x 3).
         for o in range(start, stop + 1):
@@ -160,9 +160,9 @@ def _reduce(
                 if row < 0:
                     continue
             for a in range(height):
-                y0 = left[a, 0] * I[0, 0] + left[a, 1] * I[1, 0] + left[a, 2] * I[2, 0]
-                y1 = left[a, 0] * I[0, 1] + left[a, 1] * I[1, 1] + left[a, 2] * I[2, 1]
-                y2 = left[a, 0] * I[0, 2] + left[a, 1] * I[1, 2] + left[a, 2] * I[2, 2]
+                y0 = left[a, 0] * inverse[0, 0] + left[a, 1] * inverse[1, 0] + left[a, 2] * inverse[2, 0]
+                y1 = left[a, 0] * inverse[0, 1] + left[a, 1] * inverse[1, 1] + left[a, 2] * inverse[2, 1]
+                y2 = left[a, 0] * inverse[0, 2] + left[a, 1] * inverse[1, 2] + left[a, 2] * inverse[2, 2]
                 rhs[row + a] -= y0 * b_l[0] + y1 * b_l[1] + y2 * b_l[2]
                 for q in range(start, stop):
                     column = free[keyframe[q]] * 6

@@ -45,7 +45,8 @@ def _ancestors(keyframes: list[Keyframe], number: int) -> list[int]:
 def covariance_between(keyframes: list[Keyframe], a: int, b: int) -> Array:
     """Return the 6 x 6 covariance (`se3`, frame b) of T_a_b: the sum over the registrations on the path from a to b."""
     up_a, up_b = _ancestors(keyframes, a), _ancestors(keyframes, b)
-    common = next((k for k in up_a if k in set(up_b)), None)
+    above_b = set(up_b)
+    common = next((k for k in up_a if k in above_b), None)
     total = np.zeros((6, 6))
     for path in (up_a, up_b):
         for k in path[: path.index(common) if common is not None else None]:

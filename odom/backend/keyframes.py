@@ -42,11 +42,6 @@ class Keyframe:
         return np.asarray(landmarks.identity[self.rows] == self.identities)
 
 
-def shared_landmarks(a: Keyframe, b: Keyframe) -> int:
-    """Return how many landmarks both key frames measured."""
-    return len(np.intersect1d(a.identities, b.identities, assume_unique=True))
-
-
 def gather_observations(
     keyframes: list[Keyframe], landmarks: Landmarks, timing: Timing, only_rows: Index | None = None
 ) -> tuple[Observations, Index]:

@@ -37,9 +37,10 @@ class Process:
     def said(self) -> str:
         return self.log.read_text(errors="replace")
 
-    def wait_for(self, text: str, seconds: float = 15.0) -> None:
+    def wait_for(self, text: str, seconds: float = 15.0, after: int = 0) -> None:
+        """Wait until `text` was said, behind the first `after` characters."""
         end = time.monotonic() + seconds
-        while text not in self.said:
+        while text not in self.said[after:]:
             assert self.popen.poll() is None, f"{self.name} ended: {self.said}"
             assert time.monotonic() < end, f"{self.name} did not say {text!r}: {self.said}"
             time.sleep(0.02)

@@ -147,17 +147,38 @@ def test_a_sensor_may_not_listen_to_others(tls_rig: Rig, keys: Path) -> None:
     tls_rig.router.wait_for("refused: sensor.cam0 may not subscribe to cam0/pose", 5)
 
 
-def test_without_certificate_nobody_gets_in(tls_rig: Rig, keys: Path, tmp_path: Path) -> None:
+def test_in_the_clear_nobody_gets_in(tls_rig: Rig) -> None:
+    before = len(tls_rig.router.said)
     with pytest.raises(WireError, match="cannot open"):
-        tls_rig.client(SecuritySettings())  # in the clear
-    tls_rig.router.wait_for("corrupt message", 5)
-    make_keys(tmp_path / "foreign", ["viewer"], [], 30)
-    forged = SecuritySettings(
-        certificate=tmp_path / "foreign" / "viewer.pem", key=tmp_path / "foreign" / "viewer.key", ca=keys / "ca.pem"
-    )
+        tls_rig.client(SecuritySettings())
+    tls_rig.router.wait_for("corrupt message", 5, before)
+
+
+def test_a_client_without_any_certificate_is_refused_and_logged(tls_rig: Rig, keys: Path) -> None:
+    before = len(tls_rig.router.said)
+    endpoint = tls_rig.endpoint.replace("tcp/", "tls/")
+    settings = WireSettings(mode="client", connect=(endpoint,), listen=())
+    knows_the_authority = {"transport/link/tls/root_ca_certificate": str(keys / "ca.pem"), "connect/timeout_ms": 2000}
+    with pytest.raises(WireError, match="cannot open"), open_session(settings, knows_the_authority):
+        pass
+    tls_rig.router.wait_for("peer sent no certificates", 5, before)
+
+
+def test_a_certificate_of_a_foreign_authority_is_refused_and_logged(tls_rig: Rig, keys: Path, tmp_path: Path) -> None:
+    before = len(tls_rig.router.said)
+    make_keys(tmp_path, ["viewer"], [], 30)
+    forged = SecuritySettings(certificate=tmp_path / "viewer.pem", key=tmp_path / "viewer.key", ca=keys / "ca.pem")
     with pytest.raises(WireError, match="cannot open"):
         tls_rig.client(forged)
-    tls_rig.router.wait_for("invalid peer certificate", 5)
+    tls_rig.router.wait_for("invalid peer certificate", 5, before)
+
+
+def test_a_router_of_a_foreign_authority_is_not_trusted(tls_rig: Rig, keys: Path, tmp_path: Path) -> None:
+    make_keys(tmp_path, ["viewer"], [], 30)
+    with pytest.raises(WireError, match="cannot open"):
+        tls_rig.client(
+            SecuritySettings(certificate=keys / "viewer.pem", key=keys / "viewer.key", ca=tmp_path / "ca.pem")
+        )
 
 
 def test_an_identity_that_is_not_allowed_gets_nothing(tls_rig: Rig, keys: Path) -> None:

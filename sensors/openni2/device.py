@@ -42,7 +42,7 @@ class OpenDevice:
         self.uri = uri
         self._streams: list[Any] = []
         try:
-            self._device = self._openni2.Device(uri.encode())
+            self._device = library.open_device(uri)
         except self._openni2.OpenNIError as error:
             raise advice.cannot_open(uri, library.said(error), advice.usb_cameras()) from error
         try:
@@ -172,8 +172,8 @@ def factory_camera(stream: Any) -> Camera | None:
     mode = stream.get_video_mode()
     try:
         horizontal, vertical = stream.get_horizontal_fov(), stream.get_vertical_fov()
-    except Exception as error:
-        _log.debug("no field of view: %s", error)
+    except library.load().OpenNIError as error:
+        _log.debug("no field of view: %s", library.said(error))
         return None
     if not (0 < horizontal < math.pi and 0 < vertical < math.pi):
         return None

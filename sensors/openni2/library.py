@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from odom.errors import DeviceError
 from sensors.openni2 import advice
@@ -68,9 +69,28 @@ def load() -> ModuleType:
 
 
 def restart() -> ModuleType:
-    """Shut the library down and start it again: some drivers list devices only then. No handle may be open."""
+    """Shut the library down and start it again: some drivers list devices only then. No handle may be open.
+
+    It waits for ever when a driver is just then telling the library of a device, see `presence.Listing`.
+    """
     load().unload()
     return load()
+
+
+def open_device(uri: str) -> Any:
+    """Return the package's Device at `uri`, opened; raises its OpenNIError.
+
+    A device that did not open must not be closed: the library would count one opening too few, and take the next
+    attempt for a second user of a device that it never opened.
+    """
+    api = load()
+    device = api.Device.__new__(api.Device)
+    try:
+        device.__init__(uri.encode())
+    except api.OpenNIError:
+        device._handle = None
+        raise
+    return device
 
 
 def devices() -> tuple[Listed, ...]:

@@ -8,7 +8,6 @@ from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -17,8 +16,9 @@ from odom.frame import Camera, Stamp
 from odom.wire import Message
 from sensors.clock import ClockMapping, Unwrap, tick_length
 from sensors.openni2 import advice, library
-from sensors.openni2.device import OpenDevice, RawFrame, serial_number
+from sensors.openni2.device import OpenDevice, RawFrame
 from sensors.openni2.messages import Encoder
+from sensors.openni2.presence import Departure, Listing, find
 from sensors.openni2.settings import KinectSettings
 from sensors.source import SourceOptions
 
@@ -30,8 +30,8 @@ LEARN_UNIT_NS = 200_000_000
 LEARN_UNIT_FRAMES = 6
 """How long, and how many of a stream, the first images are held until the unit of the device's stamps is known."""
 RETRY_S = 0.1
-RESTART_EVERY = 10
-"""Every so many retries the library is restarted: libfreenect's driver lists devices only when it is initialised."""
+REMIND_EVERY = 50
+"""Every so many retries the log says again why the device cannot be opened."""
 
 
 class DeviceClock:
@@ -97,14 +97,13 @@ class LiveKinect:
     def __init__(self, wanted: str, options: SourceOptions, settings: KinectSettings) -> None:
         self._settings = settings
         self._seconds = options.seconds
-        self._gone = threading.Event()
         self._stop = threading.Event()
         self._ready = threading.Condition()
         self._waiting: deque[_Received] = deque()
         self._failure: BaseException | None = None
         self.counters = {"images": 0, "lost": 0, "dropped": 0, "reconnects": 0}
-        self._listener: Any = None
-        self._device: OpenDevice | None = self._open(wanted)
+        self._departure: Departure | None = None
+        self._device: OpenDevice | None = self._open(wanted, library.devices())
         self.serial, self.name, self.uri = self._device.serial, self._device.name, self._device.uri
         try:
             factory = self._device.color_camera
@@ -122,22 +121,25 @@ class LiveKinect:
         """Intrinsics of the colour image."""
         return self._encoder.camera
 
-    def _open(self, wanted: str) -> OpenDevice:
-        listed = library.devices()
-        uri = _find(wanted, listed)
+    def _open(self, wanted: str, listed: tuple[library.Listed, ...]) -> OpenDevice:
+        uri = find(wanted, listed)
         if uri is None:
             raise advice.no_device(wanted, [str(device) for device in listed], advice.usb_cameras())
-        self._gone.clear()
         device = OpenDevice(uri, self._settings)
-        self._listener = _listen(uri, self._gone)
+        self._departure = Departure(uri)
         return device
+
+    @property
+    def _unplugged(self) -> bool:
+        """Whether the driver has said so; not every driver does."""
+        return self._departure is not None and self._departure.told.is_set()
 
     def _release(self) -> None:
         if self._device is not None:
             self._device.close()
-        if self._listener is not None:
-            self._listener.close()
-        self._device = self._listener = None
+        if self._departure is not None:
+            self._departure.close()
+        self._device = self._departure = None
 
     def _capture(self) -> None:
         """Read for as long as the source is open; runs in its own thread."""
@@ -150,10 +152,11 @@ class LiveKinect:
                 if self._stop.is_set():
                     break
                 _log.error("%s %s is gone (unplugged or silent): waiting for it", self.name, self.uri)
+                listing = Listing(self.uri, watched=self._unplugged)
                 self._release()
-                self._wait_for_device()
+                self._wait_for_device(listing)
                 connection += 1
-        except Exception as error:
+        except Exception as error:  # whatever it is, it ends this thread: the consumer raises it
             self._failure = error
         finally:
             self._release()
@@ -167,7 +170,7 @@ class LiveKinect:
         heard = time.monotonic()
         patience = self._settings.start_s
         last_index: dict[bool, int] = {}
-        while not (self._stop.is_set() or self._gone.is_set()):
+        while not (self._stop.is_set() or self._unplugged):
             try:
                 frame = device.read(0.05)
             except DeviceError as error:
@@ -196,20 +199,18 @@ class LiveKinect:
             self.counters["images"] += 1
             self._ready.notify()
 
-    def _wait_for_device(self) -> None:
-        wanted = self.serial or self.uri
+    def _wait_for_device(self, listing: Listing) -> None:
         attempt = 0
         while not self._stop.wait(RETRY_S):
             attempt += 1
             try:
-                if attempt % RESTART_EVERY == 0:
-                    library.restart()
-                if not library.devices():
+                listed = listing.look()
+                if not listed:
                     continue
                 # The address of a USB device changes with every plugging in; without serial number any device is taken.
-                self._device = self._open(wanted if self.serial else "")
+                self._device = self._open(self.serial, listed)
             except DeviceError as error:
-                if attempt % (5 * RESTART_EVERY) == 1:
+                if attempt % REMIND_EVERY == 1:
                     _log.warning("%s", error)
                 self._release()
                 continue
@@ -282,39 +283,3 @@ class LiveKinect:
             counts = ", ".join(f"{count} {name}" for name, count in self.counters.items())
             _log.info("%s %s: %s", self.name, self.uri, counts)
             del self._thread
-
-
-def _find(wanted: str, listed: tuple[library.Listed, ...]) -> str | None:
-    """Return the address of the device whose address or serial number is `wanted` (empty: the first); None for none."""
-    if not listed:
-        return None
-    if not wanted:
-        return listed[0].uri
-    for device in listed:
-        if device.uri == wanted:
-            return device.uri
-    api = library.load()
-    for device in listed:
-        try:
-            opened = api.Device(device.uri.encode())
-        except api.OpenNIError as error:
-            _log.debug("%s is passed over: %s", device, library.said(error))
-            continue
-        try:
-            if serial_number(api, opened) == wanted:
-                return device.uri
-        finally:
-            opened.close()
-    return None
-
-
-def _listen(uri: str, gone: threading.Event) -> Any:
-    """Have `gone` set when OpenNI2 reports that `uri` was unplugged; the result must be closed."""
-    listener = library.load().DeviceListener()
-
-    def disconnected(info: Any) -> None:
-        if info.uri == uri.encode():
-            gone.set()
-
-    listener.on_disconnected = disconnected
-    return listener

@@ -55,6 +55,10 @@ class Kinects:
         device.plug()
         return device
 
+    def watched_every(self, ms: int) -> None:
+        """Let the driver look that rarely which devices are plugged in; call it before the library is loaded."""
+        (self.root / "watch_ms").write_text(str(ms))
+
 
 def noise(frames: int, width: int = 640, height: int = 480) -> tuple[np.ndarray, np.ndarray]:
     """Return frames whose every pixel differs from frame to frame: a swapped, torn or mirrored one cannot pass."""

@@ -7,6 +7,7 @@
 //   busy, forbidden, starved   while they exist: opening fails as a claimed or forbidden USB device does, streams start
 //                but no frame arrives, as on a USB controller without bandwidth
 //   settings.txt written by the driver: what the application has set
+// and, beside these folders, may hold watch_ms: how often the driver looks which devices are plugged in.
 //
 // The camera's time runs on through unplugging, as the world before a real camera does. With `loop 1` frames are
 // played forwards and backwards for ever, so that the motion stays continuous.
@@ -43,6 +44,8 @@ bool exists(const std::string& path) { return access(path.c_str(), F_OK) == 0; }
 struct DeviceConfig {
     std::string uri, serial = "VK0001";
     int width = 640, height = 480, fps = 30, frames = 0, loop = 0, registration = 1;
+    int hotplug = 1;                                      // 0: as libfreenect's driver, devices are listed at its start only
+    int tellsSerial = 1;
     double horizontalFov = 1.0226, verticalFov = 0.7966;  // radians
     double driftPpm = 0;                                  // of the device's clock against the host's
     double ticksPerMicrosecond = 1;                       // the unit of the time stamps
@@ -60,6 +63,7 @@ struct DeviceConfig {
         read("uri", uri); read("serial", serial);
         read("width", width); read("height", height); read("fps", fps); read("frames", frames);
         read("loop", loop); read("registration", registration);
+        read("hotplug", hotplug); read("tells_serial", tellsSerial);
         read("horizontal_fov", horizontalFov); read("vertical_fov", verticalFov);
         read("drift_ppm", driftPpm); read("ticks_per_microsecond", ticksPerMicrosecond); read("stamp_bits", stampBits);
         read("first_stamp_us", firstStampUs); read("depth_offset_us", depthOffsetUs); read("jitter_us", jitterUs);
@@ -137,10 +141,11 @@ class Device : public DeviceBase {
     }
 
     OniBool isPropertySupported(int id) override {
-        return id == ONI_DEVICE_PROPERTY_SERIAL_NUMBER || (id == ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION && config.registration);
+        return (id == ONI_DEVICE_PROPERTY_SERIAL_NUMBER && config.tellsSerial) ||
+               (id == ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION && config.registration);
     }
     OniStatus getProperty(int id, void* data, int* size) override {
-        if (id == ONI_DEVICE_PROPERTY_SERIAL_NUMBER) {
+        if (id == ONI_DEVICE_PROPERTY_SERIAL_NUMBER && config.tellsSerial) {
             std::snprintf(static_cast<char*>(data), *size, "%s", config.serial.c_str());
             return ONI_STATUS_OK;
         }
@@ -365,16 +370,20 @@ class Driver : public oni::driver::DriverBase {
         if (DIR* directory = opendir(root)) {
             while (dirent* entry = readdir(directory)) {
                 const std::string folder = std::string(root) + "/" + entry->d_name;
-                if (entry->d_name[0] != '.' && exists(folder + "/device.txt")) folders_.push_back(folder);
+                if (entry->d_name[0] == '.' || !exists(folder + "/device.txt")) continue;
+                folders_.push_back(folder);
+                hotplug_[folder] = DeviceConfig(folder).hotplug;
             }
             closedir(directory);
         }
-        watch();
+        int periodMs = 20;
+        std::ifstream(std::string(root) + "/watch_ms") >> periodMs;
+        watch(true);
         watching_ = true;
-        watcher_ = std::thread([this] {
+        watcher_ = std::thread([this, periodMs] {
             while (watching_) {
-                std::this_thread::sleep_for(std::chrono::milliseconds(20));
-                watch();
+                std::this_thread::sleep_for(std::chrono::milliseconds(periodMs));
+                watch(false);
             }
         });
         return ONI_STATUS_OK;
@@ -384,6 +393,7 @@ class Driver : public oni::driver::DriverBase {
         std::lock_guard<std::mutex> lock(mutex_);
         for (auto& [folder, connected] : connected_) {
             if (connected.info.uri != std::string(uri)) continue;
+            if (!exists(folder + "/plugged")) break;
             if (exists(folder + "/forbidden")) {
                 getServices().errorLoggerAppend("Could not open \"%s\": Failed to open the USB device!", uri);
                 return nullptr;
@@ -405,11 +415,13 @@ class Driver : public oni::driver::DriverBase {
     void deviceClose(DeviceBase* closing) override {
         auto* device = dynamic_cast<Device*>(closing);
         if (!device) return;
-        device->end();
         std::lock_guard<std::mutex> lock(mutex_);
+        device->end();
         firstTicks_[device->folder] = device->firstTick;
         for (auto& [folder, connected] : connected_)
             if (connected.device == device) connected.device = nullptr;
+        // libfreenect's driver forgets a device that it has closed, though the library goes on listing it.
+        if (!device->config.hotplug) connected_.erase(device->folder);
         delete device;
     }
 
@@ -426,7 +438,7 @@ class Driver : public oni::driver::DriverBase {
         Device* device = nullptr;
     };
 
-    void watch() {
+    void watch(bool atStart) {
         for (const auto& folder : folders_) {
             const bool plugged = exists(folder + "/plugged");
             OniDeviceInfo info{};
@@ -434,7 +446,9 @@ class Driver : public oni::driver::DriverBase {
             {
                 std::lock_guard<std::mutex> lock(mutex_);
                 auto found = connected_.find(folder);
-                if (plugged && found == connected_.end()) {
+                if (!atStart && !hotplug_.at(folder)) {
+                    if (!plugged && found != connected_.end() && found->second.device) found->second.device->end();
+                } else if (plugged && found == connected_.end()) {
                     const DeviceConfig config(folder);
                     std::snprintf(info.uri, sizeof info.uri, "%s", config.uri.c_str());
                     std::snprintf(info.vendor, sizeof info.vendor, "This project");
@@ -458,6 +472,7 @@ class Driver : public oni::driver::DriverBase {
     static inline const Clock::time_point epoch_ = Clock::now();
     static inline std::map<std::string, long long> firstTicks_;  // outlive the library's shutdown
     std::vector<std::string> folders_;
+    std::map<std::string, bool> hotplug_;
     std::map<std::string, Connected> connected_;
     std::mutex mutex_;
     std::atomic<bool> watching_{false};

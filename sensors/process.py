@@ -68,7 +68,7 @@ class SensorProcess:
                     progress(self.frames)
                 else:
                     reason = INTERRUPTED if stop.is_set() else END_OF_SOURCE
-        except Exception as error:
+        except Exception as error:  # whatever it is, the consumers are told of it
             reason = f"failed: {error}"
             raise
         finally:

@@ -41,7 +41,7 @@ def view(
     if hasattr(os, "nice"):
         os.nice(_NICE)
     topics = Topics(wire.namespace)
-    with open_outputs(outputs, settings, wire.namespace) as shown, open_session(wire) as session:
+    with open_outputs(outputs, settings, wire.namespace) as shown, open_session(wire.as_guest()) as session:
         if shown.address is not None:
             tell_address(shown.address)
         viewer = Viewer(session, topics, settings, shown)

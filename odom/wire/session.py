@@ -102,5 +102,6 @@ def _configuration(settings: WireSettings) -> dict[str, Any]:
         "transport/link/tx/queue/size/data": 8,
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": patience,
         "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 2 * patience,
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": settings.lease_ms * 1000,
         **security_configuration(settings.security),
     }

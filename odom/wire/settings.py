@@ -1,6 +1,6 @@
 """Settings of the Zenoh session."""
 
-from typing import Literal
+from typing import Literal, Self
 
 from pydantic import BaseModel, Field, JsonValue
 
@@ -35,3 +35,14 @@ class WireSettings(BaseModel, frozen=True, extra="forbid"):
         default_factory=dict,
         description="further Zenoh configuration: path such as transport/auth/usrpwd/user to value",
     )
+
+    def as_guest(self) -> Self:
+        """Return the settings of a process that connects to the others and lets nobody connect to it.
+
+        Whoever comes first holds the meeting point of the others; while it is stopped the system still accepts
+        connections for it, so that all who come later wait there and never meet. Nobody may depend like that on a
+        process that only looks on. An endpoint that is neither a meeting point nor a default was given on purpose and
+        stays.
+        """
+        unasked = {*self.connect, LOCAL, ANY_LOCAL_PORT}
+        return self.model_copy(update={"listen": tuple(where for where in self.listen if where not in unasked)})

@@ -22,9 +22,9 @@ def start(endpoint: str) -> Iterator[Callable[..., Running]]:
     """Start `device` (made up) or an `odom` command that finds it; what still runs at the end is killed."""
     running: list[Running] = []
 
-    def begin(what: str, *arguments: str | Path, **environment: str) -> Running:
+    def begin(what: str, *arguments: str | Path, listen: str = '["tcp/127.0.0.1:0"]', **environment: str) -> Running:
         command = [str(HERE / "device_process.py"), endpoint] if what == "device" else ["-m", "odom", what]
-        environment |= {"ODOM_WIRE__CONNECT": f'["{endpoint}"]', "ODOM_WIRE__LISTEN": '["tcp/127.0.0.1:0"]'}
+        environment |= {"ODOM_WIRE__CONNECT": f'["{endpoint}"]', "ODOM_WIRE__LISTEN": listen}
         one = Running([*command, *map(str, arguments)], environment)
         running.append(one)
         return one

@@ -28,7 +28,7 @@ WAITING = 24
 """Images held for the consumer before the oldest is dropped (0.4 s of colour and depth at 30 Hz)."""
 LEARN_UNIT_NS = 200_000_000
 LEARN_UNIT_FRAMES = 6
-"""How long, and how many of a stream, the first images are held until the unit of the device's stamps is known."""
+"""So long, and so many of a stream, the unit of the device's stamps is learnt from."""
 RETRY_S = 0.1
 REMIND_EVERY = 50
 """Every so many retries the log says again why the device cannot be opened."""
@@ -245,7 +245,11 @@ class LiveKinect:
         return {"uri": self.uri, "serial": self.serial, "drift_ppm": f"{clock.mapping.drift_ppm:.1f}", **counts}
 
     def _learned(self, clock: DeviceClock) -> Iterator[_Received]:
-        """Yield what is received, the first images only when the unit of their stamps is known."""
+        """Yield what is received once the unit of the stamps is known.
+
+        The images before serve to learn it and, like those that have waited for somebody to read them, are not passed
+        on: all at once they would only crowd out each other at whoever listens.
+        """
         held: list[_Received] = []
         for received in self._received():
             if clock.knows_unit:
@@ -255,8 +259,10 @@ class LiveKinect:
             same = [r for r in held if r.frame.is_color == received.frame.is_color]
             if received.host_ns - same[0].host_ns >= LEARN_UNIT_NS and len(same) >= LEARN_UNIT_FRAMES:
                 clock.learn_unit([(r.frame.ticks, r.host_ns) for r in same], 1e9 / self._settings.fps)
-                yield from held
-                held = []
+                for r in held:
+                    clock.stamp(r.frame.is_color, r.frame.ticks, r.host_ns)
+                with self._ready:
+                    self._waiting.clear()
 
     def _received(self) -> Iterator[_Received]:
         while True:

@@ -89,7 +89,6 @@ def test_sixty_seconds_at_30_hz_lose_no_frame_and_no_pixel(size: str, request: p
 
 
 @pytest.mark.timeout(600)
-@pytest.mark.xfail(reason="known fault: unplugged within its first second, the device is sometimes not found again")
 def test_unplugged_the_odometry_goes_lost_and_recovers(rig: PlayingKinect) -> None:
     with processes() as started:
         process, out = rig.live(14.0), rig.out
@@ -102,11 +101,15 @@ def test_unplugged_the_odometry_goes_lost_and_recovers(rig: PlayingKinect) -> No
         process.wait_for("is gone", 3)
         time.sleep(3)
         rig.kinect.plug()
+        plugged = time.time()
         process.wait_for("is back", 5)
         assert process.popen.wait(240) == 0, process.said
     stamps = np.array([float(stamp) for stamp in poses(out / "odometry.txt")])
-    hole = int(np.argmax(np.diff(stamps)))
-    assert 2.5 < np.diff(stamps)[hole] < 5.0
-    assert len(stamps) - hole > 60  # tracked on after it
-    report = json.loads((out / "report.json").read_text())
-    print(report["segments"], report["completeness"], process.said[-3000:])
+    after = stamps[stamps > plugged]
+    print({"resumed after s": after[0] - plugged, "poses behind it": len(after)}, process.said)
+    since = process.said.split("is gone", 1)[1]
+    assert ": LOST" in since
+    assert ": RECOVERED" in since.split(": LOST", 1)[1]
+    assert not ((stamps > plugged - 2.5) & (stamps < plugged)).any()
+    assert after[0] - plugged < 2.0
+    assert len(after) > 60  # tracked on after it

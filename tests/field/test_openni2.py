@@ -78,6 +78,19 @@ def test_every_pixel_arrives_unmirrored_in_order_at_30_hz_and_what_is_lost_is_co
     assert kinect.set_by_application["image_registration"] == 1
 
 
+def test_who_reads_late_gets_what_the_camera_sees_from_then_on(kinects: Kinects) -> None:
+    kinects(loop=1)
+    source = open_kinect("kinect", options())
+    time.sleep(1.0)  # as long as it takes until the consumers are there
+    reading = time.time_ns()
+    try:
+        first = next(images(source, TOPICS.color, 1))
+    finally:
+        source.close()
+    # What waited would come all at once, faster than anybody can take it: 0.4 s of images are held.
+    assert first.stamp > reading - 200_000_000
+
+
 def test_factory_intrinsics_come_from_the_field_of_view(kinects: Kinects) -> None:
     kinects(horizontal_fov=1.0, vertical_fov=0.8)
     source = open_kinect("kinect", options())

@@ -7,6 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from urllib.parse import quote
 
+import psutil
 import rerun as rr
 
 from odom.errors import ConfigError, OdomError
@@ -23,6 +25,7 @@ from odom.viewer.settings import ViewerSettings
 _LOG = logging.getLogger(__name__)
 APPLICATION = "rgbd-odom"
 _FLUSH_S = 0.1
+_LISTEN_S = 2.0
 _SET_PARENT_DEATH_SIGNAL = 1
 
 
@@ -81,24 +84,9 @@ def open_outputs(outputs: Outputs, settings: ViewerSettings, name: str) -> Itera
     with ExitStack() as stack:
         recording = rr.RecordingStream(APPLICATION, batcher_config=_batching())
         stack.callback(recording.disconnect)
-        sinks: list[rr.GrpcServerSink | rr.FileSink] = []
-        data_port = web_port = 0
         if outputs.file is not None:
             _check_writable(outputs.file)
-            sinks.append(rr.FileSink(outputs.file))
-        if outputs.served:
-            data_port = free_port(settings.host, settings.data_port)
-            web_port = free_port(settings.host, settings.web_port, taken=data_port)
-            sinks.append(
-                rr.GrpcServerSink(
-                    settings.host,
-                    data_port,
-                    server_memory_limit=f"{settings.server_memory_mib}MiB",
-                    newest_first=True,
-                    cors_allow_origin=[f"http://{_origin(settings.host)}:{web_port}"],
-                )
-            )
-        recording.set_sinks(*sinks, default_blueprint=blueprint())
+        data_port, web_port = _open_sinks(recording, outputs, settings)
         recording.send_recording_name(name)
         data = f"rerun+http://{_reachable(settings.host)}:{data_port}/proxy"
         address = window = None
@@ -114,6 +102,43 @@ def open_outputs(outputs: Outputs, settings: ViewerSettings, name: str) -> Itera
             )
         yield Shown(recording, address, window)
         recording.flush(timeout_sec=10.0)
+
+
+def _open_sinks(recording: rr.RecordingStream, outputs: Outputs, settings: ViewerSettings) -> tuple[int, int]:
+    """Open file and server, and return the ports of the data and of the page (0: not served).
+
+    Between the choice of a free port and the server's use of it another viewer may have taken it, which Rerun only
+    logs: then it is another port's turn. Raises OdomError when none can be used.
+    """
+    files = [] if outputs.file is None else [rr.FileSink(outputs.file)]
+    if not outputs.served:
+        recording.set_sinks(*files, default_blueprint=blueprint())
+        return 0, 0
+    for preferred in (settings.data_port, 0, 0):
+        data_port = free_port(settings.host, preferred)
+        web_port = free_port(settings.host, settings.web_port, taken=data_port)
+        server = rr.GrpcServerSink(
+            settings.host,
+            data_port,
+            server_memory_limit=f"{settings.server_memory_mib}MiB",
+            newest_first=True,
+            cors_allow_origin=[f"http://{_origin(settings.host)}:{web_port}"],
+        )
+        recording.set_sinks(*files, server, default_blueprint=blueprint())
+        if _is_listening(data_port):
+            return data_port, web_port
+    raise OdomError(f"cannot serve on {settings.host}: every port was taken meanwhile; try again")
+
+
+def _is_listening(port: int) -> bool:
+    """Return whether this process listens on the port, or does so soon."""
+    deadline = time.monotonic() + _LISTEN_S
+    while time.monotonic() < deadline:
+        connections = psutil.Process().net_connections("tcp")
+        if any(c.status == psutil.CONN_LISTEN and c.laddr.port == port for c in connections):
+            return True
+        time.sleep(0.02)
+    return False
 
 
 def free_port(host: str, preferred: int, taken: int | None = None) -> int:

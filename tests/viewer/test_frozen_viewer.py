@@ -2,25 +2,30 @@
 
 import json
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from pathlib import Path
 from threading import Event, Thread
 
 import numpy as np
 import psutil
 import pytest
+from rerun.chunk import RrdReader
 from viewer_processes import Running
 
 from odom.frame import Stamp
-from odom.wire import WireSettings
+from odom.wire import Topics, WireSettings
 from odom.wire.codec import encode_text
-from odom.wire.session import WireSession, open_session
+from odom.wire.session import Subscriber, WireSession, open_session
 from odom.wire.settings import ANY_LOCAL_PORT
 
 Start = Callable[..., Running]
 
 _PERIOD_S = 0.02
+_PHASE_S = 30.0
 _FRAME = encode_text("cam0/color/image_raw", Stamp(0), "x" * 900_000)
 
 
@@ -102,3 +107,73 @@ def test_a_viewer_stopped_while_it_connects_silences_nobody(start: Start, endpoi
         silence = traffic.longest_silence(4.0)
         print(f"stopped {delay_s} s after its first connection: no frame for {1e3 * silence:.0f} ms")
         assert silence < 0.5
+
+
+def _latencies_ms(poses: Subscriber, seconds: float) -> list[float]:
+    """How long after its capture each pose of the next `seconds` was published."""
+    values: list[float] = []
+    deadline = time.monotonic() + seconds
+    while (left := deadline - time.monotonic()) > 0:
+        if (delivery := poses.receive(left)) is not None and delivery.sent is not None:
+            values.append((delivery.sent - delivery.message.stamp) * 1e-6)
+    return values
+
+
+def _meeting_point(run: int, timeout_s: float = 30.0) -> str:
+    """The endpoint that the processes of `odom run` meet at: the only one that the run itself listens on."""
+    deadline = time.monotonic() + timeout_s
+    while not (listening := [c for c in psutil.Process(run).net_connections("inet") if c.status == "LISTEN"]):
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    return f"tcp/127.0.0.1:{listening[0].laddr.port}"
+
+
+def _walked_m(odometry: Path) -> float:
+    """The length of the way in a TUM file; every tenth pose, since noise makes a way longer."""
+    return float(np.linalg.norm(np.diff(np.loadtxt(odometry)[::10, 1:4], axis=0), axis=1).sum())
+
+
+def _shown_m(rrd: Path) -> float:
+    """The length of the corrected way in the newest picture."""
+    chunks = [chunk for chunk in RrdReader(rrd).stream() if chunk.entity_path == "/world/corrected"]
+    strips = chunks[-1].to_record_batch().column("LineStrips3D:strips")[-1].as_py()
+    return float(sum(np.linalg.norm(np.diff(np.array(strip), axis=0), axis=1).sum() for strip in strips))
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_a_live_run_keeps_its_latency_beside_a_frozen_viewer_and_a_new_one_shows_the_whole_way(tmp_path: Path) -> None:
+    """Phases of 30 s: the run's own web viewer shows it, is frozen, and after its death a new one shows it."""
+    out, words = tmp_path / "out", tmp_path / "words.txt"
+    command = [sys.executable, "-m", "odom", "run", "arena", "--live", "--web", "--seconds", str(3 * _PHASE_S + 40)]
+    with ExitStack() as stack:
+        output = stack.enter_context(words.open("wb"))
+        run = subprocess.Popen([*command, "--out", str(out)], stdout=output, stderr=subprocess.STDOUT)
+        stack.callback(run.wait, 60)
+        stack.callback(run.terminate)
+        stack.callback(lambda: print(words.read_text()[-2000:]))
+        endpoint = _meeting_point(run.pid)
+        session = stack.enter_context(open_session(WireSettings(connect=(endpoint,), listen=())))
+        poses = session.subscriber([Topics("cam0").odom], depth=64)
+        assert poses.receive(120) is not None, words.read_text()
+        viewer = next(child for child in psutil.Process(run.pid).children() if "view" in child.cmdline())
+        _latencies_ms(poses, 5.0)
+        shown = _latencies_ms(poses, _PHASE_S)
+        viewer.send_signal(signal.SIGSTOP)
+        frozen = _latencies_ms(poses, _PHASE_S)
+        viewer.kill()
+        second = Running(
+            ["-m", "odom", "view", "--headless", "--rrd", str(tmp_path / "second.rrd")],
+            {"ODOM_WIRE__CONNECT": json.dumps([endpoint]), "ODOM_WIRE__LISTEN": "[]"},
+        )
+        stack.callback(second.kill)
+        second.wait_for("showing cam0", 60)
+        restarted = _latencies_ms(poses, _PHASE_S)
+        assert second.stop() == 0
+        walked = _walked_m(out / "odometry.txt")
+    p99 = [float(np.quantile(values, 0.99)) for values in (shown, frozen, restarted)]
+    print("p99 of the latency beside a viewer, a frozen one, a new one: {:.1f}, {:.1f}, {:.1f} ms".format(*p99))
+    assert len(frozen) > 0.98 * len(shown)
+    assert p99[1] < 1.1 * p99[0]
+    print(f"walked {walked:.2f} m, the new viewer shows {_shown_m(tmp_path / 'second.rrd'):.2f} m of it")
+    assert _shown_m(tmp_path / "second.rrd") == pytest.approx(walked, rel=0.1)

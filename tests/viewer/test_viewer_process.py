@@ -108,6 +108,19 @@ def test_the_page_is_on_loopback_only_takes_free_ports_and_goes_with_the_viewer(
     assert not alive
 
 
+def test_viewers_that_start_at_the_same_moment_each_get_a_port_of_their_own(start: Start) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        wanted = probe.getsockname()[1]
+    views = [start("view", "--web", "--web-port", "0", "--data-port", wanted) for _ in range(3)]
+    ports = [view.wait_for(r"url=rerun%2Bhttp://127\.0\.0\.1:(\d+)/proxy", 60) for view in views]
+    assert len(set(ports)) == len(views)
+    assert str(wanted) in ports
+    for view in views:
+        view.wait_for("showing cam0", 60)
+        assert view.stop() == 0, view.lines[-5:]
+
+
 def test_ctrl_c_ends_cleanly(start: Start, tmp_path: Path) -> None:
     device = start("device", 600, 30)
     view = start("view", "--headless", "--rrd", tmp_path / "cut.rrd")

@@ -1,8 +1,11 @@
-"""Malformed messages on every key at full speed beside a run."""
+"""Malformed messages on every key at full speed beside a run, of which every message or only the newest counts."""
 
+import json
+import os
 import random
-import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +23,11 @@ from odom.wire.codec import (
     encode_depth_compressed,
     encode_pose,
 )
-from odom.wire.session import open_session
+from odom.wire.session import WireSession, open_session
 
 RECORDING = Path(__file__).parents[2] / "recordings" / "arena.mcap"
+RECORDED_SLOWER = 4.0
+"""The recording holds every fourth frame of a camera at 30 Hz."""
 TOPICS = Topics("cam0")
 KEYS = (
     TOPICS.color,
@@ -66,64 +71,104 @@ def malformed(count: int) -> list[bytes]:
     return payloads
 
 
-def run(folder: Path, per_key: int) -> tuple[bytes, float, int]:
-    """Track the recording under fire; return the trajectory, its peak of memory in MB, the messages thrown."""
+@dataclass
+class Run:
+    """What a run left: the trajectory as published, frames lost, the odometry's memory in MB over time."""
+
+    poses: list[str]
+    lost: int
+    memory: list[float]
+    thrown: int
+
+
+def throw(session: WireSession, per_key: int) -> int:
+    """Send `per_key` malformed messages on every key as fast as the session takes them; return how many."""
+    payloads = malformed(64)
+    thrown = 0
+    for index in range(per_key):
+        for key in KEYS:
+            session.zenoh.put(key, payloads[(index * 7 + thrown) % len(payloads)])
+            thrown += 1
+    return thrown
+
+
+def run(folder: Path, per_key: int, frames: int, live: bool) -> Run:
+    """Track the recording, played round and round, for `frames` and until all is thrown; `live`: at 30 Hz sharp."""
     folder.mkdir()
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     meet = ["--mode", "client", "--connect", endpoint]
-    thrown = 0
-    with processes() as started:
+    poses = folder / "out" / "odometry.txt"
+    with processes() as started, ThreadPoolExecutor(1) as aside:
         started.append(Process("router", folder / "router.log", ["router", "--listen", endpoint]))
         started[0].wait_for("routing at", 60)
-        odometry = Process(
-            "odometry", folder / "odometry.log", ["serve", "--out", folder / "out", "--until-end", *meet]
-        )
+        serve = ["serve", "--out", folder / "out", "--until-end", *meet]
+        odometry = Process("odometry", folder / "odometry.log", serve)
         started.append(odometry)
         odometry.wait_for("ready after", 300)
+        pace = ["--realtime", "--rate", RECORDED_SLOWER, "--consumers", 1] if live else []
+        sensor = Process("sensor", folder / "sensor.log", ["sensor", RECORDING, "--loop", *pace, *meet])
+        started.append(sensor)
+        memory = []
         with open_session(WireSettings(mode="client", connect=(endpoint,))) as session:
-            payloads = malformed(64)
-
-            def throw() -> None:
-                nonlocal thrown
-                for index in range(per_key):
-                    for key in KEYS:
-                        session.zenoh.put(key, payloads[(index * 7 + thrown) % len(payloads)])
-                        thrown += 1
-
-            thrower = threading.Thread(target=throw)
-            thrower.start()
-            sensor = Process("sensor", folder / "sensor.log", ["sensor", RECORDING, *meet])
-            started.append(sensor)
-            memory = []
-            deadline = time.monotonic() + 600
-            while odometry.popen.poll() is None:
+            wait_for_lines(poses, 30, odometry)
+            flood = aside.submit(throw, session, per_key)
+            deadline = time.monotonic() + 800
+            while not flood.done() or lines(poses) < frames:
+                assert odometry.popen.poll() is None, odometry.said[-2000:]
                 assert time.monotonic() < deadline, odometry.said[-2000:]
-                try:
-                    memory.append(psutil.Process(odometry.popen.pid).memory_info().rss * 1e-6)
-                except psutil.NoSuchProcess:
-                    break
+                memory.append(psutil.Process(odometry.popen.pid).memory_info().rss * 1e-6)
                 time.sleep(0.1)
-            thrower.join()
-        assert odometry.popen.wait() == 0, odometry.said[-3000:]
-    return (folder / "out" / "odometry.txt").read_bytes(), max(memory), thrown
+            thrown = flood.result()
+        sensor.end(60)
+        assert odometry.popen.wait(60) == 0, odometry.said[-3000:]
+    report = json.loads((folder / "out" / "report.json").read_text())
+    return Run(poses.read_text().splitlines(), report["lost_frames"], memory, thrown)
 
 
-def compare(folder: Path, per_key: int) -> None:
-    quiet, quiet_mb, _ = run(folder / "quiet", 0)
-    flooded, flooded_mb, thrown = run(folder / "flooded", per_key)
-    print({"malformed messages": thrown, "peak MB without": round(quiet_mb), "with": round(flooded_mb)})
-    assert thrown == per_key * len(KEYS)
-    assert flooded == quiet
+def lines(file: Path) -> int:
+    return file.read_bytes().count(b"\n") if file.exists() else 0
+
+
+def wait_for_lines(file: Path, count: int, process: Process) -> None:
+    end = time.monotonic() + 60
+    while lines(file) < count:
+        assert time.monotonic() < end, process.said[-2000:]
+        time.sleep(0.05)
+
+
+def compare(folder: Path, per_key: int, frames: int, live: bool = False) -> None:
+    flooded = run(folder / "flooded", per_key, frames, live)
+    quiet = run(folder / "quiet", 0, len(flooded.poses), live)
+    print(
+        {
+            "malformed messages": flooded.thrown,
+            "poses beside them": len(flooded.poses),
+            "frames lost without, with": (quiet.lost, flooded.lost),
+            "peak MB without, with": (round(max(quiet.memory)), round(max(flooded.memory))),
+            "load": os.getloadavg()[0],
+        }
+    )
+    assert flooded.thrown == per_key * len(KEYS)
+    common = min(len(quiet.poses), len(flooded.poses))
+    assert common >= frames
+    assert flooded.poses[:common] == quiet.poses[:common]
     # What waits is bounded in bytes; millions of messages may not be seen in the memory beyond that bound.
-    assert flooded_mb < quiet_mb + 64
+    assert max(flooded.memory) < max(quiet.memory) + 64
 
 
 @pytest.mark.timeout(900)
 def test_a_flood_of_malformed_messages_changes_nothing(tmp_path: Path) -> None:
-    compare(tmp_path, 6_000)
+    compare(tmp_path, 6_000, 240)
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
+@pytest.mark.timeout(1800)
 def test_a_hundred_thousand_malformed_messages_on_every_key_change_nothing(tmp_path: Path) -> None:
-    compare(tmp_path, 100_000)
+    compare(tmp_path, 100_000, 900)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.xfail(reason="on two cores the flood takes the odometry's time: live frames are overtaken by newer ones")
+def test_beside_a_hundred_thousand_malformed_messages_on_every_key_a_live_run_loses_nothing(tmp_path: Path) -> None:
+    compare(tmp_path, 100_000, 900, live=True)

@@ -69,11 +69,13 @@ class CausalTrajectory:
         twist_dt: float,
         inliers: int,
         check: SelfCheck,
+        stamp_sigma_s: float,
     ) -> Publication:
         """Publish a tracked frame, found at `T_odom_middle` with `covariance` (6 x 6) in its middle row's time.
 
         The pose is smoothed and carried to the stamp; to the motion filter's covariance comes how far the camera goes
-        in the stamp's jitter. `twist_dt` is the time since the frame before, 0 where the motion to it is not known.
+        in `stamp_sigma_s`, by which the image's time is not known. `twist_dt` is the time since the frame before, 0
+        where the motion to it is not known.
         """
         assert middle.T_keyframe_camera is not None
         self.frames.append(middle)
@@ -86,7 +88,7 @@ class CausalTrajectory:
         placed = replace(
             middle,
             T_keyframe_camera=middle.T_keyframe_camera @ se3.inverse(T_odom_middle) @ carried.T_odom_camera,
-            covariance=carried.covariance + np.outer(twist, twist) * check.jitter_s**2,
+            covariance=carried.covariance + np.outer(twist, twist) * stamp_sigma_s**2,
         )
         current = Publication(placed, carried.T_odom_camera)
         if self._recent and twist_dt:

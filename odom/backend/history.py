@@ -13,7 +13,7 @@ from odom.registration import se3
 Array = NDArray[np.float64]
 
 _LONGEST_PATH = 200
-_SHARED, _SHARED_S = 3.0, 0.5
+_SHARED, _SHARED_S = 2.0, 0.5
 """Errors that frames share (the landmarks', the calibration's) against a frame's own: ratio of variances, and the time
 over which the camera looks elsewhere and they part. Measured on real and simulated walks alike."""
 _LONGEST_GAP_S = 0.2
@@ -33,6 +33,10 @@ class Placed:
     keyframe: int | None = None
     T_keyframe_camera: Array | None = None
     covariance: Array | None = None
+
+    def middle_s(self, since: Stamp) -> float:
+        """Return the seconds from `since` to the middle row's time."""
+        return (self.stamp - since) * 1e-9 - self.delay_s
 
 
 def _ancestors(keyframes: list[Keyframe], number: int) -> list[int]:
@@ -119,7 +123,7 @@ def trajectory(frames: list[Placed], keyframes: list[Keyframe]) -> tuple[Traject
         for j, sign in ((i + 1, 1.0), (i - 1, -1.0)):
             if T is None or not f.delay_s or not 0 <= j < len(frames) or segments[j] != segments[i]:
                 continue
-            other, apart_s = T_map_middle[j], abs(frames[j].stamp - f.stamp) * 1e-9
+            other, apart_s = T_map_middle[j], abs(frames[j].middle_s(f.stamp) + f.delay_s)
             if other is not None and 0.0 < apart_s < _LONGEST_GAP_S:
                 T_stamp = T @ se3.exp(sign * f.delay_s / apart_s * se3.log(se3.inverse(T) @ other))
                 break

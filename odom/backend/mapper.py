@@ -13,22 +13,23 @@ from odom.backend.estimate import LoopCandidate
 from odom.backend.graph import Edge
 from odom.backend.keyframes import Keyframe
 from odom.backend.map import Map
+from odom.backend.selfcheck import SelfCheck
 from odom.backend.settings import OdometrySettings
 from odom.backend.tracking import Tracked, track
-from odom.frame import Camera, RgbdFrame
+from odom.frame import Camera
 from odom.frontend.corners import detect_corners
-from odom.frontend.images import FrameImages
 from odom.frontend.lens import Lens
 from odom.frontend.measure import FeatureNoise, Measurements, measure
 from odom.frontend.places import Place, PlaceIndex, describe_place
 from odom.frontend.timing import Timing
+from odom.frontend.view import View
 from odom.registration import se3
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _FARTHEST_M = 8.0
-_TIMING_FORGET, _TIMING_CREDIT = 0.95, 0.1
+_TIMING_FORGET = 0.95
 LEAST_FOUND_AGAIN = 30
 _SHARE_IN_CHAIN, _SHARE_WITHOUT_CHAIN = 0.2, 0.35
 """Of the landmarks looked for, what must be found again: less where the chain of key frames agrees as well."""
@@ -40,8 +41,7 @@ class Seen:
     """A key frame's own images, kept while the background works on them."""
 
     keyframe: int
-    frame: RgbdFrame
-    images: FrameImages
+    view: View
     twist: Array
 
 
@@ -68,19 +68,15 @@ class Mapper:
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="odom-background")
         self._task: _Task | None = None
 
-    def track(
-        self, frame: RgbdFrame, images: FrameImages, T_start: Array, twist: Array, near: int, noise: FeatureNoise
-    ) -> Tracked:
-        """Return `frame` tracked against the key frames around `near` (see `tracking.track`)."""
+    def track(self, view: View, T_start: Array, twist: Array, near: int, noise: FeatureNoise) -> Tracked:
+        """Return `view` tracked against the key frames around `near` (see `tracking.track`)."""
         local = self.map.neighbours(near, T_start, self._settings.local_keyframes)
-        return self.track_against(local, frame, images, T_start, twist, noise)
+        return self.track_against(local, view, T_start, twist, noise)
 
-    def track_against(
-        self, local: Index, frame: RgbdFrame, images: FrameImages, T_start: Array, twist: Array, noise: FeatureNoise
-    ) -> Tracked:
-        """Return `frame` tracked against the key frames `local` and no others."""
+    def track_against(self, local: Index, view: View, T_start: Array, twist: Array, noise: FeatureNoise) -> Tracked:
+        """Return `view` tracked against the key frames `local` and no others."""
         return track(
-            self.map, frame, images, self._camera, self._lens, T_start, twist, local, self.timing, noise, self._settings
+            self.map, view, self._camera, self._lens, T_start, twist, local, self.timing, noise, self._settings
         )
 
     def is_known_place(self, tracked: Tracked) -> bool:
@@ -89,14 +85,13 @@ class Mapper:
 
     def add_keyframe(
         self,
-        frame: RgbdFrame,
-        images: FrameImages,
+        view: View,
         T_camera_map: Array,
         twist: Array,
         rows: Index,
         uv: Array,
         measurements: Measurements | None,
-        noise: FeatureNoise,
+        check: SelfCheck,
         segment: int,
         parent: int | None,
         covariance: Array,
@@ -106,15 +101,15 @@ class Mapper:
 
         `count` is the number of the frame, from which the background's work is counted.
         """
-        corners = detect_corners(images.full, uv, self._settings.cell_px)
+        corners = detect_corners(view.images.full, uv, self._settings.cell_px)
         no_covariance = np.zeros((len(corners), 3))
-        measured = measure(frame, self._lens, corners, no_covariance, twist, self.timing, noise)
+        measured = measure(view.frame, self._lens, corners, no_covariance, twist, self.timing, check.noise)
         usable = measured.values[:, 2] > 1.0 / _FARTHEST_M
         keyframe = self.map.add_keyframe(
-            frame.stamp,
+            view.stamp,
             segment,
             T_camera_map,
-            images,
+            view.images,
             rows,
             uv,
             measured.take(_NO_ROWS) if measurements is None else measurements,
@@ -125,24 +120,26 @@ class Mapper:
             covariance,
         )
         self.map.cull(self.map.neighbours(keyframe.number, T_camera_map, self._settings.local_keyframes))
-        self._waiting.append(Seen(keyframe.number, frame, images, twist))
+        self._waiting.append(Seen(keyframe.number, view, twist))
         del self._waiting[: -self._settings.background_delay_frames]
-        self._start_task(count, noise)
+        self._start_task(count, check)
         return keyframe
 
-    def _start_task(self, count: int, noise: FeatureNoise) -> None:
+    def _start_task(self, count: int, check: SelfCheck) -> None:
         if self._task is not None or not self._waiting:
             return
-        adjustment = window.newest(self.map, self._settings.window_keyframes, self.timing, self._timing_information)
+        adjustment = window.newest(
+            self.map, self._settings.window_keyframes, self.timing, self._timing_information / self._credit(check)
+        )
         waiting, self._waiting = self._waiting, []
         linked = [self._linked(seen.keyframe) for seen in waiting]
-        timing, lens, index = self.timing, self._lens, self.index
+        timing, lens, index, noise = self.timing, self._lens, self.index, check.noise
 
         def work() -> tuple[Bundle, list[tuple[Seen, Place, list[Recognition]]]]:
             bundle = adjustment.run()
             found = []
             for seen, excluded in zip(waiting, linked, strict=True):
-                place = describe_place(seen.frame, seen.images, lens, seen.twist, timing, noise)
+                place = describe_place(seen.view, lens, seen.twist, timing, noise)
                 found.append((seen, place, recognise(index, place, excluded)))
             return bundle, found
 
@@ -154,34 +151,41 @@ class Mapper:
         near = self.map.links[number] | {number}
         return near.union(*(self.map.links[k] for k in near))
 
-    def take_adjustment(self, count: int | None, noise: FeatureNoise) -> bool:
+    def take_adjustment(self, count: int | None, check: SelfCheck) -> bool:
         """Take over the background's work if it is due at frame `count` (None: at once); say whether the map moved."""
         if self._task is None or (count is not None and count < self._task.due):
             return False
         task, self._task = self._task, None
         bundle, found = task.result.result()
-        self._take_over(task.adjustment, bundle)
+        self._take_over(task.adjustment, bundle, check)
         for seen, place, recognitions in found:
             self.index.add(seen.keyframe, place)
             self._recognitions.append((seen, recognitions))
         if count is not None:
-            self._start_task(count, noise)
+            self._start_task(count, check)
         return True
 
-    def _take_over(self, adjustment: window.Adjustment, bundle: Bundle) -> None:
+    def _credit(self, check: SelfCheck) -> float:
+        """Return how much of an adjustment's information on the timing to believe.
+
+        A key frame is adjusted time and again while it is in the window, and errs as the self-check says.
+        """
+        return 1.0 / (self._settings.window_keyframes * check.scale)
+
+    def _take_over(self, adjustment: window.Adjustment, bundle: Bundle, check: SelfCheck) -> None:
         window.take_over(self.map, adjustment, bundle)
         change = bundle.timing_change
         self.timing = Timing(self.timing.readout_s + float(change[0]), self.timing.depth_lag_s + float(change[1]))
         if bundle.information_timing is not None:
             self._timing_information = (
-                _TIMING_FORGET * self._timing_information + _TIMING_CREDIT * bundle.information_timing
+                _TIMING_FORGET * self._timing_information + self._credit(check) * bundle.information_timing
             )
 
-    def take_recognitions(self, noise: FeatureNoise, scale: float) -> tuple[tuple[LoopCandidate, ...], Array | None]:
+    def take_recognitions(self, check: SelfCheck) -> tuple[tuple[LoopCandidate, ...], Array | None]:
         """Judge the places recognised since; act on those that hold.
 
         Returns every candidate with its decision and reason, and the motion of map coordinates near the newest key
-        frame, T_new_old, None where nothing was closed. `scale` is the self-check's of pose covariances.
+        frame, T_new_old, None where nothing was closed.
         """
         waiting, self._recognitions = self._recognitions, []
         candidates: list[LoopCandidate] = []
@@ -189,7 +193,7 @@ class Mapper:
         for seen, recognitions in waiting:
             for recognition in recognitions:
                 before = self.map.keyframes[seen.keyframe].T_camera_map.copy()
-                candidate = self._judge(seen, recognition, noise, scale)
+                candidate = self._judge(seen, recognition, check)
                 candidates.append(candidate)
                 if candidate.accepted:
                     moved = se3.inverse(self.map.keyframes[seen.keyframe].T_camera_map) @ before
@@ -197,7 +201,7 @@ class Mapper:
                     break
         return tuple(candidates), T_new_old
 
-    def _judge(self, seen: Seen, recognition: Recognition, noise: FeatureNoise, scale: float) -> LoopCandidate:
+    def _judge(self, seen: Seen, recognition: Recognition, check: SelfCheck) -> LoopCandidate:
         keyframe = self.map.keyframes[seen.keyframe]
         candidate = self.map.keyframes[recognition.candidate]
         registration = recognition.registration
@@ -206,14 +210,14 @@ class Mapper:
         if recognition.refusal or registration is None:
             return verdict
         T_start = se3.inverse(registration.T_target_source) @ candidate.T_camera_map
-        tracked = self.track(seen.frame, seen.images, T_start, seen.twist, candidate.number, noise)
+        tracked = self.track(seen.view, T_start, seen.twist, candidate.number, check.noise)
         found = tracked.found_again
         T_candidate_keyframe = candidate.T_camera_map @ se3.inverse(tracked.T_camera_map)
         verdict = replace(verdict, inliers=found, T_candidate_current=T_candidate_keyframe)
         share = _SHARE_IN_CHAIN if candidate.segment == keyframe.segment else _SHARE_WITHOUT_CHAIN
         if found < max(LEAST_FOUND_AGAIN, share * tracked.looked_for):
             return replace(verdict, reason=f"only {found} of {tracked.looked_for} landmarks found again")
-        covariance = tracked.covariance * scale
+        covariance, scale = tracked.covariance * check.scale, check.scale
         refusal = contradiction(self.map, candidate.number, keyframe.number, T_candidate_keyframe, covariance, scale)
         if refusal:
             return replace(verdict, reason=refusal)
@@ -240,11 +244,13 @@ class Mapper:
         change = keyframe.timing.vector - self.timing.vector
         keyframe.measurements = keyframe.measurements.joined(replace(values, values=values.retimed(change)))
 
-    def finish(self, noise: FeatureNoise, scale: float) -> None:
+    def finish(self, check: SelfCheck) -> None:
         """Take over what is in the background, then adjust each segment as a whole."""
-        self.take_adjustment(None, noise)
-        self.take_recognitions(noise, scale)
+        self.take_adjustment(None, check)
+        self.take_recognitions(check)
         for segment in sorted({k.segment for k in self.map.keyframes}):
             if sum(k.segment == segment for k in self.map.keyframes) >= 2:
-                adjustment = window.everything(self.map, segment, self.timing, self._timing_information)
-                self._take_over(adjustment, adjustment.run())
+                adjustment = window.everything(
+                    self.map, segment, self.timing, self._timing_information / self._credit(check)
+                )
+                self._take_over(adjustment, adjustment.run(), check)

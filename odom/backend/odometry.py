@@ -17,11 +17,12 @@ from odom.backend.stopwatch import Stopwatch
 from odom.backend.tracking import INLIER_CHI2, Tracked, coarse_pose, disagreement
 from odom.errors import InputError
 from odom.frame import Camera, RgbdFrame, Stamp
-from odom.frontend.images import FrameImages
+from odom.frontend.clock import Clock
 from odom.frontend.lens import Lens
 from odom.frontend.measure import FeatureNoise
 from odom.frontend.places import describe_place
 from odom.frontend.timing import Timing
+from odom.frontend.view import View
 from odom.registration import se3
 
 Array = NDArray[np.float64]
@@ -36,7 +37,7 @@ _SHARE_COVERED, _COVER_PX = 0.55, 40
 _MOVED_M, _MOVED_RAD = 0.015, 0.02
 _LEAST_CORNERS = 50
 _LEAST_DEEP, _LONGEST_SHALLOW_S = 0.05, 0.15
-_CHECK_EVERY = 4
+_CHECKED_ALL, _CHECK_EVERY = 20, 4
 _CLOUD = 20_000
 
 
@@ -44,8 +45,7 @@ _CLOUD = 20_000
 class _Previous:
     """The last frame that was tracked, or that began a segment (`tracked` is None)."""
 
-    frame: RgbdFrame
-    images: FrameImages
+    view: View
     tracked: Tracked | None
     pairwise: RelativePose | None
 
@@ -68,6 +68,7 @@ class Odometry:
         self._T_camera_map, self._T_map_odom = np.eye(4), np.eye(4)
         self._twist = np.zeros(6)
         self._near, self._segment = 0, -1
+        self._clock = Clock()
         self._previous: _Previous | None = None
         self._followed: tuple[Index, Array] = (np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
         self._seen_at_keyframe: tuple[int, int] | None = None
@@ -92,23 +93,24 @@ class Odometry:
         if -_LEAP_S <= self._causal.since_last_s(frame.stamp) <= 0.0:
             raise InputError(f"frame {frame.sequence} is not later than the one before: give frames in order of time")
         watch = Stopwatch()
-        images = FrameImages.of(frame.color)
+        self._clock = self._clock.after(frame.stamp)
+        view = View.of(frame, self._clock)
         watch.lap("images")
         loops, map_moved = self._take_background()
         watch.lap("background")
         was_lost = self._causal.is_lost
-        tracked = None if was_lost else self._follow(frame, images, watch)
+        tracked = None if was_lost else self._follow(view, watch)
         is_recovered = False
         if tracked is None and self._mapper.map.keyframes:
-            tracked = self._relocalise(frame, images)
+            tracked = self._relocalise(view)
             is_recovered = tracked is not None
             watch.lap("relocalise")
         if tracked is not None:
-            estimate = self._advance(frame, images, tracked, is_recovered, watch)
-        elif not was_lost and 0.0 < self._since_previous_s(frame) <= self.settings.bridge_s:
-            estimate = self._bridge(frame)
+            estimate = self._advance(view, tracked, is_recovered, watch)
+        elif not was_lost and 0.0 < self._since_previous_s(view) <= self.settings.bridge_s:
+            estimate = self._bridge(view)
         else:
-            estimate = self._lose(frame, images)
+            estimate = self._lose(view)
         if map_moved or estimate.is_keyframe:
             estimate = replace(estimate, path=self._path(), landmarks_map=self._cloud())
         return replace(estimate, loops=loops, timings_ms=watch.laps_ms)
@@ -117,7 +119,7 @@ class Odometry:
         """Return the final corrected trajectory, one pose a frame, after adjusting the whole map once more."""
         keyframes = self._mapper.map.keyframes
         before = keyframes[self._near].T_camera_map.copy() if keyframes else np.eye(4)
-        self._mapper.finish(self._check.noise, self._check.scale)
+        self._mapper.finish(self._check)
         if keyframes:
             self._T_camera_map = self._T_camera_map @ se3.inverse(before) @ keyframes[self._near].T_camera_map
             self._segment = keyframes[self._near].segment
@@ -131,8 +133,7 @@ class Odometry:
         first = next(k for k in self._mapper.map.keyframes if k.segment == self._segment)
         tracked = self._mapper.track_against(
             np.array([first.number]),
-            last.frame,
-            last.images,
+            last.view,
             self._T_camera_map,
             last.tracked.twist,
             self._check.noise,
@@ -153,8 +154,9 @@ class Odometry:
             float(np.sqrt(away @ np.linalg.solve(covariance, away))),
         )
 
-    def _since_previous_s(self, frame: RgbdFrame) -> float:
-        return np.inf if self._previous is None else (frame.stamp - self._previous.frame.stamp) * 1e-9
+    def _since_previous_s(self, view: View) -> float:
+        """Return the steady time since the previous view."""
+        return np.inf if self._previous is None else (view.frame.stamp - self._previous.view.frame.stamp) * 1e-9
 
     def _take_background(self) -> tuple[tuple[LoopCandidate, ...], bool]:
         """Take over what the background has for this frame: the current pose goes with the map, odom stays put."""
@@ -162,63 +164,60 @@ class Odometry:
         if not keyframes:
             return (), False
         before = keyframes[self._near].T_camera_map.copy()
-        if not self._mapper.take_adjustment(len(self._causal.frames), self._check.noise):
+        if not self._mapper.take_adjustment(len(self._causal.frames), self._check):
             return (), False
-        loops, T_new_old = self._mapper.take_recognitions(self._check.noise, self._check.scale)
+        loops, T_new_old = self._mapper.take_recognitions(self._check)
         if T_new_old is not None:
             self._T_map_odom = T_new_old @ self._T_map_odom
             self._segment = keyframes[self._near].segment
         self._T_camera_map = self._T_camera_map @ se3.inverse(before) @ keyframes[self._near].T_camera_map
         return loops, True
 
-    def _follow(self, frame: RgbdFrame, images: FrameImages, watch: Stopwatch) -> Tracked | None:
+    def _follow(self, view: View, watch: Stopwatch) -> Tracked | None:
         """Return the frame tracked on from the previous one, None where that fails."""
-        dt = self._since_previous_s(frame)
-        if self._previous is None or not 0.0 < dt < max(_LONGEST_GAP_S, _LONGEST_GAP_PERIODS * self._check.period_s):
+        dt = self._since_previous_s(view)
+        longest = max(_LONGEST_GAP_S, _LONGEST_GAP_PERIODS * self._clock.period_s)
+        if self._previous is None or not 0.0 < dt < longest:
             return None
         T_predicted = se3.exp(-self._twist * dt) @ self._T_camera_map
         rows, uv = self._followed
         alive = self._mapper.map.landmarks.alive[rows]
         T_coarse = coarse_pose(
-            self._mapper.map, rows[alive], uv[alive], self._previous.images, images, self._lens, T_predicted
+            self._mapper.map, rows[alive], uv[alive], self._previous.view.images, view.images, self._lens, T_predicted
         )
         watch.lap("follow")
         twist = -se3.log(T_coarse @ se3.inverse(self._T_camera_map)) / dt
-        tracked = self._mapper.track(frame, images, T_coarse, twist, self._near, self._check.noise)
+        tracked = self._mapper.track(view, T_coarse, twist, self._near, self._check.noise)
         watch.lap("find and fit")
         moved = se3.log(tracked.T_camera_map @ se3.inverse(self._T_camera_map)) / dt
         is_bounded = np.linalg.norm(moved[:3]) < _FASTEST_M_S and np.linalg.norm(moved[3:]) < _FASTEST_RAD_S
         return tracked if is_bounded and np.count_nonzero(tracked.inliers) >= _LEAST_INLIERS else None
 
-    def _relocalise(self, frame: RgbdFrame, images: FrameImages) -> Tracked | None:
+    def _relocalise(self, view: View) -> Tracked | None:
         """Return the frame tracked from a key frame that it is recognised to show, None where there is none."""
         still = np.zeros(6)
-        place = describe_place(frame, images, self._lens, still, self.timing, self._check.noise)
+        place = describe_place(view, self._lens, still, self.timing, self._check.noise)
         for recognition in recognise(self._mapper.index, place, set()):
             if recognition.refusal or recognition.registration is None:
                 continue
             keyframe = self._mapper.map.keyframes[recognition.candidate]
             T_camera_map = se3.inverse(recognition.registration.T_target_source) @ keyframe.T_camera_map
-            tracked = self._mapper.track(frame, images, T_camera_map, still, keyframe.number, self._check.noise)
+            tracked = self._mapper.track(view, T_camera_map, still, keyframe.number, self._check.noise)
             if self._mapper.is_known_place(tracked):
                 self._segment = keyframe.segment
                 return tracked
         return None
 
-    def _advance(
-        self, frame: RgbdFrame, images: FrameImages, tracked: Tracked, is_recovered: bool, watch: Stopwatch
-    ) -> Estimate:
+    def _advance(self, view: View, tracked: Tracked, is_recovered: bool, watch: Stopwatch) -> Estimate:
         """Take over a tracked frame: motion, covariance, key frame."""
         previous, T_before = self._previous, self._T_camera_map
-        dt = 0.0 if is_recovered else self._since_previous_s(frame)
+        dt = 0.0 if is_recovered else self._since_previous_s(view)
         self._T_camera_map, self._near = tracked.T_camera_map, tracked.reference
         twist = -se3.log(self._T_camera_map @ se3.inverse(T_before)) / dt if dt else np.zeros(6)
-        if dt:
-            self._check = self._check.with_interval(dt)
         self._twist = twist
         self._sight_s = 0.0
         self._mapper.map.landmarks.seen[tracked.rows[tracked.inliers]] += 1
-        if len(self._causal.frames) % _CHECK_EVERY == 0:
+        if self._check.checks < _CHECKED_ALL or len(self._causal.frames) % _CHECK_EVERY == 0:
             self._check_noise(tracked)
         watch.lap("check")
         covariance = tracked.covariance * self._check.scale
@@ -227,9 +226,9 @@ class Odometry:
         T_map_middle = se3.inverse(self._T_camera_map)
         published = self._causal.advance(
             Placed(
-                frame.stamp,
+                view.stamp,
                 self._segment,
-                self.timing.readout_s / 2.0,
+                view.late_s + self.timing.readout_s / 2.0,
                 self._near,
                 keyframe.T_camera_map @ T_map_middle,
             ),
@@ -238,31 +237,34 @@ class Odometry:
             dt,
             inliers,
             self._check,
+            self._clock.sigma_s,
         )
         pairwise = None
         if dt and previous is not None and previous.tracked is not None:
-            pairwise = register_successive(previous.tracked, previous.frame.stamp, tracked)
+            pairwise = register_successive(
+                previous.tracked, previous.view.stamp, tracked, self._check.scale, self._clock.jitter_s
+            )
         watch.lap("pairwise")
         rows, uv = tracked.rows[tracked.inliers], tracked.uv[tracked.inliers]
         is_deep = np.count_nonzero(tracked.chi2[tracked.inliers, 1]) >= _LEAST_DEEP * inliers
         if is_deep:
-            self._deep_stamp = frame.stamp
+            self._deep_stamp = view.stamp
         is_keyframe = bool(is_deep) and self._needs_keyframe(uv)
         if is_keyframe:
-            rows, uv = self._add_keyframe(frame, images, tracked, covariance)
+            rows, uv = self._add_keyframe(view, tracked, covariance)
         self._followed = (rows, uv)
-        self._previous = _Previous(frame, images, tracked, pairwise)
+        self._previous = _Previous(view, tracked, pairwise)
         watch.lap("keyframe")
         state, reason = State.TRACKING, ""
         if is_recovered:
             state, reason = State.RECOVERED, f"place recognised: {inliers} landmarks found again"
         elif inliers < _SURE_INLIERS:
             state, reason = State.UNCERTAIN, f"only {inliers} landmarks found again"
-        elif (frame.stamp - self._deep_stamp) * 1e-9 > _LONGEST_SHALLOW_S:
+        elif (view.stamp - self._deep_stamp) * 1e-9 > _LONGEST_SHALLOW_S:
             state, reason = State.UNCERTAIN, "hardly any depth: tracked by known landmarks alone"
         residual = np.where(tracked.inliers, np.sqrt(tracked.chi2[:, 0]), np.nan)
         return self._estimate(
-            frame,
+            view,
             state,
             reason,
             published,
@@ -292,21 +294,18 @@ class Odometry:
         away = se3.log(self._T_camera_map @ se3.inverse(self._mapper.map.keyframes[self._near].T_camera_map))
         return bool(np.linalg.norm(away[:3]) > _MOVED_M or np.linalg.norm(away[3:]) > _MOVED_RAD)
 
-    def _add_keyframe(
-        self, frame: RgbdFrame, images: FrameImages, tracked: Tracked | None, covariance: Array
-    ) -> tuple[Index, Array]:
+    def _add_keyframe(self, view: View, tracked: Tracked | None, covariance: Array) -> tuple[Index, Array]:
         """Make the current frame a key frame; return the landmarks it measured and where."""
         parent = None if tracked is None else self._near
         inliers = np.zeros(0, dtype=np.int64) if tracked is None else np.flatnonzero(tracked.inliers)
         keyframe = self._mapper.add_keyframe(
-            frame,
-            images,
+            view,
             self._T_camera_map,
             self._twist,
             inliers if tracked is None else tracked.rows[inliers],
             np.zeros((0, 2)) if tracked is None else tracked.uv[inliers],
             None if tracked is None else tracked.measurements.take(inliers),
-            self._check.noise,
+            self._check,
             self._segment,
             parent,
             covariance,
@@ -315,47 +314,47 @@ class Odometry:
         self._near, self._seen_at_keyframe = keyframe.number, None
         return keyframe.rows, keyframe.uv
 
-    def _bridge(self, frame: RgbdFrame) -> Estimate:
+    def _bridge(self, view: View) -> Estimate:
         """Let the motion prediction stand in for a frame that could not be tracked."""
-        published = self._causal.bridge(frame.stamp, self._twist)
+        published = self._causal.bridge(view.stamp, self._twist)
         reason = "not tracked: the motion is predicted"
-        return self._estimate(frame, State.UNCERTAIN, reason, published, is_predicted=True)
+        return self._estimate(view, State.UNCERTAIN, reason, published, is_predicted=True)
 
-    def _lose(self, frame: RgbdFrame, images: FrameImages) -> Estimate:
+    def _lose(self, view: View) -> Estimate:
         """Say that the frame has no pose, or begin a new segment where none can be hoped for."""
-        if 0.0 < self._causal.since_last_s(frame.stamp) < _LEAP_S:
-            self._sight_s += self._causal.since_last_s(frame.stamp)
+        if 0.0 < self._causal.since_last_s(view.stamp) < _LEAP_S:
+            self._sight_s += self._causal.since_last_s(view.stamp)
         if self._segment < 0 or self._sight_s > self.settings.new_segment_s:
-            estimate = self._begin_segment(frame, images)
+            estimate = self._begin_segment(view)
             if estimate is not None:
                 return estimate
-        self._causal.lose(frame.stamp, self._segment)
+        self._causal.lose(view.stamp, self._segment)
         reason = "no depth yet" if self._segment < 0 else "no known place recognised"
-        return self._estimate(frame, State.LOST, reason, None)
+        return self._estimate(view, State.LOST, reason, None)
 
-    def _begin_segment(self, frame: RgbdFrame, images: FrameImages) -> Estimate | None:
+    def _begin_segment(self, view: View) -> Estimate | None:
         """Begin a new segment of the map at the last known pose, None where the frame does not hold enough."""
         still = np.zeros(6)
-        place = describe_place(frame, images, self._lens, still, self.timing, self._check.noise)
+        place = describe_place(view, self._lens, still, self.timing, self._check.noise)
         if len(place.points) < _LEAST_CORNERS:
             return None
         is_first = self._segment < 0
         self._segment = 1 + max((k.segment for k in self._mapper.map.keyframes), default=-1)
         self._twist = still
-        rows, uv = self._add_keyframe(frame, images, None, np.zeros((6, 6)))
+        rows, uv = self._add_keyframe(view, None, np.zeros((6, 6)))
         self._followed = (rows, uv)
-        self._previous = _Previous(frame, images, None, None)
+        self._previous = _Previous(view, None, None)
         self._sight_s = 0.0
         T_odom_camera = se3.inverse(self._T_map_odom) @ se3.inverse(self._T_camera_map)
-        self._deep_stamp = frame.stamp
-        published = self._causal.begin(frame.stamp, self._segment, self._near, T_odom_camera)
+        self._deep_stamp = view.stamp
+        published = self._causal.begin(view.stamp, self._segment, self._near, T_odom_camera)
         state = State.TRACKING if is_first else State.RECOVERED
         reason = "" if is_first else "new segment: no known place recognised"
-        return self._estimate(frame, state, reason, published, matches=len(rows), is_keyframe=True)
+        return self._estimate(view, state, reason, published, matches=len(rows), is_keyframe=True)
 
     def _estimate(
         self,
-        frame: RgbdFrame,
+        view: View,
         state: State,
         reason: str,
         published: Publication | None,
@@ -368,8 +367,8 @@ class Odometry:
         features: Features | None = None,
     ) -> Estimate:
         return Estimate(
-            frame.sequence,
-            frame.stamp,
+            view.frame.sequence,
+            view.stamp,
             state,
             reason,
             max(self._segment, 0),

@@ -13,10 +13,13 @@ from odom.registration.pairs import Pairs, Prior
 _LEAST_PAIRS = 10
 
 
-def register_successive(previous: Tracked, stamp_previous: Stamp, current: Tracked) -> RelativePose | None:
+def register_successive(
+    previous: Tracked, stamp_previous: Stamp, current: Tracked, scale: float, jitter_s: float
+) -> RelativePose | None:
     """Return T_previous_current from the features that both frames measured with depth, None where that fails.
 
-    The recursive robust filter sees both clouds' covariances; the map's motion serves as a hint to its gate only.
+    The recursive robust filter sees both clouds' covariances; the map's motion serves as a hint to its gate only. To
+    its covariance, times the self-check's `scale`, comes how far the camera goes while two stamps jitter by `jitter_s`.
     """
     _, a, b = np.intersect1d(previous.rows, current.rows, assume_unique=True, return_indices=True)
     deep = (previous.measurements.values[a, 2] > 0.0) & (current.measurements.values[b, 2] > 0.0)
@@ -31,4 +34,5 @@ def register_successive(previous: Tracked, stamp_previous: Stamp, current: Track
     if not registration.ok:
         return None
     inliers = int(registration.inliers.sum())
-    return RelativePose(stamp_previous, registration.T_target_source, registration.covariance, inliers)
+    covariance = scale * registration.covariance + 2.0 * jitter_s**2 * np.outer(current.twist, current.twist)
+    return RelativePose(stamp_previous, registration.T_target_source, covariance, inliers)

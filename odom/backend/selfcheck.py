@@ -1,8 +1,8 @@
 """Is the noise what we think it is? The stream's own residuals answer, and the covariance follows them.
 
-Four answers, each a slow average: the pixel's sigma, the inverse depth's sigma at several distances, the jitter of the
-stamps, and by how much poses from the left and the right half of the image disagree more than their covariances allow
-(errors that neighbours share, such as the lens's or the depth's calibration, do not average out and show only there).
+Three answers, each a slow average: the pixel's sigma, the inverse depth's sigma at several distances, and by how much
+poses from the left and the right half of the image disagree more than their covariances allow (errors that neighbours
+share, such as the lens's or the depth's calibration, do not average out and show only there).
 """
 
 from dataclasses import dataclass, replace
@@ -19,6 +19,8 @@ _GAIN = 0.05
 _LEAST = 15
 _RANGE = 8.0
 _CALIBRATION_ERROR = 0.02
+_UNPROVEN = 5.0
+"""The inflation of a sensor that has shown nothing of itself yet."""
 _EXPLAINED_BY_NOISE = 3.0
 
 
@@ -26,15 +28,14 @@ _EXPLAINED_BY_NOISE = 3.0
 class SelfCheck:
     """`noise` as it now seems, what it was at the start, and `inflation` of pose covariances after `comparisons`.
 
-    `period_s` is the frames' usual distance and `jitter_s` one sigma of a single stamp about it.
+    `checks` counts the frames whose residuals were looked at.
     """
 
     noise: FeatureNoise
     start: FeatureNoise
-    inflation: float = 1.0
+    inflation: float = _UNPROVEN
     comparisons: int = 0
-    period_s: float = 0.0
-    jitter_s: float = 0.0
+    checks: int = 0
 
     @classmethod
     def of(cls, noise: FeatureNoise) -> "SelfCheck":
@@ -45,7 +46,8 @@ class SelfCheck:
         """Return the check after one more frame's inliers: chi2 (n x 2: ray, depth; depth 0 where not measured)."""
         if len(chi2) < _LEAST:
             return self
-        pixel = self.noise.pixel_sigma * (float(np.median(chi2[:, 0])) / _MEDIAN_CHI2_2) ** (_GAIN / 2)
+        gain = max(_GAIN, 1.0 / (self.checks + 2.0))
+        pixel = self.noise.pixel_sigma * (float(np.median(chi2[:, 0])) / _MEDIAN_CHI2_2) ** (gain / 2)
         pixel = min(max(pixel, self.start.pixel_sigma / _RANGE), self.start.pixel_sigma * _RANGE)
         knots, sigma = self.noise.inverse_depth_sigma
         sigma = sigma.copy()
@@ -54,10 +56,11 @@ class SelfCheck:
         for k in range(len(knots)):
             there = measured & (nearest == k)
             if np.count_nonzero(there) >= _LEAST:
-                sigma[k] *= (np.median(chi2[there, 1]) / _MEDIAN_CHI2_1) ** (_GAIN / 2)
+                sigma[k] *= (np.median(chi2[there, 1]) / _MEDIAN_CHI2_1) ** (gain / 2)
         first = self.start.inverse_depth_sigma[1]
         table = np.stack([knots, np.clip(sigma, first / _RANGE, first * _RANGE)])
-        return replace(self, noise=replace(self.noise, pixel_sigma=pixel, inverse_depth_sigma=table))
+        noise = replace(self.noise, pixel_sigma=pixel, inverse_depth_sigma=table)
+        return replace(self, noise=noise, checks=self.checks + 1)
 
     def with_disagreement(self, nees: float) -> "SelfCheck":
         """Return the check after comparing poses of two parts of one image: their difference's NEES (6 expected)."""
@@ -65,16 +68,6 @@ class SelfCheck:
         gain = max(_GAIN, 1.0 / (self.comparisons + 2.0))
         inflation = self.inflation + gain * (seen - self.inflation)
         return replace(self, inflation=inflation, comparisons=self.comparisons + 1)
-
-    def with_interval(self, dt: float) -> "SelfCheck":
-        """Return the check after one more interval between stamps (s); gaps where frames were lost don't count."""
-        if not self.period_s:
-            return replace(self, period_s=dt)
-        away = dt - self.period_s
-        if abs(away) > 0.4 * self.period_s:
-            return self
-        variance = self.jitter_s**2 + _GAIN * (0.5 * away * away - self.jitter_s**2)
-        return replace(self, period_s=self.period_s + _GAIN * away, jitter_s=float(np.sqrt(variance)))
 
     @property
     def scale(self) -> float:

@@ -9,11 +9,12 @@ from odom.backend.localmap import look_for
 from odom.backend.map import Map
 from odom.backend.pose import fit_pose
 from odom.backend.settings import OdometrySettings
-from odom.frame import Camera, RgbdFrame
+from odom.frame import Camera
 from odom.frontend.images import FrameImages, follow
 from odom.frontend.lens import Lens, project, rays_at
 from odom.frontend.measure import FeatureNoise, Measurements, measure
 from odom.frontend.timing import Timing
+from odom.frontend.view import View
 from odom.registration import se3
 
 Array = NDArray[np.float64]
@@ -95,8 +96,7 @@ def coarse_pose(
 
 def track(
     map_: Map,
-    frame: RgbdFrame,
-    images: FrameImages,
+    view: View,
     camera: Camera,
     lens: Lens,
     T_start: Array,
@@ -121,10 +121,10 @@ def track(
     candidates = np.flatnonzero(L.alive & is_local[L.keyframe])
     priority = L.seen[candidates] + _RANK_OF_REFERENCE * (L.keyframe[candidates] == reference)
     sighting = look_for(
-        L, candidates, priority, T_start, T_camera_keyframe, images, camera, lens, settings.max_features
+        L, candidates, priority, T_start, T_camera_keyframe, view.images, camera, lens, settings.max_features
     )
     measured = measure(
-        frame,
+        view.frame,
         lens,
         sighting.uv,
         sighting.covariance_uv * _IMAGE_NOISE_LEVELS**2,

@@ -7,11 +7,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.frame import RgbdFrame
-from odom.frontend.images import FrameImages
 from odom.frontend.lens import Lens
 from odom.frontend.measure import FeatureNoise, measure, points_of
 from odom.frontend.timing import Timing
+from odom.frontend.view import View
 from odom.registration.pairs import Pairs
 
 Array = NDArray[np.float64]
@@ -32,18 +31,16 @@ class Place:
     covariances: Array
 
 
-def describe_place(
-    frame: RgbdFrame, images: FrameImages, lens: Lens, twist: Array, timing: Timing, noise: FeatureNoise
-) -> Place:
-    """Return the place that a frame shows (ORB: E. Rublee et al., ICCV 2011), seen while moving with `twist`."""
+def describe_place(view: View, lens: Lens, twist: Array, timing: Timing, noise: FeatureNoise) -> Place:
+    """Return the place that a view shows (ORB: E. Rublee et al., ICCV 2011), seen while moving with `twist`."""
     orb = cv2.ORB.create(nfeatures=_FEATURES, fastThreshold=12)
-    keypoints, descriptors = orb.detectAndCompute(images.full, None)
+    keypoints, descriptors = orb.detectAndCompute(view.images.full, None)
     if descriptors is None:
         return Place(np.zeros((0, 32), np.uint8), np.zeros((0, 3)), np.zeros((0, 3, 3)))
     uv = np.array([k.pt for k in keypoints], dtype=np.float64)
     variance = np.array([k.size / 31.0 for k in keypoints]) ** 2
     covariance_uv = np.stack([variance, np.zeros_like(variance), variance], axis=1)
-    measured = measure(frame, lens, uv, covariance_uv, twist, timing, noise)
+    measured = measure(view.frame, lens, uv, covariance_uv, twist, timing, noise)
     deep = measured.values[:, 2] > 0.0
     points, covariances = points_of(measured.take(deep))
     return Place(np.asarray(descriptors, dtype=np.uint8)[deep], points, covariances)

@@ -47,9 +47,9 @@ class Ran:
         return next(e for e in self.estimates if e.state is state and e.stamp >= after)
 
 
-def run(camera: Camera, frames: Iterable[RgbdFrame]) -> Ran:
+def run(camera: Camera, frames: Iterable[RgbdFrame], settings: OdometrySettings | None = None) -> Ran:
     """Run the odometry over all frames."""
-    odometry = Odometry(camera, OdometrySettings())
+    odometry = Odometry(camera, settings)
     estimates = tuple(odometry.process(frame) for frame in frames)
     return Ran(estimates, odometry.finish(), odometry.timing)
 

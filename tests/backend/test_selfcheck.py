@@ -51,14 +51,3 @@ def test_the_inflation_follows_how_much_the_halves_disagree(factor):
         check = check.with_disagreement(factor * rng.chisquare(6))
     assert check.inflation == pytest.approx(factor, rel=0.35)
     assert check.scale >= 1.0
-
-
-@pytest.mark.parametrize("jitter", [0.0, 0.0005, 0.003])
-def test_the_jitter_of_the_stamps_is_seen_and_gaps_are_not_jitter(jitter):
-    rng, check = np.random.default_rng(2), SelfCheck.of(START)
-    stamps = np.arange(600) / 30.0 + jitter * rng.normal(size=600)
-    stamps = np.delete(stamps, np.arange(50, 600, 60))
-    for dt in np.diff(stamps):
-        check = check.with_interval(float(dt))
-    assert check.period_s == pytest.approx(1 / 30, rel=0.1)
-    assert check.jitter_s == pytest.approx(jitter, rel=0.5, abs=1e-5)

@@ -8,6 +8,7 @@ from odom.frontend.lens import Lens
 from odom.frontend.measure import FeatureNoise
 from odom.frontend.places import Place, PlaceIndex, describe_place, match_places
 from odom.frontend.timing import Timing
+from odom.frontend.view import View
 from odom.registration import se3
 from odom.registration.default import register
 
@@ -73,7 +74,7 @@ def test_nothing_is_found_for_an_image_without_features(hundreds):
 def described(room, T_room_camera):
     lens = Lens.of(CAMERA)
     frame = room.frame(CAMERA, 0, T_room_camera)
-    return describe_place(frame, FrameImages.of(frame.color), lens, np.zeros(6), Timing(), NOISE)
+    return describe_place(View(frame.stamp, frame, FrameImages.of(frame.color)), lens, np.zeros(6), Timing(), NOISE)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -102,5 +103,5 @@ def test_a_black_image_describes_no_place():
     lens = Lens.of(CAMERA)
     frame = PaintedRoom().frame(CAMERA, 0, stroll(0.0))
     black = FrameImages.of(np.zeros_like(frame.color))
-    place = describe_place(frame, black, lens, np.zeros(6), Timing(), NOISE)
+    place = describe_place(View(frame.stamp, frame, black), lens, np.zeros(6), Timing(), NOISE)
     assert len(place.points) == len(place.descriptors) == 0

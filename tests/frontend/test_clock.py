@@ -1,0 +1,83 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from odom.frame import Stamp
+from odom.frontend.clock import Clock
+
+START_NS = 1_700_000_000_000_000_000
+
+
+def stamps_of(seconds):
+    return [Stamp(START_NS + round(s * 1e9)) for s in seconds]
+
+
+def clocks_of(stamps):
+    clock = Clock()
+    for stamp in stamps:
+        clock = clock.after(stamp)
+        yield clock
+
+
+def steady_errors_s(true_s, stamped_s):
+    steady = np.array([c.steady - START_NS for c in clocks_of(stamps_of(stamped_s))]) * 1e-9
+    errors = steady - true_s
+    return errors - errors[60:].mean()
+
+
+@pytest.mark.parametrize("rate_hz", [10.0, 29.97, 60.0])
+def test_steady_times_are_several_times_nearer_to_the_truth_than_jittering_stamps(rate_hz):
+    rng = np.random.default_rng(1)
+    true_s = np.arange(400) / rate_hz
+    stamped_s = true_s + 0.05 / rate_hz * rng.normal(size=400)
+    errors = steady_errors_s(true_s, stamped_s)
+    assert np.std(errors[60:]) < 0.45 * np.std(stamped_s - true_s)
+
+
+def test_missing_frames_and_a_late_stamp_do_not_move_the_others():
+    rng = np.random.default_rng(2)
+    true_s = np.delete(np.arange(400) / 30.0, [70, 71, 130, 200, 201, 202, 300])
+    stamped_s = true_s + 0.001 * rng.normal(size=len(true_s))
+    stamped_s[150] += 0.015
+    errors = steady_errors_s(true_s, stamped_s)
+    assert np.abs(np.delete(errors[60:], 150 - 60)).max() < 0.002
+
+
+def test_exact_stamps_stay_as_they_are():
+    for stamp, clock in zip(stamps := stamps_of(np.arange(100) / 30.0), clocks_of(stamps), strict=True):
+        assert abs(clock.steady - stamp) < 1000
+    assert clock.period_s == pytest.approx(1 / 30, rel=1e-6)
+    assert clock.sigma_s < 1e-6
+
+
+def test_stamps_without_a_period_are_taken_for_true():
+    rng = np.random.default_rng(3)
+    stamps = stamps_of(np.cumsum(rng.uniform(0.01, 0.1, 200)))
+    unsteadied = [clock.steady == stamp for stamp, clock in zip(stamps, clocks_of(stamps), strict=True)]
+    assert np.mean(unsteadied) > 0.9
+
+
+@pytest.mark.parametrize("jitter_s", [0.0005, 0.003])
+def test_the_jitter_is_known_and_remembered_over_a_gap(jitter_s):
+    rng = np.random.default_rng(4)
+    seconds = np.arange(90) / 30.0 + jitter_s * rng.normal(size=90)
+    *_, clock = clocks_of(stamps_of(seconds))
+    assert clock.jitter_s == pytest.approx(jitter_s, rel=0.4)
+    assert 0.2 * jitter_s < clock.sigma_s < jitter_s
+    after_gap = clock.after(Stamp(clock.stamps[-1] + 5_000_000_000))
+    assert after_gap.late_s == 0.0
+    assert after_gap.sigma_s == clock.jitter_s
+
+
+@given(st.lists(st.integers(-(10**10), 10**10), max_size=60))
+def test_any_stamps_give_finite_bounded_times(steps):
+    stamp = START_NS
+    clock = Clock()
+    for step in steps:
+        stamp += step
+        clock = clock.after(Stamp(stamp))
+        assert abs(clock.late_s) < 0.5
+        assert np.isfinite([clock.late_s, clock.sigma_s, clock.period_s, clock.jitter_s]).all()
+        assert clock.sigma_s >= 0.0
+        assert len(clock.stamps) <= 30

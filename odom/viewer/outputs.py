@@ -13,6 +13,8 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryFile
+from typing import IO
 from urllib.parse import quote
 
 import psutil
@@ -63,16 +65,29 @@ def has_screen() -> bool:
 
 @dataclass(frozen=True)
 class Shown:
-    """An open recording, the address of its web page, and the processes that show it."""
+    """An open recording, the address of its web page, and the window that shows it with what that complains of."""
 
     recording: rr.RecordingStream
     address: str | None
     window: subprocess.Popen[bytes] | None
+    words: IO[bytes] | None = None
 
     @property
     def window_closed(self) -> bool:
-        """Whether the window has been closed by its user."""
-        return self.window is not None and self.window.poll() is not None
+        """Whether the window has been closed by its user; raises OdomError when it could not be shown."""
+        status = None if self.window is None else self.window.poll()
+        if status is not None and status > 0:
+            raise OdomError(
+                f"Rerun's window ended with status {status}: {_last_line(self.words)}; --web shows it in a browser"
+            )
+        return status is not None
+
+
+def _last_line(words: IO[bytes] | None) -> str:
+    if words is None:
+        return "it does not say why"
+    words.seek(0)
+    return (words.read().decode(errors="replace").strip().splitlines() or ["it does not say why"])[-1]
 
 
 @contextmanager
@@ -89,7 +104,7 @@ def open_outputs(outputs: Outputs, settings: ViewerSettings, name: str) -> Itera
         data_port, web_port = _open_sinks(recording, outputs, settings)
         recording.send_recording_name(name)
         data = f"rerun+http://{_reachable(settings.host)}:{data_port}/proxy"
-        address = window = None
+        address = window = words = None
         if outputs.web:
             stack.enter_context(
                 _child(["--serve-web", "--bind", settings.host, "--web-viewer-port", str(web_port), data])
@@ -97,10 +112,10 @@ def open_outputs(outputs: Outputs, settings: ViewerSettings, name: str) -> Itera
             address = f"http://{_reachable(settings.host)}:{web_port}/?url={quote(data, safe=':/')}"
         if outputs.desktop:
             limit = f"{settings.desktop_memory_mib}MiB"
-            window = stack.enter_context(
-                _child(["--connect", data, "--bind", "127.0.0.1", "--memory-limit", limit, "--hide-welcome-screen"])
-            )
-        yield Shown(recording, address, window)
+            arguments = ["--connect", data, "--bind", "127.0.0.1", "--memory-limit", limit, "--hide-welcome-screen"]
+            words = stack.enter_context(TemporaryFile())
+            window = stack.enter_context(_child(arguments, words))
+        yield Shown(recording, address, window, words)
         recording.flush(timeout_sec=10.0)
 
 
@@ -182,12 +197,12 @@ def _origin(host: str) -> str:
 
 
 @contextmanager
-def _child(arguments: Sequence[str]) -> Iterator[subprocess.Popen[bytes]]:
+def _child(arguments: Sequence[str], words: IO[bytes] | None = None) -> Iterator[subprocess.Popen[bytes]]:
     process = subprocess.Popen(
         [str(_program()), *arguments],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL if words is None else words,
         preexec_fn=_end_with_parent if sys.platform == "linux" else None,
     )
     try:

@@ -36,7 +36,7 @@ def view(
 ) -> None:
     """Show one device until `stop` is set or the window is closed; with a file alone until the source has ended.
 
-    Raises OdomError when an output or the session cannot be opened.
+    Raises OdomError when an output, the window or the session cannot be opened.
     """
     if hasattr(os, "nice"):
         os.nice(_NICE)

@@ -150,6 +150,14 @@ def test_a_file_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     assert "cannot be written" in done.stderr
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="the screen that is not there is X11's")
+def test_a_window_that_cannot_open_is_said_with_a_way_out(start: Start) -> None:
+    view = start("view", "--data-port", "0", DISPLAY=":12345", WAYLAND_DISPLAY="")
+    assert view.process.wait(40) == 1
+    assert view.said("window ended with status 1: .+; --web"), view.lines
+    assert not view.said("Traceback")
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_memory_stays_flat_over_10000_frames(start: Start) -> None:

@@ -38,8 +38,9 @@ def report_with_truth(
     the topic `truth/<body>/pose` that the truth came on: unless it is `camera`, the clock offset and the hand-eye
     transformation are estimated (or imposed by `calibration_options`) and used for every figure; None takes the name
     from the comment `# body NAME` that `truth.txt` begins with, `camera` without one. Returns the fields
-    of the contract and `truth_notes` in plain words; a figure that cannot be had is None and its note says why.
-    Raises SourceError when `trajectory.txt` or `truth.txt` cannot be read.
+    of the contract and `truth_notes` in plain words; a figure that cannot be had is None and its note says why. An
+    error has the covariance claimed plus that of the truth's own noise, where its samples show it (see `noise`): NEES
+    is by that, and `..._exact_truth` by the claim alone. Raises SourceError when `trajectory.txt` or `truth.txt` cannot be read.
     """
     truth = read_tum(out_dir / "truth.txt")
     body = body or body_of(out_dir / "truth.txt")
@@ -141,13 +142,14 @@ def _relative(path: Path) -> RelativePoses | None:
 def _nees_fields(poses: RelativePoses | None, truth: Trajectory, name: str) -> dict[str, Any]:
     if not poses:
         return dict.fromkeys((f"{name}_mean", f"{name}_inside_95"))
-    plain = relative_nees(poses, truth)
-    fields = {f"{name}_mean": plain.mean, f"{name}_inside_95": plain.inside_95}
-    noise = truth_noise(truth)
-    if noise:
-        floored = relative_nees(widened(poses, noise), truth)
-        fields |= {f"{name}_mean_truth_noise": floored.mean, f"{name}_inside_95_truth_noise": floored.inside_95}
-    return fields
+    exact, noise = relative_nees(poses, truth), truth_noise(truth)
+    judged = relative_nees(widened(poses, noise), truth) if noise else exact
+    return {
+        f"{name}_mean": judged.mean,
+        f"{name}_inside_95": judged.inside_95,
+        f"{name}_mean_exact_truth": exact.mean,
+        f"{name}_inside_95_exact_truth": exact.inside_95,
+    }
 
 
 def _claimed(poses: RelativePoses | None, truth: Trajectory, final: Report) -> ClaimedError | None:

@@ -22,7 +22,7 @@ _STATES: Mapping[str, tuple[str, str, palette.Rgb]] = {
     "LOST": (ERROR, "Lost", palette.BAD),
 }
 _NUMBER = re.compile(r"\d+(\.\d+)?")
-_REFUSED_EVERY_NS = 1_000_000_000
+_REFUSED_EVERY_NS = 5_000_000_000
 
 
 def says(stamp: Stamp, level: str, text: str, color: palette.Rgb | None = None) -> Draw:
@@ -67,7 +67,7 @@ class Words:
         self._began = stamp if self._began is None else self._began
 
     def loop(self, loop: Loop) -> Iterator[Draw]:
-        """Yield a line for an accepted loop, and for refused ones at most once a second."""
+        """Yield a line for an accepted loop, and for refused ones at most once in 5 s."""
         apart = to_seconds(Stamp(loop.stamp - loop.candidate_stamp))
         what = f"with {apart:.1f} s before, {loop.inliers} inliers: {loop.reason}"
         if loop.accepted:
@@ -106,9 +106,9 @@ class Words:
         """Return the table of how it goes now."""
         state, reason = self._state
         began = self._began if self._began is not None else stamp
-        rows = [("time", f"{to_seconds(Stamp(stamp - began)):.1f} s"), ("path", f"{length_m:.2f} m")]
+        rows = [("way", f"{length_m:.2f} m in {to_seconds(Stamp(stamp - began)):.1f} s")]
         if fit is not None:
-            rows.append(("off truth (RMS)", f"**{1e3 * fit.ate_m:.1f} mm**"))
+            rows.append(("off truth", f"**{1e3 * fit.ate_m:.1f} mm** (RMS)"))
         if self._error is not None:
             rows.append(("off truth now", f"{1e3 * self._error.position_m:.1f} mm, {self._error.rotation_deg:.2f} deg"))
         rows.append(("loops", f"{self._accepted} closed, {self._refused} refused"))
@@ -118,8 +118,14 @@ class Words:
             ("latency_ms", "latency", " ms"),
         ):
             if key in self._values:
-                rows.append((name, f"{self._values[key]}{unit}"))
+                rows.append((name, f"{_one_decimal(self._values[key])}{unit}"))
         table = "\n".join(f"| {name} | {value} |" for name, value in rows)
-        head = state or "waiting for the odometry"
-        text = f"**{head}** {reason}\n\n| | |\n|---|---|\n{table}\n"
+        text = f"| **{state or 'waiting'}** | {reason if state else 'for the odometry'} |\n|---|---|\n{table}\n"
         return draw(entities.SUMMARY, stamp, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+
+
+def _one_decimal(number: str) -> str:
+    try:
+        return f"{float(number):.1f}"
+    except ValueError:
+        return number

@@ -40,7 +40,9 @@ def report_with_truth(
     from the comment `# body NAME` that `truth.txt` begins with, `camera` without one. Returns the fields
     of the contract and `truth_notes` in plain words; a figure that cannot be had is None and its note says why. An
     error has the covariance claimed plus that of the truth's own noise, where its samples show it (see `noise`): NEES
-    is by that, and `..._exact_truth` by the claim alone. Raises SourceError when `trajectory.txt` or `truth.txt` cannot be read.
+    is by that, and `..._exact_truth` by the claim alone.
+
+    Raises SourceError when `trajectory.txt` or `truth.txt` cannot be read.
     """
     truth = read_tum(out_dir / "truth.txt")
     body = body or body_of(out_dir / "truth.txt")

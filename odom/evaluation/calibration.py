@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from odom.errors import InputError
@@ -162,6 +161,8 @@ class _Whitener:
 
     def __call__(self, columns: Array) -> Array:
         """Return n x 6 x k columns filtered along time; the first few rows, which have no past, are left out."""
+        from scipy.signal import lfilter  # takes half a second, which a viewer that starts does not have
+
         filtered = [lfilter(taps, [1.0], columns[:, k], axis=0) for k, taps in enumerate(self.filters)]
         return np.asarray(self.inverse_root @ np.stack(filtered, axis=1)[self.filters.shape[1] - 1 :])
 

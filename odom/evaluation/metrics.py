@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from odom.errors import InputError
 from odom.evaluation.trajectory import Stamps, angles, inverse_all
@@ -17,7 +17,7 @@ from odom.registration import se3
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-NEES_BOUND_95 = float(chi2.ppf(0.95, 6))
+NEES_BOUND_95 = float(chdtri(6, 0.05))
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ rotations smoothed in the tangent space of the middle sample.
 """
 
 import numpy as np
-from scipy.signal import savgol_coeffs
 from scipy.spatial.transform import Rotation
 
 from odom.evaluation.trajectory import Trajectory, inverse_all
@@ -23,6 +22,8 @@ def smooth(trajectory: Trajectory, half_window_s: float = 0.035) -> Trajectory:
     half = int(half_window_s * 1e9 / period)
     if half < 2 or n <= 2 * half:
         return trajectory
+    from scipy.signal import savgol_coeffs  # takes half a second, which a viewer that starts does not have
+
     weights = savgol_coeffs(2 * half + 1, 2)
     spans = trajectory.stamps[2 * half :] - trajectory.stamps[: n - 2 * half]
     whole = np.flatnonzero(spans < 1.2 * 2 * half * period) + half

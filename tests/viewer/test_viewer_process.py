@@ -161,9 +161,9 @@ def test_a_window_that_cannot_open_is_said_with_a_way_out(start: Start) -> None:
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_memory_stays_flat_over_10000_frames(start: Start) -> None:
-    """With a server memory that is full after a quarter of the run, what grows after that would be a leak."""
+    """The server's memory is full after a quarter of the run by default: what grows after that would be a leak."""
     device = start("device", 10_000, 60)
-    view = start("view", "--web", "--web-port", "0", "--data-port", "0", ODOM_VIEWER__SERVER_MEMORY_MIB="48")
+    view = start("view", "--web", "--web-port", "0", "--data-port", "0")
     rss: list[float] = []
     while device.said("ended") is None:
         time.sleep(2.0)

@@ -83,12 +83,13 @@ class History:
 
     def _answers(self, key: str) -> Iterator[Message]:
         with self._lock:
-            if key in self._map:
-                yield self._map[key]
-            if key != f"{self._topics.namespace}/history":
-                return
+            latest = self._map.get(key)
             odom, truth = list(self._odom.poses), {body: list(trail.poses) for body, trail in self._truth.items()}
             loops = list(self._loops)
+        if latest is not None:
+            yield latest
+        if key != f"{self._topics.namespace}/history":
+            return
         if odom:
             yield codec.encode_path(f"{key}/odom", odom[-1][0], odom, self._topics.frame_odom)
         for body, poses in truth.items():

@@ -24,6 +24,8 @@ _LOG = logging.getLogger(__name__)
 _POLL_S = 0.1
 _CALLED_WRONGLY = 2
 _LAST_POSES_S = 3.0
+_VIEWER_PATIENCE_S = 10.0
+"""A viewer that hangs must not hold the report back; what it writes, it has written by then."""
 _PARENT_ENVIRONMENT = "ODOM_PARENT_PID"
 
 
@@ -132,7 +134,7 @@ class Crew:
         for name in ("sensor", "odometry", "recorder", "viewer"):
             child = self.children.get(name)
             if child is not None and not (name == "recorder" and child.wait(_LAST_POSES_S)):
-                child.stop(self._patience_s)
+                child.stop(min(self._patience_s, _VIEWER_PATIENCE_S) if name == "viewer" else self._patience_s)
 
     def _start(self, name: str, arguments: Sequence[str], environment: Mapping[str, str]) -> Child:
         return Child(name, arguments, environment, self._hear)

@@ -212,5 +212,6 @@ class Subscriber:
         return arrival
 
     def _drop(self, index: int) -> None:
-        topic, _ = self._take(index).slot
-        self.counters[topic].dropped += 1
+        topic, epoch = self._take(index).slot
+        if epoch is not None:
+            self.counters[topic].dropped += 1

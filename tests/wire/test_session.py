@@ -72,6 +72,17 @@ def test_newest_wins_when_the_receiver_is_slow(open_peer: OpenSession) -> None:
     assert subscriber.counters["a"].lost == 0
 
 
+def test_what_strangers_send_too_much_of_is_no_loss_of_the_sensor(open_peer: OpenSession) -> None:
+    sender, receiver = open_peer(), open_peer()
+    subscriber = receiver.subscriber(["a"], depth=3)
+    meet(sender, "a")
+    for _ in range(50):
+        sender.zenoh.put("a", b"no attachment")
+    assert eventually(lambda: subscriber.total().received == 50)
+    assert subscriber.waiting <= 3
+    assert (subscriber.total().lost, subscriber.total().dropped) == (0, 0)
+
+
 def test_losses_on_the_way_are_counted_and_a_new_sender_is_none(open_peer: OpenSession) -> None:
     sender, receiver = open_peer(), open_peer()
     subscriber = receiver.subscriber(["a"], depth=64)

@@ -32,7 +32,8 @@ def _gains(scene: Renderer, walk: Walk, seconds: float) -> Array:
     means = []
     for t in np.arange(0.0, length, STEP_S):
         T = inverse(walk.T_world_camera(float(t)))
-        means.append(unpack(scene.color(np.stack([T] * len(JITTER)), K, SHAPE)).reshape(-1, 3).mean(axis=0))
+        light, _ = scene.color(np.stack([T] * len(JITTER)), K, SHAPE)
+        means.append(unpack(light).reshape(-1, 3).mean(axis=0))
     mean = np.array(means)
     level = np.clip((AIM / mean.mean(axis=1)) ** STRENGTH, *LIMITS)
     tint = (mean.mean(axis=1, keepdims=True) / mean) ** 0.25

@@ -12,10 +12,11 @@ from odom.registration.se3 import inverse
 from sensors.arena import kinect1, kinect2, room
 from sensors.arena.color import picture, unpack
 from sensors.arena.exposure import exposure_gain
-from sensors.arena.lens import bent, straight
+from sensors.arena.lens import lookup, straight
 from sensors.arena.noise import Tiles, frame_random, make_tiles
 from sensors.arena.options import RATE_HZ, ArenaOptions, halved
 from sensors.arena.render import JITTER, Renderer
+from sensors.arena.shutter import READOUT_S, look_up, no_motion, row_motion
 from sensors.arena.to_color import intrinsics, to_color
 from sensors.arena.walk import Joined, Walk, make_walk
 
@@ -23,6 +24,8 @@ Array = NDArray[np.float64]
 
 EXPOSURE_S = 0.012
 """How long the shutter is open under the lamps of a room (motion blur)."""
+DEPTH_LATENCY_S = 0.009
+"""How long before its stamp a depth image was seen (both Kinects)."""
 MEAN_DEPTH_DELAY_S = 0.008
 DEPTH_DELAY_SWING_S = 0.006
 DEPTH_DELAY_PERIOD_S = 47.0
@@ -32,7 +35,7 @@ DEPTH_DELAY_PERIOD_S = 47.0
 class ArenaFrame:
     """What the sensor delivers, and the truth: the colour camera's optical frame in the world at `stamp`.
 
-    `rgb` H x W x 3 uint8; `depth_mm` H x W uint16 registered to colour, taken at `depth_stamp`.
+    `rgb` H x W x 3 uint8, complete at `stamp`; `depth_mm` H x W uint16 registered to colour, stamped `depth_stamp`.
     """
 
     index: int
@@ -65,7 +68,7 @@ def prepare(options: ArenaOptions) -> None:
 
 
 def color_time(options: ArenaOptions, index: int) -> float:
-    """Return when colour frame `index` is taken, seconds since the first (the middle of its exposure)."""
+    """Return when colour frame `index` is stamped, seconds since the first: when its last row was read."""
     jitter = frame_random(options.seed, index, 11).normal(0, 0.0003) if options.faults and index else 0.0
     return index / RATE_HZ + float(np.clip(jitter, -0.001, 0.001))
 
@@ -100,7 +103,7 @@ def frame(options: ArenaOptions, index: int) -> ArenaFrame:
         Stamp(options.start + round(t * 1e6) * 1000),
         _color(options, walk, index, t, dark == "color"),
         Stamp(options.start + round(t_depth * 1e6) * 1000),
-        _depth(options, walk, index, t_depth + options.depth_lag_s, dark == "depth"),
+        _depth(options, walk, index, t_depth, dark == "depth"),
         walk.T_world_camera(t),
     )
 
@@ -115,15 +118,10 @@ def _place(options: ArenaOptions, walk: Walk, t: float) -> tuple[Renderer, Walk,
 
 
 def _color(options: ArenaOptions, walk: Walk, index: int, t: float, dark: bool) -> NDArray[np.uint8]:
-    camera = options.camera
+    """Draw the image stamped `t`."""
+    t -= READOUT_S / 2 if options.faults else 0.0
     scene, walk, t = _place(options, walk, t)
-    blur = EXPOSURE_S if options.faults else 0.0
-    steps = (np.arange(len(JITTER)) + 0.5) / len(JITTER) - 0.5
-    poses = np.stack([inverse(walk.T_world_camera(t + blur * float(step))) for step in steps])
-    ideal = straight(camera)
-    light = scene.color(poses, intrinsics(ideal), (ideal.height, ideal.width))
-    if camera.distortion:
-        light = bent(light, camera)
+    light = _light(options, scene, walk, t)
     if dark:
         light[:] = np.uint64(0)
     if not options.faults:
@@ -132,10 +130,29 @@ def _color(options: ArenaOptions, walk: Walk, index: int, t: float, dark: bool) 
     return picture(light, gain, _tiles(options.seed), frame_random(options.seed, index, 13))
 
 
+def _light(options: ArenaOptions, scene: Renderer, walk: Walk, t: float) -> NDArray[np.uint64]:
+    """Return the light on the chip (packed, see `shading.shade`), whose middle row is exposed around `t`."""
+    camera, faults = options.camera, options.faults
+    is_plain = not (faults or camera.distortion)
+    drawn = camera if is_plain else straight(camera)
+    steps = (np.arange(len(JITTER)) + 0.5) / len(JITTER) - 0.5
+    blur = EXPOSURE_S if faults else 0.0
+    poses = np.stack([inverse(walk.T_world_camera(t + blur * float(step))) for step in steps])
+    light, inverse_depth = scene.color(poses, intrinsics(drawn), (drawn.height, drawn.width))
+    if is_plain:
+        return light
+    motion = row_motion(walk, t, drawn, camera.height) if faults else no_motion(camera.height)
+    out = np.empty((camera.height, camera.width), np.uint64)
+    look_up(light, inverse_depth, lookup(camera), motion, out)
+    return out
+
+
 def _depth(options: ArenaOptions, walk: Walk, index: int, t: float, dark: bool) -> NDArray[np.uint16]:
+    """Draw the depth image stamped `t`."""
     camera = options.camera
     if dark:
         return np.zeros((camera.height, camera.width), np.uint16)
+    t -= DEPTH_LATENCY_S if options.faults else 0.0
     scene, walk, t = _place(options, walk, t)
     sensor = kinect1 if options.sensor == "kinect1" else kinect2
     infrared, T_color_infrared, shape = sensor.INFRARED, sensor.T_COLOR_INFRARED, sensor.SHAPE

@@ -29,10 +29,9 @@ class ArenaOptions:
     `seconds` sets the length instead (0: the walk's own). `every` keeps each n-th frame only (8: the key poses) and
     `half` halves the images' sides, as the sensor's small mode does. `jpeg_quality` is that of colour sent as JPEG.
     `faults=False` gives perfect images. `blackout` names what is missing (`frames`, `color`, `depth`) from
-    `blackout_start_s` for `blackout_s`. `distortion` bends the colour lens. `depth_lag_s` is how much later depth was
-    really taken than its stamp says. `mocap_offset_s` is the motion capture's clock minus the camera's; `marker_m` and
-    `marker_deg` are how far the marker `body` is from the camera. `exact_truth` adds the camera's own exact pose.
-    `start` is the first stamp (nanoseconds).
+    `blackout_start_s` for `blackout_s`. `distortion` bends the colour lens. `mocap_offset_s` is the motion capture's
+    clock minus the camera's; `marker_m` and `marker_deg` are how far the marker `body` is from the camera.
+    `exact_truth` adds the camera's own exact pose. `start` is the first stamp (nanoseconds).
     """
 
     seed: int = 1
@@ -45,7 +44,6 @@ class ArenaOptions:
     jpeg_quality: int = 90
     faults: bool = True
     distortion: bool = False
-    depth_lag_s: float = 0.0
     blackout: Blackout = ""
     blackout_start_s: float = 15.0
     blackout_s: float = 1.0

@@ -63,15 +63,21 @@ class Renderer:
         eye = -T_camera_world[:3, :3].T @ T_camera_world[:3, 3]
         return np.asarray(np.abs(np.einsum("ni,ni->n", self._normal, self._surfaces.origin - eye)))
 
-    def color(self, T_camera_world: Array, K: Array, shape: tuple[int, int]) -> NDArray[np.uint64]:
-        """Return the light (packed, see `shade`) of an exposure during which the camera took the 4 poses given."""
+    def color(
+        self, T_camera_world: Array, K: Array, shape: tuple[int, int]
+    ) -> tuple[NDArray[np.uint64], NDArray[np.float32]]:
+        """Return the light (packed, see `shade`) of an exposure during which the camera took the 4 poses given.
+
+        And inverse depth (1/m) at the third of them, the middle of the exposure.
+        """
         s, atlas = self._surfaces, self._atlas
         samples = len(JITTER)
         identity = np.empty((samples, *shape), np.int16)
         inverse_depth = np.empty(shape, np.float32)
         coefficients = np.zeros((samples, len(s.origin), 12))
         sharpness = np.empty((samples, len(s.origin)))
-        for k, T in enumerate(T_camera_world):
+        for k in np.roll(np.arange(samples), samples // 2 - 1):
+            T = T_camera_world[k]
             K_k = K - np.array([0.0, 0.0, *JITTER[k]])
             project_surfaces(s.origin, s.u, s.v, s.two_sided, T, K_k, coefficients[k])
             rasterise(s.origin, s.u, s.v, coefficients[k], T, K_k, inverse_depth, identity[k])
@@ -79,4 +85,4 @@ class Renderer:
             sharpness[k] = self._texels_per_m2 / (K[0] * K[1] * np.maximum(self._distance(T), 0.01)) / 2.0
         out = np.empty(shape, np.uint64)
         shade(identity, coefficients, s.patch, atlas.level_offset, atlas.level_size, sharpness, atlas.texels, out)
-        return out
+        return out, inverse_depth

@@ -4,6 +4,8 @@ import pytest
 
 from odom.registration.se3 import apply, inverse
 from sensors.arena import ArenaFrame, ArenaOptions, frame, generate, render_walk
+from sensors.arena.shutter import READOUT_S
+from sensors.arena.walk import make_walk
 
 
 def tracked(a: ArenaFrame, b: ArenaFrame) -> tuple[np.ndarray, np.ndarray]:
@@ -14,6 +16,13 @@ def tracked(a: ArenaFrame, b: ArenaFrame) -> tuple[np.ndarray, np.ndarray]:
     r, back, _ = cv2.calcOpticalFlowPyrLK(grey_b, grey_a, q, None, winSize=(15, 15), maxLevel=4)
     good = (found[:, 0] > 0) & (back[:, 0] > 0) & (np.linalg.norm(p - r, axis=(1, 2)) < 0.5)
     return p[good, 0], q[good, 0]
+
+
+def seen_from(options: ArenaOptions, shot: ArenaFrame, rows: np.ndarray) -> np.ndarray:
+    """Return T_world_camera (n x 4 x 4) at the instants at which rows of an image were exposed."""
+    readout_s = READOUT_S if options.faults else 0.0
+    t = (shot.stamp - options.start) * 1e-9 + (rows / options.camera.height - 1.0) * readout_s
+    return np.stack([make_walk(options).T_world_camera(float(at)) for at in t])
 
 
 @pytest.mark.parametrize(
@@ -39,7 +48,8 @@ def test_corners_move_as_depth_and_truth_say(options: ArenaOptions) -> None:
     column, row = np.rint(uv_a).astype(int).T
     z = a.depth_mm[row, column] / 1000.0
     rays = np.column_stack([(straight - (camera.cx, camera.cy)) / (camera.fx, camera.fy), np.ones(len(z))])
-    points = apply(inverse(b.T_world_camera) @ a.T_world_camera, rays * z[:, None])[z > 0]
+    motion = np.linalg.inv(seen_from(options, b, uv_b[:, 1])) @ seen_from(options, a, uv_a[:, 1])
+    points = np.stack([apply(T, ray * depth) for T, ray, depth in zip(motion, rays, z, strict=True)])[z > 0]
     lens = np.array(camera.distortion) if camera.distortion else None
     expected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), camera.matrix, lens)
     error = expected[:, 0] - uv_b[z > 0]
@@ -128,7 +138,7 @@ def test_the_corridor_repeats_itself_to_the_last_pixel() -> None:
     further = T.copy()
     further[0, 3] += BAY_M
     K = intrinsics(options.camera)
-    views = [scene.color(np.stack([inverse(t)] * 4), K, (480, 640)) for t in (T, further)]
+    views = [scene.color(np.stack([inverse(t)] * 4), K, (480, 640))[0] for t in (T, further)]
     pictures = [generate.unpack(v).astype(int) for v in views]
     assert np.percentile(np.abs(pictures[0] - pictures[1]), 99.5) <= 2
     assert pictures[0].std() > 25

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from odom.cli.options import Calibration, Config, End, Seconds, Seed, SourceName, Start
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -71,17 +73,15 @@ def registration(
 
 @bench.command("pipeline")
 def pipeline(
-    source: Annotated[
-        str, typer.Argument(help="arena, kinect[:URI], kinect:FILE.oni, an .mcap recording or a TUM RGB-D folder.")
-    ],
-    camera: Annotated[Path | None, typer.Option(help="Calibration (ROS camera-calibration YAML).")] = None,
-    start: Annotated[float, typer.Option(min=0, help="Seconds of a recording to skip.")] = 0.0,
-    end: Annotated[float | None, typer.Option(min=0, help="Seconds from a recording's beginning to stop at.")] = None,
+    source: SourceName,
+    camera: Calibration = None,
+    start: Start = 0.0,
+    end: End = None,
     frames: Annotated[int | None, typer.Option(min=1, help="Stop after so many frames.")] = None,
-    seconds: Annotated[float | None, typer.Option(min=0, help="Length of the arena's session.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the arena.")] = 1,
+    seconds: Seconds = None,
+    seed: Seed = 1,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write all figures to this file.")] = None,
-    config: Annotated[Path | None, typer.Option(help="YAML file of settings.")] = None,
+    config: Config = None,
 ) -> None:
     """Print what a frame costs, stage by stage: decoding and odometry in one process, without a wire.
 

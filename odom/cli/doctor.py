@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from odom.cli.options import Calibration, OwnTopics, Seed, SimulatedSensor, SourceName, SourceOption, Start
 
 if TYPE_CHECKING:
     from odom.evaluation.diagnosis import Finding, Recording
@@ -17,20 +19,14 @@ _BUSIEST = 0.8
 
 
 def doctor(
-    source: Annotated[
-        str, typer.Argument(help="arena, kinect[:URI], kinect:FILE.oni, an .mcap recording or a TUM RGB-D folder.")
-    ],
+    source: SourceName,
     seconds: Annotated[float, typer.Option(min=1, max=30, help="How much of the source to look at.")] = 10.0,
-    start: Annotated[float, typer.Option(min=0, help="Seconds of a recording to skip.")] = 0.0,
-    camera: Annotated[Path | None, typer.Option(help="Calibration (ROS camera-calibration YAML).")] = None,
-    topic: Annotated[
-        list[str] | None, typer.Option(help="A recording's own topic: color=, depth=, camera_info= or truth=/name.")
-    ] = None,
-    option: Annotated[list[str] | None, typer.Option(help="A setting of the source itself: name=value.")] = None,
-    kind: Annotated[
-        Literal["kinect1", "kinect2"], typer.Option("--sensor", help="What the arena simulates.")
-    ] = "kinect1",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the arena.")] = 1,
+    start: Start = 0.0,
+    camera: Calibration = None,
+    topic: OwnTopics = None,
+    option: SourceOption = None,
+    kind: SimulatedSensor = "kinect1",
+    seed: Seed = 1,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the findings to this file.")] = None,
 ) -> None:
     """Look at ten seconds of SOURCE and say in plain words what would spoil the odometry, and what to do.

@@ -5,21 +5,20 @@ from typing import Annotated
 
 import typer
 
+from odom.cli.options import Calibration, OwnTopics, SourceOption
 from odom.wire.settings import Compression
 
 
 def import_(
     source: Annotated[str, typer.Argument(help="A TUM RGB-D folder, or any SOURCE that is not live.")],
     output: Annotated[Path, typer.Argument(help="The .mcap recording to write.")],
-    camera: Annotated[Path | None, typer.Option(help="Calibration (ROS camera-calibration YAML).")] = None,
+    camera: Calibration = None,
     namespace: Annotated[str, typer.Option(help="Name of the device, first part of its topics.")] = "cam0",
     start: Annotated[float, typer.Option(min=0, help="Seconds to skip.")] = 0.0,
     end: Annotated[float | None, typer.Option(min=0, help="Seconds from the beginning to stop at.")] = None,
     compression: Annotated[Compression, typer.Option(help="Of the file's chunks.")] = "zstd",
-    topic: Annotated[
-        list[str] | None, typer.Option(help="A recording's own topic: color=, depth=, camera_info= or truth=/name.")
-    ] = None,
-    option: Annotated[list[str] | None, typer.Option(help="A setting of the source itself: name=value.")] = None,
+    topic: OwnTopics = None,
+    option: SourceOption = None,
     overwrite: Annotated[bool, typer.Option(help="Replace OUTPUT if it exists.")] = False,
 ) -> None:
     """Turn a TUM RGB-D folder into an MCAP recording: colour files byte for byte, depth lossless, truth with it.

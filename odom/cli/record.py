@@ -6,19 +6,20 @@ from typing import Annotated, Literal
 
 import typer
 
+from odom.cli.options import Config, Connect, Listen, Namespace
 from odom.wire.settings import Compression
 
 
 def record(
     output: Annotated[Path, typer.Argument(help="The .mcap recording to write; {time} becomes the time of the start.")],
-    namespace: Annotated[str | None, typer.Option(help="Name of the device, first part of its keys.")] = None,
+    namespace: Namespace = None,
     estimates: Annotated[bool, typer.Option(help="Record poses, transforms, status and loops too.")] = True,
     compression: Annotated[Compression, typer.Option(help="Of the file's chunks.")] = "zstd",
     overwrite: Annotated[bool, typer.Option(help="Replace OUTPUT if it exists.")] = False,
-    connect: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to connect to.")] = None,
-    listen: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to listen on.")] = None,
+    connect: Connect = None,
+    listen: Listen = None,
     mode: Annotated[Literal["peer", "client", "router"] | None, typer.Option(help="Zenoh role.")] = None,
-    config: Annotated[Path | None, typer.Option(help="YAML file of settings.")] = None,
+    config: Config = None,
 ) -> None:
     """Record frames, calibration, truth and estimates of a device until its source ends or Ctrl-C.
 

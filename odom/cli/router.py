@@ -5,16 +5,18 @@ from typing import Annotated
 
 import typer
 
+from odom.cli.options import Config, Listen
+
 
 def router(
-    listen: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to listen on.")] = None,
+    listen: Listen = None,
     connect: Annotated[list[str] | None, typer.Option(help="Another router to join.")] = None,
     allow: Annotated[
         list[str] | None,
         typer.Option(help="Identity that may come in, with its role's rights: sensor.cam0, viewer; may be repeated."),
     ] = None,
     users_file: Annotated[Path | None, typer.Option(help="Users that may come in, lines of user:password.")] = None,
-    config: Annotated[Path | None, typer.Option(help="YAML file of settings.")] = None,
+    config: Config = None,
 ) -> None:
     """Pass messages on between sensor, odometry, recorder and viewer of several hosts.
 

@@ -6,11 +6,11 @@ from typing import Annotated, Any
 
 import typer
 
+from odom.cli.options import Calibration, Config, End, Namespace, Rate, Seconds, Seed, SourceName, Start
+
 
 def run(
-    source: Annotated[
-        str, typer.Argument(help="arena, kinect[:URI], kinect:FILE.oni, an .mcap recording or a TUM RGB-D folder.")
-    ] = "arena",
+    source: SourceName = "arena",
     out: Annotated[
         Path | None,
         typer.Option(help="Folder of the run's files; without it one below out/ named for source and time."),
@@ -21,19 +21,19 @@ def run(
     stay: Annotated[bool, typer.Option("--stay", help="Keep the viewer open until Ctrl-C.")] = False,
     record: Annotated[Path | None, typer.Option(help="Record the session to this .mcap file meanwhile.")] = None,
     chain: Annotated[bool, typer.Option("--chain", help="Also write the paper's pairwise chain to chain.txt.")] = False,
-    camera: Annotated[Path | None, typer.Option(help="Calibration (ROS camera-calibration YAML).")] = None,
-    start: Annotated[float, typer.Option(min=0, help="Seconds of a recording to skip.")] = 0.0,
-    end: Annotated[float | None, typer.Option(min=0, help="Seconds from a recording's beginning to stop at.")] = None,
+    camera: Calibration = None,
+    start: Start = 0.0,
+    end: End = None,
     realtime: Annotated[bool, typer.Option("--realtime", help="Play a recording like a live sensor.")] = False,
-    rate: Annotated[float, typer.Option(min=0.001, help="Speed of --realtime.")] = 1.0,
+    rate: Rate = 1.0,
     live: Annotated[bool, typer.Option("--live", help="Run the arena like a live sensor.")] = False,
-    seconds: Annotated[float | None, typer.Option(min=0, help="Length of the arena's session.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the arena.")] = 1,
+    seconds: Seconds = None,
+    seed: Seed = 1,
     sensor_option: Annotated[
         list[str] | None, typer.Option(help="A further argument of `odom sensor`, as in --sensor-option=--depth=rvl.")
     ] = None,
-    namespace: Annotated[str | None, typer.Option(help="Name of the device, first part of its keys.")] = None,
-    config: Annotated[Path | None, typer.Option(help="YAML file of settings.")] = None,
+    namespace: Namespace = None,
+    config: Config = None,
 ) -> None:
     """Track a source to its end or Ctrl-C, and leave trajectory, report and plot in a folder.
 

@@ -1,41 +1,51 @@
 """`odom sensor SOURCE`: one sensor, folder or recording on the wire."""
 
-from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
+from odom.cli.options import (
+    Calibration,
+    Config,
+    Connect,
+    End,
+    Listen,
+    Namespace,
+    OwnTopics,
+    Rate,
+    Seconds,
+    Seed,
+    SimulatedSensor,
+    SourceName,
+    SourceOption,
+    Start,
+)
+
 
 def sensor(
-    source: Annotated[
-        str, typer.Argument(help="arena, kinect[:URI], kinect:FILE.oni, an .mcap recording or a TUM RGB-D folder.")
-    ],
-    camera: Annotated[Path | None, typer.Option(help="Calibration (ROS camera-calibration YAML).")] = None,
-    namespace: Annotated[str | None, typer.Option(help="Name of the device, first part of its keys.")] = None,
-    start: Annotated[float, typer.Option(min=0, help="Seconds of a recording to skip.")] = 0.0,
-    end: Annotated[float | None, typer.Option(min=0, help="Seconds from a recording's beginning to stop at.")] = None,
+    source: SourceName,
+    camera: Calibration = None,
+    namespace: Namespace = None,
+    start: Start = 0.0,
+    end: End = None,
     realtime: Annotated[bool, typer.Option(help="Play a recording like a live sensor: newest frame wins.")] = False,
-    rate: Annotated[float, typer.Option(min=0.001, help="Speed of --realtime.")] = 1.0,
+    rate: Rate = 1.0,
     loop: Annotated[bool, typer.Option(help="Begin again at the end, stamps going on.")] = False,
     color: Annotated[Literal["jpeg", "raw"], typer.Option(help="How a live sensor sends colour.")] = "jpeg",
     depth: Annotated[Literal["raw", "rvl", "png"], typer.Option(help="How a live sensor sends depth.")] = "raw",
-    topic: Annotated[
-        list[str] | None, typer.Option(help="A recording's own topic: color=, depth=, camera_info= or truth=/name.")
-    ] = None,
-    option: Annotated[list[str] | None, typer.Option(help="A setting of the source itself: name=value.")] = None,
-    kind: Annotated[
-        Literal["kinect1", "kinect2"], typer.Option("--sensor", help="What the arena simulates.")
-    ] = "kinect1",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the arena.")] = 1,
-    seconds: Annotated[float | None, typer.Option(min=0, help="Length of the arena's session.")] = None,
+    topic: OwnTopics = None,
+    option: SourceOption = None,
+    kind: SimulatedSensor = "kinect1",
+    seed: Seed = 1,
+    seconds: Seconds = None,
     live: Annotated[bool, typer.Option(help="Run the arena like a live sensor, at its frame rate.")] = False,
     consumers: Annotated[
         int | None, typer.Option(min=0, help="Wait for so many consumers first (recorded: 1, live: 0).")
     ] = None,
-    connect: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to connect to.")] = None,
-    listen: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to listen on.")] = None,
+    connect: Connect = None,
+    listen: Listen = None,
     mode: Annotated[Literal["peer", "client", "router"] | None, typer.Option(help="Zenoh role.")] = None,
-    config: Annotated[Path | None, typer.Option(help="YAML file of settings.")] = None,
+    config: Config = None,
 ) -> None:
     """Publish a sensor, a folder or a recording.
 

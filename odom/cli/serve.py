@@ -6,17 +6,18 @@ from typing import Annotated
 import typer
 
 from odom.cli import logs
+from odom.cli.options import Config, Connect, Listen, Namespace
 
 
 def serve(
     out: Annotated[Path | None, typer.Option(help="Folder for odometry.txt, trajectory.txt and report.json.")] = None,
     until_end: Annotated[bool, typer.Option("--until-end", help="End when the source ends.")] = False,
     chain: Annotated[bool, typer.Option("--chain", help="Also write the paper's pairwise chain to chain.txt.")] = False,
-    namespace: Annotated[str | None, typer.Option(help="Name of the device, first part of its keys.")] = None,
-    connect: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to connect to.")] = None,
-    listen: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to listen on.")] = None,
+    namespace: Namespace = None,
+    connect: Connect = None,
+    listen: Listen = None,
     mode: Annotated[str | None, typer.Option(help="Zenoh role: peer, client or router.")] = None,
-    config: Annotated[Path | None, typer.Option(help="YAML file of settings.")] = None,
+    config: Config = None,
     log_json: Annotated[bool, typer.Option("--log-json", help="Log one JSON object a line.")] = False,
 ) -> None:
     """Estimate the pose of every frame of a device and publish it, until SIGINT or SIGTERM.

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from odom.cli.options import Config, Connect, Listen, Namespace
+
 
 def view(
     web: Annotated[bool, typer.Option("--web", help="Serve a web page and print its address.")] = False,
@@ -13,11 +15,11 @@ def view(
     host: Annotated[str | None, typer.Option(help="Address to serve on; 0.0.0.0 lets other machines look.")] = None,
     web_port: Annotated[int | None, typer.Option(help="Port of the web page.")] = None,
     data_port: Annotated[int | None, typer.Option(help="Port of the data of the page.")] = None,
-    namespace: Annotated[str | None, typer.Option(help="Name of the device, first part of its keys.")] = None,
-    connect: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to connect to.")] = None,
-    listen: Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to listen on.")] = None,
+    namespace: Namespace = None,
+    connect: Connect = None,
+    listen: Listen = None,
     mode: Annotated[str | None, typer.Option(help="Zenoh role: peer, client or router.")] = None,
-    config: Annotated[Path | None, typer.Option(help="YAML file of settings.")] = None,
+    config: Config = None,
 ) -> None:
     """Show trajectories, images and errors live: in a window, without a screen as a web page, or into a file.
 

@@ -1,0 +1,25 @@
+"""Arguments and options that several commands take, each said once."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+Config = Annotated[Path | None, typer.Option(help="YAML file of settings.")]
+Namespace = Annotated[str | None, typer.Option(help="Name of the device, first part of its keys.")]
+Listen = Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to listen on.")]
+Connect = Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to connect to.")]
+Calibration = Annotated[Path | None, typer.Option(help="Calibration (ROS camera-calibration YAML).")]
+SourceName = Annotated[
+    str, typer.Argument(help="arena, kinect[:URI], kinect:FILE.oni, an .mcap recording or a TUM RGB-D folder.")
+]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of the arena.")]
+Start = Annotated[float, typer.Option(min=0, help="Seconds of a recording to skip.")]
+End = Annotated[float | None, typer.Option(min=0, help="Seconds from a recording's beginning to stop at.")]
+Seconds = Annotated[float | None, typer.Option(min=0, help="Length of the arena's session.")]
+OwnTopics = Annotated[
+    list[str] | None, typer.Option(help="A recording's own topic: color=, depth=, camera_info= or truth=/name.")
+]
+SourceOption = Annotated[list[str] | None, typer.Option(help="A setting of the source itself: name=value.")]
+SimulatedSensor = Annotated[Literal["kinect1", "kinect2"], typer.Option("--sensor", help="What the arena simulates.")]
+Rate = Annotated[float, typer.Option(min=0.001, help="Speed of --realtime.")]

@@ -22,6 +22,7 @@ _ANCHOR_SHARE = 0.1
 _TRIALS, _SHARE_SEEN = 8, 0.25
 _LINKED = 15
 _HOPS = 3
+_CLOUD = 20_000
 
 
 @dataclass(eq=False)
@@ -99,6 +100,16 @@ class Map:
         if a != b:
             self.links[a].add(b)
             self.links[b].add(a)
+
+    def path(self) -> tuple[tuple[Stamp, Array], ...]:
+        """Return stamp and T_map_camera of every key frame."""
+        T_map_camera = np.linalg.inv(np.array([k.T_camera_map for k in self.keyframes]))
+        return tuple((k.stamp, T) for k, T in zip(self.keyframes, T_map_camera, strict=True))
+
+    def cloud(self) -> Array:
+        """Return landmarks (n x 3, m, map frame) that were seen more than once, thinned evenly to at most 20,000."""
+        rows = np.flatnonzero(self.landmarks.alive & (self.landmarks.seen > 1))
+        return np.asarray(self.landmarks.position[rows[:: 1 + len(rows) // _CLOUD]])
 
     def neighbours(self, keyframe: int, T_camera_map: Array, most: int) -> Index:
         """Return up to `most` key frames linked to `keyframe` over a few hops, nearest to the pose first.

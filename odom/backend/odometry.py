@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.backend.causal import CausalTrajectory, Publication
+from odom.backend.choice import Coverage, has_moved
 from odom.backend.closing import recognise
 from odom.backend.estimate import ClosingTest, Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
 from odom.backend.history import Placed, trajectory
@@ -32,13 +33,9 @@ _LEAST_INLIERS, _SURE_INLIERS = 15, 30
 _FASTEST_M_S, _FASTEST_RAD_S = 5.0, 12.0
 _LONGEST_GAP_S, _LONGEST_GAP_PERIODS = 0.2, 2.5
 _LEAP_S = 1.0
-_MANY, _SHARE_LEFT, _VERY_FEW = 150, 0.85, 50
-_SHARE_COVERED, _COVER_PX = 0.55, 40
-_MOVED_M, _MOVED_RAD = 0.015, 0.02
 _LEAST_CORNERS = 50
 _LEAST_DEEP, _LONGEST_SHALLOW_S = 0.05, 0.15
 _CHECKED_ALL, _CHECK_EVERY = 20, 4
-_CLOUD = 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +68,7 @@ class Odometry:
         self._clock = Clock()
         self._previous: _Previous | None = None
         self._followed: tuple[Index, Array] = (np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
-        self._seen_at_keyframe: tuple[int, int] | None = None
+        self._covered: Coverage | None = None
         self._sight_s = 0.0
         self._deep_stamp = Stamp(0)
 
@@ -112,7 +109,7 @@ class Odometry:
         else:
             estimate = self._lose(view)
         if map_moved or estimate.is_keyframe:
-            estimate = replace(estimate, path=self._path(), landmarks_map=self._cloud())
+            estimate = replace(estimate, path=self._mapper.map.path(), landmarks_map=self._mapper.map.cloud())
         return replace(estimate, loops=loops, timings_ms=watch.laps_ms)
 
     def finish(self) -> tuple[TrajectoryPose, ...]:
@@ -283,16 +280,10 @@ class Odometry:
             self._check = self._check.with_disagreement(nees)
 
     def _needs_keyframe(self, uv: Array) -> bool:
-        """Say whether too little of the last key frame's view is left, and the camera has moved at all."""
-        covered = len(np.unique(uv // _COVER_PX @ np.array([1.0, 1000.0])))
-        if self._seen_at_keyframe is None:
-            self._seen_at_keyframe = (len(uv), covered)
-        many, most_covered = self._seen_at_keyframe
-        few = len(uv) < min(_MANY, _SHARE_LEFT * many)
-        if not (few or len(uv) < _VERY_FEW or covered < _SHARE_COVERED * most_covered):
-            return False
-        away = se3.log(self._T_camera_map @ se3.inverse(self._mapper.map.keyframes[self._near].T_camera_map))
-        return bool(np.linalg.norm(away[:3]) > _MOVED_M or np.linalg.norm(away[3:]) > _MOVED_RAD)
+        coverage = Coverage.of(uv)
+        self._covered = self._covered or coverage
+        near = self._mapper.map.keyframes[self._near]
+        return coverage.is_worn(self._covered) and has_moved(self._T_camera_map @ se3.inverse(near.T_camera_map))
 
     def _add_keyframe(self, view: View, tracked: Tracked | None, covariance: Array) -> tuple[Index, Array]:
         """Make the current frame a key frame; return the landmarks it measured and where."""
@@ -311,7 +302,7 @@ class Odometry:
             covariance,
             len(self._causal.frames),
         )
-        self._near, self._seen_at_keyframe = keyframe.number, None
+        self._near, self._covered = keyframe.number, None
         return keyframe.rows, keyframe.uv
 
     def _bridge(self, view: View) -> Estimate:
@@ -385,13 +376,3 @@ class Odometry:
             (),
             features,
         )
-
-    def _path(self) -> tuple[tuple[Stamp, Array], ...]:
-        keyframes = self._mapper.map.keyframes
-        T_map_camera = np.linalg.inv(np.array([k.T_camera_map for k in keyframes]))
-        return tuple((k.stamp, T) for k, T in zip(keyframes, T_map_camera, strict=True))
-
-    def _cloud(self) -> Array:
-        L = self._mapper.map.landmarks
-        rows = np.flatnonzero(L.alive & (L.seen > 1))
-        return np.asarray(L.position[rows[:: 1 + len(rows) // _CLOUD]])

@@ -1,7 +1,7 @@
 """The causal trajectory: what is published of each frame, at once and for good, with covariances of its motions."""
 
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +24,15 @@ _BRIDGE_SIGMA = np.array([0.5, 0.5, 0.5, 1.0, 1.0, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class Publication:
-    """A pose as it goes out: `placed` at the stamp itself, `T_odom_camera`, and the motions since earlier ones."""
+    """A pose as it goes out: `placed` at the stamp itself, `T_odom_camera`, and the motions since earlier ones.
+
+    `T_middle_stamp` is how far the camera went from its middle row's time to the stamp, with its 6 x 6 covariance.
+    """
 
     placed: Placed
     T_odom_camera: Array
+    T_middle_stamp: Array = field(default_factory=lambda: np.eye(4))
+    covariance_middle_stamp: Array = field(default_factory=lambda: np.zeros((6, 6)))
     step: RelativePose | None = None
     second: RelativePose | None = None
 
@@ -90,7 +95,9 @@ class CausalTrajectory:
             T_keyframe_camera=middle.T_keyframe_camera @ se3.inverse(T_odom_middle) @ carried.T_odom_camera,
             covariance=carried.covariance + np.outer(twist, twist) * stamp_sigma_s**2,
         )
-        current = Publication(placed, carried.T_odom_camera)
+        T_middle_stamp = se3.inverse(self._motion.T_odom_camera) @ carried.T_odom_camera
+        going = self._motion.covariance_of_going(middle.delay_s)
+        current = Publication(placed, carried.T_odom_camera, T_middle_stamp, going)
         if self._recent and twist_dt:
             current = replace(current, step=self._motion_since(self._recent[-1], current, inliers, check))
         around = [p for p in self._recent if self._from_a_second(p, placed.stamp) < _NEAR_A_SECOND_S]

@@ -53,18 +53,7 @@ class Map:
         `parent` is the key frame it was registered against, `covariance_parent` (6 x 6) that registration's.
         """
         number = len(self.keyframes)
-        points, covariances = points_of(measured_corners, _ANCHOR_SHARE)
-        T_map_camera = se3.inverse(T_camera_map)
-        R = T_map_camera[:3, :3]
-        new_rows = self.landmarks.add(
-            se3.apply(T_map_camera, points),
-            R @ covariances @ R.T,
-            number,
-            corners,
-            np.column_stack([measured_corners.values[:, 2], measured_corners.slope]),
-            cut_patches(images.full, corners),
-            cut_patches(images.half, corners / 2.0),
-        )
+        new_rows = self._add_landmarks(number, T_camera_map, images, corners, measured_corners)
         all_rows = np.concatenate([rows, new_rows])
         keyframe = Keyframe(
             number,
@@ -86,6 +75,32 @@ class Map:
         for other in [int(a) for a in anchors[shared >= _LINKED]] + ([] if parent is None else [parent]):
             self.link(number, other)
         return keyframe
+
+    def _add_landmarks(
+        self, keyframe: int, T_camera_map: Array, images: FrameImages, corners: Array, measured: Measurements
+    ) -> Index:
+        """Make landmarks of the `corners` (n x 2, px) that a key frame measured; return their rows (n)."""
+        points, covariances = points_of(measured, _ANCHOR_SHARE)
+        T_map_camera = se3.inverse(T_camera_map)
+        R = T_map_camera[:3, :3]
+        return self.landmarks.add(
+            se3.apply(T_map_camera, points),
+            R @ covariances @ R.T,
+            keyframe,
+            corners,
+            np.column_stack([measured.values[:, 2], measured.slope]),
+            cut_patches(images.full, corners),
+            cut_patches(images.half, corners / 2.0),
+        )
+
+    def replace_landmarks(
+        self, keyframe: Keyframe, images: FrameImages, corners: Array, measured: Measurements, timing: Timing
+    ) -> None:
+        """Give a key frame that began a segment other landmarks in the place of all that it has."""
+        self.landmarks.cull(keyframe.rows)
+        keyframe.rows = self._add_landmarks(keyframe.number, keyframe.T_camera_map, images, corners, measured)
+        keyframe.identities = self.landmarks.identity[keyframe.rows].copy()
+        keyframe.uv, keyframe.measurements, keyframe.timing = corners, measured, timing
 
     def _covariance_since_start(self, T_camera_map: Array, parent: int | None, covariance_parent: Array) -> Array:
         if parent is None:

@@ -15,7 +15,7 @@ from odom.backend.keyframes import Keyframe
 from odom.backend.map import Map
 from odom.backend.selfcheck import SelfCheck
 from odom.backend.settings import OdometrySettings
-from odom.backend.tracking import Tracked, track
+from odom.backend.tracking import Before, Tracked, track
 from odom.frame import Camera
 from odom.frontend.corners import detect_corners
 from odom.frontend.lens import Lens
@@ -68,15 +68,31 @@ class Mapper:
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="odom-background")
         self._task: _Task | None = None
 
-    def track(self, view: View, T_start: Array, twist: Array, near: int, noise: FeatureNoise) -> Tracked:
+    def track(
+        self,
+        view: View,
+        T_start: Array,
+        twist: Array,
+        near: int,
+        noise: FeatureNoise,
+        before: Before | None = None,
+    ) -> Tracked:
         """Return `view` tracked against the key frames around `near` (see `tracking.track`)."""
         local = self.map.neighbours(near, T_start, self._settings.local_keyframes)
-        return self.track_against(local, view, T_start, twist, noise)
+        return self.track_against(local, view, T_start, twist, noise, before)
 
-    def track_against(self, local: Index, view: View, T_start: Array, twist: Array, noise: FeatureNoise) -> Tracked:
+    def track_against(
+        self,
+        local: Index,
+        view: View,
+        T_start: Array,
+        twist: Array,
+        noise: FeatureNoise,
+        before: Before | None = None,
+    ) -> Tracked:
         """Return `view` tracked against the key frames `local` and no others."""
         return track(
-            self.map, view, self._camera, self._lens, T_start, twist, local, self.timing, noise, self._settings
+            self.map, view, self._camera, self._lens, T_start, twist, local, self.timing, noise, self._settings, before
         )
 
     def is_known_place(self, tracked: Tracked) -> bool:
@@ -102,9 +118,7 @@ class Mapper:
         `count` is the number of the frame, from which the background's work is counted.
         """
         corners = detect_corners(view.images.full, uv, self._settings.cell_px)
-        no_covariance = np.zeros((len(corners), 3))
-        measured = measure(view.frame, self._lens, corners, no_covariance, twist, self.timing, check.noise)
-        usable = measured.values[:, 2] > 1.0 / _FARTHEST_M
+        corners, measured = self._measured(view, corners, twist, check)
         keyframe = self.map.add_keyframe(
             view.stamp,
             segment,
@@ -113,8 +127,8 @@ class Mapper:
             rows,
             uv,
             measured.take(_NO_ROWS) if measurements is None else measurements,
-            corners[usable],
-            measured.take(usable),
+            corners,
+            measured,
             self.timing,
             parent,
             covariance,
@@ -124,6 +138,19 @@ class Mapper:
         del self._waiting[: -self._settings.background_delay_frames]
         self._start_task(count, check)
         return keyframe
+
+    def remeasure(self, number: int, view: View, twist: Array, check: SelfCheck) -> None:
+        """Measure the key frame that began a segment once more, now that its motion is known."""
+        keyframe = self.map.keyframes[number]
+        corners, measured = self._measured(view, keyframe.uv, twist, check)
+        self.map.replace_landmarks(keyframe, view.images, corners, measured, self.timing)
+
+    def _measured(self, view: View, corners: Array, twist: Array, check: SelfCheck) -> tuple[Array, Measurements]:
+        """Return the corners (n x 2, px) that have a usable depth, measured by a camera moving with `twist`."""
+        no_covariance = np.zeros((len(corners), 3))
+        measured = measure(view.frame, self._lens, corners, no_covariance, twist, self.timing, check.noise)
+        usable = measured.values[:, 2] > 1.0 / _FARTHEST_M
+        return corners[usable], measured.take(usable)
 
     def _start_task(self, count: int, check: SelfCheck) -> None:
         if self._task is not None or not self._waiting:

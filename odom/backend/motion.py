@@ -13,7 +13,7 @@ from odom.registration import se3
 
 Array = NDArray[np.float64]
 
-_ACCELERATION = np.array([2.0, 2.0, 2.0, 12.0, 12.0, 12.0])
+_ACCELERATION = np.array([1.0, 1.0, 1.0, 6.0, 6.0, 6.0])
 """One sigma of a hand-held camera's acceleration: m/s^2 and rad/s^2."""
 _TWIST_SIGMA = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
 
@@ -37,6 +37,10 @@ class Motion:
     def covariance(self) -> Array:
         """The pose's 6 x 6 covariance (`se3`, camera frame)."""
         return self.P[:6, :6]
+
+    def covariance_of_going(self, dt: float) -> Array:
+        """Return the 6 x 6 covariance of how far the camera goes in `dt` seconds."""
+        return np.asarray(self.P[6:, 6:] * dt * dt)
 
     def after(self, dt: float) -> "Motion":
         """Return the motion predicted `dt` seconds later."""

@@ -1,5 +1,6 @@
 """Frames to poses: predict, track, grow the map, and say how far to trust it."""
 
+from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from odom.backend.pairwise import register_successive
 from odom.backend.selfcheck import SelfCheck
 from odom.backend.settings import OdometrySettings
 from odom.backend.stopwatch import Stopwatch
-from odom.backend.tracking import INLIER_CHI2, Tracked, coarse_pose, disagreement
+from odom.backend.tracking import INLIER_CHI2, Before, Tracked, coarse_pose, disagreement
 from odom.errors import InputError
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.clock import Clock
@@ -36,6 +37,7 @@ _LEAP_S = 1.0
 _LEAST_CORNERS = 50
 _LEAST_DEEP, _LONGEST_SHALLOW_S = 0.05, 0.15
 _CHECKED_ALL, _CHECK_EVERY = 20, 4
+_UNEQUAL, _THIRD_DIFFERENCE_VARIANCE = 0.2, 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +47,7 @@ class _Previous:
     view: View
     tracked: Tracked | None
     pairwise: RelativePose | None
+    published: Publication
 
 
 class Odometry:
@@ -66,6 +69,7 @@ class Odometry:
         self._twist = np.zeros(6)
         self._near, self._segment = 0, -1
         self._clock = Clock()
+        self._steps: deque[Array] = deque(maxlen=3)
         self._previous: _Previous | None = None
         self._followed: tuple[Index, Array] = (np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
         self._covered: Coverage | None = None
@@ -97,6 +101,8 @@ class Odometry:
         watch.lap("background")
         was_lost = self._causal.is_lost
         tracked = None if was_lost else self._follow(view, watch)
+        if tracked is not None and self._previous is not None and self._previous.tracked is None:
+            tracked = self._follow_from_start(view, self._previous.view, tracked.twist, watch)
         is_recovered = False
         if tracked is None and self._mapper.map.keyframes:
             tracked = self._relocalise(view)
@@ -183,12 +189,19 @@ class Odometry:
             self._mapper.map, rows[alive], uv[alive], self._previous.view.images, view.images, self._lens, T_predicted
         )
         watch.lap("follow")
-        twist = -se3.log(T_coarse @ se3.inverse(self._T_camera_map)) / dt
-        tracked = self._mapper.track(view, T_coarse, twist, self._near, self._check.noise)
+        before = Before(self._T_camera_map, dt)
+        tracked = self._mapper.track(view, T_coarse, before.twist_to(T_coarse), self._near, self._check.noise, before)
         watch.lap("find and fit")
-        moved = se3.log(tracked.T_camera_map @ se3.inverse(self._T_camera_map)) / dt
+        moved = before.twist_to(tracked.T_camera_map)
         is_bounded = np.linalg.norm(moved[:3]) < _FASTEST_M_S and np.linalg.norm(moved[3:]) < _FASTEST_RAD_S
         return tracked if is_bounded and np.count_nonzero(tracked.inliers) >= _LEAST_INLIERS else None
+
+    def _follow_from_start(self, view: View, first: View, twist: Array, watch: Stopwatch) -> Tracked | None:
+        """Return the second frame of a segment tracked again: its `twist` tells how the first one's rows are bent."""
+        self._mapper.remeasure(self._near, first, twist, self._check)
+        keyframe = self._mapper.map.keyframes[self._near]
+        self._followed = (keyframe.rows, keyframe.uv)
+        return self._follow(view, watch)
 
     def _relocalise(self, view: View) -> Tracked | None:
         """Return the frame tracked from a key frame that it is recognised to show, None where there is none."""
@@ -214,6 +227,7 @@ class Odometry:
         self._twist = twist
         self._sight_s = 0.0
         self._mapper.map.landmarks.seen[tracked.rows[tracked.inliers]] += 1
+        self._check_jump(tracked, T_before, dt)
         if self._check.checks < _CHECKED_ALL or len(self._causal.frames) % _CHECK_EVERY == 0:
             self._check_noise(tracked)
         watch.lap("check")
@@ -241,6 +255,10 @@ class Odometry:
             pairwise = register_successive(
                 previous.tracked, previous.view.stamp, tracked, self._check.scale, self._clock.jitter_s
             )
+        if pairwise is not None and previous is not None:
+            T = se3.inverse(previous.published.T_middle_stamp) @ pairwise.T_earlier_current @ published.T_middle_stamp
+            going = previous.published.covariance_middle_stamp + published.covariance_middle_stamp
+            pairwise = replace(pairwise, T_earlier_current=T, covariance=pairwise.covariance + going)
         watch.lap("pairwise")
         rows, uv = tracked.rows[tracked.inliers], tracked.uv[tracked.inliers]
         is_deep = np.count_nonzero(tracked.chi2[tracked.inliers, 1]) >= _LEAST_DEEP * inliers
@@ -250,7 +268,7 @@ class Odometry:
         if is_keyframe:
             rows, uv = self._add_keyframe(view, tracked, covariance)
         self._followed = (rows, uv)
-        self._previous = _Previous(view, tracked, pairwise)
+        self._previous = _Previous(view, tracked, pairwise, published)
         watch.lap("keyframe")
         state, reason = State.TRACKING, ""
         if is_recovered:
@@ -271,6 +289,17 @@ class Odometry:
             pairwise=pairwise,
             features=Features(tracked.uv, residual),
         )
+
+    def _check_jump(self, tracked: Tracked, T_before: Array, dt: float) -> None:
+        """Compare the last three steps, if equally long, with how much each pose's covariance lets them vary."""
+        if not dt or abs(dt / self._clock.period_s - 1.0) > _UNEQUAL:
+            self._steps.clear()
+            return
+        self._steps.append(se3.log(tracked.T_camera_map @ se3.inverse(T_before)))
+        if len(self._steps) == 3:
+            third = self._steps[2] - 2.0 * self._steps[1] + self._steps[0]
+            nees = float(third @ tracked.information @ third) / _THIRD_DIFFERENCE_VARIANCE
+            self._check = self._check.with_jump(nees)
 
     def _check_noise(self, tracked: Tracked) -> None:
         chosen = tracked.inliers & (tracked.chi2[:, 1] < INLIER_CHI2)
@@ -334,11 +363,11 @@ class Odometry:
         self._twist = still
         rows, uv = self._add_keyframe(view, None, np.zeros((6, 6)))
         self._followed = (rows, uv)
-        self._previous = _Previous(view, None, None)
         self._sight_s = 0.0
         T_odom_camera = se3.inverse(self._T_map_odom) @ se3.inverse(self._T_camera_map)
         self._deep_stamp = view.stamp
         published = self._causal.begin(view.stamp, self._segment, self._near, T_odom_camera)
+        self._previous = _Previous(view, None, None, published)
         state = State.TRACKING if is_first else State.RECOVERED
         reason = "" if is_first else "new segment: no known place recognised"
         return self._estimate(view, state, reason, published, matches=len(rows), is_keyframe=True)

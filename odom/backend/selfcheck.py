@@ -1,8 +1,9 @@
 """Is the noise what we think it is? The stream's own residuals answer, and the covariance follows them.
 
-Three answers, each a slow average: the pixel's sigma, the inverse depth's sigma at several distances, and by how much
-poses from the left and the right half of the image disagree more than their covariances allow (errors that neighbours
-share, such as the lens's or the depth's calibration, do not average out and show only there).
+Four answers, each a slow average: the pixel's sigma, the inverse depth's sigma at several distances, and by how much
+more than their covariances allow poses from the left and the right half of the image disagree, and poses jump from
+frame to frame. Errors that neighbours share, such as the lens's or the depth's calibration, do not average out and show
+only in the two latter: the halves do not see what both share, a camera that is shaken jumps indeed, so the mean counts.
 """
 
 from dataclasses import dataclass, replace
@@ -15,6 +16,7 @@ from odom.frontend.measure import FeatureNoise
 Array = NDArray[np.float64]
 
 _MEDIAN_CHI2_1, _MEDIAN_CHI2_2 = 0.4549, 1.3863
+_MEAN_TO_GEOMETRIC_CHI2_6 = 1.1922
 _GAIN = 0.05
 _LEAST = 15
 _RANGE = 8.0
@@ -28,7 +30,8 @@ _EXPLAINED_BY_NOISE = 3.0
 class SelfCheck:
     """`noise` as it now seems, what it was at the start, and `inflation` of pose covariances after `comparisons`.
 
-    `checks` counts the frames whose residuals were looked at.
+    `checks` counts the frames whose residuals were looked at; `jumps` is the inflation that `jumps_seen` successions of
+    poses ask for.
     """
 
     noise: FeatureNoise
@@ -36,6 +39,8 @@ class SelfCheck:
     inflation: float = _UNPROVEN
     comparisons: int = 0
     checks: int = 0
+    jumps: float = _UNPROVEN
+    jumps_seen: int = 0
 
     @classmethod
     def of(cls, noise: FeatureNoise) -> "SelfCheck":
@@ -69,10 +74,20 @@ class SelfCheck:
         inflation = self.inflation + gain * (seen - self.inflation)
         return replace(self, inflation=inflation, comparisons=self.comparisons + 1)
 
+    def with_jump(self, nees: float) -> "SelfCheck":
+        """Return the check after four poses in a row: the NEES (6 expected) of their third difference.
+
+        A geometric mean, so that a jerk of the hand does not count like noise.
+        """
+        seen = min(max(nees / 6.0, 0.1), 100.0) * _MEAN_TO_GEOMETRIC_CHI2_6
+        gain = max(_GAIN, 1.0 / (self.jumps_seen + 2.0))
+        jumps = self.jumps ** (1.0 - gain) * seen**gain
+        return replace(self, jumps=jumps, jumps_seen=self.jumps_seen + 1)
+
     @property
     def scale(self) -> float:
         """What to multiply a pose covariance with."""
-        return max(1.0, self.inflation)
+        return max(1.0, 0.5 * (self.inflation + self.jumps))
 
     @property
     def calibration_error(self) -> float:

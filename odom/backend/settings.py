@@ -20,8 +20,10 @@ class OdometrySettings(BaseModel, frozen=True, extra="forbid"):
         2.1e-3, gt=0, description="noise of the inverse depth, at the start", json_schema_extra={"unit": "1/m"}
     )
     readout_prior_s: float = Field(
-        0.022, ge=0, description="rolling shutter's readout expected before it is known: two thirds of a 30 Hz period"
+        0.024, ge=0, description="rolling shutter's readout expected before it is known: most of a 30 Hz period"
     )
-    readout_prior_sigma_s: float = Field(0.008, gt=0, description="one sigma of it")
-    depth_lag_prior_s: float = Field(-0.01, description="lag of the depth stream's stamps expected before it is known")
-    depth_lag_prior_sigma_s: float = Field(0.005, gt=0, description="one sigma of it")
+    readout_prior_sigma_s: float = Field(0.007, gt=0, description="one sigma of it")
+    depth_lag_prior_s: float = Field(
+        -0.015, description="lag of the depth stream's stamps expected before it is known: half of a 30 Hz period"
+    )
+    depth_lag_prior_sigma_s: float = Field(0.008, gt=0, description="one sigma of it")

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from odom.backend.localmap import look_for
 from odom.backend.map import Map
-from odom.backend.pose import fit_pose
+from odom.backend.pose import PoseFit, fit_pose
 from odom.backend.settings import OdometrySettings
 from odom.frame import Camera
 from odom.frontend.images import FrameImages, follow
@@ -28,6 +28,18 @@ _FAR_CHI2 = 16.0
 INLIER_CHI2 = 12.0
 _IMAGE_NOISE_LEVELS = 3.0
 _RANK_OF_REFERENCE = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Before:
+    """The camera's pose `since_s` seconds ago."""
+
+    T_camera_map: Array
+    since_s: float
+
+    def twist_to(self, T_camera_map: Array) -> Array:
+        """Return the velocity (6, SI, the camera's own frame) that led to the pose `T_camera_map`."""
+        return np.asarray(-se3.log(T_camera_map @ se3.inverse(self.T_camera_map)) / self.since_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,10 +117,13 @@ def track(
     timing: Timing,
     noise: FeatureNoise,
     settings: OdometrySettings,
+    before: Before | None = None,
 ) -> Tracked:
     """Find the landmarks of the key frames `local` where `T_start` (T_camera_map) predicts them, and fit.
 
-    The first of `local` becomes the reference: its landmarks come first where there are more than are looked for.
+    The first of `local` becomes the reference: its landmarks come first where there are more than are looked for. With
+    the pose `before`, the twist is taken anew from the fitted pose, and the rows are moved and fitted with that: with
+    a noisy one the shutter would seem faster than it is.
     """
     L = map_.landmarks
     reference = int(local[0])
@@ -123,19 +138,17 @@ def track(
     sighting = look_for(
         L, candidates, priority, T_start, T_camera_keyframe, view.images, camera, lens, settings.max_features
     )
-    measured = measure(
-        view.frame,
-        lens,
-        sighting.uv,
-        sighting.covariance_uv * _IMAGE_NOISE_LEVELS**2,
-        twist,
-        timing,
-        noise,
-        sighting.inverse_depth,
-    )
-    fit = fit_pose(
-        L.position[sighting.rows], L.covariance[sighting.rows], measured.values, measured.covariance, T_start
-    )
+    covariance_uv = sighting.covariance_uv * _IMAGE_NOISE_LEVELS**2
+    points, covariances = L.position[sighting.rows], L.covariance[sighting.rows]
+
+    def fitted(twist: Array, T: Array) -> tuple[Measurements, PoseFit]:
+        m = measure(view.frame, lens, sighting.uv, covariance_uv, twist, timing, noise, sighting.inverse_depth)
+        return m, fit_pose(points, covariances, m.values, m.covariance, T)
+
+    measured, fit = fitted(twist, T_start)
+    if before is not None:
+        twist = before.twist_to(fit.T_camera_map)
+        measured, fit = fitted(twist, fit.T_camera_map)
     inliers = fit.chi2[:, 0] < INLIER_CHI2
     return Tracked(
         fit.T_camera_map,

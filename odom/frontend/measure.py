@@ -1,4 +1,4 @@
-"""What a frame says about a feature: its ray and inverse depth at the frame's stamp, with covariance.
+"""What a frame says about a feature: its ray and inverse depth at the middle row's time, with covariance.
 
 Inverse depth is what a Kinect measures (disparity): its noise is near to Gaussian there and independent of the pixel's.
 """
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 class Measurements:
     """n features of one frame.
 
-    `values` (n x 3): x/z, y/z and 1/z (1/m; NaN: depth not measured) in the colour camera at the frame's stamp.
+    `values` (n x 3): x/z, y/z and 1/z (1/m; NaN: depth not measured) in the colour camera at its middle row's time.
     `jacobian_timing` (n x 3 x 2): their derivative by (readout_s, depth_lag_s). `covariance` (n x 4): the entries
     xx, xy, yy of the ray's and the variance of the inverse depth. `slope` (n x 2): inverse depth per pixel in u, v.
     """
@@ -106,8 +106,8 @@ def _measure(
         jacobian[k, 0, 0] = -xd * row
         jacobian[k, 1, 0] = -yd * row
         if w > 0.0:
-            jacobian[k, 2, 0] = -wd * row
             jacobian[k, 2, 1] = su * xd * intrinsics[0] + sv * yd * intrinsics[1] - wd
+            jacobian[k, 2, 0] = 0.5 * jacobian[k, 2, 1] - wd * row
             slope[k, 0], slope[k, 1] = su, sv
     return values, jacobian, slope
 
@@ -138,11 +138,11 @@ def measure(
     """Measure the features at `uv` (n x 2 px) of `frame`, seen by a camera moving with `twist` (its own frame, SI).
 
     `covariance_uv` (n x 3 px^2: uu, uv, vv) is the localisation's own, to which `noise` adds. The depth is read where
-    the point was when the depth image was taken, and carried to the frame's stamp; rows are carried from the time of
-    their readout. `inverse_depth_guess` (n, NaN where unknown) saves a look at the depth image.
+    the point was when the depth image was taken, and carried to the middle row's time; rows are carried from the time
+    of their readout. `inverse_depth_guess` (n, NaN where unknown) saves a look at the depth image.
     """
     guess = np.full(len(uv), np.nan) if inverse_depth_guess is None else inverse_depth_guess
-    delay_s = (frame.depth_stamp - frame.stamp) * 1e-9 + timing.depth_lag_s
+    delay_s = (frame.depth_stamp - frame.stamp) * 1e-9 + timing.depth_lag_s + timing.readout_s / 2.0
     values, jacobian, slope = _measure(
         frame.depth_mm, lens.rays, lens.intrinsics, uv, guess, twist, delay_s, timing.readout_s, noise.relative_step
     )

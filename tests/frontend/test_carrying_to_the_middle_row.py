@@ -43,7 +43,7 @@ def plane_seen(normal, distance, T_start_camera, row):
 
 
 def moving_view(twist, readout_s, depth_time_s, seed=0):
-    """Features of a slanted wall as a rolling shutter shows them, the depth image, and the truth at time 0."""
+    """Features of a slanted wall as a rolling shutter shows them, the depth image, and the truth at the middle row."""
     rng = np.random.default_rng(seed)
     normal, distance = np.array([0.3, -0.2, 1.0]), 2.2
     rays = rng.uniform((-0.5, -0.38), (0.5, 0.38), (300, 2))
@@ -65,9 +65,10 @@ def moving_view(twist, readout_s, depth_time_s, seed=0):
 )
 @pytest.mark.parametrize("readout_s", [0.0, 0.025])
 @pytest.mark.parametrize("depth_delay_ns", [-18_000_000, 12_000_000])
-def test_rows_and_depth_are_carried_to_the_stamp(twist, readout_s, depth_delay_ns):
+def test_rows_and_depth_are_carried_to_the_middle_row(twist, readout_s, depth_delay_ns):
     twist, lag_s = np.array(twist, dtype=np.float64), -0.006
-    uv, depth_mm, truth = moving_view(twist, readout_s, depth_delay_ns * 1e-9 + lag_s)
+    since_middle_row_s = depth_delay_ns * 1e-9 + lag_s + readout_s / 2
+    uv, depth_mm, truth = moving_view(twist, readout_s, since_middle_row_s)
     frame = RgbdFrame(0, STAMP, np.zeros((480, 640), np.uint8), Stamp(STAMP + depth_delay_ns), depth_mm)
     nothing = np.zeros((len(uv), 3))
     carried = measure(frame, LENS, uv, nothing, twist, Timing(readout_s, lag_s), NOISE)

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from odom.backend import Odometry, OdometrySettings
+from odom.backend.graph import Edge, optimise
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.wire import Topics, codec
 
@@ -19,9 +20,10 @@ _PATIENCE_S = 4.0
 
 
 def warm_up(settings: OdometrySettings, topics: Topics) -> None:
-    """Run frames of a made-up scene through decoders and odometry, then spare the collector what is loaded by then.
+    """Run a made-up scene through decoders and odometry, and a small graph; then spare the collector all of it.
 
-    Without it the first frames would wait for imports and compilation, seconds on a machine's first run.
+    Without it the first frames would wait for imports and compilation, seconds on a machine's first run, and those at
+    the first closed loop for the graph's library.
     """
     cv2.setNumThreads(1)
     patience = threading.Timer(_PATIENCE_S, _LOG.info, ["compiling: the first start takes about half a minute longer"])
@@ -43,6 +45,8 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
         codec.decode_depth(codec.encode_depth_compressed(topics.depth_compressed, stamp, depth, codec="rvl"))
         odometry.process(RgbdFrame(i, stamp, codec.decode_color(jpeg, grey=True), stamp, decoded))
     odometry.finish()
+    still = np.eye(4)
+    optimise({0: still, 1: still}, 0, [Edge(0, 1, still, np.eye(6))])
     patience.cancel()
     del odometry
     gc.collect()

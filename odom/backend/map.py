@@ -1,6 +1,6 @@
 """The map: key frames and the landmarks they measured, and how it grows."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,14 +93,22 @@ class Map:
             cut_patches(images.half, corners / 2.0),
         )
 
-    def replace_landmarks(
-        self, keyframe: Keyframe, images: FrameImages, corners: Array, measured: Measurements, timing: Timing
-    ) -> None:
-        """Give a key frame that began a segment other landmarks in the place of all that it has."""
-        self.landmarks.cull(keyframe.rows)
-        keyframe.rows = self._add_landmarks(keyframe.number, keyframe.T_camera_map, images, corners, measured)
-        keyframe.identities = self.landmarks.identity[keyframe.rows].copy()
-        keyframe.uv, keyframe.measurements, keyframe.timing = corners, measured, timing
+    def remeasure(self, keyframe: Keyframe, measured: Measurements, timing: Timing) -> None:
+        """Let a key frame have measured its landmarks so, n in the order of its rows, and move those that are its own.
+
+        Depth that is missing now or was missing then stays what it was, and so do covariances.
+        """
+        before = keyframe.measurements
+        values = np.where(np.isnan(measured.values + before.values), before.values, measured.values)
+        keyframe.measurements = replace(measured, values=values, covariance=before.covariance)
+        keyframe.timing = timing
+        L = self.landmarks
+        own = keyframe.current(L) & (L.keyframe[keyframe.rows] == keyframe.number)
+        rows, (x, y, w) = keyframe.rows[own], values[own].T
+        L.position[rows] = se3.apply(
+            se3.inverse(keyframe.T_camera_map), np.column_stack([x, y, np.ones_like(x)]) / w[:, None]
+        )
+        L.plane[rows] = np.column_stack([w, measured.slope[own]])
 
     def _covariance_since_start(self, T_camera_map: Array, parent: int | None, covariance_parent: Array) -> Array:
         if parent is None:

@@ -111,14 +111,12 @@ class Mapper:
         segment: int,
         parent: int | None,
         covariance: Array,
-        count: int,
     ) -> Keyframe:
-        """Make a key frame of a frame that measured landmarks `rows` at `uv`; new corners become landmarks.
-
-        `count` is the number of the frame, from which the background's work is counted.
-        """
+        """Make a key frame of a frame that measured landmarks `rows` at `uv`; new corners become landmarks."""
         corners = detect_corners(view.images.full, uv, self._settings.cell_px)
-        corners, measured = self._measured(view, corners, twist, check)
+        no_covariance = np.zeros((len(corners), 3))
+        measured = measure(view.frame, self._lens, corners, no_covariance, twist, self.timing, check.noise)
+        usable = measured.values[:, 2] > 1.0 / _FARTHEST_M
         keyframe = self.map.add_keyframe(
             view.stamp,
             segment,
@@ -127,8 +125,8 @@ class Mapper:
             rows,
             uv,
             measured.take(_NO_ROWS) if measurements is None else measurements,
-            corners,
-            measured,
+            corners[usable],
+            measured.take(usable),
             self.timing,
             parent,
             covariance,
@@ -136,23 +134,17 @@ class Mapper:
         self.map.cull(self.map.neighbours(keyframe.number, T_camera_map, self._settings.local_keyframes))
         self._waiting.append(Seen(keyframe.number, view, twist))
         del self._waiting[: -self._settings.background_delay_frames]
-        self._start_task(count, check)
         return keyframe
 
     def remeasure(self, number: int, view: View, twist: Array, check: SelfCheck) -> None:
-        """Measure the key frame that began a segment once more, now that its motion is known."""
+        """Measure a key frame's features once more, now that its motion is known better."""
         keyframe = self.map.keyframes[number]
-        corners, measured = self._measured(view, keyframe.uv, twist, check)
-        self.map.replace_landmarks(keyframe, view.images, corners, measured, self.timing)
+        no_covariance = np.zeros((len(keyframe.uv), 3))
+        measured = measure(view.frame, self._lens, keyframe.uv, no_covariance, twist, self.timing, check.noise)
+        self.map.remeasure(keyframe, measured, self.timing)
 
-    def _measured(self, view: View, corners: Array, twist: Array, check: SelfCheck) -> tuple[Array, Measurements]:
-        """Return the corners (n x 2, px) that have a usable depth, measured by a camera moving with `twist`."""
-        no_covariance = np.zeros((len(corners), 3))
-        measured = measure(view.frame, self._lens, corners, no_covariance, twist, self.timing, check.noise)
-        usable = measured.values[:, 2] > 1.0 / _FARTHEST_M
-        return corners[usable], measured.take(usable)
-
-    def _start_task(self, count: int, check: SelfCheck) -> None:
+    def start_background(self, count: int, check: SelfCheck) -> None:
+        """Begin with what waits for the background, if it is idle; frame `count` is the newest."""
         if self._task is not None or not self._waiting:
             return
         adjustment = window.newest(
@@ -188,8 +180,6 @@ class Mapper:
         for seen, place, recognitions in found:
             self.index.add(seen.keyframe, place)
             self._recognitions.append((seen, recognitions))
-        if count is not None:
-            self._start_task(count, check)
         return True
 
     def _credit(self, check: SelfCheck) -> float:

@@ -50,6 +50,15 @@ class _Previous:
     published: Publication
 
 
+@dataclass(frozen=True, eq=False)
+class _Newest:
+    """A key frame that the last frame became, measured with the `twist` of the interval before it."""
+
+    keyframe: int
+    view: View
+    twist: Array
+
+
 class Odometry:
     """The odometry of one RGB-D camera: give it frames in order, it gives an estimate for each.
 
@@ -70,6 +79,7 @@ class Odometry:
         self._near, self._segment = 0, -1
         self._clock = Clock()
         self._steps: deque[Array] = deque(maxlen=3)
+        self._newest: _Newest | None = None
         self._previous: _Previous | None = None
         self._followed: tuple[Index, Array] = (np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
         self._covered: Coverage | None = None
@@ -199,8 +209,6 @@ class Odometry:
     def _follow_from_start(self, view: View, first: View, twist: Array, watch: Stopwatch) -> Tracked | None:
         """Return the second frame of a segment tracked again: its `twist` tells how the first one's rows are bent."""
         self._mapper.remeasure(self._near, first, twist, self._check)
-        keyframe = self._mapper.map.keyframes[self._near]
-        self._followed = (keyframe.rows, keyframe.uv)
         return self._follow(view, watch)
 
     def _relocalise(self, view: View) -> Tracked | None:
@@ -225,6 +233,10 @@ class Odometry:
         self._T_camera_map, self._near = tracked.T_camera_map, tracked.reference
         twist = -se3.log(self._T_camera_map @ se3.inverse(T_before)) / dt if dt else np.zeros(6)
         self._twist = twist
+        if self._newest is not None and dt:
+            middle = 0.5 * (self._newest.twist + twist)
+            self._mapper.remeasure(self._newest.keyframe, self._newest.view, middle, self._check)
+        self._newest = None
         self._sight_s = 0.0
         self._mapper.map.landmarks.seen[tracked.rows[tracked.inliers]] += 1
         self._check_jump(tracked, T_before, dt)
@@ -267,6 +279,8 @@ class Odometry:
         is_keyframe = bool(is_deep) and self._needs_keyframe(uv)
         if is_keyframe:
             rows, uv = self._add_keyframe(view, tracked, covariance)
+        if not is_keyframe:
+            self._mapper.start_background(len(self._causal.frames), self._check)
         self._followed = (rows, uv)
         self._previous = _Previous(view, tracked, pairwise, published)
         watch.lap("keyframe")
@@ -329,8 +343,8 @@ class Odometry:
             self._segment,
             parent,
             covariance,
-            len(self._causal.frames),
         )
+        self._newest = None if tracked is None else _Newest(keyframe.number, view, self._twist)
         self._near, self._covered = keyframe.number, None
         return keyframe.rows, keyframe.uv
 

@@ -276,11 +276,10 @@ class Odometry:
         is_deep = np.count_nonzero(tracked.chi2[tracked.inliers, 1]) >= _LEAST_DEEP * inliers
         if is_deep:
             self._deep_stamp = view.stamp
+        self._mapper.start_background(len(self._causal.frames), self._check)
         is_keyframe = bool(is_deep) and self._needs_keyframe(uv)
         if is_keyframe:
             rows, uv = self._add_keyframe(view, tracked, covariance)
-        if not is_keyframe:
-            self._mapper.start_background(len(self._causal.frames), self._check)
         self._followed = (rows, uv)
         self._previous = _Previous(view, tracked, pairwise, published)
         watch.lap("keyframe")
@@ -306,7 +305,7 @@ class Odometry:
 
     def _check_jump(self, tracked: Tracked, T_before: Array, dt: float) -> None:
         """Compare the last three steps, if equally long, with how much each pose's covariance lets them vary."""
-        if not dt or abs(dt / self._clock.period_s - 1.0) > _UNEQUAL:
+        if not dt or abs(dt - self._clock.period_s) > _UNEQUAL * self._clock.period_s:
             self._steps.clear()
             return
         self._steps.append(se3.log(tracked.T_camera_map @ se3.inverse(T_before)))

@@ -34,9 +34,9 @@ class Placed:
     T_keyframe_camera: Array | None = None
     covariance: Array | None = None
 
-    def middle_s(self, since: Stamp) -> float:
-        """Return the seconds from `since` to the middle row's time."""
-        return (self.stamp - since) * 1e-9 - self.delay_s
+    def since_s(self, other: "Placed") -> float:
+        """Return the seconds from the `other` frame's middle row to this one's."""
+        return (self.stamp - other.stamp) * 1e-9 - self.delay_s + other.delay_s
 
 
 def _ancestors(keyframes: list[Keyframe], number: int) -> list[int]:
@@ -123,7 +123,7 @@ def trajectory(frames: list[Placed], keyframes: list[Keyframe]) -> tuple[Traject
         for j, sign in ((i + 1, 1.0), (i - 1, -1.0)):
             if T is None or not f.delay_s or not 0 <= j < len(frames) or segments[j] != segments[i]:
                 continue
-            other, apart_s = T_map_middle[j], abs(frames[j].middle_s(f.stamp) + f.delay_s)
+            other, apart_s = T_map_middle[j], abs(frames[j].since_s(f))
             if other is not None and 0.0 < apart_s < _LONGEST_GAP_S:
                 T_stamp = T @ se3.exp(sign * f.delay_s / apart_s * se3.log(se3.inverse(T) @ other))
                 break

@@ -38,7 +38,7 @@ _NO_ROWS = np.zeros(0, dtype=np.int64)
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """A key frame's own images, kept while the background works on them."""
+    """A key frame's own view, kept while it is worked on, and the `twist` it was measured with."""
 
     keyframe: int
     view: View
@@ -114,8 +114,7 @@ class Mapper:
     ) -> Keyframe:
         """Make a key frame of a frame that measured landmarks `rows` at `uv`; new corners become landmarks."""
         corners = detect_corners(view.images.full, uv, self._settings.cell_px)
-        no_covariance = np.zeros((len(corners), 3))
-        measured = measure(view.frame, self._lens, corners, no_covariance, twist, self.timing, check.noise)
+        measured = self._measured(view, corners, twist, check)
         usable = measured.values[:, 2] > 1.0 / _FARTHEST_M
         keyframe = self.map.add_keyframe(
             view.stamp,
@@ -139,17 +138,18 @@ class Mapper:
     def remeasure(self, number: int, view: View, twist: Array, check: SelfCheck) -> None:
         """Measure a key frame's features once more, now that its motion is known better."""
         keyframe = self.map.keyframes[number]
-        no_covariance = np.zeros((len(keyframe.uv), 3))
-        measured = measure(view.frame, self._lens, keyframe.uv, no_covariance, twist, self.timing, check.noise)
-        self.map.remeasure(keyframe, measured, self.timing)
+        self.map.remeasure(keyframe, self._measured(view, keyframe.uv, twist, check), self.timing)
+
+    def _measured(self, view: View, uv: Array, twist: Array, check: SelfCheck) -> Measurements:
+        no_covariance = np.zeros((len(uv), 3))
+        return measure(view.frame, self._lens, uv, no_covariance, twist, self.timing, check.noise)
 
     def start_background(self, count: int, check: SelfCheck) -> None:
         """Begin with what waits for the background, if it is idle; frame `count` is the newest."""
         if self._task is not None or not self._waiting:
             return
-        adjustment = window.newest(
-            self.map, self._settings.window_keyframes, self.timing, self._timing_information / self._credit(check)
-        )
+        prior = self._timing_information / self._credit(check)
+        adjustment = window.newest(self.map, self._settings.window_keyframes, self.timing, prior)
         waiting, self._waiting = self._waiting, []
         linked = [self._linked(seen.keyframe) for seen in waiting]
         timing, lens, index, noise = self.timing, self._lens, self.index, check.noise
@@ -267,7 +267,6 @@ class Mapper:
         self.take_recognitions(check)
         for segment in sorted({k.segment for k in self.map.keyframes}):
             if sum(k.segment == segment for k in self.map.keyframes) >= 2:
-                adjustment = window.everything(
-                    self.map, segment, self.timing, self._timing_information / self._credit(check)
-                )
+                prior = self._timing_information / self._credit(check)
+                adjustment = window.everything(self.map, segment, self.timing, prior)
                 self._take_over(adjustment, adjustment.run(), check)

@@ -11,7 +11,7 @@ from odom.backend.choice import Coverage, has_moved
 from odom.backend.closing import recognise
 from odom.backend.estimate import ClosingTest, Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
 from odom.backend.history import Placed, trajectory
-from odom.backend.mapper import LEAST_FOUND_AGAIN, Mapper
+from odom.backend.mapper import LEAST_FOUND_AGAIN, Mapper, Seen
 from odom.backend.pairwise import register_successive
 from odom.backend.selfcheck import SelfCheck
 from odom.backend.settings import OdometrySettings
@@ -50,15 +50,6 @@ class _Previous:
     published: Publication
 
 
-@dataclass(frozen=True, eq=False)
-class _Newest:
-    """A key frame that the last frame became, measured with the `twist` of the interval before it."""
-
-    keyframe: int
-    view: View
-    twist: Array
-
-
 class Odometry:
     """The odometry of one RGB-D camera: give it frames in order, it gives an estimate for each.
 
@@ -79,7 +70,7 @@ class Odometry:
         self._near, self._segment = 0, -1
         self._clock = Clock()
         self._steps: deque[Array] = deque(maxlen=3)
-        self._newest: _Newest | None = None
+        self._newest: Seen | None = None
         self._previous: _Previous | None = None
         self._followed: tuple[Index, Array] = (np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
         self._covered: Coverage | None = None
@@ -265,12 +256,8 @@ class Odometry:
         pairwise = None
         if dt and previous is not None and previous.tracked is not None:
             pairwise = register_successive(
-                previous.tracked, previous.view.stamp, tracked, self._check.scale, self._clock.jitter_s
+                previous.tracked, previous.published, tracked, published, self._check.scale, self._clock.jitter_s
             )
-        if pairwise is not None and previous is not None:
-            T = se3.inverse(previous.published.T_middle_stamp) @ pairwise.T_earlier_current @ published.T_middle_stamp
-            going = previous.published.covariance_middle_stamp + published.covariance_middle_stamp
-            pairwise = replace(pairwise, T_earlier_current=T, covariance=pairwise.covariance + going)
         watch.lap("pairwise")
         rows, uv = tracked.rows[tracked.inliers], tracked.uv[tracked.inliers]
         is_deep = np.count_nonzero(tracked.chi2[tracked.inliers, 1]) >= _LEAST_DEEP * inliers
@@ -343,7 +330,7 @@ class Odometry:
             parent,
             covariance,
         )
-        self._newest = None if tracked is None else _Newest(keyframe.number, view, self._twist)
+        self._newest = None if tracked is None else Seen(keyframe.number, view, self._twist)
         self._near, self._covered = keyframe.number, None
         return keyframe.rows, keyframe.uv
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from odom.backend.causal import Publication
 from odom.backend.estimate import RelativePose
 from odom.backend.tracking import Tracked
-from odom.frame import Stamp
 from odom.frontend.measure import points_of
 from odom.registration import se3
 from odom.registration.default import register
@@ -14,12 +14,18 @@ _LEAST_PAIRS = 10
 
 
 def register_successive(
-    previous: Tracked, stamp_previous: Stamp, current: Tracked, scale: float, jitter_s: float
+    previous: Tracked,
+    published_previous: Publication,
+    current: Tracked,
+    published: Publication,
+    scale: float,
+    jitter_s: float,
 ) -> RelativePose | None:
     """Return T_previous_current from the features that both frames measured with depth, None where that fails.
 
     The recursive robust filter sees both clouds' covariances; the map's motion serves as a hint to its gate only. To
-    its covariance, times the self-check's `scale`, comes how far the camera goes while two stamps jitter by `jitter_s`.
+    its covariance, times the self-check's `scale`, comes how far the camera goes while two stamps jitter by `jitter_s`;
+    from the middle rows' times it is carried to the stamps as the two publications are.
     """
     _, a, b = np.intersect1d(previous.rows, current.rows, assume_unique=True, return_indices=True)
     deep = (previous.measurements.values[a, 2] > 0.0) & (current.measurements.values[b, 2] > 0.0)
@@ -35,4 +41,7 @@ def register_successive(
         return None
     inliers = int(registration.inliers.sum())
     covariance = scale * registration.covariance + 2.0 * jitter_s**2 * np.outer(current.twist, current.twist)
-    return RelativePose(stamp_previous, registration.T_target_source, covariance, inliers)
+    covariance += published_previous.covariance_middle_stamp + published.covariance_middle_stamp
+    T_middles = registration.T_target_source
+    T_previous_current = se3.inverse(published_previous.T_middle_stamp) @ T_middles @ published.T_middle_stamp
+    return RelativePose(published_previous.placed.stamp, T_previous_current, covariance, inliers)

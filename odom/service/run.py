@@ -107,19 +107,20 @@ class Crew:
         sensor, odometry = self.children["sensor"], self.children["odometry"]
         viewer = self.children.get("viewer")
         viewer_is_missed = False
-        while odometry.poll() is None:
+        while odometry.poll() != 0:
             self._show_progress()
             if stop.is_set():
                 sensor.stop(self._patience_s)
                 odometry.stop(self._patience_s)
                 return None
-            dead = [child for child in self.children.values() if child.died]
-            if any(child is not viewer for child in dead):
-                return next(child for child in dead if child is not viewer)
-            if viewer in dead and not viewer_is_missed and viewer is not None:
-                viewer_is_missed = True
-                self._display.say("run", f"the viewer {viewer.ending()}; the run goes on without it")
-        return next((child for child in (odometry, viewer) if child is not None and child.died), None)
+            for dead in (child for child in self.children.values() if child.died):
+                if dead is not viewer:
+                    self._display.say("run", f"the {dead.name} {dead.ending()}; saving what was done so far")
+                    return dead
+                if not viewer_is_missed:
+                    viewer_is_missed = True
+                    self._display.say("run", f"the viewer {dead.ending()}; the run goes on without it")
+        return viewer if viewer is not None and viewer.died else None
 
     def keep_viewer(self, stop: threading.Event) -> None:
         """Let people look until `stop` is set or the viewer is closed."""

@@ -11,7 +11,12 @@ from odom.wire.settings import Compression
 
 
 def record(
-    output: Annotated[Path, typer.Argument(help="The .mcap recording to write; {time} becomes the time of the start.")],
+    output: Annotated[
+        Path,
+        typer.Argument(
+            help="The .mcap recording to write; {time} becomes that of the start, -2 is added to a taken one."
+        ),
+    ],
     namespace: Namespace = None,
     estimates: Annotated[bool, typer.Option(help="Record poses, transforms, status and loops too.")] = True,
     compression: Annotated[Compression, typer.Option(help="Of the file's chunks.")] = "zstd",
@@ -24,7 +29,8 @@ def record(
     """Record frames, calibration, truth and estimates of a device until its source ends or Ctrl-C.
 
     The bytes of the wire go into the file as they are. A recorded source waits for this recorder: nothing is lost.
-    After a crash the file lacks at most the last half second; with {time} in its name a supervisor may start it again.
+    After a crash the file lacks at most the last half second; with {time} in its name a supervisor may start it again,
+    even within the same second.
 
     Example: odom record session.mcap
     """
@@ -37,18 +43,18 @@ def record(
     from odom.wire.session import open_session
 
     stop = signals.stop_event()
-    output = Path(str(output).replace("{time}", time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())))
+    timed = Path(str(output).replace("{time}", time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())))
     settings = wire_settings(config, connect, listen, mode, namespace)
     topics = Topics(settings.namespace)
     metadata = {"namespace": topics.namespace}
     with (
-        RecordingWriter(output, compression, overwrite, metadata) as writer,
+        RecordingWriter(timed, compression, overwrite, metadata, beside=timed != output) as writer,
         open_session(settings) as session,
         counting("record", None) as progress,
     ):
         report = Recorder(session, topics, writer, estimates).run(stop, progress)
     missing = f", {report.lost} lost on the way" if report.lost else ""
     typer.echo(
-        f"{output}: {report.frames} frames, {writer.count} messages{missing}, {output.stat().st_size / 1e6:.1f} MB; "
-        f"{report.reason}"
+        f"{writer.path}: {report.frames} frames, {writer.count} messages{missing}, "
+        f"{writer.path.stat().st_size / 1e6:.1f} MB; {report.reason}"
     )

@@ -249,6 +249,37 @@ def test_kill_9_costs_the_recording_half_a_second_at_most(tmp_path: Path) -> Non
     assert max(at for at, stamp in written if stamp <= last) > killed - 0.5
 
 
+def test_a_taken_name_is_refused_replaced_or_left_for_the_next_free_one(tmp_path: Path) -> None:
+    path = write(tmp_path / "take.mcap", [])
+    taken = path.read_bytes()
+    with pytest.raises(RecordingError, match="exists already"):
+        RecordingWriter(path)
+    for number in (2, 3):
+        with RecordingWriter(path, beside=True) as writer:
+            assert writer.path == tmp_path / f"take-{number}.mcap"
+        assert read(writer.path)[1].complete
+    assert path.read_bytes() == taken
+
+
+def test_a_recorder_started_again_within_a_second_neither_refuses_nor_overwrites(tmp_path: Path, endpoint: str) -> None:
+    """The names of this and the next seconds are taken, as by a life that kill -9 has just ended."""
+    before = {tmp_path / time.strftime("take-%Y%m%dT%H%M%SZ.mcap", time.gmtime(time.time() + s)) for s in range(90)}
+    for path in before:
+        path.write_bytes(b"an earlier life")
+    command = [sys.executable, "-m", "odom", "record", str(tmp_path / "take-{time}.mcap"), "--listen", endpoint]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as recorder:
+        deadline = time.monotonic() + 60
+        while not set(tmp_path.iterdir()) - before and recorder.poll() is None and time.monotonic() < deadline:
+            time.sleep(0.05)
+        recorder.terminate()
+        words, _ = recorder.communicate(timeout=30)
+    assert recorder.returncode == 0, words
+    (begun,) = set(tmp_path.iterdir()) - before
+    assert begun.stem.endswith("Z-2")
+    assert read(begun)[1].complete
+    assert all(path.read_bytes() == b"an earlier life" for path in before)
+
+
 @pytest.fixture
 def session_recording(tmp_path: Path) -> Path:
     """Images, truth and the estimates as the odometry publishes them, a second long."""

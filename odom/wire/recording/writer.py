@@ -2,9 +2,10 @@
 
 import time
 from collections.abc import Mapping
+from itertools import count
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import BinaryIO, Self
 
 from mcap.writer import CompressionType, Writer
 
@@ -28,7 +29,8 @@ class RecordingWriter:
     """Writes to `path`; what was given more than a quarter of a second ago survives the death of the process.
 
     A message is logged at its stamp, not at the time of writing: a recording of a replay equals the recording. Raises
-    RecordingError when the file cannot be written; an existing one is replaced only if `overwrite`.
+    RecordingError when the file cannot be written; an existing one is replaced only if `overwrite`. With `beside` the
+    next free name is taken instead, `take-2.mcap` beside `take.mcap`; `path` says which.
     """
 
     def __init__(
@@ -37,18 +39,19 @@ class RecordingWriter:
         compression: Compression = "zstd",
         overwrite: bool = False,
         metadata: Mapping[str, str] | None = None,
+        beside: bool = False,
     ) -> None:
-        self.path = path
         self.count = 0
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = path.open("wb" if overwrite else "xb")
+            self._file = path.open("wb") if overwrite else _create(path, beside)
         except FileExistsError as error:
             raise RecordingError(
                 f"{path} exists already: choose another name or say that it may be replaced"
             ) from error
         except OSError as error:
             raise RecordingError(f"{path} cannot be written: {error.strerror}") from error
+        self.path = Path(self._file.name)
         self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, compression=_COMPRESSION[compression])
         self._channels: dict[tuple[str, str], int] = {}
         self._schemas: dict[str, int] = {}
@@ -105,3 +108,15 @@ class RecordingWriter:
         channel = self._writer.register_channel(f"/{message.topic}", "cdr", self._schemas[type_name])
         self._channels[message.topic, type_name] = channel
         return channel
+
+
+def _create(path: Path, beside: bool) -> BinaryIO:
+    """Create the file of a name that nobody has taken, at once: two that start together get two names."""
+    numbers, name = count(2), path
+    while True:
+        try:
+            return name.open("xb")
+        except FileExistsError:
+            if not beside:
+                raise
+        name = path.with_stem(f"{path.stem}-{next(numbers)}")

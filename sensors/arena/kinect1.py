@@ -32,6 +32,7 @@ RAY_LENGTH2 = np.asarray(
     + ((np.arange(SHAPE[0]) - CENTER[1]) / FOCAL_PX)[:, None] ** 2,
     np.float32,
 )
+INVERSE_LENGTH2 = np.reciprocal(RAY_LENGTH2)
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ def measure(
     identity: NDArray[np.int16],
     distance: NDArray[np.float32],
     infrared: NDArray[np.float32],
-    ray_length2: NDArray[np.float32],
+    inverse_length2: NDArray[np.float32],
     wander: NDArray[np.int8],
     rough: NDArray[np.float32],
     at: tuple[int, int, int, int],
@@ -60,51 +61,51 @@ def measure(
     """Fill `out` (H x W) with the depth in metres, 0 where no match was found.
 
     `wander` (2 tiles) is how far off the window catches an edge, whole pixels, and `rough` a tile of patchy noise;
-    `at` is where this frame begins in them. `ray_length2` is the squared length of the pixels' rays (z = 1).
+    `at` is where this frame begins in them. `inverse_length2` is 1 over the squared length of the pixels' rays (z = 1).
+    A row is worked on in three passes: what is lit, what the window finds, and the arithmetic, without branches.
     """
     disparity_px, floor, nearest, farthest = matching
     height, width = inverse_depth.shape
-    one, fb = np.float32(1), np.float32(FOCAL_PX * BASELINE_M)
+    zero, one, fb = np.float32(0), np.float32(1), np.float32(FOCAL_PX * BASELINE_M)
     step, half = np.float32(STEP), np.float32(0.5)
     mask = TILE - 1
+    seen = np.empty(width, np.bool_)
+    found = np.empty((5, width), np.float32)
     for y in range(height):
         leftmost = np.float32(1e9)
-        wander_x, wander_y = wander[0, (y + at[0]) & mask], wander[1, (y + at[0]) & mask]
-        rough_row, dots_row = rough[(y + at[2]) & mask], rough[y & mask]
         for x in range(width - 1, -1, -1):
-            own = inverse_depth[y, x]
-            column = np.float32(x) - fb * own
-            lit = column < leftmost + np.float32(0.6)
+            column = np.float32(x) - fb * inverse_depth[y, x]
+            seen[x] = column < leftmost + np.float32(0.6)
             leftmost = min(leftmost, column)
-            out[y, x] = np.float32(0)
-            if not lit:
-                continue
+        wander_y = (y + at[0]) & mask
+        rough_row, dots_row = rough[(y + at[2]) & mask], rough[y & mask]
+        for x in range(width):
             tx = (x + at[1]) & mask
-            sx = min(max(x + wander_x[tx], 0), width - 1)
-            sy = min(max(y + wander_y[tx], 0), height - 1)
+            sx = min(max(x + wander[0, wander_y, tx], 0), width - 1)
+            sy = min(max(y + wander[1, wander_y, tx], 0), height - 1)
             i = identity[sy, sx]
-            if i < 0:
-                continue
-            w = inverse_depth[sy, sx]
-            patch = rough_row[(x + at[3]) & mask]
-            if abs(w - own) * fb > one and patch > np.float32(0.4):
-                continue
-            inverse_length2 = one / ray_length2[y, x]
-            cosine = distance[i] * w * np.sqrt(inverse_length2)
-            signal = infrared[i] * cosine * w * w * inverse_length2
-            if signal * (one + np.float32(0.25) * patch) < floor:
-                continue
-            if cosine * (one + np.float32(0.2) * patch) < np.float32(0.16):
-                continue
-            dots = dots_row[np.int32(column + np.float32(4096)) & mask]
+            seen[x] &= i >= 0
+            i = max(i, 0)
+            found[0, x] = inverse_depth[sy, sx]
+            found[1, x] = distance[i]
+            found[2, x] = infrared[i]
+            found[3, x] = rough_row[(x + at[3]) & mask]
+            column = np.float32(x) - fb * inverse_depth[y, x]
+            found[4, x] = dots_row[np.int32(column + np.float32(4096)) & mask]
+        for x in range(width):
+            w, patch = found[0, x], found[3, x]
+            nearness2 = inverse_length2[y, x]
+            cosine = found[1, x] * w * np.sqrt(nearness2)
+            signal = found[2, x] * cosine * w * w * nearness2
             weak = half + (np.float32(1.2) * floor * cosine + np.float32(0.08) * signal) / (signal * cosine)
-            wrong = disparity_px * np.sqrt(weak) * (np.float32(0.8) * patch + np.float32(0.6) * dots)
+            wrong = disparity_px * np.sqrt(weak) * (np.float32(0.8) * patch + np.float32(0.6) * found[4, x])
             steps = np.float32(np.int32((fb * w + wrong) * step + half))
-            if steps < one:
-                continue
             z = fb * step / steps
-            if nearest <= z <= farthest:
-                out[y, x] = z
+            torn = (abs(w - inverse_depth[y, x]) * fb > one) & (patch > np.float32(0.4))
+            dim = signal * (one + np.float32(0.25) * patch) < floor
+            slant = cosine * (one + np.float32(0.2) * patch) < np.float32(0.16)
+            matched = seen[x] & ~(torn | dim | slant) & (steps >= one) & (nearest <= z) & (z <= farthest)
+            out[y, x] = z if matched else zero
 
 
 def measured_depth(
@@ -125,7 +126,7 @@ def measured_depth(
         identity,
         distance.astype(np.float32),
         infrared,
-        RAY_LENGTH2,
+        INVERSE_LENGTH2,
         tiles.wander,
         tiles.rough,
         (int(at[0]), int(at[1]), int(at[2]), int(at[3])),

@@ -35,27 +35,29 @@ def sample_run(
         z = one / (w0 + wx * k)
         s = (s0 + sx * k) * z - origin[0]
         t = (t0 + tx * k) * z - origin[1]
-        s = zero if s < zero else (high_s if s > high_s else s)
-        t = zero if t < zero else (high_t if t > high_t else t)
+        s, t = s if s > zero else zero, t if t > zero else zero
+        s, t = high_s if s > high_s else s, high_t if t > high_t else t
         i, j = np.int32(s), np.int32(t)
         scratch[0, x] = j * width + i
         scratch[1, x] = np.int32((s - np.float32(i)) * unit)
         scratch[2, x] = np.int32((t - np.float32(j)) * unit)
-    lanes = np.uint64(0x00FF00FF00FF)
-    quarter = np.uint64(0x3FFF3FFF3FFF)
-    spread, two = np.uint64(24), np.uint64(2)
     for x in range(n):
         at = np.uint64(scratch[0, x])
         below = at + np.uint64(width)
-        fx, fy = np.int64(scratch[1, x]), np.int64(scratch[2, x])
-        w11 = (fx * fy) >> 8
-        c00, c10 = np.uint64(texels[at]), np.uint64(texels[at + np.uint64(1)])
-        c01, c11 = np.uint64(texels[below]), np.uint64(texels[below + np.uint64(1)])
-        total = ((c00 | c00 << spread) & lanes) * np.uint64(256 - fx - fy + w11)
-        total += ((c10 | c10 << spread) & lanes) * np.uint64(fx - w11)
-        total += ((c01 | c01 << spread) & lanes) * np.uint64(fy - w11)
-        total += ((c11 | c11 << spread) & lanes) * np.uint64(w11)
-        out[x] += (total >> two) & quarter
+        scratch[3, x], scratch[4, x] = texels[at], texels[at + np.uint64(1)]
+        scratch[5, x], scratch[6, x] = texels[below], texels[below + np.uint64(1)]
+    lanes, byte, eight = np.uint32(0x00FF00FF), np.uint32(0xFF), np.uint32(8)
+    quarter, two, whole = np.uint32(0x3FFF3FFF), np.uint32(2), np.uint32(256)
+    for x in range(n):
+        fx, fy = np.uint32(scratch[1, x]), np.uint32(scratch[2, x])
+        w11 = np.uint32(fx * fy) >> eight
+        w10, w01, w00 = np.uint32(fx - w11), np.uint32(fy - w11), np.uint32(whole - fx - fy + w11)
+        c00, c10 = np.uint32(scratch[3, x]), np.uint32(scratch[4, x])
+        c01, c11 = np.uint32(scratch[5, x]), np.uint32(scratch[6, x])
+        both = np.uint32((c00 & lanes) * w00 + (c10 & lanes) * w10 + (c01 & lanes) * w01 + (c11 & lanes) * w11)
+        c00, c10, c01, c11 = c00 >> eight & byte, c10 >> eight & byte, c01 >> eight & byte, c11 >> eight & byte
+        green = np.uint32(c00 * w00 + c10 * w10 + c01 * w01 + c11 * w11)
+        out[x] += np.uint64(both >> two & quarter) | np.uint64(green >> two) << np.uint64(32)
 
 
 @compiled
@@ -78,7 +80,7 @@ def shade(
     """
     samples, height, width = identity.shape
     levels = level_offset.shape[1]
-    scratch = np.empty((3, RUN), np.int32)
+    scratch = np.empty((7, RUN), np.int32)
     f4 = np.float32
     for y in range(height):
         out[y] = np.uint64(0)

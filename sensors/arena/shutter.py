@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 READOUT_S = 0.027
 """From the first row of a colour image to the last (both Kinects); an image is stamped when it is complete."""
 
-_LANES = np.uint64(0x0000FFFF0000FFFF)
+_LANE = np.uint64(0xFFFF)
 _UNIT = 1 << 8
 
 
@@ -62,8 +62,8 @@ def look_up(
     columns = out.shape[1]
     found = np.empty((3, columns), np.float32)
     place = np.empty((3, columns), np.int32)
+    around = np.empty((4, columns), np.uint64)
     lights, depths = light.reshape(-1), inverse_depth.reshape(-1)
-    shift = np.uint64(16)
     for y in range(out.shape[0]):
         m = motion[y]
         for x in range(columns):
@@ -87,11 +87,21 @@ def look_up(
         for x in range(columns):
             at = np.uint64(place[0, x])
             below = at + np.uint64(width)
-            fx, fy = np.uint64(place[1, x]), np.uint64(place[2, x])
-            gx, gy = np.uint64(_UNIT) - fx, np.uint64(_UNIT) - fy
-            w00, w10, w01, w11 = gx * gy, fx * gy, gx * fy, fx * fy
-            a, b, c, d = lights[at], lights[at + np.uint64(1)], lights[below], lights[below + np.uint64(1)]
-            outer = (a & _LANES) * w00 + (b & _LANES) * w10 + (c & _LANES) * w01 + (d & _LANES) * w11
-            a, b, c, d = a >> shift & _LANES, b >> shift & _LANES, c >> shift & _LANES, d >> shift & _LANES
-            middle = a * w00 + b * w10 + c * w01 + d * w11
-            out[y, x] = (outer >> shift & _LANES) | (middle >> shift & _LANES) << shift
+            around[0, x], around[1, x] = lights[at], lights[at + np.uint64(1)]
+            around[2, x], around[3, x] = lights[below], lights[below + np.uint64(1)]
+        for x in range(columns):
+            fx, fy = np.uint32(place[1, x]), np.uint32(place[2, x])
+            gx, gy = np.uint32(_UNIT - fx), np.uint32(_UNIT - fy)
+            w00, w10, w01, w11 = np.uint32(gx * gy), np.uint32(fx * gy), np.uint32(gx * fy), np.uint32(fx * fy)
+            a, b, c, d = around[0, x], around[1, x], around[2, x], around[3, x]
+            total = np.uint64(0)
+            for lane in range(0, 48, 16):
+                shift = np.uint64(lane)
+                mixed = np.uint32(
+                    np.uint32(a >> shift & _LANE) * w00
+                    + np.uint32(b >> shift & _LANE) * w10
+                    + np.uint32(c >> shift & _LANE) * w01
+                    + np.uint32(d >> shift & _LANE) * w11
+                )
+                total |= np.uint64(mixed >> np.uint32(16)) << shift
+            out[y, x] = total

@@ -27,15 +27,13 @@ def register(
     height, width = depth_m.shape
     rows, columns = out.shape
     bent = lens[0] != 0.0 or lens[1] != 0.0
+    ray_x = (np.arange(width) - infrared[2]) / infrared[0]
+    place = np.empty((2, width), np.int32)
     for y in range(height):
-        b0 = (y - infrared[3]) / infrared[1]
+        ray_y = (y - infrared[3]) / infrared[1]
         for x in range(width):
-            z = depth_m[y, x]
-            if z <= np.float32(0):
-                continue
-            nearness = 1.0 / z
-            a = (x - infrared[2]) / infrared[0] + offset[0] * nearness
-            b = b0 + offset[1] * nearness
+            nearness = 1.0 / depth_m[y, x]
+            a, b = ray_x[x] + offset[0] * nearness, ray_y + offset[1] * nearness
             if bent:
                 r2 = a * a + b * b
                 radial = 1.0 + r2 * (lens[0] + r2 * (lens[1] + r2 * lens[4]))
@@ -43,9 +41,11 @@ def register(
                     a * radial + 2 * lens[2] * a * b + lens[3] * (r2 + 2 * a * a),
                     b * radial + lens[2] * (r2 + 2 * b * b) + 2 * lens[3] * a * b,
                 )
-            u = int(color[0] * a + color[2] + 0.5)
-            v = int(color[1] * b + color[3] + 0.5)
-            if u < 0 or v < 0 or u >= columns or v >= rows:
+            place[0, x] = np.int32(color[0] * a + color[2] + 0.5)
+            place[1, x] = np.int32(color[1] * b + color[3] + 0.5)
+        for x in range(width):
+            z, u, v = depth_m[y, x], place[0, x], place[1, x]
+            if z <= np.float32(0) or u < 0 or v < 0 or u >= columns or v >= rows:
                 continue
             mm = np.uint16(z * np.float32(1000) + np.float32(0.5))
             there = out[v, u]

@@ -25,16 +25,20 @@ def develop(
 ) -> None:
     """Turn the light (see `shading.shade`) into the picture; `noise_of` (256) is the deviation at a value, over 24."""
     height, width = light.shape
+    values = np.empty((3, width), np.float32)
     for y in range(height):
-        row = grain[(y + at[0]) & (TILE - 1)]
         for x in range(width):
             fall = vignette_y[y] * vignette_x[x] * np.float32(1 / 256)
-            column = (x + at[1]) & (TILE - 1)
             packed = light[y, x]
             for c in range(3):
-                lane = packed >> np.uint64(LANES[c]) & np.uint64(0xFFFF)
-                value = min(np.float32(lane) * gain[c] * fall, np.float32(255.0))
-                value += noise_of[np.uint8(value)] * np.float32(row[column, c])
+                lane = np.uint32(packed >> np.uint64(LANES[c]) & np.uint64(0xFFFF))
+                values[c, x] = min(np.float32(lane) * gain[c] * fall, np.float32(255.0))
+        row = grain[(y + at[0]) & (TILE - 1)]
+        for x in range(width):
+            column = (x + at[1]) & (TILE - 1)
+            for c in range(3):
+                value = values[c, x]
+                value += noise_of[np.int32(value)] * np.float32(row[column, c])
                 out[y, x, c] = np.uint8(min(max(value + np.float32(0.5), np.float32(0.0)), np.float32(255.0)))
 
 

@@ -28,10 +28,10 @@ def straight(camera: Camera) -> Camera:
 def lookup(camera: Camera) -> NDArray[np.float32]:
     """Return 2 x H x W: where (x, y) in the picture of `straight(camera)` the pixels of the camera look."""
     k1, k2, p1, p2, k3 = camera.distortion or (0.0,) * 5
-    v, u = np.mgrid[: camera.height, : camera.width]
+    v, u = np.ogrid[: camera.height, : camera.width]
     bent_a, bent_b = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
     a, b = bent_a, bent_b
-    for _ in range(30):
+    for _ in range(30 if camera.distortion else 0):
         r2 = a * a + b * b
         radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
         a, b = (
@@ -40,4 +40,6 @@ def lookup(camera: Camera) -> NDArray[np.float32]:
         )
     ideal = straight(camera)
     x, y = ideal.fx * a + ideal.cx, ideal.fy * b + ideal.cy
-    return np.stack([np.clip(x, 0, ideal.width - 1), np.clip(y, 0, ideal.height - 1)]).astype(np.float32)
+    out = np.empty((2, camera.height, camera.width), np.float32)
+    out[0], out[1] = np.clip(x, 0, ideal.width - 1), np.clip(y, 0, ideal.height - 1)
+    return out

@@ -236,9 +236,12 @@ def bake(panels: list[Panel], neighbours: list[Panel], lamps: Lamps, seed: int) 
 def lit(image: Image, light: NDArray[np.float32]) -> Image:
     """Return the picture under a coarse map of linear light, in display values (gamma 2.2), soft towards white."""
     height, width = image.shape[:2]
-    value = np.asarray(cv2.resize(light ** (1 / 2.2), (width, height), interpolation=cv2.INTER_LINEAR))
+    coarse = light ** (1 / 2.2)
     out = np.empty_like(image)
-    for top in range(0, height, STRIPE):
-        part = value[top : top + STRIPE] * image[top : top + STRIPE]
-        out[top : top + STRIPE] = np.where(part > 200, 200 + 55 * (1 - np.exp(-np.maximum(part - 200, 0) / 55)), part)
+    for c in range(3):
+        value = np.asarray(cv2.resize(coarse[..., c], (width, height), interpolation=cv2.INTER_LINEAR))
+        for top in range(0, height, STRIPE):
+            rows = slice(top, top + STRIPE)
+            part = value[rows] * image[rows, :, c]
+            out[rows, :, c] = np.where(part > 200, 200 + 55 * (1 - np.exp(-np.maximum(part - 200, 0) / 55)), part)
     return out

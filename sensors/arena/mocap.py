@@ -1,6 +1,7 @@
 """The motion capture beside the arena: a marker body on the camera, a world and a clock of its own."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,7 @@ class MocapPose:
     T_mocap_marker: Array
 
 
+@lru_cache(maxsize=4)
 def T_mocap_world(seed: int) -> Array:
     """Return the arena's world (z up) in the motion capture's (y up): calibrated with a wand left on the floor."""
     rng = np.random.default_rng([seed, 21])
@@ -43,6 +45,7 @@ def T_mocap_world(seed: int) -> Array:
     return T
 
 
+@lru_cache(maxsize=4)
 def T_camera_marker(options: ArenaOptions) -> Array:
     """Return the marker body in the colour camera's optical frame: `marker_m` and `marker_deg` away."""
     rng = np.random.default_rng([options.seed, 22])
@@ -54,11 +57,18 @@ def T_camera_marker(options: ArenaOptions) -> Array:
     return T
 
 
-def _hidden(seed: int, t: float) -> bool:
-    block = int(t // GAP_EVERY_S)
+@lru_cache(maxsize=4)
+def _gap(seed: int, block: int) -> tuple[float, float]:
+    """Return when the markers are hidden in a block of GAP_EVERY_S: from and until, seconds within it."""
     rng = np.random.default_rng([seed, 23, block])
     begin, length = rng.uniform(0.5, GAP_EVERY_S - 0.5), rng.uniform(0.02, 0.25)
-    return bool(begin <= t - block * GAP_EVERY_S < begin + length)
+    return begin, begin + length
+
+
+def _hidden(seed: int, t: float) -> bool:
+    block = int(t // GAP_EVERY_S)
+    begin, end = _gap(seed, block)
+    return begin <= t - block * GAP_EVERY_S < end
 
 
 def mocap_pose(options: ArenaOptions, index: int) -> MocapPose | None:

@@ -39,9 +39,11 @@ def make_tiles(seed: int) -> Tiles:
     rng = np.random.default_rng([seed, 5])
     rough = 0.85 * _smooth(rng, 1.8) + 0.53 * _smooth(rng, 0.6)
     wander = np.stack([np.rint(WANDER_PX * _smooth(rng, 1.2)) for _ in range(2)]).astype(np.int8)
-    color = np.stack([_smooth(rng, s) for s in (0.75, 0.55, 0.85)], axis=-1)
-    grey = _smooth(rng, 0.5)[..., None]
-    grain = np.clip(24 * (0.8 * color + 0.6 * grey), -127, 127).astype(np.int8)
+    color = [_smooth(rng, s) for s in (0.75, 0.55, 0.85)]
+    grey = _smooth(rng, 0.5)
+    grain = np.empty((TILE, TILE, 3), np.int8)
+    for c in range(3):
+        grain[..., c] = np.clip(24 * (0.8 * color[c] + 0.6 * grey), -127, 127)
     return Tiles(rough, wander, rng.standard_normal((TILE, TILE), np.float32), grain)
 
 

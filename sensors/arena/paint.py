@@ -42,7 +42,9 @@ def clouds(shape: tuple[int, int], rng: np.random.Generator, cells: tuple[int, i
         if grid[0] > shape[0] * 2 and grid[1] > shape[1] * 2:
             break
         coarse = rng.standard_normal(grid, np.float32)
-        total += weight * np.asarray(cv2.resize(coarse, shape[::-1], interpolation=cv2.INTER_CUBIC), np.float32)
+        layer = np.asarray(cv2.resize(coarse, shape[::-1], interpolation=cv2.INTER_CUBIC), np.float32)
+        layer *= weight
+        total += layer
         weight *= 0.55
     return total
 
@@ -76,7 +78,9 @@ def wood(rng: np.random.Generator, color: Color, texel_m: float = 0.003, plank_m
         height, width = shape
         fine = clouds(shape, rng, (max(2, height // 3), max(2, width // 120)), 2)
         broad = clouds(shape, rng, (max(2, height // 24), max(2, width // 300)), 3)
-        return np.asarray(1 + 0.07 * fine + 0.09 * np.sin(4 * broad), np.float32)
+        for row, wave in zip(fine, broad, strict=True):
+            row[:] = 1 + 0.07 * row + 0.09 * np.sin(4 * wave)
+        return fine
 
     def paint(width_m: float, height_m: float) -> Image:
         turned = height_m > width_m
@@ -111,7 +115,7 @@ def rug(rng: np.random.Generator, texel_m: float = 0.004) -> Painter:
     def paint(width_m: float, height_m: float) -> Image:
         image = canvas(width_m, height_m, texel_m, (120, 40, 40))
         height, width = image.shape[:2]
-        yy, xx = np.mgrid[:height, :width] * texel_m
+        yy, xx = np.arange(height)[:, None] * texel_m, np.arange(width) * texel_m
         cell = 0.22
         rhomb = (np.abs((xx / cell) % 1 - 0.5) + np.abs((yy / cell) % 1 - 0.5)) * 8
         which = (rhomb.astype(int) + (xx / cell).astype(int) * 3 + (yy / cell).astype(int) * 5) % 6

@@ -97,13 +97,17 @@ def abstract(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
     height, width = shape
     n = int(rng.integers(14, 40))
     seeds = rng.uniform((0, 0), (height, width), (n, 2))
-    yy, xx = np.mgrid[:height, :width]
-    distance = np.hypot(yy[..., None] - seeds[:, 0], xx[..., None] - seeds[:, 1])
-    order = np.partition(distance, 1, axis=2)
     colors = rng.integers((40, 40, 40), (250, 230, 220), (n, 3))
-    image = colors[distance.argmin(axis=2)] * (1 + 0.08 * clouds(shape, rng, (20, 20), 3))[..., None]
-    image[order[..., 1] - order[..., 0] < max(1.5, width / 120)] = (25, 22, 20)
-    return np.asarray(np.clip(image, 0, 255), np.uint8)
+    factor = 1 + 0.08 * clouds(shape, rng, (20, 20), 3)
+    image = np.empty((height, width, 3), np.uint8)
+    x = np.arange(width)[:, None]
+    for y in range(height):
+        distance = np.hypot(y - seeds[:, 0], x - seeds[:, 1])
+        nearest, second = np.partition(distance, 1, axis=1)[:, :2].T
+        row = colors[distance.argmin(axis=1)] * factor[y, :, None]
+        row[second - nearest < max(1.5, width / 120)] = (25, 22, 20)
+        image[y] = np.clip(row, 0, 255)
+    return image
 
 
 def chart(rng: np.random.Generator, shape: tuple[int, int], paper: Color = (250, 250, 248)) -> Image:

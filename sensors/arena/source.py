@@ -31,9 +31,11 @@ MOCAP_FRAME = "mocap"
 WORLD_FRAME = "arena"
 MOCAP_A_FRAME = round(MOCAP_HZ / RATE_HZ)
 FRAMES_AHEAD = 3
-"""Frames drawn before they are due."""
-START_IN_NS = 300_000_000
-"""A live session begins so long after it is asked for."""
+"""Frames drawn before they are sent, of a recorded session."""
+LIVE_FRAMES_AHEAD = 15
+"""Frames drawn before they are due, of a live session: no frame is lost while the machine is busy with other things."""
+START_IN_NS = 1_000_000_000
+"""A live session begins so long after it is asked for: time enough to draw the frames ahead."""
 LATE_S = 2.0 / RATE_HZ
 """A live frame that could not be drawn until so long after it was due is left out, as a busy driver would."""
 
@@ -47,7 +49,8 @@ class ArenaSource:
         self._closed = threading.Event()
         self.skipped = 0
         self._first = round(options.start * RATE_HZ)
-        prepare(arena)
+        self._artist = ThreadPoolExecutor(1, "arena")
+        self._artist.submit(prepare, arena).result()
 
     @property
     def lossless(self) -> bool:
@@ -70,19 +73,14 @@ class ArenaSource:
         )
         waiting: list[tuple[Stamp, int, Message]] = []
         serial = count()
-        with ThreadPoolExecutor(1) as pool:
-            ahead: deque[Future[list[Message]]] = deque()
-            indices = iter(range(self._first, arena.frames))
-            for index in range(self._first, arena.frames):
-                for next_index in islice(indices, FRAMES_AHEAD - len(ahead)):
-                    ahead.append(pool.submit(self._period, arena, next_index))
-                for message in ahead.popleft().result():
-                    heapq.heappush(waiting, (message.stamp, next(serial), message))
-                sure = arena.start + round((index + 0.95) * 1e9 / RATE_HZ)
-                while waiting and waiting[0][0] <= sure and not self._closed.is_set():
-                    yield self._due(heapq.heappop(waiting)[2])
-                if self._closed.is_set():
-                    return
+        for index, drawn in self._drawn(arena):
+            for message in drawn:
+                heapq.heappush(waiting, (message.stamp, next(serial), message))
+            sure = arena.start + round((index + 0.95) * 1e9 / RATE_HZ)
+            while waiting and waiting[0][0] <= sure and not self._closed.is_set():
+                yield self._due(heapq.heappop(waiting)[2])
+            if self._closed.is_set():
+                return
         while waiting and not self._closed.is_set():
             yield self._due(heapq.heappop(waiting)[2])
 
@@ -90,13 +88,25 @@ class ArenaSource:
         """End the session."""
         self._closed.set()
 
+    def _drawn(self, arena: ArenaOptions) -> Iterator[tuple[int, list[Message]]]:
+        """Yield each period's number and messages, while the next ones are drawn."""
+        room = LIVE_FRAMES_AHEAD if self._options.live else FRAMES_AHEAD
+        ahead: deque[Future[list[Message]]] = deque()
+        indices = iter(range(self._first, arena.frames))
+        for index in range(self._first, arena.frames):
+            for next_index in islice(indices, room - len(ahead)):
+                ahead.append(self._artist.submit(self._period, arena, next_index))
+            yield index, ahead.popleft().result()
+
     def _due(self, message: Message) -> Message:
         if self._options.live:
             self._closed.wait(max(0.0, (message.stamp - time.time_ns()) * 1e-9))
         return message
 
     def _period(self, arena: ArenaOptions, index: int) -> list[Message]:
-        """Return what is captured in the period that begins with frame `index`."""
+        """Return what is captured in the period that begins with frame `index`; nothing once the session is closed."""
+        if self._closed.is_set():
+            return []
         messages = list(self._truth(arena, index))
         late_s = time.time() - (arena.start * 1e-9 + index / RATE_HZ)
         if self._options.live and late_s > LATE_S:

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 Image = NDArray[np.uint8]
 
 LEVELS = 9
+ROOM = 1 << 25
+"""Texels that an atlas has room for at first; what it does not fill takes no memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +40,7 @@ def pack(images: Iterable[Image]) -> Atlas:
     """Return the atlas of RGB images (height x width x 3, at least 2 x 2); each is let go before the next is taken."""
     offset: list[list[int]] = []
     size: list[list[tuple[int, int]]] = []
-    texels = np.empty(1 << 20, np.uint32)
+    texels = np.empty(ROOM, np.uint32)
     end = 0
     for image in images:
         level_image = image
@@ -55,8 +57,11 @@ def pack(images: Iterable[Image]) -> Atlas:
             count = width * height
             if end + count > texels.size:
                 texels.resize(texels.size + max(count, 1 << 21), refcheck=False)
-            red, green, blue = level_image.astype(np.uint32).transpose(2, 0, 1)
-            texels[end : end + count] = (red | green << 8 | blue << 16).ravel()
+            packed = texels[end : end + count].reshape(height, width)
+            packed[:] = level_image[..., 2]
+            for channel in (1, 0):
+                packed <<= 8
+                packed |= level_image[..., channel]
             offsets.append(end)
             end += count
         offset.append(offsets)

@@ -9,7 +9,8 @@ from odom.errors import ConfigError
 from odom.wire.assembler import FrameAssembler
 from odom.wire.codec import decode_pose
 from odom.wire.recording import RecordingReader
-from sensors.arena import ArenaOptions, frame, open_arena
+from sensors.arena import ArenaFrame, ArenaOptions, frame, open_arena
+from sensors.arena import source as arena_source
 from sensors.catalogue import open_source
 from sensors.source import SourceOptions
 
@@ -72,6 +73,21 @@ def test_a_live_session_is_never_early_and_leaves_out_what_would_be_late() -> No
     assert min(behind) > -2_000_000
     assert time.time_ns() - began > 1.4e9
     assert frames + source.skipped == 45
+
+
+def test_a_live_session_loses_no_frame_when_the_machine_is_busy_for_a_moment(monkeypatch) -> None:
+    def drawn(arena: ArenaOptions, index: int) -> ArenaFrame:
+        if index == 24:
+            time.sleep(0.4)
+        return frame(arena, index)
+
+    monkeypatch.setattr(arena_source, "frame", drawn)
+    options = SourceOptions(seconds=1.5, live=True, extra=(("half", "1"),))
+    source = open_arena(options)
+    behind = [time.time_ns() - m.stamp for m in source.messages() if m.topic == options.topics.color_compressed]
+    assert len(behind) == 45
+    assert source.skipped == 0
+    assert max(behind) < 100_000_000
 
 
 def test_a_closed_session_ends() -> None:

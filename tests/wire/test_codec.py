@@ -36,6 +36,8 @@ EXAMPLES: dict[str, tuple[Message, Callable[[Message], object]]] = {
     "path": (codec.encode_path("p", STAMP, [(STAMP, T), (STAMP, T)], "map"), codec.decode_path),
     "tf": (codec.encode_tf(STAMP, [("map", "odom", T), ("odom", "camera", T)]), codec.decode_tf),
     "points": (codec.encode_points("x", STAMP, np.ones((5, 3)), "map"), codec.decode_points),
+    "cloud": (codec.encode_cloud("k", STAMP, np.ones((5, 3), np.float32), RGB[0, :5], "camera"), codec.decode_cloud),
+    "small colour": (codec.encode_color_jpeg("c", STAMP, RGB), lambda message: codec.decode_color_small(message, 8)),
     "status": (codec.encode_status("s", codec.Status(STAMP, "odom", 0, "ok", {"a": "b"})), codec.decode_status),
     "loop": (codec.encode_loop("l", codec.Loop(STAMP, STAMP, 5, True, "good")), codec.decode_loop),
     "text": (codec.encode_text("e", STAMP, "end"), codec.decode_text),
@@ -199,6 +201,29 @@ def test_camera_returns_with_its_distortion() -> None:
         64, 48, 51.5, 52.5, 31.5, 23.5
     )
     assert codec.decode_camera_info(codec.encode_camera_info("i", STAMP, undistorted)) == undistorted
+
+
+def test_coloured_points_return_exactly() -> None:
+    points = np.random.default_rng(1).normal(size=(256, 3)).astype(np.float32)
+    colors = np.column_stack([np.arange(256), np.arange(256)[::-1], np.roll(np.arange(256), 7)]).astype(np.uint8)
+    back = codec.decode_cloud(codec.encode_cloud("k", STAMP, points, colors, "camera"))
+    assert np.array_equal(back[0], points)
+    assert np.array_equal(back[1], colors)
+    bad = codec.encode_cloud("k", STAMP, np.full((1, 3), np.nan, np.float32), colors[:1], "camera")
+    with pytest.raises(WireError, match="finite"):
+        codec.decode_cloud(bad)
+    with pytest.raises(WireError, match="fields"):
+        codec.decode_cloud(codec.encode_points("k", STAMP, points, "camera"))
+
+
+@pytest.mark.parametrize(("width", "expected"), [(160, (120, 160)), (200, (240, 320)), (641, (480, 640))])
+def test_a_small_colour_image_is_the_large_one_scaled(width: int, expected: tuple[int, int]) -> None:
+    large = textured(480, 640)
+    small = codec.decode_color_small(codec.encode_color_jpeg("c", STAMP, large, quality=95), width)
+    assert small.shape == (*expected, 3)
+    scaled = cv2.resize(large, expected[::-1], interpolation=cv2.INTER_AREA)
+    assert np.abs(small.astype(int) - scaled).mean() < 4
+    assert np.array_equal(codec.decode_color_small(codec.encode_color("c", STAMP, large), width), large)
 
 
 def test_words_and_numbers_return() -> None:

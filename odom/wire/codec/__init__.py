@@ -1,6 +1,7 @@
 """Pure functions between arrays and wire messages. Decoders raise WireError, and nothing else, on any bytes."""
 
 from odom.wire.codec.cdr import restamp, schema, stamp_of
+from odom.wire.codec.cloud import decode_cloud, encode_cloud
 from odom.wire.codec.geometry import (
     StampedPose,
     decode_odometry,
@@ -20,6 +21,7 @@ from odom.wire.codec.images import (
     OPTICAL_FRAME,
     decode_camera_info,
     decode_color,
+    decode_color_small,
     decode_depth,
     encode_camera_info,
     encode_color,
@@ -47,7 +49,9 @@ __all__ = [
     "StampedPose",
     "Status",
     "decode_camera_info",
+    "decode_cloud",
     "decode_color",
+    "decode_color_small",
     "decode_depth",
     "decode_loop",
     "decode_numbers",
@@ -59,6 +63,7 @@ __all__ = [
     "decode_text",
     "decode_tf",
     "encode_camera_info",
+    "encode_cloud",
     "encode_color",
     "encode_color_file",
     "encode_color_jpeg",

@@ -16,6 +16,7 @@ _PNG_BEGIN, _PNG_LAST = b"\x89PNG\r\n\x1a\n", b"IEND"
 _NO_LENGTH = frozenset((0x01, *range(0xD0, 0xD9)))
 _FRAME = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _PADDING = 64
+_REDUCED = {8: cv2.IMREAD_REDUCED_COLOR_8, 4: cv2.IMREAD_REDUCED_COLOR_4, 2: cv2.IMREAD_REDUCED_COLOR_2}
 
 
 def file_size(data: bytes | memoryview) -> tuple[int, int]:
@@ -45,7 +46,18 @@ def decode_file(data: NDArray[np.uint8], flags: int) -> NDArray[Any]:
 
     Raises WireError when the file is cut, too large or malformed.
     """
+    return _decode(data, file_size(data.data), flags)
+
+
+def decode_file_small(data: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
+    """Return H x W x 3 BGR, scaled to a half, a quarter or an eighth but to not less than `width`. Raises WireError."""
     size = file_size(data.data)
+    reduction = next((by for by in _REDUCED if size[0] // by >= width), 1)
+    reduced = -(-size[0] // reduction), -(-size[1] // reduction)
+    return np.asarray(_decode(data, reduced, _REDUCED.get(reduction, cv2.IMREAD_COLOR)), dtype=np.uint8)
+
+
+def _decode(data: NDArray[np.uint8], size: tuple[int, int], flags: int) -> NDArray[Any]:
     try:
         image = cv2.imdecode(data, flags | cv2.IMREAD_IGNORE_ORIENTATION)
     except cv2.error as error:

@@ -1,7 +1,7 @@
 """Publishes what the odometry says: poses every frame, words and pictures for eyes as often as eyes need them."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from odom.backend import Estimate, State
 from odom.frame import Stamp
@@ -22,6 +22,7 @@ class Announcer:
         self._topics = topics
         self._settings = settings
         self._publisher = session.publisher(urgent=True)
+        self._bulky = session.publisher()
         self._state: State | None = None
         self._status_due = 0.0
         self._features_due = 0.0
@@ -52,6 +53,13 @@ class Announcer:
         if self._map and now >= self._map_due:
             self.flush()
             self._map_due = now + self._settings.map_period_s
+
+    def keyframe(self, cloud: Callable[[], Message]) -> None:
+        """Publish the cloud of a key frame, made only if it is one of those that are shown."""
+        if self._history.wants_keyframe():
+            message = cloud()
+            self._bulky.put(message)
+            self._history.keep_keyframe(message)
 
     def flush(self) -> None:
         """Publish the path and the landmarks that were held back."""

@@ -1,4 +1,4 @@
-"""What a viewer that joins late may ask for: the way so far, thinned, and the loop candidates, in bounded memory."""
+"""What a viewer that joins late may ask for: the way, the loops and what key frames saw, thinned, in bounded memory."""
 
 import logging
 import threading
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from odom.backend import Estimate
 from odom.frame import Stamp
 from odom.service.publication import loop_messages
+from odom.viewer.clouds import KEYFRAMES, KeyframeClouds
 from odom.wire import Message, Topics, codec
 from odom.wire.session import WireSession
 
@@ -43,7 +44,10 @@ class Trail:
 
 
 class History:
-    """Answers queries on `<ns>/history`, `<ns>/path` and `<ns>/landmarks` with ordinary messages."""
+    """Answers queries on `<ns>/history`, `<ns>/path`, `<ns>/landmarks` and `<ns>/keyframes` with ordinary messages.
+
+    The clouds of at most `KEYFRAMES` key frames are kept, evenly thinned: less than 8 MB.
+    """
 
     def __init__(self, session: WireSession, topics: Topics) -> None:
         self._topics = topics
@@ -51,8 +55,9 @@ class History:
         self._truth: dict[str, Trail] = {}
         self._loops: deque[Message] = deque(maxlen=_LOOPS)
         self._map: dict[str, Message] = {}
+        self._keyframes: KeyframeClouds[Message] = KeyframeClouds(KEYFRAMES)
         self._lock = threading.Lock()
-        for key in (f"{topics.namespace}/history", topics.path, topics.landmarks):
+        for key in (f"{topics.namespace}/history", topics.path, topics.landmarks, topics.keyframes):
             session.zenoh.declare_queryable(key, self._reply)
 
     def add(self, estimate: Estimate) -> None:
@@ -73,6 +78,16 @@ class History:
         with self._lock:
             self._map[message.topic] = message
 
+    def wants_keyframe(self) -> bool:
+        """Count a new key frame and return whether its cloud is to be made, published and kept."""
+        with self._lock:
+            return self._keyframes.wants()
+
+    def keep_keyframe(self, message: Message) -> None:
+        """Remember the cloud of a key frame."""
+        with self._lock:
+            self._keyframes.keep(message.stamp, message)
+
     def _reply(self, query: zenoh.Query) -> None:
         try:
             with query:
@@ -86,8 +101,11 @@ class History:
             latest = self._map.get(key)
             odom, truth = list(self._odom.poses), {body: list(trail.poses) for body, trail in self._truth.items()}
             loops = list(self._loops)
+            keyframes = [self._keyframes[stamp] for stamp in self._keyframes]
         if latest is not None:
             yield latest
+        if key == self._topics.keyframes:
+            yield from keyframes
         if key != f"{self._topics.namespace}/history":
             return
         if odom:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from odom.errors import WireError
 from odom.frame import Camera, RgbdFrame, Stamp
-from odom.wire import TRUTH, Topics, codec
+from odom.wire import TRUTH, Message, Topics, codec
 from odom.wire.assembler import FrameAssembler
 from odom.wire.flow import Consumer
 from odom.wire.session import Delivery, WireSession
@@ -23,6 +23,7 @@ _LOSSLESS_ROOM = 2
 _LIVE_DEPTH = 3
 _POLL_S = 0.2
 _MAX_TRUTH = 4096
+_COLORS = 32
 _LIVE_CLOCK_NS = 10_000_000_000
 
 
@@ -30,12 +31,14 @@ _LIVE_CLOCK_NS = 10_000_000_000
 class FrameArrival:
     """A decoded frame with its calibration; `origin` is when it came to be, None where no latency can be told.
 
-    That is the capture stamp of a live sensor, and the time of sending of a recording played in real time.
+    That is the capture stamp of a live sensor, and the time of sending of a recording played in real time. The frame is
+    grey, `color` is the message of its image.
     """
 
     frame: RgbdFrame
     camera: Camera
     origin: Stamp | None
+    color: Message | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +77,7 @@ class Intake:
         self.refused_cameras = 0
         self.assembler = FrameAssembler(topics, grey=True)
         self._color_keys = keys[:2]
+        self._colors: dict[Stamp, Message] = {}
         self._consumer = Consumer(session, topics, "odometry", keys, depth=_LIVE_DEPTH)
         self._camera: Camera | None = None
         self._live_room = live_room
@@ -174,6 +178,10 @@ class Intake:
             except WireError as error:
                 self._consumer.malformed(message.topic, str(error))
             return
+        if message.topic in self._color_keys:
+            self._colors[message.stamp] = message
+            if len(self._colors) > _COLORS:
+                del self._colors[next(iter(self._colors))]
         for frame in self.assembler.feed(message):
             self._put_frame(frame, delivery)
         if self.assembler.camera != self._camera:
@@ -190,7 +198,16 @@ class Intake:
         self.refused_cameras += 1
         self.assembler.camera = self._camera
 
+    def _color_of(self, frame: RgbdFrame) -> Message | None:
+        """Return the message of a frame's colour image and forget those before it, which are in no frame."""
+        for stamp in list(self._colors):
+            message = self._colors.pop(stamp)
+            if stamp == frame.stamp:
+                return message
+        return None
+
     def _put_frame(self, frame: RgbdFrame, delivery: Delivery | None) -> None:
+        color = self._color_of(frame)
         if self._camera is None:
             self.uncalibrated += 1
             return
@@ -203,7 +220,7 @@ class Intake:
             else:
                 while self._frames >= _LOSSLESS_ROOM and not self._closed:
                     self._changed.wait()
-            self._waiting.append(FrameArrival(frame, self._camera, origin))
+            self._waiting.append(FrameArrival(frame, self._camera, origin, color))
             self._frames += 1
             self._changed.notify_all()
 

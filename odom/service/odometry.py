@@ -7,11 +7,11 @@ import time
 from pathlib import Path
 
 from odom.backend import Estimate, Odometry, State
-from odom.errors import OdomError
-from odom.frame import Camera, RgbdFrame, Stamp
+from odom.errors import OdomError, WireError
 from odom.service.announcer import Announcer
 from odom.service.files import RunFiles
 from odom.service.intake import Arrival, EndArrival, FrameArrival, Intake, TruthArrival
+from odom.service.keyframes import keyframe_message
 from odom.service.settings import Settings
 from odom.service.startup import notify_service_manager, warm_up
 from odom.service.tally import Tally, closing_fields
@@ -49,6 +49,7 @@ class OdometryProcess:
     """One device's odometry between its intake and its announcer."""
 
     def __init__(self, session: WireSession, topics: Topics, settings: Settings, files: RunFiles | None) -> None:
+        self._topics = topics
         self._settings = settings
         self._files = files
         self._announcer = Announcer(session, topics, settings.service)
@@ -89,7 +90,7 @@ class OdometryProcess:
 
     def _handle(self, arrival: Arrival) -> None:
         if isinstance(arrival, FrameArrival):
-            self._process(arrival.frame, arrival.camera, arrival.origin)
+            self._process(arrival)
         elif isinstance(arrival, TruthArrival):
             self._announcer.truth(arrival.body, arrival.pose)
             if self._files is not None:
@@ -98,9 +99,10 @@ class OdometryProcess:
             _LOG.info("the source has ended: %s", arrival.reason)
             self._save()
 
-    def _process(self, frame: RgbdFrame, camera: Camera, origin: Stamp | None) -> None:
+    def _process(self, arrival: FrameArrival) -> None:
+        frame, origin = arrival.frame, arrival.origin
         if self._odometry is None:
-            self._odometry = Odometry(camera, self._settings.odometry)
+            self._odometry = Odometry(arrival.camera, self._settings.odometry)
         self._tally.begin()
         begun = time.perf_counter()
         try:
@@ -120,8 +122,22 @@ class OdometryProcess:
         self._last, self._last_at, self._unsaved = estimate, time.monotonic(), True
         self._is_live = origin is not None
         self._announcer.pictures(estimate)
+        if estimate.is_keyframe:
+            self._show_keyframe(arrival)
         if self._announcer.status_is_due(self._state):
             self._publish_status()
+
+    def _show_keyframe(self, arrival: FrameArrival) -> None:
+        color = arrival.color
+        if color is None:
+            return
+        points = self._settings.service.keyframe_points
+        try:
+            self._announcer.keyframe(
+                lambda: keyframe_message(self._topics, arrival.frame, arrival.camera, color, points)
+            )
+        except WireError as error:
+            _LOG.warning("frame %d: no cloud of this key frame: %s", arrival.frame.sequence, error)
 
     @property
     def _state(self) -> State | None:

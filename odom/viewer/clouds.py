@@ -1,15 +1,20 @@
-"""Coloured points of key frames, taken from the images as they come by."""
+"""Coloured points of key frames, made of their images, and which of them are kept."""
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from odom.frame import Camera, Stamp
 
+KEYFRAMES = 160
+"""Key frames whose clouds are kept, by the odometry for viewers that come late and by a viewer."""
 _NEAR_MM, _FAR_MM = 300, 6000
+
+Kept = TypeVar("Kept")
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,57 +28,42 @@ class Cloud:
 def back_project(camera: Camera, color: NDArray[np.uint8], depth_mm: NDArray[np.uint16], limit: int) -> Cloud:
     """Return at most about `limit` pixels on a regular grid as points, those nearer than .3 m or beyond 6 m left out.
 
-    Lens distortion is left out too: this is for eyes.
+    Colour may be smaller than depth by a whole factor. Lens distortion is left out too: this is for eyes.
     """
     height, width = depth_mm.shape
     step = max(1, int(np.ceil(np.sqrt(height * width / limit))))
     v, u = np.mgrid[step // 2 : height : step, step // 2 : width : step]
     mm = depth_mm[v, u]
     valid = (mm >= _NEAR_MM) & (mm <= _FAR_MM)
-    z = mm[valid] * 1e-3
-    points = np.column_stack([(u[valid] - camera.cx) / camera.fx * z, (v[valid] - camera.cy) / camera.fy * z, z])
-    pixels = color[v[valid], u[valid]]
+    u, v, z = u[valid], v[valid], mm[valid] * 1e-3
+    points = np.column_stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z])
+    smaller = -(-height // color.shape[0])
+    pixels = color[v // smaller, u // smaller]
     return Cloud(points.astype(np.float32), pixels if pixels.ndim == 2 else np.repeat(pixels[:, None], 3, axis=1))
 
 
-class KeyframeClouds:
-    """The clouds of the key frames, at most `limit`; when there are more, every second one goes.
+class KeyframeClouds(Generic[Kept]):
+    """What is kept of key frames, in order, at most `limit`: when there are more, every second one goes.
 
-    Images pass before it is known that theirs was a key frame, so what makes the clouds of the last `recent` images is
-    kept. An image may have been thinned out: the nearest one within `nearest_s` stands in for it.
+    Who makes the clouds asks `wants` for each key frame, and leaves out from then on what would have gone. Who is given
+    those clouds then keeps the same ones, whether it was there from the beginning or was given what is kept later on.
     """
 
-    def __init__(self, limit: int, recent: int = 60, nearest_s: float = 0.2) -> None:
+    def __init__(self, limit: int) -> None:
         self._limit = limit
-        self._recent_limit = recent
-        self._nearest = int(nearest_s * 1e9)
-        self._recent: OrderedDict[Stamp, Callable[[], Cloud]] = OrderedDict()
-        self._kept: OrderedDict[Stamp, Cloud] = OrderedDict()
+        self._kept: OrderedDict[Stamp, Kept] = OrderedDict()
+        self.newest: Stamp | None = None
         self._stride = 1
         self._seen = 0
 
-    def remember(self, stamp: Stamp, cloud: Callable[[], Cloud]) -> None:
-        """Keep what makes the cloud of an image for a while."""
-        self._recent[stamp] = cloud
-        while len(self._recent) > self._recent_limit:
-            self._recent.popitem(last=False)
-
-    def near(self, stamp: Stamp) -> Stamp | None:
-        """Return the stamp of the remembered image nearest to `stamp`, None when none is near."""
-        best = min(self._recent, key=lambda at: abs(at - stamp), default=None)
-        return best if best is not None and abs(best - stamp) <= self._nearest else None
-
-    def recall(self, stamp: Stamp) -> Cloud:
-        """Return the cloud of the remembered image at `stamp`."""
-        return self._recent[stamp]()
-
     def wants(self) -> bool:
-        """Count a new key frame and return whether its cloud is to be kept."""
+        """Count a new key frame and return whether its cloud is to be made and kept."""
         self._seen += 1
         return (self._seen - 1) % self._stride == 0
 
-    def keep(self, keyframe: Stamp, cloud: Cloud) -> list[Stamp]:
-        """Keep the cloud (in the key frame's frame); return the key frames whose clouds had to go for it."""
+    def keep(self, keyframe: Stamp, cloud: Kept) -> list[Stamp]:
+        """Keep the cloud; return the key frames whose clouds had to go for it."""
+        self.newest = keyframe
         self._kept[keyframe] = cloud
         if len(self._kept) <= self._limit:
             return []
@@ -83,8 +73,11 @@ class KeyframeClouds:
         self._stride *= 2
         return thinned
 
-    def __iter__(self) -> Iterator[tuple[Stamp, Cloud]]:
-        return iter(self._kept.items())
+    def __getitem__(self, keyframe: Stamp) -> Kept:
+        return self._kept[keyframe]
+
+    def __iter__(self) -> Iterator[Stamp]:
+        return iter(self._kept)
 
     def __len__(self) -> int:
         return len(self._kept)

@@ -1,36 +1,30 @@
 """Colour, depth and features of the newest frame, small enough to be sent on."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import cv2
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
 from odom.errors import WireError
-from odom.frame import Camera, Stamp
+from odom.frame import Camera
 from odom.viewer import entities, palette
-from odom.viewer.clouds import Cloud, back_project
 from odom.viewer.draw import Draw, draw
 from odom.wire import Message, codec
 from odom.wire.codec import cdr
 
 _FAR_PERCENT, _INERTIA = 99.5, 0.9
-_PAIR_NS = 25_000_000
 _PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
 _FRUSTUM_M = 0.35
 _HALF = 2
 
 
 class Images:
-    """Maps image messages to entities; the last colour and depth are kept to make clouds of."""
+    """Maps image messages to entities."""
 
-    def __init__(self, jpeg_quality: int, cloud_points: int) -> None:
+    def __init__(self, jpeg_quality: int) -> None:
         self._quality = jpeg_quality
-        self._cloud_points = cloud_points
         self._camera: Camera | None = None
-        self._color: Message | None = None
-        self._depth: Message | None = None
         self._far_mm: float | None = None
 
     def camera_info(self, message: Message) -> Iterator[Draw]:
@@ -44,7 +38,6 @@ class Images:
 
     def color(self, message: Message) -> Iterator[Draw]:
         """Yield the colour image as JPEG; one that came as a file passes unchanged."""
-        self._color = message
         if message.type_name == cdr.COMPRESSED_IMAGE:
             data = cdr.deserialise(message, cdr.COMPRESSED_IMAGE).data.tobytes()
             media = "image/png" if data.startswith(b"\x89PNG") else "image/jpeg"
@@ -57,7 +50,6 @@ class Images:
 
     def depth(self, message: Message) -> Iterator[Draw]:
         """Yield the depth image at half its resolution as PNG; the range of colours follows the scene slowly."""
-        self._depth = message
         half = np.ascontiguousarray(codec.decode_depth(message)[::_HALF, ::_HALF])
         if len(measured := half[::4, ::4][half[::4, ::4] > 0]):
             far = float(np.percentile(measured, _FAR_PERCENT))
@@ -79,30 +71,6 @@ class Images:
             raise WireError(f"{message.topic}: features need the fields u, v, residual_sigma")
         colors = palette.residual_colors(values[:, 2])
         yield draw(entities.FEATURES, message.stamp, rr.Points2D(values[:, :2] + 0.5, colors=colors, radii=-2.2))
-
-    def newest_pair(self) -> tuple[Stamp, Callable[[], Cloud]] | None:
-        """Return the colour stamp of the newest pair and what makes its cloud, None while there is no pair.
-
-        A compressed pair is decoded only when the cloud is asked for, a raw one at once: it is large.
-        """
-        color, depth, camera = self._color, self._depth, self._camera
-        if color is None or depth is None or camera is None or abs(color.stamp - depth.stamp) > _PAIR_NS:
-            return None
-        self._color = self._depth = None
-
-        def cloud() -> Cloud:
-            return _cloud(camera, codec.decode_color(color), codec.decode_depth(depth), self._cloud_points)
-
-        if cdr.COMPRESSED_IMAGE in (color.type_name, depth.type_name):
-            return color.stamp, cloud
-        made = cloud()
-        return color.stamp, lambda: made
-
-
-def _cloud(camera: Camera, color: NDArray[np.uint8], depth_mm: NDArray[np.uint16], limit: int) -> Cloud:
-    if color.shape[:2] != depth_mm.shape:
-        raise WireError(f"colour of {color.shape[:2]} and depth of {depth_mm.shape} make no cloud")
-    return back_project(camera, color, depth_mm, limit)
 
 
 def _pinhole(camera: Camera, reduction: int, color: palette.Rgb) -> rr.Pinhole:

@@ -1,8 +1,7 @@
 """The 3-D view: trajectories, key frames with clouds and covariance, loop closures, truth."""
 
 from collections import OrderedDict, deque
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 
 import numpy as np
 import rerun as rr
@@ -12,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from odom.evaluation import Trajectory
 from odom.evaluation.trajectory import inverse_all
 from odom.frame import Stamp
-from odom.registration import se3
 from odom.viewer import entities, palette
 from odom.viewer.clouds import Cloud, KeyframeClouds
 from odom.viewer.draw import Draw, draw, transform
@@ -35,20 +33,14 @@ _LOOP, _REFUSED, _POINT = -1.8, -0.4, -1.6
 _REFUSED_SHOWN = 60
 
 
-@dataclass(frozen=True, eq=False)
-class _Recent:
-    T_odom_camera: Array
-    covariance: Array
-
-
 class MapScene:
     """What is known about the map; every collection is bounded by the settings."""
 
     def __init__(self, settings: ViewerSettings) -> None:
         self.online = Trail(settings.path_poses)
-        self.clouds = KeyframeClouds(settings.cloud_keyframes)
+        self.clouds: KeyframeClouds[Cloud] = KeyframeClouds(settings.cloud_keyframes)
         self._limit_loops = settings.loops
-        self._recent: OrderedDict[Stamp, _Recent] = OrderedDict()
+        self._recent: OrderedDict[Stamp, Array] = OrderedDict()
         self._keyframes: tuple[StampedPose, ...] = ()
         self._covariances: dict[Stamp, Array] = {}
         self._placed: dict[Stamp, Array] = {}
@@ -69,7 +61,7 @@ class MapScene:
             self._online_tail.clear()
         self.online.add(pose.stamp, pose.T_parent_child, interrupted)
         if pose.covariance is not None:
-            self._recent[pose.stamp] = _Recent(pose.T_parent_child, pose.covariance)
+            self._recent[pose.stamp] = pose.covariance
             if len(self._recent) > _RECENT:
                 self._recent.popitem(last=False)
         self._online_tail.append(pose.T_parent_child[:3, 3])
@@ -82,23 +74,25 @@ class MapScene:
         yield _line(f"{entities.CORRECTED}/tail", pose.stamp, self._corrected_tail, palette.CORRECTED)
 
     def path(self, stamp: Stamp, poses: tuple[StampedPose, ...]) -> Iterator[Draw]:
-        """Take the corrected key frames; yield new clouds and the places of all."""
+        """Take the corrected key frames; yield the clouds that waited for their places, and what has moved."""
         self._keyframes = poses = tuple(sorted({pose.stamp: pose for pose in poses}.values(), key=lambda p: p.stamp))
         known = {pose.stamp for pose in poses}
         self._covariances = {at: value for at, value in self._covariances.items() if at in known}
         for pose in poses:
             if pose.stamp > self._seen_keyframe:
                 self._seen_keyframe = pose.stamp
-                if recent := self._recent.get(pose.stamp):
-                    self._covariances[pose.stamp] = recent.covariance
-                yield from self._new_cloud(stamp, pose)
-        for pose in poses:
-            if pose.stamp in self.clouds and not self._stands(pose):
-                yield self._place(stamp, pose)
+                if (covariance := self._recent.get(pose.stamp)) is not None:
+                    self._covariances[pose.stamp] = covariance
+        yield from self._clouds(stamp)
 
-    def image(self, stamp: Stamp, cloud: Callable[[], Cloud]) -> None:
-        """Remember what makes the cloud of an image, should it turn out to be a key frame's."""
-        self.clouds.remember(stamp, cloud)
+    def cloud(self, keyframe: Stamp, cloud: Cloud) -> Iterator[Draw]:
+        """Take the cloud of a newer key frame; yield it when its place is known, and what had to go for it."""
+        if self.clouds.newest is not None and keyframe <= self.clouds.newest:
+            return
+        for gone in self.clouds.keep(keyframe, cloud):
+            if self._placed.pop(gone, None) is not None:
+                yield draw(f"{entities.CLOUDS}/{gone}", keyframe, rr.Clear(recursive=False))
+        yield from self._clouds(keyframe)
 
     def landmarks(self, stamp: Stamp, points: NDArray[np.float32]) -> Iterator[Draw]:
         """Yield the landmarks (n x 3, map)."""
@@ -146,41 +140,25 @@ class MapScene:
             yield from self._ellipsoids(stamp)
         yield from self._loop_lines(stamp, corrected)
 
-    def _stands(self, keyframe: StampedPose) -> bool:
-        placed = self._placed.get(keyframe.stamp)
-        return placed is not None and bool(np.abs(placed - keyframe.T_parent_child).max() < _STANDS)
-
-    def _place(self, stamp: Stamp, keyframe: StampedPose) -> Draw:
-        self._placed[keyframe.stamp] = keyframe.T_parent_child
-        return draw(f"{entities.CLOUDS}/{keyframe.stamp}", stamp, transform(keyframe.T_parent_child))
+    def _clouds(self, stamp: Stamp, again: bool = False) -> Iterator[Draw]:
+        """Yield clouds that are new and places that have moved; both of all key frames if `again`."""
+        for keyframe in self._keyframes:
+            if keyframe.stamp not in self.clouds:
+                continue
+            placed = self._placed.get(keyframe.stamp)
+            if placed is None or again:
+                cloud = self.clouds[keyframe.stamp]
+                points = rr.Points3D(cloud.points, colors=cloud.colors, radii=_POINT)
+                yield draw(f"{entities.CLOUDS}/{keyframe.stamp}", stamp, points)
+            if placed is None or again or np.abs(placed - keyframe.T_parent_child).max() >= _STANDS:
+                self._placed[keyframe.stamp] = keyframe.T_parent_child
+                yield draw(f"{entities.CLOUDS}/{keyframe.stamp}", stamp, transform(keyframe.T_parent_child))
 
     def all_points(self, stamp: Stamp) -> Iterator[Draw]:
         """Yield the landmarks and every cloud again, with its place."""
         if len(self._landmarks):
             yield from self.landmarks(stamp, self._landmarks)
-        keyframes = {pose.stamp: pose for pose in self._keyframes}
-        for keyframe, cloud in self.clouds:
-            if keyframe in keyframes:
-                yield _cloud(stamp, keyframe, cloud)
-                yield self._place(stamp, keyframes[keyframe])
-
-    def _new_cloud(self, stamp: Stamp, keyframe: StampedPose) -> Iterator[Draw]:
-        image = self.clouds.near(keyframe.stamp)
-        if image is None or not self.clouds.wants():
-            return
-        T_keyframe_image = np.eye(4)
-        if image != keyframe.stamp:
-            at_keyframe, at_image = self._recent.get(keyframe.stamp), self._recent.get(image)
-            if at_keyframe is None or at_image is None:
-                return
-            T_keyframe_image = se3.inverse(at_keyframe.T_odom_camera) @ at_image.T_odom_camera
-        cloud = self.clouds.recall(image)
-        points = se3.apply(T_keyframe_image, cloud.points.astype(np.float64)).astype(np.float32)
-        for gone in self.clouds.keep(keyframe.stamp, Cloud(points, cloud.colors)):
-            self._placed.pop(gone, None)
-            yield draw(f"{entities.CLOUDS}/{gone}", stamp, rr.Clear(recursive=False))
-        if keyframe.stamp in self.clouds:
-            yield _cloud(stamp, keyframe.stamp, Cloud(points, cloud.colors))
+        yield from self._clouds(stamp, again=True)
 
     def _ellipsoids(self, stamp: Stamp) -> Iterator[Draw]:
         known = [pose for pose in self._keyframes if pose.stamp in self._covariances]
@@ -245,8 +223,3 @@ def _strips(
     path: str, stamp: Stamp, strips: list[NDArray[np.float32]], color: palette.Rgb, width: float = _LINE
 ) -> Draw:
     return draw(path, stamp, rr.LineStrips3D(strips, colors=[color], radii=width))
-
-
-def _cloud(stamp: Stamp, keyframe: Stamp, cloud: Cloud) -> Draw:
-    path = f"{entities.CLOUDS}/{keyframe}"
-    return draw(path, stamp, rr.Points3D(cloud.points, colors=cloud.colors, radii=_POINT))

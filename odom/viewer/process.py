@@ -7,14 +7,16 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
+import zenoh
+
 from odom.errors import WireError
-from odom.frame import Stamp
 from odom.viewer.draw import Draw, log_to
 from odom.viewer.outputs import Outputs, Shown, open_outputs
 from odom.viewer.scene import Scene
 from odom.viewer.settings import ViewerSettings
 from odom.viewer.thinning import Thinner
-from odom.wire import TRUTH, Message, Topics, WireSettings
+from odom.wire import TRUTH, Topics, WireSettings
+from odom.wire.delivery import delivery_of
 from odom.wire.session import Subscriber, WireSession, open_session
 
 _LOG = logging.getLogger(__name__)
@@ -73,16 +75,18 @@ class Viewer:
         self._shown = 0
         self._repeat_due = time.monotonic() + _REPEAT_S
         t = self.topics
-        small = (t.camera_info, t.odom, t.pose, t.path, t.loops, t.status, t.features, t.landmarks, t.end, TRUTH)
-        self._small = self.session.subscriber(small, depth=_SMALL_WAITING)
+        small = (t.camera_info, t.odom, t.pose, t.path, t.loops, t.status, t.features, t.landmarks, t.keyframes, t.end)
+        self._small = self.session.subscriber((*small, TRUTH), depth=_SMALL_WAITING)
         self._images = self.session.subscriber((t.color, t.color_compressed, t.depth, t.depth_compressed), depth=1)
 
     def start(self) -> None:
         """Show what is static, and ask for what happened before."""
         self._draw(self._scene.setup())
-        past = list(self._past())
-        for message in past:
+        count = 0
+        for sample in self._past():
+            count += 1
             try:
+                message = delivery_of(str(sample.key_expr), None, sample).message
                 if message.topic.endswith(("/history", "/history/odom")):
                     self._scene.history(message)
                 else:
@@ -90,7 +94,7 @@ class Viewer:
             except WireError as error:
                 _LOG.warning("the history has a malformed message: %s", error)
         self._draw(self._scene.everything())
-        _LOG.info("showing %s, with %d messages of what happened before", self.topics.namespace, len(past))
+        _LOG.info("showing %s, with %d messages of what happened before", self.topics.namespace, count)
 
     def step(self, repeat: bool) -> None:
         """Show what is small and waits, then one image, and now and then everything again with `repeat`."""
@@ -137,12 +141,9 @@ class Viewer:
         for item in items:
             log_to(self.shown.recording, item)
 
-    def _past(self) -> Iterator[Message]:
-        keys = (f"{self.topics.namespace}/history", self.topics.path, self.topics.landmarks)
+    def _past(self) -> Iterator[zenoh.Sample]:
+        keys = (f"{self.topics.namespace}/history", self.topics.path, self.topics.landmarks, self.topics.keyframes)
         for key in keys:
-            for reply in self.session.zenoh.get(f"{key}?_anyke", timeout=_HISTORY_S):
-                sample = reply.ok
-                if sample is None:
-                    continue
-                _, _, type_name = str(sample.encoding).partition(";")
-                yield Message(str(sample.key_expr), type_name, Stamp(0), sample.payload.to_bytes())
+            every = zenoh.ConsolidationMode.NONE  # else of many messages of one key only the last would come
+            replies = list(self.session.zenoh.get(f"{key}?_anyke", timeout=_HISTORY_S, consolidation=every))
+            yield from (reply.ok for reply in replies if reply.ok is not None)

@@ -8,6 +8,7 @@ import rerun as rr
 from odom.evaluation import Trajectory
 from odom.frame import Stamp
 from odom.viewer import entities, palette
+from odom.viewer.clouds import Cloud
 from odom.viewer.draw import Draw, draw
 from odom.viewer.images import Images
 from odom.viewer.map_scene import MapScene, trajectory, truth_line
@@ -46,10 +47,11 @@ class Scene:
             topics.camera_info: lambda message: self._images.camera_info(message),
             topics.color: self._color,
             topics.color_compressed: self._color,
-            topics.depth: self._depth,
-            topics.depth_compressed: self._depth,
+            topics.depth: lambda message: self._images.depth(message),
+            topics.depth_compressed: lambda message: self._images.depth(message),
             topics.features: lambda message: self._images.features(message),
             topics.landmarks: self._landmarks,
+            topics.keyframes: self._keyframe,
             topics.odom: self._odometry,
             topics.pose: self._pose,
             topics.path: self._path,
@@ -59,7 +61,7 @@ class Scene:
         }
 
     def _begin(self) -> None:
-        self._images = Images(self._settings.jpeg_quality, self._settings.cloud_points)
+        self._images = Images(self._settings.jpeg_quality)
         self._map = MapScene(self._settings)
         self._words = Words()
         self._truth: dict[str, Trail] = {}
@@ -109,15 +111,9 @@ class Scene:
         if self._newest is None:
             self._newest = message.stamp
         yield from self._images.color(message)
-        self._remember_pair()
 
-    def _depth(self, message: Message) -> Iterator[Draw]:
-        yield from self._images.depth(message)
-        self._remember_pair()
-
-    def _remember_pair(self) -> None:
-        if pair := self._images.newest_pair():
-            self._map.image(*pair)
+    def _keyframe(self, message: Message) -> Iterator[Draw]:
+        yield from self._map.cloud(message.stamp, Cloud(*codec.decode_cloud(message)))
 
     def _landmarks(self, message: Message) -> Iterator[Draw]:
         yield from self._map.landmarks(message.stamp, codec.decode_points(message))

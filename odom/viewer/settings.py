@@ -2,6 +2,8 @@
 
 from pydantic import BaseModel, Field
 
+from odom.viewer.clouds import KEYFRAMES
+
 
 class ViewerSettings(BaseModel, frozen=True, extra="forbid"):
     """Where the viewer is served, how much it may remember and how often images are shown."""
@@ -14,6 +16,5 @@ class ViewerSettings(BaseModel, frozen=True, extra="forbid"):
     image_rate_hz: float = Field(30.0, gt=0, description="images shown a second at the most")
     jpeg_quality: int = Field(80, ge=1, le=100, description="of colour images that arrive uncompressed")
     path_poses: int = Field(4096, ge=64, description="poses drawn a trajectory; older ones are thinned beyond")
-    cloud_keyframes: int = Field(160, ge=2, description="key frames drawn as clouds; thinned beyond")
-    cloud_points: int = Field(3000, ge=100, description="points of the cloud of a key frame")
+    cloud_keyframes: int = Field(KEYFRAMES, ge=2, description="key frames drawn as clouds; thinned beyond")
     loops: int = Field(500, ge=10, description="loop candidates drawn; the oldest refused ones go first")

@@ -32,6 +32,7 @@ _TYPES: tuple[tuple[str, str], ...] = (
     ("/loops", cdr.DIAGNOSTICS),
     ("/features", cdr.POINT_CLOUD),
     ("/landmarks", cdr.POINT_CLOUD),
+    ("/keyframes", cdr.POINT_CLOUD),
     ("/end", cdr.STRING),
     ("tf", cdr.TRANSFORMS),
 )

@@ -123,7 +123,7 @@ def grants(identity: str) -> Grants:
         images = (f"{ns}/color/**", f"{ns}/depth/**", f"{ns}/device", f"{ns}/end")
         return (_SAY, images), (_BE, (f"{ns}/alive",)), (_HEAR, (f"{ns}/ack/**", f"{ns}/alive/**"))
     if role == "odometry":
-        results = ("odom", "pose", "path", "status", "loops", "features", "landmarks", "ack/odometry")
+        results = ("odom", "pose", "path", "status", "loops", "features", "landmarks", "keyframes", "ack/odometry")
         says = (*(f"{ns}/{result}" for result in results), "tf")
         lives = (f"{ns}/alive/odometry", f"{ns}/ack/odometry")
         heard = (f"{ns}/**", "truth/**")

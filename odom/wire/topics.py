@@ -99,6 +99,11 @@ class Topics:
         return f"{self.namespace}/landmarks"
 
     @property
+    def keyframes(self) -> str:
+        """sensor_msgs/PointCloud2 (x, y, z, rgb in the camera's frame): what a key frame saw, thinned, for eyes."""
+        return f"{self.namespace}/keyframes"
+
+    @property
     def alive(self) -> str:
         """Liveliness token of the device's sensor process."""
         return f"{self.namespace}/alive"

@@ -42,6 +42,7 @@ KEYS = (
     TOPICS.loops,
     TOPICS.features,
     TOPICS.landmarks,
+    TOPICS.keyframes,
     TOPICS.ack_of("odometry"),
     TOPICS.ack_of("nobody"),
     TOPICS.end,

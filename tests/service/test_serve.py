@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -163,3 +164,31 @@ def test_those_who_join_late_are_told_the_way_so_far(served: Served, eventually:
     type_name = str(odom.encoding).partition(";")[2]
     path = codec.decode_path(Message("cam0/history/odom", type_name, START, odom.payload.to_bytes()))
     assert len(path) >= 13
+
+
+def test_each_key_frame_has_a_cloud_of_its_own_colours_for_those_who_join_late(
+    served: Served, eventually: Eventually
+) -> None:
+    """Ahead of the images are some that cannot be decoded: their colours are not taken for those of a frame."""
+    for i in range(-9, 0, 3):
+        image = codec.encode_color_jpeg(TOPICS.color_compressed, Stamp(START + i * PERIOD_NS), scene(0)[0])
+        served.publisher.put(replace(image, payload=image.payload[: len(image.payload) // 2]))
+    stream(served, range(120))
+    eventually(lambda: served.poses() >= 110, 20, "poses")
+    replies = list(served.session.zenoh.get(TOPICS.keyframes, timeout=5.0, consolidation=zenoh.ConsolidationMode.NONE))
+    payloads = [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
+    clouds = [Message(TOPICS.keyframes, "sensor_msgs/msg/PointCloud2", START, payload) for payload in payloads]
+    (path,) = [reply.ok for reply in served.session.zenoh.get(TOPICS.path, timeout=5.0)]
+    assert path is not None
+    keyframes = codec.decode_path(Message(TOPICS.path, "nav_msgs/msg/Path", START, path.payload.to_bytes()))
+    stamps = [codec.stamp_of(cloud.type_name, cloud.payload) for cloud in clouds]
+    assert len(keyframes) > 1
+    assert stamps[: len(keyframes)] == [keyframe.stamp for keyframe in keyframes]
+    for stamp, cloud in zip(stamps, clouds, strict=True):
+        assert stamp is not None
+        points, colors = codec.decode_cloud(cloud)
+        color, _ = scene(round((stamp - START) / PERIOD_NS))
+        u = np.rint(points[:, 0] / points[:, 2] * CAMERA.fx + CAMERA.cx).astype(int)
+        v = np.rint(points[:, 1] / points[:, 2] * CAMERA.fy + CAMERA.cy).astype(int)
+        small = cv2.resize(color, (160, 120), interpolation=cv2.INTER_AREA)
+        assert np.abs(colors.astype(int) - small[v // 4, u // 4]).mean() < 8

@@ -1,4 +1,4 @@
-"""A made-up device on the wire: `device_process.py ENDPOINT FRAMES RATE_HZ [BEGIN_WITHOUT_VIEWER]`, live, with history.
+"""A made-up device on the wire, live, with history: `device_process.py ENDPOINT FRAMES RATE_HZ [now [KEYFRAME_EVERY]]`.
 
 It waits until somebody watches unless told otherwise, says so, and stays a while after its last frame.
 """
@@ -16,8 +16,8 @@ from odom.wire import Topics, WireSettings, codec
 from odom.wire.session import open_session
 
 
-def main(endpoint: str, frames: str, rate_hz: str, waits: str = "wait") -> None:
-    topics, options = Topics("cam0"), MadeUp(frames=int(frames))
+def main(endpoint: str, frames: str, rate_hz: str, waits: str = "wait", keyframe_every: str = "15") -> None:
+    topics, options = Topics("cam0"), MadeUp(frames=int(frames), keyframe_every=int(keyframe_every))
     watched = threading.Event()
     with open_session(WireSettings(connect=(), listen=(endpoint,))) as session:
         sensor = session.publisher()
@@ -37,6 +37,9 @@ def main(endpoint: str, frames: str, rate_hz: str, waits: str = "wait") -> None:
                     sensor.put(message)
             announcer.poses(estimate)
             announcer.pictures(estimate)
+            for cloud in batch:
+                if cloud.topic == topics.keyframes:
+                    announcer.keyframe(lambda cloud=cloud: cloud)
             if announcer.status_is_due(State.TRACKING):
                 announcer.status(State.TRACKING, "", {"state": "TRACKING", "inliers": "150", "processing_ms": "9"})
             slowest = max(slowest, time.monotonic() - before)

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.backend import Estimate, Features, LoopCandidate, RelativePose, State
-from odom.frame import Camera, Stamp
+from odom.frame import Camera, RgbdFrame, Stamp
 from odom.registration import se3
+from odom.service.keyframes import keyframe_message
 from odom.service.publication import feature_message, loop_messages, map_messages, pose_messages
 from odom.wire import Message, Topics, codec, truth
 
@@ -112,6 +113,10 @@ def messages(options: MadeUp, topics: Topics) -> Iterator[tuple[Message, ...]]:
         features = feature_message(topics, estimate)
         out += [features] if features is not None else []
         out += map_messages(topics, estimate)
+        if pictures and estimate.is_keyframe:
+            color = codec.encode_color_file(topics.color_compressed, estimate.stamp, jpeg)
+            frame = RgbdFrame(i, estimate.stamp, depth_mm.astype(np.uint8), estimate.stamp, depth_mm)
+            out.append(keyframe_message(topics, frame, CAMERA, color, 3000))
         values = {"state": estimate.state.value, "reason": estimate.reason, "inliers": "150", "matches": "200"}
         values |= {"processing_ms": "8.5", "latency_ms": "12.5"}
         out.append(codec.encode_status(topics.status, codec.Status(estimate.stamp, "odometry", 0, "", values)))

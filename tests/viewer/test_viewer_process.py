@@ -69,6 +69,42 @@ def test_a_late_viewer_shows_the_whole_trajectory_and_a_killed_one_comes_back(st
         assert np.linalg.norm(np.diff(line, axis=0), axis=1).max() < 0.2, path
 
 
+def _clouds(rrd: Path) -> dict[str, int]:
+    """The number of points of each key frame's cloud that is there at the end."""
+    counts: dict[str, int] = {}
+    for path, chunks in _loaded(rrd).items():
+        names = {name for chunk in chunks for name in chunk.schema.names}
+        if path.startswith("/world/clouds/") and "Clear:is_recursive" not in names:
+            batches = [chunk for chunk in chunks if "Points3D:positions" in chunk.schema.names]
+            counts[path] = len(batches[-1].column("Points3D:positions")[-1].as_py())
+    return counts
+
+
+def _loops(rrd: Path) -> int:
+    """The number of accepted loop closures that are there at the end."""
+    return len(_loaded(rrd)["/world/loops/accepted"][-1].column("LineStrips3D:strips")[-1].as_py())
+
+
+@pytest.mark.parametrize(("every", "kept"), [(15, 28), (2, 105)])
+def test_a_late_viewer_has_the_clouds_of_the_same_key_frames_and_the_loops_of_an_early_one(
+    start: Start, tmp_path: Path, every: int, kept: int
+) -> None:
+    """Of 28 key frames all are kept; of 210 every second one, since 161 are too many."""
+    device = start("device", 420, 30, "wait", every)
+    early = start("view", "--headless", "--rrd", tmp_path / "early.rrd")
+    device.wait_for("frame 210", 60)
+    late = start("view", "--headless", "--rrd", tmp_path / "late.rrd")
+    late.wait_for("showing cam0", 60)
+    device.wait_for("ended", 60)
+    assert (early.stop(), late.stop()) == (0, 0)
+    clouds = _clouds(tmp_path / "early.rrd")
+    print(len(clouds), "clouds of", sum(clouds.values()), "points")
+    assert len(clouds) == kept
+    assert min(clouds.values()) > 2000
+    assert clouds == _clouds(tmp_path / "late.rrd")
+    assert _loops(tmp_path / "late.rrd") == _loops(tmp_path / "early.rrd") > 2
+
+
 def test_a_frozen_viewer_holds_nobody_up(start: Start, tmp_path: Path) -> None:
     device = start("device", 600, 60)
     view = start("view", "--web", "--web-port", "0", "--data-port", "0")

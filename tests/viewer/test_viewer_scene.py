@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from made_up_device import BEGIN, PERIOD_NS, T_WORLD_MAP, MadeUp, messages, true_pose
 
 from odom.errors import WireError
-from odom.frame import Stamp
+from odom.frame import Camera, Stamp
 from odom.registration import se3
 from odom.viewer import ViewerSettings, entities, palette
+from odom.viewer.clouds import KeyframeClouds, back_project
 from odom.viewer.draw import Draw
 from odom.viewer.scene import Scene
 from odom.viewer.truth import in_map
@@ -129,6 +130,59 @@ def test_memory_is_bounded_and_old_clouds_are_cleared() -> None:
     assert len(shown - cleared) <= 8
 
 
+@given(
+    keyframes=st.integers(1, 200),
+    joined=st.integers(0, 200),
+    limit=st.sampled_from([2, 7, 8, 160]),
+)
+def test_who_joins_late_keeps_the_same_key_frames_as_who_was_there(keyframes: int, joined: int, limit: int) -> None:
+    maker: KeyframeClouds[int] = KeyframeClouds(limit)
+    early, late = KeyframeClouds[int](limit), KeyframeClouds[int](limit)
+    for i in range(keyframes):
+        if i == joined:
+            for stamp in maker:
+                late.keep(stamp, maker[stamp])
+        if maker.wants():
+            for kept in (maker, early, *([late] if i >= joined else [])):
+                kept.keep(Stamp(i), i)
+        assert len(maker) <= limit
+        assert list(early) == list(maker)
+        assert i < joined or list(late) == list(maker)
+    steps = np.diff(list(maker))
+    assert len(set(steps.tolist())) <= 1  # evenly thinned
+    assert len(maker) == keyframes or len(maker) > (limit - 1) // 2
+
+
+def test_the_cloud_of_a_key_frame_is_its_image_in_space() -> None:
+    camera = Camera(320, 240, 260.0, 260.0, 159.5, 119.5)
+    depth = np.full((240, 320), 2000, np.uint16)
+    depth[:, 160:] = 0
+    color = np.zeros((60, 80, 3), np.uint8)
+    color[:30] = 255, 0, 0
+    color[30:] = 0, 0, 255
+    cloud = back_project(camera, color, depth, 1000)
+    assert 400 < len(cloud.points) <= 500
+    assert np.allclose(cloud.points[:, 2], 2.0)
+    assert (cloud.points[:, 0] < 0.01).all()
+    above = cloud.points[:, 1] < 0
+    assert (cloud.colors[above] == (255, 0, 0)).all()
+    assert (cloud.colors[~above] == (0, 0, 255)).all()
+
+
+@pytest.mark.parametrize("path_first", [True, False])
+def test_a_cloud_is_shown_once_its_place_is_known(path_first: bool) -> None:
+    scene, stamp = _scene(), BEGIN
+    path = codec.encode_path(TOPICS.path, stamp, [(stamp, true_pose(7))], "map")
+    points, colors = np.ones((4, 3), np.float32), np.full((4, 3), 9, np.uint8)
+    cloud = codec.encode_cloud(TOPICS.keyframes, stamp, points, colors, "camera")
+    first, second = (path, cloud) if path_first else (cloud, path)
+    entity = f"{entities.CLOUDS}/{stamp}"
+    assert not any(item.path == entity for item in scene.handle(first))
+    shown = [item for item in scene.handle(second) if item.path == entity]
+    assert [type(item.parts[0]).__name__ for item in shown] == ["Points3D", "Transform3D"]
+    assert not any(item.path == entity for item in [*scene.handle(path), *scene.handle(cloud)])
+
+
 def test_going_back_in_time_begins_a_new_run() -> None:
     scene = _scene()
     _play(scene, MadeUp(frames=300, images=False))
@@ -138,7 +192,8 @@ def test_going_back_in_time_begins_a_new_run() -> None:
 
 
 @given(
-    data=st.binary(max_size=200), which=st.sampled_from(["odom", "color", "status", "path", "features", "camera_info"])
+    data=st.binary(max_size=200),
+    which=st.sampled_from(["odom", "color", "status", "path", "features", "keyframes", "camera_info"]),
 )
 def test_malformed_messages_raise_only_wire_errors_and_spoil_nothing(data: bytes, which: str) -> None:
     topic, kind = {
@@ -147,6 +202,7 @@ def test_malformed_messages_raise_only_wire_errors_and_spoil_nothing(data: bytes
         "status": (TOPICS.status, "diagnostic_msgs/msg/DiagnosticArray"),
         "path": (TOPICS.path, "nav_msgs/msg/Path"),
         "features": (TOPICS.features, "sensor_msgs/msg/PointCloud2"),
+        "keyframes": (TOPICS.keyframes, "sensor_msgs/msg/PointCloud2"),
         "camera_info": (TOPICS.camera_info, "sensor_msgs/msg/CameraInfo"),
     }[which]
     scene = _scene()

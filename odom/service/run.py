@@ -112,7 +112,7 @@ class Crew:
             if stop.is_set():
                 sensor.stop(self._patience_s)
                 odometry.stop(self._patience_s)
-                return None
+                return viewer if viewer_is_missed else None
             for dead in (child for child in self.children.values() if child.died):
                 if dead is not viewer:
                     self._display.say("run", f"the {dead.name} {dead.ending()}; saving what was done so far")

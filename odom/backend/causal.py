@@ -87,17 +87,17 @@ class CausalTrajectory:
         if twist_dt and self._motion is not None:
             self._motion = self._motion.after(twist_dt).corrected(T_odom_middle, covariance)
         else:
-            self._motion = Motion.at_rest(T_odom_middle, covariance)
+            self._motion = Motion.of(T_odom_middle, covariance)
         carried = self._motion.after(middle.delay_s)
         twist = self._motion.twist
         placed = replace(
             middle,
-            T_keyframe_camera=middle.T_keyframe_camera @ se3.inverse(T_odom_middle) @ carried.T_odom_camera,
+            T_keyframe_camera=middle.T_keyframe_camera @ se3.inverse(T_odom_middle) @ carried.T_fixed_camera,
             covariance=carried.covariance + np.outer(twist, twist) * stamp_sigma_s**2,
         )
-        T_middle_stamp = se3.inverse(self._motion.T_odom_camera) @ carried.T_odom_camera
+        T_middle_stamp = se3.inverse(self._motion.T_fixed_camera) @ carried.T_fixed_camera
         going = self._motion.covariance_of_going(middle.delay_s)
-        current = Publication(placed, carried.T_odom_camera, T_middle_stamp, going)
+        current = Publication(placed, carried.T_fixed_camera, T_middle_stamp, going)
         if self._recent and twist_dt:
             current = replace(current, step=self._motion_since(self._recent[-1], current, inliers, check))
         around = [p for p in self._recent if self._from_a_second(p, placed.stamp) < _NEAR_A_SECOND_S]

@@ -1,6 +1,5 @@
 """Frames to poses: predict, track, grow the map, and say how far to trust it."""
 
-from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +11,7 @@ from odom.backend.closing import recognise
 from odom.backend.estimate import ClosingTest, Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
 from odom.backend.history import Placed, trajectory
 from odom.backend.mapper import LEAST_FOUND_AGAIN, Mapper, Seen
+from odom.backend.motion import Motion
 from odom.backend.pairwise import register_successive
 from odom.backend.selfcheck import SelfCheck
 from odom.backend.settings import OdometrySettings
@@ -37,7 +37,7 @@ _LEAP_S = 1.0
 _LEAST_CORNERS = 50
 _LEAST_DEEP, _LONGEST_SHALLOW_S = 0.05, 0.15
 _CHECKED_ALL, _CHECK_EVERY = 20, 4
-_UNEQUAL, _THIRD_DIFFERENCE_VARIANCE = 0.2, 20.0
+_UNEQUAL = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,6 @@ class Odometry:
         self._twist = np.zeros(6)
         self._near, self._segment = 0, -1
         self._clock = Clock()
-        self._steps: deque[Array] = deque(maxlen=3)
         self._newest: Seen | None = None
         self._previous: _Previous | None = None
         self._followed: tuple[Index, Array] = (np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
@@ -190,12 +189,20 @@ class Odometry:
             self._mapper.map, rows[alive], uv[alive], self._previous.view.images, view.images, self._lens, T_predicted
         )
         watch.lap("follow")
-        before = Before(self._T_camera_map, dt)
+        before = Before(self._motion(), dt, self._check.scale)
         tracked = self._mapper.track(view, T_coarse, before.twist_to(T_coarse), self._near, self._check.noise, before)
         watch.lap("find and fit")
         moved = before.twist_to(tracked.T_camera_map)
         is_bounded = np.linalg.norm(moved[:3]) < _FASTEST_M_S and np.linalg.norm(moved[3:]) < _FASTEST_RAD_S
         return tracked if is_bounded and np.count_nonzero(tracked.inliers) >= _LEAST_INLIERS else None
+
+    def _motion(self) -> Motion:
+        """Return the camera's motion in the map as of the previous frame."""
+        tracked = None if self._previous is None else self._previous.tracked
+        T_map_camera = se3.inverse(self._T_camera_map)
+        if tracked is None:
+            return Motion.of(T_map_camera, np.zeros((6, 6)))
+        return Motion.of(T_map_camera, tracked.covariance * self._check.scale, tracked.velocity)
 
     def _follow_from_start(self, view: View, first: View, twist: Array, watch: Stopwatch) -> Tracked | None:
         """Return the second frame of a segment tracked again: its `twist` tells how the first one's rows are bent."""
@@ -230,7 +237,9 @@ class Odometry:
         self._newest = None
         self._sight_s = 0.0
         self._mapper.map.landmarks.seen[tracked.rows[tracked.inliers]] += 1
-        self._check_jump(tracked, T_before, dt)
+        is_regular = dt > 0.0 and abs(dt - self._clock.period_s) < _UNEQUAL * self._clock.period_s
+        step = se3.log(tracked.T_camera_map @ se3.inverse(T_before)) if is_regular else None
+        self._check = self._check.with_step(step, tracked.information)
         if self._check.checks < _CHECKED_ALL or len(self._causal.frames) % _CHECK_EVERY == 0:
             self._check_noise(tracked)
         watch.lap("check")
@@ -289,17 +298,6 @@ class Odometry:
             pairwise=pairwise,
             features=Features(tracked.uv, residual),
         )
-
-    def _check_jump(self, tracked: Tracked, T_before: Array, dt: float) -> None:
-        """Compare the last three steps, if equally long, with how much each pose's covariance lets them vary."""
-        if not dt or abs(dt - self._clock.period_s) > _UNEQUAL * self._clock.period_s:
-            self._steps.clear()
-            return
-        self._steps.append(se3.log(tracked.T_camera_map @ se3.inverse(T_before)))
-        if len(self._steps) == 3:
-            third = self._steps[2] - 2.0 * self._steps[1] + self._steps[0]
-            nees = float(third @ tracked.information @ third) / _THIRD_DIFFERENCE_VARIANCE
-            self._check = self._check.with_jump(nees)
 
     def _check_noise(self, tracked: Tracked) -> None:
         chosen = tracked.inliers & (tracked.chi2[:, 1] < INLIER_CHI2)

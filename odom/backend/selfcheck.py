@@ -20,10 +20,12 @@ _MEAN_TO_GEOMETRIC_CHI2_6 = 1.1922
 _GAIN = 0.05
 _LEAST = 15
 _RANGE = 8.0
-_CALIBRATION_ERROR = 0.02
+_CALIBRATION_ERROR = 0.025
 _UNPROVEN = 5.0
 """The inflation of a sensor that has shown nothing of itself yet."""
 _EXPLAINED_BY_NOISE = 3.0
+_THIRD_DIFFERENCE_VARIANCE = 20.0
+"""Of 1, -3, 3, -1 times independent errors of variance 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +33,7 @@ class SelfCheck:
     """`noise` as it now seems, what it was at the start, and `inflation` of pose covariances after `comparisons`.
 
     `checks` counts the frames whose residuals were looked at; `jumps` is the inflation that `jumps_seen` successions of
-    poses ask for.
+    poses ask for, the last of which are `steps`.
     """
 
     noise: FeatureNoise
@@ -41,6 +43,7 @@ class SelfCheck:
     checks: int = 0
     jumps: float = _UNPROVEN
     jumps_seen: int = 0
+    steps: tuple[Array, ...] = ()
 
     @classmethod
     def of(cls, noise: FeatureNoise) -> "SelfCheck":
@@ -74,15 +77,23 @@ class SelfCheck:
         inflation = self.inflation + gain * (seen - self.inflation)
         return replace(self, inflation=inflation, comparisons=self.comparisons + 1)
 
-    def with_jump(self, nees: float) -> "SelfCheck":
-        """Return the check after four poses in a row: the NEES (6 expected) of their third difference.
+    def with_step(self, step: Array | None, information: Array) -> "SelfCheck":
+        """Return the check after one more step (6, `se3`) to a pose of this 6 x 6 `information`, None where irregular.
 
-        A geometric mean, so that a jerk of the hand does not count like noise.
+        The third difference of four poses in a row, equally long apart, is noise but for the jerk of a hand; the mean
+        over such is geometric, so that a jerk does not count like noise.
         """
+        if step is None:
+            return replace(self, steps=())
+        steps = (*self.steps[-2:], step)
+        if len(steps) < 3:
+            return replace(self, steps=steps)
+        third = steps[2] - 2.0 * steps[1] + steps[0]
+        nees = float(third @ information @ third) / _THIRD_DIFFERENCE_VARIANCE
         seen = min(max(nees / 6.0, 0.1), 100.0) * _MEAN_TO_GEOMETRIC_CHI2_6
         gain = max(_GAIN, 1.0 / (self.jumps_seen + 2.0))
         jumps = self.jumps ** (1.0 - gain) * seen**gain
-        return replace(self, jumps=jumps, jumps_seen=self.jumps_seen + 1)
+        return replace(self, steps=steps, jumps=jumps, jumps_seen=self.jumps_seen + 1)
 
     @property
     def scale(self) -> float:
@@ -91,7 +102,7 @@ class SelfCheck:
 
     @property
     def calibration_error(self) -> float:
-        """By what share of a motion it may be wrong: 2 % where the halves' disagreement is all the calibration's.
+        """By what share of a motion it may be wrong: 2.5 % where the halves' disagreement is all the calibration's.
 
         A wrong focal length or lens errs with the motion, and tears the halves of the image apart.
         """

@@ -7,7 +7,9 @@ from numpy.typing import NDArray
 
 from odom.backend.localmap import look_for
 from odom.backend.map import Map
+from odom.backend.motion import ANY_VELOCITY, Motion, Velocity
 from odom.backend.pose import PoseFit, fit_pose
+from odom.backend.rows import fit_velocity
 from odom.backend.settings import OdometrySettings
 from odom.frame import Camera
 from odom.frontend.images import FrameImages, follow
@@ -28,18 +30,20 @@ _FAR_CHI2 = 16.0
 INLIER_CHI2 = 12.0
 _IMAGE_NOISE_LEVELS = 3.0
 _RANK_OF_REFERENCE = 3.0
+_WHITE_ACCELERATION = 1.0 / 12.0
 
 
 @dataclass(frozen=True, eq=False)
 class Before:
-    """The camera's pose `since_s` seconds ago."""
+    """The camera's `motion` in the map `since_s` seconds ago; `scale` multiplies the covariances of measurements."""
 
-    T_camera_map: Array
+    motion: Motion
     since_s: float
+    scale: float
 
     def twist_to(self, T_camera_map: Array) -> Array:
-        """Return the velocity (6, SI, the camera's own frame) that led to the pose `T_camera_map`."""
-        return np.asarray(-se3.log(T_camera_map @ se3.inverse(self.T_camera_map)) / self.since_s)
+        """Return the mean velocity (6, SI, the camera's own frame) that led to the pose `T_camera_map`."""
+        return np.asarray(-se3.log(T_camera_map @ self.motion.T_fixed_camera) / self.since_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +52,7 @@ class Tracked:
 
     `rows` (n) are the landmarks found, at `uv` (n x 2 px), with their `measurements`, `chi2` (n x 2) and `inliers`
     (n); `looked_for` says how many were expected, `reference` the key frame nearest in pose, `twist` the camera's
-    velocity (SI, its own frame) that the measurements were carried with.
+    velocity (SI, its own frame) that the measurements were carried with, `velocity` what the rows told of it.
     """
 
     T_camera_map: Array
@@ -61,6 +65,7 @@ class Tracked:
     looked_for: int
     reference: int
     twist: Array
+    velocity: Velocity
 
     @property
     def found_again(self) -> int:
@@ -122,8 +127,8 @@ def track(
     """Find the landmarks of the key frames `local` where `T_start` (T_camera_map) predicts them, and fit.
 
     The first of `local` becomes the reference: its landmarks come first where there are more than are looked for. With
-    the pose `before`, the twist is taken anew from the fitted pose, and the rows are moved and fitted with that: with
-    a noisy one the shutter would seem faster than it is.
+    the motion `before`, the twist is taken anew from the rows, and they are moved and fitted with that: with a noisy
+    one the shutter would seem faster than it is.
     """
     L = map_.landmarks
     reference = int(local[0])
@@ -146,8 +151,12 @@ def track(
         return m, fit_pose(points, covariances, m.values, m.covariance, T)
 
     measured, fit = fitted(twist, T_start)
+    velocity = ANY_VELOCITY
     if before is not None:
-        twist = before.twist_to(fit.T_camera_map)
+        row_s = (sighting.uv[:, 1] / camera.height - 0.5) * timing.readout_s
+        expected = before.motion.after(before.since_s, _WHITE_ACCELERATION)
+        velocity = fit_velocity(points, covariances, measured, row_s, fit.T_camera_map, twist, expected, before.scale)
+        twist = velocity.twist
         measured, fit = fitted(twist, fit.T_camera_map)
     inliers = fit.chi2[:, 0] < INLIER_CHI2
     return Tracked(
@@ -161,6 +170,7 @@ def track(
         sighting.looked_for,
         reference,
         twist,
+        velocity,
     )
 
 

@@ -1,0 +1,94 @@
+"""The camera's velocity from a single image: its rows are read one after the other, and see the camera move.
+
+Landmarks in the upper rows are where the camera was some milliseconds before, in the lower rows some milliseconds
+after the middle one: pose and velocity are fitted together, from what the motion so far lets expect. The velocity's
+noise is far below that of two poses' difference, which lags behind by half a period besides.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.backend.motion import Motion, Velocity
+from odom.backend.pose import CAUCHY_CHI2, projection_terms
+from odom.frontend.measure import Measurements
+from odom.registration import se3
+from odom.registration.compiled import compiled
+
+Array = NDArray[np.float64]
+
+_SHARED = 4.0
+"""How much less the rows of an image say of the velocity than independent errors would: a landmark's own error, and
+the lens's, stay from frame to frame."""
+
+
+@compiled
+def _accumulate(
+    T: Array, points: Array, covariances: Array, values: Array, variances: Array, row_s: Array, chi2_half: float
+) -> tuple[Array, Array]:
+    H = np.zeros((12, 12))
+    g = np.zeros(12)
+    J = np.zeros((3, 6))
+    P = np.zeros((3, 3))
+    r = np.zeros(3)
+    A = np.zeros((3, 12))
+    PC = np.zeros((3, 3))
+    for k in range(points.shape[0]):
+        if not projection_terms(T, points[k], values[k], J, P, r):
+            continue
+        C = covariances[k]
+        for a in range(3):
+            for b in range(3):
+                PC[a, b] = P[a, 0] * C[0, b] + P[a, 1] * C[1, b] + P[a, 2] * C[2, b]
+        sxx = variances[k, 0] + PC[0, 0] * P[0, 0] + PC[0, 1] * P[0, 1] + PC[0, 2] * P[0, 2]
+        sxy = variances[k, 1] + PC[0, 0] * P[1, 0] + PC[0, 1] * P[1, 1] + PC[0, 2] * P[1, 2]
+        syy = variances[k, 2] + PC[1, 0] * P[1, 0] + PC[1, 1] * P[1, 1] + PC[1, 2] * P[1, 2]
+        determinant = sxx * syy - sxy * sxy
+        chi2 = (syy * r[0] * r[0] - 2.0 * sxy * r[0] * r[1] + sxx * r[1] * r[1]) / determinant
+        weight = 1.0 / (1.0 + chi2 / chi2_half)
+        ixx, ixy, iyy = syy / determinant * weight, -sxy / determinant * weight, sxx / determinant * weight
+        iww = 0.0
+        if values[k, 2] > 0.0:
+            sww = variances[k, 3] + PC[2, 0] * P[2, 0] + PC[2, 1] * P[2, 1] + PC[2, 2] * P[2, 2]
+            iww = 1.0 / (1.0 + r[2] * r[2] / sww / chi2_half) / sww
+        for a in range(6):
+            A[0, a], A[1, a], A[2, a] = -J[0, a], -J[1, a], -J[2, a]
+            A[0, 6 + a], A[1, 6 + a] = -J[0, a] * row_s[k], -J[1, a] * row_s[k]
+        for a in range(12):
+            j0 = ixx * A[0, a] + ixy * A[1, a]
+            j1 = ixy * A[0, a] + iyy * A[1, a]
+            j2 = iww * A[2, a]
+            g[a] += j0 * r[0] + j1 * r[1] + j2 * r[2]
+            for b in range(a, 12):
+                H[a, b] += j0 * A[0, b] + j1 * A[1, b] + j2 * A[2, b]
+    for a in range(12):
+        for b in range(a):
+            H[a, b] = H[b, a]
+    return H, g
+
+
+def fit_velocity(
+    points_map: Array,
+    covariances_map: Array,
+    measured: Measurements,
+    row_s: Array,
+    T_camera_map: Array,
+    twist: Array,
+    expected: Motion,
+    scale: float,
+) -> Velocity:
+    """Fit pose and velocity of a frame that measured n landmarks; return the velocity.
+
+    `points_map` (n x 3 m) with `covariances_map` (n x 3 x 3 m^2); `measured` was carried to the middle row with
+    `twist`, over `row_s` (n, the rows' times since the middle one); `T_camera_map` is the pose fitted to that.
+    `expected` is the motion predicted for this frame, of the camera in the map; `scale` multiplies the covariances of
+    measurements.
+    """
+    prior = np.linalg.inv(expected.P) * (scale * _SHARED)
+    T_expected = se3.inverse(expected.T_fixed_camera)
+    H, g = _accumulate(
+        T_camera_map, points_map, covariances_map, measured.values, measured.covariance, row_s, CAUCHY_CHI2
+    )
+    away = np.concatenate([-se3.log(T_camera_map @ se3.inverse(T_expected)), twist - expected.twist])
+    covariance = np.linalg.inv(H + prior)
+    change = covariance @ (g - prior @ away)
+    return Velocity(twist + change[6:], covariance[6:, 6:] * (scale * _SHARED))

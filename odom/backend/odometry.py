@@ -102,7 +102,7 @@ class Odometry:
         was_lost = self._causal.is_lost
         tracked = None if was_lost else self._follow(view, watch)
         if tracked is not None and self._previous is not None and self._previous.tracked is None:
-            tracked = self._follow_from_start(view, self._previous.view, tracked.twist, watch)
+            tracked = self._follow_from_start(view, self._previous.view, tracked, watch)
         is_recovered = False
         if tracked is None and self._mapper.map.keyframes:
             tracked = self._relocalise(view)
@@ -204,9 +204,13 @@ class Odometry:
             return Motion.of(T_map_camera, np.zeros((6, 6)))
         return Motion.of(T_map_camera, tracked.covariance * self._check.scale, tracked.velocity)
 
-    def _follow_from_start(self, view: View, first: View, twist: Array, watch: Stopwatch) -> Tracked | None:
-        """Return the second frame of a segment tracked again: its `twist` tells how the first one's rows are bent."""
-        self._mapper.remeasure(self._near, first, twist, self._check)
+    def _follow_from_start(self, view: View, first: View, tracked: Tracked, watch: Stopwatch) -> Tracked | None:
+        """Return the second frame of a segment tracked again: the motion to it tells how the first one's rows are bent.
+
+        The rows themselves can't: landmarks bent in the first frame look straight in the second.
+        """
+        mean = Before(self._motion(), self._since_previous_s(view), 1.0).twist_to(tracked.T_camera_map)
+        self._mapper.remeasure(self._near, first, mean, self._check)
         return self._follow(view, watch)
 
     def _relocalise(self, view: View) -> Tracked | None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _SMALL = 1e-5
+_NEAR_A_HALF_TURN = -0.9
 
 
 def hat(phi: Array) -> Array:
@@ -30,9 +31,13 @@ def so3_exp(phi: Array) -> Array:
 
 def so3_log(R: Array) -> Array:
     """Return the rotation vector (3, radians, norm at most pi) of the rotation matrix `R`."""
-    from scipy.spatial.transform import Rotation
+    twice_sine = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    sine, cosine = 0.5 * float(np.sqrt(twice_sine @ twice_sine)), 0.5 * float(R[0, 0] + R[1, 1] + R[2, 2] - 1.0)
+    if cosine < _NEAR_A_HALF_TURN:  # where the sine says little
+        from scipy.spatial.transform import Rotation
 
-    return np.asarray(Rotation.from_matrix(R).as_rotvec())
+        return np.asarray(Rotation.from_matrix(R).as_rotvec())
+    return np.asarray(twice_sine * (0.5 if sine < _SMALL else 0.5 * np.arctan2(sine, cosine) / sine))
 
 
 def left_jacobian(phi: Array) -> Array:

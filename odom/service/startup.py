@@ -12,6 +12,7 @@ import numpy as np
 from odom.backend import Odometry, OdometrySettings
 from odom.backend.graph import Edge, optimise
 from odom.frame import Camera, RgbdFrame, Stamp
+from odom.registration.compiled import release_compiler
 from odom.wire import Topics, codec
 
 _LOG = logging.getLogger(__name__)
@@ -49,6 +50,7 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
     optimise({0: still, 1: still}, 0, [Edge(0, 1, still, np.eye(6))])
     patience.cancel()
     del odometry
+    release_compiler()
     gc.collect()
     gc.freeze()
 

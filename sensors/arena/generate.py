@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.frame import RgbdFrame, Stamp
+from odom.registration.compiled import release_compiler
 from odom.registration.se3 import inverse
 from sensors.arena import kinect1, kinect2, room
 from sensors.arena.color import picture, unpack
@@ -55,16 +56,24 @@ def _scene(name: str, seed: int) -> Renderer:
     return room.corridor(seed) if name == "corridor" else room.laboratory(seed)
 
 
+def _rooms(options: ArenaOptions) -> Renderer:
+    return _scene("corridor" if options.walk == "corridor" else "laboratory", options.seed)
+
+
 @lru_cache(maxsize=2)
 def _tiles(seed: int) -> Tiles:
     return make_tiles(seed)
 
 
 def prepare(options: ArenaOptions) -> None:
-    """Furnish and light the rooms of a session now instead of at its first frame."""
+    """Furnish and light the rooms of a session now instead of at its first frame, in as little memory as that takes."""
+    release_compiler()
+    _rooms(options)
+    release_compiler()
     frame(replace(options, blackout=""), 0)
     if options.walk == "joined":
         _scene("laboratory", options.seed + 1)
+    release_compiler()
 
 
 def color_time(options: ArenaOptions, index: int) -> float:
@@ -114,7 +123,7 @@ def _place(options: ArenaOptions, walk: Walk, t: float) -> tuple[Renderer, Walk,
         if t < walk.change_s:
             return _scene("laboratory", options.seed), walk.first, t
         return _scene("laboratory", options.seed + 1), walk.second, t - walk.change_s
-    return _scene(options.walk if options.walk == "corridor" else "laboratory", options.seed), walk, t
+    return _rooms(options), walk, t
 
 
 def _color(options: ArenaOptions, walk: Walk, index: int, t: float, dark: bool) -> NDArray[np.uint8]:

@@ -87,3 +87,19 @@ def test_compiled_functions_divide_by_zero_like_numpy():
         return a / b
 
     assert divide(1.0, 0.0) == np.inf
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux tells what a process holds in memory")
+def test_the_compilers_memory_goes_back_and_it_still_compiles():
+    program = """
+import numba, psutil
+from odom.registration.compiled import release_compiler
+numba.njit(lambda x: x + 1)(1)
+before = psutil.Process().memory_info().rss
+release_compiler()
+print((before - psutil.Process().memory_info().rss) / 2**20, numba.njit(lambda x: 2 * x)(21))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    freed_mb, answer = done.stdout.split()
+    assert float(freed_mb) > 20.0
+    assert answer == "42"

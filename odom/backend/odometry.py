@@ -20,6 +20,7 @@ from odom.backend.tracking import INLIER_CHI2, Before, Tracked, coarse_pose, dis
 from odom.errors import InputError
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.clock import Clock
+from odom.frontend.images import FrameImages
 from odom.frontend.lens import Lens
 from odom.frontend.measure import FeatureNoise
 from odom.frontend.places import describe_place
@@ -50,6 +51,17 @@ class _Previous:
     published: Publication
 
 
+@dataclass(frozen=True, eq=False)
+class _Glance:
+    """What a colour image told before its depth was there: `T_coarse` (T_camera_map) as followed from `previous`."""
+
+    color: NDArray[np.uint8]
+    images: FrameImages
+    previous: _Previous
+    T_coarse: Array
+    laps_ms: dict[str, float]
+
+
 class Odometry:
     """The odometry of one RGB-D camera: give it frames in order, it gives an estimate for each.
 
@@ -71,6 +83,7 @@ class Odometry:
         self._clock = Clock()
         self._newest: Seen | None = None
         self._previous: _Previous | None = None
+        self._glance: _Glance | None = None
         self._followed: tuple[Index, Array] = (np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
         self._covered: Coverage | None = None
         self._sight_s = 0.0
@@ -80,6 +93,21 @@ class Odometry:
     def timing(self) -> Timing:
         """The sensor's timing as estimated so far."""
         return self._mapper.timing
+
+    def anticipate(self, stamp: Stamp, color: NDArray[np.uint8]) -> None:
+        """Do already what needs no depth, for the frame that will hold this very `color` (grey or RGB) of `stamp`.
+
+        The estimates are the same with and without, but sooner: a Kinect's depth comes milliseconds behind its colour.
+        """
+        if self._previous is None or self._causal.is_lost or color.shape[:2] != self._previous.view.images.full.shape:
+            return
+        watch = Stopwatch()
+        images = FrameImages.of(color)
+        watch.lap("images")
+        dt = (self._clock.after(stamp).steady - self._previous.view.frame.stamp) * 1e-9
+        T_coarse = self._coarse(self._previous, images, dt)
+        watch.lap("follow")
+        self._glance = _Glance(color, images, self._previous, T_coarse, watch.laps_ms)
 
     def process(self, frame: RgbdFrame) -> Estimate:
         """Return the estimate for the next frame.
@@ -93,14 +121,19 @@ class Odometry:
             )
         if -_LEAP_S <= self._causal.since_last_s(frame.stamp) <= 0.0:
             raise InputError(f"frame {frame.sequence} is not later than the one before: give frames in order of time")
-        watch = Stopwatch()
         self._clock = self._clock.after(frame.stamp)
-        view = View.of(frame, self._clock)
+        glance, self._glance = self._glance, None
+        if glance is not None and (glance.color is not frame.color or glance.previous is not self._previous):
+            glance = None
+        watch = Stopwatch(None if glance is None else glance.laps_ms)
+        images = FrameImages.of(frame.color) if glance is None else glance.images
+        view = View.of(frame, self._clock, images)
         watch.lap("images")
         loops, map_moved = self._take_background()
         watch.lap("background")
         was_lost = self._causal.is_lost
-        tracked = None if was_lost else self._follow(view, watch)
+        T_coarse = None if glance is None or map_moved else glance.T_coarse
+        tracked = None if was_lost else self._follow(view, watch, T_coarse)
         if tracked is not None and self._previous is not None and self._previous.tracked is None:
             tracked = self._follow_from_start(view, self._previous.view, tracked, watch)
         is_recovered = False
@@ -176,18 +209,22 @@ class Odometry:
         self._T_camera_map = self._T_camera_map @ se3.inverse(before) @ keyframes[self._near].T_camera_map
         return loops, True
 
-    def _follow(self, view: View, watch: Stopwatch) -> Tracked | None:
+    def _coarse(self, previous: _Previous, images: FrameImages, dt: float) -> Array:
+        """Return T_camera_map as followed over `dt` seconds from the previous image."""
+        T_predicted = se3.exp(-self._twist * dt) @ self._T_camera_map
+        rows, uv = self._followed
+        alive = self._mapper.map.landmarks.alive[rows]
+        before = previous.view.images
+        return coarse_pose(self._mapper.map, rows[alive], uv[alive], before, images, self._lens, T_predicted)
+
+    def _follow(self, view: View, watch: Stopwatch, T_coarse: Array | None = None) -> Tracked | None:
         """Return the frame tracked on from the previous one, None where that fails."""
         dt = self._since_previous_s(view)
         longest = max(_LONGEST_GAP_S, _LONGEST_GAP_PERIODS * self._clock.period_s)
         if self._previous is None or not 0.0 < dt < longest:
             return None
-        T_predicted = se3.exp(-self._twist * dt) @ self._T_camera_map
-        rows, uv = self._followed
-        alive = self._mapper.map.landmarks.alive[rows]
-        T_coarse = coarse_pose(
-            self._mapper.map, rows[alive], uv[alive], self._previous.view.images, view.images, self._lens, T_predicted
-        )
+        if T_coarse is None:
+            T_coarse = self._coarse(self._previous, view.images, dt)
         watch.lap("follow")
         before = Before(self._motion(), dt, self._check.scale)
         tracked = self._mapper.track(view, T_coarse, before.twist_to(T_coarse), self._near, self._check.noise, before)

@@ -1,13 +1,15 @@
 """Where the time of a frame goes."""
 
 import time
+from collections.abc import Mapping
 
 
 class Stopwatch:
     """Laps of one frame's processing, in milliseconds of wall time by stage."""
 
-    def __init__(self) -> None:
-        self.laps_ms: dict[str, float] = {}
+    def __init__(self, laps_ms: Mapping[str, float] | None = None) -> None:
+        """Begin now, on top of the laps that were done before."""
+        self.laps_ms = dict(laps_ms or {})
         self._since = time.perf_counter()
 
     def lap(self, stage: str) -> None:

@@ -16,9 +16,9 @@ class View:
     images: FrameImages
 
     @classmethod
-    def of(cls, frame: RgbdFrame, clock: Clock) -> "View":
-        """Return the view of a frame whose stamp is the newest of `clock`."""
-        return cls(frame.stamp, replace(frame, stamp=clock.steady), FrameImages.of(frame.color))
+    def of(cls, frame: RgbdFrame, clock: Clock, images: FrameImages) -> "View":
+        """Return the view of a frame whose stamp is the newest of `clock`; `images` are those of its colour."""
+        return cls(frame.stamp, replace(frame, stamp=clock.steady), images)
 
     @property
     def late_s(self) -> float:

@@ -11,6 +11,9 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from odom.errors import WireError
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.wire import TRUTH, Message, Topics, codec
@@ -42,6 +45,14 @@ class FrameArrival:
 
 
 @dataclass(frozen=True, eq=False)
+class ColorArrival:
+    """A live sensor's colour image, while its depth is on its way."""
+
+    stamp: Stamp
+    color: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
 class TruthArrival:
     """A pose of a motion capture body."""
 
@@ -56,7 +67,7 @@ class EndArrival:
     reason: str
 
 
-Arrival = FrameArrival | TruthArrival | EndArrival
+Arrival = FrameArrival | ColorArrival | TruthArrival | EndArrival
 
 
 class Intake:
@@ -184,6 +195,8 @@ class Intake:
                 del self._colors[next(iter(self._colors))]
         for frame in self.assembler.feed(message):
             self._put_frame(frame, delivery)
+        if message.topic in self._color_keys and not delivery.lossless:
+            self._put_color()
         if self.assembler.camera != self._camera:
             self._settle_camera()
 
@@ -215,6 +228,7 @@ class Intake:
         origin = _origin(frame, delivery) if live else None
         with self._changed:
             if live:
+                self._forget_colors()
                 while self._frames >= self._live_room:
                     self._drop_oldest_frame()
             else:
@@ -223,6 +237,21 @@ class Intake:
             self._waiting.append(FrameArrival(frame, self._camera, origin, color))
             self._frames += 1
             self._changed.notify_all()
+
+    def _put_color(self) -> None:
+        waiting = self.assembler.newest_color
+        if waiting is not None and self._camera is not None:
+            with self._changed:
+                self._forget_colors()
+                self._waiting.append(ColorArrival(*waiting))
+                self._changed.notify_all()
+
+    def _forget_colors(self) -> None:
+        """Drop a colour image that nobody has looked at yet: it is in the frame that comes, or old."""
+        for i, arrival in enumerate(self._waiting):
+            if isinstance(arrival, ColorArrival):
+                del self._waiting[i]
+                return
 
     def _put(self, arrival: TruthArrival | EndArrival) -> None:
         with self._changed:

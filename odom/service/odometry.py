@@ -10,7 +10,7 @@ from odom.backend import Estimate, Odometry, State
 from odom.errors import OdomError, WireError
 from odom.service.announcer import Announcer
 from odom.service.files import RunFiles
-from odom.service.intake import Arrival, EndArrival, FrameArrival, Intake, TruthArrival
+from odom.service.intake import Arrival, ColorArrival, EndArrival, FrameArrival, Intake, TruthArrival
 from odom.service.keyframes import keyframe_message
 from odom.service.settings import Settings
 from odom.service.startup import notify_service_manager, warm_up
@@ -61,6 +61,7 @@ class OdometryProcess:
         self._unsaved = False
         self._is_live = False
         self._refused = 0
+        self._anticipated_ms = 0.0
         self._sensor = ""
         self._alive = topics.alive
         session.watch(f"{topics.alive}/**", self._watch)
@@ -91,6 +92,8 @@ class OdometryProcess:
     def _handle(self, arrival: Arrival) -> None:
         if isinstance(arrival, FrameArrival):
             self._process(arrival)
+        elif isinstance(arrival, ColorArrival):
+            self._anticipate(arrival)
         elif isinstance(arrival, TruthArrival):
             self._announcer.truth(arrival.body, arrival.pose)
             if self._files is not None:
@@ -98,6 +101,12 @@ class OdometryProcess:
         else:
             _LOG.info("the source has ended: %s", arrival.reason)
             self._save()
+
+    def _anticipate(self, arrival: ColorArrival) -> None:
+        if self._odometry is not None:
+            begun = time.perf_counter()
+            self._odometry.anticipate(arrival.stamp, arrival.color)
+            self._anticipated_ms = 1e3 * (time.perf_counter() - begun)
 
     def _process(self, arrival: FrameArrival) -> None:
         frame, origin = arrival.frame, arrival.origin
@@ -112,7 +121,8 @@ class OdometryProcess:
                 _LOG.warning("a frame was refused by the odometry (further ones are counted): %s", error)
             self._refused += 1
             return
-        processing_ms = 1e3 * (time.perf_counter() - begun)
+        processing_ms = 1e3 * (time.perf_counter() - begun) + self._anticipated_ms
+        self._anticipated_ms = 0.0
         if self._files is not None:
             self._files.append(estimate)
         self._announcer.poses(estimate)

@@ -6,7 +6,7 @@ from collections import Counter
 import numpy as np
 
 from odom.errors import WireError
-from odom.frame import Camera, RgbdFrame
+from odom.frame import Camera, RgbdFrame, Stamp
 from odom.wire.codec import decode_camera_info, decode_color, decode_depth
 from odom.wire.codec.images import Color, Depth
 from odom.wire.message import Message
@@ -35,6 +35,11 @@ class FrameAssembler:
     def pairing(self) -> PairingCounters:
         """What became of the images that are in no frame."""
         return self._pairer.counters
+
+    @property
+    def newest_color(self) -> tuple[Stamp, Color] | None:
+        """The newest colour image, where it waits for a depth image still."""
+        return self._pairer.newest_color
 
     def feed(self, message: Message) -> tuple[RgbdFrame, ...]:
         """Take a message of the device and return the frames that are complete by it.

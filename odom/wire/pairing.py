@@ -141,6 +141,12 @@ class Pairer(Generic[C, D]):
         self._color: _Stream[C] = _Stream(self.counters)
         self._depth: _Stream[D] = _Stream(self.counters)
 
+    @property
+    def newest_color(self) -> tuple[Stamp, C] | None:
+        """The newest colour image that waits, None where none does."""
+        waiting = self._color.waiting
+        return (waiting[-1].stamp, waiting[-1].item) if waiting else None
+
     def add_color(self, stamp: Stamp, color: C) -> list[Pair[C, D]]:
         """Take the next colour image and return the pairs that are certain now, in the order of their stamps."""
         self._color.feed(stamp, color)

@@ -44,6 +44,13 @@ class FrameArrival:
     color: Message | None = None
 
 
+@dataclass(frozen=True)
+class CameraArrival:
+    """The calibration, once, before the first frame."""
+
+    camera: Camera
+
+
 @dataclass(frozen=True, eq=False)
 class ColorArrival:
     """A live sensor's colour image, while its depth is on its way."""
@@ -67,7 +74,7 @@ class EndArrival:
     reason: str
 
 
-Arrival = FrameArrival | ColorArrival | TruthArrival | EndArrival
+Arrival = CameraArrival | FrameArrival | ColorArrival | TruthArrival | EndArrival
 
 
 class Intake:
@@ -204,7 +211,9 @@ class Intake:
         """Hold on to the first calibration: another one would tear the trajectory in two without saying so."""
         if self._camera is None:
             self._camera = self.assembler.camera
+            assert self._camera is not None
             _LOG.info("calibration: %s", self._camera)
+            self._put(CameraArrival(self._camera))
             return
         if not self.refused_cameras:
             _LOG.error("the calibration has changed to %s: refused; restart to use it", self.assembler.camera)
@@ -253,7 +262,7 @@ class Intake:
                 del self._waiting[i]
                 return
 
-    def _put(self, arrival: TruthArrival | EndArrival) -> None:
+    def _put(self, arrival: CameraArrival | TruthArrival | EndArrival) -> None:
         with self._changed:
             if len(self._waiting) >= _MAX_TRUTH and isinstance(arrival, TruthArrival):
                 self._consumer.malformed("truth", f"more than {_MAX_TRUTH} poses wait")

@@ -10,7 +10,7 @@ from odom.backend import Estimate, Odometry, State
 from odom.errors import OdomError, WireError
 from odom.service.announcer import Announcer
 from odom.service.files import RunFiles
-from odom.service.intake import Arrival, ColorArrival, EndArrival, FrameArrival, Intake, TruthArrival
+from odom.service.intake import Arrival, CameraArrival, ColorArrival, EndArrival, FrameArrival, Intake, TruthArrival
 from odom.service.keyframes import keyframe_message
 from odom.service.settings import Settings
 from odom.service.startup import notify_service_manager, warm_up
@@ -92,6 +92,8 @@ class OdometryProcess:
     def _handle(self, arrival: Arrival) -> None:
         if isinstance(arrival, FrameArrival):
             self._process(arrival)
+        elif isinstance(arrival, CameraArrival):
+            self._odometry = Odometry(arrival.camera, self._settings.odometry)
         elif isinstance(arrival, ColorArrival):
             self._anticipate(arrival)
         elif isinstance(arrival, TruthArrival):
@@ -110,8 +112,7 @@ class OdometryProcess:
 
     def _process(self, arrival: FrameArrival) -> None:
         frame, origin = arrival.frame, arrival.origin
-        if self._odometry is None:
-            self._odometry = Odometry(arrival.camera, self._settings.odometry)
+        assert self._odometry is not None  # the calibration comes before every frame
         self._tally.begin()
         begun = time.perf_counter()
         try:

@@ -13,6 +13,9 @@ from odom.backend import Odometry, OdometrySettings
 from odom.backend.graph import Edge, optimise
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.registration.compiled import release_compiler
+from odom.service.keyframes import keyframe_message
+from odom.service.publication import feature_message, map_messages, pose_messages
+from odom.service.tally import Tally
 from odom.wire import Topics, codec
 
 _LOG = logging.getLogger(__name__)
@@ -21,7 +24,7 @@ _PATIENCE_S = 4.0
 
 
 def warm_up(settings: OdometrySettings, topics: Topics) -> None:
-    """Run a made-up scene through decoders and odometry, and a small graph; then spare the collector all of it.
+    """Run a made-up scene through codec and odometry, and a small graph; then spare the collector all of it.
 
     Without it the first frames would wait for imports and compilation, seconds on a machine's first run, and those at
     the first closed loop for the graph's library.
@@ -44,8 +47,15 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
         codec.decode_color(raw, grey=True)
         decoded = codec.decode_depth(codec.encode_depth(topics.depth, stamp, depth))
         codec.decode_depth(codec.encode_depth_compressed(topics.depth_compressed, stamp, depth, codec="rvl"))
-        odometry.process(RgbdFrame(i, stamp, codec.decode_color(jpeg, grey=True), stamp, decoded))
+        frame = RgbdFrame(i, stamp, codec.decode_color(jpeg, grey=True), stamp, decoded)
+        odometry.anticipate(stamp, frame.color)
+        estimate = odometry.process(frame)
+        list(pose_messages(topics, estimate))
+        list(map_messages(topics, estimate))
+        feature_message(topics, estimate)
+        keyframe_message(topics, frame, camera, jpeg, 100)
     odometry.finish()
+    codec.encode_status(topics.status, codec.Status(stamp, "", 0, "", Tally().status()))
     still = np.eye(4)
     optimise({0: still, 1: still}, 0, [Edge(0, 1, still, np.eye(6))])
     patience.cancel()

@@ -84,15 +84,15 @@ def test_two_runs_publish_the_same_bytes(arena, arena_ran):
 def test_colour_seen_before_its_depth_changes_nothing(arena, arena_ran):
     camera, frames = arena[0], [f.rgbd() for f in arena[1]]
     odometry, estimates = Odometry(camera), []
-    for i, frame in enumerate(frames):
-        next_frame = frames[min(i + 1, len(frames) - 1)]
+    for i, shot in enumerate(frames):
+        following = frames[min(i + 1, len(frames) - 1)]
         if i % 5 != 3:
-            odometry.anticipate(frame.stamp, frame.color)
+            odometry.anticipate(shot.stamp, shot.color)
         if i % 5 == 1:  # the next colour comes before this depth
-            odometry.anticipate(next_frame.stamp, next_frame.color)
+            odometry.anticipate(following.stamp, following.color)
         if i % 5 == 2:  # another image of the same stamp
-            odometry.anticipate(frame.stamp, np.zeros_like(frame.color))
-        estimates.append(odometry.process(frame))
+            odometry.anticipate(shot.stamp, np.zeros_like(shot.color))
+        estimates.append(odometry.process(shot))
     assert numbers(Ran(tuple(estimates), odometry.finish(), odometry.timing)) == numbers(arena_ran)
 
 

@@ -1,0 +1,190 @@
+"""The least-squares problem of a marker body and a camera: hand-eye, world alignment and clock offset at once.
+
+Model: `T_world_body(t + offset) @ T_body_camera = T_world_odom @ T_odom_camera(t) @ exp(error(t))` for every frame t
+(hand-eye form A X = Y B; F. Dornaika and R. Horaud, "Simultaneous robot-world and hand-eye calibration", 1998), where
+the error drifts (`drift`). Neighbouring frames are averaged: what is quicker than a sixth of a second tells nothing of
+a body carried by hand.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from odom.evaluation.alignment import align
+from odom.evaluation.drift import Whitener
+from odom.evaluation.trajectory import Trajectory, inverse_all
+from odom.registration import se3
+
+Array = NDArray[np.float64]
+
+MINIMUM = 20
+"""Poses that a calibration needs at least."""
+
+_WHITENINGS = 4
+_ITERATIONS = 30
+_CONVERGED = 1e-6
+_GROUP_S = 1.0 / 6.0
+_GROUPS = 100
+_BLOCK_S = 5.0
+_WILD = 15.0
+"""Distance from the median, over the median distance, from which on a frame's truth is not believed."""
+
+_LEASH_S = 0.025
+_DERIVATIVE_S = 0.01
+_CAUCHY = 24.0
+"""Square of the whitened residual (6 on average) at which a group's weight is halved."""
+
+_ROUGH = 0.01
+_PRIOR_SIGMA = np.array([1.0] * 3 + [3.0] * 3 + [np.inf] * 6 + [0.05])
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """One guess of the unknowns."""
+
+    T_body_camera: Array
+    T_world_odom: Array
+    offset_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class HandEye:
+    """The frames that have truth within reach of the offset, and which of X (6), Y (6), offset (1) are free.
+
+    `offset_s` is good to a few milliseconds; every frame has truth 40 ms before and after it too. `imposed` is the
+    `T_body_camera` when that is not free.
+    """
+
+    estimate: Trajectory
+    truth: Trajectory
+    offset_s: float
+    imposed: Array | None
+    free: NDArray[np.bool_]
+
+    def solve(self) -> tuple[State, Array]:
+        """Return the solution and 13 standard deviations, with the model of the errors learnt from themselves."""
+        rough = Whitener.alike(len(self.estimate) // self._group, _ROUGH)
+        state = min((self._refine(start, rough) for start in self._starts()), key=lambda s: self._cost(s, rough))
+        tame = self._tame(state)
+        centres = tame.estimate.T_world_body[tame._group // 2 :: tame._group]
+        for _ in range(_WHITENINGS):
+            errors = tame._errors(state)
+            whiten = Whitener.fit(errors, centres[: len(errors)])
+            state = tame._refine(state, whiten)
+        return state, tame._sigma(state, whiten)
+
+    @property
+    def _group(self) -> int:
+        period_s = float(np.median(np.diff(self.estimate.stamps))) * 1e-9
+        return max(1, min(round(_GROUP_S / period_s), len(self.estimate) // _GROUPS))
+
+    def _tame(self, state: State) -> "HandEye":
+        """Return the problem without the frames whose truth is wild, which would spoil their whole group."""
+        apart = self._apart(state, state.offset_s)
+        apart = np.abs(apart - np.median(apart, axis=0))
+        tame = np.flatnonzero((apart <= _WILD * np.median(apart, axis=0) + 1e-12).all(axis=1))
+        return replace(self, estimate=self.estimate.take(tame)) if len(tame) >= MINIMUM else self
+
+    def _body(self, offset_s: float) -> Array:
+        return self.truth.at(self.estimate.stamps + round(offset_s * 1e9), np.inf)[0]
+
+    def _starts(self) -> list[State]:
+        """Return states to start from: hand-eye rotation by relative rotations, by positions, and none."""
+        W, C = self._body(self.offset_s), self.estimate.T_world_body
+        if self.imposed is not None:
+            hands = [self.imposed]
+        else:
+            stride = max(1, min(len(W) // 4, round(0.7 * len(W) / max(self.estimate.duration_s, 1e-3))))
+            A = Rotation.from_matrix((inverse_all(W[:-stride]) @ W[stride:])[:, :3, :3]).as_rotvec()
+            B = Rotation.from_matrix((inverse_all(C[:-stride]) @ C[stride:])[:, :3, :3]).as_rotvec()
+            R_world_odom = align(C[:, :3, 3], W[:, :3, 3]).T_truth_estimate[:3, :3]
+            hands = [np.eye(4) for _ in range(3)]
+            hands[0][:3, :3] = align(np.vstack([B, -B]), np.vstack([A, -A])).T_truth_estimate[:3, :3]
+            hands[1][:3, :3] = _mean(W[:, :3, :3].transpose(0, 2, 1) @ R_world_odom @ C[:, :3, :3])
+        states = []
+        for X in hands:
+            Y = np.eye(4)
+            Y[:3, :3] = _mean(W[:, :3, :3] @ X[:3, :3] @ C[:, :3, :3].transpose(0, 2, 1))
+            Y[:3, 3] = ((W @ X)[:, :3, 3] - C[:, :3, 3] @ Y[:3, :3].T).mean(axis=0)
+            states.append(State(X, Y, self.offset_s))
+        return states
+
+    def _apart(self, state: State, offset_s: float) -> Array:
+        """Return n x 6: the frames' errors (m, rad), each in the camera's frame as estimated."""
+        camera = self._body(offset_s) @ state.T_body_camera
+        step = inverse_all(state.T_world_odom @ self.estimate.T_world_body) @ camera
+        return np.column_stack([step[:, :3, 3], Rotation.from_matrix(step[:, :3, :3]).as_rotvec()])
+
+    def _errors(self, state: State) -> Array:
+        """Return m x 6: the groups' errors."""
+        return _averaged(self._apart(state, state.offset_s), self._group)
+
+    def _jacobian(self, state: State) -> Array:
+        """Return m x 6 x k: by X exp(xi), by (turn of R_Y about the world's axes, shift of t_Y), by the offset."""
+        R_camera_world = (state.T_world_odom[:3, :3] @ self.estimate.T_world_body[:, :3, :3]).transpose(0, 2, 1)
+        turned_points = self.estimate.positions @ state.T_world_odom[:3, :3].T
+        J = np.zeros((len(self.estimate), 6, 13))
+        J[:, :, :6] = np.eye(6)
+        J[:, :3, 6:9] = np.cross(R_camera_world, turned_points[:, None, :])
+        J[:, 3:, 6:9] = J[:, :3, 9:12] = -R_camera_world
+        later, sooner = (self._apart(state, state.offset_s + h) for h in (_DERIVATIVE_S, -_DERIVATIVE_S))
+        J[:, :, 12] = (later - sooner) / (2 * _DERIVATIVE_S)
+        return _averaged(J[:, :, self.free], self._group)
+
+    def _normal_equations(self, state: State, whiten: Whitener) -> tuple[Array, Array, Array]:
+        """Return H, g and the groups' scores (m x k) of the Cauchy-weighted problem with its weak prior."""
+        r = whiten(self._errors(state)[:, :, None])[:, :, 0]
+        J = whiten(self._jacobian(state))
+        weights = 1.0 / (1.0 + np.square(r).sum(axis=1) / _CAUCHY)
+        H = np.einsum("n,nij,nik->jk", weights, J, J)
+        scores = -np.einsum("n,nij,ni->nj", weights, J, r)
+        held = np.zeros(13)
+        held[:3] = state.T_body_camera[:3, :3].T @ state.T_body_camera[:3, 3]
+        information = 1.0 / np.square(_PRIOR_SIGMA)
+        return H + np.diag(information[self.free]), scores.sum(axis=0) - (information * held)[self.free], scores
+
+    def _refine(self, state: State, whiten: Whitener) -> State:
+        """Return the state after Gauss-Newton steps to convergence."""
+        for _ in range(_ITERATIONS):
+            H, g, _ = self._normal_equations(state, whiten)
+            step = np.zeros(13)
+            step[self.free] = np.linalg.solve(H, g)
+            Y = state.T_world_odom.copy()
+            Y[:3, :3] = se3.so3_exp(step[6:9]) @ Y[:3, :3]
+            Y[:3, 3] += step[9:12]
+            offset = float(np.clip(state.offset_s + step[12], self.offset_s - _LEASH_S, self.offset_s + _LEASH_S))
+            state = State(state.T_body_camera @ se3.exp(step[:6]), Y, offset)
+            if np.abs(step).max() < _CONVERGED:
+                break
+        return state
+
+    def _cost(self, state: State, whiten: Whitener) -> float:
+        """Return the robust cost of a state, to choose between starts."""
+        r = whiten(self._errors(state)[:, :, None])
+        return float(np.log1p(np.square(r).sum(axis=1) / _CAUCHY).sum())
+
+    def _sigma(self, state: State, whiten: Whitener) -> Array:
+        """Return 13 standard deviations: the larger of the plain and the block sandwich estimate.
+
+        The latter stays honest when the model of the errors is not exact (W. Newey and K. West, 1987), for errors that
+        hang together for less than a block's 5 s.
+        """
+        H, _, scores = self._normal_equations(state, whiten)
+        bread = np.linalg.inv(H)
+        per_block = max(1, round(_BLOCK_S * len(scores) / max(self.estimate.duration_s, 1e-3)))
+        blocks = np.array([part.sum(axis=0) for part in np.array_split(scores, max(len(scores) // per_block, 2))])
+        meat = blocks.T @ blocks * len(blocks) / (len(blocks) - 1)
+        out = np.zeros(13)
+        out[self.free] = np.sqrt(np.maximum(np.diag(bread), np.diag(bread @ meat @ bread)))
+        return out
+
+
+def _averaged(rows: Array, group: int) -> Array:
+    whole = len(rows) // group * group
+    return np.asarray(rows[:whole].reshape(-1, group, *rows.shape[1:]).mean(axis=1))
+
+
+def _mean(R: Array) -> Array:
+    return np.asarray(Rotation.from_matrix(R).mean().as_matrix())

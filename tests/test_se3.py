@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.spatial.transform import Rotation
 
 from odom.registration import se3
 
@@ -53,3 +54,14 @@ def test_orthonormal_undoes_rounding(xi, noise):
     T[:3, :3] += noise
     R = se3.orthonormal(T)[:3, :3]
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-10)
+
+
+@given(st.integers(0, 2), st.lists(st.floats(-1, 1), min_size=3, max_size=3), st.floats(0.0, 1e-3))
+def test_turns_by_nearly_half_a_circle_have_their_logarithm(k, axis, less):
+    axis = np.asarray(axis)
+    axis[k] += np.copysign(1.5, axis[k])
+    phi = (np.pi - less) * axis / np.linalg.norm(axis)
+    R = Rotation.from_rotvec(phi).as_matrix()
+    found = se3.so3_log(R)
+    np.testing.assert_allclose(Rotation.from_rotvec(found).as_matrix(), R, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(found), np.pi - less, atol=1e-9)

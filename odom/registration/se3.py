@@ -33,11 +33,13 @@ def so3_log(R: Array) -> Array:
     """Return the rotation vector (3, radians, norm at most pi) of the rotation matrix `R`."""
     twice_sine = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     sine, cosine = 0.5 * float(np.sqrt(twice_sine @ twice_sine)), 0.5 * float(R[0, 0] + R[1, 1] + R[2, 2] - 1.0)
-    if cosine < _NEAR_A_HALF_TURN:  # where the sine says little
-        from scipy.spatial.transform import Rotation
-
-        return np.asarray(Rotation.from_matrix(R).as_rotvec())
-    return np.asarray(twice_sine * (0.5 if sine < _SMALL else 0.5 * np.arctan2(sine, cosine) / sine))
+    if cosine > _NEAR_A_HALF_TURN:
+        return np.asarray(twice_sine * (0.5 if sine < _SMALL else 0.5 * np.arctan2(sine, cosine) / sine))
+    k = int(np.argmax(np.diagonal(R)))
+    axis = 0.5 * (R[:, k] + R[k])  # the symmetric part, cos I + (1 - cos) a a': the sine says little here
+    axis[k] -= cosine
+    axis *= np.arctan2(sine, cosine) / np.sqrt(axis @ axis)
+    return np.asarray(-axis if axis @ twice_sine < 0.0 else axis)
 
 
 def left_jacobian(phi: Array) -> Array:

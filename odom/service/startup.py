@@ -19,7 +19,8 @@ from odom.service.tally import Tally
 from odom.wire import Topics, codec
 
 _LOG = logging.getLogger(__name__)
-_WARM_FRAMES = 6
+_WARM_FRAMES = 10
+_LOST_AT = 8
 _PATIENCE_S = 4.0
 
 
@@ -27,7 +28,7 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
     """Run a made-up scene through codec and odometry, and a small graph; then spare the collector all of it.
 
     Without it the first frames would wait for imports and compilation, seconds on a machine's first run, and those at
-    the first closed loop for the graph's library.
+    the first known place and the first closed loop for theirs; so the camera is lost in between.
     """
     cv2.setNumThreads(1)
     patience = threading.Timer(_PATIENCE_S, _LOG.info, ["compiling: the first start takes about half a minute longer"])
@@ -36,9 +37,10 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
     camera = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)
     texture = np.random.default_rng(1).integers(0, 256, (60, 80), dtype=np.uint8)
     scene = np.asarray(cv2.resize(texture, (700, 500), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
+    codec.decode_camera_info(codec.encode_camera_info(topics.camera_info, Stamp(0), camera))
     odometry = Odometry(camera, settings)
     for i in range(_WARM_FRAMES):
-        stamp = Stamp(i * 33_333_333)
+        stamp = Stamp(i * 33_333_333 + (3_000_000_000 if i >= _LOST_AT else 0))
         image = np.ascontiguousarray(scene[i : i + 480, 3 * i : 3 * i + 640])
         rgb = np.repeat(image[..., None], 3, axis=2)
         depth = np.full((480, 640), 2000 + 3 * i, dtype=np.uint16)

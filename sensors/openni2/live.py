@@ -225,6 +225,7 @@ class LiveKinect:
         connection = 0
         first_ns: int | None = None
         told_ns = 0
+        yield self._encoder.info(Stamp(time.time_ns()))  # before the first image: whoever listens can get ready
         for received in self._learned(clock):
             if received.connection != connection:
                 connection = received.connection
@@ -232,7 +233,6 @@ class LiveKinect:
             stamp = clock.stamp(received.frame.is_color, received.frame.ticks, received.host_ns)
             if first_ns is None:
                 first_ns = stamp
-                yield self._encoder.info(stamp)
             if self._seconds is not None and stamp - first_ns >= self._seconds * 1e9:
                 return
             if stamp - told_ns >= 1_000_000_000:

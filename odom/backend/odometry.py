@@ -37,6 +37,7 @@ _LONGEST_GAP_S, _LONGEST_GAP_PERIODS = 0.2, 2.5
 _LEAP_S = 1.0
 _LEAST_CORNERS = 50
 _LEAST_DEEP, _LONGEST_SHALLOW_S = 0.05, 0.15
+_LEAST_DEPTH, _SPARSE = 0.01, 8
 _CHECKED_ALL, _CHECK_EVERY = 20, 4
 _UNEQUAL = 0.2
 
@@ -87,7 +88,7 @@ class Odometry:
         self._followed: tuple[Index, Array] = (np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
         self._covered: Coverage | None = None
         self._sight_s = 0.0
-        self._deep_stamp = Stamp(0)
+        self._deep_stamp = self._depth_stamp = Stamp(0)
 
     @property
     def timing(self) -> Timing:
@@ -131,22 +132,22 @@ class Odometry:
         watch.lap("images")
         loops, map_moved = self._take_background()
         watch.lap("background")
-        was_lost = self._causal.is_lost
+        was_lost, is_blind = self._causal.is_lost, self._is_blind(view)
         T_coarse = None if glance is None or map_moved else glance.T_coarse
-        tracked = None if was_lost else self._follow(view, watch, T_coarse)
+        tracked = None if was_lost or is_blind else self._follow(view, watch, T_coarse)
         if tracked is not None and self._previous is not None and self._previous.tracked is None:
             tracked = self._follow_from_start(view, self._previous.view, tracked, watch)
         is_recovered = False
-        if tracked is None and self._mapper.map.keyframes:
+        if tracked is None and not is_blind and self._mapper.map.keyframes:
             tracked = self._relocalise(view)
             is_recovered = tracked is not None
             watch.lap("relocalise")
         if tracked is not None:
             estimate = self._advance(view, tracked, is_recovered, watch)
-        elif not was_lost and 0.0 < self._since_previous_s(view) <= self.settings.bridge_s:
+        elif not (was_lost or is_blind) and 0.0 < self._since_previous_s(view) <= self.settings.bridge_s:
             estimate = self._bridge(view)
         else:
-            estimate = self._lose(view)
+            estimate = self._lose(view, is_blind)
         if map_moved or estimate.is_keyframe:
             estimate = replace(estimate, path=self._mapper.map.path(), landmarks_map=self._mapper.map.cloud())
         return replace(estimate, loops=loops, timings_ms=watch.laps_ms)
@@ -379,16 +380,25 @@ class Odometry:
         reason = "not tracked: the motion is predicted"
         return self._estimate(view, State.UNCERTAIN, reason, published, is_predicted=True)
 
-    def _lose(self, view: View) -> Estimate:
+    def _is_blind(self, view: View) -> bool:
+        """Say whether there has been no depth at all for longer than a prediction may stand in."""
+        sample = view.frame.depth_mm[::_SPARSE, ::_SPARSE]
+        if np.count_nonzero(sample) >= _LEAST_DEPTH * sample.size:
+            self._depth_stamp = view.stamp
+        return (view.stamp - self._depth_stamp) * 1e-9 > self.settings.bridge_s
+
+    def _lose(self, view: View, is_blind: bool) -> Estimate:
         """Say that the frame has no pose, or begin a new segment where none can be hoped for."""
-        if 0.0 < self._causal.since_last_s(view.stamp) < _LEAP_S:
+        if not is_blind and 0.0 < self._causal.since_last_s(view.stamp) < _LEAP_S:
             self._sight_s += self._causal.since_last_s(view.stamp)
-        if self._segment < 0 or self._sight_s > self.settings.new_segment_s:
+        if not is_blind and (self._segment < 0 or self._sight_s > self.settings.new_segment_s):
             estimate = self._begin_segment(view)
             if estimate is not None:
                 return estimate
         self._causal.lose(view.stamp, self._segment)
-        reason = "no depth yet" if self._segment < 0 else "no known place recognised"
+        reason = "no known place recognised"
+        if is_blind or self._segment < 0:
+            reason = "no depth yet" if self._segment < 0 else "no depth"
         return self._estimate(view, State.LOST, reason, None)
 
     def _begin_segment(self, view: View) -> Estimate | None:

@@ -123,13 +123,12 @@ def test_a_second_of_blackout_at_the_desk(desk_whole, kind):
     seen = [hidden(f, kind) if dark <= f.stamp < light else f for f in frames]
     ran = run_frames(camera, [f for f in seen if f is not None])
     ate_m = ran.judged(truth).ate_m
-    back = next(e for e in ran.estimates if e.stamp >= light and e.state in (State.RECOVERED, State.TRACKING))
+    back = next(e for e in ran.estimates if e.stamp >= light and e.state is State.RECOVERED)
     during = {e.state for e in ran.estimates if dark + 200_000_000 < e.stamp < light}
     print(f"{kind}: {during}, back after {(back.stamp - light) * 1e-9:.3f} s, {ate_m:.4f} m of {undisturbed_m:.4f}")
     assert ate_m <= 1.5 * undisturbed_m
     assert back.stamp - light < 1_000_000_000
-    # Without depth the camera is tracked by known landmarks: as accurate as ever, and called UNCERTAIN.
-    assert during <= {State.UNCERTAIN if kind == "depth" else State.LOST}
+    assert during <= {State.LOST}
 
 
 def test_no_false_closure_past_identical_rooms(tmp_path):

@@ -59,6 +59,11 @@ def covariance_between(keyframes: list[Keyframe], a: int, b: int) -> Array:
     return total
 
 
+def long_after(covariance: Array) -> Array:
+    """Return a frame's own `covariance` against what was seen long ago, with which it shares no errors any more."""
+    return (1.0 + _SHARED) * covariance
+
+
 def relative_covariance(
     keyframes: list[Keyframe], earlier: Placed, current: Placed, calibration_error: float
 ) -> Array | None:
@@ -95,7 +100,7 @@ def covariance_since_start(keyframes: list[Keyframe], placed: Placed, calibratio
     first = next(k for k in keyframes if k.segment == keyframe.segment)
     T_first_keyframe = first.T_camera_map @ se3.inverse(keyframe.T_camera_map)
     moved = calibration_error * se3.log(T_first_keyframe @ placed.T_keyframe_camera)
-    own = (1.0 + _SHARED) * placed.covariance + float(moved @ moved) * np.eye(6)
+    own = long_after(placed.covariance) + float(moved @ moved) * np.eye(6)
     return se3.compose_covariance(keyframe.covariance_since_start, placed.T_keyframe_camera, own)
 
 

@@ -9,7 +9,7 @@ from odom.backend.causal import CausalTrajectory, Publication
 from odom.backend.choice import Coverage, has_moved
 from odom.backend.closing import recognise
 from odom.backend.estimate import ClosingTest, Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
-from odom.backend.history import Placed, trajectory
+from odom.backend.history import Placed, long_after, trajectory
 from odom.backend.mapper import LEAST_FOUND_AGAIN, Mapper, Seen
 from odom.backend.motion import Motion
 from odom.backend.pairwise import register_successive
@@ -37,7 +37,7 @@ _LONGEST_GAP_S, _LONGEST_GAP_PERIODS = 0.2, 2.5
 _LEAP_S = 1.0
 _LEAST_CORNERS = 50
 _LEAST_DEEP, _LONGEST_SHALLOW_S = 0.05, 0.15
-_LEAST_DEPTH, _SPARSE = 0.01, 8
+_LEAST_DEPTH, _SPARSE, _LONGEST_BLIND_PERIODS = 0.01, 8, 1.5
 _CHECKED_ALL, _CHECK_EVERY = 20, 4
 _UNEQUAL = 0.2
 
@@ -181,7 +181,7 @@ class Odometry:
         T_direct = first.T_camera_map @ se3.inverse(tracked.T_camera_map)
         T_trajectory = first.T_camera_map @ se3.inverse(self._T_camera_map)
         away = se3.log(se3.inverse(T_trajectory) @ T_direct)
-        covariance = tracked.covariance * self._check.scale
+        covariance = long_after(tracked.covariance * self._check.scale)
         return ClosingTest(
             RelativePose(first.stamp, T_direct, covariance, inliers),
             T_trajectory,
@@ -385,7 +385,8 @@ class Odometry:
         sample = view.frame.depth_mm[::_SPARSE, ::_SPARSE]
         if np.count_nonzero(sample) >= _LEAST_DEPTH * sample.size:
             self._depth_stamp = view.stamp
-        return (view.stamp - self._depth_stamp) * 1e-9 > self.settings.bridge_s
+        longest = max(self.settings.bridge_s, _LONGEST_BLIND_PERIODS * self._clock.period_s)
+        return (view.stamp - self._depth_stamp) * 1e-9 > longest
 
     def _lose(self, view: View, is_blind: bool) -> Estimate:
         """Say that the frame has no pose, or begin a new segment where none can be hoped for."""

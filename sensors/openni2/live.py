@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -225,8 +226,12 @@ class LiveKinect:
         connection = 0
         first_ns: int | None = None
         told_ns = 0
-        yield self._encoder.info(Stamp(time.time_ns()))  # before the first image: whoever listens can get ready
-        for received in self._learned(clock):
+        arriving = self._received()
+        first = next(arriving, None)
+        if first is None:
+            return
+        yield self._encoder.info(Stamp(first.host_ns))  # while the clock is learnt whoever listens can get ready
+        for received in self._learned(clock, chain([first], arriving)):
             if received.connection != connection:
                 connection = received.connection
                 clock.restart()
@@ -244,14 +249,14 @@ class LiveKinect:
         counts = {name: str(count) for name, count in self.counters.items()}
         return {"uri": self.uri, "serial": self.serial, "drift_ppm": f"{clock.mapping.drift_ppm:.1f}", **counts}
 
-    def _learned(self, clock: DeviceClock) -> Iterator[_Received]:
+    def _learned(self, clock: DeviceClock, arriving: Iterator[_Received]) -> Iterator[_Received]:
         """Yield what is received once the unit of the stamps is known.
 
         The images before serve to learn it and, like those that have waited for somebody to read them, are not passed
         on: all at once they would only crowd out each other at whoever listens.
         """
         held: list[_Received] = []
-        for received in self._received():
+        for received in arriving:
             if clock.knows_unit:
                 yield received
                 continue

@@ -123,6 +123,12 @@ def test_a_few_frames_without_depth_are_tracked_by_known_landmarks(arena):
     assert set(ran.states) == {State.TRACKING}
 
 
+def test_a_slow_cameras_frame_without_depth_is_no_blackout(arena):
+    frames = [f.rgbd() for f in arena[1][::4]]
+    frames[5] = replace(frames[5], depth_mm=np.zeros_like(frames[5].depth_mm))
+    assert State.LOST not in run(arena[0], frames).states
+
+
 def test_a_sensor_at_rest_stays_where_it_is_and_adds_no_key_frame():
     options = ArenaOptions(walk="rest")
     ran = run(options.camera, [frame(options, k).rgbd() for k in range(45)])

@@ -13,7 +13,7 @@ from odom.registration import se3
 Array = NDArray[np.float64]
 
 _LONGEST_PATH = 200
-_SHARED, _SHARED_S = 1.0, 0.5
+_SHARED, _SHARED_S = 0.8, 0.5
 """Errors that frames share (the landmarks', the calibration's) against a frame's own: ratio of variances, and the time
 over which the camera looks elsewhere and they part. Measured on real and simulated walks alike."""
 _LONGEST_GAP_S = 0.2

@@ -46,6 +46,33 @@ def projection_terms(T: Array, p: Array, value: Array, J: Array, P: Array, r: Ar
 
 
 @compiled
+def robust_information(
+    P: Array, C: Array, r: Array, variance: Array, has_depth: bool, cauchy: float, PC: Array
+) -> tuple[float, float, float, float, float, float]:
+    """Return chi2 of the ray and of the depth (0 without), and what a measurement says: I_xx, I_xy, I_yy and I_ww.
+
+    Residual `r` (3) has the measurement's `variance` (4, see `Measurements`) and the landmark's own, `C` (3 x 3)
+    through `P` (3 x 3); the Cauchy weight is one half at a chi2 of `cauchy`. `PC` (3 x 3) is room to work in.
+    """
+    for a in range(3):
+        for b in range(3):
+            PC[a, b] = P[a, 0] * C[0, b] + P[a, 1] * C[1, b] + P[a, 2] * C[2, b]
+    sxx = variance[0] + PC[0, 0] * P[0, 0] + PC[0, 1] * P[0, 1] + PC[0, 2] * P[0, 2]
+    sxy = variance[1] + PC[0, 0] * P[1, 0] + PC[0, 1] * P[1, 1] + PC[0, 2] * P[1, 2]
+    syy = variance[2] + PC[1, 0] * P[1, 0] + PC[1, 1] * P[1, 1] + PC[1, 2] * P[1, 2]
+    determinant = sxx * syy - sxy * sxy
+    ray = (syy * r[0] * r[0] - 2.0 * sxy * r[0] * r[1] + sxx * r[1] * r[1]) / determinant
+    weight = 1.0 / (1.0 + ray / cauchy)
+    ixx, ixy, iyy = syy / determinant * weight, -sxy / determinant * weight, sxx / determinant * weight
+    depth, iww = 0.0, 0.0
+    if has_depth:
+        sww = variance[3] + PC[2, 0] * P[2, 0] + PC[2, 1] * P[2, 1] + PC[2, 2] * P[2, 2]
+        depth = r[2] * r[2] / sww
+        iww = 1.0 / (1.0 + depth / cauchy) / sww
+    return ray, depth, ixx, ixy, iyy, iww
+
+
+@compiled
 def _accumulate(
     T: Array, points: Array, covariances: Array, values: Array, variances: Array, used: NDArray[np.bool_], cauchy: float
 ) -> tuple[Array, Array, Array]:
@@ -63,22 +90,9 @@ def _accumulate(
         if not projection_terms(T, points[k], values[k], J, P, r):
             chi2[k, 0] = 1e9
             continue
-        C = covariances[k]
-        for a in range(3):
-            for b in range(3):
-                PC[a, b] = P[a, 0] * C[0, b] + P[a, 1] * C[1, b] + P[a, 2] * C[2, b]
-        sxx = variances[k, 0] + PC[0, 0] * P[0, 0] + PC[0, 1] * P[0, 1] + PC[0, 2] * P[0, 2]
-        sxy = variances[k, 1] + PC[0, 0] * P[1, 0] + PC[0, 1] * P[1, 1] + PC[0, 2] * P[1, 2]
-        syy = variances[k, 2] + PC[1, 0] * P[1, 0] + PC[1, 1] * P[1, 1] + PC[1, 2] * P[1, 2]
-        determinant = sxx * syy - sxy * sxy
-        chi2[k, 0] = (syy * r[0] * r[0] - 2.0 * sxy * r[0] * r[1] + sxx * r[1] * r[1]) / determinant
-        weight = 1.0 / (1.0 + chi2[k, 0] / cauchy)
-        ixx, ixy, iyy = syy / determinant * weight, -sxy / determinant * weight, sxx / determinant * weight
-        iww = 0.0
-        if values[k, 2] > 0.0:
-            sww = variances[k, 3] + PC[2, 0] * P[2, 0] + PC[2, 1] * P[2, 1] + PC[2, 2] * P[2, 2]
-            chi2[k, 1] = r[2] * r[2] / sww
-            iww = 1.0 / (1.0 + chi2[k, 1] / cauchy) / sww
+        chi2[k, 0], chi2[k, 1], ixx, ixy, iyy, iww = robust_information(
+            P, covariances[k], r, variances[k], values[k, 2] > 0.0, cauchy, PC
+        )
         for a in range(6):
             j0 = ixx * J[0, a] + ixy * J[1, a]
             j1 = ixy * J[0, a] + iyy * J[1, a]

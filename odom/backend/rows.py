@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.backend.motion import Motion, Velocity
-from odom.backend.pose import CAUCHY_CHI2, projection_terms
+from odom.backend.pose import CAUCHY_CHI2, projection_terms, robust_information
 from odom.frontend.measure import Measurements
 from odom.registration import se3
 from odom.registration.compiled import compiled
@@ -23,7 +23,7 @@ the lens's, stay from frame to frame."""
 
 @compiled
 def _accumulate(
-    T: Array, points: Array, covariances: Array, values: Array, variances: Array, row_s: Array, chi2_half: float
+    T: Array, points: Array, covariances: Array, values: Array, variances: Array, row_s: Array, cauchy: float
 ) -> tuple[Array, Array]:
     H = np.zeros((12, 12))
     g = np.zeros(12)
@@ -35,21 +35,9 @@ def _accumulate(
     for k in range(points.shape[0]):
         if not projection_terms(T, points[k], values[k], J, P, r):
             continue
-        C = covariances[k]
-        for a in range(3):
-            for b in range(3):
-                PC[a, b] = P[a, 0] * C[0, b] + P[a, 1] * C[1, b] + P[a, 2] * C[2, b]
-        sxx = variances[k, 0] + PC[0, 0] * P[0, 0] + PC[0, 1] * P[0, 1] + PC[0, 2] * P[0, 2]
-        sxy = variances[k, 1] + PC[0, 0] * P[1, 0] + PC[0, 1] * P[1, 1] + PC[0, 2] * P[1, 2]
-        syy = variances[k, 2] + PC[1, 0] * P[1, 0] + PC[1, 1] * P[1, 1] + PC[1, 2] * P[1, 2]
-        determinant = sxx * syy - sxy * sxy
-        chi2 = (syy * r[0] * r[0] - 2.0 * sxy * r[0] * r[1] + sxx * r[1] * r[1]) / determinant
-        weight = 1.0 / (1.0 + chi2 / chi2_half)
-        ixx, ixy, iyy = syy / determinant * weight, -sxy / determinant * weight, sxx / determinant * weight
-        iww = 0.0
-        if values[k, 2] > 0.0:
-            sww = variances[k, 3] + PC[2, 0] * P[2, 0] + PC[2, 1] * P[2, 1] + PC[2, 2] * P[2, 2]
-            iww = 1.0 / (1.0 + r[2] * r[2] / sww / chi2_half) / sww
+        _, _, ixx, ixy, iyy, iww = robust_information(
+            P, covariances[k], r, variances[k], values[k, 2] > 0.0, cauchy, PC
+        )
         for a in range(6):
             A[0, a], A[1, a], A[2, a] = -J[0, a], -J[1, a], -J[2, a]
             A[0, 6 + a], A[1, 6 + a] = -J[0, a] * row_s[k], -J[1, a] * row_s[k]

@@ -7,6 +7,7 @@ a body carried by hand.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +76,7 @@ class HandEye:
             state = tame._refine(state, whiten)
         return state, tame._sigma(state, whiten)
 
-    @property
+    @cached_property
     def _group(self) -> int:
         period_s = float(np.median(np.diff(self.estimate.stamps))) * 1e-9
         return max(1, min(round(_GROUP_S / period_s), len(self.estimate) // _GROUPS))

@@ -20,6 +20,7 @@ from odom.backend.tracking import INLIER_CHI2, Before, Tracked, coarse_pose, dis
 from odom.errors import InputError
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.clock import Clock
+from odom.frontend.depth import has_depth
 from odom.frontend.images import FrameImages
 from odom.frontend.lens import Lens
 from odom.frontend.measure import FeatureNoise
@@ -37,7 +38,7 @@ _LONGEST_GAP_S, _LONGEST_GAP_PERIODS = 0.2, 2.5
 _LEAP_S = 1.0
 _LEAST_CORNERS = 50
 _LEAST_DEEP, _LONGEST_SHALLOW_S = 0.05, 0.15
-_LEAST_DEPTH, _SPARSE, _LONGEST_BLIND_PERIODS = 0.01, 8, 1.5
+_LONGEST_BLIND_PERIODS = 1.5
 _CHECKED_ALL, _CHECK_EVERY = 20, 4
 _UNEQUAL = 0.2
 
@@ -72,7 +73,7 @@ class Odometry:
 
     def __init__(self, camera: Camera, settings: OdometrySettings | None = None) -> None:
         self.settings = settings or OdometrySettings()
-        self._camera, self._lens = camera, Lens.of(camera)
+        self.camera, self._lens = camera, Lens.of(camera)
         knots = np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0])
         table = np.stack([knots, np.full_like(knots, self.settings.inverse_depth_sigma)])
         self._check = SelfCheck.of(FeatureNoise(self.settings.pixel_sigma_px, table))
@@ -116,9 +117,9 @@ class Odometry:
         Raises InputError for a frame whose size is not the camera's, or whose stamp is the last one's or up to a
         second before it; a leap further back is a new time, in which the camera has to be found again.
         """
-        if frame.depth_mm.shape != (self._camera.height, self._camera.width):
+        if frame.depth_mm.shape != (self.camera.height, self.camera.width):
             raise InputError(
-                f"a frame of {frame.depth_mm.shape[::-1]} pixels from {self._camera}: give that camera's own"
+                f"a frame of {frame.depth_mm.shape[::-1]} pixels from {self.camera}: give that camera's own"
             )
         if -_LEAP_S <= self._causal.since_last_s(frame.stamp) <= 0.0:
             raise InputError(f"frame {frame.sequence} is not later than the one before: give frames in order of time")
@@ -132,7 +133,9 @@ class Odometry:
         watch.lap("images")
         loops, map_moved = self._take_background()
         watch.lap("background")
-        was_lost, is_blind = self._causal.is_lost, self._is_blind(view)
+        if has_depth(frame.depth_mm):
+            self._depth_stamp = view.stamp
+        was_lost, is_blind = self._causal.is_lost, self._is_blind(view.stamp)
         T_coarse = None if glance is None or map_moved else glance.T_coarse
         tracked = None if was_lost or is_blind else self._follow(view, watch, T_coarse)
         if tracked is not None and self._previous is not None and self._previous.tracked is None:
@@ -227,28 +230,28 @@ class Odometry:
         if T_coarse is None:
             T_coarse = self._coarse(self._previous, view.images, dt)
         watch.lap("follow")
-        before = Before(self._motion(), dt, self._check.scale)
+        before = self._before(dt)
         tracked = self._mapper.track(view, T_coarse, before.twist_to(T_coarse), self._near, self._check.noise, before)
         watch.lap("find and fit")
         moved = before.twist_to(tracked.T_camera_map)
         is_bounded = np.linalg.norm(moved[:3]) < _FASTEST_M_S and np.linalg.norm(moved[3:]) < _FASTEST_RAD_S
         return tracked if is_bounded and np.count_nonzero(tracked.inliers) >= _LEAST_INLIERS else None
 
-    def _motion(self) -> Motion:
-        """Return the camera's motion in the map as of the previous frame."""
+    def _before(self, dt: float) -> Before:
+        """Return the camera's motion in the map as of the previous frame, `dt` seconds ago."""
         tracked = None if self._previous is None else self._previous.tracked
-        T_map_camera = se3.inverse(self._T_camera_map)
-        if tracked is None:
-            return Motion.of(T_map_camera, np.zeros((6, 6)))
-        return Motion.of(T_map_camera, tracked.covariance * self._check.scale, tracked.velocity)
+        motion = Motion.of(se3.inverse(self._T_camera_map), np.zeros((6, 6)))
+        if tracked is not None:
+            motion = Motion.of(motion.T_fixed_camera, tracked.covariance * self._check.scale, tracked.velocity)
+        return Before(motion, dt, self._check.scale)
 
     def _follow_from_start(self, view: View, first: View, tracked: Tracked, watch: Stopwatch) -> Tracked | None:
         """Return the second frame of a segment tracked again: the motion to it tells how the first one's rows are bent.
 
         The rows themselves can't: landmarks bent in the first frame look straight in the second.
         """
-        mean = Before(self._motion(), self._since_previous_s(view), 1.0).twist_to(tracked.T_camera_map)
-        self._mapper.remeasure(self._near, first, mean, self._check)
+        twist = self._before(self._since_previous_s(view)).twist_to(tracked.T_camera_map)
+        self._mapper.remeasure(self._near, first, twist, self._check)
         return self._follow(view, watch)
 
     def _relocalise(self, view: View) -> Tracked | None:
@@ -271,7 +274,8 @@ class Odometry:
         previous, T_before = self._previous, self._T_camera_map
         dt = 0.0 if is_recovered else self._since_previous_s(view)
         self._T_camera_map, self._near = tracked.T_camera_map, tracked.reference
-        twist = -se3.log(self._T_camera_map @ se3.inverse(T_before)) / dt if dt else np.zeros(6)
+        step = se3.log(self._T_camera_map @ se3.inverse(T_before))
+        twist = -step / dt if dt else np.zeros(6)
         self._twist = twist
         if self._newest is not None and dt:
             middle = 0.5 * (self._newest.twist + twist)
@@ -280,8 +284,7 @@ class Odometry:
         self._sight_s = 0.0
         self._mapper.map.landmarks.seen[tracked.rows[tracked.inliers]] += 1
         is_regular = dt > 0.0 and abs(dt - self._clock.period_s) < _UNEQUAL * self._clock.period_s
-        step = se3.log(tracked.T_camera_map @ se3.inverse(T_before)) if is_regular else None
-        self._check = self._check.with_step(step, tracked.information)
+        self._check = self._check.with_step(step if is_regular else None, tracked.information)
         if self._check.checks < _CHECKED_ALL or len(self._causal.frames) % _CHECK_EVERY == 0:
             self._check_noise(tracked)
         watch.lap("check")
@@ -344,7 +347,7 @@ class Odometry:
     def _check_noise(self, tracked: Tracked) -> None:
         chosen = tracked.inliers & (tracked.chi2[:, 1] < INLIER_CHI2)
         self._check = self._check.with_residuals(tracked.chi2[chosen], tracked.measurements.values[chosen, 2])
-        nees = disagreement(self._mapper.map, tracked, self._camera.width)
+        nees = disagreement(self._mapper.map, tracked, self.camera.width)
         if nees is not None:
             self._check = self._check.with_disagreement(nees)
 
@@ -380,13 +383,10 @@ class Odometry:
         reason = "not tracked: the motion is predicted"
         return self._estimate(view, State.UNCERTAIN, reason, published, is_predicted=True)
 
-    def _is_blind(self, view: View) -> bool:
+    def _is_blind(self, stamp: Stamp) -> bool:
         """Say whether there has been no depth at all for longer than a prediction may stand in."""
-        sample = view.frame.depth_mm[::_SPARSE, ::_SPARSE]
-        if np.count_nonzero(sample) >= _LEAST_DEPTH * sample.size:
-            self._depth_stamp = view.stamp
         longest = max(self.settings.bridge_s, _LONGEST_BLIND_PERIODS * self._clock.period_s)
-        return (view.stamp - self._depth_stamp) * 1e-9 > longest
+        return (stamp - self._depth_stamp) * 1e-9 > longest
 
     def _lose(self, view: View, is_blind: bool) -> Estimate:
         """Say that the frame has no pose, or begin a new segment where none can be hoped for."""
@@ -397,9 +397,9 @@ class Odometry:
             if estimate is not None:
                 return estimate
         self._causal.lose(view.stamp, self._segment)
-        reason = "no known place recognised"
-        if is_blind or self._segment < 0:
-            reason = "no depth yet" if self._segment < 0 else "no depth"
+        reason = "no depth" if is_blind else "no known place recognised"
+        if self._segment < 0:
+            reason = "no depth yet"
         return self._estimate(view, State.LOST, reason, None)
 
     def _begin_segment(self, view: View) -> Estimate | None:

@@ -8,6 +8,13 @@ from odom.registration.compiled import compiled
 _WINDOW = 3
 _SHARE_VALID = 0.5
 _SHARE_ON_SURFACE = 0.85
+_LEAST_SHARE, _SAMPLED_EVERY = 0.01, 8
+
+
+def has_depth(depth_mm: NDArray[np.uint16]) -> bool:
+    """Say whether a depth image shows anything: at least 1 % of its pixels, of which every 64th is looked at."""
+    sample = depth_mm[::_SAMPLED_EVERY, ::_SAMPLED_EVERY]
+    return bool(np.count_nonzero(sample) >= _LEAST_SHARE * sample.size)
 
 
 @compiled

@@ -32,14 +32,13 @@ _LIVE_CLOCK_NS = 10_000_000_000
 
 @dataclass(frozen=True, eq=False)
 class FrameArrival:
-    """A decoded frame with its calibration; `origin` is when it came to be, None where no latency can be told.
+    """A decoded frame; `origin` is when it came to be, None where no latency can be told.
 
     That is the capture stamp of a live sensor, and the time of sending of a recording played in real time. The frame is
     grey, `color` is the message of its image.
     """
 
     frame: RgbdFrame
-    camera: Camera
     origin: Stamp | None
     color: Message | None = None
 
@@ -237,13 +236,14 @@ class Intake:
         origin = _origin(frame, delivery) if live else None
         with self._changed:
             if live:
-                self._forget_colors()
-                while self._frames >= self._live_room:
-                    self._drop_oldest_frame()
+                self._drop_oldest(ColorArrival)  # not looked at yet: it is in the frame that comes, or old
+                while self._frames >= self._live_room and self._drop_oldest(FrameArrival):
+                    self._frames -= 1
+                    self.overtaken += 1
             else:
                 while self._frames >= _LOSSLESS_ROOM and not self._closed:
                     self._changed.wait()
-            self._waiting.append(FrameArrival(frame, self._camera, origin, color))
+            self._waiting.append(FrameArrival(frame, origin, color))
             self._frames += 1
             self._changed.notify_all()
 
@@ -251,16 +251,9 @@ class Intake:
         waiting = self.assembler.newest_color
         if waiting is not None and self._camera is not None:
             with self._changed:
-                self._forget_colors()
+                self._drop_oldest(ColorArrival)
                 self._waiting.append(ColorArrival(*waiting))
                 self._changed.notify_all()
-
-    def _forget_colors(self) -> None:
-        """Drop a colour image that nobody has looked at yet: it is in the frame that comes, or old."""
-        for i, arrival in enumerate(self._waiting):
-            if isinstance(arrival, ColorArrival):
-                del self._waiting[i]
-                return
 
     def _put(self, arrival: CameraArrival | TruthArrival | EndArrival) -> None:
         with self._changed:
@@ -270,13 +263,12 @@ class Intake:
             self._waiting.append(arrival)
             self._changed.notify_all()
 
-    def _drop_oldest_frame(self) -> None:
-        for i, arrival in enumerate(self._waiting):
-            if isinstance(arrival, FrameArrival):
-                del self._waiting[i]
-                self._frames -= 1
-                self.overtaken += 1
-                return
+    def _drop_oldest(self, kind: type[Arrival]) -> bool:
+        """Take out the oldest waiting arrival of a kind; say whether there was one."""
+        oldest = next((i for i, arrival in enumerate(self._waiting) if isinstance(arrival, kind)), None)
+        if oldest is not None:
+            del self._waiting[oldest]
+        return oldest is not None
 
 
 def _origin(frame: RgbdFrame, delivery: Delivery | None) -> Stamp:

@@ -140,13 +140,12 @@ class OdometryProcess:
 
     def _show_keyframe(self, arrival: FrameArrival) -> None:
         color = arrival.color
-        if color is None:
+        if color is None or self._odometry is None:
             return
+        camera = self._odometry.camera
         points = self._settings.service.keyframe_points
         try:
-            self._announcer.keyframe(
-                lambda: keyframe_message(self._topics, arrival.frame, arrival.camera, color, points)
-            )
+            self._announcer.keyframe(lambda: keyframe_message(self._topics, arrival.frame, camera, color, points))
         except WireError as error:
             _LOG.warning("frame %d: no cloud of this key frame: %s", arrival.frame.sequence, error)
 

@@ -67,7 +67,6 @@ def _tiles(seed: int) -> Tiles:
 
 def prepare(options: ArenaOptions) -> None:
     """Furnish and light the rooms of a session now instead of at its first frame, in as little memory as that takes."""
-    release_compiler()
     _rooms(options)
     release_compiler()
     frame(replace(options, blackout=""), 0)

@@ -6,16 +6,11 @@ import cv2
 import numpy as np
 import pytest
 from painted_room import SMALL, PaintedRoom, stroll
-from running import Ran, run
+from running import Ran, read_tum_frames, run
 
-from odom.evaluation.files import read_tum
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera, RgbdFrame
-from odom.wire import Topics
-from odom.wire.assembler import FrameAssembler
 from sensors.arena import ArenaFrame, ArenaOptions, frame
-from sensors.catalogue import open_source
-from sensors.source import SourceOptions
 
 ARENA_FRAMES = 105
 
@@ -47,21 +42,6 @@ def room_frames() -> list[RgbdFrame]:
     """Two seconds in a painted room, perfect small images."""
     room = PaintedRoom()
     return [room.frame(SMALL, k, stroll(k / 30.0)) for k in range(60)]
-
-
-def read_tum_frames(folder: Path, most: int | None) -> tuple[Camera, list[RgbdFrame], Trajectory]:
-    """A recording's camera, its first frames and the truth."""
-    assembler = FrameAssembler(Topics(), grey=True)
-    source = open_source(str(folder), SourceOptions())
-    frames: list[RgbdFrame] = []
-    for message in source.messages():
-        frames += assembler.feed(message)
-        if most is not None and len(frames) >= most:
-            break
-    else:
-        frames += assembler.finish()
-    assert assembler.camera is not None
-    return assembler.camera, frames, read_tum(folder / "groundtruth.txt")
 
 
 @pytest.fixture(scope="session")

@@ -2,14 +2,20 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from odom.backend import Estimate, Odometry, OdometrySettings, State, TrajectoryPose
+from odom.evaluation.files import read_tum
 from odom.evaluation.report import Report, evaluate
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera, RgbdFrame
 from odom.frontend.timing import Timing
+from odom.wire import Topics
+from odom.wire.assembler import FrameAssembler
+from sensors.catalogue import open_source
+from sensors.source import SourceOptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +51,21 @@ class Ran:
     def first(self, state: State, after: int) -> Estimate:
         """The first estimate of this state whose stamp is not before `after`."""
         return next(e for e in self.estimates if e.state is state and e.stamp >= after)
+
+
+def read_tum_frames(folder: Path, most: int | None) -> tuple[Camera, list[RgbdFrame], Trajectory]:
+    """A recording's camera, its first frames and the truth."""
+    assembler = FrameAssembler(Topics(), grey=True)
+    source = open_source(str(folder), SourceOptions())
+    frames: list[RgbdFrame] = []
+    for message in source.messages():
+        frames += assembler.feed(message)
+        if most is not None and len(frames) >= most:
+            break
+    else:
+        frames += assembler.finish()
+    assert assembler.camera is not None
+    return assembler.camera, frames, read_tum(folder / "groundtruth.txt")
 
 
 def run(camera: Camera, frames: Iterable[RgbdFrame], settings: OdometrySettings | None = None) -> Ran:

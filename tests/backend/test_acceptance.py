@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import read_tum_frames
+from running import read_tum_frames
 from running import run as run_frames
 
 from odom.backend import Odometry, OdometrySettings, State

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.backend.estimate import RelativePose
-from odom.backend.history import Placed, covariance_since_start, relative_covariance, relative_pose
+from odom.backend.history import covariance_since_start, relative_covariance, relative_pose
 from odom.backend.keyframes import Keyframe
 from odom.backend.motion import Motion
+from odom.backend.placed import Placed, PlacedFrames
 from odom.backend.selfcheck import SelfCheck
 from odom.frame import Stamp
 from odom.registration import se3
@@ -38,13 +39,13 @@ class Publication:
 
 
 class CausalTrajectory:
-    """Every frame's place (`frames`, for the middle row) and the newest publications.
+    """The frames' places (`frames`, for the middle row) and the newest publications.
 
     `keyframes` is the map's list, which grows and moves meanwhile.
     """
 
     def __init__(self, keyframes: list[Keyframe]) -> None:
-        self.frames: list[Placed] = []
+        self.frames = PlacedFrames()
         self._keyframes = keyframes
         self._recent: deque[Publication] = deque(maxlen=_RECENT)
         self._motion: Motion | None = None
@@ -52,18 +53,21 @@ class CausalTrajectory:
     @property
     def is_lost(self) -> bool:
         """Whether the last frame has no pose, or there is none yet."""
-        return not self.frames or self.frames[-1].keyframe is None
+        last = self.frames.last
+        return last is None or last.keyframe is None
 
     def since_last_s(self, stamp: Stamp) -> float:
         """Return the seconds from the last frame to `stamp`, infinite where there is none."""
-        return (stamp - self.frames[-1].stamp) * 1e-9 if self.frames else np.inf
+        last = self.frames.last
+        return np.inf if last is None else (stamp - last.stamp) * 1e-9
 
     def begin(self, stamp: Stamp, segment: int, keyframe: int, T_odom_camera: Array) -> Publication:
         """Publish the first pose of a segment, which its key frame's is by definition."""
-        self.frames.append(Placed(stamp, segment, 0.0, keyframe, np.eye(4), np.zeros((6, 6))))
+        placed = Placed(stamp, segment, 0.0, keyframe, np.eye(4), np.zeros((6, 6)))
+        self.frames.append(placed)
         self._motion = None
         self._recent.clear()
-        self._recent.append(Publication(self.frames[-1], T_odom_camera))
+        self._recent.append(Publication(placed, T_odom_camera))
         return self._recent[-1]
 
     def advance(
@@ -131,7 +135,7 @@ class CausalTrajectory:
             T_keyframe_camera=last.placed.T_keyframe_camera @ step,
             covariance=last.placed.covariance + np.diag((_BRIDGE_SIGMA * dt) ** 2),
         )
-        self.frames.append(replace(placed, delay_s=0.0, covariance=None))
+        self.frames.append(replace(placed, delay_s=0.0))
         self._recent.append(Publication(placed, last.T_odom_camera @ step))
         return self._recent[-1]
 

@@ -1,12 +1,15 @@
-"""Every frame's place relative to a key frame, so that it moves with the map, and covariances between frames."""
+"""Frames between key frames: covariances of the motions between them, and the trajectory that moves with the map."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import chain, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from odom.backend.estimate import RelativePose, TrajectoryPose
 from odom.backend.keyframes import Keyframe
+from odom.backend.placed import Placed
 from odom.frame import Stamp
 from odom.registration import se3
 
@@ -17,26 +20,6 @@ _SHARED, _SHARED_S = 0.8, 0.5
 """Errors that frames share (the landmarks', the calibration's) against a frame's own: ratio of variances, and the time
 over which the camera looks elsewhere and they part. Measured on real and simulated walks alike."""
 _LONGEST_GAP_S = 0.2
-
-
-@dataclass(frozen=True, eq=False)
-class Placed:
-    """One frame: `T_keyframe_camera` and its 6 x 6 covariance (`se3`, camera frame); `keyframe` is None when LOST.
-
-    The pose belongs to `stamp - delay_s`, the middle row's time. `segment` counts only while the frame is LOST:
-    otherwise its key frame's does, which may have been merged with another since.
-    """
-
-    stamp: Stamp
-    segment: int
-    delay_s: float
-    keyframe: int | None = None
-    T_keyframe_camera: Array | None = None
-    covariance: Array | None = None
-
-    def since_s(self, other: "Placed") -> float:
-        """Return the seconds from the `other` frame's middle row to this one's."""
-        return (self.stamp - other.stamp) * 1e-9 - self.delay_s + other.delay_s
 
 
 def _ancestors(keyframes: list[Keyframe], number: int) -> list[int]:
@@ -113,24 +96,37 @@ def relative_pose(
     return RelativePose(stamp_earlier, se3.inverse(T_odom_earlier) @ T_odom_current, covariance, inliers)
 
 
-def trajectory(frames: list[Placed], keyframes: list[Keyframe]) -> tuple[TrajectoryPose, ...]:
+@dataclass(frozen=True, eq=False)
+class _Middle:
+    """A frame and its pose in the map (None: LOST) at its middle row's time."""
+
+    placed: Placed
+    T_map_camera: Array | None
+    segment: int
+
+    @classmethod
+    def of(cls, placed: Placed, keyframes: list[Keyframe]) -> "_Middle":
+        if placed.keyframe is None or placed.T_keyframe_camera is None:
+            return cls(placed, None, placed.segment)
+        keyframe = keyframes[placed.keyframe]
+        return cls(placed, se3.inverse(keyframe.T_camera_map) @ placed.T_keyframe_camera, keyframe.segment)
+
+
+def trajectory(frames: Iterable[Placed], keyframes: list[Keyframe]) -> tuple[TrajectoryPose, ...]:
     """Return every frame's pose at its stamp: carried from the middle row's time along the motion to the next frame."""
-    T_map_middle: list[Array | None] = [
-        None
-        if f.keyframe is None or f.T_keyframe_camera is None
-        else se3.inverse(keyframes[f.keyframe].T_camera_map) @ f.T_keyframe_camera
-        for f in frames
-    ]
-    segments = [f.segment if f.keyframe is None else keyframes[f.keyframe].segment for f in frames]
-    out = []
-    for i, (f, T) in enumerate(zip(frames, T_map_middle, strict=True)):
-        T_stamp = T
-        for j, sign in ((i + 1, 1.0), (i - 1, -1.0)):
-            if T is None or not f.delay_s or not 0 <= j < len(frames) or segments[j] != segments[i]:
-                continue
-            other, apart_s = T_map_middle[j], abs(frames[j].since_s(f))
-            if other is not None and 0.0 < apart_s < _LONGEST_GAP_S:
-                T_stamp = T @ se3.exp(sign * f.delay_s / apart_s * se3.log(se3.inverse(T) @ other))
-                break
-        out.append(TrajectoryPose(f.stamp, T_stamp, segments[i]))
-    return tuple(out)
+    middles = chain([None], (_Middle.of(placed, keyframes) for placed in frames), [None])
+    around = pairwise(pairwise(middles))
+    return tuple(_at_stamp(here, before, after) for (before, here), (_, after) in around if here is not None)
+
+
+def _at_stamp(here: _Middle, before: _Middle | None, after: _Middle | None) -> TrajectoryPose:
+    f, T = here.placed, here.T_map_camera
+    T_stamp = T
+    for there, sign in ((after, 1.0), (before, -1.0)):
+        if T is None or not f.delay_s or there is None or there.segment != here.segment:
+            continue
+        apart_s = abs(there.placed.since_s(f))
+        if there.T_map_camera is not None and 0.0 < apart_s < _LONGEST_GAP_S:
+            T_stamp = T @ se3.exp(sign * f.delay_s / apart_s * se3.log(se3.inverse(T) @ there.T_map_camera))
+            break
+    return TrajectoryPose(f.stamp, T_stamp, here.segment)

@@ -9,10 +9,11 @@ from odom.backend.causal import CausalTrajectory, Publication
 from odom.backend.choice import Coverage, has_moved
 from odom.backend.closing import recognise
 from odom.backend.estimate import ClosingTest, Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
-from odom.backend.history import Placed, long_after, trajectory
+from odom.backend.history import long_after, trajectory
 from odom.backend.mapper import LEAST_FOUND_AGAIN, Mapper, Seen
 from odom.backend.motion import Motion
 from odom.backend.pairwise import register_successive
+from odom.backend.placed import Placed
 from odom.backend.selfcheck import SelfCheck
 from odom.backend.settings import OdometrySettings
 from odom.backend.stopwatch import Stopwatch
@@ -156,7 +157,10 @@ class Odometry:
         return replace(estimate, loops=loops, timings_ms=watch.laps_ms)
 
     def finish(self) -> tuple[TrajectoryPose, ...]:
-        """Return the final corrected trajectory, one pose a frame, after adjusting the whole map once more."""
+        """Return the final corrected trajectory after adjusting the whole map once more.
+
+        It holds one pose a frame, of the last eight hours (see `PlacedFrames`).
+        """
         keyframes = self._mapper.map.keyframes
         before = keyframes[self._near].T_camera_map.copy() if keyframes else np.eye(4)
         self._mapper.finish(self._check)
@@ -204,7 +208,7 @@ class Odometry:
         if not keyframes:
             return (), False
         before = keyframes[self._near].T_camera_map.copy()
-        if not self._mapper.take_adjustment(len(self._causal.frames), self._check):
+        if not self._mapper.take_adjustment(self._causal.frames.count, self._check):
             return (), False
         loops, T_new_old = self._mapper.take_recognitions(self._check)
         if T_new_old is not None:
@@ -285,7 +289,7 @@ class Odometry:
         self._mapper.map.landmarks.seen[tracked.rows[tracked.inliers]] += 1
         is_regular = dt > 0.0 and abs(dt - self._clock.period_s) < _UNEQUAL * self._clock.period_s
         self._check = self._check.with_step(step if is_regular else None, tracked.information)
-        if self._check.checks < _CHECKED_ALL or len(self._causal.frames) % _CHECK_EVERY == 0:
+        if self._check.checks < _CHECKED_ALL or self._causal.frames.count % _CHECK_EVERY == 0:
             self._check_noise(tracked)
         watch.lap("check")
         covariance = tracked.covariance * self._check.scale
@@ -317,7 +321,7 @@ class Odometry:
         is_deep = np.count_nonzero(tracked.chi2[tracked.inliers, 1]) >= _LEAST_DEEP * inliers
         if is_deep:
             self._deep_stamp = view.stamp
-        self._mapper.start_background(len(self._causal.frames), self._check)
+        self._mapper.start_background(self._causal.frames.count, self._check)
         is_keyframe = bool(is_deep) and self._needs_keyframe(uv)
         if is_keyframe:
             rows, uv = self._add_keyframe(view, tracked, covariance)

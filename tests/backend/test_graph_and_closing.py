@@ -5,8 +5,9 @@ from made_up_scene import bare_keyframe, chain_of_keyframes
 
 from odom.backend.closing import close_loop, contradiction, merge_segment
 from odom.backend.graph import Edge, optimise
-from odom.backend.history import Placed, covariance_between, relative_covariance, trajectory
+from odom.backend.history import covariance_between, relative_covariance, trajectory
 from odom.backend.map import Map
+from odom.backend.placed import Placed
 from odom.frame import Stamp
 from odom.registration import se3
 

@@ -69,9 +69,11 @@ def contradiction(
 
 
 def close_loop(map_: Map, loops: list[Edge], scale: float) -> None:
-    """Move the key frames of a segment to where all registrations and `loops` (the newest last) agree best."""
-    segment = map_.keyframes[loops[-1].b].segment
-    members = [k for k in map_.keyframes if k.segment == segment]
+    """Move the key frames of a segment to where all registrations and `loops` (the newest last) agree best.
+
+    The oldest one remembered is held, forgotten ones follow.
+    """
+    members = map_.members(map_.keyframes[loops[-1].b].segment)
     T_map_keyframe = {k.number: se3.inverse(k.T_camera_map) for k in members}
     edges = [
         Edge(
@@ -91,9 +93,10 @@ def close_loop(map_: Map, loops: list[Edge], scale: float) -> None:
 
 def merge_segment(map_: Map, segment: int, into: int, T_new_old: Array) -> None:
     """Carry a whole segment into the map of another: `T_new_old` maps its old coordinates to the other's."""
-    numbers = np.array([k.number for k in map_.keyframes if k.segment == segment])
+    numbers = np.array([k.number for k in map_.members(segment)])
     T_old_new = se3.inverse(T_new_old)
     T_camera_map = np.array([map_.keyframes[int(n)].T_camera_map @ T_old_new for n in numbers])
     map_.move_keyframes(numbers, T_camera_map, np.zeros(0, dtype=np.int64))
-    for n in numbers:
-        map_.keyframes[int(n)].segment = into
+    for keyframe in map_.keyframes:
+        if keyframe.segment == segment:
+            keyframe.segment = into

@@ -14,6 +14,9 @@ from odom.frontend.timing import Timing
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+_NO_ROWS, _NO_UV = np.zeros(0, dtype=np.int64), np.zeros((0, 2))
+_NOTHING_MEASURED = Measurements(np.zeros((0, 3)), np.zeros((0, 3, 2)), np.zeros((0, 4)), np.zeros((0, 2)))
+
 
 @dataclass(eq=False)
 class Keyframe:
@@ -36,6 +39,11 @@ class Keyframe:
     parent: int | None
     covariance_parent: Array
     covariance_since_start: Array
+
+    def forget(self) -> None:
+        """Drop what was measured; the arrays that are left are shared by all that have forgotten."""
+        self.rows = self.identities = _NO_ROWS
+        self.uv, self.measurements = _NO_UV, _NOTHING_MEASURED
 
     def current(self, landmarks: Landmarks) -> NDArray[np.bool_]:
         """Return which of the measured landmarks are still in the map (n)."""

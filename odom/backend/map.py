@@ -23,15 +23,22 @@ _TRIALS, _SHARE_SEEN = 8, 0.25
 _LINKED = 15
 _HOPS = 3
 _CLOUD = 20_000
+_PATH = 2_000
 
 
 @dataclass(eq=False)
 class Map:
-    """Key frames, landmarks, and which key frames are linked: by common landmarks, succession or loop closure."""
+    """Key frames, landmarks, and which key frames are linked: by common landmarks, succession or loop closure.
+
+    `remembered` are the numbers of the key frames that are not forgotten (see `forgetting`), in order; `followers` the
+    forgotten ones that move with a remembered one, by its number.
+    """
 
     landmarks: Landmarks = field(default_factory=Landmarks)
     keyframes: list[Keyframe] = field(default_factory=list)
     links: list[set[int]] = field(default_factory=list)
+    remembered: list[int] = field(default_factory=list)
+    followers: dict[int, list[int]] = field(default_factory=dict)
 
     def add_keyframe(
         self,
@@ -70,6 +77,7 @@ class Map:
             self._covariance_since_start(T_camera_map, parent, covariance_parent),
         )
         self.keyframes.append(keyframe)
+        self.remembered.append(number)
         anchors, shared = np.unique(self.landmarks.keyframe[rows], return_counts=True)
         self.links.append(set())
         for other in [int(a) for a in anchors[shared >= _LINKED]] + ([] if parent is None else [parent]):
@@ -124,10 +132,18 @@ class Map:
             self.links[a].add(b)
             self.links[b].add(a)
 
+    def members(self, segment: int) -> list[Keyframe]:
+        """Return the key frames of a segment that are remembered."""
+        return [k for n in self.remembered if (k := self.keyframes[n]).segment == segment]
+
     def path(self) -> tuple[tuple[Stamp, Array], ...]:
-        """Return stamp and T_map_camera of every key frame."""
-        T_map_camera = np.linalg.inv(np.array([k.T_camera_map for k in self.keyframes]))
-        return tuple((k.stamp, T) for k, T in zip(self.keyframes, T_map_camera, strict=True))
+        """Return stamp and T_map_camera of the key frames; of forgotten ones at most 2,000, thinned evenly."""
+        remembered = set(self.remembered)
+        forgotten = [k for k in self.keyframes if k.number not in remembered]
+        kept = {k.number for k in forgotten[:: 1 + len(forgotten) // _PATH]} | remembered
+        shown = [self.keyframes[n] for n in sorted(kept)]
+        T_map_camera = np.linalg.inv(np.array([k.T_camera_map for k in shown]))
+        return tuple((k.stamp, T) for k, T in zip(shown, T_map_camera, strict=True))
 
     def cloud(self) -> Array:
         """Return landmarks (n x 3, m, map frame) that were seen more than once, thinned evenly to at most 20,000."""
@@ -135,22 +151,26 @@ class Map:
         return np.asarray(self.landmarks.position[rows[:: 1 + len(rows) // _CLOUD]])
 
     def neighbours(self, keyframe: int, T_camera_map: Array, most: int) -> Index:
-        """Return up to `most` key frames linked to `keyframe` over a few hops, nearest to the pose first.
-
-        Near is metres plus radians: at a metre's depth, both move a feature about as far.
-        """
+        """Return up to `most` key frames linked to `keyframe` over a few hops, nearest to the pose first."""
         reached, edge = {keyframe}, {keyframe}
         for _ in range(_HOPS):
             edge = set().union(*(self.links[k] for k in edge)) - reached
             reached |= edge
             if len(reached) > 4 * most:
                 break
-        numbers = np.array(sorted(reached))
+        return self.nearest(sorted(reached), T_camera_map)[:most]
+
+    def nearest(self, keyframes: list[int], T_camera_map: Array) -> Index:
+        """Return `keyframes` ordered by how near they are to a pose.
+
+        Near is metres plus radians: at a metre's depth, both move a feature about as far.
+        """
+        numbers = np.array(keyframes)
         T = np.array([self.keyframes[k].T_camera_map for k in numbers])
         R = T_camera_map[:3, :3] @ T[:, :3, :3].transpose(0, 2, 1)
         apart_m = np.linalg.norm(T_camera_map[:3, 3] - np.einsum("kij,kj->ki", R, T[:, :3, 3]), axis=1)
         apart_rad = np.arccos(np.clip((np.trace(R, axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))
-        return np.asarray(numbers[np.argsort(apart_m + apart_rad, kind="stable")[:most]])
+        return np.asarray(numbers[np.argsort(apart_m + apart_rad, kind="stable")])
 
     def cull(self, keyframes: Index) -> None:
         """Give up landmarks of `keyframes` that were looked for in several frames and hardly ever found."""
@@ -159,11 +179,18 @@ class Map:
         L.cull(np.flatnonzero(L.alive & concerned & (L.tried >= _TRIALS) & (L.seen < _SHARE_SEEN * L.tried)))
 
     def move_keyframes(self, numbers: Index, T_camera_map: Array, adjusted_rows: Index) -> None:
-        """Give key frames new poses; their landmarks go with them, except `adjusted_rows`, which already have."""
+        """Give key frames new poses; their landmarks go with them, except `adjusted_rows`, which already have.
+
+        So do their followers.
+        """
         L = self.landmarks
         follows = L.alive.copy()
         follows[adjusted_rows] = False
         for number, T in zip(numbers, T_camera_map, strict=True):
+            keyframe = self.keyframes[number]
+            T_new_old = se3.inverse(T) @ keyframe.T_camera_map
             rows = np.flatnonzero(follows & (L.keyframe == number))
-            L.position[rows] = se3.apply(se3.inverse(T) @ self.keyframes[number].T_camera_map, L.position[rows])
-            self.keyframes[number].T_camera_map = se3.orthonormal(T)
+            L.position[rows] = se3.apply(T_new_old, L.position[rows])
+            keyframe.T_camera_map = se3.orthonormal(T)
+            for follower in (self.keyframes[n] for n in self.followers.get(int(number), ())):
+                follower.T_camera_map = se3.orthonormal(follower.T_camera_map @ se3.inverse(T_new_old))

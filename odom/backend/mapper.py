@@ -10,6 +10,7 @@ from odom.backend import window
 from odom.backend.bundle import Bundle
 from odom.backend.closing import Recognition, close_loop, contradiction, merge_segment, recognise
 from odom.backend.estimate import LoopCandidate
+from odom.backend.forgetting import forget, oldest_beyond
 from odom.backend.graph import Edge
 from odom.backend.keyframes import Keyframe
 from odom.backend.map import Map
@@ -62,7 +63,7 @@ class Mapper:
         self._timing_information = np.diag(
             [settings.readout_prior_sigma_s**-2.0, settings.depth_lag_prior_sigma_s**-2.0]
         )
-        self._loops: list[Edge] = []
+        self._loops: list[Edge] = []  # at most one a key frame remembered: each is judged once
         self._waiting: list[Seen] = []
         self._recognitions: list[tuple[Seen, list[Recognition]]] = []
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="odom-background")
@@ -143,6 +144,29 @@ class Mapper:
     def _measured(self, view: View, uv: Array, twist: Array, check: SelfCheck) -> Measurements:
         no_covariance = np.zeros((len(uv), 3))
         return measure(view.frame, self._lens, uv, no_covariance, twist, self.timing, check.noise)
+
+    @property
+    def forgotten(self) -> int:
+        """How many key frames were forgotten."""
+        return len(self.map.keyframes) - len(self.map.remembered)
+
+    def forget(self, near: int, T_camera_map: Array) -> bool:
+        """Forget the oldest key frames beyond `map_keyframes`; say whether there were any.
+
+        Never those around the pose `T_camera_map` near key frame `near`, nor the newest, which are still worked on: the
+        background reads the rest too, so nothing is forgotten while it works.
+        """
+        if self._task is not None or len(self.map.remembered) <= self._settings.map_keyframes:
+            return False
+        around = self.map.neighbours(near, T_camera_map, self._settings.local_keyframes)
+        newest = max(self._settings.window_keyframes, self._settings.background_delay_frames)
+        needed = np.concatenate([around, [near], self.map.remembered[-newest:]])
+        oldest = oldest_beyond(self.map, self._settings.map_keyframes, needed)
+        for number in oldest:
+            forget(self.map, number)
+            self.index.forget(number)
+        self._loops = [edge for edge in self._loops if not {edge.a, edge.b} & set(oldest)]
+        return bool(oldest)
 
     def start_background(self, count: int, check: SelfCheck) -> None:
         """Begin with what waits for the background, if it is idle; frame `count` is the newest."""
@@ -262,11 +286,11 @@ class Mapper:
         keyframe.measurements = keyframe.measurements.joined(replace(values, values=values.retimed(change)))
 
     def finish(self, check: SelfCheck) -> None:
-        """Take over what is in the background, then adjust each segment as a whole."""
+        """Take over what is in the background, then adjust each segment as a whole, as far as it is remembered."""
         self.take_adjustment(None, check)
         self.take_recognitions(check)
-        for segment in sorted({k.segment for k in self.map.keyframes}):
-            if sum(k.segment == segment for k in self.map.keyframes) >= 2:
+        for segment in sorted({self.map.keyframes[n].segment for n in self.map.remembered}):
+            if len(self.map.members(segment)) >= 2:
                 prior = self._timing_information / self._credit(check)
                 adjustment = window.everything(self.map, segment, self.timing, prior)
                 self._take_over(adjustment, adjustment.run(), check)

@@ -97,6 +97,16 @@ class Odometry:
         """The sensor's timing as estimated so far."""
         return self._mapper.timing
 
+    @property
+    def forgotten_keyframes(self) -> int:
+        """How many key frames were forgotten, for the map to stay within `map_keyframes`."""
+        return self._mapper.forgotten
+
+    @property
+    def forgotten_frames(self) -> int:
+        """How many frames were dropped from the final trajectory: those older than the last eight hours."""
+        return self._causal.frames.dropped
+
     def anticipate(self, stamp: Stamp, color: NDArray[np.uint8]) -> None:
         """Do already what needs no depth, for the frame that will hold this very `color` (grey or RGB) of `stamp`.
 
@@ -133,6 +143,7 @@ class Odometry:
         view = View.of(frame, self._clock, images)
         watch.lap("images")
         loops, map_moved = self._take_background()
+        map_moved |= self._mapper.forget(self._near, self._T_camera_map)
         watch.lap("background")
         if has_depth(frame.depth_mm):
             self._depth_stamp = view.stamp
@@ -170,11 +181,16 @@ class Odometry:
         return trajectory(self._causal.frames, self._mapper.map.keyframes)
 
     def closing_test(self) -> ClosingTest | None:
-        """Return the paper's test of a closed walk, None where the last frame does not show what the first one did."""
+        """Return the paper's test of a closed walk, None where the last frame does not show what the first one did.
+
+        Nor can it be told once the first one is forgotten.
+        """
         last = self._previous
         if last is None or last.tracked is None:
             return None
         first = next(k for k in self._mapper.map.keyframes if k.segment == self._segment)
+        if first.number not in self._mapper.map.remembered:
+            return None
         tracked = self._mapper.track_against(
             np.array([first.number]),
             last.view,

@@ -1,6 +1,6 @@
 """Adjusting the newest key frames together, away from the frame's path, and everything at the end."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,9 +58,22 @@ def _snapshot(
     )
 
 
+def _oldest_connected(observations: Observations, keyframes: int) -> Index:
+    """Return, for each of K key frames, the first of those that common landmarks connect it with, itself included."""
+    oldest = np.arange(keyframes)
+    while True:
+        of_landmark = np.full(int(observations.landmark.max(initial=-1)) + 1, keyframes)
+        np.minimum.at(of_landmark, observations.landmark, oldest[observations.keyframe])
+        reached = oldest.copy()
+        np.minimum.at(reached, observations.keyframe, of_landmark[observations.landmark])
+        if np.array_equal(reached, oldest):
+            return oldest
+        oldest = reached
+
+
 def newest(map_: Map, window: int, timing: Timing, timing_information: Array) -> Adjustment:
     """Return the adjustment of the `window` newest key frames, held by older ones that measured the same landmarks."""
-    free = map_.keyframes[-window:]
+    free = [map_.keyframes[n] for n in map_.remembered[-window:]]
     segment = free[-1].segment
     free = [k for k in free if k.segment == segment]
     measured = np.concatenate([k.identities for k in free])
@@ -72,9 +85,14 @@ def newest(map_: Map, window: int, timing: Timing, timing_information: Array) ->
 
 
 def everything(map_: Map, segment: int, timing: Timing, timing_information: Array) -> Adjustment:
-    """Return the adjustment of all key frames of a segment, its first one held."""
-    keyframes = [k for k in map_.keyframes if k.segment == segment]
-    return _snapshot(map_, keyframes[:1], keyframes[1:], timing, timing_information, _FINAL_ITERATIONS)
+    """Return the adjustment of all key frames of a segment that are remembered, the oldest one held.
+
+    Where what joined them is forgotten, the oldest one of each part is.
+    """
+    keyframes = map_.members(segment)
+    whole = _snapshot(map_, keyframes[:1], keyframes[1:], timing, timing_information, _FINAL_ITERATIONS)
+    is_oldest = _oldest_connected(whole.observations, len(keyframes)) == np.arange(len(keyframes))
+    return replace(whole, is_fixed=whole.is_fixed | is_oldest)
 
 
 def take_over(map_: Map, adjustment: Adjustment, result: Bundle) -> None:

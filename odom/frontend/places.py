@@ -88,6 +88,17 @@ class PlaceIndex:
                 bucket.append(number)
                 del bucket[:-_BUCKET]
 
+    def forget(self, number: int) -> None:
+        """Forget the place of this `number`, if there is one."""
+        place = self.places.pop(number, None)
+        if place is None:
+            return
+        for table, keys in zip(self._tables, self._keys(place.descriptors).T, strict=True):
+            for key in map(int, np.unique(keys)):
+                left = [other for other in table.pop(key, ()) if other != number]
+                if left:
+                    table[key] = left
+
     def look_up(self, place: Place, excluded: set[int], most: int) -> list[int]:
         """Return up to `most` places that look most like `place`, best first, without the `excluded`."""
         votes: dict[int, int] = defaultdict(int)

@@ -129,6 +129,7 @@ class OdometryProcess:
         self._announcer.poses(estimate)
         latency_ms = None if origin is None else (time.time_ns() - origin) * 1e-6
         self._tally.add(estimate, frame, processing_ms, latency_ms)
+        self._count_forgotten(self._odometry)
         self._tell_changes(estimate)
         self._last, self._last_at, self._unsaved = estimate, time.monotonic(), True
         self._is_live = origin is not None
@@ -137,6 +138,15 @@ class OdometryProcess:
             self._show_keyframe(arrival)
         if self._announcer.status_is_due(self._state):
             self._publish_status()
+
+    def _count_forgotten(self, odometry: Odometry) -> None:
+        tally = self._tally
+        if odometry.forgotten_keyframes and not tally.forgotten_keyframes:
+            most = self._settings.odometry.map_keyframes
+            _LOG.info("the map holds %d key frames: from now on the oldest are forgotten, and counted", most)
+        if odometry.forgotten_frames and not tally.forgotten_frames:
+            _LOG.warning("too long for one trajectory.txt: the oldest frames are dropped from it, and counted")
+        tally.forgotten_keyframes, tally.forgotten_frames = odometry.forgotten_keyframes, odometry.forgotten_frames
 
     def _show_keyframe(self, arrival: FrameArrival) -> None:
         color = arrival.color

@@ -56,7 +56,10 @@ class Durations:
 
 @dataclass
 class Tally:
-    """Counters of one odometry process. `dropped` counts bad input by its kind."""
+    """Counters of one odometry process.
+
+    `dropped` counts bad input by its kind; `forgotten_*` what the odometry gave up to stay within its memory.
+    """
 
     processing: Durations = field(default_factory=Durations)
     latency: Durations = field(default_factory=Durations)
@@ -67,6 +70,8 @@ class Tally:
     ends: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
     frames: int = 0
     keyframes: int = 0
+    forgotten_keyframes: int = 0
+    forgotten_frames: int = 0
     loop_candidates: int = 0
     loop_closures: int = 0
     segments: int = 0
@@ -134,6 +139,8 @@ class Tally:
             "sync_offset_ms": _rounded(float(np.median(self.offset_ms)) if self.offset_ms else None),
             "sync_spread_ms": _rounded(float(np.ptp(self.offset_ms)) if self.offset_ms else None),
             "keyframes": self.keyframes,
+            "forgotten_keyframes": self.forgotten_keyframes,
+            "forgotten_frames": self.forgotten_frames,
             "loop_candidates": self.loop_candidates,
             "loop_closures": self.loop_closures,
             "lost_frames": self.lost_frames,
@@ -151,6 +158,8 @@ class Tally:
             "completeness": _rounded(self.tracked / offered if offered else None),
             "segments": self.segments,
             "keyframes": self.keyframes,
+            "forgotten_keyframes": self.forgotten_keyframes,
+            "forgotten_frames": self.forgotten_frames,
             "loop_closures": self.loop_closures,
             "loop_candidates": self.loop_candidates,
             "processing_ms": self.processing.summary(with_mean=True),

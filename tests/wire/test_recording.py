@@ -174,9 +174,15 @@ def test_damage_anywhere_is_survived(
 
 
 def test_a_damaged_chunk_costs_its_messages_only(tmp_path: Path, messages: list[Message]) -> None:
-    path = write(tmp_path / "a.mcap", messages)
+    path = tmp_path / "a.mcap"
+    with RecordingWriter(path) as writer:
+        for part in (messages[: len(messages) // 2], messages[len(messages) // 2 :]):
+            for message in part:
+                writer.write(message)
+            time.sleep(0.3)  # a chunk ends with a quarter of a second
+            writer.flush_if_due()
     content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 0xFF
+    content[len(content) // 4] ^= 0xFF
     path.write_bytes(content)
     back, reader = read(path)
     assert len(messages) * 0.4 < len(back) < len(messages)

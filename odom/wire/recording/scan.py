@@ -60,7 +60,7 @@ class Scan:
                     self.damage.append(f"cut after {len(begin)} bytes: nothing is left")
                     return
                 raise RecordingError(f"{self.path} is not an MCAP file")
-            if not_before and not self._know_channels():
+            if not self._know_channels():
                 not_before = 0  # a skipped chunk could have announced a channel
             yield from self._records(file, self.path.stat().st_size, not_before)
 

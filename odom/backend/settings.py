@@ -14,7 +14,7 @@ class OdometrySettings(BaseModel, frozen=True, extra="forbid"):
         4, ge=1, le=30, description="frames that adjustment and place recognition may take in the background"
     )
     map_keyframes: int = Field(
-        400, ge=10, description="key frames remembered, some 0.7 MB each; beyond, the oldest elsewhere is forgotten"
+        400, ge=10, description="key frames remembered, some 0.4 MB each; beyond, the oldest elsewhere is forgotten"
     )
     bridge_s: float = Field(0.12, ge=0, description="a motion prediction may stand in for this long before LOST")
     new_segment_s: float = Field(1.0, gt=0, description="LOST with sight for so long begins a new segment")

@@ -1,6 +1,5 @@
 """Recognising a place: scale- and rotation-invariant features with their 3-D points, indexed by appearance."""
 
-from collections import defaultdict
 from dataclasses import dataclass, field
 
 import cv2
@@ -15,11 +14,14 @@ from odom.registration.pairs import Pairs
 
 Array = NDArray[np.float64]
 Descriptors = NDArray[np.uint8]
+Entries = NDArray[np.int64]
 
 _FEATURES = 700
 _RATIO = 0.8
 _MOST_DIFFERENT = 64
 _TABLES, _BITS, _BUCKET = 6, 20, 24
+_NUMBER_BITS = 32
+_NUMBERS = (1 << _NUMBER_BITS) - 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,47 +66,48 @@ def match_places(source: Place, target: Place) -> Pairs | None:
 class PlaceIndex:
     """Places by number, found by sampled bits of their descriptors (locality-sensitive hashing, A. Gionis, 1999).
 
-    A look-up costs the same however many places there are: buckets hold the newest 24 places only.
+    A table holds an entry, sampled bits and number, for each feature of each place, in order. Of the places that share
+    a feature's bits, the 24 of the highest numbers count, so that a look-up hardly costs more in a place often seen.
     """
 
     places: dict[int, Place] = field(default_factory=dict)
-    _tables: list[dict[int, list[int]]] = field(default_factory=lambda: [defaultdict(list) for _ in range(_TABLES)])
-    _sampled: NDArray[np.int64] = field(
+    _tables: list[Entries] = field(default_factory=lambda: [np.zeros(0, dtype=np.int64) for _ in range(_TABLES)])
+    _sampled: Entries = field(
         default_factory=lambda: np.array(
             [np.random.default_rng(t).choice(256, _BITS, replace=False) for t in range(_TABLES)]
         )
     )
 
-    def _keys(self, descriptors: Descriptors) -> NDArray[np.int64]:
+    def _keys(self, descriptors: Descriptors) -> Entries:
         bits = np.unpackbits(descriptors, axis=1)[:, self._sampled].astype(np.int64)
         return np.asarray(bits @ (1 << np.arange(_BITS)))
 
     def add(self, number: int, place: Place) -> None:
         """Remember `place` under `number`."""
         self.places[number] = place
-        for table, keys in zip(self._tables, self._keys(place.descriptors).T, strict=True):
-            for key in np.unique(keys):
-                bucket = table[int(key)]
-                bucket.append(number)
-                del bucket[:-_BUCKET]
+        for t, keys in enumerate(self._keys(place.descriptors).T):
+            entries = np.unique(keys) << _NUMBER_BITS | number
+            self._tables[t] = np.insert(self._tables[t], np.searchsorted(self._tables[t], entries), entries)
 
     def forget(self, number: int) -> None:
         """Forget the place of this `number`, if there is one."""
-        place = self.places.pop(number, None)
-        if place is None:
-            return
-        for table, keys in zip(self._tables, self._keys(place.descriptors).T, strict=True):
-            for key in map(int, np.unique(keys)):
-                left = [other for other in table.pop(key, ()) if other != number]
-                if left:
-                    table[key] = left
+        if self.places.pop(number, None) is not None:
+            self._tables = [table[table & _NUMBERS != number] for table in self._tables]
 
     def look_up(self, place: Place, excluded: set[int], most: int) -> list[int]:
         """Return up to `most` places that look most like `place`, best first, without the `excluded`."""
-        votes: dict[int, int] = defaultdict(int)
-        for table, keys in zip(self._tables, self._keys(place.descriptors).T, strict=True):
-            for key in keys:
-                for number in table.get(int(key), ()):
-                    votes[number] += 1
-        ranked = sorted((-count, number) for number, count in votes.items() if number not in excluded)
-        return [number for _, number in ranked[:most]]
+        found = [
+            _newest(table, keys) for table, keys in zip(self._tables, self._keys(place.descriptors).T, strict=True)
+        ]
+        numbers, votes = np.unique(np.concatenate(found), return_counts=True)
+        ranked = numbers[np.argsort(-votes, kind="stable")]
+        return [number for number in ranked.tolist() if number not in excluded][:most]
+
+
+def _newest(table: Entries, keys: Entries) -> Entries:
+    """Return the numbers that `table` holds under each of the `keys`, of each the highest 24."""
+    stop = np.searchsorted(table, (keys + 1) << _NUMBER_BITS)
+    start = np.maximum(np.searchsorted(table, keys << _NUMBER_BITS), stop - _BUCKET)
+    count = stop - start
+    within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    return np.asarray(table[np.repeat(start, count) + within] & _NUMBERS)

@@ -1,3 +1,5 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 from painted_room import PaintedRoom, stroll
@@ -58,10 +60,24 @@ def test_a_look_up_costs_the_same_however_many_places_look_alike(places):
     index = PlaceIndex()
     for number in range(places):
         index.add(number, place_of(looks))
-    visited = sum(len(bucket) for table in index._tables for bucket in table.values())
-    assert visited <= 24 * 6 * 50
     newest = index.look_up(place_of(looks), set(), 1000)
-    assert set(newest) <= set(range(places - 24, places))
+    assert sorted(newest) == list(range(places - 24, places))
+
+
+def test_the_index_costs_less_than_50_kB_a_place_and_nothing_once_it_is_forgotten():
+    places = [place_of(look) for look in np.random.default_rng(3).integers(0, 256, (50, 700, 32), dtype=np.uint8)]
+    index = PlaceIndex()
+    tracemalloc.start()
+    before = tracemalloc.get_traced_memory()[0]
+    for number, place in enumerate(places):
+        index.add(number, place)
+    cost = tracemalloc.get_traced_memory()[0] - before
+    for number in range(len(places)):
+        index.forget(number)
+    left = tracemalloc.get_traced_memory()[0] - before
+    tracemalloc.stop()
+    assert cost / len(places) < 50_000
+    assert left < 50_000
 
 
 def test_nothing_is_found_for_an_image_without_features(hundreds):

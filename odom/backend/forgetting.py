@@ -1,7 +1,8 @@
 """Forgetting key frames, so that the map is bounded: the oldest that are not needed now give up all they measured.
 
-What stays of a forgotten key frame is its pose, parent and covariances, some 1.5 KB: frames that were placed by it, and
-chains of covariances through it, still need them. That grows with every new place, but by less than the frames do.
+What stays of a forgotten key frame is its pose, parent and covariances, some 2 KB: frames that were placed by it, and
+chains of covariances through it, still need them. That has no bound of its own; eight hours of nothing but new places,
+a key frame every half second, come to 100 MB, as much as the frames' own places.
 
 A forgotten key frame moves rigidly with its heir: of the key frames that it was registered with, the nearest one. Where
 the camera went ever onwards that is the oldest one remembered, which adjustments hold, so the past stays; where it kept

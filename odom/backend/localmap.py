@@ -66,6 +66,7 @@ def look_for(
     candidates: Index,
     priority: Array,
     T_camera_map: Array,
+    keyframes: Index,
     T_camera_keyframe: Array,
     images: FrameImages,
     camera: Camera,
@@ -74,8 +75,8 @@ def look_for(
 ) -> Sighting:
     """Look for up to `most` of the `candidates` (rows of `landmarks`) where `T_camera_map` predicts them.
 
-    `priority` (n) ranks candidates of one part of the image; `T_camera_keyframe` (K x 4 x 4) gives the motion from
-    every key frame, for the warp of its patches.
+    `priority` (n) ranks candidates of one part of the image; `T_camera_keyframe` (K x 4 x 4) gives the motion from the
+    candidates' `keyframes` (K numbers, ascending), for the warp of their patches.
     """
     seen = project(
         landmarks.position[candidates],
@@ -94,7 +95,7 @@ def look_for(
     A, usable = affinities(
         landmarks.uv[rows],
         landmarks.plane[rows],
-        landmarks.keyframe[rows],
+        np.searchsorted(keyframes, landmarks.keyframe[rows]),
         T_camera_keyframe,
         lens.rays,
         lens.intrinsics,

@@ -133,15 +133,23 @@ def track(
     L = map_.landmarks
     reference = int(local[0])
     T_map_start = se3.inverse(T_start)
-    T_camera_keyframe = np.zeros((len(map_.keyframes), 4, 4))
+    keyframes = np.sort(local)
+    T_camera_keyframe = np.array([se3.inverse(map_.keyframes[k].T_camera_map @ T_map_start) for k in keyframes])
     is_local = np.zeros(len(map_.keyframes), dtype=np.bool_)
-    for k in local:
-        T_camera_keyframe[k] = se3.inverse(map_.keyframes[k].T_camera_map @ T_map_start)
-        is_local[k] = True
+    is_local[keyframes] = True
     candidates = np.flatnonzero(L.alive & is_local[L.keyframe])
     priority = L.seen[candidates] + _RANK_OF_REFERENCE * (L.keyframe[candidates] == reference)
     sighting = look_for(
-        L, candidates, priority, T_start, T_camera_keyframe, view.images, camera, lens, settings.max_features
+        L,
+        candidates,
+        priority,
+        T_start,
+        keyframes,
+        T_camera_keyframe,
+        view.images,
+        camera,
+        lens,
+        settings.max_features,
     )
     covariance_uv = sighting.covariance_uv * _IMAGE_NOISE_LEVELS**2
     points, covariances = L.position[sighting.rows], L.covariance[sighting.rows]

@@ -3,6 +3,9 @@
 numba notices a change of the file that a loop stands in, not of the files it calls; so the loops of a package are kept
 in a folder named after its contents and those of the packages below. Where the installation is not writable, that
 folder is in the user's cache or a private temporary one.
+
+Arithmetic is rounded as written (IEEE 754), without fused multiply-adds: which ones the compiler finds depends on what
+it has inlined, and that on whether a loop was compiled or loaded. A replay would not equal the first run to the bit.
 """
 
 import ctypes
@@ -77,7 +80,7 @@ def compiled(function: F) -> F:
     before = settings["CACHE_DIR"]
     settings["CACHE_DIR"] = _cache_folder(*function.__module__.split(".")[1:2])  # read when a function is decorated
     try:
-        jitted: Any = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})(function)
+        jitted: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     finally:
         settings["CACHE_DIR"] = before
     return cast(F, jitted)

@@ -103,3 +103,12 @@ print((before - psutil.Process().memory_info().rss) / 2**20, numba.njit(lambda x
     freed_mb, answer = done.stdout.split()
     assert float(freed_mb) > 20.0
     assert answer == "42"
+
+
+def test_products_and_sums_are_rounded_one_by_one():
+    @compiled.compiled
+    def multiply_and_add(a, b, c):
+        return a * b + c
+
+    a = 1.0 + 2.0**-30
+    assert multiply_and_add(a, a, -a * a) == 0.0  # a fused multiply-add leaves what the product was rounded by

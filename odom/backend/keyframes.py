@@ -1,5 +1,6 @@
 """Key frames: where they are, and which landmarks they measured."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,24 +19,33 @@ _NO_ROWS, _NO_UV = np.zeros(0, dtype=np.int64), np.zeros((0, 2))
 _NOTHING_MEASURED = Measurements(np.zeros((0, 3)), np.zeros((0, 3, 2)), np.zeros((0, 4)), np.zeros((0, 2)))
 
 
-@dataclass(eq=False)
-class Keyframe:
-    """A frame whose measurements are kept; `T_camera_map` moves as the map is adjusted.
+@dataclass(eq=False, kw_only=True)
+class Observed:
+    """What a frame measured of landmarks, which `rows` and `identities` (n) name, carried with `timing`."""
+
+    rows: Index
+    identities: Index
+    measurements: Measurements
+    timing: Timing
+
+    def current(self, landmarks: Landmarks) -> NDArray[np.bool_]:
+        """Return which of the measured landmarks are still in the map (n)."""
+        return np.asarray(landmarks.identity[self.rows] == self.identities)
+
+
+@dataclass(eq=False, kw_only=True)
+class Keyframe(Observed):
+    """A frame whose measurements are kept, at `uv` (n x 2 px); `T_camera_map` moves as the map is adjusted.
 
     `parent` is the key frame it was registered against and `covariance_parent` (6 x 6, `se3` convention, in this key
-    frame's camera) that registration's. `rows` and `identities` (n) name the landmarks measured at `uv` (n x 2 px);
-    `timing` is what `measurements` were carried with.
+    frame's camera) that registration's.
     """
 
     number: int
     stamp: Stamp
     segment: int
     T_camera_map: Array
-    rows: Index
-    identities: Index
     uv: Array
-    measurements: Measurements
-    timing: Timing
     parent: int | None
     covariance_parent: Array
     covariance_since_start: Array
@@ -45,26 +55,22 @@ class Keyframe:
         self.rows = self.identities = _NO_ROWS
         self.uv, self.measurements = _NO_UV, _NOTHING_MEASURED
 
-    def current(self, landmarks: Landmarks) -> NDArray[np.bool_]:
-        """Return which of the measured landmarks are still in the map (n)."""
-        return np.asarray(landmarks.identity[self.rows] == self.identities)
-
 
 def gather_observations(
-    keyframes: list[Keyframe], landmarks: Landmarks, timing: Timing, only_rows: Index | None = None
+    frames: Sequence[Observed], landmarks: Landmarks, timing: Timing, only_rows: Index | None = None
 ) -> tuple[Observations, Index]:
-    """Return what `keyframes` measured of the landmarks that at least two of them share, and those landmarks' rows.
+    """Return what `frames` measured of the landmarks that at least two of them share, and those landmarks' rows.
 
-    Numbers of key frames and landmarks in the result count from 0 in the order given and returned; the values are
+    Numbers of frames and landmarks in the result count from 0 in the order given and returned; the values are
     carried to `timing`. `only_rows` restricts the landmarks.
     """
     frame_numbers, rows, values, jacobians, variances = [], [], [], [], []
-    for number, keyframe in enumerate(keyframes):
-        valid = keyframe.current(landmarks)
+    for number, frame in enumerate(frames):
+        valid = frame.current(landmarks)
         frame_numbers.append(np.full(int(valid.sum()), number))
-        rows.append(keyframe.rows[valid])
-        m = keyframe.measurements.take(valid)
-        values.append(m.retimed(timing.vector - keyframe.timing.vector))
+        rows.append(frame.rows[valid])
+        m = frame.measurements.take(valid)
+        values.append(m.retimed(timing.vector - frame.timing.vector))
         jacobians.append(m.jacobian_timing)
         variances.append(m.covariance)
     row = np.concatenate(rows)

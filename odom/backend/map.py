@@ -63,18 +63,18 @@ class Map:
         new_rows = self._add_landmarks(number, T_camera_map, images, corners, measured_corners)
         all_rows = np.concatenate([rows, new_rows])
         keyframe = Keyframe(
-            number,
-            stamp,
-            segment,
-            T_camera_map.copy(),
-            all_rows,
-            self.landmarks.identity[all_rows].copy(),
-            np.concatenate([uv, corners]),
-            measurements.joined(measured_corners),
-            timing,
-            parent,
-            covariance_parent,
-            self._covariance_since_start(T_camera_map, parent, covariance_parent),
+            number=number,
+            stamp=stamp,
+            segment=segment,
+            T_camera_map=T_camera_map.copy(),
+            rows=all_rows,
+            identities=self.landmarks.identity[all_rows].copy(),
+            uv=np.concatenate([uv, corners]),
+            measurements=measurements.joined(measured_corners),
+            timing=timing,
+            parent=parent,
+            covariance_parent=covariance_parent,
+            covariance_since_start=self._covariance_since_start(T_camera_map, parent, covariance_parent),
         )
         self.keyframes.append(keyframe)
         self.remembered.append(number)

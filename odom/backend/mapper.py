@@ -16,6 +16,7 @@ from odom.backend.keyframes import Keyframe
 from odom.backend.map import Map
 from odom.backend.selfcheck import SelfCheck
 from odom.backend.settings import OdometrySettings
+from odom.backend.sightings import Sightings
 from odom.backend.tracking import Before, Tracked, track
 from odom.frame import Camera
 from odom.frontend.corners import detect_corners
@@ -58,6 +59,7 @@ class Mapper:
 
     def __init__(self, camera: Camera, lens: Lens, settings: OdometrySettings) -> None:
         self.map, self.index = Map(), PlaceIndex()
+        self.sightings = Sightings()
         self._camera, self._lens, self._settings = camera, lens, settings
         self.timing = Timing(settings.readout_prior_s, settings.depth_lag_prior_s)
         self._timing_information = np.diag(
@@ -285,12 +287,24 @@ class Mapper:
         change = keyframe.timing.vector - self.timing.vector
         keyframe.measurements = keyframe.measurements.joined(replace(values, values=values.retimed(change)))
 
-    def finish(self, check: SelfCheck) -> None:
-        """Take over what is in the background, then adjust each segment as a whole, as far as it is remembered."""
+    def sight(self, number: int, tracked: Tracked) -> None:
+        """Take note of what the tracked frame `number` measured, for `finish`."""
+        self.sightings.add(number, tracked, self.map.keyframes, self.map.landmarks, self.timing)
+
+    def finish(self, check: SelfCheck) -> dict[int, Array]:
+        """Take over what is in the background, then adjust each segment as a whole, as far as it is remembered.
+
+        Returns T_camera_map of the frames that were adjusted with the key frames, by their numbers.
+        """
+        adjusted: dict[int, Array] = {}
         self.take_adjustment(None, check)
         self.take_recognitions(check)
         for segment in sorted({self.map.keyframes[n].segment for n in self.map.remembered}):
             if len(self.map.members(segment)) >= 2:
                 prior = self._timing_information / self._credit(check)
-                adjustment = window.everything(self.map, segment, self.timing, prior)
-                self._take_over(adjustment, adjustment.run(), check)
+                adjustment = window.everything(self.map, self.sightings, segment, self.timing, prior)
+                bundle = adjustment.run()
+                self._take_over(adjustment, bundle, check)
+                poses = bundle.T_camera_map[len(adjustment.numbers) :]
+                adjusted |= zip(adjustment.between.tolist(), poses, strict=True)
+        return adjusted

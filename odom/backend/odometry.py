@@ -16,6 +16,7 @@ from odom.backend.pairwise import register_successive
 from odom.backend.placed import Placed
 from odom.backend.selfcheck import SelfCheck
 from odom.backend.settings import OdometrySettings
+from odom.backend.sightings import settled
 from odom.backend.stopwatch import Stopwatch
 from odom.backend.tracking import INLIER_CHI2, Before, Tracked, coarse_pose, disagreement
 from odom.errors import InputError
@@ -174,11 +175,16 @@ class Odometry:
         """
         keyframes = self._mapper.map.keyframes
         before = keyframes[self._near].T_camera_map.copy() if keyframes else np.eye(4)
-        self._mapper.finish(self._check)
+        frames, previous = self._causal.frames, self._previous
+        newest, last = frames.count - 1, frames.last
+        if previous is not None and previous.tracked is not None and last and last.stamp == previous.view.stamp:
+            self._mapper.sight(newest, previous.tracked)
+        adjusted = self._mapper.finish(self._check)
         if keyframes:
-            self._T_camera_map = self._T_camera_map @ se3.inverse(before) @ keyframes[self._near].T_camera_map
+            moved = self._T_camera_map @ se3.inverse(before) @ keyframes[self._near].T_camera_map
+            self._T_camera_map = adjusted.get(newest, moved)
             self._segment = keyframes[self._near].segment
-        return trajectory(self._causal.frames, self._mapper.map.keyframes)
+        return trajectory(settled(frames, keyframes, adjusted), keyframes)
 
     def closing_test(self) -> ClosingTest | None:
         """Return the paper's test of a closed walk, None where the last frame does not show what the first one did.
@@ -327,6 +333,8 @@ class Odometry:
             self._check,
             self._clock.sigma_s,
         )
+        if self._mapper.sightings.wants(self._causal.frames.count - 1):
+            self._mapper.sight(self._causal.frames.count - 1, tracked)
         pairwise = None
         if dt and previous is not None and previous.tracked is not None:
             pairwise = register_successive(

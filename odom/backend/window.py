@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from odom.backend.bundle import Bundle, Observations, adjust
 from odom.backend.keyframes import Keyframe, gather_observations
 from odom.backend.map import Map
+from odom.backend.sightings import Sighting, Sightings
 from odom.frontend.timing import Timing
 
 Array = NDArray[np.float64]
@@ -21,9 +22,13 @@ _WINDOW_ITERATIONS, _FINAL_ITERATIONS = 5, 15
 
 @dataclass(frozen=True, eq=False)
 class Adjustment:
-    """A snapshot of what is to be adjusted; `run` works on it alone, so that it may do so in the background."""
+    """A snapshot of what is to be adjusted; `run` works on it alone, so that it may do so in the background.
+
+    The key frames `numbers` come first, then the frames of the sightings `between` them.
+    """
 
     numbers: Index
+    between: Index
     is_fixed: NDArray[np.bool_]
     rows: Index
     identities: Index
@@ -40,29 +45,38 @@ class Adjustment:
 
 
 def _snapshot(
-    map_: Map, fixed: list[Keyframe], free: list[Keyframe], timing: Timing, information: Array, iterations: int
+    map_: Map,
+    fixed: list[Keyframe],
+    free: list[Keyframe],
+    between: list[Sighting],
+    timing: Timing,
+    information: Array,
+    iterations: int,
 ) -> Adjustment:
     keyframes = fixed + free
-    observations, rows = gather_observations(keyframes, map_.landmarks, timing)
-    is_fixed = np.zeros(len(keyframes), dtype=np.bool_)
+    observations, rows = gather_observations([*keyframes, *between], map_.landmarks, timing)
+    is_fixed = np.zeros(len(keyframes) + len(between), dtype=np.bool_)
     is_fixed[: max(1, len(fixed))] = True
+    T_camera_map = [k.T_camera_map for k in keyframes]
+    T_camera_map += [s.T_camera_keyframe @ map_.keyframes[s.keyframe].T_camera_map for s in between]
     return Adjustment(
         np.array([k.number for k in keyframes]),
+        np.array([s.number for s in between], dtype=np.int64),
         is_fixed,
         rows,
         map_.landmarks.identity[rows].copy(),
-        Bundle(np.array([k.T_camera_map for k in keyframes]), map_.landmarks.position[rows].copy(), np.zeros(2)),
+        Bundle(np.array(T_camera_map), map_.landmarks.position[rows].copy(), np.zeros(2)),
         observations,
         information,
         iterations,
     )
 
 
-def _oldest_connected(observations: Observations, keyframes: int) -> Index:
-    """Return, for each of K key frames, the first of those that common landmarks connect it with, itself included."""
-    oldest = np.arange(keyframes)
+def _oldest_connected(observations: Observations, frames: int) -> Index:
+    """Return, for each of K frames, the first of those that common landmarks connect it with, itself included."""
+    oldest = np.arange(frames)
     while True:
-        of_landmark = np.full(int(observations.landmark.max(initial=-1)) + 1, keyframes)
+        of_landmark = np.full(int(observations.landmark.max(initial=-1)) + 1, frames)
         np.minimum.at(of_landmark, observations.landmark, oldest[observations.keyframe])
         reached = oldest.copy()
         np.minimum.at(reached, observations.keyframe, of_landmark[observations.landmark])
@@ -81,17 +95,19 @@ def newest(map_: Map, window: int, timing: Timing, timing_information: Array) ->
     shared = [(int(np.isin(map_.keyframes[k].identities, measured).sum()), k) for k in sorted(linked)[-_LOOK_BACK:]]
     best = sorted(((n, k) for n, k in shared if n >= _LEAST_SHARED), reverse=True)[:_MOST_FIXED]
     fixed = [map_.keyframes[k] for _, k in sorted(best, key=lambda pair: pair[1])]
-    return _snapshot(map_, fixed, free, timing, timing_information, _WINDOW_ITERATIONS)
+    return _snapshot(map_, fixed, free, [], timing, timing_information, _WINDOW_ITERATIONS)
 
 
-def everything(map_: Map, segment: int, timing: Timing, timing_information: Array) -> Adjustment:
-    """Return the adjustment of all key frames of a segment that are remembered, the oldest one held.
+def everything(map_: Map, sightings: Sightings, segment: int, timing: Timing, timing_information: Array) -> Adjustment:
+    """Return the adjustment of all key frames of a segment that are remembered, the oldest one held, and of sightings.
 
     Where what joined them is forgotten, the oldest one of each part is.
     """
     keyframes = map_.members(segment)
-    whole = _snapshot(map_, keyframes[:1], keyframes[1:], timing, timing_information, _FINAL_ITERATIONS)
-    is_oldest = _oldest_connected(whole.observations, len(keyframes)) == np.arange(len(keyframes))
+    between = sightings.beside(keyframes)
+    whole = _snapshot(map_, keyframes[:1], keyframes[1:], between, timing, timing_information, _FINAL_ITERATIONS)
+    frames = len(whole.is_fixed)
+    is_oldest = _oldest_connected(whole.observations, frames) == np.arange(frames)
     return replace(whole, is_fixed=whole.is_fixed | is_oldest)
 
 
@@ -103,5 +119,5 @@ def take_over(map_: Map, adjustment: Adjustment, result: Bundle) -> None:
     L.position[rows] = result.landmarks[valid]
     if result.covariances is not None:
         L.covariance[rows] = result.covariances[valid]
-    free = ~adjustment.is_fixed
+    free = np.flatnonzero(~adjustment.is_fixed[: len(adjustment.numbers)])
     map_.move_keyframes(adjustment.numbers[free], result.T_camera_map[free], rows)

@@ -46,18 +46,18 @@ def bare_keyframe(number, T_map_camera, parent=None, covariance=None, segment=0)
     stamp, T = Stamp(1_000_000_000 * number), se3.inverse(T_map_camera)
     covariance = np.zeros((6, 6)) if covariance is None else covariance
     return Keyframe(
-        number,
-        stamp,
-        segment,
-        T,
-        none,
-        none,
-        np.zeros((0, 2)),
-        nothing_measured(),
-        Timing(),
-        parent,
-        covariance,
-        covariance,
+        number=number,
+        stamp=stamp,
+        segment=segment,
+        T_camera_map=T,
+        rows=none,
+        identities=none,
+        uv=np.zeros((0, 2)),
+        measurements=nothing_measured(),
+        timing=Timing(),
+        parent=parent,
+        covariance_parent=covariance,
+        covariance_since_start=covariance,
     )
 
 

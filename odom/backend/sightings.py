@@ -1,0 +1,97 @@
+"""Frames between key frames: what some of them measured is kept for the final adjustment, which moves the others too.
+
+A key frame is made where the view has changed; in between, dozens of frames see the same landmarks from other places.
+One in six, adjusted with the key frames at the end, about halves the trajectory's error.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.backend.keyframes import Keyframe, Observed
+from odom.backend.landmarks import Landmarks
+from odom.backend.placed import Placed, PlacedFrames
+from odom.backend.tracking import Tracked
+from odom.frontend.timing import Timing
+from odom.registration import se3
+
+Array = NDArray[np.float64]
+
+_EVERY, _MOST = 6, 240
+_MOST_ADJUSTED = 300
+"""Frames in a final adjustment, key frames included: its time grows with their third power, to some seconds."""
+
+
+@dataclass(eq=False, kw_only=True)
+class Sighting(Observed):
+    """What frame `number` (counted from the first) measured, placed by `keyframe` at `T_camera_keyframe`."""
+
+    number: int
+    keyframe: int
+    T_camera_keyframe: Array
+
+
+class Sightings:
+    """Every sixth tracked frame's sighting; beyond 240 (5 MB) every second of them goes, and twice as few come."""
+
+    def __init__(self, every: int = _EVERY, most: int = _MOST) -> None:
+        self.kept: list[Sighting] = []
+        self._every, self._most = every, most
+
+    def wants(self, number: int) -> bool:
+        """Say whether frame `number` is one of those to be kept."""
+        return number % self._every == 0
+
+    def add(
+        self, number: int, tracked: Tracked, keyframes: list[Keyframe], landmarks: Landmarks, timing: Timing
+    ) -> None:
+        """Keep what the tracked frame `number` measured."""
+        rows = tracked.rows[tracked.inliers]
+        self.kept.append(
+            Sighting(
+                rows=rows,
+                identities=landmarks.identity[rows].copy(),
+                measurements=tracked.measurements.take(tracked.inliers),
+                timing=timing,
+                number=number,
+                keyframe=tracked.reference,
+                T_camera_keyframe=tracked.T_camera_map @ se3.inverse(keyframes[tracked.reference].T_camera_map),
+            )
+        )
+        if len(self.kept) > self._most:
+            self._every *= 2
+            self.kept = [s for s in self.kept if self.wants(s.number)]
+
+    def beside(self, members: list[Keyframe]) -> list[Sighting]:
+        """Return the sightings placed by the key frames `members`, thinned to what may be adjusted with them.
+
+        The newest one is among them wherever there is room.
+        """
+        numbers = {k.number for k in members}
+        mine = [s for s in self.kept if s.keyframe in numbers]
+        room = _MOST_ADJUSTED - len(members)
+        return mine[:: -max(1, -(-len(mine) // room))][::-1] if room > 0 else []
+
+
+def settled(frames: PlacedFrames, keyframes: list[Keyframe], adjusted: Mapping[int, Array]) -> Iterator[Placed]:
+    """Yield `frames` placed as the sightings say, whose T_camera_map `adjusted` has by their numbers.
+
+    Between sightings the correction against the same key frame is interpolated; it begins with none at that key frame.
+    """
+    knots: dict[int, list[tuple[int, Array]]] = {}
+    for number, placed in enumerate(frames, frames.dropped):
+        if placed.keyframe is None or placed.T_keyframe_camera is None:
+            continue
+        mine = knots.setdefault(placed.keyframe, [(number - 1, np.zeros(6))])
+        if number in adjusted:
+            T_map_camera = se3.inverse(keyframes[placed.keyframe].T_camera_map) @ placed.T_keyframe_camera
+            mine.append((number, -se3.log(adjusted[number] @ T_map_camera)))
+    for number, placed in enumerate(frames, frames.dropped):
+        if placed.keyframe is None or placed.T_keyframe_camera is None or len(knots[placed.keyframe]) == 1:
+            yield placed
+            continue
+        at, moved = zip(*knots[placed.keyframe], strict=True)
+        step = np.array([np.interp(number, at, along) for along in np.array(moved).T])
+        yield replace(placed, T_keyframe_camera=placed.T_keyframe_camera @ se3.exp(step))

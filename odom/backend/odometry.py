@@ -8,21 +8,22 @@ from numpy.typing import NDArray
 from odom.backend.causal import CausalTrajectory, Publication
 from odom.backend.choice import Coverage, has_moved
 from odom.backend.closing import recognise
+from odom.backend.closing_test import closing_test
 from odom.backend.estimate import ClosingTest, Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
-from odom.backend.history import long_after, trajectory
-from odom.backend.mapper import LEAST_FOUND_AGAIN, Mapper, Seen
+from odom.backend.history import trajectory
+from odom.backend.mapper import Mapper, Seen
 from odom.backend.motion import Motion
 from odom.backend.pairwise import register_successive
 from odom.backend.placed import Placed
 from odom.backend.selfcheck import SelfCheck
 from odom.backend.settings import OdometrySettings
+from odom.backend.sight import LEAP_S, Sight
 from odom.backend.sightings import settled
 from odom.backend.stopwatch import Stopwatch
 from odom.backend.tracking import INLIER_CHI2, Before, Tracked, coarse_pose, disagreement
 from odom.errors import InputError
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.clock import Clock
-from odom.frontend.depth import has_depth
 from odom.frontend.images import FrameImages
 from odom.frontend.lens import Lens
 from odom.frontend.measure import FeatureNoise
@@ -37,9 +38,7 @@ Index = NDArray[np.int64]
 _LEAST_INLIERS, _SURE_INLIERS = 15, 30
 _FASTEST_M_S, _FASTEST_RAD_S = 5.0, 12.0
 _LONGEST_GAP_S, _LONGEST_GAP_PERIODS = 0.2, 2.5
-_LEAP_S = 1.0
 _LEAST_CORNERS = 50
-_LEAST_DEEP, _LONGEST_SHALLOW_S = 0.05, 0.15
 _LONGEST_BLIND_PERIODS = 1.5
 _CHECKED_ALL, _CHECK_EVERY = 20, 4
 _UNEQUAL = 0.2
@@ -90,8 +89,7 @@ class Odometry:
         self._glance: _Glance | None = None
         self._followed: tuple[Index, Array] = (np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
         self._covered: Coverage | None = None
-        self._sight_s = 0.0
-        self._deep_stamp = self._depth_stamp = Stamp(0)
+        self._sight = Sight()
 
     @property
     def timing(self) -> Timing:
@@ -133,7 +131,7 @@ class Odometry:
             raise InputError(
                 f"a frame of {frame.depth_mm.shape[::-1]} pixels from {self.camera}: give that camera's own"
             )
-        if -_LEAP_S <= self._causal.since_last_s(frame.stamp) <= 0.0:
+        if -LEAP_S <= self._causal.since_last_s(frame.stamp) <= 0.0:
             raise InputError(f"frame {frame.sequence} is not later than the one before: give frames in order of time")
         self._clock = self._clock.after(frame.stamp)
         glance, self._glance = self._glance, None
@@ -146,8 +144,7 @@ class Odometry:
         loops, map_moved = self._take_background()
         map_moved |= self._mapper.forget(self._near, self._T_camera_map)
         watch.lap("background")
-        if has_depth(frame.depth_mm):
-            self._depth_stamp = view.stamp
+        self._sight = self._sight.after(view.stamp, frame.depth_mm)
         was_lost, is_blind = self._causal.is_lost, self._is_blind(view.stamp)
         T_coarse = None if glance is None or map_moved else glance.T_coarse
         tracked = None if was_lost or is_blind else self._follow(view, watch, T_coarse)
@@ -187,37 +184,18 @@ class Odometry:
         return trajectory(settled(frames, keyframes, adjusted), keyframes)
 
     def closing_test(self) -> ClosingTest | None:
-        """Return the paper's test of a closed walk, None where the last frame does not show what the first one did.
-
-        Nor can it be told once the first one is forgotten.
-        """
+        """Return the paper's test of a closed walk after `finish`, None where it can't be made (see `closing_test`)."""
         last = self._previous
         if last is None or last.tracked is None:
             return None
-        first = next(k for k in self._mapper.map.keyframes if k.segment == self._segment)
-        if first.number not in self._mapper.map.remembered:
-            return None
-        tracked = self._mapper.track_against(
-            np.array([first.number]),
+        return closing_test(
+            self._mapper,
+            self._segment,
             last.view,
             self._T_camera_map,
             last.tracked.twist,
-            self._check.noise,
-        )
-        inliers = int(np.count_nonzero(tracked.inliers))
-        if inliers < LEAST_FOUND_AGAIN:
-            return None
-        T_direct = first.T_camera_map @ se3.inverse(tracked.T_camera_map)
-        T_trajectory = first.T_camera_map @ se3.inverse(self._T_camera_map)
-        away = se3.log(se3.inverse(T_trajectory) @ T_direct)
-        covariance = long_after(tracked.covariance * self._check.scale)
-        return ClosingTest(
-            RelativePose(first.stamp, T_direct, covariance, inliers),
-            T_trajectory,
             last.pairwise,
-            float(np.linalg.norm(away[:3])),
-            float(np.rad2deg(np.linalg.norm(away[3:]))),
-            float(np.sqrt(away @ np.linalg.solve(covariance, away))),
+            self._check,
         )
 
     def _since_previous_s(self, view: View) -> float:
@@ -307,7 +285,6 @@ class Odometry:
             middle = 0.5 * (self._newest.twist + twist)
             self._mapper.remeasure(self._newest.keyframe, self._newest.view, middle, self._check)
         self._newest = None
-        self._sight_s = 0.0
         self._mapper.map.landmarks.seen[tracked.rows[tracked.inliers]] += 1
         is_regular = dt > 0.0 and abs(dt - self._clock.period_s) < _UNEQUAL * self._clock.period_s
         self._check = self._check.with_step(step if is_regular else None, tracked.information)
@@ -342,11 +319,9 @@ class Odometry:
             )
         watch.lap("pairwise")
         rows, uv = tracked.rows[tracked.inliers], tracked.uv[tracked.inliers]
-        is_deep = np.count_nonzero(tracked.chi2[tracked.inliers, 1]) >= _LEAST_DEEP * inliers
-        if is_deep:
-            self._deep_stamp = view.stamp
+        self._sight = self._sight.placed(view.stamp, tracked.chi2[tracked.inliers, 1])
         self._mapper.start_background(self._causal.frames.count, self._check)
-        is_keyframe = bool(is_deep) and self._needs_keyframe(uv)
+        is_keyframe = self._sight.deep_stamp == view.stamp and self._needs_keyframe(uv)
         if is_keyframe:
             rows, uv = self._add_keyframe(view, tracked, covariance)
         self._followed = (rows, uv)
@@ -357,7 +332,7 @@ class Odometry:
             state, reason = State.RECOVERED, f"place recognised: {inliers} landmarks found again"
         elif inliers < _SURE_INLIERS:
             state, reason = State.UNCERTAIN, f"only {inliers} landmarks found again"
-        elif (view.stamp - self._deep_stamp) * 1e-9 > _LONGEST_SHALLOW_S:
+        elif self._sight.is_shallow(view.stamp):
             state, reason = State.UNCERTAIN, "hardly any depth: tracked by known landmarks alone"
         residual = np.where(tracked.inliers, np.sqrt(tracked.chi2[:, 0]), np.nan)
         return self._estimate(
@@ -414,13 +389,13 @@ class Odometry:
     def _is_blind(self, stamp: Stamp) -> bool:
         """Say whether there has been no depth at all for longer than a prediction may stand in."""
         longest = max(self.settings.bridge_s, _LONGEST_BLIND_PERIODS * self._clock.period_s)
-        return (stamp - self._depth_stamp) * 1e-9 > longest
+        return self._sight.without_depth_s(stamp) > longest
 
     def _lose(self, view: View, is_blind: bool) -> Estimate:
         """Say that the frame has no pose, or begin a new segment where none can be hoped for."""
-        if not is_blind and 0.0 < self._causal.since_last_s(view.stamp) < _LEAP_S:
-            self._sight_s += self._causal.since_last_s(view.stamp)
-        if not is_blind and (self._segment < 0 or self._sight_s > self.settings.new_segment_s):
+        if not is_blind:
+            self._sight = self._sight.astray(self._causal.since_last_s(view.stamp))
+        if not is_blind and (self._segment < 0 or self._sight.astray_s > self.settings.new_segment_s):
             estimate = self._begin_segment(view)
             if estimate is not None:
                 return estimate
@@ -441,9 +416,8 @@ class Odometry:
         self._twist = still
         rows, uv = self._add_keyframe(view, None, np.zeros((6, 6)))
         self._followed = (rows, uv)
-        self._sight_s = 0.0
+        self._sight = self._sight.begun(view.stamp)
         T_odom_camera = se3.inverse(self._T_map_odom) @ se3.inverse(self._T_camera_map)
-        self._deep_stamp = view.stamp
         published = self._causal.begin(view.stamp, self._segment, self._near, T_odom_camera)
         self._previous = _Previous(view, None, None, published)
         state = State.TRACKING if is_first else State.RECOVERED

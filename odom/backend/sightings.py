@@ -34,7 +34,7 @@ class Sighting(Observed):
 
 
 class Sightings:
-    """Every sixth tracked frame's sighting; beyond 240 (5 MB) every second of them goes, and twice as few come."""
+    """Every sixth tracked frame's sighting; beyond 240 (7 MB) every second of them goes, and twice as few come."""
 
     def __init__(self, every: int = _EVERY, most: int = _MOST) -> None:
         self.kept: list[Sighting] = []

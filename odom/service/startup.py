@@ -12,6 +12,7 @@ import numpy as np
 from odom.backend import Odometry, OdometrySettings
 from odom.backend.graph import Edge, optimise
 from odom.frame import Camera, RgbdFrame, Stamp
+from odom.registration import default as registration
 from odom.registration.compiled import release_compiler
 from odom.service.keyframes import keyframe_message
 from odom.service.publication import feature_message, map_messages, pose_messages
@@ -57,6 +58,7 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
         feature_message(topics, estimate)
         keyframe_message(topics, frame, camera, jpeg, 100)
     odometry.finish()
+    registration.warm_up()
     codec.encode_status(topics.status, codec.Status(stamp, "", 0, "", Tally().status()))
     still = np.eye(4)
     optimise({0: still, 1: still}, 0, [Edge(0, 1, still, np.eye(6))])

@@ -27,6 +27,7 @@ import numba
 from dataclasses import replace
 import numpy as np
 from odom.backend import Odometry, OdometrySettings
+from odom.registration import Pairs, register
 from odom.service.startup import warm_up
 from odom.wire import Topics
 from sensors.arena import ArenaOptions, frame
@@ -48,6 +49,9 @@ for i in [*range(45), *range(60, 75), *range(900, 945)]:
     states.append(odometry.process(shot).state.name)
 odometry.finish()
 odometry.closing_test()
+rng = np.random.default_rng(3)
+points, small = rng.uniform(-1.0, 1.0, (40, 3)), np.tile(1e-6 * np.eye(3), (40, 1, 1))
+register(Pairs(points, rng.permuted(points), small, small))  # a place that only looks alike
 assert "RECOVERED" in states and "LOST" in states, states
 assert before
 print(sorted(compiled() - before))

@@ -9,7 +9,7 @@ from sensors.openni2.device import serial_number
 
 _log = logging.getLogger(__name__)
 
-RESTART_EVERY = 10
+RESTART_EVERY = 5
 """So many looks at a list that its driver does not keep up to date are worth one restart of the library."""
 
 

@@ -20,7 +20,7 @@ from odom.registration import se3
 Array = NDArray[np.float64]
 
 _EVERY, _MOST = 6, 240
-_MOST_ADJUSTED = 300
+_MOST_ADJUSTED = 150
 """Frames in a final adjustment, key frames included: its time grows with their third power, to some seconds."""
 
 

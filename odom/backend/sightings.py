@@ -1,7 +1,7 @@
 """Frames between key frames: what some of them measured is kept for the final adjustment, which moves the others too.
 
 A key frame is made where the view has changed; in between, dozens of frames see the same landmarks from other places.
-One in six, adjusted with the key frames at the end, about halves the trajectory's error.
+One in six or fewer, adjusted with the key frames at the end, takes a tenth to a third off the trajectory's error.
 """
 
 from collections.abc import Iterator, Mapping
@@ -21,7 +21,8 @@ Array = NDArray[np.float64]
 
 _EVERY, _MOST = 6, 240
 _MOST_ADJUSTED = 150
-"""Frames in a final adjustment, key frames included: its time grows with their third power, to some seconds."""
+"""Frames in a final adjustment, key frames included, where there are not more of those alone: its memory grows with the
+square of their number."""
 
 
 @dataclass(eq=False, kw_only=True)

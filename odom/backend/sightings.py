@@ -89,10 +89,15 @@ def settled(frames: PlacedFrames, keyframes: list[Keyframe], adjusted: Mapping[i
         if number in adjusted:
             T_map_camera = se3.inverse(keyframes[placed.keyframe].T_camera_map) @ placed.T_keyframe_camera
             mine.append((number, -se3.log(adjusted[number] @ T_map_camera)))
+    lines = {
+        keyframe: (np.array([at for at, _ in mine]), np.array([moved for _, moved in mine]).T)
+        for keyframe, mine in knots.items()
+        if len(mine) > 1
+    }
     for number, placed in enumerate(frames, frames.dropped):
-        if placed.keyframe is None or placed.T_keyframe_camera is None or len(knots[placed.keyframe]) == 1:
+        if placed.keyframe not in lines or placed.T_keyframe_camera is None:
             yield placed
             continue
-        at, moved = zip(*knots[placed.keyframe], strict=True)
-        step = np.array([np.interp(number, at, along) for along in np.array(moved).T])
+        at, moved = lines[placed.keyframe]
+        step = np.array([np.interp(number, at, along) for along in moved])
         yield replace(placed, T_keyframe_camera=placed.T_keyframe_camera @ se3.exp(step))

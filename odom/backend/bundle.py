@@ -1,7 +1,7 @@
 """Bundle adjustment of key-frame poses, landmarks and the sensor's timing over (x/z, y/z, 1/z) measurements.
 
 Landmarks are eliminated (Schur complement: B. Triggs et al., "Bundle adjustment - a modern synthesis", 2000); the
-reduced system holds 6 unknowns a free key frame and the two of the timing. Cauchy weights on ray and depth apart.
+reduced system holds 6 unknowns a free key frame and those of the timing. Cauchy weights on ray and depth apart.
 """
 
 from dataclasses import dataclass
@@ -31,9 +31,9 @@ class Observations:
 
 @dataclass(frozen=True, eq=False)
 class Bundle:
-    """What is adjusted: T_camera_map (K x 4 x 4), landmarks (L x 3, map frame), change of the timing (2).
+    """What is adjusted: T_camera_map (K x 4 x 4), landmarks (L x 3, map frame), change of the timing (t = 3).
 
-    `information_timing` (2 x 2) is what the observations alone say about the timing, and `covariances` (L x 3 x 3)
+    `information_timing` (t x t) is what the observations alone say about the timing, and `covariances` (L x 3 x 3)
     the landmarks' given the poses; both None before the first adjustment.
     """
 
@@ -64,19 +64,19 @@ def _reduce(
     damping: float,
 ) -> tuple[Array, Array, Array, Array, Array, Array, float]:
     """Return the reduced system (S, rhs) and, a landmark, inv(V), b, W_timing; an observation W; and the cost."""
-    N, L = keyframe.shape[0], landmarks.shape[0]
+    N, L, timings = keyframe.shape[0], landmarks.shape[0], timing_change.shape[0]
     S = np.zeros((dimension, dimension))
     rhs = np.zeros(dimension)
-    timing = dimension - 2
+    timing = dimension - timings
     W = np.zeros((N, 6, 3))
-    W_timing = np.zeros((L, 2, 3))
+    W_timing = np.zeros((L, timings, 3))
     V_inverse = np.zeros((L, 3, 3))
     b_landmark = np.zeros((L, 3))
     J = np.zeros((3, 6))
     P = np.zeros((3, 3))
     r = np.zeros(3)
     JI = np.zeros((6, 3))
-    KI = np.zeros((2, 3))
+    KI = np.zeros((timings, 3))
     value = np.zeros(3)
     V = np.zeros((3, 3))
     cost = 0.0
@@ -90,7 +90,9 @@ def _reduce(
             stop += 1
             K = jacobian_timing[o]
             for a in range(3):
-                value[a] = values[o, a] + K[a, 0] * timing_change[0] + K[a, 1] * timing_change[1]
+                value[a] = values[o, a]
+                for b in range(timings):
+                    value[a] += K[a, b] * timing_change[b]
             if not projection_terms(T_camera_map[keyframe[o]], landmarks[point], value, J, P, r):
                 cost += 100.0
                 continue
@@ -110,12 +112,12 @@ def _reduce(
                 b_landmark[point, a] += p0 * r[0] + p1 * r[1] + p2 * r[2]
                 for b in range(3):
                     V[a, b] += p0 * P[0, b] + p1 * P[1, b] + p2 * P[2, b]
-            for a in range(2):
+            for a in range(timings):
                 KI[a, 0] = -(ixx * K[0, a] + ixy * K[1, a])
                 KI[a, 1] = -(ixy * K[0, a] + iyy * K[1, a])
                 KI[a, 2] = -iww * K[2, a]
                 rhs[timing + a] += KI[a, 0] * r[0] + KI[a, 1] * r[1] + KI[a, 2] * r[2]
-                for b in range(2):
+                for b in range(timings):
                     S[timing + a, timing + b] -= KI[a, 0] * K[0, b] + KI[a, 1] * K[1, b] + KI[a, 2] * K[2, b]
                 for b in range(3):
                     W_timing[point, a, b] += KI[a, 0] * P[0, b] + KI[a, 1] * P[1, b] + KI[a, 2] * P[2, b]
@@ -132,7 +134,7 @@ def _reduce(
                     S[f + a, f + b] += JI[a, 0] * J[0, b] + JI[a, 1] * J[1, b] + JI[a, 2] * J[2, b]
                 for b in range(3):
                     W[o, a, b] = JI[a, 0] * P[0, b] + JI[a, 1] * P[1, b] + JI[a, 2] * P[2, b]
-                for b in range(2):
+                for b in range(timings):
                     cross = -(JI[a, 0] * K[0, b] + JI[a, 1] * K[1, b] + JI[a, 2] * K[2, b])
                     S[f + a, timing + b] += cross
                     S[timing + b, f + a] += cross
@@ -149,11 +151,11 @@ def _reduce(
         inverse[2, 2] = (V[0, 0] * V[1, 1] - V[0, 1] * V[0, 1]) / determinant
         inverse[1, 0], inverse[2, 0], inverse[2, 1] = inverse[0, 1], inverse[0, 2], inverse[1, 2]
         b_l = b_landmark[point]
-        # The timing is one more block (2 x 3) beside the key frames' (6 x 3).
+        # The timing is one more block (t x 3) beside the key frames' (6 x 3).
         for o in range(start, stop + 1):
             is_timing = o == stop
             if is_timing:
-                row, height, left = timing, 2, W_timing[point]
+                row, height, left = timing, timings, W_timing[point]
             else:
                 row = free[keyframe[o]] * 6
                 height, left = 6, W[o]
@@ -169,7 +171,7 @@ def _reduce(
                     if column >= 0:
                         for b in range(6):
                             S[row + a, column + b] -= y0 * W[q, b, 0] + y1 * W[q, b, 1] + y2 * W[q, b, 2]
-                for b in range(2):
+                for b in range(timings):
                     right = W_timing[point]
                     S[row + a, timing + b] -= y0 * right[b, 0] + y1 * right[b, 1] + y2 * right[b, 2]
         start = stop
@@ -190,7 +192,7 @@ def _substitute(
 ) -> Array:
     """Return the landmarks moved by their share of `step`: inv(V) (b - W' step)."""
     remainder = b_landmark.copy()
-    timing = step.shape[0] - 2
+    timing = step.shape[0] - W_timing.shape[1]
     for o in range(keyframe.shape[0]):
         f = free[keyframe[o]] * 6
         if f >= 0:
@@ -200,7 +202,7 @@ def _substitute(
     moved = landmarks.copy()
     for k in range(landmarks.shape[0]):
         for b in range(3):
-            for a in range(2):
+            for a in range(W_timing.shape[1]):
                 remainder[k, b] -= W_timing[k, a, b] * step[timing + a]
         for a in range(3):
             for b in range(3):
@@ -212,17 +214,17 @@ def adjust(
     start: Bundle,
     is_fixed: NDArray[np.bool_],
     observations: Observations,
-    timing_prior_mean: Array,
-    timing_prior_information: Array,
+    timing_information: Array,
     iterations: int,
 ) -> Bundle:
     """Adjust `start` to its `observations` by Levenberg-Marquardt; poses marked `is_fixed` (K) stay as they are.
 
-    `timing_prior_mean` (2) is the change of the timing expected beforehand, with its 2 x 2 information.
+    `timing_information` (t x t) is what is known of the timing beforehand; it expects no change.
     """
     free = np.full(len(is_fixed), -1, dtype=np.int64)
     free[~is_fixed] = np.arange(np.count_nonzero(~is_fixed))
-    dimension = 6 * int(np.count_nonzero(~is_fixed)) + 2
+    poses = 6 * int(np.count_nonzero(~is_fixed))
+    dimension = poses + len(timing_information)
     o = observations
     arrays = (o.keyframe, o.landmark, o.values, o.jacobian_timing, o.variances)
 
@@ -230,8 +232,8 @@ def adjust(
         S, rhs, V_inverse, b_landmark, W_timing, W, cost = _reduce(
             bundle.T_camera_map, bundle.landmarks, bundle.timing_change, free, dimension, *arrays, damping
         )
-        away = timing_prior_mean - bundle.timing_change
-        return S, rhs, V_inverse, b_landmark, W_timing, W, cost + float(away @ timing_prior_information @ away)
+        change = bundle.timing_change
+        return S, rhs, V_inverse, b_landmark, W_timing, W, cost + float(change @ timing_information @ change)
 
     damping = 1e-5
     best = start
@@ -239,15 +241,15 @@ def adjust(
     for _ in range(iterations):
         S_damped = np.array(S, order="F")  # factorised in place: of some hundred frames, a copy takes 10 MB
         S_damped.flat[:: dimension + 1] += damping * np.diag(S) + 1e-9
-        S_damped[-2:, -2:] += timing_prior_information
+        S_damped[poses:, poses:] += timing_information
         gradient = rhs.copy()
-        gradient[-2:] += timing_prior_information @ (timing_prior_mean - best.timing_change)
+        gradient[poses:] -= timing_information @ best.timing_change
         step = cho_solve(cho_factor(S_damped, overwrite_a=True, check_finite=False), gradient, check_finite=False)
         T_camera_map = best.T_camera_map.copy()
         for k in np.flatnonzero(~is_fixed):
             T_camera_map[k] = se3.orthonormal(se3.exp(step[6 * free[k] : 6 * free[k] + 6]) @ T_camera_map[k])
         moved = _substitute(best.landmarks, free, o.keyframe, o.landmark, V_inverse, b_landmark, W_timing, W, step)
-        trial = Bundle(T_camera_map, moved, best.timing_change + step[-2:])
+        trial = Bundle(T_camera_map, moved, best.timing_change + step[poses:])
         system = reduced(trial, damping * 0.1)
         if system[-1] < cost:
             gained = cost - system[-1]
@@ -258,7 +260,7 @@ def adjust(
         else:
             damping *= 100.0
             S, rhs, V_inverse, b_landmark, W_timing, W, cost = reduced(best, damping)
-    poses, timing = S[:-2, :-2].copy(), S[:-2, -2:]
-    poses.flat[:: dimension - 1] += 1e-9
-    information = S[-2:, -2:] - timing.T @ np.linalg.solve(poses, timing)
+    S_poses, S_across = S[:poses, :poses].copy(), S[:poses, poses:]
+    S_poses.flat[:: poses + 1] += 1e-9
+    information = S[poses:, poses:] - S_across.T @ np.linalg.solve(S_poses, S_across)
     return Bundle(best.T_camera_map, best.landmarks, best.timing_change, information, V_inverse)

@@ -61,9 +61,13 @@ class Mapper:
         self.map, self.index = Map(), PlaceIndex()
         self.sightings = Sightings()
         self._camera, self._lens, self._settings = camera, lens, settings
-        self.timing = Timing(settings.readout_prior_s, settings.depth_lag_prior_s)
+        self.timing = Timing(settings.readout_prior_s, settings.depth_lag_prior_s, settings.depth_readout_prior_s)
         self._timing_information = np.diag(
-            [settings.readout_prior_sigma_s**-2.0, settings.depth_lag_prior_sigma_s**-2.0]
+            [
+                settings.readout_prior_sigma_s**-2.0,
+                settings.depth_lag_prior_sigma_s**-2.0,
+                settings.depth_readout_prior_sigma_s**-2.0,
+            ]
         )
         self._loops: list[Edge] = []  # at most one a key frame remembered: each is judged once
         self._waiting: list[Seen] = []
@@ -217,8 +221,7 @@ class Mapper:
 
     def _take_over(self, adjustment: window.Adjustment, bundle: Bundle, check: SelfCheck) -> None:
         window.take_over(self.map, adjustment, bundle)
-        change = bundle.timing_change
-        self.timing = Timing(self.timing.readout_s + float(change[0]), self.timing.depth_lag_s + float(change[1]))
+        self.timing = self.timing.changed(bundle.timing_change)
         if bundle.information_timing is not None:
             self._timing_information = (
                 _TIMING_FORGET * self._timing_information + self._credit(check) * bundle.information_timing

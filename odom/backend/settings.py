@@ -30,3 +30,7 @@ class OdometrySettings(BaseModel, frozen=True, extra="forbid"):
         -0.015, description="lag of the depth stream's stamps expected before it is known: half of a 30 Hz period"
     )
     depth_lag_prior_sigma_s: float = Field(0.008, gt=0, description="one sigma of it")
+    depth_readout_prior_s: float = Field(
+        0.012, ge=0, description="the depth shutter's readout expected before it is known: between global and rolling"
+    )
+    depth_readout_prior_sigma_s: float = Field(0.012, gt=0, description="one sigma of it")

@@ -39,9 +39,7 @@ class Adjustment:
 
     def run(self) -> Bundle:
         """Return the adjusted bundle."""
-        return adjust(
-            self.bundle, self.is_fixed, self.observations, np.zeros(2), self.timing_information, self.iterations
-        )
+        return adjust(self.bundle, self.is_fixed, self.observations, self.timing_information, self.iterations)
 
 
 def _snapshot(
@@ -65,7 +63,7 @@ def _snapshot(
         is_fixed,
         rows,
         map_.landmarks.identity[rows].copy(),
-        Bundle(np.array(T_camera_map), map_.landmarks.position[rows].copy(), np.zeros(2)),
+        Bundle(np.array(T_camera_map), map_.landmarks.position[rows].copy(), np.zeros_like(timing.vector)),
         observations,
         information,
         iterations,

@@ -22,7 +22,7 @@ class Measurements:
     """n features of one frame.
 
     `values` (n x 3): x/z, y/z and 1/z (1/m; NaN: depth not measured) in the colour camera at its middle row's time.
-    `jacobian_timing` (n x 3 x 2): their derivative by (readout_s, depth_lag_s). `covariance` (n x 4): the entries
+    `jacobian_timing` (n x 3 x 3): their derivative by the vector of the `Timing`. `covariance` (n x 4): the entries
     xx, xy, yy of the ray's and the variance of the inverse depth. `slope` (n x 2): inverse depth per pixel in u, v.
     """
 
@@ -48,7 +48,7 @@ class Measurements:
         )
 
     def retimed(self, change: Array) -> Array:
-        """Return `values` as they would be after the timing (readout_s, depth_lag_s) has changed by `change`."""
+        """Return `values` as they would be after the timing's vector has changed by `change`."""
         return np.asarray(self.values + self.jacobian_timing @ change)
 
 
@@ -79,12 +79,13 @@ def _measure(
     twist: Array,
     depth_delay_s: float,
     readout_s: float,
+    depth_readout_s: float,
     relative_step: float,
 ) -> tuple[Array, Array, Array]:
     height = depth_mm.shape[0]
     n = uv.shape[0]
     values = np.empty((n, 3))
-    jacobian = np.zeros((n, 3, 2))
+    jacobian = np.zeros((n, 3, 3))
     slope = np.zeros((n, 2))
     for k in range(n):
         u, v = uv[k, 0], uv[k, 1]
@@ -93,21 +94,23 @@ def _measure(
         if not guess > 0.0:
             guess = read_plane(depth_mm, u, v, relative_step)[0]
         xd, yd, wd = point_flow(x, y, guess if guess > 0.0 else 0.5, twist)
+        row = v / height - 0.5
+        since_seen_s = depth_delay_s + row * (depth_readout_s - readout_s)
         w, su, sv = read_plane(
             depth_mm,
-            u + xd * intrinsics[0] * depth_delay_s,
-            v + yd * intrinsics[1] * depth_delay_s,
+            u + xd * intrinsics[0] * since_seen_s,
+            v + yd * intrinsics[1] * since_seen_s,
             relative_step,
         )
-        row = v / height - 0.5
         values[k, 0] = x - xd * row * readout_s
         values[k, 1] = y - yd * row * readout_s
-        values[k, 2] = w - wd * (depth_delay_s + row * readout_s)
+        values[k, 2] = w - wd * (depth_delay_s + row * depth_readout_s)
         jacobian[k, 0, 0] = -xd * row
         jacobian[k, 1, 0] = -yd * row
         if w > 0.0:
             jacobian[k, 2, 1] = su * xd * intrinsics[0] + sv * yd * intrinsics[1] - wd
-            jacobian[k, 2, 0] = 0.5 * jacobian[k, 2, 1] - wd * row
+            jacobian[k, 2, 0] = (0.5 - row) * jacobian[k, 2, 1] - wd * row
+            jacobian[k, 2, 2] = row * jacobian[k, 2, 1]
             slope[k, 0], slope[k, 1] = su, sv
     return values, jacobian, slope
 
@@ -137,14 +140,24 @@ def measure(
 ) -> Measurements:
     """Measure the features at `uv` (n x 2 px) of `frame`, seen by a camera moving with `twist` (its own frame, SI).
 
-    `covariance_uv` (n x 3 px^2: uu, uv, vv) is the localisation's own, to which `noise` adds. The depth is read where
-    the point was when the depth image was taken, and carried to the middle row's time; rows are carried from the time
-    of their readout. `inverse_depth_guess` (n, NaN where unknown) saves a look at the depth image.
+    `covariance_uv` (n x 3 px^2: uu, uv, vv) is the localisation's own, to which `noise` adds. Rows of the colour image
+    are carried from the time of their readout to the middle row's; the depth is read where the point was when its row
+    of the depth image was taken, and carried to that time too. `inverse_depth_guess` (n, NaN where unknown) saves a
+    look at the depth image.
     """
     guess = np.full(len(uv), np.nan) if inverse_depth_guess is None else inverse_depth_guess
     delay_s = (frame.depth_stamp - frame.stamp) * 1e-9 + timing.depth_lag_s + timing.readout_s / 2.0
     values, jacobian, slope = _measure(
-        frame.depth_mm, lens.rays, lens.intrinsics, uv, guess, twist, delay_s, timing.readout_s, noise.relative_step
+        frame.depth_mm,
+        lens.rays,
+        lens.intrinsics,
+        uv,
+        guess,
+        twist,
+        delay_s,
+        timing.readout_s,
+        timing.depth_readout_s,
+        noise.relative_step,
     )
     fx, fy = lens.intrinsics[:2]
     covariance = np.empty((len(uv), 4))

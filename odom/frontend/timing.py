@@ -1,8 +1,9 @@
-"""When each pixel was really seen: rolling shutter of the colour camera, lag of the depth image.
+"""When each pixel was really seen: rolling shutters of both cameras, lag of the depth image.
 
 A Kinect's colour sensor is read out row by row, and its depth image shows the scene some milliseconds away from its
-stamp. At 60 degrees a second the top of such an image is more than a degree away from its bottom. Both numbers are
-constants of a device; the back-end estimates them from the stream itself.
+stamp, all of it at once or row by row too. At 60 degrees a second the top of such an image is more than a degree away
+from its bottom; walking, the floor's depth is a centimetre older than the wall's. The three numbers are constants of a
+device; the back-end estimates them from the stream itself.
 """
 
 from dataclasses import dataclass
@@ -22,16 +23,23 @@ class Timing:
     `readout_s`: from the first row of a colour image to the last. Poses are estimated for the middle row; an image is
     stamped when it is complete, so the stamp is `readout_s / 2` later.
 
-    `depth_lag_s`: what must be added to a depth image's stamp to get the time it shows.
+    `depth_lag_s`: what must be added to a depth image's stamp to get the time that its middle row shows.
+
+    `depth_readout_s`: from the first row of a depth image to the last; 0 for a global shutter.
     """
 
     readout_s: float = 0.0
     depth_lag_s: float = 0.0
+    depth_readout_s: float = 0.0
 
     @property
     def vector(self) -> Array:
-        """The two as an array, in this order."""
-        return np.array([self.readout_s, self.depth_lag_s])
+        """The numbers as an array (3), in this order."""
+        return np.array([self.readout_s, self.depth_lag_s, self.depth_readout_s])
+
+    def changed(self, change: Array) -> "Timing":
+        """Return the timing with `change` (3) added to its vector."""
+        return Timing(*(self.vector + change).tolist())
 
 
 @compiled

@@ -152,7 +152,7 @@ def test_a_forgotten_place_is_not_found_and_leaves_nothing_in_the_index():
 def test_parts_that_no_landmark_joins_any_more_are_each_held():
     keyframe, landmark = np.array([[0, 0], [2, 0], [1, 1], [3, 1], [3, 2], [4, 2]]).T
     nothing = np.zeros((6, 3))
-    observations = Observations(keyframe, landmark, nothing, np.zeros((6, 3, 2)), np.zeros((6, 4)))
+    observations = Observations(keyframe, landmark, nothing, np.zeros((6, 3, 3)), np.zeros((6, 4)))
     np.testing.assert_array_equal(_oldest_connected(observations, 6), [0, 1, 0, 1, 1, 5])
 
 

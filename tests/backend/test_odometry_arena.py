@@ -56,6 +56,8 @@ KNOWN_TIMING = OdometrySettings(
     readout_prior_sigma_s=1e-3,
     depth_lag_prior_s=-DEPTH_LATENCY_S,
     depth_lag_prior_sigma_s=1e-3,
+    depth_readout_prior_s=0.0,
+    depth_readout_prior_sigma_s=1e-3,
 )
 
 

@@ -29,7 +29,7 @@ def seen(seed: int, twist, carried_with, readout_s=READOUT_S, n=250):
         xd, yd, _ = point_flow(x, y, inverse_depth[k], np.asarray(carried_with))
         values[k] = x - xd * row_s[k], y - yd * row_s[k], inverse_depth[k]
     variances = np.tile([SIGMA**2, 0.0, SIGMA**2, 1e-4**2], (n, 1))
-    measured = Measurements(values, np.zeros((n, 3, 2)), variances, np.zeros((n, 2)))
+    measured = Measurements(values, np.zeros((n, 3, 3)), variances, np.zeros((n, 2)))
     return points, measured, row_s
 
 

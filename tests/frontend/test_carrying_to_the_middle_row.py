@@ -42,8 +42,8 @@ def plane_seen(normal, distance, T_start_camera, row):
     return (LENS.rays[row].astype(np.float64) @ n[:2] + n[2]) / d
 
 
-def moving_view(twist, readout_s, depth_time_s, seed=0):
-    """Features of a slanted wall as a rolling shutter shows them, the depth image, and the truth at the middle row."""
+def moving_view(twist, readout_s, depth_time_s, depth_readout_s, seed=0):
+    """Features of a slanted wall as rolling shutters show them, the depth image, and the truth at the middle row."""
     rng = np.random.default_rng(seed)
     normal, distance = np.array([0.3, -0.2, 1.0]), 2.2
     rays = rng.uniform((-0.5, -0.38), (0.5, 0.38), (300, 2))
@@ -54,7 +54,7 @@ def moving_view(twist, readout_s, depth_time_s, seed=0):
         for k in range(300):
             T = se3.exp(-(uv[k, 1] / 480 - 0.5) * readout_s * twist)
             uv[k] = project(points[k : k + 1], T, LENS.intrinsics, LENS.distortion, 640, 480, -200.0)[0, :2]
-    rows = [depth_time_s + (v / 480 - 0.5) * readout_s for v in range(480)]  # the depth sensor's shutter rolls too
+    rows = [depth_time_s + (v / 480 - 0.5) * depth_readout_s for v in range(480)]
     inverse_depth = np.stack([plane_seen(normal, distance, se3.exp(t * twist), v) for v, t in enumerate(rows)])
     inside = ((uv > 25) & (uv < (615, 455))).all(axis=1)
     return uv[inside], np.rint(1000.0 / inverse_depth).astype(np.uint16), np.column_stack([rays, w])[inside]
@@ -64,15 +64,16 @@ def moving_view(twist, readout_s, depth_time_s, seed=0):
     "twist", [(0.5, 0.1, 0.4, 0, 0, 0), (0, 0, 0, 0.8, 1.0, 0.6), (-0.4, 0.3, 0.5, -0.7, 0.9, -0.8)]
 )
 @pytest.mark.parametrize("readout_s", [0.0, 0.025])
+@pytest.mark.parametrize("depth_readout_s", [0.0, 0.02])
 @pytest.mark.parametrize("depth_delay_ns", [-18_000_000, 12_000_000])
-def test_rows_and_depth_are_carried_to_the_middle_row(twist, readout_s, depth_delay_ns):
+def test_rows_and_depth_are_carried_to_the_middle_row(twist, readout_s, depth_readout_s, depth_delay_ns):
     twist, lag_s = np.array(twist, dtype=np.float64), -0.006
     since_middle_row_s = depth_delay_ns * 1e-9 + lag_s + readout_s / 2
-    uv, depth_mm, truth = moving_view(twist, readout_s, since_middle_row_s)
+    uv, depth_mm, truth = moving_view(twist, readout_s, since_middle_row_s, depth_readout_s)
     frame = RgbdFrame(0, STAMP, np.zeros((480, 640), np.uint8), Stamp(STAMP + depth_delay_ns), depth_mm)
     nothing = np.zeros((len(uv), 3))
-    carried = measure(frame, LENS, uv, nothing, twist, Timing(readout_s, lag_s), NOISE)
-    as_seen = measure(frame, LENS, uv, nothing, np.zeros(6), Timing(0.0, 0.0), NOISE)
+    carried = measure(frame, LENS, uv, nothing, twist, Timing(readout_s, lag_s, depth_readout_s), NOISE)
+    as_seen = measure(frame, LENS, uv, nothing, np.zeros(6), Timing(), NOISE)
     deep = np.isfinite(carried.values[:, 2]) & np.isfinite(as_seen.values[:, 2])
     assert deep.mean() > 0.95
     errors = [np.abs(m.values[deep] - truth[deep]) for m in (carried, as_seen)]
@@ -82,10 +83,10 @@ def test_rows_and_depth_are_carried_to_the_middle_row(twist, readout_s, depth_de
 
 def test_retimed_values_are_those_of_a_new_measurement():
     twist = np.array([0.3, -0.2, 0.4, 0.6, -0.8, 0.5])
-    uv, depth_mm, _ = moving_view(twist, 0.02, -0.008)
+    uv, depth_mm, _ = moving_view(twist, 0.02, -0.008, 0.012)
     frame = RgbdFrame(0, STAMP, np.zeros((480, 640), np.uint8), STAMP, depth_mm)
     nothing = np.zeros((len(uv), 3))
-    before, after = Timing(0.016, -0.010), Timing(0.021, -0.004)
+    before, after = Timing(0.016, -0.010, 0.005), Timing(0.021, -0.004, 0.018)
     a, b = (measure(frame, LENS, uv, nothing, twist, timing, NOISE) for timing in (before, after))
     change = after.vector - before.vector
     deep = np.isfinite(a.values[:, 2]) & np.isfinite(b.values[:, 2])
@@ -106,7 +107,7 @@ def test_no_depth_is_nan_and_leaves_the_ray():
 
 def test_the_covariance_of_points_is_that_of_sampled_measurements():
     rng = np.random.default_rng(5)
-    _, depth_mm, truth = moving_view(np.zeros(6), 0.0, 0.0)
+    _, depth_mm, truth = moving_view(np.zeros(6), 0.0, 0.0, 0.0)
     frame = RgbdFrame(0, STAMP, np.zeros((480, 640), np.uint8), STAMP, depth_mm)
     m = measure(frame, LENS, np.array([[150.0, 350.0]]), np.array([[0.3, 0.1, 0.5]]), np.zeros(6), Timing(), NOISE)
     xx, xy, yy, ww = m.covariance[0]

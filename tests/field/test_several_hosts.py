@@ -110,7 +110,7 @@ def test_a_cut_link_heals_by_itself(link_program: Path, rig: PlayingKinect, tmp_
 LINKS = {
     "1 Gbit/s, raw": (LinkQuality(1.0, 1000.0, 0.0), ("--color", "raw", "--depth", "raw")),
     "100 Mbit/s, JPEG and RVL": (LinkQuality(1.0, 100.0, 0.0), ("--color", "jpeg", "--depth", "rvl")),
-    "2 % loss, JPEG and RVL": (LinkQuality(1.0, 1000.0, 2.0), ("--color", "jpeg", "--depth", "rvl")),
+    "2 % loss, JPEG and RVL": (LinkQuality(1.0, 1000.0, 2.0, "bbr"), ("--color", "jpeg", "--depth", "rvl")),
 }
 
 

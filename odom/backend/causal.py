@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from odom.backend.estimate import RelativePose
 from odom.backend.history import covariance_since_start, relative_covariance, relative_pose
 from odom.backend.keyframes import Keyframe
-from odom.backend.motion import Motion
+from odom.backend.motion import Agility, Course
 from odom.backend.placed import Placed, PlacedFrames
 from odom.backend.selfcheck import SelfCheck
 from odom.frame import Stamp
@@ -48,7 +48,8 @@ class CausalTrajectory:
         self.frames = PlacedFrames()
         self._keyframes = keyframes
         self._recent: deque[Publication] = deque(maxlen=_RECENT)
-        self._motion: Motion | None = None
+        self._agility = Agility()
+        self._course: Course | None = None
 
     @property
     def is_lost(self) -> bool:
@@ -65,7 +66,7 @@ class CausalTrajectory:
         """Publish the first pose of a segment, which its key frame's is by definition."""
         placed = Placed(stamp, segment, 0.0, keyframe, np.eye(4), np.zeros((6, 6)))
         self.frames.append(placed)
-        self._motion = None
+        self._course = None
         self._recent.clear()
         self._recent.append(Publication(placed, T_odom_camera))
         return self._recent[-1]
@@ -88,19 +89,20 @@ class CausalTrajectory:
         """
         assert middle.T_keyframe_camera is not None
         self.frames.append(middle)
-        if twist_dt and self._motion is not None:
-            self._motion = self._motion.after(twist_dt).corrected(T_odom_middle, covariance)
+        if twist_dt and self._course is not None:
+            self._course = self._course.tracked(T_odom_middle, covariance, twist_dt)
         else:
-            self._motion = Motion.of(T_odom_middle, covariance)
-        carried = self._motion.after(middle.delay_s)
-        twist = self._motion.twist
+            self._course = Course.begun(T_odom_middle, covariance, self._agility)
+        self._agility = self._course.agility
+        motion = self._course.motion
+        carried = motion.after(middle.delay_s, self._agility)
         placed = replace(
             middle,
             T_keyframe_camera=middle.T_keyframe_camera @ se3.inverse(T_odom_middle) @ carried.T_fixed_camera,
-            covariance=carried.covariance + np.outer(twist, twist) * stamp_sigma_s**2,
+            covariance=carried.covariance + np.outer(motion.twist, motion.twist) * stamp_sigma_s**2,
         )
-        T_middle_stamp = se3.inverse(self._motion.T_fixed_camera) @ carried.T_fixed_camera
-        going = self._motion.covariance_of_going(middle.delay_s)
+        T_middle_stamp = se3.inverse(motion.T_fixed_camera) @ carried.T_fixed_camera
+        going = motion.covariance_of_going(middle.delay_s)
         current = Publication(placed, carried.T_fixed_camera, T_middle_stamp, going)
         if self._recent and twist_dt:
             current = replace(current, step=self._motion_since(self._recent[-1], current, inliers, check))
@@ -143,7 +145,7 @@ class CausalTrajectory:
         """Note a frame without a pose; motions are not counted over it."""
         self.frames.append(Placed(stamp, segment, 0.0))
         self._recent.clear()
-        self._motion = None
+        self._course = None
 
     def covariance_since_start(self, publication: Publication, check: SelfCheck) -> Array | None:
         """Return the 6 x 6 covariance (`se3`) of a published pose since its segment began."""

@@ -1,8 +1,8 @@
 """How a hand-held camera moves: what poses and velocities so far say of the next ones.
 
-A Kalman filter of constant velocity in the tangent space, with white acceleration. It smooths the published poses and
-carries them to the image's stamp; where the fits are much better than the motion is predictable, it lets them through
-as they are.
+A Kalman filter of constant velocity in the tangent space, whose acceleration is that of the last second. It smooths the
+published poses and carries them to the image's stamp; where the fits are much better than the motion is predictable, it
+lets them through as they are.
 """
 
 from dataclasses import dataclass
@@ -14,8 +14,6 @@ from odom.registration import se3
 
 Array = NDArray[np.float64]
 
-_ACCELERATION = np.array([1.0, 1.0, 1.0, 6.0, 6.0, 6.0])
-"""One sigma of a hand-held camera's acceleration: m/s^2 and rad/s^2."""
 _TWIST_SIGMA = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
 
 
@@ -27,8 +25,41 @@ class Velocity:
     covariance: Array
 
 
+_MEMORY_S = 1.0
+_LEAST_LINEAR, _LEAST_ANGULAR = 0.1, 0.6
+
 ANY_VELOCITY = Velocity(np.zeros(6), np.diag(_TWIST_SIGMA**2))
 """That of a hand of which nothing is known yet."""
+
+
+@dataclass(frozen=True)
+class Agility:
+    """How quickly a camera's velocity changes: root mean squares of its acceleration, m/s^2 and rad/s^2 an axis.
+
+    An acceleration lasts for some `steady_s` (R. Singer, "Estimating optimal tracking filter performance for manned
+    maneuvering targets", 1970); 0: it is white.
+    """
+
+    linear: float = 1.0
+    angular: float = 6.0
+    steady_s: float = 0.1
+
+    def noise(self, dt: float) -> Array:
+        """Return what unknown acceleration adds to the covariance (12 x 12) of pose and twist in `dt` seconds."""
+        variance = np.repeat([self.linear**2, self.angular**2], 3)
+        unsteady = dt * dt / (dt * dt + self.steady_s**2) / 12.0
+        Q = np.zeros((12, 12))
+        Q[:6, :6] = np.diag((0.25 + unsteady) * dt**4 * variance)
+        Q[:6, 6:] = Q[6:, :6] = np.diag(0.5 * dt**3 * variance)
+        Q[6:, 6:] = np.diag(dt**2 * variance)
+        return Q
+
+    def after(self, acceleration: Array, dt: float) -> "Agility":
+        """Return the agility after `acceleration` (6) was seen for `dt` seconds: the last second's, roughly."""
+        new = np.square(acceleration).reshape(2, 3).mean(axis=1)
+        old = np.square([self.linear, self.angular])
+        linear, angular = np.sqrt(old + min(1.0, dt / _MEMORY_S) * (new - old)).tolist()
+        return Agility(max(linear, _LEAST_LINEAR), max(angular, _LEAST_ANGULAR), self.steady_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,18 +86,11 @@ class Motion:
         """Return the 6 x 6 covariance of how far the camera goes in `dt` seconds."""
         return np.asarray(self.P[6:, 6:] * dt * dt)
 
-    def after(self, dt: float, unsteady: float = 0.0) -> "Motion":
-        """Return the motion predicted `dt` seconds later.
-
-        Its acceleration is constant meanwhile; `unsteady` is what its changes add to the variance of the position, in
-        units of acceleration^2 dt^4 (1/12: as if it were white).
-        """
+    def after(self, dt: float, agility: Agility) -> "Motion":
+        """Return the motion predicted `dt` seconds later, of a camera as agile as that."""
         F = np.eye(12)
         F[:6, 6:] = dt * np.eye(6)
-        G = np.concatenate([0.5 * dt * dt * np.eye(6), dt * np.eye(6)])
-        P = F @ self.P @ F.T + (G * _ACCELERATION**2) @ G.T
-        P[:6, :6] += np.diag(unsteady * dt**4 * _ACCELERATION**2)
-        return Motion(self.T_fixed_camera @ se3.exp(self.twist * dt), self.twist, P)
+        return Motion(self.T_fixed_camera @ se3.exp(self.twist * dt), self.twist, F @ self.P @ F.T + agility.noise(dt))
 
     def corrected(self, T_fixed_camera: Array, covariance: Array) -> "Motion":
         """Return the motion after the pose has been measured with `covariance` (6 x 6)."""
@@ -76,3 +100,32 @@ class Motion:
         P = self.P - K @ self.P[:6]
         T = se3.orthonormal(self.T_fixed_camera @ se3.exp(step[:6]))
         return Motion(T, self.twist + step[6:], 0.5 * (P + P.T))
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """The filtered `motion` of a tracked camera, and its `agility`.
+
+    `T_fitted` is its last pose as measured, and `twist` the mean one (6, SI) over the `dt` seconds before that, None
+    where it is not known.
+    """
+
+    motion: Motion
+    agility: Agility
+    T_fitted: Array
+    twist: Array | None = None
+    dt: float = 0.0
+
+    @classmethod
+    def begun(cls, T_fixed_camera: Array, covariance: Array, agility: Agility) -> "Course":
+        """Return the course of a camera of which only the pose is known, with its 6 x 6 covariance."""
+        return cls(Motion.of(T_fixed_camera, covariance), agility, T_fixed_camera)
+
+    def tracked(self, T_fixed_camera: Array, covariance: Array, dt: float) -> "Course":
+        """Return the course after the pose was measured `dt` seconds later, with `covariance` (6 x 6)."""
+        twist = se3.log(se3.inverse(self.T_fitted) @ T_fixed_camera) / dt
+        agility = self.agility
+        if self.twist is not None:
+            agility = agility.after((twist - self.twist) / (0.5 * (dt + self.dt)), dt)
+        motion = self.motion.after(dt, agility).corrected(T_fixed_camera, covariance)
+        return Course(motion, agility, T_fixed_camera, twist, dt)

@@ -36,6 +36,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _LEAST_INLIERS, _SURE_INLIERS = 15, 30
+_LEAST_SHARE_LEFT = 0.25
+"""Landmarks do not vanish all at once: where fewer than this share of the last frame's is left, the view jumped."""
 _FASTEST_M_S, _FASTEST_RAD_S = 5.0, 12.0
 _LONGEST_GAP_S, _LONGEST_GAP_PERIODS = 0.2, 2.5
 _LEAST_CORNERS = 50
@@ -239,7 +241,16 @@ class Odometry:
         watch.lap("find and fit")
         moved = before.twist_to(tracked.T_camera_map)
         is_bounded = np.linalg.norm(moved[:3]) < _FASTEST_M_S and np.linalg.norm(moved[3:]) < _FASTEST_RAD_S
-        return tracked if is_bounded and np.count_nonzero(tracked.inliers) >= _LEAST_INLIERS else None
+        return tracked if is_bounded and self._is_same_place(tracked, self._previous) else None
+
+    def _is_same_place(self, tracked: Tracked, previous: _Previous) -> bool:
+        """Say whether a frame followed from the previous one shows the place that it did, not one that looks alike."""
+        left = int(np.count_nonzero(tracked.inliers))
+        seen_before = 0 if previous.tracked is None else int(np.count_nonzero(previous.tracked.inliers))
+        last = self._causal.frames.last
+        is_bridged = last is not None and last.stamp != previous.view.stamp
+        is_chained = left >= _LEAST_SHARE_LEFT * seen_before and not is_bridged
+        return left >= _LEAST_INLIERS and (is_chained or self._mapper.is_known_place(tracked))
 
     def _before(self, dt: float) -> Before:
         """Return the camera's motion in the map as of the previous frame, `dt` seconds ago."""

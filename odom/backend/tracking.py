@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from odom.backend.localmap import look_for
 from odom.backend.map import Map
-from odom.backend.motion import ANY_VELOCITY, Motion, Velocity
+from odom.backend.motion import ANY_VELOCITY, Agility, Motion, Velocity
 from odom.backend.pose import PoseFit, fit_pose
 from odom.backend.rows import fit_velocity
 from odom.backend.settings import OdometrySettings
@@ -30,7 +30,7 @@ _FAR_CHI2 = 16.0
 INLIER_CHI2 = 12.0
 _IMAGE_NOISE_LEVELS = 3.0
 _RANK_OF_REFERENCE = 3.0
-_WHITE_ACCELERATION = 1.0 / 12.0
+_WHITE = Agility(steady_s=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +162,7 @@ def track(
     velocity = ANY_VELOCITY
     if before is not None:
         row_s = (sighting.uv[:, 1] / camera.height - 0.5) * timing.readout_s
-        expected = before.motion.after(before.since_s, _WHITE_ACCELERATION)
+        expected = before.motion.after(before.since_s, _WHITE)
         velocity = fit_velocity(points, covariances, measured, row_s, fit.T_camera_map, twist, expected, before.scale)
         twist = velocity.twist
         measured, fit = fitted(twist, fit.T_camera_map)

@@ -12,7 +12,9 @@ from odom.frame import Stamp
 from odom.registration import se3
 from sensors.arena import ArenaOptions, frame
 from sensors.arena.generate import DEPTH_LATENCY_S
+from sensors.arena.options import RATE_HZ
 from sensors.arena.shutter import READOUT_S
+from sensors.arena.walk import JOINED_AT_S
 
 DARK = range(40, 70)
 ARENA_ATE_M = 0.006
@@ -175,3 +177,12 @@ def test_stamps_that_leap_an_hour_do_not_end_the_odometry(arena, hours):
     check_sanity(ran)
     assert all(e.state is State.TRACKING for e in ran.estimates[-15:])
     assert {e.segment for e in ran.estimates} == {0}
+
+
+def test_a_room_of_the_same_shape_is_not_taken_for_the_known_one():
+    options = ArenaOptions(seed=2, walk="joined")
+    change = round(JOINED_AT_S * RATE_HZ + 0.5)
+    ran = run(options.camera, [frame(options, k).rgbd() for k in range(change - 31, change + 12)])
+    assert set(ran.states[:31]) == {State.TRACKING}
+    assert all(e.is_predicted or e.T_odom_camera is None for e in ran.estimates[31:])
+    assert ran.states[-1] is State.LOST

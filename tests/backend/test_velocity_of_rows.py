@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from odom.backend.motion import Motion
+from odom.backend.motion import Agility, Motion
 from odom.backend.pose import fit_pose
 from odom.backend.rows import fit_velocity
 from odom.frontend.measure import Measurements
@@ -36,7 +36,7 @@ def seen(seed: int, twist, carried_with, readout_s=READOUT_S, n=250):
 def velocity(points, measured, row_s, carried_with):
     covariances = np.tile(1e-10 * np.eye(3), (len(points), 1, 1))
     start = fit_pose(points, covariances, measured.values, measured.covariance, np.eye(4)).T_camera_map
-    expected = Motion.of(np.eye(4), np.diag([1e-3**2] * 6)).after(PERIOD_S)
+    expected = Motion.of(np.eye(4), np.diag([1e-3**2] * 6)).after(PERIOD_S, Agility())
     return fit_velocity(points, covariances, measured, row_s, start, np.asarray(carried_with), expected, 1.0)
 
 

@@ -1,0 +1,90 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from odom.backend.motion import Agility, Course
+from odom.registration import se3
+
+FINE_S = 1.0 / 240.0
+AHEAD_S = 1.0 / 60.0
+POSE_SIGMA = np.array([0.0004] * 3 + [0.0003] * 3)
+
+
+def carried(seed, agility, seconds=40.0):
+    """T_fixed_camera of a camera whose acceleration forgets itself in `steady_s`, every 1/240 s, and its twists."""
+    rng = np.random.default_rng(seed)
+    sigma = np.repeat([agility.linear, agility.angular], 3)
+    keep = np.exp(-FINE_S / agility.steady_s)
+    T, twist, acceleration = np.eye(4), np.zeros(6), np.zeros(6)
+    poses, twists = [], []
+    for _ in range(round(seconds / FINE_S)):
+        poses.append(T)
+        twists.append(twist)
+        T = T @ se3.exp(twist * FINE_S)
+        # a hand holds on to where it is: without that the speed would walk away
+        acceleration = keep * acceleration + np.sqrt(1.0 - keep**2) * sigma * rng.normal(size=6)
+        twist = twist * (1.0 - 0.8 * FINE_S) + acceleration * FINE_S
+    return poses, twists
+
+
+def followed(seed, poses, stride, agility=None):
+    """The courses of the camera measured every `stride` fine steps, with the fine step that each ends at."""
+    rng = np.random.default_rng(seed)
+    covariance = np.diag(POSE_SIGMA**2)
+    course, courses = None, []
+    for k in range(0, len(poses), stride):
+        measured = poses[k] @ se3.exp(POSE_SIGMA * rng.normal(size=6))
+        if course is None:
+            course = Course.begun(measured, covariance, agility or Agility())
+        else:
+            course = course.tracked(measured, covariance, stride * FINE_S)
+        courses.append((k, course))
+    return courses
+
+
+@pytest.mark.parametrize("hertz", [60, 30, 15, 8])
+@pytest.mark.parametrize("agility", [Agility(0.3, 0.8), Agility(1.2, 4.0)], ids=["calm", "brisk"])
+def test_what_is_predicted_errs_as_its_covariance_says_at_any_rate_and_agility(hertz, agility):
+    poses, _ = carried(1, agility)
+    nees = []
+    ahead = round(AHEAD_S / FINE_S)
+    for k, course in followed(2, poses, round(1.0 / hertz / FINE_S))[2 * hertz :]:
+        if k + ahead < len(poses):
+            predicted = course.motion.after(AHEAD_S, course.agility)
+            error = se3.log(se3.inverse(predicted.T_fixed_camera) @ poses[k + ahead])
+            nees.append(error @ np.linalg.solve(predicted.covariance, error))
+    assert 2.0 < np.mean(nees) < 9.0  # 6 expected
+    assert np.mean(np.array(nees) < 14.45) > 0.85
+
+
+@pytest.mark.parametrize("agility", [Agility(0.3, 0.8), Agility(1.2, 4.0)], ids=["calm", "brisk"])
+def test_agility_is_learnt_from_the_motion(agility):
+    courses = followed(4, carried(3, agility)[0], round(1 / 15 / FINE_S))
+    late = [course.agility for _, course in courses[len(courses) // 4 :]]
+    assert 0.4 * agility.linear < np.median([a.linear for a in late]) < 1.7 * agility.linear
+    assert 0.4 * agility.angular < np.median([a.angular for a in late]) < 1.7 * agility.angular
+
+
+def test_a_jerk_after_rest_is_believed_at_once():
+    rest = [np.eye(4)] * 1200
+    jerked = [se3.exp(np.array([0.5 * 8.0 * (k * FINE_S) ** 2, 0, 0, 0, 0, 0])) for k in range(48)]
+    courses = followed(5, [*rest, *jerked], 8)
+    before, after = courses[len(rest) // 8 - 1][1].agility, courses[-1][1].agility
+    assert after.linear > 2.0 * before.linear
+    lag = [np.linalg.norm(c.motion.T_fixed_camera[:3, 3] - (rest + jerked)[k][:3, 3]) for k, c in courses]
+    assert max(lag) < 0.003
+
+
+def test_agility_never_falls_to_nothing():
+    agility = Agility()
+    for _ in range(1000):
+        agility = agility.after(np.zeros(6), 0.033)
+    assert agility.linear >= 0.1
+    assert agility.angular >= 0.6
+    assert np.linalg.eigvalsh(agility.noise(0.033)).min() > -1e-18
+
+
+def test_noise_grows_with_the_time():
+    sizes = [np.diag(Agility().noise(dt)) for dt in (0.01, 0.03, 0.1, 0.3)]
+    assert all((a < b).all() for a, b in pairwise(sizes))

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _NO_ROWS, _NO_UV = np.zeros(0, dtype=np.int64), np.zeros((0, 2))
-_NOTHING_MEASURED = Measurements(np.zeros((0, 3)), np.zeros((0, 3, 2)), np.zeros((0, 4)), np.zeros((0, 2)))
+_NOTHING_MEASURED = Measurements.nothing()
 
 
 @dataclass(eq=False, kw_only=True)
@@ -54,6 +54,11 @@ class Keyframe(Observed):
         """Drop what was measured; the arrays that are left are shared by all that have forgotten."""
         self.rows = self.identities = _NO_ROWS
         self.uv, self.measurements = _NO_UV, _NOTHING_MEASURED
+
+
+def first_of(keyframes: Sequence[Keyframe], segment: int) -> Keyframe:
+    """Return the key frame that a segment began with; a segment has one."""
+    return next(keyframe for keyframe in keyframes if keyframe.segment == segment)
 
 
 def gather_observations(

@@ -31,6 +31,11 @@ class Measurements:
     covariance: Array
     slope: Array
 
+    @classmethod
+    def nothing(cls) -> "Measurements":
+        """Return those of no feature."""
+        return cls(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 4)), np.zeros((0, 2)))
+
     def __len__(self) -> int:
         return len(self.values)
 

@@ -129,7 +129,6 @@ class OdometryProcess:
         self._announcer.poses(estimate)
         latency_ms = None if origin is None else (time.time_ns() - origin) * 1e-6
         self._tally.add(estimate, frame, processing_ms, latency_ms)
-        self._count_forgotten(self._odometry)
         self._tell_changes(estimate)
         self._last, self._last_at, self._unsaved = estimate, time.monotonic(), True
         self._is_live = origin is not None
@@ -189,6 +188,8 @@ class OdometryProcess:
         self._tally.unmatched_frames = self._intake.assembler.pairing.color_single
         refused = {"refused by the odometry": self._refused} if self._refused else {}
         self._tally.dropped = self._intake.dropped | refused
+        if self._odometry is not None:
+            self._count_forgotten(self._odometry)
 
     def _watch(self, key: str, alive: bool) -> None:
         role = key.removeprefix(self._alive).strip("/") or "sensor"

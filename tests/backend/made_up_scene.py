@@ -36,10 +36,6 @@ def noisy(rng, values):
     return values + rng.normal(size=(n, 3)) * [RAY_SIGMA, RAY_SIGMA, DEPTH_SIGMA], variances
 
 
-def nothing_measured():
-    return Measurements(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 4)), np.zeros((0, 2)))
-
-
 def bare_keyframe(number, T_map_camera, parent=None, covariance=None, segment=0):
     """A key frame that measured nothing."""
     none = np.zeros(0, dtype=np.int64)
@@ -53,7 +49,7 @@ def bare_keyframe(number, T_map_camera, parent=None, covariance=None, segment=0)
         rows=none,
         identities=none,
         uv=np.zeros((0, 2)),
-        measurements=nothing_measured(),
+        measurements=Measurements.nothing(),
         timing=Timing(),
         parent=parent,
         covariance_parent=covariance,
@@ -76,7 +72,7 @@ def chain_of_keyframes(poses, covariance, segment=0):
             images,
             np.zeros(0, dtype=np.int64),
             np.zeros((0, 2)),
-            nothing_measured(),
+            Measurements.nothing(),
             np.full((20, 2), 30.0),
             measured,
             Timing(),

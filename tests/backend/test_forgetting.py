@@ -14,10 +14,12 @@ from odom.backend.closing import close_loop, merge_segment
 from odom.backend.forgetting import forget, oldest_beyond
 from odom.backend.graph import Edge
 from odom.backend.history import covariance_between
+from odom.backend.keyframes import gather_observations
 from odom.backend.window import _oldest_connected
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import RgbdFrame, Stamp
 from odom.frontend.places import Place, PlaceIndex
+from odom.frontend.timing import Timing
 from odom.registration import se3
 
 COVARIANCE = np.diag([1e-4, 2e-4, 3e-4, 1e-5, 2e-5, 3e-5])
@@ -55,6 +57,8 @@ def test_a_forgotten_key_frame_keeps_its_pose_and_nothing_that_it_measured():
     assert (np.bincount(L.keyframe[L.alive], minlength=6) == [20, 20, 0, 20, 20, 20]).all()
     forgotten = map_.keyframes[2]
     assert len(forgotten.rows) == len(forgotten.identities) == len(forgotten.uv) == len(forgotten.measurements) == 0
+    twice, _ = gather_observations(2 * map_.keyframes, L, Timing())
+    assert (np.bincount(twice.keyframe, minlength=12) == 2 * [20, 20, 0, 20, 20, 20]).all()
     assert not map_.links[2]
     assert not any(2 in links for links in map_.links)
     for keyframe, before in zip(map_.keyframes, poses, strict=True):

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made_up_scene import bare_keyframe, nothing_measured
+from made_up_scene import bare_keyframe
 from running import run
 
 from odom.backend.landmarks import Landmarks
 from odom.backend.placed import Placed, PlacedFrames
 from odom.backend.sightings import Sightings, settled
 from odom.frame import Stamp
+from odom.frontend.measure import Measurements
 from odom.frontend.timing import Timing
 from odom.registration import se3
 
@@ -21,7 +22,7 @@ def tracked(reference=0):
     return SimpleNamespace(
         rows=np.zeros(0, dtype=np.int64),
         inliers=np.zeros(0, dtype=np.bool_),
-        measurements=nothing_measured(),
+        measurements=Measurements.nothing(),
         reference=reference,
         T_camera_map=np.eye(4),
     )

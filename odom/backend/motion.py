@@ -15,6 +15,9 @@ from odom.registration import se3
 Array = NDArray[np.float64]
 
 _TWIST_SIGMA = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
+_MEMORY_S = 1.0
+_LEAST_LINEAR, _LEAST_ANGULAR = 0.1, 0.6
+"""m/s^2 and rad/s^2: a camera at rest may be taken up."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,9 +27,6 @@ class Velocity:
     twist: Array
     covariance: Array
 
-
-_MEMORY_S = 1.0
-_LEAST_LINEAR, _LEAST_ANGULAR = 0.1, 0.6
 
 ANY_VELOCITY = Velocity(np.zeros(6), np.diag(_TWIST_SIGMA**2))
 """That of a hand of which nothing is known yet."""

@@ -12,23 +12,22 @@ POSE_SIGMA = np.array([0.0004] * 3 + [0.0003] * 3)
 
 
 def carried(seed, agility, seconds=40.0):
-    """T_fixed_camera of a camera whose acceleration forgets itself in `steady_s`, every 1/240 s, and its twists."""
+    """T_fixed_camera of a camera whose acceleration forgets itself in `steady_s`, every 1/240 s."""
     rng = np.random.default_rng(seed)
     sigma = np.repeat([agility.linear, agility.angular], 3)
     keep = np.exp(-FINE_S / agility.steady_s)
     T, twist, acceleration = np.eye(4), np.zeros(6), np.zeros(6)
-    poses, twists = [], []
+    poses = []
     for _ in range(round(seconds / FINE_S)):
         poses.append(T)
-        twists.append(twist)
         T = T @ se3.exp(twist * FINE_S)
         # a hand holds on to where it is: without that the speed would walk away
         acceleration = keep * acceleration + np.sqrt(1.0 - keep**2) * sigma * rng.normal(size=6)
         twist = twist * (1.0 - 0.8 * FINE_S) + acceleration * FINE_S
-    return poses, twists
+    return poses
 
 
-def followed(seed, poses, stride, agility=None):
+def followed(seed, poses, stride):
     """The courses of the camera measured every `stride` fine steps, with the fine step that each ends at."""
     rng = np.random.default_rng(seed)
     covariance = np.diag(POSE_SIGMA**2)
@@ -36,7 +35,7 @@ def followed(seed, poses, stride, agility=None):
     for k in range(0, len(poses), stride):
         measured = poses[k] @ se3.exp(POSE_SIGMA * rng.normal(size=6))
         if course is None:
-            course = Course.begun(measured, covariance, agility or Agility())
+            course = Course.begun(measured, covariance, Agility())
         else:
             course = course.tracked(measured, covariance, stride * FINE_S)
         courses.append((k, course))
@@ -46,7 +45,7 @@ def followed(seed, poses, stride, agility=None):
 @pytest.mark.parametrize("hertz", [60, 30, 15, 8])
 @pytest.mark.parametrize("agility", [Agility(0.3, 0.8), Agility(1.2, 4.0)], ids=["calm", "brisk"])
 def test_what_is_predicted_errs_as_its_covariance_says_at_any_rate_and_agility(hertz, agility):
-    poses, _ = carried(1, agility)
+    poses = carried(1, agility)
     nees = []
     ahead = round(AHEAD_S / FINE_S)
     for k, course in followed(2, poses, round(1.0 / hertz / FINE_S))[2 * hertz :]:
@@ -60,7 +59,7 @@ def test_what_is_predicted_errs_as_its_covariance_says_at_any_rate_and_agility(h
 
 @pytest.mark.parametrize("agility", [Agility(0.3, 0.8), Agility(1.2, 4.0)], ids=["calm", "brisk"])
 def test_agility_is_learnt_from_the_motion(agility):
-    courses = followed(4, carried(3, agility)[0], round(1 / 15 / FINE_S))
+    courses = followed(4, carried(3, agility), round(1 / 15 / FINE_S))
     late = [course.agility for _, course in courses[len(courses) // 4 :]]
     assert 0.4 * agility.linear < np.median([a.linear for a in late]) < 1.7 * agility.linear
     assert 0.4 * agility.angular < np.median([a.angular for a in late]) < 1.7 * agility.angular

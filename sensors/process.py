@@ -103,6 +103,7 @@ class SensorProcess:
         return not stop.wait(max(0.0, due - time.monotonic()))
 
     def _say_goodbye(self, reason: str, stop: threading.Event) -> None:
+        self._window.listen()
         self._publisher.put(encode_text(self._topics.end, Stamp(time.time_ns()), reason))
         complete = reason == END_OF_SOURCE and not self._live
         self._window.wait_until_consumed(stop if complete else threading.Event(), None if complete else _FAREWELL_S)

@@ -92,10 +92,10 @@ class Intake:
         self.uncalibrated = 0
         self.source_ended = False
         self.refused_cameras = 0
-        self.assembler = FrameAssembler(topics, grey=True)
         self._color_keys = keys[:2]
         self._colors: dict[Stamp, Message] = {}
         self._consumer = Consumer(session, topics, "odometry", keys, depth=_LIVE_DEPTH)
+        self.assembler = FrameAssembler(topics, grey=True, malformed=self._consumer.malformed)
         self._camera: Camera | None = None
         self._live_room = live_room
         self._waiting: deque[Arrival] = deque()
@@ -151,9 +151,7 @@ class Intake:
     def dropped(self) -> dict[str, int]:
         """Refused input by its kind, only what happened."""
         pairing = self.assembler.pairing
-        counts = {f"malformed {key}": n for key, n in self.assembler.malformed.items()}
-        for key, counter in list(self._consumer.counters.items()):
-            counts[f"malformed {key}"] = counts.get(f"malformed {key}", 0) + counter.malformed
+        counts = {f"malformed {key}": n for key, n in self._consumer.malformed.counts.copy().items()}
         counts |= {
             "duplicate stamp": pairing.duplicate,
             "backward stamp": pairing.backward,
@@ -193,7 +191,7 @@ class Intake:
             try:
                 self._put(TruthArrival(message.topic.split("/")[1], codec.decode_pose(message)))
             except WireError as error:
-                self._consumer.malformed(message.topic, str(error))
+                self._consumer.malformed.add(message.topic, str(error))
             return
         if message.topic in self._color_keys:
             self._colors[message.stamp] = message
@@ -258,7 +256,7 @@ class Intake:
     def _put(self, arrival: CameraArrival | TruthArrival | EndArrival) -> None:
         with self._changed:
             if len(self._waiting) >= _MAX_TRUTH and isinstance(arrival, TruthArrival):
-                self._consumer.malformed("truth", f"more than {_MAX_TRUTH} poses wait")
+                self._consumer.malformed.add("truth", f"more than {_MAX_TRUTH} poses wait")
                 return
             self._waiting.append(arrival)
             self._changed.notify_all()

@@ -164,7 +164,7 @@ class Crew:
                 values.get("reason", ""),
             )
         except (WireError, LookupError, ValueError) as error:
-            self._status.malformed(delivery.message.topic, repr(error))
+            self._status.malformed.add(delivery.message.topic, repr(error))
             return None
 
 

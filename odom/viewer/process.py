@@ -115,7 +115,8 @@ class Viewer:
         """Return messages shown, images thinned out, messages dropped here or lost on the way, and malformed ones."""
         small, images = self._small.total(), self._images.total()
         dropped = small.dropped + small.lost + images.dropped + images.lost
-        return self._shown, self._thinner.thinned, dropped, small.malformed + images.malformed
+        malformed = self._small.malformed.counts.total() + self._images.malformed.counts.total()
+        return self._shown, self._thinner.thinned, dropped, malformed
 
     def _next(self, subscriber: Subscriber, timeout: float) -> bool:
         delivery = subscriber.receive(timeout)
@@ -130,7 +131,7 @@ class Viewer:
             self._draw(self._scene.handle(message))
             self._shown += 1
         except WireError as error:
-            subscriber.malformed(message.topic, str(error))
+            subscriber.malformed.add(message.topic, str(error))
         if message.topic == self.topics.end:
             self.ended_s = self._repeat_due = time.monotonic()
         elif message.topic == self.topics.odom:

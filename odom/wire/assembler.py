@@ -1,31 +1,29 @@
 """From wire messages to RGB-D frames: decoding, calibration and pairing, with every refusal counted."""
 
-import logging
-from collections import Counter
-
 import numpy as np
 
 from odom.errors import WireError
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.wire.codec import decode_camera_info, decode_color, decode_depth
 from odom.wire.codec.images import Color, Depth
+from odom.wire.malformed import Malformed
 from odom.wire.message import Message
 from odom.wire.pairing import Pair, Pairer, PairingCounters
 from odom.wire.topics import Topics
-
-log = logging.getLogger(__name__)
 
 
 class FrameAssembler:
     """Turns one device's messages into frames; pure but for its log lines, and deterministic.
 
-    Every colour image becomes a frame: one that has no depth image gets an empty one. `malformed` counts refusals by
-    key, the first of each is logged; `camera` is the latest calibration.
+    Every colour image becomes a frame: one that has no depth image gets an empty one. What cannot be used is counted in
+    `malformed`, which may be the receiver's own; `camera` is the latest calibration.
     """
 
-    def __init__(self, topics: Topics, grey: bool = False, period_s: float | None = None) -> None:
+    def __init__(
+        self, topics: Topics, grey: bool = False, period_s: float | None = None, malformed: Malformed | None = None
+    ) -> None:
         self.camera: Camera | None = None
-        self.malformed: Counter[str] = Counter()
+        self.malformed = Malformed() if malformed is None else malformed
         self._topics = topics
         self._grey = grey
         self._pairer: Pairer[Color, Depth] = Pairer(period_s, singles=True)
@@ -55,7 +53,7 @@ class FrameAssembler:
             if key == topics.camera_info:
                 self.camera = decode_camera_info(message)
         except WireError as error:
-            self._refuse(key, str(error))
+            self.malformed.add(key, str(error))
         return ()
 
     def finish(self) -> tuple[RgbdFrame, ...]:
@@ -68,16 +66,11 @@ class FrameAssembler:
             camera, size = self.camera, pair.color.shape[:2]
             depth = np.zeros(size, dtype=np.uint16) if pair.depth is None else pair.depth
             if depth.shape != size:
-                self._refuse(self._topics.depth, f"depth of {depth.shape} is not registered to colour of {size}")
+                self.malformed.add(self._topics.depth, f"depth of {depth.shape} is not registered to colour of {size}")
                 continue
             if camera is not None and (camera.height, camera.width) != size:
-                self._refuse(self._topics.camera_info, f"calibration is not that of colour of {size}: {camera}")
+                self.malformed.add(self._topics.camera_info, f"calibration is not that of colour of {size}: {camera}")
                 continue
             frames.append(RgbdFrame(self._sequence, pair.color_stamp, pair.color, pair.depth_stamp, depth))
             self._sequence += 1
         return tuple(frames)
-
-    def _refuse(self, key: str, why: str) -> None:
-        if not self.malformed[key]:
-            log.warning("%s: dropped what cannot be used (further ones are counted): %s", key, why)
-        self.malformed[key] += 1

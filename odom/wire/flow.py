@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable
 from odom.errors import WireError
 from odom.frame import Stamp
 from odom.wire.codec import decode_numbers, decode_text, encode_numbers
+from odom.wire.malformed import Malformed
 from odom.wire.session import Counters, Delivery, Publisher, Subscriber, WireSession
 from odom.wire.subscriber import SMALL
 from odom.wire.topics import Topics
@@ -67,7 +68,7 @@ class Consumer:
             try:
                 self.ended = decode_text(delivery.message)
             except WireError as error:
-                self._subscriber.malformed(delivery.message.topic, str(error))
+                self.malformed.add(delivery.message.topic, str(error))
                 continue
             self._acknowledge(waiting=False)
             return None
@@ -76,9 +77,10 @@ class Consumer:
         """Go on after the end of a source, for a service that outlives its sensors."""
         self.ended = None
 
-    def malformed(self, topic: str, why: str) -> None:
-        """Count a message that was delivered but could not be used; the first of its key is logged."""
-        self._subscriber.malformed(topic, why)
+    @property
+    def malformed(self) -> Malformed:
+        """What could not be used; whoever finds a delivery to be so adds it."""
+        return self._subscriber.malformed
 
     @property
     def counters(self) -> dict[str, Counters]:
@@ -121,8 +123,10 @@ class Window:
         self._frames: deque[int] = deque()
         self._credits: dict[str, _Credit] = {}
         self._changed = threading.Condition()
-        self._subscriber: Subscriber = session.subscriber((topics.ack_of("*"),), depth=16)
-        session.watch(topics.ack_of("*"), self._token)
+        self._session = session
+        self._acknowledgements = topics.ack_of("*")
+        self._subscriber: Subscriber | None = None
+        session.watch(self._acknowledgements, self._token)
 
     @property
     def consumers(self) -> tuple[str, ...]:
@@ -142,6 +146,15 @@ class Window:
                 log.info("waiting for %d consumer(s); here: %s", count, ", ".join(self.consumers) or "none")
                 said = float("inf")
         return False
+
+    def listen(self) -> Subscriber:
+        """Receive acknowledgements from now on: to be called before what is to be waited for is sent.
+
+        `wait_for_room` does so; a live sender waits for nothing before its end, and would only be kept from its work.
+        """
+        if self._subscriber is None:
+            self._subscriber = self._session.subscriber((self._acknowledgements,), depth=16)
+        return self._subscriber
 
     def wait_for_room(self, stop: threading.Event) -> bool:
         """Return True once the window has room for a message, False when `stop` is set before.
@@ -176,23 +189,24 @@ class Window:
         return len(self._frames) < self._frames_allowed and self._sent - slowest < _MESSAGES_IN_FLIGHT
 
     def _wait(self, stop: threading.Event, condition: Callable[[], bool], timeout: float | None = None) -> bool:
+        subscriber = self.listen()
         deadline = float("inf") if timeout is None else time.monotonic() + timeout
         while not stop.is_set() and time.monotonic() < deadline:
-            self._take_acknowledgements(0.0)
+            self._take_acknowledgements(subscriber, 0.0)
             with self._changed:
                 self._give_up_lost()
                 if condition():
                     return True
-            self._take_acknowledgements(0.05)
+            self._take_acknowledgements(subscriber, 0.05)
         return False
 
-    def _take_acknowledgements(self, timeout: float) -> None:
-        while (delivery := self._subscriber.receive(timeout)) is not None:
+    def _take_acknowledgements(self, subscriber: Subscriber, timeout: float) -> None:
+        while (delivery := subscriber.receive(timeout)) is not None:
             timeout = 0.0
             try:
                 epoch, serial, waiting = decode_numbers(delivery.message)
             except (WireError, ValueError) as error:
-                self._subscriber.malformed(delivery.message.topic, str(error))
+                subscriber.malformed.add(delivery.message.topic, str(error))
                 continue
             if epoch != self._publisher.epoch or serial > self._sent:
                 continue

@@ -100,7 +100,7 @@ class Recorder:
                 try:
                     self._writer.write(message, at)
                 except WireError as error:
-                    self._consumer.malformed(message.topic, str(error))
+                    self._consumer.malformed.add(message.topic, str(error))
                     continue
                 frames += message.topic in (self._topics.color, self._topics.color_compressed)
             progress(frames)

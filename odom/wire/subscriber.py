@@ -1,6 +1,5 @@
 """The receiving side of a session: one bounded queue, with what was lost, dropped or malformed counted by key."""
 
-import logging
 import threading
 import time
 from collections import deque
@@ -13,8 +12,7 @@ import zenoh
 
 from odom.errors import WireError
 from odom.wire.delivery import Attachment, Delivery, attachment_of, delivery_of
-
-log = logging.getLogger(__name__)
+from odom.wire.malformed import Malformed
 
 SMALL = 4096
 
@@ -37,7 +35,6 @@ class Counters:
     received: int = 0
     lost: int = 0
     dropped: int = 0
-    malformed: int = 0
     bytes: int = 0
 
 
@@ -80,13 +77,15 @@ class Subscriber:
     Of a live sender's key at most `depth` messages wait (`small_depth` of those of 4 kB or less), the newest win.
     Messages of a lossless sender all wait (its flow control bounds them; beyond 256 the oldest go) when `lossless`,
     else they are treated as live ones. Beyond 128 MiB the oldest of all go. Strangers (see `_Senders`) crowd out each
-    other only.
+    other only, and where a key is flooded with nonsense (see `Malformed`) what comes without an attachment is not
+    looked at for a second.
     """
 
     def __init__(
         self, session: zenoh.Session, keys: Iterable[str], depth: int, small_depth: int, lossless: bool
     ) -> None:
         self.counters: dict[str, Counters] = {}
+        self.malformed = Malformed()
         self._depth = depth
         self._small_depth = max(depth, small_depth)
         self._lossless = lossless
@@ -96,7 +95,6 @@ class Subscriber:
         self._senders = _Senders()
         self._ready = threading.Condition()
         self._closed = False
-        self._complained: set[str] = set()
         handler = zenoh.handlers.Callback(self._arrive, indirect=False)
         try:
             self._subscribers = [session.declare_subscriber(key, handler) for key in keys]
@@ -106,7 +104,7 @@ class Subscriber:
     def receive(self, timeout: float | None = None) -> Delivery | None:
         """Return the next message, None when none came within `timeout` seconds (None: wait) or after `close`.
 
-        A malformed message is counted, logged once for its key, and passed over.
+        A message that is malformed is counted and passed over; whoever finds out later adds it to `malformed`.
         """
         deadline = None if timeout is None else time.monotonic() + timeout
         while True:
@@ -122,7 +120,7 @@ class Subscriber:
             try:
                 delivery = delivery_of(topic, attachment, sample)
             except WireError as error:
-                self.malformed(topic, str(error))
+                self.malformed.add(topic, str(error))
                 continue
             self.counters[topic].bytes += len(delivery.message.payload)
             return delivery
@@ -131,13 +129,6 @@ class Subscriber:
     def waiting(self) -> int:
         """Messages in the queue."""
         return len(self._queue)
-
-    def malformed(self, topic: str, why: str) -> None:
-        """Count a message that could not be used, and log the first of its key."""
-        self.counters.setdefault(topic, Counters()).malformed += 1
-        if topic not in self._complained:
-            self._complained.add(topic)
-            log.warning("%s: dropped a malformed message (further ones are counted): %s", topic, why)
 
     def total(self) -> Counters:
         """Return the sums over all keys."""
@@ -165,6 +156,8 @@ class Subscriber:
     def _arrive(self, sample: zenoh.Sample) -> None:
         topic = str(sample.key_expr)
         attachment = attachment_of(sample)
+        if attachment is None and self.malformed.add_if_flooded(topic):
+            return
         keep_all = self._lossless and attachment is not None and attachment.lossless
         with self._ready:
             if self._closed:

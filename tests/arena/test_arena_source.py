@@ -33,7 +33,7 @@ def test_messages_come_in_the_order_of_their_stamps_and_make_every_frame() -> No
     frames = [f for m in messages for f in assembler.feed(m)] + list(assembler.finish())
     assert len(frames) == 60
     assert assembler.pairing.unmatched == 0
-    assert not assembler.malformed
+    assert not assembler.malformed.counts
     arena = ArenaOptions(seconds=2.0)
     assert assembler.camera == arena.camera
     truth = [decode_pose(m) for m in messages if m.topic == "truth/exact_camera/pose"]

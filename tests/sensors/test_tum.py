@@ -168,7 +168,7 @@ def test_a_real_recording_becomes_its_frames(shared_data: Path) -> None:
     frames += assembler.finish()
     assert source.length is not None
     assert len(frames) == source.length
-    assert not assembler.malformed
+    assert not assembler.malformed.counts
     with_depth = [frame for frame in frames if frame.depth_mm.any()]
     assert len(with_depth) >= source.length - 1
     assert all(500 < np.median(frame.depth_mm[frame.depth_mm > 0]) < 4000 for frame in with_depth)

@@ -21,7 +21,7 @@ def test_a_session_becomes_its_frames() -> None:
     assert np.array_equal(frames[3].depth_mm, kinect_depth(seed=3))
     assert frames[3].stamp - frames[3].depth_stamp == 5_000_000
     assert assembler.camera is not None
-    assert not assembler.malformed
+    assert not assembler.malformed.counts
 
 
 def test_what_cannot_be_used_is_counted_logged_once_and_passed_over(caplog: pytest.LogCaptureFixture) -> None:
@@ -47,8 +47,8 @@ def test_what_cannot_be_used_is_counted_logged_once_and_passed_over(caplog: pyte
                     frames += len(assembler.feed(bad))
     frames += len(assembler.finish())
     assert frames == 20
-    assert sum(assembler.malformed.values()) == 3 * (len(garbage) + 1)
-    assert len(caplog.records) == len(assembler.malformed)
+    assert assembler.malformed.counts.total() == 3 * (len(garbage) + 1)
+    assert len(caplog.records) == len(assembler.malformed.counts)
 
 
 def test_images_of_another_size_are_refused() -> None:
@@ -56,7 +56,7 @@ def test_images_of_another_size_are_refused() -> None:
     assembler.feed(session_messages(1)[0])
     assert assembler.feed(encode_color(TOPICS.color, Stamp(BEGIN), textured(24, 32))) == ()
     assert assembler.feed(encode_depth(TOPICS.depth, Stamp(BEGIN), kinect_depth())) == ()
-    assert assembler.malformed[TOPICS.depth] == 1
+    assert assembler.malformed.counts[TOPICS.depth] == 1
     assert assembler.feed(encode_color(TOPICS.color, Stamp(BEGIN + 10**8), textured(24, 32))) == ()
     assert assembler.feed(encode_depth(TOPICS.depth, Stamp(BEGIN + 10**8), kinect_depth(24, 32))) == ()
-    assert assembler.malformed[TOPICS.camera_info] == 1
+    assert assembler.malformed.counts[TOPICS.camera_info] == 1

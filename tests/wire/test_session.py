@@ -13,6 +13,7 @@ from odom.errors import WireError
 from odom.frame import Stamp
 from odom.wire import WireSettings
 from odom.wire.codec import encode_text
+from odom.wire.malformed import Malformed
 from odom.wire.session import WireSession, open_session
 
 
@@ -51,7 +52,8 @@ def test_messages_arrive_as_they_were_sent_and_counted(open_peer: OpenSession) -
     assert (received[-1].epoch, received[-1].sequence) == (publisher.epoch, 4)
     assert subscriber.receive(0.05) is None
     total = subscriber.total()
-    assert (total.received, total.lost, total.dropped, total.malformed) == (len(messages), 0, 0, 0)
+    assert (total.received, total.lost, total.dropped) == (len(messages), 0, 0)
+    assert not subscriber.malformed.counts
 
 
 def test_newest_wins_when_the_receiver_is_slow(open_peer: OpenSession) -> None:
@@ -110,7 +112,7 @@ def test_malformed_and_foreign_messages_are_survived(open_peer: OpenSession, cap
     assert delivery is not None
     assert delivery.message == info
     assert delivery.sequence is None
-    assert subscriber.total().malformed == 3
+    assert subscriber.malformed.counts.total() == 3
     assert len(caplog.records) == 2
 
 
@@ -207,3 +209,43 @@ def test_a_flood_of_nonsense_does_not_crowd_out_a_sender(open_peer: OpenSession)
     assert [message.payload for message in kept if message.type_name.endswith("String")] == [
         encode_text("a", Stamp(i), str(i)).payload for i in range(3)
     ]
+
+
+def test_a_flooded_key_is_not_looked_at_but_its_sender_and_other_keys_are(open_peer: OpenSession) -> None:
+    sender, flooder, receiver = open_peer(), open_peer(), open_peer()
+    subscriber = receiver.subscriber(["a", "b"], depth=64)
+    for session, key in ((sender, "a"), (flooder, "a"), (flooder, "b")):
+        meet(session, key)
+    for _ in range(40):
+        flooder.zenoh.put("a", b"nonsense")
+    assert eventually(lambda: subscriber.total().received == 40)
+    for _ in range(32):
+        subscriber.malformed.add("a", "nonsense")  # as its reader finds
+    publisher = sender.publisher()
+    flooder.zenoh.put("a", b"more nonsense")
+    flooder.zenoh.put("b", b"of a foreign sender")
+    for i in range(3):
+        publisher.put(encode_text("a", Stamp(i), str(i)))
+    assert eventually(lambda: subscriber.total().received == 44)
+    assert subscriber.malformed.counts["a"] == 33
+    assert subscriber.counters["b"].received == 1
+
+
+def test_a_key_is_flooded_for_a_second_and_no_longer() -> None:
+    now = 0.0
+    malformed = Malformed(lambda: now)
+    for _ in range(31):
+        malformed.add("a", "why")
+    now = 0.9
+    assert not malformed.add_if_flooded("a")
+    malformed.add("a", "why")
+    now = 1.8
+    assert malformed.add_if_flooded("a")
+    assert not malformed.add_if_flooded("b")
+    now = 1.9
+    assert not malformed.add_if_flooded("a")
+    for _ in range(3):
+        now += 0.03  # a foreign sender of 30 Hz with something else is never a flood
+        malformed.add("a", "why")
+        assert not malformed.add_if_flooded("a")
+    assert malformed.counts == {"a": 36}

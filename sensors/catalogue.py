@@ -18,8 +18,7 @@ def open_source(spec: str, options: SourceOptions) -> Source:
     if options.loop:
         from sensors.loop import LoopedSource
 
-        once = replace(options, loop=False)
-        return LoopedSource(lambda: open_source(spec, once))
+        return LoopedSource(open_source(spec, replace(options, loop=False)))
     if spec == "arena":
         from sensors.arena import open_arena
 

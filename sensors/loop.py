@@ -1,6 +1,6 @@
 """A recorded source played over and over, its stamps going on."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from odom.frame import Stamp
 from odom.wire import Message
@@ -11,14 +11,13 @@ _GAP_NS = 33_333_333
 
 
 class LoopedSource:
-    """Opens the source anew for each round; every round is shifted to begin a frame after the one before."""
+    """Plays a recorded source round after round, each shifted to begin a frame after the one before."""
 
     lossless = True
     length = None
 
-    def __init__(self, open_once: Callable[[], Source]) -> None:
-        self._open = open_once
-        self._source = open_once()
+    def __init__(self, source: Source) -> None:
+        self._source = source
         self._closed = False
 
     def messages(self) -> Iterator[Message]:
@@ -31,11 +30,9 @@ class LoopedSource:
                 first = message.stamp if first is None else min(first, message.stamp)
                 last = max(last, message.stamp)
                 yield message if shift == 0 else restamp(message, Stamp(message.stamp + shift))
-            self._source.close()
             if first is None or self._closed:
                 return
             shift += last - first + _GAP_NS
-            self._source = self._open()
 
     def close(self) -> None:
         """End `messages` at the next message."""

@@ -20,7 +20,7 @@ class Source(Protocol):
         """Number of colour frames, if known."""
 
     def messages(self) -> Iterator[Message]:
-        """Yield the messages; a live source blocks until the next one is due."""
+        """Yield the messages; a live source blocks until the next one is due, a recorded one begins anew each time."""
 
     def close(self) -> None:
         """Give back the device or file; safe to call twice and from a signal's clean-up."""

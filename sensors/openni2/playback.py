@@ -32,7 +32,11 @@ class OniRecording:
         if not path.is_file():
             raise RecordingError(f"{path}: no such file")
         self._api = library.load()
-        self._path, self._options = path, options
+        self._path, self._options, self._settings = path, options, settings
+        self._open()
+
+    def _open(self) -> None:
+        path, options = self._path, self._options
         self._streams = []
         try:
             self._device = self._api.Device(str(path.resolve()).encode())
@@ -44,10 +48,10 @@ class OniRecording:
                     raise RecordingError(f"{path} holds no {name} stream")
                 self._streams.append(self._device.create_stream(sensor))
             mode = self._streams[0].get_video_mode()
-            read = settings.model_copy(update={"size": f"{mode.resolutionX}x{mode.resolutionY}"})
+            read = self._settings.model_copy(update={"size": f"{mode.resolutionX}x{mode.resolutionY}"})
             self._encoder = Encoder(options, read, factory_camera(self._streams[0]), registered=options.camera is None)
-            self._left = [int(stream.get_number_of_frames()) for stream in self._streams]
-            self._length = self._left[0]
+            self._counts = [int(stream.get_number_of_frames()) for stream in self._streams]
+            self._left = list(self._counts)
         except (OdomError, self._api.OpenNIError) as error:
             self.close()
             if isinstance(error, OdomError):
@@ -57,7 +61,7 @@ class OniRecording:
     @property
     def length(self) -> int | None:
         """Number of colour frames."""
-        return self._length
+        return self._counts[0]
 
     @property
     def camera(self) -> Camera:
@@ -65,7 +69,10 @@ class OniRecording:
         return self._encoder.camera
 
     def messages(self) -> Iterator[Message]:
-        """Yield the recording once, `start` to `end` seconds from its beginning."""
+        """Yield the recording from its beginning, or from `start` to `end` seconds after it."""
+        if self._left != self._counts:  # played already: the library's own seeking fails
+            self.close()
+            self._open()
         self._device.playback.set_repeat_enabled(False)
         self._device.playback.set_speed(-1.0)  # the next frame comes when it is asked for
         for stream in self._streams:

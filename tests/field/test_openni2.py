@@ -263,8 +263,10 @@ def test_an_oni_recording_is_played_bit_by_bit_and_ends(kinects: Kinects, tmp_pa
     file = record_oni(tmp_path / "take.oni", 1.0)
     source = open_kinect(f"kinect:{file}", options())
     assert source.lossless
-    color, depth = split(list(source.messages()))
+    messages, again = list(source.messages()), list(source.messages())
     source.close()
+    assert again == messages
+    color, depth = split(messages)
     assert len(color) == source.length
     assert len(color) >= 10
     true_color, true_depth = noise(60)

@@ -1,5 +1,6 @@
 """The receiving side of a session: one bounded queue, with what was lost, dropped or malformed counted by key."""
 
+import ctypes
 import threading
 import time
 from collections import deque
@@ -20,6 +21,7 @@ _RESERVE = 256
 _BUDGET = 128 << 20
 _MAX_KNOWN, _MAX_NEW = 256, 4096
 _PLAUSIBLE_GAP = 1000
+_thread = threading.local()
 
 
 class _Arrival(NamedTuple):
@@ -69,6 +71,15 @@ def _bounded(senders: dict[tuple[str, int], int], limit: int) -> dict[tuple[str,
     if len(senders) >= limit:
         del senders[next(iter(senders))]
     return senders
+
+
+def _keep_thread_state() -> None:
+    """Keep the interpreter's state of one of Zenoh's threads, which else is made and freed around each message.
+
+    Making and freeing it maps and unmaps memory: three times the work of a small message, and it halts the other cores.
+    """
+    if not hasattr(_thread, "state"):
+        _thread.state = ctypes.pythonapi.PyGILState_Ensure()  # never released: the thread lives as long as the process
 
 
 class Subscriber:
@@ -154,6 +165,7 @@ class Subscriber:
         self.close()
 
     def _arrive(self, sample: zenoh.Sample) -> None:
+        _keep_thread_state()
         topic = str(sample.key_expr)
         attachment = attachment_of(sample)
         if attachment is None and self.malformed.add_if_flooded(topic):

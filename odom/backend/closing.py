@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.backend.graph import Edge, optimise
-from odom.backend.history import covariance_between
 from odom.backend.map import Map
+from odom.backend.tree import covariance_between, graft
 from odom.frontend.places import Place, PlaceIndex, match_places
 from odom.registration import se3
 from odom.registration.default import register
@@ -91,12 +91,17 @@ def close_loop(map_: Map, loops: list[Edge], scale: float) -> None:
     map_.move_keyframes(numbers, np.array([se3.inverse(moved[int(n)]) for n in numbers]), np.zeros(0, dtype=np.int64))
 
 
-def merge_segment(map_: Map, segment: int, into: int, T_new_old: Array) -> None:
-    """Carry a whole segment into the map of another: `T_new_old` maps its old coordinates to the other's."""
-    numbers = np.array([k.number for k in map_.members(segment)])
-    T_old_new = se3.inverse(T_new_old)
+def merge_segment(map_: Map, edge: Edge) -> None:
+    """Carry the whole segment of key frame `edge.b` into the map of `edge.a`'s, to where they were registered."""
+    a, b = map_.keyframes[edge.a], map_.keyframes[edge.b]
+    merged = [k for k in map_.keyframes if k.segment == b.segment]
+    T_old_new = se3.inverse(b.T_camera_map) @ se3.inverse(edge.T_a_b) @ a.T_camera_map
+    numbers = np.array([k.number for k in map_.members(b.segment)])
     T_camera_map = np.array([map_.keyframes[int(n)].T_camera_map @ T_old_new for n in numbers])
     map_.move_keyframes(numbers, T_camera_map, np.zeros(0, dtype=np.int64))
-    for keyframe in map_.keyframes:
-        if keyframe.segment == segment:
-            keyframe.segment = into
+    graft(map_.keyframes, edge.b, edge.a, edge.covariance)
+    for k in merged:
+        k.segment = a.segment
+        T_a_k = a.T_camera_map @ se3.inverse(k.T_camera_map)
+        since_a = covariance_between(map_.keyframes, a.number, k.number)
+        k.covariance_since_start = se3.compose_covariance(a.covariance_since_start, T_a_k, since_a)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from odom.backend.keyframes import Keyframe
 from odom.backend.map import Map
+from odom.backend.tree import turn_round
 from odom.registration import se3
 
 Index = NDArray[np.int64]
@@ -45,7 +46,7 @@ def forget(map_: Map, number: int) -> None:
         return
     map_.followers.setdefault(heir.number, []).extend([*followers, number])
     if heir.parent == number:
-        _turn_round(keyframe, heir)
+        turn_round(keyframe, heir)
         children.remove(heir)
         if heir.parent is not None:
             map_.link(heir.number, heir.parent)
@@ -64,16 +65,3 @@ def _heir(map_: Map, keyframe: Keyframe, children: list[Keyframe]) -> Keyframe |
     registered += [] if keyframe.parent is None else [keyframe.parent]
     near = registered or [n for n in map_.remembered if map_.keyframes[n].segment == keyframe.segment]
     return map_.keyframes[int(map_.nearest(near, keyframe.T_camera_map)[0])] if near else None
-
-
-def _turn_round(keyframe: Keyframe, child: Keyframe) -> None:
-    """Let the `child` be the parent of its parent, and have that one's own."""
-    T_keyframe_child = keyframe.T_camera_map @ se3.inverse(child.T_camera_map)
-    covariance_back = se3.inverse_covariance(T_keyframe_child, child.covariance_parent)
-    child.covariance_parent = (
-        keyframe.covariance_parent
-        if keyframe.parent is None
-        else se3.compose_covariance(keyframe.covariance_parent, T_keyframe_child, child.covariance_parent)
-    )
-    child.parent = keyframe.parent
-    keyframe.parent, keyframe.covariance_parent = child.number, covariance_back

@@ -10,36 +10,16 @@ from numpy.typing import NDArray
 from odom.backend.estimate import RelativePose, TrajectoryPose
 from odom.backend.keyframes import Keyframe, first_of
 from odom.backend.placed import Placed
+from odom.backend.tree import covariance_between
 from odom.frame import Stamp
 from odom.registration import se3
 
 Array = NDArray[np.float64]
 
-_LONGEST_PATH = 200
 _SHARED, _SHARED_S = 0.8, 0.5
 """Errors that frames share (the landmarks', the calibration's) against a frame's own: ratio of variances, and the time
 over which the camera looks elsewhere and they part. Measured on real and simulated walks alike."""
 _LONGEST_GAP_S = 0.2
-
-
-def _ancestors(keyframes: list[Keyframe], number: int) -> list[int]:
-    path = [number]
-    while len(path) < _LONGEST_PATH and (parent := keyframes[path[-1]].parent) is not None:
-        path.append(parent)
-    return path
-
-
-def covariance_between(keyframes: list[Keyframe], a: int, b: int) -> Array:
-    """Return the 6 x 6 covariance (`se3`, frame b) of T_a_b: the sum over the registrations on the path from a to b."""
-    up_a, up_b = _ancestors(keyframes, a), _ancestors(keyframes, b)
-    above_b = set(up_b)
-    common = next((k for k in up_a if k in above_b), None)
-    total = np.zeros((6, 6))
-    for path in (up_a, up_b):
-        for k in path[: path.index(common) if common is not None else None]:
-            A = se3.adjoint(keyframes[b].T_camera_map @ se3.inverse(keyframes[k].T_camera_map))
-            total += A @ keyframes[k].covariance_parent @ A.T
-    return total
 
 
 def long_after(covariance: Array) -> Array:

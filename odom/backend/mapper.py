@@ -267,12 +267,12 @@ class Mapper:
         refusal = contradiction(self.map, candidate.number, keyframe.number, T_candidate_keyframe, covariance, scale)
         if refusal:
             return replace(verdict, reason=refusal)
+        edge = Edge(candidate.number, keyframe.number, T_candidate_keyframe, covariance, is_loop=True)
         if candidate.segment != keyframe.segment:
-            T_new_old = se3.inverse(tracked.T_camera_map) @ keyframe.T_camera_map
-            merge_segment(self.map, keyframe.segment, candidate.segment, T_new_old)
+            merge_segment(self.map, edge)
             reason = f"merges two segments: {found} landmarks found again"
         else:
-            self._loops.append(Edge(candidate.number, keyframe.number, T_candidate_keyframe, covariance, True))
+            self._loops.append(edge)
             close_loop(self.map, self._loops, scale)
             reason = f"{found} landmarks found again"
         self.map.link(candidate.number, keyframe.number)

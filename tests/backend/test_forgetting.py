@@ -13,8 +13,8 @@ from odom.backend.bundle import Observations
 from odom.backend.closing import close_loop, merge_segment
 from odom.backend.forgetting import forget, oldest_beyond
 from odom.backend.graph import Edge
-from odom.backend.history import covariance_between
 from odom.backend.keyframes import gather_observations
+from odom.backend.tree import covariance_between
 from odom.backend.window import _oldest_connected
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import RgbdFrame, Stamp
@@ -129,7 +129,8 @@ def test_a_segment_that_is_merged_takes_what_it_has_forgotten_with_it():
     forget(map_, 5)
     poses = [k.T_camera_map.copy() for k in map_.keyframes]
     T_new_old = se3.exp(np.array([1.0, -2.0, 0.5, 0.4, -1.0, 0.3]))
-    merge_segment(map_, 1, 0, T_new_old)
+    T_2_7 = map_.keyframes[2].T_camera_map @ T_new_old @ se3.inverse(map_.keyframes[7].T_camera_map)
+    merge_segment(map_, Edge(2, 7, T_2_7, COVARIANCE))
     assert {k.segment for k in map_.keyframes} == {0}
     for k, before in zip(map_.keyframes, poses, strict=True):
         expected = before if k.number < 4 else before @ se3.inverse(T_new_old)

@@ -5,9 +5,10 @@ from made_up_scene import bare_keyframe, chain_of_keyframes
 
 from odom.backend.closing import close_loop, contradiction, merge_segment
 from odom.backend.graph import Edge, optimise
-from odom.backend.history import covariance_between, relative_covariance, trajectory
+from odom.backend.history import relative_covariance, trajectory
 from odom.backend.map import Map
 from odom.backend.placed import Placed
+from odom.backend.tree import covariance_between
 from odom.frame import Stamp
 from odom.registration import se3
 
@@ -76,14 +77,12 @@ def test_closing_moves_landmarks_with_their_key_frames():
 
 
 def test_merging_a_segment_keeps_its_shape_and_its_landmarks():
-    map_ = chain_of_keyframes(circle()[:6], SMALL)
-    for k in map_.keyframes[3:]:
-        k.segment = 1
+    map_ = two_segments(circle()[:6])
     L = map_.landmarks
     poses = [k.T_camera_map.copy() for k in map_.keyframes]
     points = L.position.copy()
     T_new_old = se3.exp(np.array([1.0, -2.0, 0.5, 0.4, -1.0, 0.3]))
-    merge_segment(map_, 1, 0, T_new_old)
+    merge_segment(map_, Edge(1, 5, poses[1] @ T_new_old @ se3.inverse(poses[5]), SMALL))
     assert {k.segment for k in map_.keyframes} == {0}
     for a, b in ((3, 4), (4, 5), (3, 5)):
         np.testing.assert_allclose(
@@ -96,6 +95,52 @@ def test_merging_a_segment_keeps_its_shape_and_its_landmarks():
     np.testing.assert_array_equal(L.position[L.alive & (L.keyframe < 3)], points[L.alive & (L.keyframe < 3)])
     for k in range(3):
         np.testing.assert_array_equal(map_.keyframes[k].T_camera_map, poses[k])
+
+
+def two_segments(poses, drift=0.0):
+    """A map of two segments of key frames at `poses`, the second one off by `drift` metres."""
+    half = len(poses) // 2
+    off = se3.exp(np.array([drift, 0, 0, 0, 0, 0]))
+    map_ = chain_of_keyframes([*poses[:half], *(off @ T for T in poses[half:])], SMALL)
+    map_.keyframes[half].parent, map_.keyframes[half].covariance_parent = None, np.zeros((6, 6))
+    for k in map_.keyframes[half:]:
+        k.segment = 1
+    return map_
+
+
+def test_merged_segments_are_as_sure_of_each_other_as_their_registration_and_of_themselves_as_before():
+    map_ = two_segments(circle()[:8])
+    k = map_.keyframes
+    ends = ((4, 7), (7, 4), (5, 6), (0, 3))
+    before = [covariance_between(k, a, b) for a, b in ends]
+    covariance = np.diag(np.arange(1.0, 7.0)) * 1e-5
+    T_1_7 = k[1].T_camera_map @ se3.inverse(k[7].T_camera_map)
+    merge_segment(map_, Edge(1, 7, T_1_7, covariance))
+    for (a, b), expected in zip(ends, before, strict=True):
+        np.testing.assert_allclose(covariance_between(k, a, b), expected, atol=1e-15)
+    np.testing.assert_allclose(covariance_between(k, 1, 7), covariance, atol=1e-15)
+    T_7_4 = k[7].T_camera_map @ se3.inverse(k[4].T_camera_map)
+    over_the_joint = se3.compose_covariance(covariance, T_7_4, covariance_between(k, 7, 4))
+    np.testing.assert_allclose(covariance_between(k, 1, 4), over_the_joint, atol=1e-15)
+    for number in (4, 5, 6, 7):
+        T_1_k = k[1].T_camera_map @ se3.inverse(k[number].T_camera_map)
+        since = se3.compose_covariance(k[1].covariance_since_start, T_1_k, covariance_between(k, 1, number))
+        np.testing.assert_allclose(k[number].covariance_since_start, since, atol=1e-15)
+
+
+def test_a_loop_closed_after_a_merge_keeps_what_joined_the_segments():
+    true = circle()[:8]
+    map_ = two_segments(true, drift=2.0)
+
+    def relative(a, b):
+        return map_.keyframes[a].T_camera_map @ se3.inverse(map_.keyframes[b].T_camera_map)
+
+    joint = se3.inverse(true[1]) @ true[7]
+    merge_segment(map_, Edge(1, 7, joint, SMALL))
+    off = se3.exp(np.array([0.02, 0, 0, 0, 0, 0]))
+    close_loop(map_, [Edge(0, 4, se3.inverse(true[0]) @ true[4] @ off, SMALL, True)], 1.0)
+    assert 0.001 < gap(relative(1, 7), joint) < 0.01
+    assert gap(relative(0, 4), se3.inverse(true[0]) @ true[4] @ off) < 0.018
 
 
 def test_a_closure_three_metres_wrong_contradicts_the_chain_and_a_right_one_does_not():

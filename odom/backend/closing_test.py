@@ -32,7 +32,7 @@ def closing_test(
     if first.number not in mapper.map.remembered:
         return None
     tracked = mapper.track_against(np.array([first.number]), view, T_camera_map, twist, check.noise)
-    inliers = int(np.count_nonzero(tracked.inliers))
+    inliers = tracked.inlier_count
     if inliers < LEAST_FOUND_AGAIN:
         return None
     T_direct = first.T_camera_map @ se3.inverse(tracked.T_camera_map)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from odom.backend.belief import is_carried, is_enough, is_same_view, verdict
 from odom.backend.causal import CausalTrajectory, Publication
 from odom.backend.choice import Coverage, has_moved
 from odom.backend.closing import recognise
@@ -35,10 +36,6 @@ from odom.registration import se3
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_LEAST_INLIERS, _SURE_INLIERS = 15, 30
-_LEAST_SHARE_LEFT = 0.25
-"""Landmarks do not vanish all at once: where fewer than this share of the last frame's is left, the view jumped."""
-_FASTEST_M_S, _FASTEST_RAD_S = 5.0, 12.0
 _LONGEST_GAP_S, _LONGEST_GAP_PERIODS = 0.2, 2.5
 _LEAST_CORNERS = 50
 _LONGEST_BLIND_PERIODS = 1.5
@@ -48,12 +45,17 @@ _UNEQUAL = 0.2
 
 @dataclass(frozen=True, eq=False)
 class _Previous:
-    """The last frame that was tracked, or that began a segment (`tracked` is None)."""
+    """The last frame that was tracked, or that began a segment (`tracked` is None).
+
+    The next one is followed from it by the landmarks `rows` (n), which it showed at `uv` (n x 2 px).
+    """
 
     view: View
     tracked: Tracked | None
     pairwise: RelativePose | None
     published: Publication
+    rows: Index
+    uv: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +91,6 @@ class Odometry:
         self._newest: Seen | None = None
         self._previous: _Previous | None = None
         self._glance: _Glance | None = None
-        self._followed: tuple[Index, Array] = (np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
         self._covered: Coverage | None = None
         self._sight = Sight()
 
@@ -222,10 +223,9 @@ class Odometry:
     def _coarse(self, previous: _Previous, images: FrameImages, dt: float) -> Array:
         """Return T_camera_map as followed over `dt` seconds from the previous image."""
         T_predicted = se3.exp(-self._twist * dt) @ self._T_camera_map
-        rows, uv = self._followed
-        alive = self._mapper.map.landmarks.alive[rows]
-        before = previous.view.images
-        return coarse_pose(self._mapper.map, rows[alive], uv[alive], before, images, self._lens, T_predicted)
+        alive = self._mapper.map.landmarks.alive[previous.rows]
+        rows, uv = previous.rows[alive], previous.uv[alive]
+        return coarse_pose(self._mapper.map, rows, uv, previous.view.images, images, self._lens, T_predicted)
 
     def _follow(self, view: View, watch: Stopwatch, T_coarse: Array | None = None) -> Tracked | None:
         """Return the frame tracked on from the previous one, None where that fails."""
@@ -239,18 +239,15 @@ class Odometry:
         before = self._before(dt)
         tracked = self._mapper.track(view, T_coarse, before.twist_to(T_coarse), self._near, self._check.noise, before)
         watch.lap("find and fit")
-        moved = before.twist_to(tracked.T_camera_map)
-        is_bounded = np.linalg.norm(moved[:3]) < _FASTEST_M_S and np.linalg.norm(moved[3:]) < _FASTEST_RAD_S
-        return tracked if is_bounded and self._is_same_place(tracked, self._previous) else None
+        is_possible = is_carried(before.twist_to(tracked.T_camera_map)) and is_enough(tracked)
+        return tracked if is_possible and self._is_same_place(tracked, self._previous) else None
 
     def _is_same_place(self, tracked: Tracked, previous: _Previous) -> bool:
         """Say whether a frame followed from the previous one shows the place that it did, not one that looks alike."""
-        left = int(np.count_nonzero(tracked.inliers))
-        seen_before = 0 if previous.tracked is None else int(np.count_nonzero(previous.tracked.inliers))
         last = self._causal.frames.last
         is_bridged = last is not None and last.stamp != previous.view.stamp
-        is_chained = left >= _LEAST_SHARE_LEFT * seen_before and not is_bridged
-        return left >= _LEAST_INLIERS and (is_chained or self._mapper.is_known_place(tracked))
+        is_chained = is_same_view(tracked, previous.tracked) and not is_bridged
+        return is_chained or self._mapper.is_known_place(tracked)
 
     def _before(self, dt: float) -> Before:
         """Return the camera's motion in the map as of the previous frame, `dt` seconds ago."""
@@ -303,7 +300,6 @@ class Odometry:
             self._check_noise(tracked)
         watch.lap("check")
         covariance = tracked.covariance * self._check.scale
-        inliers = int(np.count_nonzero(tracked.inliers))
         keyframe = self._mapper.map.keyframes[self._near]
         T_map_middle = se3.inverse(self._T_camera_map)
         published = self._causal.advance(
@@ -317,7 +313,7 @@ class Odometry:
             se3.inverse(self._T_map_odom) @ T_map_middle,
             covariance,
             dt,
-            inliers,
+            tracked.inlier_count,
             self._check,
             self._clock.sigma_s,
         )
@@ -335,23 +331,16 @@ class Odometry:
         is_keyframe = self._sight.deep_stamp == view.stamp and self._needs_keyframe(uv)
         if is_keyframe:
             rows, uv = self._add_keyframe(view, tracked, covariance)
-        self._followed = (rows, uv)
-        self._previous = _Previous(view, tracked, pairwise, published)
+        self._previous = _Previous(view, tracked, pairwise, published, rows, uv)
         watch.lap("keyframe")
-        state, reason = State.TRACKING, ""
-        if is_recovered:
-            state, reason = State.RECOVERED, f"place recognised: {inliers} landmarks found again"
-        elif inliers < _SURE_INLIERS:
-            state, reason = State.UNCERTAIN, f"only {inliers} landmarks found again"
-        elif self._sight.is_shallow(view.stamp):
-            state, reason = State.UNCERTAIN, "hardly any depth: tracked by known landmarks alone"
+        state, reason = verdict(tracked, is_recovered, self._sight.is_shallow(view.stamp))
         residual = np.where(tracked.inliers, np.sqrt(tracked.chi2[:, 0]), np.nan)
         return self._estimate(
             view,
             state,
             reason,
             published,
-            inliers=inliers,
+            inliers=tracked.inlier_count,
             matches=tracked.looked_for,
             is_keyframe=is_keyframe,
             pairwise=pairwise,
@@ -426,11 +415,10 @@ class Odometry:
         self._segment = 1 + max((k.segment for k in self._mapper.map.keyframes), default=-1)
         self._twist = still
         rows, uv = self._add_keyframe(view, None, np.zeros((6, 6)))
-        self._followed = (rows, uv)
         self._sight = self._sight.begun(view.stamp)
         T_odom_camera = se3.inverse(self._T_map_odom) @ se3.inverse(self._T_camera_map)
         published = self._causal.begin(view.stamp, self._segment, self._near, T_odom_camera)
-        self._previous = _Previous(view, None, None, published)
+        self._previous = _Previous(view, None, None, published, rows, uv)
         state = State.TRACKING if is_first else State.RECOVERED
         reason = "" if is_first else "new segment: no known place recognised"
         return self._estimate(view, state, reason, published, matches=len(rows), is_keyframe=True)

@@ -68,6 +68,11 @@ class Tracked:
     velocity: Velocity
 
     @property
+    def inlier_count(self) -> int:
+        """How many landmarks were found where the pose says."""
+        return int(np.count_nonzero(self.inliers))
+
+    @property
     def found_again(self) -> int:
         """How many landmarks were found where the pose says, and at the depth it says where depth was measured."""
         return int(np.count_nonzero(self.inliers & (self.chi2[:, 1] < INLIER_CHI2)))

@@ -1,0 +1,44 @@
+"""Whether to believe the pose of a frame that was followed from the one before, and what to say of a frame."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.backend.estimate import State
+from odom.backend.tracking import Tracked
+
+Array = NDArray[np.float64]
+
+_LEAST_INLIERS, _SURE_INLIERS = 15, 30
+_LEAST_SHARE_LEFT = 0.25
+"""Landmarks do not vanish all at once: where fewer than this share of the last frame's is left, the view jumped."""
+_FASTEST_M_S, _FASTEST_RAD_S = 5.0, 12.0
+
+
+def is_carried(twist: Array) -> bool:
+    """Say whether something carried by a person, or driving, can move so (6, m/s and rad/s)."""
+    return bool(np.linalg.norm(twist[:3]) < _FASTEST_M_S and np.linalg.norm(twist[3:]) < _FASTEST_RAD_S)
+
+
+def is_enough(tracked: Tracked) -> bool:
+    """Say whether a pose found by so few landmarks may be one at all."""
+    return tracked.inlier_count >= _LEAST_INLIERS
+
+
+def is_same_view(tracked: Tracked, previous: Tracked | None) -> bool:
+    """Say whether enough is left of what the `previous` frame saw (None: it began a segment)."""
+    return tracked.inlier_count >= _LEAST_SHARE_LEFT * (0 if previous is None else previous.inlier_count)
+
+
+def verdict(tracked: Tracked, is_recovered: bool, is_shallow: bool) -> tuple[State, str]:
+    """Return the state of a frame that was placed, and the reason where it is not TRACKING.
+
+    `is_recovered`: after a loss; `is_shallow`: for a while now without depth.
+    """
+    inliers = tracked.inlier_count
+    if is_recovered:
+        return State.RECOVERED, f"place recognised: {inliers} landmarks found again"
+    if inliers < _SURE_INLIERS:
+        return State.UNCERTAIN, f"only {inliers} landmarks found again"
+    if is_shallow:
+        return State.UNCERTAIN, "hardly any depth: tracked by known landmarks alone"
+    return State.TRACKING, ""

@@ -2,11 +2,13 @@
 
 Receiving and decoding frame i + 1 runs beside processing frame i (Zenoh and OpenCV release the interpreter). Few
 frames wait here: of a recorded source the thread waits for room and with it, unacknowledged, the sender; of a live
-one the oldest waiting frame makes room for the newest.
+one the oldest waiting frame makes room for the newest, but for its first second: while the lens' table is made frames
+pile up, and the very first, of which no motion is known yet, are the worst to miss.
 """
 
 import logging
 import threading
+import time
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -24,6 +26,7 @@ from odom.wire.session import Delivery, WireSession
 _LOG = logging.getLogger(__name__)
 _LOSSLESS_ROOM = 2
 _LIVE_DEPTH = 3
+_STARTING_S, _STARTING_ROOM = 1.0, 30
 _POLL_S = 0.2
 _MAX_TRUTH = 4096
 _COLORS = 32
@@ -98,6 +101,7 @@ class Intake:
         self.assembler = FrameAssembler(topics, grey=True, malformed=self._consumer.malformed)
         self._camera: Camera | None = None
         self._live_room = live_room
+        self._started_at: float | None = None
         self._waiting: deque[Arrival] = deque()
         self._frames = 0
         self._changed = threading.Condition()
@@ -235,7 +239,7 @@ class Intake:
         with self._changed:
             if live:
                 self._drop_oldest(ColorArrival)  # not looked at yet: it is in the frame that comes, or old
-                while self._frames >= self._live_room and self._drop_oldest(FrameArrival):
+                while self._frames >= self._room() and self._drop_oldest(FrameArrival):
                     self._frames -= 1
                     self.overtaken += 1
             else:
@@ -244,6 +248,12 @@ class Intake:
             self._waiting.append(FrameArrival(frame, origin, color))
             self._frames += 1
             self._changed.notify_all()
+
+    def _room(self) -> int:
+        """Return how many live frames may wait."""
+        now = time.monotonic()
+        self._started_at = self._started_at or now
+        return self._live_room if now - self._started_at > _STARTING_S else max(self._live_room, _STARTING_ROOM)
 
     def _put_color(self) -> None:
         waiting = self.assembler.newest_color

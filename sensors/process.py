@@ -49,6 +49,7 @@ class SensorProcess:
         self._clock: tuple[float, Stamp] | None = None
         self._calibration: Message | None = None
         self._calibration_due = 0.0
+        self._told: tuple[str, ...] = ()
         session.announce(options.topics.alive)
 
     def run(self, stop: threading.Event, progress: Callable[[int], None] = lambda frames: None) -> SensorReport:
@@ -89,13 +90,15 @@ class SensorProcess:
         return True
 
     def _repeat_calibration(self, message: Message) -> None:
-        """Send the calibration once a second, for those who have joined since."""
-        now = time.monotonic()
+        """Send the calibration whenever a consumer has joined, and once a second for those who only listen."""
+        now, consumers = time.monotonic(), self._window.consumers
         if message.topic == self._topics.camera_info:
-            self._calibration, self._calibration_due = message, now + _CALIBRATION_PERIOD_S
-        elif self._calibration is not None and now >= self._calibration_due:
+            self._calibration = message
+        elif self._calibration is not None and (now >= self._calibration_due or consumers != self._told):
             self._publisher.put(restamp(self._calibration, message.stamp))
-            self._calibration_due = now + _CALIBRATION_PERIOD_S
+        else:
+            return
+        self._calibration_due, self._told = now + _CALIBRATION_PERIOD_S, consumers
 
     def _wait_until_due(self, stamp: Stamp, pace: float, stop: threading.Event) -> bool:
         began, first = self._clock = self._clock or (time.monotonic(), stamp)

@@ -118,6 +118,20 @@ def test_import_info_recover(tmp_path: Path, network: Network) -> None:
     network.run("sensor", str(folder), "--color", "purple", status=2)
 
 
+def test_whoever_joins_a_live_sensor_is_told_the_calibration_at_once(
+    tmp_path: Path, network: Network, hub: WireSession
+) -> None:
+    network.start("sensor", str(write_folder(tmp_path / "tum")), "--loop", "--realtime")
+    first = Consumer(hub, TOPICS, "first", KEYS)
+    assert first.receive(20.0) is not None
+    for name in ("second", "third", "fourth"):
+        time.sleep(0.45)
+        joined = time.monotonic()
+        consumer = Consumer(hub, TOPICS, name, (TOPICS.camera_info,))
+        assert consumer.receive(5.0) is not None
+        assert time.monotonic() - joined < 0.25
+
+
 def test_a_sensor_waits_for_its_consumer_and_repeats_the_calibration(
     tmp_path: Path, network: Network, hub: WireSession
 ) -> None:

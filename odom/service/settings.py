@@ -18,7 +18,9 @@ class ServiceSettings(BaseModel, frozen=True, extra="forbid"):
     features_period_s: float = Field(0.066, gt=0, description="between two feature clouds for the viewer")
     map_period_s: float = Field(0.5, gt=0, description="between two paths with landmarks for the viewer")
     keyframe_points: int = Field(3000, ge=100, description="points of the coloured cloud of a key frame for the viewer")
-    live_frames: int = Field(3, ge=1, description="frames of a live source that may wait; the newest win")
+    live_frames: int = Field(
+        3, ge=1, description="frames of a live source that may wait, after its first second; the newest win"
+    )
     stop_timeout_s: float = Field(60.0, gt=0, description="a child may take this long to save its results and end")
 
 

@@ -1,3 +1,4 @@
+import resource
 import threading
 import time
 from collections.abc import Callable
@@ -6,6 +7,7 @@ from random import Random
 
 import psutil
 import pytest
+import zenoh
 from made_up_messages import session_messages
 from private_network import OpenSession
 
@@ -249,3 +251,20 @@ def test_a_key_is_flooded_for_a_second_and_no_longer() -> None:
         malformed.add("a", "why")
         assert not malformed.add_if_flooded("a")
     assert malformed.counts == {"a": 36}
+
+
+def test_receiving_a_message_maps_no_memory(open_peer: OpenSession) -> None:
+    """Pages mapped for each message would take longer than the message, and halt the other cores meanwhile."""
+    sender, receiver = open_peer(), open_peer()
+    subscriber = receiver.subscriber(["a"], depth=3)
+    meet(sender, "a")
+
+    def receive(count: int) -> int:
+        before, faults = subscriber.total().received, resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+        for _ in range(count):
+            sender.zenoh.put("a", b"small", congestion_control=zenoh.CongestionControl.BLOCK)
+        assert eventually(lambda: subscriber.total().received == before + count)
+        return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - faults
+
+    receive(1000)
+    assert receive(5000) < 2500

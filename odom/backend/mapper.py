@@ -60,7 +60,7 @@ class Mapper:
     def __init__(self, camera: Camera, lens: Lens, settings: OdometrySettings) -> None:
         self.map, self.index = Map(), PlaceIndex()
         self.sightings = Sightings()
-        self._camera, self._lens, self._settings = camera, lens, settings
+        self._camera, self.lens, self._settings = camera, lens, settings
         self.timing = Timing(settings.readout_prior_s, settings.depth_lag_prior_s, settings.depth_readout_prior_s)
         self._timing_information = np.diag(
             [
@@ -99,7 +99,7 @@ class Mapper:
     ) -> Tracked:
         """Return `view` tracked against the key frames `local` and no others."""
         return track(
-            self.map, view, self._camera, self._lens, T_start, twist, local, self.timing, noise, self._settings, before
+            self.map, view, self._camera, self.lens, T_start, twist, local, self.timing, noise, self._settings, before
         )
 
     def is_known_place(self, tracked: Tracked) -> bool:
@@ -149,7 +149,7 @@ class Mapper:
 
     def _measured(self, view: View, uv: Array, twist: Array, check: SelfCheck) -> Measurements:
         no_covariance = np.zeros((len(uv), 3))
-        return measure(view.frame, self._lens, uv, no_covariance, twist, self.timing, check.noise)
+        return measure(view.frame, self.lens, uv, no_covariance, twist, self.timing, check.noise)
 
     @property
     def forgotten(self) -> int:
@@ -182,7 +182,7 @@ class Mapper:
         adjustment = window.newest(self.map, self._settings.window_keyframes, self.timing, prior)
         waiting, self._waiting = self._waiting, []
         linked = [self._linked(seen.keyframe) for seen in waiting]
-        timing, lens, index, noise = self.timing, self._lens, self.index, check.noise
+        timing, lens, index, noise = self.timing, self.lens, self.index, check.noise
 
         def work() -> tuple[Bundle, list[tuple[Seen, Place, list[Recognition]]]]:
             bundle = adjustment.run()

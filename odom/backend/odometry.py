@@ -5,15 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.backend.belief import is_carried, is_enough, is_same_view, verdict
+from odom.backend.belief import verdict
 from odom.backend.causal import CausalTrajectory, Publication
 from odom.backend.choice import Coverage, has_moved
-from odom.backend.closing import recognise
 from odom.backend.closing_test import closing_test
 from odom.backend.estimate import ClosingTest, Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
+from odom.backend.following import Previous, Whereabouts, follow, follow_coarsely, relocalise
 from odom.backend.history import trajectory
 from odom.backend.mapper import Mapper, Seen
-from odom.backend.motion import Motion
 from odom.backend.pairwise import register_successive
 from odom.backend.placed import Placed
 from odom.backend.selfcheck import SelfCheck
@@ -21,7 +20,7 @@ from odom.backend.settings import OdometrySettings
 from odom.backend.sight import LEAP_S, Sight
 from odom.backend.sightings import settled
 from odom.backend.stopwatch import Stopwatch
-from odom.backend.tracking import INLIER_CHI2, Before, Tracked, coarse_pose, disagreement
+from odom.backend.tracking import INLIER_CHI2, Tracked, disagreement
 from odom.errors import InputError
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.clock import Clock
@@ -44,27 +43,12 @@ _UNEQUAL = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class _Previous:
-    """The last frame that was tracked, or that began a segment (`tracked` is None).
-
-    The next one is followed from it by the landmarks `rows` (n), which it showed at `uv` (n x 2 px).
-    """
-
-    view: View
-    tracked: Tracked | None
-    pairwise: RelativePose | None
-    published: Publication
-    rows: Index
-    uv: Array
-
-
-@dataclass(frozen=True, eq=False)
 class _Glance:
     """What a colour image told before its depth was there: `T_coarse` (T_camera_map) as followed from `previous`."""
 
     color: NDArray[np.uint8]
     images: FrameImages
-    previous: _Previous
+    previous: Previous
     T_coarse: Array
     laps_ms: dict[str, float]
 
@@ -78,18 +62,18 @@ class Odometry:
 
     def __init__(self, camera: Camera, settings: OdometrySettings | None = None) -> None:
         self.settings = settings or OdometrySettings()
-        self.camera, self._lens = camera, Lens.of(camera)
+        self.camera = camera
         knots = np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0])
         table = np.stack([knots, np.full_like(knots, self.settings.inverse_depth_sigma)])
         self._check = SelfCheck.of(FeatureNoise(self.settings.pixel_sigma_px, table))
-        self._mapper = Mapper(camera, self._lens, self.settings)
+        self._mapper = Mapper(camera, Lens.of(camera), self.settings)
         self._causal = CausalTrajectory(self._mapper.map.keyframes)
         self._T_camera_map, self._T_map_odom = np.eye(4), np.eye(4)
         self._twist = np.zeros(6)
         self._near, self._segment = 0, -1
         self._clock = Clock()
         self._newest: Seen | None = None
-        self._previous: _Previous | None = None
+        self._previous: Previous | None = None
         self._glance: _Glance | None = None
         self._covered: Coverage | None = None
         self._sight = Sight()
@@ -120,7 +104,7 @@ class Odometry:
         images = FrameImages.of(color)
         watch.lap("images")
         dt = (self._clock.after(stamp).steady - self._previous.view.frame.stamp) * 1e-9
-        T_coarse = self._coarse(self._previous, images, dt)
+        T_coarse = follow_coarsely(self._whereabouts(self._previous), self._mapper, images, dt)
         watch.lap("follow")
         self._glance = _Glance(color, images, self._previous, T_coarse, watch.laps_ms)
 
@@ -151,8 +135,6 @@ class Odometry:
         was_lost, is_blind = self._causal.is_lost, self._is_blind(view.stamp)
         T_coarse = None if glance is None or map_moved else glance.T_coarse
         tracked = None if was_lost or is_blind else self._follow(view, watch, T_coarse)
-        if tracked is not None and self._previous is not None and self._previous.tracked is None:
-            tracked = self._follow_from_start(view, self._previous.view, tracked, watch)
         is_recovered = False
         if tracked is None and not is_blind and self._mapper.map.keyframes:
             tracked = self._relocalise(view)
@@ -220,66 +202,27 @@ class Odometry:
         self._T_camera_map = self._T_camera_map @ se3.inverse(before) @ keyframes[self._near].T_camera_map
         return loops, True
 
-    def _coarse(self, previous: _Previous, images: FrameImages, dt: float) -> Array:
-        """Return T_camera_map as followed over `dt` seconds from the previous image."""
-        T_predicted = se3.exp(-self._twist * dt) @ self._T_camera_map
-        alive = self._mapper.map.landmarks.alive[previous.rows]
-        rows, uv = previous.rows[alive], previous.uv[alive]
-        return coarse_pose(self._mapper.map, rows, uv, previous.view.images, images, self._lens, T_predicted)
+    def _whereabouts(self, previous: Previous) -> Whereabouts:
+        last = self._causal.frames.last
+        is_bridged = last is not None and last.stamp != previous.view.stamp
+        return Whereabouts(previous, self._T_camera_map, self._twist, self._near, is_bridged)
 
-    def _follow(self, view: View, watch: Stopwatch, T_coarse: Array | None = None) -> Tracked | None:
+    def _follow(self, view: View, watch: Stopwatch, T_coarse: Array | None) -> Tracked | None:
         """Return the frame tracked on from the previous one, None where that fails."""
         dt = self._since_previous_s(view)
         longest = max(_LONGEST_GAP_S, _LONGEST_GAP_PERIODS * self._clock.period_s)
         if self._previous is None or not 0.0 < dt < longest:
             return None
-        if T_coarse is None:
-            T_coarse = self._coarse(self._previous, view.images, dt)
-        watch.lap("follow")
-        before = self._before(dt)
-        tracked = self._mapper.track(view, T_coarse, before.twist_to(T_coarse), self._near, self._check.noise, before)
-        watch.lap("find and fit")
-        is_possible = is_carried(before.twist_to(tracked.T_camera_map)) and is_enough(tracked)
-        return tracked if is_possible and self._is_same_place(tracked, self._previous) else None
-
-    def _is_same_place(self, tracked: Tracked, previous: _Previous) -> bool:
-        """Say whether a frame followed from the previous one shows the place that it did, not one that looks alike."""
-        last = self._causal.frames.last
-        is_bridged = last is not None and last.stamp != previous.view.stamp
-        is_chained = is_same_view(tracked, previous.tracked) and not is_bridged
-        return is_chained or self._mapper.is_known_place(tracked)
-
-    def _before(self, dt: float) -> Before:
-        """Return the camera's motion in the map as of the previous frame, `dt` seconds ago."""
-        tracked = None if self._previous is None else self._previous.tracked
-        motion = Motion.of(se3.inverse(self._T_camera_map), np.zeros((6, 6)))
-        if tracked is not None:
-            motion = Motion.of(motion.T_fixed_camera, tracked.covariance * self._check.scale, tracked.velocity)
-        return Before(motion, dt, self._check.scale)
-
-    def _follow_from_start(self, view: View, first: View, tracked: Tracked, watch: Stopwatch) -> Tracked | None:
-        """Return the second frame of a segment tracked again: the motion to it tells how the first one's rows are bent.
-
-        The rows themselves can't: landmarks bent in the first frame look straight in the second.
-        """
-        twist = self._before(self._since_previous_s(view)).twist_to(tracked.T_camera_map)
-        self._mapper.remeasure(self._near, first, twist, self._check)
-        return self._follow(view, watch)
+        was = self._whereabouts(self._previous)
+        return follow(was, self._mapper, self._check, view, dt, watch, T_coarse)
 
     def _relocalise(self, view: View) -> Tracked | None:
-        """Return the frame tracked from a key frame that it is recognised to show, None where there is none."""
-        still = np.zeros(6)
-        place = describe_place(view, self._lens, still, self.timing, self._check.noise)
-        for recognition in recognise(self._mapper.index, place, set()):
-            if recognition.refusal or recognition.registration is None:
-                continue
-            keyframe = self._mapper.map.keyframes[recognition.candidate]
-            T_camera_map = se3.inverse(recognition.registration.T_target_source) @ keyframe.T_camera_map
-            tracked = self._mapper.track(view, T_camera_map, still, keyframe.number, self._check.noise)
-            if self._mapper.is_known_place(tracked):
-                self._segment = keyframe.segment
-                return tracked
-        return None
+        """Return the frame tracked from wherever it is recognised to be, None where that is nowhere."""
+        found = relocalise(self._mapper, self._check, view)
+        if found is None:
+            return None
+        tracked, self._segment = found
+        return tracked
 
     def _advance(self, view: View, tracked: Tracked, is_recovered: bool, watch: Stopwatch) -> Estimate:
         """Take over a tracked frame: motion, covariance, key frame."""
@@ -331,7 +274,7 @@ class Odometry:
         is_keyframe = self._sight.deep_stamp == view.stamp and self._needs_keyframe(uv)
         if is_keyframe:
             rows, uv = self._add_keyframe(view, tracked, covariance)
-        self._previous = _Previous(view, tracked, pairwise, published, rows, uv)
+        self._previous = Previous(view, tracked, pairwise, published, rows, uv)
         watch.lap("keyframe")
         state, reason = verdict(tracked, is_recovered, self._sight.is_shallow(view.stamp))
         residual = np.where(tracked.inliers, np.sqrt(tracked.chi2[:, 0]), np.nan)
@@ -408,7 +351,7 @@ class Odometry:
     def _begin_segment(self, view: View) -> Estimate | None:
         """Begin a new segment of the map at the last known pose, None where the frame does not hold enough."""
         still = np.zeros(6)
-        place = describe_place(view, self._lens, still, self.timing, self._check.noise)
+        place = describe_place(view, self._mapper.lens, still, self.timing, self._check.noise)
         if len(place.points) < _LEAST_CORNERS:
             return None
         is_first = self._segment < 0
@@ -418,7 +361,7 @@ class Odometry:
         self._sight = self._sight.begun(view.stamp)
         T_odom_camera = se3.inverse(self._T_map_odom) @ se3.inverse(self._T_camera_map)
         published = self._causal.begin(view.stamp, self._segment, self._near, T_odom_camera)
-        self._previous = _Previous(view, None, None, published, rows, uv)
+        self._previous = Previous(view, None, None, published, rows, uv)
         state = State.TRACKING if is_first else State.RECOVERED
         reason = "" if is_first else "new segment: no known place recognised"
         return self._estimate(view, state, reason, published, matches=len(rows), is_keyframe=True)

@@ -1,0 +1,130 @@
+"""Where a frame is: followed from the one before, or from a place that it is recognised to show."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.backend.belief import is_carried, is_enough, is_same_view
+from odom.backend.causal import Publication
+from odom.backend.closing import recognise
+from odom.backend.estimate import RelativePose
+from odom.backend.mapper import Mapper
+from odom.backend.motion import Motion
+from odom.backend.selfcheck import SelfCheck
+from odom.backend.stopwatch import Stopwatch
+from odom.backend.tracking import Before, Tracked, coarse_pose
+from odom.frontend.images import FrameImages
+from odom.frontend.places import describe_place
+from odom.frontend.view import View
+from odom.registration import se3
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Previous:
+    """The last frame that was tracked, or that began a segment (`tracked` is None).
+
+    The next one is followed from it by the landmarks `rows` (n), which it showed at `uv` (n x 2 px).
+    """
+
+    view: View
+    tracked: Tracked | None
+    pairwise: RelativePose | None
+    published: Publication
+    rows: Index
+    uv: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Whereabouts:
+    """Where the camera was as of the `previous` frame: `T_camera_map`, near key frame `near`, moving with `twist`.
+
+    The twist is 6, SI, in the camera's own frame; `is_bridged` where predictions have stood in for frames since.
+    """
+
+    previous: Previous
+    T_camera_map: Array
+    twist: Array
+    near: int
+    is_bridged: bool
+
+    def before(self, dt: float, check: SelfCheck) -> Before:
+        """Return the camera's motion in the map, `dt` seconds ago."""
+        tracked = self.previous.tracked
+        motion = Motion.of(se3.inverse(self.T_camera_map), np.zeros((6, 6)))
+        if tracked is not None:
+            motion = Motion.of(motion.T_fixed_camera, tracked.covariance * check.scale, tracked.velocity)
+        return Before(motion, dt, check.scale)
+
+
+def follow_coarsely(was: Whereabouts, mapper: Mapper, images: FrameImages, dt: float) -> Array:
+    """Return T_camera_map of `images`, followed over `dt` seconds from the previous ones."""
+    T_predicted = se3.exp(-was.twist * dt) @ was.T_camera_map
+    previous = was.previous
+    alive = mapper.map.landmarks.alive[previous.rows]
+    rows, uv = previous.rows[alive], previous.uv[alive]
+    return coarse_pose(mapper.map, rows, uv, previous.view.images, images, mapper.lens, T_predicted)
+
+
+def follow(
+    was: Whereabouts,
+    mapper: Mapper,
+    check: SelfCheck,
+    view: View,
+    dt: float,
+    watch: Stopwatch,
+    T_coarse: Array | None = None,
+) -> Tracked | None:
+    """Return a frame tracked on over `dt` seconds, None where what is found cannot be it.
+
+    `T_coarse` (T_camera_map) is where it has been followed to already. Of a segment's second frame the first one is
+    measured anew, and it is tracked again.
+    """
+    tracked = _track(was, mapper, check, view, dt, watch, T_coarse)
+    if tracked is not None and was.previous.tracked is None:
+        # The motion to the second frame tells how the first one's rows are bent. The rows themselves can't: landmarks
+        # bent in the first frame look straight in the second.
+        twist = was.before(dt, check).twist_to(tracked.T_camera_map)
+        mapper.remeasure(was.near, was.previous.view, twist, check)
+        return _track(was, mapper, check, view, dt, watch, None)
+    return tracked
+
+
+def _track(
+    was: Whereabouts,
+    mapper: Mapper,
+    check: SelfCheck,
+    view: View,
+    dt: float,
+    watch: Stopwatch,
+    T_coarse: Array | None,
+) -> Tracked | None:
+    if T_coarse is None:
+        T_coarse = follow_coarsely(was, mapper, view.images, dt)
+    watch.lap("follow")
+    before = was.before(dt, check)
+    tracked = mapper.track(view, T_coarse, before.twist_to(T_coarse), was.near, check.noise, before)
+    watch.lap("find and fit")
+    if not (is_carried(before.twist_to(tracked.T_camera_map)) and is_enough(tracked)):
+        return None
+    # the place must be the one seen before, not one that looks alike
+    is_chained = is_same_view(tracked, was.previous.tracked) and not was.is_bridged
+    return tracked if is_chained or mapper.is_known_place(tracked) else None
+
+
+def relocalise(mapper: Mapper, check: SelfCheck, view: View) -> tuple[Tracked, int] | None:
+    """Return a frame tracked from a key frame that it is recognised to show, and the segment; None without any."""
+    still = np.zeros(6)
+    place = describe_place(view, mapper.lens, still, mapper.timing, check.noise)
+    for recognition in recognise(mapper.index, place, set()):
+        if recognition.refusal or recognition.registration is None:
+            continue
+        keyframe = mapper.map.keyframes[recognition.candidate]
+        T_camera_map = se3.inverse(recognition.registration.T_target_source) @ keyframe.T_camera_map
+        tracked = mapper.track(view, T_camera_map, still, keyframe.number, check.noise)
+        if mapper.is_known_place(tracked):
+            return tracked, keyframe.segment
+    return None

@@ -1,86 +1,36 @@
 """From arriving messages to decoded frames, one thread ahead of the odometry.
 
-Receiving and decoding frame i + 1 runs beside processing frame i (Zenoh and OpenCV release the interpreter). Few
-frames wait here: of a recorded source the thread waits for room and with it, unacknowledged, the sender; of a live
-one the oldest waiting frame makes room for the newest, but for its first second: while the lens' table is made frames
-pile up, and the very first, of which no motion is known yet, are the worst to miss.
+Receiving and decoding frame i + 1 runs beside processing frame i (Zenoh and OpenCV release the interpreter).
 """
 
 import logging
 import threading
-import time
-from collections import deque
-from collections.abc import Iterator
-from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import NDArray
 
 from odom.errors import WireError
 from odom.frame import Camera, RgbdFrame, Stamp
+from odom.service.arrivals import (
+    MOST_TRUTH,
+    CameraArrival,
+    ColorArrival,
+    EndArrival,
+    FrameArrival,
+    TruthArrival,
+    WaitingRoom,
+)
 from odom.wire import TRUTH, Message, Topics, codec
 from odom.wire.assembler import FrameAssembler
 from odom.wire.flow import Consumer
 from odom.wire.session import Delivery, WireSession
 
 _LOG = logging.getLogger(__name__)
-_LOSSLESS_ROOM = 2
 _LIVE_DEPTH = 3
-_STARTING_S, _STARTING_ROOM = 1.0, 30
 _POLL_S = 0.2
-_MAX_TRUTH = 4096
 _COLORS = 32
 _LIVE_CLOCK_NS = 10_000_000_000
 
 
-@dataclass(frozen=True, eq=False)
-class FrameArrival:
-    """A decoded frame; `origin` is when it came to be, None where no latency can be told.
-
-    That is the capture stamp of a live sensor, and the time of sending of a recording played in real time. The frame is
-    grey, `color` is the message of its image.
-    """
-
-    frame: RgbdFrame
-    origin: Stamp | None
-    color: Message | None = None
-
-
-@dataclass(frozen=True)
-class CameraArrival:
-    """The calibration, once, before the first frame."""
-
-    camera: Camera
-
-
-@dataclass(frozen=True, eq=False)
-class ColorArrival:
-    """A live sensor's colour image, while its depth is on its way."""
-
-    stamp: Stamp
-    color: NDArray[np.uint8]
-
-
-@dataclass(frozen=True, eq=False)
-class TruthArrival:
-    """A pose of a motion capture body."""
-
-    body: str
-    pose: codec.StampedPose
-
-
-@dataclass(frozen=True)
-class EndArrival:
-    """The source has ended."""
-
-    reason: str
-
-
-Arrival = CameraArrival | FrameArrival | ColorArrival | TruthArrival | EndArrival
-
-
 class Intake:
-    """Receives, pairs and decodes in a thread of its own, from `start` to `close`."""
+    """Receives, pairs and decodes in a thread of its own, from `start` to `close`; its `arrivals` are to be taken."""
 
     def __init__(self, session: WireSession, topics: Topics, live_room: int) -> None:
         keys = (
@@ -91,7 +41,6 @@ class Intake:
             topics.camera_info,
             TRUTH,
         )
-        self.overtaken = 0
         self.uncalibrated = 0
         self.source_ended = False
         self.refused_cameras = 0
@@ -100,13 +49,7 @@ class Intake:
         self._consumer = Consumer(session, topics, "odometry", keys, depth=_LIVE_DEPTH)
         self.assembler = FrameAssembler(topics, grey=True, malformed=self._consumer.malformed)
         self._camera: Camera | None = None
-        self._live_room = live_room
-        self._started_at: float | None = None
-        self._waiting: deque[Arrival] = deque()
-        self._frames = 0
-        self._changed = threading.Condition()
-        self._closed = False
-        self._failure: BaseException | None = None
+        self.arrivals = WaitingRoom(live_room)
         self._thread = threading.Thread(target=self._run, name="intake", daemon=True)
 
     def start(self) -> None:
@@ -114,42 +57,15 @@ class Intake:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop receiving; what waits can still be taken."""
-        with self._changed:
-            self._closed = True
-            self._changed.notify_all()
+        """Stop receiving; the arrivals that wait can still be taken."""
+        self.arrivals.close()
         self._thread.join(timeout=2.0)
-
-    def take(self, timeout: float) -> Arrival | None:
-        """Return the next arrival in order, None when none came within `timeout` seconds.
-
-        Raises what has ended the receiving thread, behind the last arrival.
-        """
-        with self._changed:
-            if not self._waiting and self._failure is None:
-                self._changed.wait(timeout)
-            if not self._waiting:
-                if self._failure is not None:
-                    raise self._failure
-                return None
-            arrival = self._waiting.popleft()
-            if isinstance(arrival, FrameArrival):
-                self._frames -= 1
-                self._changed.notify_all()
-            return arrival
-
-    def drain(self) -> Iterator[Arrival]:
-        """Yield what still waits, after `close`."""
-        while self._waiting:
-            arrival = self.take(0.0)
-            assert arrival is not None
-            yield arrival
 
     @property
     def lost_frames(self) -> int:
         """Colour images that were sent, and lost on the way or overtaken by newer ones."""
         counters = [self._consumer.counters.get(key) for key in self._color_keys]
-        return self.overtaken + sum(c.lost + c.dropped for c in counters if c is not None)
+        return self.arrivals.overtaken + sum(c.lost + c.dropped for c in counters if c is not None)
 
     @property
     def dropped(self) -> dict[str, int]:
@@ -172,12 +88,10 @@ class Intake:
         try:
             self._receive()
         except BaseException as error:  # handed over to the thread that takes, which raises it
-            with self._changed:
-                self._failure = error
-                self._changed.notify_all()
+            self.arrivals.fail(error)
 
     def _receive(self) -> None:
-        while not self._closed:
+        while not self.arrivals.is_closed:
             delivery = self._consumer.receive(timeout=_POLL_S)
             if delivery is not None:
                 self._understand(delivery)
@@ -185,7 +99,7 @@ class Intake:
                 self.source_ended = True
                 for frame in self.assembler.finish():
                     self._put_frame(frame, None)
-                self._put(EndArrival(self._consumer.ended))
+                self.arrivals.put(EndArrival(self._consumer.ended))
                 self._consumer.restart()
 
     def _understand(self, delivery: Delivery) -> None:
@@ -193,9 +107,12 @@ class Intake:
         message = delivery.message
         if message.topic.startswith("truth/"):
             try:
-                self._put(TruthArrival(message.topic.split("/")[1], codec.decode_pose(message)))
+                arrival = TruthArrival(message.topic.split("/")[1], codec.decode_pose(message))
             except WireError as error:
                 self._consumer.malformed.add(message.topic, str(error))
+                return
+            if not self.arrivals.put(arrival):
+                self._consumer.malformed.add("truth", f"more than {MOST_TRUTH} poses wait")
             return
         if message.topic in self._color_keys:
             self._colors[message.stamp] = message
@@ -214,7 +131,7 @@ class Intake:
             self._camera = self.assembler.camera
             assert self._camera is not None
             _LOG.info("calibration: %s", self._camera)
-            self._put(CameraArrival(self._camera))
+            self.arrivals.put(CameraArrival(self._camera))
             return
         if not self.refused_cameras:
             _LOG.error("the calibration has changed to %s: refused; restart to use it", self.assembler.camera)
@@ -236,47 +153,12 @@ class Intake:
             return
         live = delivery is not None and not delivery.lossless
         origin = _origin(frame, delivery) if live else None
-        with self._changed:
-            if live:
-                self._drop_oldest(ColorArrival)  # not looked at yet: it is in the frame that comes, or old
-                while self._frames >= self._room() and self._drop_oldest(FrameArrival):
-                    self._frames -= 1
-                    self.overtaken += 1
-            else:
-                while self._frames >= _LOSSLESS_ROOM and not self._closed:
-                    self._changed.wait()
-            self._waiting.append(FrameArrival(frame, origin, color))
-            self._frames += 1
-            self._changed.notify_all()
-
-    def _room(self) -> int:
-        """Return how many live frames may wait."""
-        now = time.monotonic()
-        self._started_at = self._started_at or now
-        return self._live_room if now - self._started_at > _STARTING_S else max(self._live_room, _STARTING_ROOM)
+        self.arrivals.put_frame(FrameArrival(frame, origin, color), live)
 
     def _put_color(self) -> None:
         waiting = self.assembler.newest_color
         if waiting is not None and self._camera is not None:
-            with self._changed:
-                self._drop_oldest(ColorArrival)
-                self._waiting.append(ColorArrival(*waiting))
-                self._changed.notify_all()
-
-    def _put(self, arrival: CameraArrival | TruthArrival | EndArrival) -> None:
-        with self._changed:
-            if len(self._waiting) >= _MAX_TRUTH and isinstance(arrival, TruthArrival):
-                self._consumer.malformed.add("truth", f"more than {_MAX_TRUTH} poses wait")
-                return
-            self._waiting.append(arrival)
-            self._changed.notify_all()
-
-    def _drop_oldest(self, kind: type[Arrival]) -> bool:
-        """Take out the oldest waiting arrival of a kind; say whether there was one."""
-        oldest = next((i for i, arrival in enumerate(self._waiting) if isinstance(arrival, kind)), None)
-        if oldest is not None:
-            del self._waiting[oldest]
-        return oldest is not None
+            self.arrivals.put_color(ColorArrival(*waiting))
 
 
 def _origin(frame: RgbdFrame, delivery: Delivery | None) -> Stamp:

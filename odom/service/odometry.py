@@ -9,8 +9,9 @@ from pathlib import Path
 from odom.backend import Estimate, Odometry, State
 from odom.errors import OdomError, WireError
 from odom.service.announcer import Announcer
+from odom.service.arrivals import Arrival, CameraArrival, ColorArrival, EndArrival, FrameArrival, TruthArrival
 from odom.service.files import RunFiles
-from odom.service.intake import Arrival, CameraArrival, ColorArrival, EndArrival, FrameArrival, Intake, TruthArrival
+from odom.service.intake import Intake
 from odom.service.keyframes import keyframe_message
 from odom.service.settings import Settings
 from odom.service.startup import notify_service_manager, warm_up
@@ -70,7 +71,7 @@ class OdometryProcess:
         """Process what arrives until told to stop; what has arrived by then is processed still."""
         self._intake.start()
         while not stop.is_set():
-            arrival = self._intake.take(_POLL_S)
+            arrival = self._intake.arrivals.take(_POLL_S)
             if arrival is not None:
                 self._handle(arrival)
                 if until_end and isinstance(arrival, EndArrival):
@@ -82,7 +83,7 @@ class OdometryProcess:
         """Process what still waits and save everything."""
         self._intake.close()
         try:
-            for arrival in self._intake.drain():
+            for arrival in self._intake.arrivals.drain():
                 self._handle(arrival)
         finally:
             self._save()

@@ -83,36 +83,25 @@ def follow(
     `T_coarse` (T_camera_map) is where it has been followed to already. Of a segment's second frame the first one is
     measured anew, and it is tracked again.
     """
-    tracked = _track(was, mapper, check, view, dt, watch, T_coarse)
-    if tracked is not None and was.previous.tracked is None:
-        # The motion to the second frame tells how the first one's rows are bent. The rows themselves can't: landmarks
-        # bent in the first frame look straight in the second.
-        twist = was.before(dt, check).twist_to(tracked.T_camera_map)
-        mapper.remeasure(was.near, was.previous.view, twist, check)
-        return _track(was, mapper, check, view, dt, watch, None)
-    return tracked
-
-
-def _track(
-    was: Whereabouts,
-    mapper: Mapper,
-    check: SelfCheck,
-    view: View,
-    dt: float,
-    watch: Stopwatch,
-    T_coarse: Array | None,
-) -> Tracked | None:
-    if T_coarse is None:
-        T_coarse = follow_coarsely(was, mapper, view.images, dt)
-    watch.lap("follow")
     before = was.before(dt, check)
-    tracked = mapper.track(view, T_coarse, before.twist_to(T_coarse), was.near, check.noise, before)
-    watch.lap("find and fit")
-    if not (is_carried(before.twist_to(tracked.T_camera_map)) and is_enough(tracked)):
-        return None
-    # the place must be the one seen before, not one that looks alike
-    is_chained = is_same_view(tracked, was.previous.tracked) and not was.is_bridged
-    return tracked if is_chained or mapper.is_known_place(tracked) else None
+
+    def tracked_from(T_start: Array) -> Tracked | None:
+        watch.lap("follow")
+        tracked = mapper.track(view, T_start, before.twist_to(T_start), was.near, check.noise, before)
+        watch.lap("find and fit")
+        if not (is_carried(before.twist_to(tracked.T_camera_map)) and is_enough(tracked)):
+            return None
+        # the place must be the one seen before, not one that looks alike
+        is_chained = is_same_view(tracked, was.previous.tracked) and not was.is_bridged
+        return tracked if is_chained or mapper.is_known_place(tracked) else None
+
+    tracked = tracked_from(follow_coarsely(was, mapper, view.images, dt) if T_coarse is None else T_coarse)
+    if tracked is None or was.previous.tracked is not None:
+        return tracked
+    # The motion to the second frame tells how the first one's rows are bent. The rows themselves can't: landmarks bent
+    # in the first frame look straight in the second.
+    mapper.remeasure(was.near, was.previous.view, before.twist_to(tracked.T_camera_map), check)
+    return tracked_from(follow_coarsely(was, mapper, view.images, dt))
 
 
 def relocalise(mapper: Mapper, check: SelfCheck, view: View) -> tuple[Tracked, int] | None:

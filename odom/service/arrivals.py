@@ -120,7 +120,8 @@ class WaitingRoom:
         with self._changed:
             if live:
                 self._drop_oldest(ColorArrival)  # not looked at yet: it is in the frame that comes, or old
-                while self._frames >= self._room() and self._drop_oldest(FrameArrival):
+                room = self._room(self._clock())
+                while self._frames >= room and self._drop_oldest(FrameArrival):
                     self._frames -= 1
                     self.overtaken += 1
             else:
@@ -155,10 +156,10 @@ class WaitingRoom:
             assert arrival is not None
             yield arrival
 
-    def _room(self) -> int:
-        """Return how many live frames may wait."""
-        now = self._clock()
-        self._started_at = self._started_at or now
+    def _room(self, now: float) -> int:
+        """Return how many live frames may wait; the first time asked is when the sensor has started."""
+        if self._started_at is None:
+            self._started_at = now
         return self._live_room if now - self._started_at > _STARTING_S else max(self._live_room, _STARTING_ROOM)
 
     def _drop_oldest(self, kind: type[Arrival]) -> bool:

@@ -1,11 +1,13 @@
 """Closing loops: places that look alike, verified by geometry, held against the chain, and then acted upon."""
 
+from collections import defaultdict
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from odom.backend.graph import Edge, optimise
+from odom.backend.keyframes import Keyframe
 from odom.backend.map import Map
 from odom.backend.tree import covariance_between, graft
 from odom.frontend.places import Place, PlaceIndex, match_places
@@ -100,8 +102,12 @@ def merge_segment(map_: Map, edge: Edge) -> None:
     T_camera_map = np.array([map_.keyframes[int(n)].T_camera_map @ T_old_new for n in numbers])
     map_.move_keyframes(numbers, T_camera_map, np.zeros(0, dtype=np.int64))
     graft(map_.keyframes, edge.b, edge.a, edge.covariance)
+    children: dict[int | None, list[Keyframe]] = defaultdict(list)
     for k in merged:
         k.segment = a.segment
-        T_a_k = a.T_camera_map @ se3.inverse(k.T_camera_map)
-        since_a = covariance_between(map_.keyframes, a.number, k.number)
-        k.covariance_since_start = se3.compose_covariance(a.covariance_since_start, T_a_k, since_a)
+        children[k.parent].append(k)
+    grown = [b]
+    while grown:
+        k = grown.pop()
+        k.covariance_since_start = map_.covariance_since_start(k.T_camera_map, k.parent, k.covariance_parent)
+        grown += children[k.number]

@@ -74,7 +74,7 @@ class Map:
             timing=timing,
             parent=parent,
             covariance_parent=covariance_parent,
-            covariance_since_start=self._covariance_since_start(T_camera_map, parent, covariance_parent),
+            covariance_since_start=self.covariance_since_start(T_camera_map, parent, covariance_parent),
         )
         self.keyframes.append(keyframe)
         self.remembered.append(number)
@@ -118,7 +118,8 @@ class Map:
         )
         L.plane[rows] = np.column_stack([w, measured.slope[own]])
 
-    def _covariance_since_start(self, T_camera_map: Array, parent: int | None, covariance_parent: Array) -> Array:
+    def covariance_since_start(self, T_camera_map: Array, parent: int | None, covariance_parent: Array) -> Array:
+        """Return the 6 x 6 covariance since its segment began of a key frame registered against `parent` (None: none)."""
         if parent is None:
             return covariance_parent
         T_parent_keyframe = self.keyframes[parent].T_camera_map @ se3.inverse(T_camera_map)

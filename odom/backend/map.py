@@ -119,7 +119,7 @@ class Map:
         L.plane[rows] = np.column_stack([w, measured.slope[own]])
 
     def covariance_since_start(self, T_camera_map: Array, parent: int | None, covariance_parent: Array) -> Array:
-        """Return the 6 x 6 covariance since its segment began of a key frame registered against `parent` (None: none)."""
+        """Return a key frame's 6 x 6 covariance since its segment began, from its registration against `parent`."""
         if parent is None:
             return covariance_parent
         T_parent_keyframe = self.keyframes[parent].T_camera_map @ se3.inverse(T_camera_map)

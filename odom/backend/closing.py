@@ -104,7 +104,7 @@ def merge_segment(map_: Map, edge: Edge) -> None:
     graft(map_.keyframes, edge.b, edge.a, edge.covariance)
     children: dict[int | None, list[Keyframe]] = defaultdict(list)
     for k in merged:
-        k.segment = a.segment
+        k.segment, k.first = a.segment, a.first
         children[k.parent].append(k)
     grown = [b]
     while grown:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.backend.estimate import RelativePose, TrajectoryPose
-from odom.backend.keyframes import Keyframe, first_of
+from odom.backend.keyframes import Keyframe
 from odom.backend.placed import Placed
 from odom.backend.tree import covariance_between
 from odom.frame import Stamp
@@ -60,8 +60,7 @@ def covariance_since_start(keyframes: list[Keyframe], placed: Placed, calibratio
     if placed.keyframe is None or placed.T_keyframe_camera is None or placed.covariance is None:
         return None
     keyframe = keyframes[placed.keyframe]
-    first = first_of(keyframes, keyframe.segment)
-    T_first_keyframe = first.T_camera_map @ se3.inverse(keyframe.T_camera_map)
+    T_first_keyframe = keyframes[keyframe.first].T_camera_map @ se3.inverse(keyframe.T_camera_map)
     moved = calibration_error * se3.log(T_first_keyframe @ placed.T_keyframe_camera)
     own = long_after(placed.covariance) + float(moved @ moved) * np.eye(6)
     return se3.compose_covariance(keyframe.covariance_since_start, placed.T_keyframe_camera, own)

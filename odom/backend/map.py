@@ -66,6 +66,7 @@ class Map:
             number=number,
             stamp=stamp,
             segment=segment,
+            first=number if parent is None else self.keyframes[parent].first,
             T_camera_map=T_camera_map.copy(),
             rows=all_rows,
             identities=self.landmarks.identity[all_rows].copy(),
@@ -192,6 +193,8 @@ class Map:
             T_new_old = se3.inverse(T) @ keyframe.T_camera_map
             rows = np.flatnonzero(follows & (L.keyframe == number))
             L.position[rows] = se3.apply(T_new_old, L.position[rows])
+            R_new_old = T_new_old[:3, :3]
+            L.covariance[rows] = R_new_old @ L.covariance[rows] @ R_new_old.T
             keyframe.T_camera_map = se3.orthonormal(T)
             for follower in (self.keyframes[n] for n in self.followers.get(int(number), ())):
                 follower.T_camera_map = se3.orthonormal(follower.T_camera_map @ se3.inverse(T_new_old))

@@ -45,6 +45,7 @@ def bare_keyframe(number, T_map_camera, parent=None, covariance=None, segment=0)
         number=number,
         stamp=stamp,
         segment=segment,
+        first=number if parent is None else 0,
         T_camera_map=T,
         rows=none,
         identities=none,

@@ -80,7 +80,7 @@ def test_merging_a_segment_keeps_its_shape_and_its_landmarks():
     map_ = two_segments(circle()[:6])
     L = map_.landmarks
     poses = [k.T_camera_map.copy() for k in map_.keyframes]
-    points = L.position.copy()
+    points, covariances = L.position.copy(), L.covariance.copy()
     T_new_old = se3.exp(np.array([1.0, -2.0, 0.5, 0.4, -1.0, 0.3]))
     merge_segment(map_, Edge(1, 5, poses[1] @ T_new_old @ se3.inverse(poses[5]), SMALL))
     assert {k.segment for k in map_.keyframes} == {0}
@@ -92,6 +92,8 @@ def test_merging_a_segment_keeps_its_shape_and_its_landmarks():
         )
     moved = L.alive & (L.keyframe >= 3)
     np.testing.assert_allclose(L.position[moved], se3.apply(T_new_old, points[moved]), atol=1e-9)
+    R = T_new_old[:3, :3]
+    np.testing.assert_allclose(L.covariance[moved], R @ covariances[moved] @ R.T, atol=1e-15)
     np.testing.assert_array_equal(L.position[L.alive & (L.keyframe < 3)], points[L.alive & (L.keyframe < 3)])
     for k in range(3):
         np.testing.assert_array_equal(map_.keyframes[k].T_camera_map, poses[k])

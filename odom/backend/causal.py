@@ -100,6 +100,7 @@ class CausalTrajectory:
             middle,
             T_keyframe_camera=middle.T_keyframe_camera @ se3.inverse(T_odom_middle) @ carried.T_fixed_camera,
             covariance=carried.covariance + np.outer(motion.twist, motion.twist) * stamp_sigma_s**2,
+            delay_s=0.0,
         )
         T_middle_stamp = se3.inverse(motion.T_fixed_camera) @ carried.T_fixed_camera
         going = motion.covariance_of_going(middle.delay_s)
@@ -137,7 +138,7 @@ class CausalTrajectory:
             T_keyframe_camera=last.placed.T_keyframe_camera @ step,
             covariance=last.placed.covariance + np.diag((_BRIDGE_SIGMA * dt) ** 2),
         )
-        self.frames.append(replace(placed, delay_s=0.0))
+        self.frames.append(placed)
         self._recent.append(Publication(placed, last.T_odom_camera @ step))
         return self._recent[-1]
 

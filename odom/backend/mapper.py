@@ -227,25 +227,16 @@ class Mapper:
                 _TIMING_FORGET * self._timing_information + self._credit(check) * bundle.information_timing
             )
 
-    def take_recognitions(self, check: SelfCheck) -> tuple[tuple[LoopCandidate, ...], Array | None]:
-        """Judge the places recognised since; act on those that hold.
-
-        Returns every candidate with its decision and reason, and the motion of map coordinates near the newest key
-        frame, T_new_old, None where nothing was closed.
-        """
+    def take_recognitions(self, check: SelfCheck) -> tuple[LoopCandidate, ...]:
+        """Judge the places recognised since, act on those that hold; return all with their decisions and reasons."""
         waiting, self._recognitions = self._recognitions, []
         candidates: list[LoopCandidate] = []
-        T_new_old: Array | None = None
         for seen, recognitions in waiting:
             for recognition in recognitions:
-                before = self.map.keyframes[seen.keyframe].T_camera_map.copy()
-                candidate = self._judge(seen, recognition, check)
-                candidates.append(candidate)
-                if candidate.accepted:
-                    moved = se3.inverse(self.map.keyframes[seen.keyframe].T_camera_map) @ before
-                    T_new_old = moved if T_new_old is None else moved @ T_new_old
+                candidates.append(self._judge(seen, recognition, check))
+                if candidates[-1].accepted:
                     break
-        return tuple(candidates), T_new_old
+        return tuple(candidates)
 
     def _judge(self, seen: Seen, recognition: Recognition, check: SelfCheck) -> LoopCandidate:
         keyframe = self.map.keyframes[seen.keyframe]
@@ -295,13 +286,11 @@ class Mapper:
         self.sightings.add(number, tracked, self.map.keyframes, self.map.landmarks, self.timing)
 
     def finish(self, check: SelfCheck) -> dict[int, Array]:
-        """Take over what is in the background, then adjust each segment as a whole, as far as it is remembered.
+        """Adjust each segment as a whole, as far as it is remembered.
 
         Returns T_camera_map of the frames that were adjusted with the key frames, by their numbers.
         """
         adjusted: dict[int, Array] = {}
-        self.take_adjustment(None, check)
-        self.take_recognitions(check)
         for segment in sorted({self.map.keyframes[n].segment for n in self.map.remembered}):
             if len(self.map.members(segment)) >= 2:
                 prior = self._timing_information / self._credit(check)

@@ -244,11 +244,11 @@ def test_forgetting_is_the_same_again_and_when_colour_is_seen_early(forgetful, r
 
 def test_segments_that_are_never_tracked_are_forgotten_too():
     odometry = Odometry(SMALL, OdometrySettings(map_keyframes=10))
-    seen = PaintedRoom().frame(SMALL, 0, np.eye(4))
-    blank = np.zeros_like(seen.color)
     for k in range(80):
         stamp = Stamp(START + 20 * k * PERIOD)
-        color = blank if k % 4 else seen.color
+        if k % 4 == 0:
+            seen = PaintedRoom(seed=k).frame(SMALL, 0, np.eye(4))
+        color = np.zeros_like(seen.color) if k % 4 else seen.color
         odometry.process(replace(seen, sequence=k, stamp=stamp, depth_stamp=stamp, color=color))
     assert len(odometry._mapper.map.keyframes) > 15
     assert len(odometry._mapper.map.remembered) <= 11

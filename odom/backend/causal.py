@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from odom.backend.estimate import RelativePose
 from odom.backend.history import covariance_since_start, relative_covariance, relative_pose
-from odom.backend.keyframes import Keyframe
+from odom.backend.map import Map
 from odom.backend.motion import Agility, Course
 from odom.backend.placed import Placed, PlacedFrames
 from odom.backend.selfcheck import SelfCheck
@@ -41,12 +41,12 @@ class Publication:
 class CausalTrajectory:
     """The frames' places (`frames`, for the middle row) and the newest publications.
 
-    `keyframes` is the map's list, which grows and moves meanwhile.
+    The `map_` grows and moves meanwhile.
     """
 
-    def __init__(self, keyframes: list[Keyframe]) -> None:
+    def __init__(self, map_: Map) -> None:
         self.frames = PlacedFrames()
-        self._keyframes = keyframes
+        self._map = map_
         self._recent: deque[Publication] = deque(maxlen=_RECENT)
         self._agility = Agility()
         self._course: Course | None = None
@@ -121,7 +121,7 @@ class CausalTrajectory:
     def _motion_since(
         self, earlier: Publication, current: Publication, inliers: int, check: SelfCheck
     ) -> RelativePose | None:
-        covariance = relative_covariance(self._keyframes, earlier.placed, current.placed, check.calibration_error)
+        covariance = relative_covariance(self._map, earlier.placed, current.placed, check.calibration_error)
         stamp = earlier.placed.stamp
         return relative_pose(earlier.T_odom_camera, current.T_odom_camera, covariance, stamp, inliers)
 
@@ -150,4 +150,4 @@ class CausalTrajectory:
 
     def covariance_since_start(self, publication: Publication, check: SelfCheck) -> Array | None:
         """Return the 6 x 6 covariance (`se3`) of a published pose since its segment began."""
-        return covariance_since_start(self._keyframes, publication.placed, check.calibration_error)
+        return covariance_since_start(self._map.keyframes, publication.placed, check.calibration_error)

@@ -37,8 +37,8 @@ class Observed:
 class Keyframe(Observed):
     """A frame whose measurements are kept, at `uv` (n x 2 px); `T_camera_map` moves as the map is adjusted.
 
-    `first` is the key frame that its segment began with, `parent` the one it was registered against and
-    `covariance_parent` (6 x 6, `se3` convention, in this key frame's camera) that registration's.
+    `first` is the key frame that its segment began with, `covariance_since_start` (6 x 6, `se3`, camera frame) that of
+    the motion since.
     """
 
     number: int
@@ -47,8 +47,6 @@ class Keyframe(Observed):
     first: int
     T_camera_map: Array
     uv: Array
-    parent: int | None
-    covariance_parent: Array
     covariance_since_start: Array
 
     def forget(self) -> None:

@@ -69,7 +69,6 @@ class Mapper:
                 settings.depth_readout_prior_sigma_s**-2.0,
             ]
         )
-        self._loops: list[Edge] = []  # at most one a key frame remembered: each is judged once
         self._waiting: list[Seen] = []
         self._recognitions: list[tuple[Seen, list[Recognition]]] = []
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="odom-background")
@@ -116,7 +115,7 @@ class Mapper:
         measurements: Measurements | None,
         check: SelfCheck,
         segment: int,
-        parent: int | None,
+        against: int | None,
         covariance: Array,
     ) -> Keyframe:
         """Make a key frame of a frame that measured landmarks `rows` at `uv`; new corners become landmarks."""
@@ -134,7 +133,7 @@ class Mapper:
             corners[usable],
             measured.take(usable),
             self.timing,
-            parent,
+            against,
             covariance,
         )
         self.map.cull(self.map.neighbours(keyframe.number, T_camera_map, self._settings.local_keyframes))
@@ -171,7 +170,6 @@ class Mapper:
         for number in oldest:
             forget(self.map, number)
             self.index.forget(number)
-        self._loops = [edge for edge in self._loops if not {edge.a, edge.b} & set(oldest)]
         return bool(oldest)
 
     def start_background(self, count: int, check: SelfCheck) -> None:
@@ -254,19 +252,16 @@ class Mapper:
         share = _SHARE_IN_CHAIN if candidate.segment == keyframe.segment else _SHARE_WITHOUT_CHAIN
         if found < max(LEAST_FOUND_AGAIN, share * tracked.looked_for):
             return replace(verdict, reason=f"only {found} of {tracked.looked_for} landmarks found again")
-        covariance, scale = tracked.covariance * check.scale, check.scale
-        refusal = contradiction(self.map, candidate.number, keyframe.number, T_candidate_keyframe, covariance, scale)
-        if refusal:
-            return replace(verdict, reason=refusal)
-        edge = Edge(candidate.number, keyframe.number, T_candidate_keyframe, covariance, is_loop=True)
+        edge = Edge(candidate.number, keyframe.number, T_candidate_keyframe, tracked.covariance * check.scale)
         if candidate.segment != keyframe.segment:
             merge_segment(self.map, edge)
             reason = f"merges two segments: {found} landmarks found again"
         else:
-            self._loops.append(edge)
-            close_loop(self.map, self._loops, scale)
+            refusal = contradiction(self.map, edge, check.calibration_error)
+            if refusal:
+                return replace(verdict, reason=refusal)
+            close_loop(self.map, replace(edge, is_loop=True))
             reason = f"{found} landmarks found again"
-        self.map.link(candidate.number, keyframe.number)
         self._remember_sighting(keyframe, tracked)
         return replace(verdict, accepted=True, reason=reason)
 

@@ -67,7 +67,7 @@ class Odometry:
         table = np.stack([knots, np.full_like(knots, self.settings.inverse_depth_sigma)])
         self._check = SelfCheck.of(FeatureNoise(self.settings.pixel_sigma_px, table))
         self._mapper = Mapper(camera, Lens.of(camera), self.settings)
-        self._causal = CausalTrajectory(self._mapper.map.keyframes)
+        self._causal = CausalTrajectory(self._mapper.map)
         self._T_camera_map, self._T_map_odom = np.eye(4), np.eye(4)
         self._twist = np.zeros(6)
         self._near, self._segment = 0, -1
@@ -316,7 +316,6 @@ class Odometry:
 
     def _add_keyframe(self, view: View, tracked: Tracked | None, covariance: Array) -> tuple[Index, Array]:
         """Make the current frame a key frame; return the landmarks it measured and where."""
-        parent = None if tracked is None else self._near
         inliers = np.zeros(0, dtype=np.int64) if tracked is None else np.flatnonzero(tracked.inliers)
         keyframe = self._mapper.add_keyframe(
             view,
@@ -327,7 +326,7 @@ class Odometry:
             None if tracked is None else tracked.measurements.take(inliers),
             self._check,
             self._segment,
-            parent,
+            None if tracked is None else self._near,
             covariance,
         )
         self._newest = None if tracked is None else Seen(keyframe.number, view, self._twist)

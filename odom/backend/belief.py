@@ -1,4 +1,4 @@
-"""Whether to believe the pose of a frame that was followed from the one before, and what to say of a frame."""
+"""Whether to believe the pose of a frame, and what to say of it."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ _LEAST_SHARE_LEFT = 0.25
 """Landmarks do not vanish all at once: where fewer than this share of the last frame's is left, the view jumped."""
 _UNSURE_M, _UNSURE_RAD = 0.05, np.deg2rad(2.0)
 """One sigma along the least certain direction."""
+LEAST_FOUND_AGAIN = 30
+_SHARE_IN_CHAIN, _SHARE_WITHOUT_CHAIN = 0.2, 0.35
+"""Of the landmarks looked for, what must be found again: less where the chain of key frames agrees as well."""
 _FASTEST_M_S, _FASTEST_RAD_S = 5.0, 12.0
 
 
@@ -29,6 +32,12 @@ def is_enough(tracked: Tracked) -> bool:
 def is_same_view(tracked: Tracked, previous: Tracked | None) -> bool:
     """Say whether enough is left of what the `previous` frame saw (None: it began a segment)."""
     return tracked.inlier_count >= _LEAST_SHARE_LEFT * (0 if previous is None else previous.inlier_count)
+
+
+def is_known_place(tracked: Tracked, is_chained: bool = False) -> bool:
+    """Say whether a frame shows what its key frames saw; `is_chained` where their chain has to agree besides."""
+    share = _SHARE_IN_CHAIN if is_chained else _SHARE_WITHOUT_CHAIN
+    return tracked.found_again >= max(LEAST_FOUND_AGAIN, share * tracked.looked_for)
 
 
 def verdict(tracked: Tracked, covariance: Array, is_recovered: bool, is_shallow: bool) -> tuple[State, str]:

@@ -3,10 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from odom.backend.belief import LEAST_FOUND_AGAIN
 from odom.backend.estimate import ClosingTest, RelativePose
 from odom.backend.history import long_after
 from odom.backend.keyframes import Keyframe
-from odom.backend.mapper import LEAST_FOUND_AGAIN, Mapper
+from odom.backend.mapper import Mapper
 from odom.backend.selfcheck import SelfCheck
 from odom.frontend.view import View
 from odom.registration import se3

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.backend.belief import is_carried, is_enough, is_same_view
+from odom.backend.belief import is_carried, is_enough, is_known_place, is_same_view
 from odom.backend.causal import Publication
 from odom.backend.closing import recognise
 from odom.backend.estimate import RelativePose
@@ -93,7 +93,7 @@ def follow(
             return None
         # the place must be the one seen before, not one that looks alike
         is_chained = is_same_view(tracked, was.previous.tracked) and not was.is_bridged
-        return tracked if is_chained or mapper.is_known_place(tracked) else None
+        return tracked if is_chained or is_known_place(tracked) else None
 
     tracked = tracked_from(follow_coarsely(was, mapper, view.images, dt) if T_coarse is None else T_coarse)
     if tracked is None or was.previous.tracked is not None:
@@ -117,7 +117,7 @@ def relocalise(was: Whereabouts | None, mapper: Mapper, check: SelfCheck, view: 
         keyframe = mapper.map.keyframes[recognition.candidate]
         T_camera_map = se3.inverse(recognition.registration.T_target_source) @ keyframe.T_camera_map
         tracked = mapper.track(view, T_camera_map, still, keyframe.number, check.noise)
-        if mapper.is_known_place(tracked) and (was is None or _is_within_reach(was, mapper, tracked, dt)):
+        if is_known_place(tracked) and (was is None or _is_within_reach(was, mapper, tracked, dt)):
             return tracked
     return None
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from odom.backend.background import Seen
 from odom.backend.belief import verdict
 from odom.backend.causal import CausalTrajectory, Publication
 from odom.backend.choice import Coverage, has_moved
@@ -12,7 +13,8 @@ from odom.backend.closing_test import closing_test
 from odom.backend.estimate import ClosingTest, Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
 from odom.backend.following import Previous, Whereabouts, follow, follow_coarsely, relocalise
 from odom.backend.history import trajectory
-from odom.backend.mapper import Mapper, Seen
+from odom.backend.loops import close_loops
+from odom.backend.mapper import Mapper
 from odom.backend.pairwise import register_successive
 from odom.backend.placed import Placed
 from odom.backend.selfcheck import SelfCheck
@@ -198,10 +200,11 @@ class Odometry:
             return (), False
         near = self._mapper.map.keyframes[self._near]
         T_near_camera = near.T_camera_map @ se3.inverse(self._T_camera_map)
-        if not self._mapper.take_adjustment(count, self._check):
+        described = self._mapper.take_background(count, self._check)
+        if described is None:
             return (), False
         T_near_adjusted = near.T_camera_map
-        loops = self._mapper.take_recognitions(self._check)
+        loops = close_loops(self._mapper, described, self._check)
         if any(loop.accepted for loop in loops):
             self._T_map_odom = se3.inverse(near.T_camera_map) @ T_near_adjusted @ self._T_map_odom
             self._segment = near.segment

@@ -1,5 +1,6 @@
 """Recordings that another program made: rosbags' own writer, foreign names, every encoding of depth."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from odom.wire.codec import (
     encode_pose,
     images,
 )
+from odom.wire.recording import open_reader
 from sensors.catalogue import open_source
 from sensors.source import SourceOptions
 
@@ -113,6 +115,42 @@ def test_database_bags_read_alike(tmp_path: Path) -> None:
     assert len(frames) == FRAMES
     assert assembler.camera == CAMERA
     assert open_source(str(bag), SourceOptions()).length == FRAMES
+
+
+def rewrite(bag: Path, old: str, new: str) -> None:
+    metadata = bag / "metadata.yaml"
+    told = metadata.read_text()
+    assert old in told
+    metadata.write_text(told.replace(old, new))
+
+
+def cut(bag: Path, size: int) -> None:
+    (database,) = bag.glob("*.db3")
+    os.truncate(database, min(size, database.stat().st_size // 2))
+
+
+BREAK: dict[str, Callable[[Path], object]] = {
+    "of a later version": lambda bag: rewrite(bag, "version: 9", "version: 99"),
+    "of an unknown compression": lambda bag: rewrite(
+        bag, "compression_format: ''", "compression_format: lz4\n  compression_mode: message"
+    ),
+    "whose metadata is no YAML": lambda bag: (bag / "metadata.yaml").write_bytes(b"\xff{"),
+    "without metadata": lambda bag: (bag / "metadata.yaml").unlink(),
+    "whose database is another": lambda bag: next(bag.glob("*.db3")).rename(bag / "other.db3"),
+    "cut in its first page": lambda bag: cut(bag, 60),
+    "cut in the middle": lambda bag: cut(bag, 10**9),
+    "emptied": lambda bag: cut(bag, 0),
+}
+
+
+@pytest.mark.parametrize("kind", BREAK)
+def test_a_database_bag_that_cannot_be_read_is_a_recording_error(tmp_path: Path, kind: str) -> None:
+    bag = record(tmp_path / "bag", realsense(), StoragePlugin.SQLITE3)
+    BREAK[kind](bag)
+    with pytest.raises(RecordingError, match="bag"):
+        open_reader(bag).counts()
+    with pytest.raises(RecordingError, match="bag"):
+        list(open_reader(bag).messages())
 
 
 def test_named_topics_win_and_unknown_ones_are_refused(tmp_path: Path) -> None:

@@ -13,9 +13,15 @@ TRUTH = "truth/*/pose"
 _NAME = re.compile(r"[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*\Z")
 
 
+_LONGEST_BODY = 64
+
+
 def truth(body: str) -> str:
-    """Return the key of a motion capture body's pose; what a key may not hold becomes an underscore."""
-    return f"truth/{re.sub(r'[^A-Za-z0-9_]', '_', body) or 'body'}/pose"
+    """Return the key of a motion capture body's pose; what a key may not hold becomes an underscore.
+
+    Of a long name the first 64 characters are taken, and `body` for none.
+    """
+    return f"truth/{re.sub(r'[^A-Za-z0-9_]', '_', body)[:_LONGEST_BODY] or 'body'}/pose"
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from odom.wire.codec import (
     images,
 )
 from odom.wire.recording import open_reader
+from sensors import replay
 from sensors.catalogue import open_source
 from sensors.source import SourceOptions
 
@@ -169,6 +170,56 @@ def test_named_topics_win_and_unknown_ones_are_refused(tmp_path: Path) -> None:
         open_source(str(bag), SourceOptions(topics_from=(("depth", "/nothing"),)))
     with pytest.raises(ConfigError, match="sound"):
         open_source(str(bag), SourceOptions(topics_from=(("sound", "/vicon/helmet/pose"),)))
+
+
+@pytest.mark.parametrize(
+    ("topic", "key"),
+    [
+        ("vicon/hat/pose", "truth/hat/pose"),
+        ("helmet", "truth/helmet/pose"),
+        ("pose", "truth/body/pose"),
+        ("truth/rig two/pose", "truth/rig_two/pose"),
+    ],
+)
+def test_a_named_truth_is_a_body_of_its_name(tmp_path: Path, topic: str, key: str) -> None:
+    poses = [encode_pose(topic, Stamp(BEGIN + i * PERIOD_NS), np.eye(4), "vicon") for i in range(FRAMES)]
+    bag = record(tmp_path / "bag", [*realsense(), *poses])
+    messages = open_source(str(bag), SourceOptions(topics_from=(("truth", f"/{topic}"),))).messages()
+    assert [message.topic for message in messages].count(key) == FRAMES
+
+
+@pytest.mark.parametrize("topic", ["/nothing/pose", "/camera/color/camera_info"])
+def test_a_named_truth_that_holds_no_poses_is_refused_with_those_that_do(tmp_path: Path, topic: str) -> None:
+    bag = record(tmp_path / "bag", realsense())
+    with pytest.raises(ConfigError, match=r"--topic truth=.*/vicon/helmet/pose"):
+        open_source(str(bag), SourceOptions(topics_from=(("truth", topic),)))
+
+
+def test_truth_that_begins_late_is_played(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(replay, "_PEEK_BYTES", sum(len(message.payload) for message in realsense()))
+    late = Stamp(BEGIN + (FRAMES - 1) * PERIOD_NS + 9_000_000)
+    bag = record(
+        tmp_path / "bag", [*realsense(), *(encode_pose(t, late, np.eye(4), "m") for t in ("truth/a/pose", "b"))]
+    )
+    assert "truth/a/pose" in {message.topic for message in open_source(str(bag), SourceOptions()).messages()}
+    named = open_source(str(bag), SourceOptions(topics_from=(("truth", "b"),)))
+    assert "truth/b/pose" in {message.topic for message in named.messages()}
+
+
+def test_bodies_of_any_name_have_a_key_that_can_be_published(tmp_path: Path) -> None:
+    names = ["rig 2*", "a/b", "Körper", "x" * 100, ""]
+    stamp = Stamp(BEGIN + PERIOD_NS)
+    poses = [encode_pose(f"truth/{name}/pose", stamp, np.eye(4), "mocap") for name in names]
+    bag = record(tmp_path / "bag", [*realsense(), *poses])
+    played = {message.topic for message in open_source(str(bag), SourceOptions()).messages()}
+    keys = {topic for topic in played if topic.startswith("truth/")}
+    assert keys == {
+        "truth/rig_2_/pose",
+        "truth/a_b/pose",
+        "truth/K_rper/pose",
+        f"truth/{'x' * 64}/pose",
+        "truth/body/pose",
+    }
 
 
 def test_depth_of_another_size_is_refused_with_advice(tmp_path: Path) -> None:

@@ -154,6 +154,10 @@ def test_in_the_clear_nobody_gets_in(tls_rig: Rig) -> None:
     tls_rig.router.wait_for("refused: a client that does not speak TLS", 5, before)
 
 
+def test_a_router_says_that_it_listens_encrypted_where_it_was_given_tcp(tls_rig: Rig) -> None:
+    assert f"routing at {tls_rig.endpoint.replace('tcp/', 'tls/')} (tls in place of tcp)" in tls_rig.router.said
+
+
 def test_a_client_without_any_certificate_is_refused_and_logged(tls_rig: Rig, keys: Path) -> None:
     before = len(tls_rig.router.said)
     endpoint = tls_rig.endpoint.replace("tcp/", "tls/")

@@ -205,6 +205,13 @@ def test_a_cut_recording_is_played_and_mending_advised(tmp_path: Path, network: 
     assert sensor.returncode == 0
 
 
+def test_a_router_whose_endpoint_is_taken_fails_and_says_so(network: Network, hub: WireSession) -> None:
+    said = network.run("router", "--listen", network.endpoint, status=1)
+    assert network.endpoint in said
+    assert "--listen" in said
+    assert "routing at" not in said
+
+
 class Unplugged:
     """A source whose device goes away."""
 

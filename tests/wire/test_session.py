@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from random import Random
+from typing import Literal
 
 import psutil
 import pytest
@@ -17,6 +18,7 @@ from odom.wire import WireSettings
 from odom.wire.codec import encode_text
 from odom.wire.malformed import Malformed
 from odom.wire.session import WireSession, open_session
+from odom.wire.settings import ANY_LOCAL_PORT
 
 
 def eventually(condition: Callable[[], bool], timeout: float = 5.0) -> bool:
@@ -149,6 +151,35 @@ def test_a_router_that_is_not_there_is_named(endpoint: str) -> None:
     settings = WireSettings(mode="client", connect=(endpoint,), zenoh={"connect/timeout_ms": 300})
     with pytest.raises(WireError, match=endpoint), open_session(settings):
         pass
+
+
+@pytest.mark.parametrize("mode", ["peer", "router"])
+def test_an_endpoint_that_was_asked_for_and_is_taken_is_an_error(
+    endpoint: str, mode: Literal["peer", "router"]
+) -> None:
+    with open_session(WireSettings(connect=(), listen=(endpoint,))):
+        asked = WireSettings(mode=mode, connect=(), listen=(ANY_LOCAL_PORT, endpoint))
+        with pytest.raises(WireError, match=f"{endpoint}.*--listen") as refused, open_session(asked):
+            pass
+    assert ".rs:" not in str(refused.value)
+
+
+def test_a_meeting_point_that_is_taken_is_left_to_who_holds_it_but_by_no_router(endpoint: str) -> None:
+    meeting = WireSettings(connect=(endpoint,), listen=(endpoint, ANY_LOCAL_PORT))
+    with open_session(meeting) as first, open_session(meeting) as second:
+        meet_each_other: list[str] = []
+        first.watch("alive/*", lambda key, alive: meet_each_other.append(key))
+        second.announce("alive/second")
+        assert eventually(lambda: meet_each_other == ["alive/second"])
+        router = meeting.model_copy(update={"mode": "router"})
+        with pytest.raises(WireError, match="--listen"), open_session(router):
+            pass
+
+
+@pytest.mark.parametrize("connect", [WireSettings().connect, ("tcp/rig:7447",)])
+def test_nobody_asked_for_the_default_endpoints(connect: tuple[str, ...]) -> None:
+    settings = WireSettings(connect=connect, listen=(*WireSettings().listen, "tcp/0.0.0.0:7447"))
+    assert [where for where in settings.listen if settings.on_purpose(where)] == ["tcp/0.0.0.0:7447"]
 
 
 def test_closing_wakes_who_waits(open_peer: OpenSession) -> None:

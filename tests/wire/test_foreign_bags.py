@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,6 +11,7 @@ import pytest
 from made_up_messages import BEGIN, PERIOD_NS, kinect_depth, textured
 from rosbags.rosbag2 import StoragePlugin, Writer
 
+from odom.cli.info import info
 from odom.errors import ConfigError, RecordingError
 from odom.frame import Camera, Stamp
 from odom.wire import Message, Topics
@@ -244,6 +246,39 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
     frames, assembler = frames_of(bag, SourceOptions(camera=calibration))
     assert len(frames) == FRAMES
     assert assembler.camera == CAMERA
+
+
+def fisheye(message: Message) -> Message:
+    """The calibration with a lens model that is not supported."""
+    decoded = cdr.deserialise(message, cdr.CAMERA_INFO)
+    told = replace(decoded, distortion_model="equidistant", d=np.array([0.1, 0.2, 0.3, 0.4]))
+    return cdr.serialise(message.topic, cdr.CAMERA_INFO, message.stamp, told)
+
+
+def test_a_calibration_that_cannot_be_used_is_refused_with_its_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    messages = [fisheye(m) if m.topic == "camera/color/camera_info" else m for m in realsense()]
+    bag = record(tmp_path / "bag", messages)
+    with pytest.raises(RecordingError, match=r"equidistant.*--camera"):
+        open_source(str(bag), SourceOptions())
+    info(bag)
+    told = capsys.readouterr().out
+    assert "colour /camera/color/image_raw, depth" in told
+    assert "equidistant" in told
+    assert "complete" in told
+    calibration = tmp_path / "camera.yaml"
+    calibration.write_text(
+        "image_width: 64\nimage_height: 48\ncamera_matrix: {data: [50, 0, 31, 0, 51, 23, 0, 0, 1]}\n"
+    )
+    frames, _ = frames_of(bag, SourceOptions(camera=calibration))
+    assert len(frames) == FRAMES
+
+
+def test_a_named_calibration_of_another_size_is_refused(tmp_path: Path) -> None:
+    bag = record(tmp_path / "bag", realsense())
+    with pytest.raises(RecordingError, match=r"32 x 24.*64 x 48"):
+        open_source(str(bag), SourceOptions(topics_from=(("camera_info", "/camera/depth/camera_info"),)))
 
 
 def test_rectified_colour_gets_the_rectified_camera(tmp_path: Path) -> None:

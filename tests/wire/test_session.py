@@ -244,6 +244,21 @@ def test_a_flood_of_nonsense_does_not_crowd_out_a_sender(open_peer: OpenSession)
     ]
 
 
+def test_invented_keys_lock_out_no_key_that_was_asked_for(open_peer: OpenSession) -> None:
+    sender, flooder, receiver = open_peer(), open_peer(), open_peer()
+    subscriber = receiver.subscriber(["truth/*/pose", "cam0/odom"], depth=1)
+    meet(sender, "cam0/odom")
+    meet(flooder, "truth/x/pose")
+    for i in range(1000):
+        flooder.zenoh.put(f"truth/{i}/pose", b"invented", congestion_control=zenoh.CongestionControl.BLOCK)
+    assert eventually(lambda: subscriber.total().received >= 256)
+    time.sleep(0.3)
+    sender.publisher().put(encode_text("cam0/odom", Stamp(1), "real"))
+    assert eventually(lambda: subscriber.counters["cam0/odom"].received == 1)
+    assert len(subscriber.counters) <= 257
+    assert subscriber.waiting <= 257
+
+
 def test_a_flooded_key_is_not_looked_at_but_its_sender_and_other_keys_are(open_peer: OpenSession) -> None:
     sender, flooder, receiver = open_peer(), open_peer(), open_peer()
     subscriber = receiver.subscriber(["a", "b"], depth=64)

@@ -23,7 +23,10 @@ class Source(Protocol):
         """Yield the messages; a live source blocks until the next one is due, a recorded one begins anew each time."""
 
     def close(self) -> None:
-        """Give back the device or file; safe to call twice and from a signal's clean-up."""
+        """Give back the device or file; `messages` then ends, although another thread may wait in it.
+
+        Safe to call twice and from a signal's clean-up.
+        """
 
 
 @dataclass(frozen=True)

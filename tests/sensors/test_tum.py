@@ -110,6 +110,11 @@ def test_a_part_is_played_and_a_round_follows_another(tmp_path: Path) -> None:
     assert stamps == sorted(set(stamps))
 
 
+def test_what_is_live_is_not_looped() -> None:
+    with pytest.raises(ConfigError, match="--loop"):
+        open_source("arena", SourceOptions(live=True, loop=True, extra=(("half", "1"),)))
+
+
 def test_a_missing_or_damaged_image_is_left_out_and_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     folder = write_folder(tmp_path / "tum")
     (folder / "rgb" / "1.jpg").unlink()

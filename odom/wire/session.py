@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -68,14 +68,14 @@ class WireSession:
 
 
 @contextmanager
-def open_session(settings: WireSettings, further: Mapping[str, Any] | None = None) -> Iterator[WireSession]:
-    """Open a session and close it at the end; `further` overrides `settings.zenoh` (security puts its part there).
+def open_session(settings: WireSettings) -> Iterator[WireSession]:
+    """Open a session and close it at the end.
 
     Raises WireError when the configuration is not accepted or no endpoint can be used.
     """
     config = zenoh.Config()
     try:
-        for path, value in {**_configuration(settings), **settings.zenoh, **(further or {})}.items():
+        for path, value in {**_configuration(settings), **settings.zenoh}.items():
             config.insert_json5(path, json.dumps(value))
         opened = zenoh.open(config)
     except zenoh.ZError as error:

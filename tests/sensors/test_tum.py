@@ -121,10 +121,14 @@ def test_a_missing_or_damaged_image_is_left_out_and_said(tmp_path: Path, caplog:
     damaged = folder / "depth" / "2.png"
     damaged.write_bytes(damaged.read_bytes()[:40])
     (folder / "rgb" / "3.jpg").write_bytes(b"no image")
-    counted = keys(folder)
+    source = open_source(str(folder), SourceOptions())
+    counted = Counter(message.topic for message in source.messages())
+    source.close()
+    source.close()
     assert counted["cam0/color/image_raw/compressed"] == FRAMES - 2
     assert counted["cam0/depth/image_raw"] == FRAMES - 1
-    assert [record.getMessage().count("left out") for record in caplog.records] == [1, 1, 1]
+    assert [record.getMessage().count("left out") for record in caplog.records] == [1, 1, 1, 1]
+    assert "3 files" in caplog.records[-1].getMessage()
 
 
 @pytest.mark.parametrize(

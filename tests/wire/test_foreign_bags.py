@@ -26,7 +26,7 @@ from odom.wire.codec import (
     encode_pose,
     images,
 )
-from odom.wire.recording import open_reader
+from odom.wire.recording import RecordingWriter, open_reader
 from sensors import replay
 from sensors.catalogue import open_source
 from sensors.source import SourceOptions
@@ -118,6 +118,15 @@ def test_database_bags_read_alike(tmp_path: Path) -> None:
     assert len(frames) == FRAMES
     assert assembler.camera == CAMERA
     assert open_source(str(bag), SourceOptions()).length == FRAMES
+
+
+def test_the_parts_of_a_bag_are_read_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    stamps = [Stamp(BEGIN + i * PERIOD_NS) for i in range(12 * 60)]
+    for part in range(12):
+        with RecordingWriter(tmp_path / f"bag_{part}.mcap") as writer:
+            for stamp in stamps[60 * part : 60 * (part + 1)]:
+                writer.write(encode_pose("truth/rig/pose", stamp, np.eye(4), "mocap"))
+    assert [message.stamp for message in open_reader(tmp_path).messages()] == stamps
 
 
 def rewrite(bag: Path, old: str, new: str) -> None:

@@ -1,5 +1,6 @@
 """Reads a ROS 2 bag folder (`metadata.yaml` beside .mcap or .db3 files) like a single recording."""
 
+import re
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,7 +21,7 @@ class BagReader(RecordingReader):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._parts = [RecordingReader(part) for part in sorted(path.glob("*.mcap"))]
+        self._parts = [RecordingReader(part) for part in sorted(path.glob("*.mcap"), key=_number)]
         if not self._parts and not any(path.glob("*.db3")):
             raise RecordingError(f"{path} is no ROS 2 bag: neither .mcap nor .db3 files are in it")
 
@@ -77,3 +78,9 @@ class BagReader(RecordingReader):
                 yield bag
         except Exception as error:  # what rosbags, YAML, zstd and the database raise for arbitrary bytes
             raise RecordingError(f"{self.path} is no ROS 2 bag that can be read: {error}") from error
+
+
+def _number(part: Path) -> tuple[int, str]:
+    """Return what sorts `bag_10` behind `bag_9`."""
+    digits = re.search(r"\d+\Z", part.stem)
+    return (int(digits[0]) if digits else 0, part.name)

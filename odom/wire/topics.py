@@ -9,13 +9,28 @@ TF = "tf"
 """Transforms map -> odom -> camera of every device (tf2_msgs/TFMessage)."""
 TRUTH = "truth/*/pose"
 """Key expression of the motion capture poses of all bodies."""
+TRUTH_HISTORY = "truth/*/history"
+"""Key expression of what is remembered of all bodies."""
 
 _NAME = re.compile(r"[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*\Z")
+_LONGEST_BODY = 64
 
 
 def truth(body: str) -> str:
-    """Return the key of a motion capture body's pose; what a key may not hold becomes an underscore."""
-    return f"truth/{re.sub(r'[^A-Za-z0-9_]', '_', body) or 'body'}/pose"
+    """Return the key of a motion capture body's pose; what a key may not hold becomes an underscore.
+
+    Of a long name the first 64 characters are taken, and `body` for none.
+    """
+    return f"truth/{_part_of_a_key(body)}/pose"
+
+
+def truth_history(body: str) -> str:
+    """Return the key of a body's remembered poses (nav_msgs/Path), an answer to a query of `Topics.history`."""
+    return f"truth/{_part_of_a_key(body)}/history"
+
+
+def _part_of_a_key(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_]", "_", name)[:_LONGEST_BODY] or "body"
 
 
 @dataclass(frozen=True)
@@ -102,6 +117,16 @@ class Topics:
     def keyframes(self) -> str:
         """sensor_msgs/PointCloud2 (x, y, z, rgb in the camera's frame): what a key frame saw, thinned, for eyes."""
         return f"{self.namespace}/keyframes"
+
+    @property
+    def history(self) -> str:
+        """Query of who joins late: answered by the messages that say what happened before."""
+        return f"{self.namespace}/history"
+
+    @property
+    def odom_history(self) -> str:
+        """nav_msgs/Path: the causal poses of before, thinned; an answer to a query of `history`."""
+        return f"{self.history}/odom"
 
     @property
     def alive(self) -> str:

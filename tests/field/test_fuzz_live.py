@@ -144,8 +144,8 @@ def wait_for_lines(file: Path, count: int, process: Process) -> None:
 
 
 def compare(folder: Path, per_key: int, frames: int, live: bool = False) -> None:
+    quiet = run(folder / "quiet", 0, 2 * frames, live)  # comes first: it compiles, if anything does
     flooded = run(folder / "flooded", per_key, frames, live)
-    quiet = run(folder / "quiet", 0, len(flooded.poses), live)
     print(
         {
             "malformed messages": flooded.thrown,

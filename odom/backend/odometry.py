@@ -79,6 +79,8 @@ class Odometry:
         self._glance: _Glance | None = None
         self._covered: Coverage | None = None
         self._sight = Sight()
+        self.late_loops: tuple[LoopCandidate, ...] = ()
+        """What the last `finish` judged, after the last frame."""
 
     @property
     def timing(self) -> Timing:
@@ -163,9 +165,9 @@ class Odometry:
         newest, last = frames.count - 1, frames.last
         if previous and previous.tracked and last and last.stamp == previous.view.stamp:
             self._mapper.sight(newest, previous.tracked)
-        self._take_background(None)
+        loops, _ = self._take_background(None)
         self._mapper.start_background(frames.count, self._check)
-        self._take_background(None)
+        self.late_loops = loops + self._take_background(None)[0]
         near = keyframes[self._near]
         T_near_camera = near.T_camera_map @ se3.inverse(self._T_camera_map)
         adjusted = self._mapper.finish(self._check)

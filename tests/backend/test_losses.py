@@ -4,10 +4,11 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+import pytest
 from painted_room import PERIOD, SMALL, START, PaintedRoom, stroll
 from running import check_sanity, run
 
-from odom.backend import State
+from odom.backend import Odometry, OdometrySettings, State
 from odom.frame import Stamp
 from odom.registration import se3
 
@@ -67,16 +68,31 @@ def test_a_place_that_cannot_be_reached_so_soon_is_not_believed():
     assert {e.segment for e in ran.estimates} == {0}
 
 
-def test_odom_stays_put_where_a_segment_that_was_left_is_merged():
+@pytest.fixture(scope="module")
+def homecoming():
+    """A walk that is lost, goes on elsewhere and comes back, and the frame at which its two segments are merged."""
     there = shown([stroll(k / 30.0) for k in range(30)])
     behind = shown([turned(stroll(k / 30.0), 2.6) for k in range(40)])
     back = shown([turned(stroll((40 + k) / 30.0), 2.6 - 0.04 * k) for k in range(64)])
     walk = in_order([*there, *blank(behind[:34]), *behind, *back])
-    merged = next(e.sequence for e in run(SMALL, walk).estimates for loop in e.loops if loop.accepted)
+    return walk, next(e.sequence for e in run(SMALL, walk).estimates for loop in e.loops if loop.accepted)
+
+
+def test_odom_stays_put_where_a_segment_that_was_left_is_merged(homecoming):
+    walk, merged = homecoming
     left = merged - 3
-    ran = run(SMALL, in_order([*walk[:left], *there[10:]]))
+    ran = run(SMALL, in_order([*walk[:left], *walk[10:30]]))
     check_sanity(ran)
     assert [e.segment for e in ran.estimates[left - 1 : left + 1]] == [1, 0]
     assert any(loop.accepted for loop in ran.estimates[merged].loops)
     steps = [se3.inverse(a.T_odom_camera) @ b.T_odom_camera for a, b in pairwise(ran.estimates[left : merged + 5])]
     assert max(np.linalg.norm(se3.log(step)) for step in steps) < 0.02
+
+
+def test_a_place_shown_by_the_last_frames_still_joins_the_map(homecoming):
+    walk, merged = homecoming
+    odometry = Odometry(SMALL, OdometrySettings())
+    assert not any(loop.accepted for f in walk[:merged] for loop in odometry.process(f).loops)
+    final = odometry.finish()
+    assert any(loop.accepted for loop in odometry.late_loops)
+    assert {pose.segment for pose in final} == {0}

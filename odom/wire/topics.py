@@ -11,11 +11,19 @@ TRUTH = "truth/*/pose"
 """Key expression of the motion capture poses of all bodies."""
 
 _NAME = re.compile(r"[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*\Z")
+_BODY_LETTERS = 64
+_TRUTH_NAME = re.compile(rf"truth/([A-Za-z0-9_]{{1,{_BODY_LETTERS}}})/(?:pose|history)\Z")
 
 
 def truth(body: str) -> str:
     """Return the key of a motion capture body's pose; what a key may not hold becomes an underscore."""
-    return f"truth/{re.sub(r'[^A-Za-z0-9_]', '_', body) or 'body'}/pose"
+    return f"truth/{re.sub(r'[^A-Za-z0-9_]', '_', body)[:_BODY_LETTERS] or 'body'}/pose"
+
+
+def truth_body(topic: str) -> str | None:
+    """Return the body of a key of `truth`, or of its history; None where the key names none that `truth` would."""
+    found = _TRUTH_NAME.match(topic)
+    return None if found is None else found[1]
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ from odom.wire.codec import quaternion_from_rotation
 Array = NDArray[np.float64]
 
 _UPPER = np.triu_indices(6)
-_MAX_BODIES = 16
 _RESULTS = (
     "odometry.txt",
     "trajectory.txt",
@@ -80,8 +79,6 @@ class RunFiles:
     def append_truth(self, body: str, stamp: Stamp, T_world_body: Array) -> None:
         """Write a motion capture pose: the first body seen to `truth.txt`, others to `truth_<body>.txt`."""
         if body not in self._truth:
-            if len(self._truth) >= _MAX_BODIES:
-                return
             self._truth[body] = self._open(f"truth_{body}.txt" if self._truth else "truth.txt")
             self._truth[body].write(f"# body {body}\n")
             self._truth[body].write(f"# body {body}\n")

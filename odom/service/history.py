@@ -21,7 +21,6 @@ Array = NDArray[np.float64]
 _LOG = logging.getLogger(__name__)
 _POSES = 2000
 _LOOPS = 500
-_BODIES = 16
 
 
 class Trail:
@@ -70,8 +69,7 @@ class History:
     def add_truth(self, body: str, stamp: Stamp, T_world_body: Array) -> None:
         """Remember a motion capture pose."""
         with self._lock:
-            if body in self._truth or len(self._truth) < _BODIES:
-                self._truth.setdefault(body, Trail()).add(stamp, T_world_body)
+            self._truth.setdefault(body, Trail()).add(stamp, T_world_body)
 
     def keep(self, message: Message) -> None:
         """Remember the latest message of its key."""

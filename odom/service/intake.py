@@ -17,7 +17,7 @@ from odom.service.arrivals import (
     TruthArrival,
     WaitingRoom,
 )
-from odom.wire import TRUTH, Message, Topics, codec
+from odom.wire import TRUTH, Message, Topics, codec, truth_body
 from odom.wire.assembler import FrameAssembler
 from odom.wire.flow import Consumer
 from odom.wire.session import Delivery, WireSession
@@ -26,6 +26,7 @@ _LOG = logging.getLogger(__name__)
 _LIVE_DEPTH = 3
 _POLL_S = 0.2
 _COLORS = 32
+_MOST_BODIES = 16
 _LIVE_CLOCK_NS = 10_000_000_000
 
 
@@ -46,6 +47,7 @@ class Intake:
         self.refused_cameras = 0
         self._color_keys = keys[:2]
         self._colors: dict[Stamp, Message] = {}
+        self._bodies: set[str] = set()
         self._consumer = Consumer(session, topics, "odometry", keys, depth=_LIVE_DEPTH)
         self.assembler = FrameAssembler(topics, grey=True, malformed=self._consumer.malformed)
         self._camera: Camera | None = None
@@ -106,13 +108,7 @@ class Intake:
         self.source_ended = False
         message = delivery.message
         if message.topic.startswith("truth/"):
-            try:
-                arrival = TruthArrival(message.topic.split("/")[1], codec.decode_pose(message))
-            except WireError as error:
-                self._consumer.malformed.add(message.topic, str(error))
-                return
-            if not self.arrivals.put(arrival):
-                self._consumer.malformed.add("truth", f"more than {MOST_TRUTH} poses wait")
+            self._take_truth(message)
             return
         if message.topic in self._color_keys:
             self._colors[message.stamp] = message
@@ -124,6 +120,24 @@ class Intake:
             self._put_color()
         if self.assembler.camera != self._camera:
             self._settle_camera()
+
+    def _take_truth(self, message: Message) -> None:
+        """Hand on a pose of a body whose name can be that of a file, and of at most 16 bodies."""
+        malformed, body = self._consumer.malformed, truth_body(message.topic)
+        if body is None:
+            malformed.add(TRUTH, f"{message.topic!r}: a body's name is 1 to 64 letters, digits and underscores")
+            return
+        if body not in self._bodies and len(self._bodies) >= _MOST_BODIES:
+            malformed.add(TRUTH, f"{message.topic}: more than {_MOST_BODIES} bodies")
+            return
+        try:
+            arrival = TruthArrival(body, codec.decode_pose(message))
+        except WireError as error:
+            malformed.add(message.topic, str(error))
+            return
+        self._bodies.add(body)
+        if not self.arrivals.put(arrival):
+            malformed.add(TRUTH, f"more than {MOST_TRUTH} poses wait")
 
     def _settle_camera(self) -> None:
         """Hold on to the first calibration: another one would tear the trajectory in two without saying so."""

@@ -133,6 +133,28 @@ def test_malformed_messages_are_counted_and_tracking_goes_on(served: Served, eve
     assert len(warned) <= 16, "one line a kind"
 
 
+def test_truth_of_bodies_with_impossible_names_is_counted_and_ends_nothing(
+    served: Served, eventually: Eventually
+) -> None:
+    names = ["Küche", "a" * 250, "the rig", "..", "camera"]
+    for name in names:
+        topic = f"truth/{name}/pose"
+        served.publisher.put(replace(codec.encode_pose("truth/body/pose", START, np.eye(4), "world"), topic=topic))
+    stream(served, range(20))
+    eventually(lambda: served.poses() >= 18, 10, f"poses {served.status}")
+    assert served.count("dropped") == len(names) - 1
+    assert (served.out / "truth.txt").read_text().splitlines()[0] == "# body camera"
+    assert not list(served.out.glob("truth_*"))
+
+
+def test_a_flood_of_bodies_makes_a_few_files_only(served: Served, eventually: Eventually) -> None:
+    for i in range(100):
+        served.publisher.put(codec.encode_pose(f"truth/body{i}/pose", START, np.eye(4), "world"))
+        time.sleep(0.005)
+    eventually(lambda: served.count("dropped") == 100 - 16, 10, f"{served.status}")
+    assert len(list(served.out.glob("truth*.txt"))) == 16
+
+
 def test_stamps_that_repeat_go_back_or_leap_are_counted_and_survived(served: Served, eventually: Eventually) -> None:
     stream(served, range(10))
     send(served.publisher, 9)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from odom.backend import Estimate, Odometry, State
 from odom.errors import OdomError, WireError
+from odom.frame import Camera
 from odom.service.announcer import Announcer
 from odom.service.arrivals import Arrival, CameraArrival, ColorArrival, EndArrival, FrameArrival, TruthArrival
 from odom.service.files import RunFiles
@@ -94,7 +95,7 @@ class OdometryProcess:
         if isinstance(arrival, FrameArrival):
             self._process(arrival)
         elif isinstance(arrival, CameraArrival):
-            self._odometry = Odometry(arrival.camera, self._settings.odometry)
+            self._calibrate(arrival.camera)
         elif isinstance(arrival, ColorArrival):
             self._anticipate(arrival)
         elif isinstance(arrival, TruthArrival):
@@ -105,6 +106,13 @@ class OdometryProcess:
             _LOG.info("the source has ended: %s", arrival.reason)
             self._save()
 
+    def _calibrate(self, camera: Camera) -> None:
+        try:
+            self._odometry = Odometry(camera, self._settings.odometry)
+        except OdomError as error:
+            _LOG.error("the calibration is refused, another one may follow: %s", error)
+            self._intake.refuse(camera)
+
     def _anticipate(self, arrival: ColorArrival) -> None:
         if self._odometry is not None:
             begun = time.perf_counter()
@@ -113,7 +121,9 @@ class OdometryProcess:
 
     def _process(self, arrival: FrameArrival) -> None:
         frame, origin = arrival.frame, arrival.origin
-        assert self._odometry is not None  # the calibration comes before every frame
+        if self._odometry is None:  # its calibration was refused
+            self._refused += 1
+            return
         self._tally.begin()
         begun = time.perf_counter()
         try:

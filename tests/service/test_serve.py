@@ -48,7 +48,7 @@ class Served:
             self.status = dict(codec.decode_status(delivery.message)[0].values)
 
     def count(self, name: str) -> int:
-        return int(self.status.get(name, 0))
+        return int(float(self.status.get(name, 0)))
 
     def poses(self) -> int:
         path = self.out / "odometry.txt"
@@ -90,6 +90,10 @@ def stream(served: Served, indices: range, offset_ns: int = 0) -> None:
     for i in indices:
         send(served.publisher, i, Stamp(START + i * PERIOD_NS + offset_ns))
         time.sleep(PERIOD_NS * 1e-9)
+
+
+def calibrate(served: Served, camera: Camera) -> None:
+    served.publisher.put(codec.encode_camera_info(TOPICS.camera_info, START, camera))
 
 
 def malformed() -> Iterator[Message]:
@@ -165,6 +169,38 @@ def test_stamps_that_repeat_go_back_or_leap_are_counted_and_survived(served: Ser
     stream(served, range(20, 35), hour)
     eventually(lambda: served.count("frames") >= 30, 10, f"frames behind the leap {served.status}")
     assert served.count("dropped") >= 4
+
+
+def test_a_calibration_that_the_odometry_cannot_use_gives_way_to_one_that_it_can(
+    served: Served, eventually: Eventually
+) -> None:
+    prism = replace(CAMERA, distortion=(0.0,) * 8 + (0.01,) * 4)
+    calibrate(served, prism)
+    for i in range(5):
+        send(served.publisher, i)
+        time.sleep(0.05)
+    calibrate(served, prism)
+    eventually(lambda: served.count("dropped") >= 5, 10, f"frames without calibration counted {served.status}")
+    stream(served, range(5, 25))
+    eventually(lambda: served.poses() >= 18, 10, f"poses {served.status}")
+    assert sum("first 8 coefficients" in line for line in served.words) == 1
+
+
+def test_a_calibration_of_another_image_is_not_held_on_to(served: Served, eventually: Eventually) -> None:
+    calibrate(served, Camera(4096, 4096, 3000.0, 3000.0, 2047.5, 2047.5))
+    send(served.publisher, 0)
+    eventually(lambda: served.count("dropped") >= 1, 10, f"a frame of another size counted {served.status}")
+    assert served.count("rss_mb") < 600
+    stream(served, range(1, 25))
+    eventually(lambda: served.poses() >= 20, 10, f"poses {served.status}")
+
+
+def test_a_calibration_that_changes_during_a_walk_is_refused(served: Served, eventually: Eventually) -> None:
+    stream(served, range(10))
+    calibrate(served, replace(CAMERA, fx=500.0))
+    stream(served, range(10, 20))
+    eventually(lambda: served.poses() >= 19, 10, f"poses {served.status}")
+    assert served.count("dropped") == 1
 
 
 def test_a_stream_that_stops_and_returns_is_followed_again(served: Served, eventually: Eventually) -> None:

@@ -82,13 +82,9 @@ def _stem(source: str) -> str:
 
 def summarise(report: dict[str, Any], folder: Path) -> None:
     """Print what a person wants to know of a report."""
-    frames = report.get("frames")
-    if not frames:
-        typer.echo(f"no frame was processed; see {folder}")
-        return
     processing = report["processing_ms"]
     typer.echo(
-        f"{report['tracked']} of {frames} frames tracked ({report['completeness']:.1%}), "
+        f"{report['tracked']} of {report['frames']} frames tracked ({report['completeness']:.1%}), "
         f"{report['segments']} segment(s), {report['loop_closures']} loop closure(s)"
     )
     typer.echo(

@@ -23,7 +23,8 @@ class Child:
         self.name = name
         self.peak_rss_mb = 0.0
         self.cpu_s = 0.0
-        self.asked_to_stop = False
+        self._asked_to_stop = False
+        self._hung_s: float | None = None
         self._process = subprocess.Popen(
             [sys.executable, "-m", "odom", *arguments],
             stdin=subprocess.DEVNULL,
@@ -53,15 +54,17 @@ class Child:
         return self._process.poll()
 
     @property
-    def died(self) -> bool:
-        """Whether it has ended by itself in another way than with status 0."""
-        return not self.asked_to_stop and self.poll() not in (None, 0)
+    def failed(self) -> bool:
+        """Whether it has ended in another way than with status 0 or by the SIGTERM that it was sent."""
+        return self.poll() not in (None, 0, -signal.SIGTERM if self._asked_to_stop else 0)
 
     def ending(self) -> str:
         """Say how it ended, in words."""
         status = self.status
         if status is None:
             return "is running"
+        if self._hung_s is not None:
+            return f"did not end within {self._hung_s:g} s and was killed"
         if status < 0:
             with suppress(ValueError):
                 return f"was killed by {signal.Signals(-status).name}"
@@ -69,7 +72,7 @@ class Child:
 
     def ask_to_stop(self) -> None:
         """Send SIGTERM."""
-        self.asked_to_stop = True
+        self._asked_to_stop = True
         self._process.terminate()
 
     def wait(self, timeout_s: float) -> bool:
@@ -87,6 +90,7 @@ class Child:
         if self.poll() is None:
             self.ask_to_stop()
             if not self.wait(timeout_s):
+                self._hung_s = timeout_s
                 self._process.kill()
                 self.wait(5.0)
 

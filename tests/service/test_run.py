@@ -214,6 +214,55 @@ def test_a_killed_child_is_named_within_two_seconds_and_the_files_miss_next_to_n
     assert recorded == sorted(recorded)
 
 
+def forbid_writing(process: psutil.Process | None) -> None:
+    """From now on no file of the process may grow, as on a full disk."""
+    assert process is not None
+    process.rlimit(psutil.RLIMIT_FSIZE, (1, process.rlimit(psutil.RLIMIT_FSIZE)[1]))
+
+
+@pytest.mark.parametrize("role", ["odometry", "recorder"])
+def test_what_cannot_be_saved_at_the_end_is_a_failure(
+    odom: Start, eventually: Eventually, tmp_path: Path, role: str
+) -> None:
+    run = odom("run", *ENDLESS, "--headless", "--record", tmp_path / "session.mcap", "--out", tmp_path)
+    eventually(lambda: lines(tmp_path / "odometry.txt") > 30, 120, "poses")
+    forbid_writing(child(run, role))
+    run.send_signal(signal.SIGINT)
+    words, _ = run.communicate(timeout=60)
+    assert run.returncode == 1, words
+    assert f"odom: the {role} ended with status 1" in words
+
+
+def test_a_child_that_hangs_at_its_end_is_a_failure(odom: Start, eventually: Eventually, tmp_path: Path) -> None:
+    run = odom("run", *ENDLESS, "--headless", "--out", tmp_path, ODOM_SERVICE__STOP_TIMEOUT_S="1.5")
+    eventually(lambda: lines(tmp_path / "odometry.txt") > 30, 120, "poses")
+    hanging = child(run, "odometry")
+    assert hanging is not None
+    hanging.suspend()
+    run.send_signal(signal.SIGINT)
+    words, _ = run.communicate(timeout=60)
+    assert run.returncode == 1, words
+    assert "the odometry did not end within 1.5 s and was killed" in words
+
+
+def test_a_run_without_a_frame_is_a_failure(odom: Start, tmp_path: Path) -> None:
+    run = odom("run", RECORDING, "--start", "1000", "--headless", "--out", tmp_path)
+    words, _ = run.communicate(timeout=120)
+    assert run.returncode == 1, words
+    assert "no frame" in words
+
+
+def test_a_run_stopped_before_its_first_frame_is_a_failure_that_says_so(
+    odom: Start, eventually: Eventually, tmp_path: Path
+) -> None:
+    run = odom("run", *ENDLESS, "--headless", "--out", tmp_path)
+    eventually(lambda: child(run, "sensor"), 60, "the last child")
+    run.send_signal(signal.SIGINT)
+    words, _ = run.communicate(timeout=60)
+    assert run.returncode == 1, words
+    assert "stopped before the first" in words
+
+
 def test_children_do_not_outlive_a_killed_run(odom: Start, eventually: Eventually, tmp_path: Path) -> None:
     run = odom("run", *ENDLESS, "--headless", "--out", tmp_path)
     eventually(lambda: lines(tmp_path / "odometry.txt") > 30, 120, "poses")

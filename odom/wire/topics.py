@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from odom.errors import ConfigError
 
 TF = "tf"
-"""Transforms map -> odom -> camera of every device (tf2_msgs/TFMessage)."""
+"""Transforms map -> odom -> camera of every device, each by frame names of its own (tf2_msgs/TFMessage)."""
 TRUTH = "truth/*/pose"
 """Key expression of the motion capture poses of all bodies."""
 
 _NAME = re.compile(r"[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*\Z")
+_DEFAULT = "cam0"
 _BODY_LETTERS = 64
 _TRUTH_NAME = re.compile(rf"truth/([A-Za-z0-9_]{{1,{_BODY_LETTERS}}})/(?:pose|history)\Z")
 
@@ -30,12 +31,11 @@ def truth_body(topic: str) -> str | None:
 class Topics:
     """Keys and frame names of the device `namespace`; raises ConfigError for a name that no ROS topic can have.
 
-    Frames are `map`, `odom` and the colour camera's optical frame, behind `frame_prefix` where several devices share
-    one tree of transforms.
+    Frames are `map`, `odom` and `cam0_color_optical_frame` of the default device; of another one all are below its
+    namespace, as in `cam1/map`: devices share the key `tf`, and each has a tree of its own there.
     """
 
-    namespace: str = "cam0"
-    frame_prefix: str = ""
+    namespace: str = _DEFAULT
 
     def __post_init__(self) -> None:
         if not _NAME.match(self.namespace):
@@ -137,14 +137,17 @@ class Topics:
     @property
     def frame_map(self) -> str:
         """Frame in which loop closures are corrected."""
-        return f"{self.frame_prefix}map"
+        return self._frame("map")
 
     @property
     def frame_odom(self) -> str:
         """Frame in which the causal pose is continuous."""
-        return f"{self.frame_prefix}odom"
+        return self._frame("odom")
 
     @property
     def frame_camera(self) -> str:
         """The colour camera's optical frame (z forward)."""
-        return f"{self.namespace.replace('/', '_')}_color_optical_frame"
+        return self._frame("color_optical_frame") if self.namespace != _DEFAULT else f"{_DEFAULT}_color_optical_frame"
+
+    def _frame(self, name: str) -> str:
+        return name if self.namespace == _DEFAULT else f"{self.namespace}/{name}"

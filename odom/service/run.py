@@ -13,7 +13,7 @@ from typing import Any
 
 from odom.errors import ConfigError, OdomError, WireError
 from odom.service.children import Child
-from odom.service.odometry import write_json
+from odom.service.files import write_json
 from odom.service.progress import COUNT_ENVIRONMENT, Display, Reading, open_display, parse_count
 from odom.service.settings import Settings
 from odom.wire import Topics, codec

@@ -58,7 +58,8 @@ class Durations:
 class Tally:
     """Counters of one odometry process.
 
-    `dropped` counts bad input by its kind; `forgotten_*` what the odometry gave up to stay within its memory.
+    `dropped` counts bad input by its kind; `forgotten_*` what the odometry gave up to stay within its memory;
+    `unwritten` the lines and files that the disk did not take.
     """
 
     processing: Durations = field(default_factory=Durations)
@@ -77,6 +78,7 @@ class Tally:
     segments: int = 0
     lost_frames: int = 0
     unmatched_frames: int = 0
+    unwritten: int = 0
     _begun: tuple[float, float] | None = None
     _ended: tuple[float, float] = (0.0, 0.0)
 
@@ -146,6 +148,7 @@ class Tally:
             "lost_frames": self.lost_frames,
             "unmatched_frames": self.unmatched_frames,
             "dropped": sum(self.dropped.values()),
+            "unwritten": self.unwritten,
         }
         return {name: str(value) for name, value in values.items() if value is not None}
 
@@ -172,6 +175,7 @@ class Tally:
             "states": {state.value: self.states[state] for state in State},
             "stages_ms": {stage: _rounded(total / self.frames) for stage, total in self.stages_ms.items()},
             "dropped": dict(self.dropped),
+            "unwritten": self.unwritten,
         }
 
 

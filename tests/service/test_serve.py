@@ -9,6 +9,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+import psutil
 import pytest
 import zenoh
 from numpy.typing import NDArray
@@ -169,6 +170,24 @@ def test_stamps_that_repeat_go_back_or_leap_are_counted_and_survived(served: Ser
     stream(served, range(20, 35), hour)
     eventually(lambda: served.count("frames") >= 30, 10, f"frames behind the leap {served.status}")
     assert served.count("dropped") >= 4
+
+
+def test_a_full_disk_holds_no_pose_back(served: Served, eventually: Eventually) -> None:
+    odometry = psutil.Process(served.process.pid)
+    stream(served, range(10))
+    eventually(lambda: served.poses() >= 9, 10, "poses")
+    full = (served.out / "odometry.txt").stat().st_size + 20
+    before = odometry.rlimit(psutil.RLIMIT_FSIZE)
+    odometry.rlimit(psutil.RLIMIT_FSIZE, (full, before[1]))
+    poses = served.session.subscriber((TOPICS.odom,), depth=64)
+    stream(served, range(10, 25))
+    eventually(lambda: served.count("unwritten") >= 12, 10, f"what was not written is counted {served.status}")
+    assert poses.waiting >= 14
+    assert sum("cannot be written" in line for line in served.words) == 1
+    odometry.rlimit(psutil.RLIMIT_FSIZE, before)
+    stream(served, range(25, 35))
+    eventually(lambda: served.poses() >= 18, 10, "poses are written again")
+    assert {len(line.split()) for line in (served.out / "odometry.txt").read_text().splitlines()} == {8}
 
 
 def test_a_calibration_that_the_odometry_cannot_use_gives_way_to_one_that_it_can(

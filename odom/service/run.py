@@ -57,6 +57,7 @@ def run(plan: RunPlan, settings: Settings, stop: threading.Event) -> dict[str, A
     wire = settings.wire.model_copy(update={"mode": "peer", "connect": (), "listen": (endpoint,)})
     begun = time.monotonic()
     with open_session(wire) as session, open_display(plan.log_json) as display:
+        display.say("run", f"to watch it: {watching(endpoint, wire.namespace)}")
         crew = Crew(plan, settings, endpoint, session, display)
         try:
             crew.work(stop)
@@ -73,6 +74,12 @@ def run(plan: RunPlan, settings: Settings, stop: threading.Event) -> dict[str, A
         why = "the run was stopped before the first" if stop.is_set() else f"`odom doctor {plan.source}` may say why"
         raise OdomError(f"no frame was processed: {why}")
     return report
+
+
+def watching(endpoint: str, namespace: str) -> str:
+    """Return the command line by which another viewer on this machine sees the run."""
+    device = "" if namespace == Topics().namespace else f" --namespace {namespace}"
+    return f"odom view --connect {endpoint}{device}"
 
 
 def free_endpoint() -> str:

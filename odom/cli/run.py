@@ -6,7 +6,20 @@ from typing import Annotated, Any
 
 import typer
 
-from odom.cli.options import Calibration, Config, End, Namespace, Rate, Seconds, Seed, SourceName, Start
+from odom.cli.options import (
+    Calibration,
+    Config,
+    End,
+    Namespace,
+    OwnTopics,
+    Rate,
+    Seconds,
+    Seed,
+    SimulatedSensor,
+    SourceName,
+    SourceOption,
+    Start,
+)
 
 
 def run(
@@ -29,6 +42,9 @@ def run(
     live: Annotated[bool, typer.Option("--live", help="Run the arena like a live sensor.")] = False,
     seconds: Seconds = None,
     seed: Seed = 1,
+    topic: OwnTopics = None,
+    option: SourceOption = None,
+    kind: SimulatedSensor = "kinect1",
     sensor_option: Annotated[
         list[str] | None, typer.Option(help="A further argument of `odom sensor`, as in --sensor-option=--depth=rvl.")
     ] = None,
@@ -55,12 +71,15 @@ def run(
     if namespace is not None:
         settings = settings.model_copy(update={"wire": settings.wire.model_copy(update={"namespace": namespace})})
     folder = out or Path("out") / f"{_stem(source)}-{time.strftime('%Y%m%d-%H%M%S')}"
-    sensor = [f"--start={start}", f"--rate={rate}", f"--seed={seed}", *(sensor_option or ())]
+    sensor = [f"--start={start}", f"--rate={rate}", f"--seed={seed}", f"--sensor={kind}"]
+    sensor += [f"--topic={one}" for one in topic or ()]
+    sensor += [f"--option={one}" for one in option or ()]
     sensor += [f"--seconds={seconds}"] if seconds is not None else []
     sensor += [f"--camera={camera}"] if camera is not None else []
     sensor += [f"--end={end}"] if end is not None else []
     sensor += ["--realtime"] if realtime else []
     sensor += ["--live"] if live else []
+    sensor += sensor_option or ()
     viewer = [*(["--web"] if web else []), *(["--headless"] if headless else [])]
     viewer += [f"--rrd={folder / 'session.rrd'}"] if rrd else []
     plan = RunPlan(

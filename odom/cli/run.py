@@ -30,7 +30,7 @@ def run(
     ] = None,
     headless: Annotated[bool, typer.Option("--headless", help="Show nothing.")] = False,
     web: Annotated[bool, typer.Option("--web", help="Show the run in a browser instead of a window.")] = False,
-    rrd: Annotated[bool, typer.Option("--rrd", help="Also write session.rrd for Rerun.")] = False,
+    rrd: Annotated[bool, typer.Option("--rrd", help="Write session.rrd for Rerun; no window opens.")] = False,
     stay: Annotated[bool, typer.Option("--stay", help="Keep the viewer open until Ctrl-C.")] = False,
     record: Annotated[Path | None, typer.Option(help="Record the session to this .mcap file meanwhile.")] = None,
     chain: Annotated[bool, typer.Option("--chain", help="Also write the paper's pairwise chain to chain.txt.")] = False,

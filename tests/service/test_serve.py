@@ -230,17 +230,34 @@ def test_a_stream_that_stops_and_returns_is_followed_again(served: Served, event
     eventually(lambda: served.count("frames") >= 27, 10, "frames after the silence")
 
 
+def history(served: Served) -> dict[str, tuple[codec.StampedPose, ...]]:
+    """What those who join late are told of the way, by key."""
+    replies = served.session.zenoh.get("cam0/history", accept_replies=zenoh.ReplyKeyExpr.ANY, timeout=5.0)
+    samples = [reply.ok for reply in replies if reply.ok is not None]
+    messages = [
+        Message(str(s.key_expr), str(s.encoding).partition(";")[2], START, s.payload.to_bytes()) for s in samples
+    ]
+    return {message.topic: codec.decode_path(message) for message in messages}
+
+
 def test_those_who_join_late_are_told_the_way_so_far(served: Served, eventually: Eventually) -> None:
     served.publisher.put(codec.encode_pose("truth/body/pose", START, np.eye(4), "world"))
     stream(served, range(15))
     eventually(lambda: served.poses() >= 13, 10, "poses")
-    replies = served.session.zenoh.get("cam0/history", accept_replies=zenoh.ReplyKeyExpr.ANY, timeout=5.0)
-    topics = {str(reply.ok.key_expr): reply.ok for reply in replies if reply.ok is not None}
-    assert topics.keys() >= {"cam0/history/odom", "truth/body/history"}
-    odom = topics["cam0/history/odom"]
-    type_name = str(odom.encoding).partition(";")[2]
-    path = codec.decode_path(Message("cam0/history/odom", type_name, START, odom.payload.to_bytes()))
-    assert len(path) >= 13
+    told = history(served)
+    assert told.keys() >= {"cam0/history/odom", "truth/body/history"}
+    assert len(told["cam0/history/odom"]) >= 13
+
+
+def test_those_who_join_after_the_time_went_back_are_told_the_new_way(served: Served, eventually: Eventually) -> None:
+    minute = 60 * 1_000_000_000
+    stream(served, range(15))
+    stream(served, range(15, 35), -minute)
+    eventually(lambda: served.count("frames") >= 25, 10, f"frames of both {served.status}")
+    way = history(served)["cam0/history/odom"]
+    assert len(way) >= 8
+    assert way[-1].stamp < START
+    assert way[0].stamp < START
 
 
 def test_each_key_frame_has_a_cloud_of_its_own_colours_for_those_who_join_late(

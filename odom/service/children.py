@@ -1,4 +1,7 @@
-"""Child processes of `odom run`: started with their own session, their words passed on, their cost measured."""
+"""Child processes of `odom run`: started with their own session, their words passed on, their cost measured.
+
+They are told who started them, and end with that process.
+"""
 
 import os
 import signal
@@ -11,6 +14,9 @@ from contextlib import suppress
 from pathlib import Path
 
 import psutil
+
+_PARENT_ENVIRONMENT = "ODOM_PARENT_PID"
+_PARENT_POLL_S = 0.5
 
 Say = Callable[[str, str], None]
 """Takes the name of a child and one line that it wrote."""
@@ -30,7 +36,7 @@ class Child:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
-            env={**os.environ, **environment},
+            env={**os.environ, **environment, _PARENT_ENVIRONMENT: str(os.getpid())},
             start_new_session=True,
             text=True,
             errors="replace",
@@ -105,6 +111,20 @@ class Child:
         assert self._process.stdout is not None
         for line in self._process.stdout:
             say(self.name, line.rstrip("\n"))
+
+
+def end_with_parent() -> None:
+    """Send this process a SIGTERM when the `odom run` that started it is gone, even by kill -9."""
+    parent = os.environ.pop(_PARENT_ENVIRONMENT, None)
+    if parent is None:
+        return
+
+    def watch() -> None:
+        while os.getppid() == int(parent):
+            time.sleep(_PARENT_POLL_S)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=watch, name="parent-watch", daemon=True).start()
 
 
 def _peak_rss_mb(process: psutil.Process) -> float:

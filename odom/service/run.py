@@ -2,7 +2,6 @@
 
 import json
 import logging
-import os
 import socket
 import threading
 import time
@@ -26,7 +25,6 @@ _CALLED_WRONGLY = 2
 _LAST_WORDS_S = 3.0
 _VIEWER_PATIENCE_S = 10.0
 """A viewer that hangs must not hold the report back; what it writes, it has written by then."""
-_PARENT_ENVIRONMENT = "ODOM_PARENT_PID"
 
 
 @dataclass(frozen=True)
@@ -107,7 +105,6 @@ class Crew:
             "ODOM_WIRE__LISTEN": json.dumps([ANY_LOCAL_PORT]),
             "ODOM_WIRE__NAMESPACE": settings.wire.namespace,
             COUNT_ENVIRONMENT: "1",
-            _PARENT_ENVIRONMENT: str(os.getpid()),
         }
         self.children = {name: self._start(name, arguments, environment) for name, arguments in _commands(plan)}
 

@@ -107,7 +107,7 @@ class Viewer:
             self._draw(self._scene.everything())
 
     def finish(self) -> None:
-        """Show what still waits, and the whole once more."""
+        """Show of what still waits 200 small messages and an image at most, and the whole once more."""
         self.step(repeat=False)
         self._draw(self._scene.everything())
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from odom.cli.options import Config, Connect, Listen, Namespace
+from odom.cli.options import Config, Connect, Listen, Mode, Namespace
 
 
 def view(
@@ -18,7 +18,7 @@ def view(
     namespace: Namespace = None,
     connect: Connect = None,
     listen: Listen = None,
-    mode: Annotated[str | None, typer.Option(help="Zenoh role: peer, client or router.")] = None,
+    mode: Mode = None,
     config: Config = None,
 ) -> None:
     """Show trajectories, images and errors live: in a window, without a screen as a web page, or into a file.

@@ -99,6 +99,7 @@ class RunFiles:
 
     def append_truth(self, body: str, stamp: Stamp, T_world_body: Array) -> None:
         """Write a motion capture pose: the first body seen to `truth.txt`, others to `truth_<body>.txt`."""
+        self._begin_anew_if_full()
         name = self._truth.get(body)
         if name is None:
             name = f"truth_{body}.txt" if self._truth else "truth.txt"
@@ -124,7 +125,7 @@ class RunFiles:
             file.close()
 
     def _begin_anew_if_full(self) -> None:
-        """Set the files of a service aside before they outgrow a disk; where that fails they go on in there."""
+        """Set the files of a service aside, whole as they are, and begin new ones before they outgrow a disk."""
         if not self._keep_earlier or sum(file.size for file in self._files.values()) < _FULL_BYTES:
             return
         marks = {name: _truth_mark(body) for body, name in self._truth.items()}

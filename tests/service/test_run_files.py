@@ -164,6 +164,9 @@ def test_a_service_sets_full_files_aside_and_drops_the_oldest(tmp_path: Path, mo
     assert size < 100_000 + 2 * 21_000
     stamps = sorted(at for part in parts for at in read_tum(part / "odometry.txt").stamps)
     assert stamps == [stamp(i) for i in range(1000 - len(stamps), 1000)]
+    for i in range(1000):  # the camera is off, motion capture is not
+        files.append_truth("robot", stamp(1000 + i), np.eye(4))
+    assert sum(path.stat().st_size for path in tmp_path.rglob("*.txt")) < 100_000 + 2 * 21_000
 
 
 @pytest.mark.parametrize("keep", [False, True])

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from odom.cli import logs, signals
+from odom.cli import logs
 from odom.cli.bench import bench
 from odom.cli.config import config
 from odom.cli.doctor import doctor
@@ -24,6 +24,7 @@ from odom.cli.sensor import sensor
 from odom.cli.serve import serve
 from odom.cli.view import view
 from odom.errors import ConfigError, OdomError
+from odom.service.children import end_with_parent
 
 app = typer.Typer(
     help="RGB-D odometry as a streaming service.",
@@ -78,7 +79,7 @@ def main() -> None:
     """Run the command line: exit status 0 done, 1 ran but failed, 2 called wrongly."""
     for name in _ONE_THREAD:
         os.environ.setdefault(name, "1")
-    signals.end_with_parent()
+    end_with_parent()
     try:
         app()
     except ConfigError as error:

@@ -86,7 +86,7 @@ def pipeline(
     """Print what a frame costs, stage by stage: decoding and odometry in one process, without a wire.
 
     The source's own work (reading files, drawing the arena) is in no figure; a stage that a frame did not pass through
-    counts 0 for it. Made-up frames warm the process up first.
+    counts 0 for it. Made-up frames warm the process up first. Ctrl-C ends it with the figures of the frames so far.
 
     Example: odom bench pipeline session.mcap --json cost.json
     """
@@ -96,6 +96,8 @@ def pipeline(
 
     from rich.console import Console
 
+    from odom.cli import signals
+    from odom.cli.counting import counting
     from odom.service.pipeline_bench import measure_pipeline
     from odom.service.settings import load_settings
     from odom.service.startup import warm_up
@@ -103,11 +105,13 @@ def pipeline(
     from sensors.catalogue import open_source
     from sensors.source import SourceOptions
 
+    stop = signals.stop_event()
     topics, settings = Topics(), load_settings(config).odometry
     options = SourceOptions(topics=topics, camera=camera, start=start, end=end, seconds=seconds, seed=seed)
     opened = open_source(source, options)
     warm_up(settings, topics)
-    cost = measure_pipeline(opened, topics, settings, frames)
+    with counting("measured", frames or opened.length) as progress:
+        cost = measure_pipeline(opened, topics, settings, frames, progress, stop.is_set)
     _print_stages(Console(width=None if sys.stdout.isatty() else 120), source, cost)
     if json_file is not None:
         json_file.write_text(json.dumps({"source": source, **asdict(cost)}, indent=1) + "\n")

@@ -13,7 +13,10 @@ AUTO, OFF = "auto", "off"
 
 def evaluate(
     estimate: Annotated[
-        Path, typer.Argument(help="Estimate: TUM or KITTI text, .mcap or ROS bag, or a folder that `odom run` left.")
+        Path,
+        typer.Argument(
+            help="Estimate: TUM or KITTI text, .mcap, the folder of a ROS 2 bag, or one that `odom run` left."
+        ),
     ],
     truth: Annotated[
         Path | None,

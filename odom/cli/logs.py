@@ -54,11 +54,6 @@ def configure(level: Level, as_json: bool) -> None:
         logging.getLogger(chatty).setLevel(logging.WARNING)
 
 
-def current_level() -> Level:
-    """Return the level in force."""
-    return Level(os.environ.get(LEVEL_ENVIRONMENT, Level.INFO))
-
-
 def as_json() -> bool:
     """Return whether log lines are JSON."""
     return os.environ.get(JSON_ENVIRONMENT) == "1"

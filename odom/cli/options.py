@@ -8,6 +8,7 @@ import typer
 Config = Annotated[Path | None, typer.Option(help="YAML file of settings.")]
 Namespace = Annotated[str | None, typer.Option(help="Name of the device, first part of its keys.")]
 Listen = Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to listen on.")]
+Mode = Annotated[Literal["peer", "client", "router"] | None, typer.Option(help="Zenoh role.")]
 Connect = Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to connect to.")]
 Calibration = Annotated[Path | None, typer.Option(help="Calibration (ROS camera-calibration YAML).")]
 SourceName = Annotated[

@@ -2,11 +2,11 @@
 
 import time
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
-from odom.cli.options import Config, Connect, Listen, Namespace
+from odom.cli.options import Config, Connect, Listen, Mode, Namespace
 from odom.wire.settings import Compression
 
 
@@ -23,7 +23,7 @@ def record(
     overwrite: Annotated[bool, typer.Option(help="Replace OUTPUT if it exists.")] = False,
     connect: Connect = None,
     listen: Listen = None,
-    mode: Annotated[Literal["peer", "client", "router"] | None, typer.Option(help="Zenoh role.")] = None,
+    mode: Mode = None,
     config: Config = None,
 ) -> None:
     """Record frames, calibration, truth and estimates of a device until its source ends or Ctrl-C.

@@ -13,11 +13,17 @@ def recover(
 ) -> None:
     """Copy every whole message of a cut or damaged MCAP recording into a sound one with an index.
 
+    Ctrl-C ends it with what was copied by then.
+
     Example: odom recover crashed.mcap mended.mcap
     """
+    from odom.cli import signals
+    from odom.cli.counting import counting
     from odom.wire.recording import recover as mend
 
-    count, damage = mend(damaged, output, overwrite)
-    for what in damage or ("the recording was sound",):
+    stop = signals.stop_event()
+    with counting("recover", None, "messages") as progress:
+        count, damage = mend(damaged, output, overwrite, progress, stop.is_set)
+    for what in damage or (() if stop.is_set() else ("the recording was sound",)):
         typer.echo(f"{damaged}: {what}")
-    typer.echo(f"{output}: {count} messages saved")
+    typer.echo(f"{output}: {count} messages saved{' (interrupted)' if stop.is_set() else ''}")

@@ -6,7 +6,20 @@ from typing import Annotated, Any
 
 import typer
 
-from odom.cli.options import Calibration, Config, End, Namespace, Rate, Seconds, Seed, SourceName, Start
+from odom.cli.options import (
+    Calibration,
+    Config,
+    End,
+    Namespace,
+    OwnTopics,
+    Rate,
+    Seconds,
+    Seed,
+    SimulatedSensor,
+    SourceName,
+    SourceOption,
+    Start,
+)
 
 
 def run(
@@ -17,7 +30,7 @@ def run(
     ] = None,
     headless: Annotated[bool, typer.Option("--headless", help="Show nothing.")] = False,
     web: Annotated[bool, typer.Option("--web", help="Show the run in a browser instead of a window.")] = False,
-    rrd: Annotated[bool, typer.Option("--rrd", help="Also write session.rrd for Rerun.")] = False,
+    rrd: Annotated[bool, typer.Option("--rrd", help="Write session.rrd for Rerun; no window opens.")] = False,
     stay: Annotated[bool, typer.Option("--stay", help="Keep the viewer open until Ctrl-C.")] = False,
     record: Annotated[Path | None, typer.Option(help="Record the session to this .mcap file meanwhile.")] = None,
     chain: Annotated[bool, typer.Option("--chain", help="Also write the paper's pairwise chain to chain.txt.")] = False,
@@ -29,6 +42,9 @@ def run(
     live: Annotated[bool, typer.Option("--live", help="Run the arena like a live sensor.")] = False,
     seconds: Seconds = None,
     seed: Seed = 1,
+    topic: OwnTopics = None,
+    option: SourceOption = None,
+    kind: SimulatedSensor = "kinect1",
     sensor_option: Annotated[
         list[str] | None, typer.Option(help="A further argument of `odom sensor`, as in --sensor-option=--depth=rvl.")
     ] = None,
@@ -55,12 +71,15 @@ def run(
     if namespace is not None:
         settings = settings.model_copy(update={"wire": settings.wire.model_copy(update={"namespace": namespace})})
     folder = out or Path("out") / f"{_stem(source)}-{time.strftime('%Y%m%d-%H%M%S')}"
-    sensor = [f"--start={start}", f"--rate={rate}", f"--seed={seed}", *(sensor_option or ())]
+    sensor = [f"--start={start}", f"--rate={rate}", f"--seed={seed}", f"--sensor={kind}"]
+    sensor += [f"--topic={one}" for one in topic or ()]
+    sensor += [f"--option={one}" for one in option or ()]
     sensor += [f"--seconds={seconds}"] if seconds is not None else []
     sensor += [f"--camera={camera}"] if camera is not None else []
     sensor += [f"--end={end}"] if end is not None else []
     sensor += ["--realtime"] if realtime else []
     sensor += ["--live"] if live else []
+    sensor += sensor_option or ()
     viewer = [*(["--web"] if web else []), *(["--headless"] if headless else [])]
     viewer += [f"--rrd={folder / 'session.rrd'}"] if rrd else []
     plan = RunPlan(
@@ -82,13 +101,9 @@ def _stem(source: str) -> str:
 
 def summarise(report: dict[str, Any], folder: Path) -> None:
     """Print what a person wants to know of a report."""
-    frames = report.get("frames")
-    if not frames:
-        typer.echo(f"no frame was processed; see {folder}")
-        return
     processing = report["processing_ms"]
     typer.echo(
-        f"{report['tracked']} of {frames} frames tracked ({report['completeness']:.1%}), "
+        f"{report['tracked']} of {report['frames']} frames tracked ({report['completeness']:.1%}), "
         f"{report['segments']} segment(s), {report['loop_closures']} loop closure(s)"
     )
     typer.echo(

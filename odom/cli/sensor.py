@@ -10,6 +10,7 @@ from odom.cli.options import (
     Connect,
     End,
     Listen,
+    Mode,
     Namespace,
     OwnTopics,
     Rate,
@@ -44,7 +45,7 @@ def sensor(
     ] = None,
     connect: Connect = None,
     listen: Listen = None,
-    mode: Annotated[Literal["peer", "client", "router"] | None, typer.Option(help="Zenoh role.")] = None,
+    mode: Mode = None,
     config: Config = None,
 ) -> None:
     """Publish a sensor, a folder or a recording.

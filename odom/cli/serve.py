@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from odom.cli import logs
-from odom.cli.options import Config, Connect, Listen, Namespace
+from odom.cli.options import Config, Connect, Listen, Mode, Namespace
 
 
 def serve(
@@ -16,9 +15,8 @@ def serve(
     namespace: Namespace = None,
     connect: Connect = None,
     listen: Listen = None,
-    mode: Annotated[str | None, typer.Option(help="Zenoh role: peer, client or router.")] = None,
+    mode: Mode = None,
     config: Config = None,
-    log_json: Annotated[bool, typer.Option("--log-json", help="Log one JSON object a line.")] = False,
 ) -> None:
     """Estimate the pose of every frame of a device and publish it, until SIGINT or SIGTERM.
 
@@ -29,8 +27,6 @@ def serve(
     from odom.cli import signals
 
     stop = signals.stop_event()
-    if log_json:
-        logs.configure(logs.current_level(), as_json=True)
     from odom.cli.wiring import wire_settings
     from odom.service.files import RunFiles
     from odom.service.odometry import serve as run_odometry

@@ -67,7 +67,9 @@ def _columns(path: Path) -> int:
 
 
 def _is_recording(path: Path) -> bool:
-    return path.suffix.lower() in (".mcap", ".db3", ".bag") or (path.is_dir() and (path / "metadata.yaml").is_file())
+    if path.suffix.lower() in (".db3", ".bag"):
+        raise SourceError(f"{path}: give the folder of a ROS 2 bag, not a file in it; a ROS 1 bag has to be converted")
+    return path.suffix.lower() == ".mcap" or (path.is_dir() and (path / "metadata.yaml").is_file())
 
 
 def _from_recording(path: Path, topic: str | None) -> tuple[Trajectory, str]:

@@ -5,20 +5,20 @@ from typing import Annotated
 
 import typer
 
-from odom.cli.options import Config, Connect, Listen, Namespace
+from odom.cli.options import Config, Connect, Listen, Mode, Namespace
 
 
 def view(
     web: Annotated[bool, typer.Option("--web", help="Serve a web page and print its address.")] = False,
     headless: Annotated[bool, typer.Option("--headless", help="Show nothing; only write --rrd FILE.")] = False,
-    rrd: Annotated[Path | None, typer.Option(help="Write everything shown to this file for Rerun.")] = None,
+    rrd: Annotated[Path | None, typer.Option(help="Write all to this file for Rerun; no window opens.")] = None,
     host: Annotated[str | None, typer.Option(help="Address to serve on; 0.0.0.0 lets other machines look.")] = None,
     web_port: Annotated[int | None, typer.Option(help="Port of the web page.")] = None,
     data_port: Annotated[int | None, typer.Option(help="Port of the data of the page.")] = None,
     namespace: Namespace = None,
     connect: Connect = None,
     listen: Listen = None,
-    mode: Annotated[str | None, typer.Option(help="Zenoh role: peer, client or router.")] = None,
+    mode: Mode = None,
     config: Config = None,
 ) -> None:
     """Show trajectories, images and errors live: in a window, without a screen as a web page, or into a file.

@@ -37,7 +37,7 @@ class FrameArrival:
 
 @dataclass(frozen=True)
 class CameraArrival:
-    """The calibration, once, before the first frame."""
+    """The calibration of the frames that follow, before the first of them."""
 
     camera: Camera
 

@@ -1,4 +1,7 @@
-"""Child processes of `odom run`: started with their own session, their words passed on, their cost measured."""
+"""Child processes of `odom run`: started with their own session, their words passed on, their cost measured.
+
+They are told who started them, and end with that process.
+"""
 
 import os
 import signal
@@ -12,6 +15,9 @@ from pathlib import Path
 
 import psutil
 
+_PARENT_ENVIRONMENT = "ODOM_PARENT_PID"
+_PARENT_POLL_S = 0.5
+
 Say = Callable[[str, str], None]
 """Takes the name of a child and one line that it wrote."""
 
@@ -23,13 +29,14 @@ class Child:
         self.name = name
         self.peak_rss_mb = 0.0
         self.cpu_s = 0.0
-        self.asked_to_stop = False
+        self._asked_to_stop = False
+        self._hung_s: float | None = None
         self._process = subprocess.Popen(
             [sys.executable, "-m", "odom", *arguments],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
-            env={**os.environ, **environment},
+            env={**os.environ, **environment, _PARENT_ENVIRONMENT: str(os.getpid())},
             start_new_session=True,
             text=True,
             errors="replace",
@@ -53,15 +60,17 @@ class Child:
         return self._process.poll()
 
     @property
-    def died(self) -> bool:
-        """Whether it has ended by itself in another way than with status 0."""
-        return not self.asked_to_stop and self.poll() not in (None, 0)
+    def failed(self) -> bool:
+        """Whether it has ended in another way than with status 0 or by the SIGTERM that it was sent."""
+        return self.poll() not in (None, 0, -signal.SIGTERM if self._asked_to_stop else 0)
 
     def ending(self) -> str:
         """Say how it ended, in words."""
         status = self.status
         if status is None:
             return "is running"
+        if self._hung_s is not None:
+            return f"did not end within {self._hung_s:g} s and was killed"
         if status < 0:
             with suppress(ValueError):
                 return f"was killed by {signal.Signals(-status).name}"
@@ -69,7 +78,7 @@ class Child:
 
     def ask_to_stop(self) -> None:
         """Send SIGTERM."""
-        self.asked_to_stop = True
+        self._asked_to_stop = True
         self._process.terminate()
 
     def wait(self, timeout_s: float) -> bool:
@@ -87,6 +96,7 @@ class Child:
         if self.poll() is None:
             self.ask_to_stop()
             if not self.wait(timeout_s):
+                self._hung_s = timeout_s
                 self._process.kill()
                 self.wait(5.0)
 
@@ -101,6 +111,20 @@ class Child:
         assert self._process.stdout is not None
         for line in self._process.stdout:
             say(self.name, line.rstrip("\n"))
+
+
+def end_with_parent() -> None:
+    """Send this process a SIGTERM when the `odom run` that started it is gone, even by kill -9."""
+    parent = os.environ.pop(_PARENT_ENVIRONMENT, None)
+    if parent is None:
+        return
+
+    def watch() -> None:
+        while os.getppid() == int(parent):
+            time.sleep(_PARENT_POLL_S)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=watch, name="parent-watch", daemon=True).start()
 
 
 def _peak_rss_mb(process: psutil.Process) -> float:

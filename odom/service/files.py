@@ -1,7 +1,8 @@
 """The files of a run, written pose by pose so that kill -9 loses at most the last line."""
 
-from collections.abc import Iterable
-from datetime import UTC, datetime
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
 
@@ -10,23 +11,13 @@ from numpy.typing import NDArray
 
 from odom.backend import Estimate, RelativePose, TrajectoryPose
 from odom.frame import Stamp
+from odom.service import earlier
 from odom.wire.codec import quaternion_from_rotation
 
 Array = NDArray[np.float64]
 
 _UPPER = np.triu_indices(6)
-_MAX_BODIES = 16
-_RESULTS = (
-    "odometry.txt",
-    "trajectory.txt",
-    "relative_step.txt",
-    "relative_second.txt",
-    "chain.txt",
-    "truth.txt",
-    "report.json",
-    "plot.png",
-    "session.rrd",
-)
+_FULL_BYTES = 1 << 30
 
 
 def pose_line(stamp: Stamp, T: Array) -> str:
@@ -42,56 +33,84 @@ def relative_line(stamp: Stamp, relative: RelativePose) -> str:
     return f"{_seconds(relative.stamp_earlier)} {pose} {covariance}\n"
 
 
+class LineFile:
+    """A file of whole lines: each is in the hands of the system when `write` returns, and left out when it raises."""
+
+    def __init__(self, path: Path, first: str = "") -> None:
+        self.size = 0
+        self._file = path.open("wb", buffering=0)
+        self.write(first)
+
+    def write(self, line: str) -> None:
+        """Append a line; raises OSError when it finds no room, the file being then as it was before."""
+        left = line.encode("ascii")
+        try:
+            while left:
+                left = left[self._file.write(left) :]
+        except OSError:
+            self._file.seek(self.size)
+            self._file.truncate()
+            raise
+        self.size += len(line)
+
+    def close(self) -> None:
+        """Close the file; safe to call twice."""
+        self._file.close()
+
+
 class RunFiles:
     """The text files in the folder of a run; every line is in the hands of the system when `append` returns.
 
-    Raises OSError when the folder cannot be written. With `chain` the paper's pairwise poses go to `chain.txt`,
-    chained from the first frame on; a frame without one leaves a comment there and the chain goes on behind it.
-    Results of an earlier run in the folder are removed, or with `keep_earlier` moved into a subfolder of it: a service
-    that is started again after a crash has not lost what it wrote before.
+    Raises OSError when the folder cannot be written; what is in the files by then are whole lines. With `chain` the
+    paper's pairwise poses go to `chain.txt`, chained from the first frame on; a frame without one leaves a comment
+    there and the chain goes on behind it.
+    Results of an earlier run in the folder are removed, or with `keep_earlier` set aside (see `earlier`): a service
+    that is started again after a crash has not lost what it wrote before. Its own it sets aside, too, at each GiB.
     """
 
     def __init__(self, folder: Path, chain: bool = False, keep_earlier: bool = False) -> None:
         self.folder = folder
+        self._keep_earlier = keep_earlier
         folder.mkdir(parents=True, exist_ok=True)
-        _clear(folder, keep_earlier)
-        self._odometry = self._open("odometry.txt")
-        self._step = self._open("relative_step.txt")
-        self._second = self._open("relative_second.txt")
-        self._chain = self._open("chain.txt") if chain else None
+        if keep_earlier:
+            earlier.set_aside(folder)
+        else:
+            earlier.remove(folder)
+        names = ("odometry.txt", "relative_step.txt", "relative_second.txt", *(("chain.txt",) if chain else ()))
+        self._files = {name: LineFile(folder / name) for name in names}
         self._T_chain: Array = np.eye(4)
-        self._truth: dict[str, TextIO] = {}
+        self._truth: dict[str, str] = {}
 
     def append(self, estimate: Estimate) -> None:
         """Write what the estimate says of its frame; a LOST frame leaves no line."""
+        if estimate.pairwise is not None:
+            self._T_chain = self._T_chain @ estimate.pairwise.T_earlier_current
+        self._begin_anew_if_full()
         if estimate.T_odom_camera is not None:
-            self._odometry.write(pose_line(estimate.stamp, estimate.T_odom_camera))
+            self._files["odometry.txt"].write(pose_line(estimate.stamp, estimate.T_odom_camera))
         if estimate.step is not None:
-            self._step.write(relative_line(estimate.stamp, estimate.step))
+            self._files["relative_step.txt"].write(relative_line(estimate.stamp, estimate.step))
         if estimate.second is not None:
-            self._second.write(relative_line(estimate.stamp, estimate.second))
-        if self._chain is not None:
-            if estimate.pairwise is not None:
-                self._T_chain = self._T_chain @ estimate.pairwise.T_earlier_current
-            elif estimate.sequence:
-                self._chain.write(f"# {_seconds(estimate.stamp)}: no pairwise pose\n")
-            self._chain.write(pose_line(estimate.stamp, self._T_chain))
+            self._files["relative_second.txt"].write(relative_line(estimate.stamp, estimate.second))
+        if "chain.txt" in self._files:
+            broken = estimate.pairwise is None and estimate.sequence
+            comment = f"# {_seconds(estimate.stamp)}: no pairwise pose\n" if broken else ""
+            self._files["chain.txt"].write(comment + pose_line(estimate.stamp, self._T_chain))
 
     def append_truth(self, body: str, stamp: Stamp, T_world_body: Array) -> None:
         """Write a motion capture pose: the first body seen to `truth.txt`, others to `truth_<body>.txt`."""
-        if body not in self._truth:
-            if len(self._truth) >= _MAX_BODIES:
-                return
-            self._truth[body] = self._open(f"truth_{body}.txt" if self._truth else "truth.txt")
-            self._truth[body].write(f"# body {body}\n")
-            self._truth[body].write(f"# body {body}\n")
-        self._truth[body].write(pose_line(stamp, T_world_body))
+        self._begin_anew_if_full()
+        name = self._truth.get(body)
+        if name is None:
+            name = f"truth_{body}.txt" if self._truth else "truth.txt"
+            self._files[name] = LineFile(self.folder / name, _truth_mark(body))
+            self._truth[body] = name
+        self._files[name].write(pose_line(stamp, T_world_body))
 
     def write_trajectory(self, poses: Iterable[TrajectoryPose]) -> None:
         """Write the final corrected trajectory, replacing an earlier one at once; a comment begins each segment."""
-        partial = self.folder / "trajectory.txt.part"
         segment = None
-        with partial.open("w", encoding="ascii") as file:
+        with _whole(self.folder / "trajectory.txt") as file:
             for pose in poses:
                 if pose.T_map_camera is None:
                     continue
@@ -99,35 +118,45 @@ class RunFiles:
                     segment = pose.segment
                     file.write(f"# segment {segment}\n")
                 file.write(pose_line(pose.stamp, pose.T_map_camera))
-        partial.replace(self.folder / "trajectory.txt")
 
     def close(self) -> None:
         """Close the files; safe to call twice."""
-        for file in (self._odometry, self._step, self._second, self._chain, *self._truth.values()):
-            if file is not None:
-                file.close()
+        for file in self._files.values():
+            file.close()
 
-    def _open(self, name: str) -> TextIO:
-        return (self.folder / name).open("w", encoding="ascii", buffering=1)
+    def _begin_anew_if_full(self) -> None:
+        """Set the files of a service aside, whole as they are, and begin new ones before they outgrow a disk."""
+        if not self._keep_earlier or sum(file.size for file in self._files.values()) < _FULL_BYTES:
+            return
+        marks = {name: _truth_mark(body) for body, name in self._truth.items()}
+        earlier.set_aside(self.folder)
+        fresh = {name: LineFile(self.folder / name, marks.get(name, "")) for name in self._files}
+        self.close()
+        self._files = fresh
+
+
+def write_json(path: Path, content: Mapping[str, object]) -> None:
+    """Write a JSON file that is either whole or as it was before; raises OSError when it cannot be written."""
+    with _whole(path) as file:
+        file.write(json.dumps(content, indent=2) + "\n")
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[TextIO]:
+    """Open a file that takes the place of `path` once all is written."""
+    partial = path.with_name(f"{path.name}.part")
+    try:
+        with partial.open("w", encoding="ascii") as file:
+            yield file
+        partial.replace(path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+
+
+def _truth_mark(body: str) -> str:
+    return f"{earlier.TRUTH_MARK}{body}\n"
 
 
 def _seconds(stamp: Stamp) -> str:
     return f"{stamp // 1_000_000_000}.{stamp % 1_000_000_000:09d}"
-
-
-def _clear(folder: Path, keep_earlier: bool) -> None:
-    earlier = [folder / name for name in _RESULTS if (folder / name).is_file()]
-    written = max((path.stat().st_mtime for path in earlier), default=0.0)
-    if not keep_earlier or not earlier:
-        for path in earlier:
-            path.unlink()
-        return
-    name = datetime.fromtimestamp(written, UTC).strftime("until-%Y%m%dT%H%M%SZ")
-    place = folder / name
-    for i in range(2, 1000):
-        if not place.exists():
-            break
-        place = folder / f"{name}-{i}"
-    place.mkdir()
-    for path in earlier:
-        path.rename(place / path.name)

@@ -11,36 +11,17 @@ from numpy.typing import NDArray
 
 from odom.backend import Estimate
 from odom.frame import Stamp
-from odom.service.publication import loop_messages
 from odom.viewer.clouds import KEYFRAMES, KeyframeClouds
-from odom.wire import Message, Topics, codec
+from odom.viewer.trail import Trail
+from odom.wire import Message, Topics, codec, truth_history
 from odom.wire.session import WireSession
 
 Array = NDArray[np.float64]
 
 _LOG = logging.getLogger(__name__)
 _POSES = 2000
+_RESTART_NS = 5_000_000_000
 _LOOPS = 500
-_BODIES = 16
-
-
-class Trail:
-    """Poses spread evenly over a way of any length: when it is full, every second one goes."""
-
-    def __init__(self, capacity: int = _POSES) -> None:
-        self.poses: list[tuple[Stamp, Array]] = []
-        self._capacity = capacity
-        self._stride = 1
-        self._seen = 0
-
-    def add(self, stamp: Stamp, T: Array) -> None:
-        """Take the next pose."""
-        if self._seen % self._stride == 0:
-            self.poses.append((stamp, T))
-            if len(self.poses) >= self._capacity:
-                self.poses = self.poses[::2]
-                self._stride *= 2
-        self._seen += 1
 
 
 class History:
@@ -51,27 +32,30 @@ class History:
 
     def __init__(self, session: WireSession, topics: Topics) -> None:
         self._topics = topics
-        self._odom = Trail()
+        self._odom = Trail(_POSES)
         self._truth: dict[str, Trail] = {}
         self._loops: deque[Message] = deque(maxlen=_LOOPS)
         self._map: dict[str, Message] = {}
         self._keyframes: KeyframeClouds[Message] = KeyframeClouds(KEYFRAMES)
         self._lock = threading.Lock()
-        for key in (f"{topics.namespace}/history", topics.path, topics.landmarks, topics.keyframes):
+        for key in (topics.history, topics.path, topics.landmarks, topics.keyframes):
             session.zenoh.declare_queryable(key, self._reply)
 
     def add(self, estimate: Estimate) -> None:
-        """Remember the pose and the loop candidates of a frame."""
+        """Remember the pose of a frame."""
         with self._lock:
             if estimate.T_odom_camera is not None:
-                self._odom.add(estimate.stamp, estimate.T_odom_camera)
-            self._loops.extend(loop_messages(self._topics, estimate))
+                self._odom = _extended(self._odom, estimate.stamp, estimate.T_odom_camera)
+
+    def keep_loop(self, message: Message) -> None:
+        """Remember a loop candidate."""
+        with self._lock:
+            self._loops.append(message)
 
     def add_truth(self, body: str, stamp: Stamp, T_world_body: Array) -> None:
         """Remember a motion capture pose."""
         with self._lock:
-            if body in self._truth or len(self._truth) < _BODIES:
-                self._truth.setdefault(body, Trail()).add(stamp, T_world_body)
+            self._truth[body] = _extended(self._truth.get(body), stamp, T_world_body)
 
     def keep(self, message: Message) -> None:
         """Remember the latest message of its key."""
@@ -99,17 +83,25 @@ class History:
     def _answers(self, key: str) -> Iterator[Message]:
         with self._lock:
             latest = self._map.get(key)
-            odom, truth = list(self._odom.poses), {body: list(trail.poses) for body, trail in self._truth.items()}
+            odom, truth = self._odom.poses(), {body: trail.poses() for body, trail in self._truth.items()}
             loops = list(self._loops)
             keyframes = [self._keyframes[stamp] for stamp in self._keyframes]
         if latest is not None:
             yield latest
         if key == self._topics.keyframes:
             yield from keyframes
-        if key != f"{self._topics.namespace}/history":
+        if key != self._topics.history:
             return
         if odom:
-            yield codec.encode_path(f"{key}/odom", odom[-1][0], odom, self._topics.frame_odom)
+            yield codec.encode_path(self._topics.odom_history, odom[-1][0], odom, self._topics.frame_odom)
         for body, poses in truth.items():
-            yield codec.encode_path(f"truth/{body}/history", poses[-1][0], poses, "world")
+            yield codec.encode_path(truth_history(body), poses[-1][0], poses, "world")
         yield from loops
+
+
+def _extended(trail: Trail | None, stamp: Stamp, T: Array) -> Trail:
+    """Return the trail with one more pose, or where time went back, as when a recording is played again, a new one."""
+    if trail is None or (trail.newest is not None and stamp < trail.newest - _RESTART_NS):
+        trail = Trail(_POSES)
+    trail.add(stamp, T)
+    return trail

@@ -17,7 +17,7 @@ from odom.service.arrivals import (
     TruthArrival,
     WaitingRoom,
 )
-from odom.wire import TRUTH, Message, Topics, codec
+from odom.wire import TRUTH, Message, Topics, codec, truth_body
 from odom.wire.assembler import FrameAssembler
 from odom.wire.flow import Consumer
 from odom.wire.session import Delivery, WireSession
@@ -26,6 +26,7 @@ _LOG = logging.getLogger(__name__)
 _LIVE_DEPTH = 3
 _POLL_S = 0.2
 _COLORS = 32
+_MOST_BODIES = 16
 _LIVE_CLOCK_NS = 10_000_000_000
 
 
@@ -46,9 +47,11 @@ class Intake:
         self.refused_cameras = 0
         self._color_keys = keys[:2]
         self._colors: dict[Stamp, Message] = {}
+        self._bodies: set[str] = set()
         self._consumer = Consumer(session, topics, "odometry", keys, depth=_LIVE_DEPTH)
         self.assembler = FrameAssembler(topics, grey=True, malformed=self._consumer.malformed)
         self._camera: Camera | None = None
+        self._unusable: Camera | None = None
         self.arrivals = WaitingRoom(live_room)
         self._thread = threading.Thread(target=self._run, name="intake", daemon=True)
 
@@ -60,6 +63,10 @@ class Intake:
         """Stop receiving; the arrivals that wait can still be taken."""
         self.arrivals.close()
         self._thread.join(timeout=2.0)
+
+    def refuse(self, camera: Camera) -> None:
+        """Take note that nothing can be done with this calibration, handed on before: another one may follow."""
+        self._unusable = camera
 
     @property
     def lost_frames(self) -> int:
@@ -79,7 +86,7 @@ class Intake:
             "stamp leap": pairing.leaps,
             "colour without depth": pairing.color_single,
             "depth without colour": pairing.depth_single,
-            "changed calibration": self.refused_cameras,
+            "refused calibration": self.refused_cameras,
             "frame before calibration": self.uncalibrated,
         }
         return {kind: n for kind, n in sorted(counts.items()) if n}
@@ -106,13 +113,7 @@ class Intake:
         self.source_ended = False
         message = delivery.message
         if message.topic.startswith("truth/"):
-            try:
-                arrival = TruthArrival(message.topic.split("/")[1], codec.decode_pose(message))
-            except WireError as error:
-                self._consumer.malformed.add(message.topic, str(error))
-                return
-            if not self.arrivals.put(arrival):
-                self._consumer.malformed.add("truth", f"more than {MOST_TRUTH} poses wait")
+            self._take_truth(message)
             return
         if message.topic in self._color_keys:
             self._colors[message.stamp] = message
@@ -122,21 +123,46 @@ class Intake:
             self._put_frame(frame, delivery)
         if message.topic in self._color_keys and not delivery.lossless:
             self._put_color()
-        if self.assembler.camera != self._camera:
-            self._settle_camera()
+        self._check_camera()
 
-    def _settle_camera(self) -> None:
-        """Hold on to the first calibration: another one would tear the trajectory in two without saying so."""
-        if self._camera is None:
-            self._camera = self.assembler.camera
-            assert self._camera is not None
-            _LOG.info("calibration: %s", self._camera)
-            self.arrivals.put(CameraArrival(self._camera))
+    def _take_truth(self, message: Message) -> None:
+        """Hand on a pose of a body whose name can be that of a file, and of at most 16 bodies."""
+        malformed, body = self._consumer.malformed, truth_body(message.topic)
+        if body is None:
+            malformed.add(TRUTH, f"{message.topic!r}: a body's name is 1 to 64 letters, digits and underscores")
             return
-        if not self.refused_cameras:
-            _LOG.error("the calibration has changed to %s: refused; restart to use it", self.assembler.camera)
+        if body not in self._bodies and len(self._bodies) >= _MOST_BODIES:
+            malformed.add(TRUTH, f"{message.topic}: more than {_MOST_BODIES} bodies")
+            return
+        try:
+            arrival = TruthArrival(body, codec.decode_pose(message))
+        except WireError as error:
+            malformed.add(message.topic, str(error))
+            return
+        self._bodies.add(body)
+        if not self.arrivals.put(arrival):
+            malformed.add(TRUTH, f"more than {MOST_TRUTH} poses wait")
+
+    def _check_camera(self) -> None:
+        """Hold on to the calibration in use: another one would tear the trajectory in two without saying so."""
+        camera = self.assembler.camera
+        if self._camera == self._unusable:
+            self._camera = None
+        is_another = self._camera is not None and camera != self._camera
+        if camera is None or not (is_another or camera == self._unusable):
+            return
+        if is_another and not self.refused_cameras:
+            _LOG.error("the calibration has changed to %s: refused; restart to use it", camera)
         self.refused_cameras += 1
         self.assembler.camera = self._camera
+
+    def _settle_camera(self) -> bool:
+        """Hand on the latest calibration with the first frame of its size; say whether there is one."""
+        if self._camera is None and self.assembler.camera is not None:
+            self._camera = self.assembler.camera
+            _LOG.info("calibration: %s", self._camera)
+            self.arrivals.put(CameraArrival(self._camera))
+        return self._camera is not None
 
     def _color_of(self, frame: RgbdFrame) -> Message | None:
         """Return the message of a frame's colour image and forget those before it, which are in no frame."""
@@ -148,7 +174,7 @@ class Intake:
 
     def _put_frame(self, frame: RgbdFrame, delivery: Delivery | None) -> None:
         color = self._color_of(frame)
-        if self._camera is None:
+        if not self._settle_camera():
             self.uncalibrated += 1
             return
         live = delivery is not None and not delivery.lossless

@@ -1,16 +1,16 @@
 """The odometry process: frames in, poses out, every pose on disk before the next frame begins."""
 
-import json
 import logging
 import threading
 import time
-from pathlib import Path
+from collections.abc import Callable
 
 from odom.backend import Estimate, Odometry, State
 from odom.errors import OdomError, WireError
+from odom.frame import Camera
 from odom.service.announcer import Announcer
 from odom.service.arrivals import Arrival, CameraArrival, ColorArrival, EndArrival, FrameArrival, TruthArrival
-from odom.service.files import RunFiles
+from odom.service.files import RunFiles, write_json
 from odom.service.intake import Intake
 from odom.service.keyframes import keyframe_message
 from odom.service.settings import Settings
@@ -28,8 +28,9 @@ _LOST_AFTER_S, _LOST_AFTER_PERIODS = 0.12, 2.5
 def serve(settings: Settings, files: RunFiles | None, stop: threading.Event, until_end: bool) -> None:
     """Estimate the pose of every frame of one device until `stop` is set, or with `until_end` until its source ends.
 
-    Leaves trajectory.txt and the odometry's part of report.json in the folder of `files` at each end of a source.
-    Raises OdomError when the session cannot be opened.
+    Leaves trajectory.txt and the odometry's part of report.json in the folder of `files` at each end of a source. What
+    cannot be written is counted, poses are published all the same. Raises OdomError when the session cannot be opened
+    and, with `until_end`, when something went unwritten; OSError when the results cannot be saved at the end.
     """
     topics = Topics(settings.wire.namespace)
     started = time.monotonic()
@@ -44,6 +45,8 @@ def serve(settings: Settings, files: RunFiles | None, stop: threading.Event, unt
         finally:
             notify_service_manager("STOPPING=1")
             process.close()
+        if until_end and process.unwritten:
+            raise OdomError(f"{process.unwritten} lines or files could not be written: make room, then run it again")
 
 
 class OdometryProcess:
@@ -67,6 +70,11 @@ class OdometryProcess:
         self._alive = topics.alive
         session.watch(f"{topics.alive}/**", self._watch)
 
+    @property
+    def unwritten(self) -> int:
+        """Lines and files that the disk did not take."""
+        return self._tally.unwritten
+
     def run(self, stop: threading.Event, until_end: bool) -> None:
         """Process what arrives until told to stop; what has arrived by then is processed still."""
         self._intake.start()
@@ -86,24 +94,44 @@ class OdometryProcess:
             for arrival in self._intake.arrivals.drain():
                 self._handle(arrival)
         finally:
-            self._save()
+            self._tell_rest()
             if self._files is not None:
+                self._save(self._files)
                 self._files.close()
 
     def _handle(self, arrival: Arrival) -> None:
         if isinstance(arrival, FrameArrival):
             self._process(arrival)
         elif isinstance(arrival, CameraArrival):
-            self._odometry = Odometry(arrival.camera, self._settings.odometry)
+            self._calibrate(arrival.camera)
         elif isinstance(arrival, ColorArrival):
             self._anticipate(arrival)
         elif isinstance(arrival, TruthArrival):
-            self._announcer.truth(arrival.body, arrival.pose)
-            if self._files is not None:
-                self._files.append_truth(arrival.body, arrival.pose.stamp, arrival.pose.T_parent_child)
+            body, pose = arrival.body, arrival.pose
+            self._announcer.truth(body, pose)
+            self._write(lambda files: files.append_truth(body, pose.stamp, pose.T_parent_child))
         else:
             _LOG.info("the source has ended: %s", arrival.reason)
-            self._save()
+            self._tell_rest()
+            self._write(self._save)
+
+    def _write(self, write: Callable[[RunFiles], None]) -> None:
+        """Write, if anything is to be; a disk that is full or gone must not keep back the poses."""
+        if self._files is None:
+            return
+        try:
+            write(self._files)
+        except OSError as error:
+            if not self._tally.unwritten:
+                _LOG.error("%s cannot be written (tried again; failures are counted): %s", self._files.folder, error)
+            self._tally.unwritten += 1
+
+    def _calibrate(self, camera: Camera) -> None:
+        try:
+            self._odometry = Odometry(camera, self._settings.odometry)
+        except OdomError as error:
+            _LOG.error("the calibration is refused, another one may follow: %s", error)
+            self._intake.refuse(camera)
 
     def _anticipate(self, arrival: ColorArrival) -> None:
         if self._odometry is not None:
@@ -113,7 +141,9 @@ class OdometryProcess:
 
     def _process(self, arrival: FrameArrival) -> None:
         frame, origin = arrival.frame, arrival.origin
-        assert self._odometry is not None  # the calibration comes before every frame
+        if self._odometry is None:  # its calibration was refused
+            self._refused += 1
+            return
         self._tally.begin()
         begun = time.perf_counter()
         try:
@@ -125,8 +155,7 @@ class OdometryProcess:
             return
         processing_ms = 1e3 * (time.perf_counter() - begun) + self._anticipated_ms
         self._anticipated_ms = 0.0
-        if self._files is not None:
-            self._files.append(estimate)
+        self._write(lambda files: files.append(estimate))
         self._announcer.poses(estimate)
         latency_ms = None if origin is None else (time.time_ns() - origin) * 1e-6
         self._tally.add(estimate, frame, processing_ms, latency_ms)
@@ -201,24 +230,21 @@ class OdometryProcess:
         if role == "sensor":
             self._sensor = "here" if alive else "gone"
 
-    def _save(self) -> None:
-        """Write the final trajectory and the report, unless nothing came since they were last written."""
+    def _tell_rest(self) -> None:
         self._announcer.flush()
         self._publish_status()
-        if self._files is None or not self._unsaved or self._odometry is None:
+
+    def _save(self, files: RunFiles) -> None:
+        """Write the final trajectory and the report, unless nothing came since they were last written."""
+        if not self._unsaved or self._odometry is None:
             return
-        self._unsaved = False
         begun = time.perf_counter()
-        self._files.write_trajectory(self._odometry.finish())
+        files.write_trajectory(self._odometry.finish())
+        self._tally.add_loops(self._odometry.late_loops)
+        self._announcer.loops(self._odometry.late_loops)
         report = self._tally.report() | {
             "finish_s": round(time.perf_counter() - begun, 3),
             "closing": closing_fields(self._odometry.closing_test()),
         }
-        write_json(self._files.folder / "report.json", report)
-
-
-def write_json(path: Path, content: dict[str, object]) -> None:
-    """Write a JSON file that is either whole or not there."""
-    partial = path.with_suffix(path.suffix + ".part")
-    partial.write_text(json.dumps(content, indent=2) + "\n")
-    partial.replace(path)
+        write_json(files.folder / "report.json", report)
+        self._unsaved = False

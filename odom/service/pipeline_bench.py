@@ -3,7 +3,7 @@
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,11 +52,16 @@ class PipelineCost:
 
 
 def measure_pipeline(
-    source: Source, topics: Topics, settings: OdometrySettings, frames: int | None = None
+    source: Source,
+    topics: Topics,
+    settings: OdometrySettings,
+    frames: int | None = None,
+    progress: Callable[[int], None] = lambda frames: None,
+    stopped: Callable[[], bool] = lambda: False,
 ) -> PipelineCost:
-    """Return what up to `frames` frames of `source` cost.
+    """Return what up to `frames` frames of `source` cost, or those until `stopped` says so.
 
-    Raises SourceError when the source holds no frame with a calibration.
+    `progress` is told how many are measured. Raises SourceError when there was no frame with a calibration.
     """
     assembler = FrameAssembler(topics, grey=True)
     odometry: Odometry | None = None
@@ -65,7 +70,7 @@ def measure_pipeline(
     messages = source.messages()
     try:
         ended = False
-        while not ended and (frames is None or len(laps) < frames):
+        while not (ended or stopped()) and (frames is None or len(laps) < frames):
             message = next(messages, None)
             ended = message is None
             begun, cpu_begun = time.perf_counter(), time.thread_time()
@@ -83,9 +88,12 @@ def measure_pipeline(
                 cpu_s += time.thread_time() - cpu_begun
                 decode_ms, decode_s = 1e3 * decode_s, 0.0
                 laps.append({DECODE: decode_ms, **estimate.timings_ms, ODOMETRY: took_ms, TOTAL: decode_ms + took_ms})
+                progress(len(laps))
     finally:
         source.close()
     if odometry is None:
+        if stopped():
+            raise SourceError("interrupted before the first frame: nothing was measured")
         raise SourceError("the source holds no frame with a calibration: look at it with `odom info`")
     background_s = _background_cpu_s()
     begun = time.perf_counter()

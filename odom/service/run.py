@@ -2,7 +2,6 @@
 
 import json
 import logging
-import os
 import socket
 import threading
 import time
@@ -13,7 +12,7 @@ from typing import Any
 
 from odom.errors import ConfigError, OdomError, WireError
 from odom.service.children import Child
-from odom.service.odometry import write_json
+from odom.service.files import write_json
 from odom.service.progress import COUNT_ENVIRONMENT, Display, Reading, open_display, parse_count
 from odom.service.settings import Settings
 from odom.wire import Topics, codec
@@ -23,10 +22,9 @@ from odom.wire.settings import ANY_LOCAL_PORT
 _LOG = logging.getLogger(__name__)
 _POLL_S = 0.1
 _CALLED_WRONGLY = 2
-_LAST_POSES_S = 3.0
+_LAST_WORDS_S = 3.0
 _VIEWER_PATIENCE_S = 10.0
 """A viewer that hangs must not hold the report back; what it writes, it has written by then."""
-_PARENT_ENVIRONMENT = "ODOM_PARENT_PID"
 
 
 @dataclass(frozen=True)
@@ -49,26 +47,37 @@ class RunPlan:
 def run(plan: RunPlan, settings: Settings, stop: threading.Event) -> dict[str, Any]:
     """Run the source to its end, or until `stop` is set, and return the report that was written to `plan.out`.
 
-    Raises OdomError naming the process that died, ConfigError when it did so because it was called wrongly; what was
-    done so far is saved by then, with its report.
+    Raises OdomError naming the processes that failed, at work or at their end, ConfigError when the first of them was
+    called wrongly; OdomError, too, when no frame was processed. What was done is saved by then, with its report.
     """
     plan.out.mkdir(parents=True, exist_ok=True)
     endpoint = free_endpoint()
     wire = settings.wire.model_copy(update={"mode": "peer", "connect": (), "listen": (endpoint,)})
     begun = time.monotonic()
     with open_session(wire) as session, open_display(plan.log_json) as display:
+        display.say("run", f"to watch it: {watching(endpoint, wire.namespace)}")
         crew = Crew(plan, settings, endpoint, session, display)
         try:
-            dead = crew.work(stop)
-            if plan.stay and dead is None:
+            crew.work(stop)
+            if plan.stay and not crew.failed:
                 crew.keep_viewer(stop)
         finally:
             crew.dismiss()
     report = complete_report(plan.out, crew, time.monotonic() - begun)
-    if dead is not None:
-        error = ConfigError if dead.status == _CALLED_WRONGLY else OdomError
-        raise error(f"the {dead.name} {dead.ending()}; what was done so far is in {plan.out}")
+    if failed := crew.failed:
+        error = ConfigError if failed[0].status == _CALLED_WRONGLY else OdomError
+        endings = ", ".join(f"the {child.name} {child.ending()}" for child in failed)
+        raise error(f"{endings}; what was done so far is in {plan.out}")
+    if not report.get("frames"):
+        why = "the run was stopped before the first" if stop.is_set() else f"`odom doctor {plan.source}` may say why"
+        raise OdomError(f"no frame was processed: {why}")
     return report
+
+
+def watching(endpoint: str, namespace: str) -> str:
+    """Return the command line by which another viewer on this machine sees the run."""
+    device = "" if namespace == Topics().namespace else f" --namespace {namespace}"
+    return f"odom view --connect {endpoint}{device}"
 
 
 def free_endpoint() -> str:
@@ -87,6 +96,7 @@ class Crew:
         topics = Topics(settings.wire.namespace)
         self.total: int | None = None
         self._display = display
+        self._told: set[str] = set()
         self._patience_s = settings.service.stop_timeout_s
         self._status = session.subscriber((topics.status,), depth=1)
         environment = {
@@ -95,32 +105,29 @@ class Crew:
             "ODOM_WIRE__LISTEN": json.dumps([ANY_LOCAL_PORT]),
             "ODOM_WIRE__NAMESPACE": settings.wire.namespace,
             COUNT_ENVIRONMENT: "1",
-            _PARENT_ENVIRONMENT: str(os.getpid()),
         }
         self.children = {name: self._start(name, arguments, environment) for name, arguments in _commands(plan)}
 
-    def work(self, stop: threading.Event) -> Child | None:
-        """Wait for the end of the source; return the child that died before, None when none did.
+    @property
+    def failed(self) -> list[Child]:
+        """The children that have ended in another way than they should."""
+        return [child for child in self.children.values() if child.failed]
 
-        A dead sensor, odometry or recorder ends the work; without its viewer it goes on.
+    def work(self, stop: threading.Event) -> None:
+        """Wait for the end of the source or until `stop` is set.
+
+        A failed sensor, odometry or recorder ends the work; without its viewer it goes on.
         """
         sensor, odometry = self.children["sensor"], self.children["odometry"]
-        viewer = self.children.get("viewer")
-        viewer_is_missed = False
-        while odometry.poll() != 0:
+        while odometry.poll() is None and not stop.is_set() and all(c.name == "viewer" for c in self.failed):
             self._show_progress()
-            if stop.is_set():
-                sensor.stop(self._patience_s)
-                odometry.stop(self._patience_s)
-                return viewer if viewer_is_missed else None
-            for dead in (child for child in self.children.values() if child.died):
-                if dead is not viewer:
-                    self._display.say("run", f"the {dead.name} {dead.ending()}; saving what was done so far")
-                    return dead
-                if not viewer_is_missed:
-                    viewer_is_missed = True
-                    self._display.say("run", f"the viewer {dead.ending()}; the run goes on without it")
-        return viewer if viewer is not None and viewer.died else None
+            self._tell_failures()
+        self._tell_failures()
+        if stop.is_set():
+            sensor.stop(self._patience_s)
+            odometry.stop(self._patience_s)
+        elif odometry.status == 0:
+            sensor.wait(_LAST_WORDS_S)
 
     def keep_viewer(self, stop: threading.Event) -> None:
         """Let people look until `stop` is set or the viewer is closed."""
@@ -134,11 +141,18 @@ class Crew:
         """End all children, those first on whose end others wait; the recorder ends by itself behind the last pose."""
         for name in ("sensor", "odometry", "recorder", "viewer"):
             child = self.children.get(name)
-            if child is not None and not (name == "recorder" and child.wait(_LAST_POSES_S)):
+            if child is not None and not (name == "recorder" and child.wait(_LAST_WORDS_S)):
                 child.stop(min(self._patience_s, _VIEWER_PATIENCE_S) if name == "viewer" else self._patience_s)
 
     def _start(self, name: str, arguments: Sequence[str], environment: Mapping[str, str]) -> Child:
         return Child(name, arguments, environment, self._hear)
+
+    def _tell_failures(self) -> None:
+        for child in self.failed:
+            if child.name not in self._told:
+                self._told.add(child.name)
+                then = "the run goes on without it" if child.name == "viewer" else "saving what was done so far"
+                self._display.say("run", f"the {child.name} {child.ending()}; {then}")
 
     def _hear(self, name: str, line: str) -> None:
         count = parse_count(line)

@@ -3,14 +3,14 @@
 import math
 import time
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 import psutil
 from numpy.typing import NDArray
 
-from odom.backend import ClosingTest, Estimate, State
+from odom.backend import ClosingTest, Estimate, LoopCandidate, State
 from odom.frame import RgbdFrame
 from odom.registration.se3 import so3_log
 
@@ -58,7 +58,8 @@ class Durations:
 class Tally:
     """Counters of one odometry process.
 
-    `dropped` counts bad input by its kind; `forgotten_*` what the odometry gave up to stay within its memory.
+    `dropped` counts bad input by its kind; `forgotten_*` what the odometry gave up to stay within its memory;
+    `unwritten` the lines and files that the disk did not take.
     """
 
     processing: Durations = field(default_factory=Durations)
@@ -77,6 +78,7 @@ class Tally:
     segments: int = 0
     lost_frames: int = 0
     unmatched_frames: int = 0
+    unwritten: int = 0
     _begun: tuple[float, float] | None = None
     _ended: tuple[float, float] = (0.0, 0.0)
 
@@ -85,14 +87,18 @@ class Tally:
         if self._begun is None:
             self._begun = (time.perf_counter(), time.process_time())
 
+    def add_loops(self, loops: Collection[LoopCandidate]) -> None:
+        """Count loop candidates."""
+        self.loop_candidates += len(loops)
+        self.loop_closures += sum(loop.accepted for loop in loops)
+
     def add(self, estimate: Estimate, frame: RgbdFrame, processing_ms: float, latency_ms: float | None) -> None:
         """Count one processed frame."""
         self.frames += 1
         self.offset_ms.append((frame.depth_stamp - frame.stamp) * 1e-6)
         self.states[estimate.state] += 1
         self.keyframes += estimate.is_keyframe
-        self.loop_candidates += len(estimate.loops)
-        self.loop_closures += sum(loop.accepted for loop in estimate.loops)
+        self.add_loops(estimate.loops)
         if estimate.T_odom_camera is not None:
             self.segments = max(self.segments, estimate.segment + 1)
         self.processing.add(processing_ms)
@@ -146,6 +152,7 @@ class Tally:
             "lost_frames": self.lost_frames,
             "unmatched_frames": self.unmatched_frames,
             "dropped": sum(self.dropped.values()),
+            "unwritten": self.unwritten,
         }
         return {name: str(value) for name, value in values.items() if value is not None}
 
@@ -172,6 +179,7 @@ class Tally:
             "states": {state.value: self.states[state] for state in State},
             "stages_ms": {stage: _rounded(total / self.frames) for stage, total in self.stages_ms.items()},
             "dropped": dict(self.dropped),
+            "unwritten": self.unwritten,
         }
 
 

@@ -107,7 +107,7 @@ class Viewer:
             self._draw(self._scene.everything())
 
     def finish(self) -> None:
-        """Show what still waits, and the whole once more."""
+        """Show of what still waits 200 small messages and an image at most, and the whole once more."""
         self.step(repeat=False)
         self._draw(self._scene.everything())
 
@@ -143,7 +143,7 @@ class Viewer:
             log_to(self.shown.recording, item)
 
     def _past(self) -> Iterator[zenoh.Sample]:
-        keys = (f"{self.topics.namespace}/history", self.topics.path, self.topics.landmarks, self.topics.keyframes)
+        keys = (self.topics.history, self.topics.path, self.topics.landmarks, self.topics.keyframes)
         for key in keys:
             every = zenoh.ConsolidationMode.NONE  # else of many messages of one key only the last would come
             replies = list(self.session.zenoh.get(f"{key}?_anyke", timeout=_HISTORY_S, consolidation=every))

@@ -16,7 +16,7 @@ from odom.viewer.settings import ViewerSettings
 from odom.viewer.trail import Trail
 from odom.viewer.truth import Comparison, ProgressiveCalibration, TruthInMap, align_truth, in_map, three_sigma
 from odom.viewer.words import INFO, Words, says
-from odom.wire import Message, Topics, codec
+from odom.wire import Message, Topics, codec, truth_body
 
 _REFRESH_NS = 1_000_000_000
 _JUDGE_NS = 200_000_000
@@ -85,16 +85,16 @@ class Scene:
         topic = message.topic
         if handler := self._handlers.get(topic):
             yield from handler(message)
-        elif topic.startswith("truth/") and topic.endswith("/pose"):
-            self._add_truth(topic.removeprefix("truth/").removesuffix("/pose"), message)
+        elif (body := truth_body(topic)) is not None:
+            self._add_truth(body, message)
 
     def history(self, message: Message) -> None:
         """Take a path of the time before this viewer started: `<ns>/history/odom` or `truth/<body>/history`."""
         poses = codec.decode_path(message)
         if not poses:
             return
-        if message.topic.startswith("truth/"):
-            trail = self._trail(message.topic.removeprefix("truth/").removesuffix("/history"))
+        if (body := truth_body(message.topic)) is not None:
+            trail = self._trail(body)
         else:
             trail = self._map.online
             self._newest = max(self._newest or poses[-1].stamp, poses[-1].stamp)

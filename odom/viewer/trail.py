@@ -1,10 +1,14 @@
 """A trajectory that grows for ever in bounded memory."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.evaluation import Trajectory
 from odom.frame import Stamp
+
+if TYPE_CHECKING:
+    from odom.evaluation import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -50,7 +54,7 @@ class Trail:
         self._count += 1
         self._provisional = self._count % self._stride != 0
 
-    def prepend(self, earlier: Trajectory) -> None:
+    def prepend(self, earlier: "Trajectory") -> None:
         """Put what happened before the first pose in front of it, thinned to half the limit, as a strip of its own."""
         if self._size:
             earlier = earlier.take(earlier.stamps < self._stamps[0])
@@ -64,8 +68,14 @@ class Trail:
             kept[:n] = new
         self._size += n
 
-    def trajectory(self) -> Trajectory:
+    def poses(self) -> list[tuple[Stamp, Array]]:
+        """Return the stamps and poses (4 x 4) kept."""
+        return [(Stamp(int(self._stamps[i])), self._T[i].copy()) for i in range(self._size)]
+
+    def trajectory(self) -> "Trajectory":
         """Return the poses kept."""
+        from odom.evaluation import Trajectory  # 9 MB, of which the odometry, which keeps trails too, needs nothing
+
         return Trajectory(self._stamps[: self._size].copy(), self._T[: self._size].copy())
 
     def strips(self) -> NDArray[np.int64]:

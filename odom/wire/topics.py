@@ -6,14 +6,16 @@ from dataclasses import dataclass
 from odom.errors import ConfigError
 
 TF = "tf"
-"""Transforms map -> odom -> camera of every device (tf2_msgs/TFMessage)."""
+"""Transforms map -> odom -> camera of every device, each by frame names of its own (tf2_msgs/TFMessage)."""
 TRUTH = "truth/*/pose"
 """Key expression of the motion capture poses of all bodies."""
 TRUTH_HISTORY = "truth/*/history"
 """Key expression of what is remembered of all bodies."""
 
 _NAME = re.compile(r"[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*\Z")
+_DEFAULT = "cam0"
 _LONGEST_BODY = 64
+_TRUTH_NAME = re.compile(rf"truth/([A-Za-z0-9_]{{1,{_LONGEST_BODY}}})/(?:pose|history)\Z")
 
 
 def truth(body: str) -> str:
@@ -29,6 +31,12 @@ def truth_history(body: str) -> str:
     return f"truth/{_part_of_a_key(body)}/history"
 
 
+def truth_body(topic: str) -> str | None:
+    """Return the body of a key of `truth`, or of its history; None where the key names none that `truth` would."""
+    found = _TRUTH_NAME.match(topic)
+    return None if found is None else found[1]
+
+
 def _part_of_a_key(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9_]", "_", name)[:_LONGEST_BODY] or "body"
 
@@ -37,12 +45,11 @@ def _part_of_a_key(name: str) -> str:
 class Topics:
     """Keys and frame names of the device `namespace`; raises ConfigError for a name that no ROS topic can have.
 
-    Frames are `map`, `odom` and the colour camera's optical frame, behind `frame_prefix` where several devices share
-    one tree of transforms.
+    Frames are `map`, `odom` and `cam0_color_optical_frame` of the default device; of another one all are below its
+    namespace, as in `cam1/map`: devices share the key `tf`, and each has a tree of its own there.
     """
 
-    namespace: str = "cam0"
-    frame_prefix: str = ""
+    namespace: str = _DEFAULT
 
     def __post_init__(self) -> None:
         if not _NAME.match(self.namespace):
@@ -154,14 +161,17 @@ class Topics:
     @property
     def frame_map(self) -> str:
         """Frame in which loop closures are corrected."""
-        return f"{self.frame_prefix}map"
+        return self._frame("map")
 
     @property
     def frame_odom(self) -> str:
         """Frame in which the causal pose is continuous."""
-        return f"{self.frame_prefix}odom"
+        return self._frame("odom")
 
     @property
     def frame_camera(self) -> str:
         """The colour camera's optical frame (z forward)."""
-        return f"{self.namespace.replace('/', '_')}_color_optical_frame"
+        return self._frame("color_optical_frame") if self.namespace != _DEFAULT else f"{_DEFAULT}_color_optical_frame"
+
+    def _frame(self, name: str) -> str:
+        return name if self.namespace == _DEFAULT else f"{self.namespace}/{name}"

@@ -157,6 +157,14 @@ def test_the_command_fails_with_the_contracts_status(arguments, status):
     assert odom("eval", *arguments).returncode == status
 
 
+@pytest.mark.parametrize("name", ["take_0.db3", "take.bag"])
+def test_a_single_file_of_a_bag_is_refused_with_what_to_give_instead(tmp_path, name):
+    (tmp_path / name).write_bytes(b"SQLite format 3\0")
+    done = odom("eval", tmp_path / name, "truth.txt")
+    assert done.returncode == 1
+    assert "folder of a ROS 2 bag" in done.stderr
+
+
 def test_total_counts_frames_without_a_pose(scene):
     _, true, estimate, _ = scene
     assert evaluate(estimate, true, EvaluationOptions(total_frames=1234)).total == 1234

@@ -1,6 +1,7 @@
 """`odom run` as its users meet it: real processes, real signals, real files."""
 
 import json
+import re
 import signal
 import subprocess
 import threading
@@ -13,7 +14,9 @@ import pytest
 from mcap.reader import make_reader
 
 from odom.evaluation.files import read_tum
+from odom.wire.codec import decode_camera_info
 from odom.wire.recording import RecordingReader
+from sensors.arena import ArenaOptions
 
 Start = Callable[..., "subprocess.Popen[str]"]
 Eventually = Callable[..., None]
@@ -214,6 +217,55 @@ def test_a_killed_child_is_named_within_two_seconds_and_the_files_miss_next_to_n
     assert recorded == sorted(recorded)
 
 
+def forbid_writing(process: psutil.Process | None) -> None:
+    """From now on no file of the process may grow, as on a full disk."""
+    assert process is not None
+    process.rlimit(psutil.RLIMIT_FSIZE, (1, process.rlimit(psutil.RLIMIT_FSIZE)[1]))
+
+
+@pytest.mark.parametrize("role", ["odometry", "recorder"])
+def test_what_cannot_be_saved_at_the_end_is_a_failure(
+    odom: Start, eventually: Eventually, tmp_path: Path, role: str
+) -> None:
+    run = odom("run", *ENDLESS, "--headless", "--record", tmp_path / "session.mcap", "--out", tmp_path)
+    eventually(lambda: lines(tmp_path / "odometry.txt") > 30, 120, "poses")
+    forbid_writing(child(run, role))
+    run.send_signal(signal.SIGINT)
+    words, _ = run.communicate(timeout=60)
+    assert run.returncode == 1, words
+    assert f"odom: the {role} ended with status 1" in words
+
+
+def test_a_child_that_hangs_at_its_end_is_a_failure(odom: Start, eventually: Eventually, tmp_path: Path) -> None:
+    run = odom("run", *ENDLESS, "--headless", "--out", tmp_path, ODOM_SERVICE__STOP_TIMEOUT_S="1.5")
+    eventually(lambda: lines(tmp_path / "odometry.txt") > 30, 120, "poses")
+    hanging = child(run, "odometry")
+    assert hanging is not None
+    hanging.suspend()
+    run.send_signal(signal.SIGINT)
+    words, _ = run.communicate(timeout=60)
+    assert run.returncode == 1, words
+    assert "the odometry did not end within 1.5 s and was killed" in words
+
+
+def test_a_run_without_a_frame_is_a_failure(odom: Start, tmp_path: Path) -> None:
+    run = odom("run", RECORDING, "--start", "1000", "--headless", "--out", tmp_path)
+    words, _ = run.communicate(timeout=120)
+    assert run.returncode == 1, words
+    assert "no frame" in words
+
+
+def test_a_run_stopped_before_its_first_frame_is_a_failure_that_says_so(
+    odom: Start, eventually: Eventually, tmp_path: Path
+) -> None:
+    run = odom("run", *ENDLESS, "--headless", "--out", tmp_path)
+    eventually(lambda: child(run, "sensor"), 60, "the last child")
+    run.send_signal(signal.SIGINT)
+    words, _ = run.communicate(timeout=60)
+    assert run.returncode == 1, words
+    assert "stopped before the first" in words
+
+
 def test_children_do_not_outlive_a_killed_run(odom: Start, eventually: Eventually, tmp_path: Path) -> None:
     run = odom("run", *ENDLESS, "--headless", "--out", tmp_path)
     eventually(lambda: lines(tmp_path / "odometry.txt") > 30, 120, "poses")
@@ -221,6 +273,49 @@ def test_children_do_not_outlive_a_killed_run(odom: Start, eventually: Eventuall
     run.kill()
     eventually(lambda: not any(process.is_running() for process in children), 5, "children end with their parent")
     assert len(read_tum(tmp_path / "trajectory.txt")) >= 30
+
+
+def test_a_viewer_sees_a_run_by_the_line_that_it_prints(odom: Start, eventually: Eventually, tmp_path: Path) -> None:
+    run = odom("run", *ENDLESS, "--namespace", "left", "--headless", "--out", tmp_path / "out")
+    heard = Heard(run)
+    eventually(lambda: "to watch it: odom view" in heard.words, 30, "the line")
+    watch = heard.words.split("to watch it: odom ")[1].splitlines()[0].split()
+    view = odom(*watch, "--headless", "--rrd", tmp_path / "seen.rrd")
+    seen = Heard(view)
+    eventually(lambda: "showing left" in seen.words, 30, "the viewer at work")
+    eventually(lambda: lines(tmp_path / "out" / "odometry.txt") > 30, 120, "poses")
+    time.sleep(1.0)
+    view.send_signal(signal.SIGINT)
+    assert seen.end(30) == 0
+    assert re.search(r"[1-9]\d* messages shown", seen.words), seen.words
+    run.send_signal(signal.SIGINT)
+    assert heard.end(60) == 0, heard.words
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        ((RECORDING, "--topic", "color=/elsewhere"), "--topic color=/elsewhere: not in the recording"),
+        (("arena", "--option", "walls=7"), "walls"),
+        (("arena", "--sensor", "kinect2", "--option", "walls=7"), "walls"),
+    ],
+)
+def test_the_sources_own_options_are_given_to_the_run(
+    odom: Start, tmp_path: Path, arguments: tuple[str | Path, ...], named: str
+) -> None:
+    run = odom("run", *arguments, "--headless", "--out", tmp_path / "out")
+    words, _ = run.communicate(timeout=60)
+    assert run.returncode == 2, words
+    assert named in words
+
+
+def test_the_arena_simulates_the_sensor_that_a_run_asks_for(odom: Start, tmp_path: Path) -> None:
+    record = tmp_path / "second.mcap"
+    run = odom("run", "arena", "--sensor", "kinect2", "--seconds", "0.5", "--headless", "--record", record)
+    words, _ = run.communicate(timeout=120)
+    assert run.returncode == 0, words
+    camera = next(m for m in RecordingReader(record).messages() if m.topic == "cam0/color/camera_info")
+    assert decode_camera_info(camera) != ArenaOptions.from_texts({}).camera
 
 
 @pytest.mark.parametrize(("name", "content", "status"), [("nothing.mcap", None, 1), ("notes.txt", "words", 2)])

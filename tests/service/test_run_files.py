@@ -1,5 +1,8 @@
 """The files of a run are what other programs read: TUM text, flushed line by line."""
 
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -92,6 +95,78 @@ def test_truth_of_the_first_body_is_the_truth(tmp_path: Path) -> None:
     files.append_truth("robot", stamp(0), np.eye(4))
     assert len(read_tum(tmp_path / "truth.txt")) == 1
     assert len(read_tum(tmp_path / "truth_robot.txt")) == 1
+
+
+@contextmanager
+def room_for(size: int) -> Iterator[None]:
+    """No file may grow beyond `size` bytes, as on a full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_a_full_disk_leaves_whole_lines_and_writing_goes_on_when_there_is_room_again(tmp_path: Path) -> None:
+    files = RunFiles(tmp_path, chain=True)
+    for i in range(10):
+        if i in (5, 6):
+            with room_for((tmp_path / "odometry.txt").stat().st_size + 40), pytest.raises(OSError, match="too large"):
+                files.append(estimate(i))
+        else:
+            files.append(estimate(i))
+    kept = [stamp(i) for i in range(10) if i not in (5, 6)]
+    assert list(read_tum(tmp_path / "odometry.txt").stamps) == kept
+    assert len(read_relative(tmp_path / "relative_step.txt").covariances) == len(kept) - 1
+    chain = read_tum(tmp_path / "chain.txt")
+    np.testing.assert_allclose(chain.T_world_body[-1], se3.exp(9 * STEP), atol=1e-8)  # goes on behind the hole
+
+
+def test_a_trajectory_that_finds_no_room_leaves_the_one_before(tmp_path: Path) -> None:
+    files = RunFiles(tmp_path)
+    poses = [TrajectoryPose(stamp(i), np.eye(4), 0) for i in range(5)]
+    files.write_trajectory(poses[:1])
+    with room_for(200), pytest.raises(OSError, match="too large"):
+        files.write_trajectory(poses)
+    assert len(read_tum(tmp_path / "trajectory.txt")) == 1
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_truth_of_every_body_of_an_earlier_run_goes_too(tmp_path: Path) -> None:
+    (tmp_path / "truth_of_mine.txt").write_text("notes")
+    for keep in (False, True, False):
+        files = RunFiles(tmp_path, keep_earlier=keep)
+        assert sorted(path.name for path in tmp_path.glob("truth*")) == ["truth_of_mine.txt"]
+        for body in ("camera", "robot"):
+            files.append_truth(body, stamp(0), np.eye(4))
+    assert (tmp_path / "truth.txt").read_text().count("# body camera") == 1
+    assert sorted(path.name for path in tmp_path.glob("until-*/truth*")) == ["truth.txt", "truth_robot.txt"]
+
+
+def test_starts_that_wrote_nothing_leave_nothing(tmp_path: Path) -> None:
+    for _ in range(5):
+        RunFiles(tmp_path, keep_earlier=True)
+    assert not list(tmp_path.glob("until-*"))
+
+
+def test_a_service_sets_full_files_aside_and_drops_the_oldest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("odom.service.files._FULL_BYTES", 20_000)
+    monkeypatch.setattr("odom.service.earlier.MOST_BYTES", 100_000)
+    files = RunFiles(tmp_path, keep_earlier=True)
+    for i in range(1000):
+        files.append(estimate(i))
+        files.append_truth("robot", stamp(i), np.eye(4))
+    parts = sorted({path.parent for path in tmp_path.rglob("odometry.txt")}, key=lambda path: path.stat().st_mtime_ns)
+    assert 4 < len(parts) < 8
+    assert all((part / "truth.txt").read_text().startswith("# body robot\n") for part in parts)
+    size = sum(path.stat().st_size for path in tmp_path.rglob("*.txt"))
+    assert size < 100_000 + 2 * 21_000
+    stamps = sorted(at for part in parts for at in read_tum(part / "odometry.txt").stamps)
+    assert stamps == [stamp(i) for i in range(1000 - len(stamps), 1000)]
+    for i in range(1000):  # the camera is off, motion capture is not
+        files.append_truth("robot", stamp(1000 + i), np.eye(4))
+    assert sum(path.stat().st_size for path in tmp_path.rglob("*.txt")) < 100_000 + 2 * 21_000
 
 
 @pytest.mark.parametrize("keep", [False, True])

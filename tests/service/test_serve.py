@@ -9,6 +9,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+import psutil
 import pytest
 import zenoh
 from numpy.typing import NDArray
@@ -48,7 +49,7 @@ class Served:
             self.status = dict(codec.decode_status(delivery.message)[0].values)
 
     def count(self, name: str) -> int:
-        return int(self.status.get(name, 0))
+        return int(float(self.status.get(name, 0)))
 
     def poses(self) -> int:
         path = self.out / "odometry.txt"
@@ -92,6 +93,10 @@ def stream(served: Served, indices: range, offset_ns: int = 0) -> None:
         time.sleep(PERIOD_NS * 1e-9)
 
 
+def calibrate(served: Served, camera: Camera) -> None:
+    served.publisher.put(codec.encode_camera_info(TOPICS.camera_info, START, camera))
+
+
 def malformed() -> Iterator[Message]:
     """Every kind of nonsense on every key."""
     color, depth = scene(0)
@@ -133,6 +138,28 @@ def test_malformed_messages_are_counted_and_tracking_goes_on(served: Served, eve
     assert len(warned) <= 16, "one line a kind"
 
 
+def test_truth_of_bodies_with_impossible_names_is_counted_and_ends_nothing(
+    served: Served, eventually: Eventually
+) -> None:
+    names = ["Küche", "a" * 250, "the rig", "..", "camera"]
+    for name in names:
+        topic = f"truth/{name}/pose"
+        served.publisher.put(replace(codec.encode_pose("truth/body/pose", START, np.eye(4), "world"), topic=topic))
+    stream(served, range(20))
+    eventually(lambda: served.poses() >= 18, 10, f"poses {served.status}")
+    assert served.count("dropped") == len(names) - 1
+    assert (served.out / "truth.txt").read_text().splitlines()[0] == "# body camera"
+    assert not list(served.out.glob("truth_*"))
+
+
+def test_a_flood_of_bodies_makes_a_few_files_only(served: Served, eventually: Eventually) -> None:
+    for i in range(100):
+        served.publisher.put(codec.encode_pose(f"truth/body{i}/pose", START, np.eye(4), "world"))
+        time.sleep(0.005)
+    eventually(lambda: served.count("dropped") == 100 - 16, 10, f"{served.status}")
+    assert len(list(served.out.glob("truth*.txt"))) == 16
+
+
 def test_stamps_that_repeat_go_back_or_leap_are_counted_and_survived(served: Served, eventually: Eventually) -> None:
     stream(served, range(10))
     send(served.publisher, 9)
@@ -145,6 +172,56 @@ def test_stamps_that_repeat_go_back_or_leap_are_counted_and_survived(served: Ser
     assert served.count("dropped") >= 4
 
 
+def test_a_full_disk_holds_no_pose_back(served: Served, eventually: Eventually) -> None:
+    odometry = psutil.Process(served.process.pid)
+    stream(served, range(10))
+    eventually(lambda: served.poses() >= 9, 10, "poses")
+    full = (served.out / "odometry.txt").stat().st_size + 20
+    before = odometry.rlimit(psutil.RLIMIT_FSIZE)
+    odometry.rlimit(psutil.RLIMIT_FSIZE, (full, before[1]))
+    poses = served.session.subscriber((TOPICS.odom,), depth=64)
+    stream(served, range(10, 25))
+    eventually(lambda: served.count("unwritten") >= 12, 10, f"what was not written is counted {served.status}")
+    assert poses.waiting >= 14
+    assert sum("cannot be written" in line for line in served.words) == 1
+    odometry.rlimit(psutil.RLIMIT_FSIZE, before)
+    stream(served, range(25, 35))
+    eventually(lambda: served.poses() >= 18, 10, "poses are written again")
+    assert {len(line.split()) for line in (served.out / "odometry.txt").read_text().splitlines()} == {8}
+
+
+def test_a_calibration_that_the_odometry_cannot_use_gives_way_to_one_that_it_can(
+    served: Served, eventually: Eventually
+) -> None:
+    prism = replace(CAMERA, distortion=(0.0,) * 8 + (0.01,) * 4)
+    calibrate(served, prism)
+    for i in range(5):
+        send(served.publisher, i)
+        time.sleep(0.05)
+    calibrate(served, prism)
+    eventually(lambda: served.count("dropped") >= 5, 10, f"frames without calibration counted {served.status}")
+    stream(served, range(5, 25))
+    eventually(lambda: served.poses() >= 18, 10, f"poses {served.status}")
+    assert sum("first 8 coefficients" in line for line in served.words) == 1
+
+
+def test_a_calibration_of_another_image_is_not_held_on_to(served: Served, eventually: Eventually) -> None:
+    calibrate(served, Camera(4096, 4096, 3000.0, 3000.0, 2047.5, 2047.5))
+    send(served.publisher, 0)
+    eventually(lambda: served.count("dropped") >= 1, 10, f"a frame of another size counted {served.status}")
+    assert served.count("rss_mb") < 600
+    stream(served, range(1, 25))
+    eventually(lambda: served.poses() >= 20, 10, f"poses {served.status}")
+
+
+def test_a_calibration_that_changes_during_a_walk_is_refused(served: Served, eventually: Eventually) -> None:
+    stream(served, range(10))
+    calibrate(served, replace(CAMERA, fx=500.0))
+    stream(served, range(10, 20))
+    eventually(lambda: served.poses() >= 19, 10, f"poses {served.status}")
+    assert served.count("dropped") == 1
+
+
 def test_a_stream_that_stops_and_returns_is_followed_again(served: Served, eventually: Eventually) -> None:
     stream(served, range(15))
     eventually(lambda: served.status.get("state") == "WAITING", 5, "the silence is told")
@@ -153,17 +230,34 @@ def test_a_stream_that_stops_and_returns_is_followed_again(served: Served, event
     eventually(lambda: served.count("frames") >= 27, 10, "frames after the silence")
 
 
+def history(served: Served) -> dict[str, tuple[codec.StampedPose, ...]]:
+    """What those who join late are told of the way, by key."""
+    replies = served.session.zenoh.get("cam0/history", accept_replies=zenoh.ReplyKeyExpr.ANY, timeout=5.0)
+    samples = [reply.ok for reply in replies if reply.ok is not None]
+    messages = [
+        Message(str(s.key_expr), str(s.encoding).partition(";")[2], START, s.payload.to_bytes()) for s in samples
+    ]
+    return {message.topic: codec.decode_path(message) for message in messages}
+
+
 def test_those_who_join_late_are_told_the_way_so_far(served: Served, eventually: Eventually) -> None:
     served.publisher.put(codec.encode_pose("truth/body/pose", START, np.eye(4), "world"))
     stream(served, range(15))
     eventually(lambda: served.poses() >= 13, 10, "poses")
-    replies = served.session.zenoh.get("cam0/history", accept_replies=zenoh.ReplyKeyExpr.ANY, timeout=5.0)
-    topics = {str(reply.ok.key_expr): reply.ok for reply in replies if reply.ok is not None}
-    assert topics.keys() >= {"cam0/history/odom", "truth/body/history"}
-    odom = topics["cam0/history/odom"]
-    type_name = str(odom.encoding).partition(";")[2]
-    path = codec.decode_path(Message("cam0/history/odom", type_name, START, odom.payload.to_bytes()))
-    assert len(path) >= 13
+    told = history(served)
+    assert told.keys() >= {"cam0/history/odom", "truth/body/history"}
+    assert len(told["cam0/history/odom"]) >= 13
+
+
+def test_those_who_join_after_the_time_went_back_are_told_the_new_way(served: Served, eventually: Eventually) -> None:
+    minute = 60 * 1_000_000_000
+    stream(served, range(15))
+    stream(served, range(15, 35), -minute)
+    eventually(lambda: served.count("frames") >= 25, 10, f"frames of both {served.status}")
+    way = history(served)["cam0/history/odom"]
+    assert len(way) >= 8
+    assert way[-1].stamp < START
+    assert way[0].stamp < START
 
 
 def test_each_key_frame_has_a_cloud_of_its_own_colours_for_those_who_join_late(

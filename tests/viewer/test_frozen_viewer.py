@@ -1,6 +1,8 @@
 """A viewer that is stopped while it starts keeps nobody apart; a live run keeps its latency beside a stopped one."""
 
 import json
+import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -122,13 +124,13 @@ def _latencies_ms(poses: Subscriber, seconds: float) -> list[float]:
     return values
 
 
-def _meeting_point(run: int, timeout_s: float = 30.0) -> str:
-    """The endpoint that the processes of `odom run` meet at: the only one that the run itself listens on."""
+def _told_to_type(words: Path, timeout_s: float = 30.0) -> list[str]:
+    """The arguments of the `odom` command that a run prints for those who want to watch it."""
     deadline = time.monotonic() + timeout_s
-    while not (listening := [c for c in psutil.Process(run).net_connections("inet") if c.status == "LISTEN"]):
+    while (found := re.search(r"to watch it: odom (.+)", words.read_text())) is None:
         assert time.monotonic() < deadline
         time.sleep(0.1)
-    return f"tcp/127.0.0.1:{listening[0].laddr.port}"
+    return shlex.split(found[1])
 
 
 def _walked_m(odometry: Path) -> float:
@@ -155,7 +157,8 @@ def test_a_live_run_keeps_its_latency_beside_a_frozen_viewer_and_a_new_one_shows
         stack.callback(run.wait, 60)
         stack.callback(run.terminate)
         stack.callback(lambda: print(words.read_text()[-2000:]))
-        endpoint = _meeting_point(run.pid)
+        watch = _told_to_type(words)
+        endpoint = watch[watch.index("--connect") + 1]
         session = stack.enter_context(open_session(WireSettings(connect=(endpoint,), listen=())))
         poses = session.subscriber([Topics("cam0").odom], depth=64)
         assert poses.receive(120) is not None, words.read_text()
@@ -165,10 +168,7 @@ def test_a_live_run_keeps_its_latency_beside_a_frozen_viewer_and_a_new_one_shows
         viewer.send_signal(signal.SIGSTOP)
         frozen = _latencies_ms(poses, _PHASE_S)
         viewer.kill()
-        second = Running(
-            ["-m", "odom", "view", "--headless", "--rrd", str(tmp_path / "second.rrd")],
-            {"ODOM_WIRE__CONNECT": json.dumps([endpoint]), "ODOM_WIRE__LISTEN": "[]"},
-        )
+        second = Running(["-m", "odom", *watch, "--headless", "--rrd", str(tmp_path / "second.rrd")], {})
         stack.callback(second.kill)
         second.wait_for("showing cam0", 60)
         restarted = _latencies_ms(poses, _PHASE_S)

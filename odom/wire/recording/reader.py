@@ -1,7 +1,7 @@
 """Reads the messages of an MCAP recording in the order of their capture stamps, whole or cut."""
 
 import heapq
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -125,9 +125,16 @@ class RecordingReader:
         return Message(topic, schema.name, Stamp(raw.log_time) if stamp is None else stamp, raw.data)
 
 
-def recover(source: Path, target: Path, overwrite: bool = False) -> tuple[int, tuple[str, ...]]:
+def recover(
+    source: Path,
+    target: Path,
+    overwrite: bool = False,
+    progress: Callable[[int], None] = lambda messages: None,
+    stopped: Callable[[], bool] = lambda: False,
+) -> tuple[int, tuple[str, ...]]:
     """Copy every whole message of a damaged recording into a sound one, with its own schemas and channels.
 
+    `progress` is told how many are copied; once `stopped` says so, what is copied by then is a sound recording.
     Returns the number of messages and what was wrong. Raises RecordingError when nothing can be saved or `target`
     exists and may not be replaced.
     """
@@ -159,6 +166,9 @@ def recover(source: Path, target: Path, overwrite: bool = False) -> tuple[int, t
                     channels[channel.id], message.log_time, message.data, message.publish_time, message.sequence
                 )
                 count += 1
+                progress(count)
+                if stopped():
+                    break
             for entry in scan.metadata:
                 writer.add_metadata(entry.name, entry.metadata)
             writer.finish()  # type: ignore[no-untyped-call]  # mcap gives no type

@@ -1,0 +1,53 @@
+"""Ctrl-C ends the commands that work on files with what was done so far saved."""
+
+import json
+import signal
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from odom.frame import Stamp
+from odom.wire import Topics, codec
+from odom.wire.recording import RecordingReader, RecordingWriter
+
+Start = Callable[..., "subprocess.Popen[str]"]
+Eventually = Callable[..., None]
+
+MESSAGES = 300
+
+
+def test_an_interrupted_recover_leaves_a_sound_recording(odom: Start, eventually: Eventually, tmp_path: Path) -> None:
+    whole, mended = tmp_path / "whole.mcap", tmp_path / "mended.mcap"
+    noise = np.random.default_rng(1).integers(0, 256, (480, 640, 3), dtype=np.uint8)
+    with RecordingWriter(whole, "none") as writer:
+        for i in range(MESSAGES):
+            writer.write(codec.encode_color(Topics().color, Stamp(i), noise))
+    recover = odom("recover", whole, mended)
+    eventually(mended.exists, 30, "the file")
+    recover.send_signal(signal.SIGINT)
+    words, _ = recover.communicate(timeout=30)
+    assert recover.returncode == 0, words
+    assert "(interrupted)" in words
+    reader = RecordingReader(mended)
+    assert 0 < sum(1 for _ in reader.messages()) < MESSAGES
+    assert reader.complete
+    assert reader.counts() is not None
+
+
+def test_an_interrupted_measurement_gives_the_figures_so_far(
+    odom: Start, eventually: Eventually, tmp_path: Path
+) -> None:
+    figures, words = tmp_path / "cost.json", []
+    bench = odom("bench", "pipeline", "arena", "--seconds", "100", "--json", figures, ODOM_COUNT="1")
+    assert bench.stdout is not None
+    for line in bench.stdout:
+        words.append(line)
+        if line.startswith("@count") and int(line.split()[1]) > 5:
+            break
+    bench.send_signal(signal.SIGINT)
+    words.append(bench.communicate(timeout=60)[0])
+    assert bench.returncode == 0, words
+    assert 5 < json.loads(figures.read_text())["frames"] < 1000
+    assert "total" in words[-1]

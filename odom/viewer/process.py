@@ -87,7 +87,7 @@ class Viewer:
             count += 1
             try:
                 message = delivery_of(str(sample.key_expr), None, sample).message
-                if message.topic.endswith(("/history", "/history/odom")):
+                if message.topic == self.topics.odom_history or message.topic.endswith("/history"):
                     self._scene.history(message)
                 else:
                     self._draw(self._scene.handle(message))

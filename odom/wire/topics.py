@@ -15,7 +15,7 @@ TRUTH_HISTORY = "truth/*/history"
 _NAME = re.compile(r"[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*\Z")
 _DEFAULT = "cam0"
 _LONGEST_BODY = 64
-_TRUTH_NAME = re.compile(rf"truth/([A-Za-z0-9_]{{1,{_LONGEST_BODY}}})/(?:pose|history)\Z")
+_TRUTH_KEY = re.compile(rf"truth/([A-Za-z0-9_]{{1,{_LONGEST_BODY}}})/(?:pose|history)\Z")
 
 
 def truth(body: str) -> str:
@@ -31,9 +31,9 @@ def truth_history(body: str) -> str:
     return f"truth/{_part_of_a_key(body)}/history"
 
 
-def truth_body(topic: str) -> str | None:
-    """Return the body of a key of `truth`, or of its history; None where the key names none that `truth` would."""
-    found = _TRUTH_NAME.match(topic)
+def truth_body(key: str) -> str | None:
+    """Return the body of a key of `truth` or `truth_history`, None for a key that those would not give."""
+    found = _TRUTH_KEY.match(key)
     return None if found is None else found[1]
 
 

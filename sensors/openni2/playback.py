@@ -1,6 +1,7 @@
 """An .oni recording as a source, played frame by frame by the real library."""
 
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ from sensors.source import SourceOptions
 FIRST_NS = 1_000_000_000
 """An .oni file holds no date: its stamps count from one second after the epoch, for zero means unknown in ROS."""
 PATIENCE_S = 2.0
+_PLAYER_STOPS_S = 0.1
+"""The library's own thread must have noticed that streams are stopped before they are closed: it crashes otherwise."""
 
 
 class OniRecording:
@@ -141,6 +144,10 @@ class OniRecording:
             self._release()
 
     def _release(self) -> None:
+        for stream in self._streams:
+            stream.stop()
+        if self._streams:
+            time.sleep(_PLAYER_STOPS_S)
         for stream in self._streams:
             stream.close()
         self._streams = []

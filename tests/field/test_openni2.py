@@ -277,6 +277,24 @@ def test_an_oni_recording_is_played_bit_by_bit_and_ends(kinects: Kinects, tmp_pa
     assert intervals == pytest.approx(np.round(intervals), rel=1e-4)
 
 
+def test_an_oni_file_can_be_played_and_closed_many_times(kinects: Kinects, tmp_path: Path) -> None:
+    kinects(frames=60)
+    file = record_oni(tmp_path / "take.oni", 0.5)
+    script = """
+import sys
+from odom.wire import Topics
+from sensors.openni2 import open_kinect
+from sensors.source import SourceOptions
+
+for _ in range(40):
+    source = open_kinect(f"kinect:{sys.argv[1]}", SourceOptions(topics=Topics("cam0")))
+    assert sum(1 for _ in source.messages()) > 10
+    source.close()
+"""
+    played = subprocess.run([sys.executable, "-c", script, file], capture_output=True, text=True, check=False, timeout=120)
+    assert played.returncode == 0, played.stderr[-2000:]
+
+
 def test_an_oni_file_is_not_closed_under_who_reads_it(
     kinects: Kinects, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,12 +13,16 @@ def open_source(spec: str, options: SourceOptions) -> Source:
     It is `arena`, `kinect[:URI]`, `kinect:FILE.oni`, an .mcap recording, a ROS 2 bag folder or a TUM RGB-D folder;
     for truth alone `optitrack:SERVER` or a CSV file exported from Motive.
 
-    Raises ConfigError when `spec` is none of these, SourceError when it cannot be opened.
+    Raises ConfigError when `spec` is none of these or is live and to be looped, SourceError when it cannot be opened.
     """
     if options.loop:
         from sensors.loop import LoopedSource
 
-        return LoopedSource(open_source(spec, replace(options, loop=False)))
+        source = open_source(spec, replace(options, loop=False))
+        if not source.lossless:
+            source.close()
+            raise ConfigError(f"{spec} is live and cannot begin again: --loop is for recordings")
+        return LoopedSource(source)
     if spec == "arena":
         from sensors.arena import open_arena
 

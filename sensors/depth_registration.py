@@ -5,13 +5,13 @@ from functools import cached_property
 from pathlib import Path
 
 import cv2
-import numba
 import numpy as np
 import yaml
 from numpy.typing import NDArray
 
 from odom.errors import ConfigError
 from odom.frame import Camera
+from odom.registration.compiled import compiled
 
 Array = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ class DepthRegistration:
         return registered
 
 
-@numba.njit(cache=True)
+@compiled
 def _project(x: float, y: float, z: float, k: tuple[float, float, float, float], d: Array) -> tuple[float, float]:
     """Return the pixel of a point; `d` is OpenCV's k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 (without the tilted sensor)."""
     a, b = x / z, y / z
@@ -74,7 +74,7 @@ def _project(x: float, y: float, z: float, k: tuple[float, float, float, float],
     return k[0] * u + k[2], k[1] * v + k[3]
 
 
-@numba.njit(cache=True)
+@compiled
 def _splat(
     depth: NDArray[np.uint16],
     rays: Array,

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from odom.errors import RecordingError
+from odom.errors import ConfigError, RecordingError
 from odom.frame import Stamp, from_seconds
 from odom.wire import Message, truth
 from odom.wire.codec import cdr, decode_camera_info, encode_camera_info, restamp
@@ -32,7 +32,7 @@ class ReplaySource:
     ) -> None:
         topics = options.topics
         named = dict(options.topics_from)
-        truths = _truths(streams, named.pop(_TRUTH_ROLE, None))
+        truths = _truths(streams, counts, named.pop(_TRUTH_ROLE, None))
         camera = None if options.camera is None else load_calibration(options.camera).camera
         self._roles: Roles = assign_roles(streams, named, need_calibration=camera is None)
         self._reader = reader
@@ -111,13 +111,24 @@ def _is_raw(stream: Stream) -> bool:
     return stream.type_name == cdr.IMAGE
 
 
-def _truths(streams: list[Stream], named: str | None) -> dict[str, str]:
-    """Return topic to key of the motion capture poses: those named truth/<body>/pose, or the one that is named."""
-    if named is not None:
-        topic = named.removeprefix("/")
-        return {topic: truth(topic.split("/")[-1] if topic.split("/")[-1] != "pose" else topic.split("/")[-2])}
-    return {
-        stream.topic: stream.topic
-        for stream in streams
-        if stream.type_name == cdr.POSE and stream.topic.startswith("truth/")
-    }
+def _truths(streams: list[Stream], counts: Mapping[str, int], named: str | None) -> dict[str, str]:
+    """Return topic to key of the motion capture poses: those named truth/<body>/pose, or the one that is named.
+
+    Raises ConfigError when that one is not there or holds something else.
+    """
+    # a topic that begins behind what was peeked at is taken at its name
+    types = {**dict.fromkeys(counts, cdr.POSE), **{stream.topic: stream.type_name for stream in streams}}
+    if named is None:
+        return {
+            topic: truth(topic.removeprefix("truth/").removesuffix("/pose"))
+            for topic, type_name in types.items()
+            if type_name == cdr.POSE and topic.startswith("truth/")
+        }
+    topic = named.removeprefix("/")
+    if types.get(topic) != cdr.POSE:
+        held = ", ".join(f"/{other}" for other, type_name in types.items() if type_name == cdr.POSE) or "none"
+        raise ConfigError(
+            f"--topic {_TRUTH_ROLE}={named}: give one of the recording that holds {cdr.POSE}; these do: {held}"
+        )
+    body = [word for word in topic.split("/") if word != "pose"]
+    return {topic: truth(body[-1] if body else "")}

@@ -23,7 +23,10 @@ class Source(Protocol):
         """Yield the messages; a live source blocks until the next one is due, a recorded one begins anew each time."""
 
     def close(self) -> None:
-        """Give back the device or file; safe to call twice and from a signal's clean-up."""
+        """Give back the device or file; `messages` then ends, although another thread may wait in it.
+
+        Safe to call twice and from a signal's clean-up.
+        """
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,7 @@ class SourceOptions:
     `start` and `end` are seconds from the beginning of a recording, `rate` is the speed of `realtime` playback.
     `camera` replaces the calibration. `color` is how a live sensor sends colour: `jpeg` or `raw`; `depth`: `raw`,
     `rvl` or `png`. `topics_from` names the recording's own topics where types do not settle them
-    (keys `color`, `depth`, `camera_info`). `sensor`, `seed`, `seconds` and `live` steer the simulated arena.
+    (keys `color`, `depth`, `camera_info`, `truth`). `sensor`, `seed`, `seconds` and `live` steer the simulated arena.
     """
 
     topics: Topics = field(default_factory=Topics)

@@ -131,7 +131,9 @@ class TumSource:
                 log.warning("%s: left out %s: %s", self._folder, entry.values[0], error)
 
     def close(self) -> None:
-        """End `messages` at the next message."""
+        """End `messages` at the next message, and say how many files were left out."""
+        if self.damaged and not self._closed:
+            log.warning("%s: %d files were left out", self._folder, self.damaged)
         self._closed = True
 
     def _color_message(self, entry: TumEntry) -> Message:

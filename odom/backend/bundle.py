@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from odom.backend.pose import CAUCHY_CHI2, projection_terms
 from odom.registration import se3
@@ -16,6 +16,8 @@ from odom.registration.compiled import compiled
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+
+_LEAST_DAMPING = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,6 +237,20 @@ def adjust(
         change = bundle.timing_change
         return S, rhs, V_inverse, b_landmark, W_timing, W, cost + float(change @ timing_information @ change)
 
+    def moved(bundle: Bundle, S_damped: Array, gradient: Array) -> Bundle | None:
+        try:
+            factor = cho_factor(S_damped, overwrite_a=True, check_finite=False)
+        except LinAlgError:  # rounding left it indefinite
+            return None
+        step = cho_solve(factor, gradient, check_finite=False)
+        T_camera_map = bundle.T_camera_map.copy()
+        for k in np.flatnonzero(~is_fixed):
+            T_camera_map[k] = se3.orthonormal(se3.exp(step[6 * free[k] : 6 * free[k] + 6]) @ T_camera_map[k])
+        landmarks = _substitute(
+            bundle.landmarks, free, o.keyframe, o.landmark, V_inverse, b_landmark, W_timing, W, step
+        )
+        return Bundle(T_camera_map, landmarks, bundle.timing_change + step[poses:])
+
     damping = 1e-5
     best = start
     S, rhs, V_inverse, b_landmark, W_timing, W, cost = reduced(best, damping)
@@ -244,17 +260,12 @@ def adjust(
         S_damped[poses:, poses:] += timing_information
         gradient = rhs.copy()
         gradient[poses:] -= timing_information @ best.timing_change
-        step = cho_solve(cho_factor(S_damped, overwrite_a=True, check_finite=False), gradient, check_finite=False)
-        T_camera_map = best.T_camera_map.copy()
-        for k in np.flatnonzero(~is_fixed):
-            T_camera_map[k] = se3.orthonormal(se3.exp(step[6 * free[k] : 6 * free[k] + 6]) @ T_camera_map[k])
-        moved = _substitute(best.landmarks, free, o.keyframe, o.landmark, V_inverse, b_landmark, W_timing, W, step)
-        trial = Bundle(T_camera_map, moved, best.timing_change + step[poses:])
-        system = reduced(trial, damping * 0.1)
-        if system[-1] < cost:
+        trial, less_damping = moved(best, S_damped, gradient), max(0.1 * damping, _LEAST_DAMPING)
+        system = None if trial is None else reduced(trial, less_damping)
+        if trial is not None and system is not None and system[-1] < cost:
             gained = cost - system[-1]
             S, rhs, V_inverse, b_landmark, W_timing, W, cost = system
-            best, damping = trial, damping * 0.1
+            best, damping = trial, less_damping
             if gained < 1e-4 * cost:
                 break
         else:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from odom.backend.estimate import RelativePose
 from odom.backend.history import covariance_since_start, relative_covariance, relative_pose
-from odom.backend.keyframes import Keyframe
+from odom.backend.map import Map
 from odom.backend.motion import Agility, Course
 from odom.backend.placed import Placed, PlacedFrames
 from odom.backend.selfcheck import SelfCheck
@@ -41,12 +41,12 @@ class Publication:
 class CausalTrajectory:
     """The frames' places (`frames`, for the middle row) and the newest publications.
 
-    `keyframes` is the map's list, which grows and moves meanwhile.
+    The `map_` grows and moves meanwhile.
     """
 
-    def __init__(self, keyframes: list[Keyframe]) -> None:
+    def __init__(self, map_: Map) -> None:
         self.frames = PlacedFrames()
-        self._keyframes = keyframes
+        self._map = map_
         self._recent: deque[Publication] = deque(maxlen=_RECENT)
         self._agility = Agility()
         self._course: Course | None = None
@@ -100,6 +100,7 @@ class CausalTrajectory:
             middle,
             T_keyframe_camera=middle.T_keyframe_camera @ se3.inverse(T_odom_middle) @ carried.T_fixed_camera,
             covariance=carried.covariance + np.outer(motion.twist, motion.twist) * stamp_sigma_s**2,
+            delay_s=0.0,
         )
         T_middle_stamp = se3.inverse(motion.T_fixed_camera) @ carried.T_fixed_camera
         going = motion.covariance_of_going(middle.delay_s)
@@ -120,7 +121,7 @@ class CausalTrajectory:
     def _motion_since(
         self, earlier: Publication, current: Publication, inliers: int, check: SelfCheck
     ) -> RelativePose | None:
-        covariance = relative_covariance(self._keyframes, earlier.placed, current.placed, check.calibration_error)
+        covariance = relative_covariance(self._map, earlier.placed, current.placed, check.calibration_error)
         stamp = earlier.placed.stamp
         return relative_pose(earlier.T_odom_camera, current.T_odom_camera, covariance, stamp, inliers)
 
@@ -137,7 +138,7 @@ class CausalTrajectory:
             T_keyframe_camera=last.placed.T_keyframe_camera @ step,
             covariance=last.placed.covariance + np.diag((_BRIDGE_SIGMA * dt) ** 2),
         )
-        self.frames.append(replace(placed, delay_s=0.0))
+        self.frames.append(placed)
         self._recent.append(Publication(placed, last.T_odom_camera @ step))
         return self._recent[-1]
 
@@ -149,4 +150,4 @@ class CausalTrajectory:
 
     def covariance_since_start(self, publication: Publication, check: SelfCheck) -> Array | None:
         """Return the 6 x 6 covariance (`se3`) of a published pose since its segment began."""
-        return covariance_since_start(self._keyframes, publication.placed, check.calibration_error)
+        return covariance_since_start(self._map.keyframes, publication.placed, check.calibration_error)

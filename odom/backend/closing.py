@@ -1,15 +1,13 @@
 """Closing loops: places that look alike, verified by geometry, held against the chain, and then acted upon."""
 
-from collections import defaultdict
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from odom.backend.graph import Edge, optimise
-from odom.backend.keyframes import Keyframe
+from odom.backend.history import long_after, wrong_calibration
 from odom.backend.map import Map
-from odom.backend.tree import covariance_between, graft
 from odom.frontend.places import Place, PlaceIndex, match_places
 from odom.registration import se3
 from odom.registration.default import register
@@ -50,19 +48,19 @@ def recognise(index: PlaceIndex, place: Place, excluded: set[int]) -> list[Recog
     return out
 
 
-def contradiction(
-    map_: Map, candidate: int, keyframe: int, T_candidate_keyframe: Array, covariance: Array, scale: float
-) -> str:
+def contradiction(map_: Map, edge: Edge, calibration_error: float) -> str:
     """Say how a closure contradicts the chain of key frames between the two; empty where it does not.
 
-    `covariance` (6 x 6) is the closure's; the chain's is multiplied by `scale`, and both are given two sigma's credit.
+    `calibration_error` is the share of a motion by which the chain may err as a whole; both chain and closure are given
+    two sigma's credit.
     """
-    a, b = map_.keyframes[candidate], map_.keyframes[keyframe]
-    if a.segment != b.segment:
+    a, b = map_.keyframes[edge.a], map_.keyframes[edge.b]
+    chain = map_.registrations.covariance_between(edge.a, edge.b)
+    if chain is None:
         return ""
-    T_chain = a.T_camera_map @ se3.inverse(b.T_camera_map)
-    away = se3.log(se3.inverse(T_chain) @ T_candidate_keyframe)
-    S = scale * covariance_between(map_.keyframes, candidate, keyframe) + covariance
+    T_a_b = a.T_camera_map @ se3.inverse(b.T_camera_map)
+    away = se3.log(se3.inverse(T_a_b) @ edge.T_a_b)
+    S = chain + wrong_calibration(T_a_b, calibration_error) + long_after(edge.covariance)
     chi2 = float(away @ np.linalg.solve(S * _CHAIN_SIGMA_SCALE**2 + 1e-12 * np.eye(6), away))
     if chi2 <= _CHI2_6_9999:
         return ""
@@ -70,44 +68,36 @@ def contradiction(
     return f"contradicts the chain by {metres:.2f} m and {degrees:.1f} deg ({np.sqrt(chi2):.0f} sigma)"
 
 
-def close_loop(map_: Map, loops: list[Edge], scale: float) -> None:
-    """Move the key frames of a segment to where all registrations and `loops` (the newest last) agree best.
+def close_loop(map_: Map, edge: Edge) -> None:
+    """Move the key frames of a segment to where all registrations, the closure `edge` among them, agree best.
 
     The oldest one remembered is held, forgotten ones follow.
     """
-    members = map_.members(map_.keyframes[loops[-1].b].segment)
+    map_.register(edge)
+    members = map_.members(map_.keyframes[edge.b].segment)
     T_map_keyframe = {k.number: se3.inverse(k.T_camera_map) for k in members}
-    edges = [
-        Edge(
-            k.parent,
-            k.number,
-            map_.keyframes[k.parent].T_camera_map @ T_map_keyframe[k.number],
-            k.covariance_parent * scale,
-        )
-        for k in members
-        if k.parent is not None and k.parent in T_map_keyframe
-    ]
-    loops = [edge for edge in loops if edge.a in T_map_keyframe and edge.b in T_map_keyframe]
-    moved = optimise(T_map_keyframe, members[0].number, edges + loops)
+    moved = optimise(T_map_keyframe, members[0].number, map_.registrations.among(T_map_keyframe.keys()))
     numbers = np.array(sorted(moved))
     map_.move_keyframes(numbers, np.array([se3.inverse(moved[int(n)]) for n in numbers]), np.zeros(0, dtype=np.int64))
 
 
 def merge_segment(map_: Map, edge: Edge) -> None:
-    """Carry the whole segment of key frame `edge.b` into the map of `edge.a`'s, to where they were registered."""
+    """Carry the whole segment of key frame `edge.b` into the map of `edge.a`'s, to where they were registered.
+
+    It is as sure of that one's start then as the registration allows, and its chain from there.
+    """
     a, b = map_.keyframes[edge.a], map_.keyframes[edge.b]
     merged = [k for k in map_.keyframes if k.segment == b.segment]
     T_old_new = se3.inverse(b.T_camera_map) @ se3.inverse(edge.T_a_b) @ a.T_camera_map
     numbers = np.array([k.number for k in map_.members(b.segment)])
     T_camera_map = np.array([map_.keyframes[int(n)].T_camera_map @ T_old_new for n in numbers])
     map_.move_keyframes(numbers, T_camera_map, np.zeros(0, dtype=np.int64))
-    graft(map_.keyframes, edge.b, edge.a, edge.covariance)
-    children: dict[int | None, list[Keyframe]] = defaultdict(list)
     for k in merged:
-        k.segment = a.segment
-        children[k.parent].append(k)
-    grown = [b]
-    while grown:
-        k = grown.pop()
-        k.covariance_since_start = map_.covariance_since_start(k.T_camera_map, k.parent, k.covariance_parent)
-        grown += children[k.number]
+        k.segment, k.first = a.segment, a.first
+    reached, onward = {a.number}, [edge]
+    while onward:
+        step = onward.pop()
+        if step.b not in reached:
+            reached.add(step.b)
+            onward += [e for e in map_.registrations.of(step.b) if not e.is_loop]
+            map_.register(step)

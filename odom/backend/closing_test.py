@@ -3,10 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from odom.backend.belief import LEAST_FOUND_AGAIN
 from odom.backend.estimate import ClosingTest, RelativePose
 from odom.backend.history import long_after
-from odom.backend.keyframes import first_of
-from odom.backend.mapper import LEAST_FOUND_AGAIN, Mapper
+from odom.backend.keyframes import Keyframe
+from odom.backend.mapper import Mapper
 from odom.backend.selfcheck import SelfCheck
 from odom.frontend.view import View
 from odom.registration import se3
@@ -16,19 +17,18 @@ Array = NDArray[np.float64]
 
 def closing_test(
     mapper: Mapper,
-    segment: int,
+    first: Keyframe,
     view: View,
     T_camera_map: Array,
     twist: Array,
     pairwise: RelativePose | None,
     check: SelfCheck,
 ) -> ClosingTest | None:
-    """Compare where the trajectory has the last `view` with where the first key frame of its `segment` sees it.
+    """Compare where the trajectory has the last `view` with where the `first` key frame of its segment sees it.
 
     `twist` (6, SI) is its motion and `pairwise` the one since the frame before. Returns None where the view does not
     show what the first key frame did, or that one is forgotten.
     """
-    first = first_of(mapper.map.keyframes, segment)
     if first.number not in mapper.map.remembered:
         return None
     tracked = mapper.track_against(np.array([first.number]), view, T_camera_map, twist, check.noise)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.backend.belief import is_carried, is_enough, is_same_view
+from odom.backend.belief import is_carried, is_enough, is_known_place, is_same_view
 from odom.backend.causal import Publication
 from odom.backend.closing import recognise
 from odom.backend.estimate import RelativePose
@@ -93,7 +93,7 @@ def follow(
             return None
         # the place must be the one seen before, not one that looks alike
         is_chained = is_same_view(tracked, was.previous.tracked) and not was.is_bridged
-        return tracked if is_chained or mapper.is_known_place(tracked) else None
+        return tracked if is_chained or is_known_place(tracked) else None
 
     tracked = tracked_from(follow_coarsely(was, mapper, view.images, dt) if T_coarse is None else T_coarse)
     if tracked is None or was.previous.tracked is not None:
@@ -104,8 +104,11 @@ def follow(
     return tracked_from(follow_coarsely(was, mapper, view.images, dt))
 
 
-def relocalise(mapper: Mapper, check: SelfCheck, view: View) -> tuple[Tracked, int] | None:
-    """Return a frame tracked from a key frame that it is recognised to show, and the segment; None without any."""
+def relocalise(was: Whereabouts | None, mapper: Mapper, check: SelfCheck, view: View, dt: float) -> Tracked | None:
+    """Return a frame tracked from a key frame that it is recognised to show, None without any.
+
+    In the segment where it `was` `dt` seconds ago, the camera must have been able to get there since.
+    """
     still = np.zeros(6)
     place = describe_place(view, mapper.lens, still, mapper.timing, check.noise)
     for recognition in recognise(mapper.index, place, set()):
@@ -114,6 +117,13 @@ def relocalise(mapper: Mapper, check: SelfCheck, view: View) -> tuple[Tracked, i
         keyframe = mapper.map.keyframes[recognition.candidate]
         T_camera_map = se3.inverse(recognition.registration.T_target_source) @ keyframe.T_camera_map
         tracked = mapper.track(view, T_camera_map, still, keyframe.number, check.noise)
-        if mapper.is_known_place(tracked):
-            return tracked, keyframe.segment
+        if is_known_place(tracked) and (was is None or _is_within_reach(was, mapper, tracked, dt)):
+            return tracked
     return None
+
+
+def _is_within_reach(was: Whereabouts, mapper: Mapper, tracked: Tracked, dt: float) -> bool:
+    keyframes = mapper.map.keyframes
+    if dt <= 0.0 or keyframes[was.near].segment != keyframes[tracked.reference].segment:
+        return True
+    return is_carried(-se3.log(tracked.T_camera_map @ se3.inverse(was.T_camera_map)) / dt)

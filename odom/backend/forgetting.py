@@ -1,7 +1,7 @@
 """Forgetting key frames, so that the map is bounded: the oldest that are not needed now give up all they measured.
 
-What stays of a forgotten key frame is its pose, parent and covariances, some 2 KB: frames that were placed by it, and
-chains of covariances through it, still need them. That has no bound of its own; eight hours of nothing but new places,
+What stays of a forgotten key frame is its pose and its registration with its heir, some 2 KB: frames that were placed
+by it still need them. That has no bound of its own; eight hours of nothing but new places,
 a key frame every half second, come to 100 MB, as much as the frames' own places.
 
 A forgotten key frame moves rigidly with its heir: of the key frames that it was registered with, the nearest one. Where
@@ -12,10 +12,7 @@ coming back the past is corrected with what is there now. Nobody moves the last 
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.backend.keyframes import Keyframe
 from odom.backend.map import Map
-from odom.backend.tree import turn_round
-from odom.registration import se3
 
 Index = NDArray[np.int64]
 
@@ -36,32 +33,16 @@ def forget(map_: Map, number: int) -> None:
     landmarks.cull(np.flatnonzero(landmarks.alive & (landmarks.keyframe == number)))
     keyframe.forget()
     map_.remembered.remove(number)
-    children = [map_.keyframes[n] for n in map_.remembered if map_.keyframes[n].parent == number]
-    heir = _heir(map_, keyframe, children)
     for other in map_.links[number]:
         map_.links[other].discard(number)
     map_.links[number] = set()
-    followers = map_.followers.pop(number, [])
-    if heir is None:
-        return
-    map_.followers.setdefault(heir.number, []).extend([*followers, number])
-    if heir.parent == number:
-        turn_round(keyframe, heir)
-        children.remove(heir)
-        if heir.parent is not None:
-            map_.link(heir.number, heir.parent)
-    for child in children:
-        T_keyframe_child = keyframe.T_camera_map @ se3.inverse(child.T_camera_map)
-        child.covariance_parent = se3.compose_covariance(
-            keyframe.covariance_parent, T_keyframe_child, child.covariance_parent
-        )
-        child.parent = heir.number
-        map_.link(heir.number, child.number)
-
-
-def _heir(map_: Map, keyframe: Keyframe, children: list[Keyframe]) -> Keyframe | None:
-    """Return the nearest key frame registered with this one; without any, one of its segment; None without those."""
-    registered = [k.number for k in children]
-    registered += [] if keyframe.parent is None else [keyframe.parent]
+    registered = [edge.b for edge in map_.registrations.of(number) if not edge.is_loop]
     near = registered or [n for n in map_.remembered if map_.keyframes[n].segment == keyframe.segment]
-    return map_.keyframes[int(map_.nearest(near, keyframe.T_camera_map)[0])] if near else None
+    followers = map_.followers.pop(number, [])
+    if not near:
+        return
+    heir = int(map_.nearest(near, keyframe.T_camera_map)[0])
+    map_.followers.setdefault(heir, []).extend([*followers, number])
+    if registered:
+        for other in map_.registrations.hand_over(number, heir):
+            map_.link(heir, other)

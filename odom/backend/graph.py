@@ -1,9 +1,12 @@
 """The pose graph of key frames: registrations as edges, loop closures with robust weights (gtsam inside)."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from odom.registration import se3
 
 Array = NDArray[np.float64]
 
@@ -19,6 +22,23 @@ class Edge:
     T_a_b: Array
     covariance: Array
     is_loop: bool = False
+
+    @cached_property
+    def variance(self) -> float:
+        """The trace of the covariance; metres and radians count alike, as they do for a feature at a metre."""
+        return float(np.trace(self.covariance))
+
+    def seen_from(self, number: int) -> "Edge":
+        """Return the same registration with key frame `number`, one of the two, as `a`."""
+        if number == self.a:
+            return self
+        covariance = se3.inverse_covariance(self.T_a_b, self.covariance)
+        return Edge(self.b, self.a, se3.inverse(self.T_a_b), covariance, self.is_loop)
+
+    def then(self, onward: "Edge") -> "Edge":
+        """Return the registration of `a` and `onward.b` by way of `b`, where `onward` begins."""
+        covariance = se3.compose_covariance(self.covariance, onward.T_a_b, onward.covariance)
+        return Edge(self.a, onward.b, self.T_a_b @ onward.T_a_b, covariance, self.is_loop or onward.is_loop)
 
 
 def optimise(T_map_keyframe: dict[int, Array], held: int, edges: list[Edge]) -> dict[int, Array]:

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.backend.estimate import RelativePose, TrajectoryPose
-from odom.backend.keyframes import Keyframe, first_of
+from odom.backend.keyframes import Keyframe
+from odom.backend.map import Map
 from odom.backend.placed import Placed
-from odom.backend.tree import covariance_between
 from odom.frame import Stamp
 from odom.registration import se3
 
@@ -27,31 +27,35 @@ def long_after(covariance: Array) -> Array:
     return (1.0 + _SHARED) * covariance
 
 
-def relative_covariance(
-    keyframes: list[Keyframe], earlier: Placed, current: Placed, calibration_error: float
-) -> Array | None:
+def wrong_calibration(T_earlier_current: Array, calibration_error: float) -> Array:
+    """Return the 6 x 6 covariance of a motion of which a wrong calibration adds or hides that share.
+
+    A focal length that is off takes rotation for translation, at a scene depth of about a metre.
+    """
+    moved = calibration_error * se3.log(T_earlier_current)
+    return np.asarray(float(moved @ moved) * np.eye(6))
+
+
+def relative_covariance(map_: Map, earlier: Placed, current: Placed, calibration_error: float) -> Array | None:
     """Return the 6 x 6 covariance (`se3`, current camera frame) of T_earlier_current, None over a loss or segments.
 
     Each frame's own error is white; the errors that frames share part exponentially with time (Ornstein-Uhlenbeck).
-    `calibration_error` is the share of the motion that a wrong calibration adds or hides; a focal length that is off
-    takes rotation for translation, at a scene depth of about a metre.
     """
     if earlier.keyframe is None or earlier.T_keyframe_camera is None or earlier.covariance is None:
         return None
     if current.keyframe is None or current.T_keyframe_camera is None or current.covariance is None:
         return None
-    a, b = keyframes[earlier.keyframe], keyframes[current.keyframe]
-    if a.segment != b.segment:
+    a, b = map_.keyframes[earlier.keyframe], map_.keyframes[current.keyframe]
+    between = map_.registrations.covariance_between(a.number, b.number) if a.segment == b.segment else None
+    if between is None:
         return None
     T_current_b = se3.inverse(current.T_keyframe_camera)
     T_current_earlier = T_current_b @ b.T_camera_map @ se3.inverse(a.T_camera_map) @ earlier.T_keyframe_camera
     A_b, A_earlier = se3.adjoint(T_current_b), se3.adjoint(T_current_earlier)
-    between = covariance_between(keyframes, earlier.keyframe, current.keyframe)
     apart_s = (current.stamp - earlier.stamp) * 1e-9
     parted = 1.0 + _SHARED * (1.0 - np.exp(-apart_s / _SHARED_S))
     ends = current.covariance + A_earlier @ earlier.covariance @ A_earlier.T
-    moved = calibration_error * se3.log(T_current_earlier)
-    calibration = float(moved @ moved) * np.eye(6)
+    calibration = wrong_calibration(se3.inverse(T_current_earlier), calibration_error)
     return np.asarray(parted * ends + A_b @ between @ A_b.T + calibration)
 
 
@@ -60,10 +64,9 @@ def covariance_since_start(keyframes: list[Keyframe], placed: Placed, calibratio
     if placed.keyframe is None or placed.T_keyframe_camera is None or placed.covariance is None:
         return None
     keyframe = keyframes[placed.keyframe]
-    first = first_of(keyframes, keyframe.segment)
-    T_first_keyframe = first.T_camera_map @ se3.inverse(keyframe.T_camera_map)
-    moved = calibration_error * se3.log(T_first_keyframe @ placed.T_keyframe_camera)
-    own = long_after(placed.covariance) + float(moved @ moved) * np.eye(6)
+    T_first_keyframe = keyframes[keyframe.first].T_camera_map @ se3.inverse(keyframe.T_camera_map)
+    T_first_camera = T_first_keyframe @ placed.T_keyframe_camera
+    own = long_after(placed.covariance) + wrong_calibration(T_first_camera, calibration_error)
     return se3.compose_covariance(keyframe.covariance_since_start, placed.T_keyframe_camera, own)
 
 

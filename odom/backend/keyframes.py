@@ -37,17 +37,16 @@ class Observed:
 class Keyframe(Observed):
     """A frame whose measurements are kept, at `uv` (n x 2 px); `T_camera_map` moves as the map is adjusted.
 
-    `parent` is the key frame it was registered against and `covariance_parent` (6 x 6, `se3` convention, in this key
-    frame's camera) that registration's.
+    `first` is the key frame that its segment began with, `covariance_since_start` (6 x 6, `se3`, camera frame) that of
+    the motion since.
     """
 
     number: int
     stamp: Stamp
     segment: int
+    first: int
     T_camera_map: Array
     uv: Array
-    parent: int | None
-    covariance_parent: Array
     covariance_since_start: Array
 
     def forget(self) -> None:
@@ -56,18 +55,11 @@ class Keyframe(Observed):
         self.uv, self.measurements = _NO_UV, _NOTHING_MEASURED
 
 
-def first_of(keyframes: Sequence[Keyframe], segment: int) -> Keyframe:
-    """Return the key frame that a segment began with; a segment has one."""
-    return next(keyframe for keyframe in keyframes if keyframe.segment == segment)
-
-
-def gather_observations(
-    frames: Sequence[Observed], landmarks: Landmarks, timing: Timing, only_rows: Index | None = None
-) -> tuple[Observations, Index]:
+def gather_observations(frames: Sequence[Observed], landmarks: Landmarks, timing: Timing) -> tuple[Observations, Index]:
     """Return what `frames` measured of the landmarks that at least two of them share, and those landmarks' rows.
 
     Numbers of frames and landmarks in the result count from 0 in the order given and returned; the values are
-    carried to `timing`. `only_rows` restricts the landmarks.
+    carried to `timing`.
     """
     frame_numbers, rows, values, jacobians, variances = [], [], [], [], []
     for number, frame in enumerate(frames):
@@ -81,8 +73,6 @@ def gather_observations(
     row = np.concatenate(rows)
     unique, index, count = np.unique(row, return_inverse=True, return_counts=True)
     useful = count >= 2
-    if only_rows is not None:
-        useful &= np.isin(unique, only_rows)
     number_of = np.cumsum(useful) - 1
     keep = np.flatnonzero(useful[index])
     keep = keep[np.argsort(number_of[index[keep]], kind="stable")]

@@ -18,8 +18,9 @@ class Landmarks:
 
     Rows: `position` (3, m, map frame), `covariance` (3 x 3, m^2, map frame, given its key frame's pose), `keyframe`
     (number of the key frame it was first seen in), `uv` (2, px) and `plane` (inverse depth and its slope per pixel)
-    there, `patch_full`, `patch_half`; `seen` and `tried` count frames; `alive` is False for a row to be used again;
-    `identity` is never used again, so that an old observation of a row can be told from one of its new landmark.
+    there, `patch_full`, `patch_half`; `seen` and `tried` count the frames that were placed; `alive` is
+    False for a row to be used again; `identity` is never used again, so that an old observation of a row can be told
+    from one of its new landmark.
     """
 
     def __init__(self) -> None:

@@ -5,8 +5,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from odom.backend.graph import Edge
 from odom.backend.keyframes import Keyframe
 from odom.backend.landmarks import Landmarks
+from odom.backend.registrations import Registrations
 from odom.frame import Stamp
 from odom.frontend.images import FrameImages
 from odom.frontend.measure import Measurements, points_of
@@ -38,6 +40,7 @@ class Map:
     keyframes: list[Keyframe] = field(default_factory=list)
     links: list[set[int]] = field(default_factory=list)
     remembered: list[int] = field(default_factory=list)
+    registrations: Registrations = field(default_factory=Registrations)
     followers: dict[int, list[int]] = field(default_factory=dict)
 
     def add_keyframe(
@@ -52,12 +55,12 @@ class Map:
         corners: Array,
         measured_corners: Measurements,
         timing: Timing,
-        parent: int | None,
-        covariance_parent: Array,
+        against: int | None,
+        covariance: Array,
     ) -> Keyframe:
         """Keep a frame that measured known landmarks (`rows` at `uv`) and new `corners`, which become landmarks.
 
-        `parent` is the key frame it was registered against, `covariance_parent` (6 x 6) that registration's.
+        `against` is the key frame it was registered against, with that `covariance` (6 x 6); None begins a segment.
         """
         number = len(self.keyframes)
         new_rows = self._add_landmarks(number, T_camera_map, images, corners, measured_corners)
@@ -66,23 +69,34 @@ class Map:
             number=number,
             stamp=stamp,
             segment=segment,
+            first=number if against is None else self.keyframes[against].first,
             T_camera_map=T_camera_map.copy(),
             rows=all_rows,
             identities=self.landmarks.identity[all_rows].copy(),
             uv=np.concatenate([uv, corners]),
             measurements=measurements.joined(measured_corners),
             timing=timing,
-            parent=parent,
-            covariance_parent=covariance_parent,
-            covariance_since_start=self.covariance_since_start(T_camera_map, parent, covariance_parent),
+            covariance_since_start=covariance,
         )
         self.keyframes.append(keyframe)
         self.remembered.append(number)
         anchors, shared = np.unique(self.landmarks.keyframe[rows], return_counts=True)
         self.links.append(set())
-        for other in [int(a) for a in anchors[shared >= _LINKED]] + ([] if parent is None else [parent]):
+        for other in anchors[shared >= _LINKED].tolist():
             self.link(number, other)
+        if against is not None:
+            T_against_keyframe = self.keyframes[against].T_camera_map @ se3.inverse(T_camera_map)
+            self.register(Edge(against, number, T_against_keyframe, covariance))
         return keyframe
+
+    def register(self, edge: Edge) -> None:
+        """Take note of a registration; unless it closes a loop, `edge.b` is as sure of the start as `edge.a` and it."""
+        self.registrations.add(edge)
+        self.link(edge.a, edge.b)
+        if not edge.is_loop:
+            self.keyframes[edge.b].covariance_since_start = se3.compose_covariance(
+                self.keyframes[edge.a].covariance_since_start, edge.T_a_b, edge.covariance
+            )
 
     def _add_landmarks(
         self, keyframe: int, T_camera_map: Array, images: FrameImages, corners: Array, measured: Measurements
@@ -117,15 +131,6 @@ class Map:
             se3.inverse(keyframe.T_camera_map), np.column_stack([x, y, np.ones_like(x)]) / w[:, None]
         )
         L.plane[rows] = np.column_stack([w, measured.slope[own]])
-
-    def covariance_since_start(self, T_camera_map: Array, parent: int | None, covariance_parent: Array) -> Array:
-        """Return a key frame's 6 x 6 covariance since its segment began, from its registration against `parent`."""
-        if parent is None:
-            return covariance_parent
-        T_parent_keyframe = self.keyframes[parent].T_camera_map @ se3.inverse(T_camera_map)
-        return se3.compose_covariance(
-            self.keyframes[parent].covariance_since_start, T_parent_keyframe, covariance_parent
-        )
 
     def link(self, a: int, b: int) -> None:
         """Let the landmarks of key frames `a` and `b` be looked for together."""
@@ -192,6 +197,8 @@ class Map:
             T_new_old = se3.inverse(T) @ keyframe.T_camera_map
             rows = np.flatnonzero(follows & (L.keyframe == number))
             L.position[rows] = se3.apply(T_new_old, L.position[rows])
+            R_new_old = T_new_old[:3, :3]
+            L.covariance[rows] = R_new_old @ L.covariance[rows] @ R_new_old.T
             keyframe.T_camera_map = se3.orthonormal(T)
             for follower in (self.keyframes[n] for n in self.followers.get(int(number), ())):
                 follower.T_camera_map = se3.orthonormal(follower.T_camera_map @ se3.inverse(T_new_old))

@@ -1,79 +1,50 @@
-"""Growing and correcting the map: key frames, adjustment and place recognition in the background, loop closure."""
-
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+"""Growing the map, and keeping it adjusted and bounded."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from odom.backend import window
+from odom.backend.background import Background, Described, Seen
 from odom.backend.bundle import Bundle
-from odom.backend.closing import Recognition, close_loop, contradiction, merge_segment, recognise
-from odom.backend.estimate import LoopCandidate
+from odom.backend.closing import recognise
 from odom.backend.forgetting import forget, oldest_beyond
-from odom.backend.graph import Edge
 from odom.backend.keyframes import Keyframe
 from odom.backend.map import Map
 from odom.backend.selfcheck import SelfCheck
 from odom.backend.settings import OdometrySettings
 from odom.backend.sightings import Sightings
+from odom.backend.timing_estimate import TimingEstimate
 from odom.backend.tracking import Before, Tracked, track
 from odom.frame import Camera
 from odom.frontend.corners import detect_corners
 from odom.frontend.lens import Lens
 from odom.frontend.measure import FeatureNoise, Measurements, measure
-from odom.frontend.places import Place, PlaceIndex, describe_place
+from odom.frontend.places import PlaceIndex, describe_place
 from odom.frontend.timing import Timing
 from odom.frontend.view import View
-from odom.registration import se3
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _FARTHEST_M = 8.0
-_TIMING_FORGET = 0.95
-LEAST_FOUND_AGAIN = 30
-_SHARE_IN_CHAIN, _SHARE_WITHOUT_CHAIN = 0.2, 0.35
-"""Of the landmarks looked for, what must be found again: less where the chain of key frames agrees as well."""
 _NO_ROWS = np.zeros(0, dtype=np.int64)
 
 
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """A key frame's own view, kept while it is worked on, and the `twist` it was measured with."""
-
-    keyframe: int
-    view: View
-    twist: Array
-
-
-@dataclass(frozen=True, eq=False)
-class _Task:
-    due: int
-    adjustment: window.Adjustment
-    result: Future[tuple[Bundle, list[tuple[Seen, Place, list[Recognition]]]]]
-
-
 class Mapper:
-    """Owns the map. What runs in the background takes effect at a fixed frame number, so that repeats are equal."""
+    """Owns the map, the index of places and the timing, and what works on them."""
 
     def __init__(self, camera: Camera, lens: Lens, settings: OdometrySettings) -> None:
         self.map, self.index = Map(), PlaceIndex()
         self.sightings = Sightings()
         self._camera, self.lens, self._settings = camera, lens, settings
-        self.timing = Timing(settings.readout_prior_s, settings.depth_lag_prior_s, settings.depth_readout_prior_s)
-        self._timing_information = np.diag(
-            [
-                settings.readout_prior_sigma_s**-2.0,
-                settings.depth_lag_prior_sigma_s**-2.0,
-                settings.depth_readout_prior_sigma_s**-2.0,
-            ]
-        )
-        self._loops: list[Edge] = []  # at most one a key frame remembered: each is judged once
+        self._timing = TimingEstimate.of(settings)
         self._waiting: list[Seen] = []
-        self._recognitions: list[tuple[Seen, list[Recognition]]] = []
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix="odom-background")
-        self._task: _Task | None = None
+        self._background = Background(settings.background_delay_frames)
+
+    @property
+    def timing(self) -> Timing:
+        """The sensor's timing as estimated so far."""
+        return self._timing.timing
 
     def track(
         self,
@@ -102,10 +73,6 @@ class Mapper:
             self.map, view, self._camera, self.lens, T_start, twist, local, self.timing, noise, self._settings, before
         )
 
-    def is_known_place(self, tracked: Tracked) -> bool:
-        """Say whether a frame without any chain to it shows what its key frames saw."""
-        return tracked.found_again >= max(LEAST_FOUND_AGAIN, _SHARE_WITHOUT_CHAIN * tracked.looked_for)
-
     def add_keyframe(
         self,
         view: View,
@@ -116,7 +83,7 @@ class Mapper:
         measurements: Measurements | None,
         check: SelfCheck,
         segment: int,
-        parent: int | None,
+        against: int | None,
         covariance: Array,
     ) -> Keyframe:
         """Make a key frame of a frame that measured landmarks `rows` at `uv`; new corners become landmarks."""
@@ -134,7 +101,7 @@ class Mapper:
             corners[usable],
             measured.take(usable),
             self.timing,
-            parent,
+            against,
             covariance,
         )
         self.map.cull(self.map.neighbours(keyframe.number, T_camera_map, self._settings.local_keyframes))
@@ -162,7 +129,7 @@ class Mapper:
         Never those around the pose `T_camera_map` near key frame `near`, nor the newest, which are still worked on: the
         background reads the rest too, so nothing is forgotten while it works.
         """
-        if self._task is not None or len(self.map.remembered) <= self._settings.map_keyframes:
+        if self._background.is_busy or len(self.map.remembered) <= self._settings.map_keyframes:
             return False
         around = self.map.neighbours(near, T_camera_map, self._settings.local_keyframes)
         newest = max(self._settings.window_keyframes, self._settings.background_delay_frames)
@@ -171,46 +138,45 @@ class Mapper:
         for number in oldest:
             forget(self.map, number)
             self.index.forget(number)
-        self._loops = [edge for edge in self._loops if not {edge.a, edge.b} & set(oldest)]
         return bool(oldest)
 
     def start_background(self, count: int, check: SelfCheck) -> None:
         """Begin with what waits for the background, if it is idle; frame `count` is the newest."""
-        if self._task is not None or not self._waiting:
+        if self._background.is_busy or not self._waiting:
             return
-        prior = self._timing_information / self._credit(check)
+        prior = self._timing.information / self._credit(check)
         adjustment = window.newest(self.map, self._settings.window_keyframes, self.timing, prior)
         waiting, self._waiting = self._waiting, []
         linked = [self._linked(seen.keyframe) for seen in waiting]
         timing, lens, index, noise = self.timing, self.lens, self.index, check.noise
 
-        def work() -> tuple[Bundle, list[tuple[Seen, Place, list[Recognition]]]]:
-            bundle = adjustment.run()
-            found = []
-            for seen, excluded in zip(waiting, linked, strict=True):
-                place = describe_place(seen.view, lens, seen.twist, timing, noise)
-                found.append((seen, place, recognise(index, place, excluded)))
-            return bundle, found
+        def describe() -> list[Described]:
+            places = [describe_place(seen.view, lens, seen.twist, timing, noise) for seen in waiting]
+            return [
+                Described(seen, place, recognise(index, place, excluded))
+                for seen, place, excluded in zip(waiting, places, linked, strict=True)
+            ]
 
-        due = count + self._settings.background_delay_frames
-        self._task = _Task(due, adjustment, self._pool.submit(work))
+        self._background.start(count, adjustment, describe)
 
     def _linked(self, number: int) -> set[int]:
         """Return the key frames that `number` needs no closure with: linked over two hops, itself included."""
         near = self.map.links[number] | {number}
         return near.union(*(self.map.links[k] for k in near))
 
-    def take_adjustment(self, count: int | None, check: SelfCheck) -> bool:
-        """Take over the background's work if it is due at frame `count` (None: at once); say whether the map moved."""
-        if self._task is None or (count is not None and count < self._task.due):
-            return False
-        task, self._task = self._task, None
-        bundle, found = task.result.result()
-        self._take_over(task.adjustment, bundle, check)
-        for seen, place, recognitions in found:
-            self.index.add(seen.keyframe, place)
-            self._recognitions.append((seen, recognitions))
-        return True
+    def take_background(self, count: int | None, check: SelfCheck) -> list[Described] | None:
+        """Take over the background's work if it is due at frame `count` (None: at once).
+
+        Returns the key frames that can be recognised from now on; None where nothing was due and the map is as it was.
+        """
+        taken = self._background.take(count)
+        if taken is None:
+            return None
+        adjustment, bundle, described = taken
+        self._take_over(adjustment, bundle, check)
+        for one in described:
+            self.index.add(one.seen.keyframe, one.place)
+        return described
 
     def _credit(self, check: SelfCheck) -> float:
         """Return how much of an adjustment's information on the timing to believe.
@@ -221,90 +187,21 @@ class Mapper:
 
     def _take_over(self, adjustment: window.Adjustment, bundle: Bundle, check: SelfCheck) -> None:
         window.take_over(self.map, adjustment, bundle)
-        self.timing = self.timing.changed(bundle.timing_change)
-        if bundle.information_timing is not None:
-            self._timing_information = (
-                _TIMING_FORGET * self._timing_information + self._credit(check) * bundle.information_timing
-            )
-
-    def take_recognitions(self, check: SelfCheck) -> tuple[tuple[LoopCandidate, ...], Array | None]:
-        """Judge the places recognised since; act on those that hold.
-
-        Returns every candidate with its decision and reason, and the motion of map coordinates near the newest key
-        frame, T_new_old, None where nothing was closed.
-        """
-        waiting, self._recognitions = self._recognitions, []
-        candidates: list[LoopCandidate] = []
-        T_new_old: Array | None = None
-        for seen, recognitions in waiting:
-            for recognition in recognitions:
-                before = self.map.keyframes[seen.keyframe].T_camera_map.copy()
-                candidate = self._judge(seen, recognition, check)
-                candidates.append(candidate)
-                if candidate.accepted:
-                    moved = se3.inverse(self.map.keyframes[seen.keyframe].T_camera_map) @ before
-                    T_new_old = moved if T_new_old is None else moved @ T_new_old
-                    break
-        return tuple(candidates), T_new_old
-
-    def _judge(self, seen: Seen, recognition: Recognition, check: SelfCheck) -> LoopCandidate:
-        keyframe = self.map.keyframes[seen.keyframe]
-        candidate = self.map.keyframes[recognition.candidate]
-        registration = recognition.registration
-        inliers = 0 if registration is None else int(registration.inliers.sum())
-        verdict = LoopCandidate(keyframe.stamp, candidate.stamp, inliers, False, recognition.refusal)
-        if recognition.refusal or registration is None:
-            return verdict
-        T_start = se3.inverse(registration.T_target_source) @ candidate.T_camera_map
-        tracked = self.track(seen.view, T_start, seen.twist, candidate.number, check.noise)
-        found = tracked.found_again
-        T_candidate_keyframe = candidate.T_camera_map @ se3.inverse(tracked.T_camera_map)
-        verdict = replace(verdict, inliers=found, T_candidate_current=T_candidate_keyframe)
-        share = _SHARE_IN_CHAIN if candidate.segment == keyframe.segment else _SHARE_WITHOUT_CHAIN
-        if found < max(LEAST_FOUND_AGAIN, share * tracked.looked_for):
-            return replace(verdict, reason=f"only {found} of {tracked.looked_for} landmarks found again")
-        covariance, scale = tracked.covariance * check.scale, check.scale
-        refusal = contradiction(self.map, candidate.number, keyframe.number, T_candidate_keyframe, covariance, scale)
-        if refusal:
-            return replace(verdict, reason=refusal)
-        edge = Edge(candidate.number, keyframe.number, T_candidate_keyframe, covariance, is_loop=True)
-        if candidate.segment != keyframe.segment:
-            merge_segment(self.map, edge)
-            reason = f"merges two segments: {found} landmarks found again"
-        else:
-            self._loops.append(edge)
-            close_loop(self.map, self._loops, scale)
-            reason = f"{found} landmarks found again"
-        self.map.link(candidate.number, keyframe.number)
-        self._remember_sighting(keyframe, tracked)
-        return replace(verdict, accepted=True, reason=reason)
-
-    def _remember_sighting(self, keyframe: Keyframe, tracked: Tracked) -> None:
-        """Let a key frame hold the old landmarks that it was found to see: the adjustment joins the loop by them."""
-        new = tracked.inliers & ~np.isin(tracked.rows, keyframe.rows[keyframe.current(self.map.landmarks)])
-        rows = tracked.rows[new]
-        keyframe.rows = np.concatenate([keyframe.rows, rows])
-        keyframe.identities = np.concatenate([keyframe.identities, self.map.landmarks.identity[rows]])
-        keyframe.uv = np.concatenate([keyframe.uv, tracked.uv[new]])
-        values = tracked.measurements.take(new)
-        change = keyframe.timing.vector - self.timing.vector
-        keyframe.measurements = keyframe.measurements.joined(replace(values, values=values.retimed(change)))
+        self._timing = self._timing.after(bundle, self._credit(check))
 
     def sight(self, number: int, tracked: Tracked) -> None:
         """Take note of what the tracked frame `number` measured, for `finish`."""
         self.sightings.add(number, tracked, self.map.keyframes, self.map.landmarks, self.timing)
 
     def finish(self, check: SelfCheck) -> dict[int, Array]:
-        """Take over what is in the background, then adjust each segment as a whole, as far as it is remembered.
+        """Adjust each segment as a whole, as far as it is remembered.
 
         Returns T_camera_map of the frames that were adjusted with the key frames, by their numbers.
         """
         adjusted: dict[int, Array] = {}
-        self.take_adjustment(None, check)
-        self.take_recognitions(check)
         for segment in sorted({self.map.keyframes[n].segment for n in self.map.remembered}):
             if len(self.map.members(segment)) >= 2:
-                prior = self._timing_information / self._credit(check)
+                prior = self._timing.information / self._credit(check)
                 adjustment = window.everything(self.map, self.sightings, segment, self.timing, prior)
                 bundle = adjustment.run()
                 self._take_over(adjustment, bundle, check)

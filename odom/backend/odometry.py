@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from odom.backend.background import Seen
 from odom.backend.belief import verdict
 from odom.backend.causal import CausalTrajectory, Publication
 from odom.backend.choice import Coverage, has_moved
@@ -12,7 +13,8 @@ from odom.backend.closing_test import closing_test
 from odom.backend.estimate import ClosingTest, Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
 from odom.backend.following import Previous, Whereabouts, follow, follow_coarsely, relocalise
 from odom.backend.history import trajectory
-from odom.backend.mapper import Mapper, Seen
+from odom.backend.loops import close_loops
+from odom.backend.mapper import Mapper
 from odom.backend.pairwise import register_successive
 from odom.backend.placed import Placed
 from odom.backend.selfcheck import SelfCheck
@@ -67,7 +69,7 @@ class Odometry:
         table = np.stack([knots, np.full_like(knots, self.settings.inverse_depth_sigma)])
         self._check = SelfCheck.of(FeatureNoise(self.settings.pixel_sigma_px, table))
         self._mapper = Mapper(camera, Lens.of(camera), self.settings)
-        self._causal = CausalTrajectory(self._mapper.map.keyframes)
+        self._causal = CausalTrajectory(self._mapper.map)
         self._T_camera_map, self._T_map_odom = np.eye(4), np.eye(4)
         self._twist = np.zeros(6)
         self._near, self._segment = 0, -1
@@ -77,6 +79,8 @@ class Odometry:
         self._glance: _Glance | None = None
         self._covered: Coverage | None = None
         self._sight = Sight()
+        self.late_loops: tuple[LoopCandidate, ...] = ()
+        """What the last `finish` judged, after the last frame."""
 
     @property
     def timing(self) -> Timing:
@@ -128,7 +132,7 @@ class Odometry:
         images = FrameImages.of(frame.color) if glance is None else glance.images
         view = View.of(frame, self._clock, images)
         watch.lap("images")
-        loops, map_moved = self._take_background()
+        loops, map_moved = self._take_background(self._causal.frames.count)
         map_moved |= self._mapper.forget(self._near, self._T_camera_map)
         watch.lap("background")
         self._sight = self._sight.after(view.stamp, frame.depth_mm)
@@ -155,27 +159,29 @@ class Odometry:
 
         It holds one pose a frame, of the last eight hours (see `PlacedFrames`).
         """
-        keyframes = self._mapper.map.keyframes
-        before = keyframes[self._near].T_camera_map.copy() if keyframes else np.eye(4)
-        frames, previous = self._causal.frames, self._previous
+        keyframes, frames, previous = self._mapper.map.keyframes, self._causal.frames, self._previous
+        if not keyframes:
+            return trajectory(frames, keyframes)
         newest, last = frames.count - 1, frames.last
-        if previous is not None and previous.tracked is not None and last and last.stamp == previous.view.stamp:
+        if previous and previous.tracked and last and last.stamp == previous.view.stamp:
             self._mapper.sight(newest, previous.tracked)
+        loops, _ = self._take_background(None)
+        self._mapper.start_background(frames.count, self._check)
+        self.late_loops = loops + self._take_background(None)[0]
+        near = keyframes[self._near]
+        T_near_camera = near.T_camera_map @ se3.inverse(self._T_camera_map)
         adjusted = self._mapper.finish(self._check)
-        if keyframes:
-            moved = self._T_camera_map @ se3.inverse(before) @ keyframes[self._near].T_camera_map
-            self._T_camera_map = adjusted.get(newest, moved)
-            self._segment = keyframes[self._near].segment
+        self._T_camera_map = adjusted.get(newest, se3.inverse(T_near_camera) @ near.T_camera_map)
         return trajectory(settled(frames, keyframes, adjusted), keyframes)
 
     def closing_test(self) -> ClosingTest | None:
         """Return the paper's test of a closed walk after `finish`, None where it can't be made (see `closing_test`)."""
-        last = self._previous
+        last, keyframes = self._previous, self._mapper.map.keyframes
         if last is None or last.tracked is None:
             return None
         return closing_test(
             self._mapper,
-            self._segment,
+            keyframes[keyframes[self._near].first],
             last.view,
             self._T_camera_map,
             last.tracked.twist,
@@ -187,19 +193,24 @@ class Odometry:
         """Return the steady time since the previous view."""
         return np.inf if self._previous is None else (view.frame.stamp - self._previous.view.frame.stamp) * 1e-9
 
-    def _take_background(self) -> tuple[tuple[LoopCandidate, ...], bool]:
-        """Take over what the background has for this frame: the current pose goes with the map, odom stays put."""
-        keyframes = self._mapper.map.keyframes
-        if not keyframes:
+    def _take_background(self, count: int | None) -> tuple[tuple[LoopCandidate, ...], bool]:
+        """Take over what the background has for frame `count` (None: all it has); say whether the map moved.
+
+        The current pose goes with the map; over a closure, its pose in odom stays what it was.
+        """
+        if not self._mapper.map.keyframes:
             return (), False
-        before = keyframes[self._near].T_camera_map.copy()
-        if not self._mapper.take_adjustment(self._causal.frames.count, self._check):
+        near = self._mapper.map.keyframes[self._near]
+        T_near_camera = near.T_camera_map @ se3.inverse(self._T_camera_map)
+        described = self._mapper.take_background(count, self._check)
+        if described is None:
             return (), False
-        loops, T_new_old = self._mapper.take_recognitions(self._check)
-        if T_new_old is not None:
-            self._T_map_odom = T_new_old @ self._T_map_odom
-            self._segment = keyframes[self._near].segment
-        self._T_camera_map = self._T_camera_map @ se3.inverse(before) @ keyframes[self._near].T_camera_map
+        T_near_adjusted = near.T_camera_map
+        loops = close_loops(self._mapper, described, self._check)
+        if any(loop.accepted for loop in loops):
+            self._T_map_odom = se3.inverse(near.T_camera_map) @ T_near_adjusted @ self._T_map_odom
+            self._segment = near.segment
+        self._T_camera_map = se3.inverse(T_near_camera) @ near.T_camera_map
         return loops, True
 
     def _whereabouts(self, previous: Previous) -> Whereabouts:
@@ -218,10 +229,10 @@ class Odometry:
 
     def _relocalise(self, view: View) -> Tracked | None:
         """Return the frame tracked from wherever it is recognised to be, None where that is nowhere."""
-        found = relocalise(self._mapper, self._check, view)
-        if found is None:
-            return None
-        tracked, self._segment = found
+        was = None if self._previous is None else self._whereabouts(self._previous)
+        tracked = relocalise(was, self._mapper, self._check, view, self._since_previous_s(view))
+        if tracked is not None:
+            self._segment = self._mapper.map.keyframes[tracked.reference].segment
         return tracked
 
     def _advance(self, view: View, tracked: Tracked, is_recovered: bool, watch: Stopwatch) -> Estimate:
@@ -236,7 +247,9 @@ class Odometry:
             middle = 0.5 * (self._newest.twist + twist)
             self._mapper.remeasure(self._newest.keyframe, self._newest.view, middle, self._check)
         self._newest = None
-        self._mapper.map.landmarks.seen[tracked.rows[tracked.inliers]] += 1
+        landmarks = self._mapper.map.landmarks
+        landmarks.tried[tracked.expected] += 1
+        landmarks.seen[tracked.rows[tracked.inliers]] += 1
         is_regular = dt > 0.0 and abs(dt - self._clock.period_s) < _UNEQUAL * self._clock.period_s
         self._check = self._check.with_step(step if is_regular else None, tracked.information)
         if self._check.checks < _CHECKED_ALL or self._causal.frames.count % _CHECK_EVERY == 0:
@@ -271,12 +284,15 @@ class Odometry:
         rows, uv = tracked.rows[tracked.inliers], tracked.uv[tracked.inliers]
         self._sight = self._sight.placed(view.stamp, tracked.chi2[tracked.inliers, 1])
         self._mapper.start_background(self._causal.frames.count, self._check)
-        is_keyframe = self._sight.deep_stamp == view.stamp and self._needs_keyframe(uv)
+        if is_recovered:  # its motion, which bends what it measured, is not known: the next frame may be a key frame
+            self._covered, is_keyframe = None, False
+        else:
+            is_keyframe = self._sight.deep_stamp == view.stamp and self._needs_keyframe(uv)
         if is_keyframe:
             rows, uv = self._add_keyframe(view, tracked, covariance)
         self._previous = Previous(view, tracked, pairwise, published, rows, uv)
         watch.lap("keyframe")
-        state, reason = verdict(tracked, is_recovered, self._sight.is_shallow(view.stamp))
+        state, reason = verdict(tracked, covariance, is_recovered, self._sight.is_shallow(view.stamp))
         residual = np.where(tracked.inliers, np.sqrt(tracked.chi2[:, 0]), np.nan)
         return self._estimate(
             view,
@@ -305,7 +321,6 @@ class Odometry:
 
     def _add_keyframe(self, view: View, tracked: Tracked | None, covariance: Array) -> tuple[Index, Array]:
         """Make the current frame a key frame; return the landmarks it measured and where."""
-        parent = None if tracked is None else self._near
         inliers = np.zeros(0, dtype=np.int64) if tracked is None else np.flatnonzero(tracked.inliers)
         keyframe = self._mapper.add_keyframe(
             view,
@@ -316,7 +331,7 @@ class Odometry:
             None if tracked is None else tracked.measurements.take(inliers),
             self._check,
             self._segment,
-            parent,
+            None if tracked is None else self._near,
             covariance,
         )
         self._newest = None if tracked is None else Seen(keyframe.number, view, self._twist)
@@ -338,15 +353,23 @@ class Odometry:
         """Say that the frame has no pose, or begin a new segment where none can be hoped for."""
         if not is_blind:
             self._sight = self._sight.astray(self._causal.since_last_s(view.stamp))
-        if not is_blind and (self._segment < 0 or self._sight.astray_s > self.settings.new_segment_s):
+        may_wait = self._segment >= 0 and not self._is_unproven and self._sight.astray_s <= self.settings.new_segment_s
+        if not (is_blind or may_wait):
             estimate = self._begin_segment(view)
             if estimate is not None:
                 return estimate
         self._causal.lose(view.stamp, self._segment)
+        self._mapper.start_background(self._causal.frames.count, self._check)
         reason = "no depth" if is_blind else "no known place recognised"
         if self._segment < 0:
             reason = "no depth yet"
         return self._estimate(view, State.LOST, reason, None)
+
+    @property
+    def _is_unproven(self) -> bool:
+        """Whether the map is a single frame, which none was followed from: there is nothing to be found again."""
+        is_alone = len(self._mapper.map.keyframes) == 1
+        return is_alone and self._previous is not None and self._previous.tracked is None
 
     def _begin_segment(self, view: View) -> Estimate | None:
         """Begin a new segment of the map at the last known pose, None where the frame does not hold enough."""
@@ -380,22 +403,28 @@ class Odometry:
         pairwise: RelativePose | None = None,
         features: Features | None = None,
     ) -> Estimate:
-        return Estimate(
-            view.frame.sequence,
-            view.stamp,
-            state,
-            reason,
-            max(self._segment, 0),
-            None if published is None else published.T_odom_camera,
-            None if published is None else self._causal.covariance_since_start(published, self._check),
-            self._T_map_odom,
-            inliers,
-            matches,
-            is_keyframe,
-            is_predicted,
-            None if published is None else published.step,
-            None if published is None else published.second,
-            pairwise,
-            (),
-            features,
+        estimate = Estimate(
+            sequence=view.frame.sequence,
+            stamp=view.stamp,
+            state=state,
+            reason=reason,
+            segment=max(self._segment, 0),
+            T_odom_camera=None,
+            covariance=None,
+            T_map_odom=self._T_map_odom,
+            inliers=inliers,
+            matches=matches,
+            is_keyframe=is_keyframe,
+            is_predicted=is_predicted,
+            pairwise=pairwise,
+            features=features,
+        )
+        if published is None:
+            return estimate
+        return replace(
+            estimate,
+            T_odom_camera=published.T_odom_camera,
+            covariance=self._causal.covariance_since_start(published, self._check),
+            step=published.step,
+            second=published.second,
         )

@@ -15,6 +15,8 @@ from odom.registration.compiled import compiled
 Array = NDArray[np.float64]
 
 _CONVERGED = 1e-6
+_PRIOR = 1e-6
+"""Information (1/m^2, 1/rad^2) that holds the start in its place where the landmarks don't."""
 CAUCHY_CHI2 = 9.0
 """Where the Cauchy weight of a residual has fallen to one half (chi-squared)."""
 
@@ -125,18 +127,17 @@ def fit_pose(
     variances: Array,
     T_camera_map: Array,
     used: NDArray[np.bool_] | None = None,
-    prior_information: Array | None = None,
     iterations: int = 10,
     cauchy: float = CAUCHY_CHI2,
 ) -> PoseFit:
     """Fit the pose of a frame that measured n landmarks, from the start `T_camera_map`.
 
     `points_map` (n x 3 m) with `covariances_map` (n x 3 x 3 m^2); `values` (n x 3) and `variances` (n x 4) as in
-    `Measurements`. `prior_information` (6 x 6) holds the start in its place where the landmarks don't.
+    `Measurements`.
     """
     chosen = np.ones(len(points_map), dtype=np.bool_) if used is None else used
     T = T_camera_map.copy()
-    prior = 1e-6 * np.eye(6) if prior_information is None else prior_information
+    prior = _PRIOR * np.eye(6)
     away = np.zeros(6)
     H, g, chi2 = _accumulate(T, points_map, covariances_map, values, variances, chosen, cauchy)
     for _ in range(iterations):

@@ -48,7 +48,9 @@ class Sightings:
     def add(
         self, number: int, tracked: Tracked, keyframes: list[Keyframe], landmarks: Landmarks, timing: Timing
     ) -> None:
-        """Keep what the tracked frame `number` measured."""
+        """Keep what the tracked frame `number` measured, once."""
+        if self.kept and self.kept[-1].number == number:
+            return
         rows = tracked.rows[tracked.inliers]
         self.kept.append(
             Sighting(

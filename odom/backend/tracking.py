@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.backend.localmap import look_for
 from odom.backend.map import Map
 from odom.backend.motion import ANY_VELOCITY, Agility, Motion, Velocity
 from odom.backend.pose import PoseFit, fit_pose
 from odom.backend.rows import fit_velocity
+from odom.backend.search import look_for
 from odom.backend.settings import OdometrySettings
 from odom.frame import Camera
 from odom.frontend.images import FrameImages, follow
@@ -51,8 +51,8 @@ class Tracked:
     """A frame's pose `T_camera_map` for its middle row, with the information of the fit (6 x 6, camera frame).
 
     `rows` (n) are the landmarks found, at `uv` (n x 2 px), with their `measurements`, `chi2` (n x 2) and `inliers`
-    (n); `looked_for` says how many were expected, `reference` the key frame nearest in pose, `twist` the camera's
-    velocity (SI, its own frame) that the measurements were carried with, `velocity` what the rows told of it.
+    (n); `expected` are the rows of all that were looked for, `reference` the key frame nearest in pose, `twist` the
+    camera's velocity (SI, its own frame) that the measurements were carried with, `velocity` what the rows told of it.
     """
 
     T_camera_map: Array
@@ -62,10 +62,15 @@ class Tracked:
     measurements: Measurements
     chi2: Array
     inliers: NDArray[np.bool_]
-    looked_for: int
+    expected: Index
     reference: int
     twist: Array
     velocity: Velocity
+
+    @property
+    def looked_for(self) -> int:
+        """How many landmarks were looked for."""
+        return len(self.expected)
 
     @property
     def inlier_count(self) -> int:
@@ -144,7 +149,7 @@ def track(
     is_local[keyframes] = True
     candidates = np.flatnonzero(L.alive & is_local[L.keyframe])
     priority = L.seen[candidates] + _RANK_OF_REFERENCE * (L.keyframe[candidates] == reference)
-    sighting = look_for(
+    found = look_for(
         L,
         candidates,
         priority,
@@ -156,17 +161,17 @@ def track(
         lens,
         settings.max_features,
     )
-    covariance_uv = sighting.covariance_uv * _IMAGE_NOISE_LEVELS**2
-    points, covariances = L.position[sighting.rows], L.covariance[sighting.rows]
+    covariance_uv = found.covariance_uv * _IMAGE_NOISE_LEVELS**2
+    points, covariances = L.position[found.rows], L.covariance[found.rows]
 
     def fitted(twist: Array, T: Array) -> tuple[Measurements, PoseFit]:
-        m = measure(view.frame, lens, sighting.uv, covariance_uv, twist, timing, noise, sighting.inverse_depth)
+        m = measure(view.frame, lens, found.uv, covariance_uv, twist, timing, noise, found.inverse_depth)
         return m, fit_pose(points, covariances, m.values, m.covariance, T)
 
     measured, fit = fitted(twist, T_start)
     velocity = ANY_VELOCITY
     if before is not None:
-        row_s = (sighting.uv[:, 1] / camera.height - 0.5) * timing.readout_s
+        row_s = (found.uv[:, 1] / camera.height - 0.5) * timing.readout_s
         expected = before.motion.after(before.since_s, _WHITE)
         velocity = fit_velocity(points, covariances, measured, row_s, fit.T_camera_map, twist, expected, before.scale)
         twist = velocity.twist
@@ -175,12 +180,12 @@ def track(
     return Tracked(
         fit.T_camera_map,
         fit.information,
-        sighting.rows,
-        sighting.uv,
+        found.rows,
+        found.uv,
         measured,
         fit.chi2,
         inliers,
-        sighting.looked_for,
+        found.looked_for,
         reference,
         twist,
         velocity,

@@ -119,3 +119,4 @@ def take_over(map_: Map, adjustment: Adjustment, result: Bundle) -> None:
         L.covariance[rows] = result.covariances[valid]
     free = np.flatnonzero(~adjustment.is_fixed[: len(adjustment.numbers)])
     map_.move_keyframes(adjustment.numbers[free], result.T_camera_map[free], rows)
+    map_.registrations.adjust(adjustment.numbers[free].tolist(), map_.keyframes)

@@ -1,5 +1,6 @@
 """`odom import FOLDER OUT.mcap`: a folder of images as a recording."""
 
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated
 
@@ -47,19 +48,27 @@ def import_(
         topics_from=pairs("--topic", topic),
         extra=pairs("--option", option),
     )
-    opened, frames = open_source(source, options), 0
-    if not opened.lossless:
-        raise RecordingError(f"{source} is live: record it with `odom sensor {source}` and `odom record {output}`")
-    with (
-        RecordingWriter(output, compression, overwrite, {"source": Path(source).name}) as writer,
-        counting("import", opened.length) as progress,
-    ):
-        for message in opened.messages():
-            writer.write(message)
-            frames += message.topic in (topics.color, topics.color_compressed)
-            progress(frames)
-            if stop.is_set():
-                break
-    opened.close()
+    frames = 0
+    with closing(open_source(source, options)) as opened:
+        if not opened.lossless:
+            raise RecordingError(f"{source} is live: record it with `odom sensor {source}` and `odom record {output}`")
+        if _is_read(Path(source), output):
+            raise RecordingError(f"{output} is what would be read: give another OUTPUT")
+        with (
+            RecordingWriter(output, compression, overwrite, {"source": Path(source).name}) as writer,
+            counting("import", opened.length) as progress,
+        ):
+            for message in opened.messages():
+                writer.write(message)
+                frames += message.topic in (topics.color, topics.color_compressed)
+                progress(frames)
+                if stop.is_set():
+                    break
     ended = " (interrupted)" if stop.is_set() else ""
     typer.echo(f"{output}: {frames} frames, {writer.count} messages, {output.stat().st_size / 1e6:.1f} MB{ended}")
+
+
+def _is_read(source: Path, output: Path) -> bool:
+    """Whether `output` is the recording that is read, or a part of the bag."""
+    parts = source.glob("*.mcap") if (source / "metadata.yaml").is_file() else [source]
+    return output.exists() and any(part.samefile(output) for part in parts if part.exists())

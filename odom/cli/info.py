@@ -14,7 +14,6 @@ def info(file: Annotated[Path, typer.Argument(help="An .mcap recording or a ROS 
     Example: odom info session.mcap
     """
     from odom.errors import ConfigError, RecordingError
-    from odom.wire.codec import decode_camera_info
     from odom.wire.codec.cdr import DIAGNOSTICS
     from odom.wire.recording import assign_roles, open_reader
 
@@ -39,10 +38,10 @@ def info(file: Annotated[Path, typer.Argument(help="An .mcap recording or a ROS 
     try:
         roles = assign_roles(streams, {}, need_calibration=False)
         typer.echo(f"colour /{roles.color.topic}, depth /{roles.depth.topic}")
-        if roles.camera_info is None:
+        camera = roles.camera()
+        if roles.camera_info is None or camera is None:
             typer.echo("no calibration: `odom run` needs --camera camera.yaml")
         else:
-            camera = decode_camera_info(roles.camera_info.first, roles.rectified)
             typer.echo(
                 f"calibration /{roles.camera_info.topic}: {camera.width} x {camera.height}, "
                 f"fx {camera.fx:.2f} fy {camera.fy:.2f} cx {camera.cx:.2f} cy {camera.cy:.2f}"

@@ -1,7 +1,7 @@
 """The offset between two clocks, from the angular speed of one body seen by both.
 
 Angular speed is the same for every frame fixed to a rigid body and in every world, so neither the hand-eye
-transformation nor the world alignment need be known; compare J. Furgale et al., "Unified temporal and spatial
+transformation nor the world alignment need be known; compare P. Furgale et al., "Unified temporal and spatial
 calibration for multi-sensor systems", IROS 2013.
 """
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from odom.errors import InputError
+from odom.registration import se3
 from odom.registration.pairs import Array, Pairs, Prior, Registration, Verdict, degenerate
 
 
@@ -47,20 +48,20 @@ def least_squares_result(q: Array, p: Array, weights: Array, T: Array, details: 
         return degenerate(n, f"{count} pairs of {n} can be used: at least 3 are needed", inliers=used)
     R = T[:3, :3]
     squares = weights * ((p - q @ R.T - T[:3, 3]) ** 2).sum(axis=1)
-    s = float(squares.sum()) / (3 * count - 6) if count > 2 and 3 * count > 6 else 0.0
+    s = float(squares.sum()) / (3 * count - 6)
     total = float(weights.sum())
     mean = weights @ q / total
     centred = q - mean
     scatter = (centred * weights[:, None]).T @ centred
     spread = np.linalg.eigvalsh(scatter)
-    if spread[1] <= max(1e-9 * spread[2], 4.0 * s * count / 3.0 * 0.5):
+    if spread[1] <= max(1e-9 * spread[2], 2.0 / 3.0 * s * count):
         return degenerate(n, f"{count} points lie on a line or in one place, within their noise", inliers=used)
     information = np.zeros((6, 6))
     information[:3, :3] = total * np.eye(3)
-    hat = np.array([[0.0, -mean[2], mean[1]], [mean[2], 0.0, -mean[0]], [-mean[1], mean[0], 0.0]])
-    information[:3, 3:] = -total * hat
+    mean_hat = se3.hat(mean)
+    information[:3, 3:] = -total * mean_hat
     information[3:, :3] = information[:3, 3:].T
-    information[3:, 3:] = np.trace(scatter) * np.eye(3) - scatter - total * hat @ hat
+    information[3:, 3:] = np.trace(scatter) * np.eye(3) - scatter - total * mean_hat @ mean_hat
     inner = np.trace(scatter) - spread
     scale = float(np.trace(scatter)) / total
     turned = np.concatenate([np.full(3, total), inner / scale])

@@ -86,7 +86,7 @@ def recurse(
 ) -> int:
     """Run the recursion over all pairs with `g` > 0 and project onto SE(3), `rounds` times.
 
-    Each round takes the R of `S_k` from the one before.     `T` holds the linearisation on entry (not looked at
+    Each round takes the R of `S_k` from the one before. `T` holds the linearisation on entry (not looked at
     without `Sq`), the motion on return; `Y0` (6 x 6 or empty) and `T0` are the prior. With a finite `bound` the pairs
     within it have their weight `base` in the next round. `W`, `Y` (12 x 12), `y` (12), `H` (6 x 6) and `chi2` are
     output. Returns 0, 1 + k when the covariance of pair k cannot be used, or -1 when the motion is not determined.
@@ -142,9 +142,8 @@ def discount(Y: Array, y: Array, H: Array, steps: int, theta: float) -> tuple[fl
     """Take the H-infinity term of `steps` steps out of the information in place, the estimate staying where it is.
 
     `Y+ = Y - theta^2 L'L`, `y+ = y - theta^2 L'L x` with L = I (12), and so `H -= theta^2 B'B`, where `steps theta^2
-    < lmin(Y) / 2` lets the filter exist: theta is halved until it does. `numbers` becomes (theta used, halvings,
-    squared distance in sigmas of the twelve states x from the rigid motion T), zeros when Y is singular: too few
-    directions seen.
+    < lmin(Y) / 2` lets the filter exist: theta is halved until it does. Returns the theta used and how often it was
+    halved, zeros when Y is singular: too few directions seen.
     """
     m = len(y)
     L = np.empty((m, m))

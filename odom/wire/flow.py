@@ -120,7 +120,7 @@ class Window:
         self._publisher = publisher
         self._prefix = len(topics.ack) + 1
         self._frames_allowed = frames
-        self._frames: deque[int] = deque()
+        self._frames: deque[int] = deque(maxlen=frames)  # a live sender waits for no room, and so clears none
         self._credits: dict[str, _Credit] = {}
         self._changed = threading.Condition()
         self._session = session

@@ -30,7 +30,7 @@ _LONGEST = 1.3
 
 @dataclass(frozen=True, eq=False)
 class Pair(Generic[C, D]):
-    """A colour and a depth image that belong together; `leap` on the first pair behind a leap of the stamps.
+    """A colour and a depth image that belong together.
 
     `depth` is None for a colour image that stayed single, where those are asked for; `depth_stamp` is then its own.
     """
@@ -39,7 +39,6 @@ class Pair(Generic[C, D]):
     color: C
     depth_stamp: Stamp
     depth: D | None
-    leap: bool = False
 
 
 @dataclass
@@ -53,11 +52,6 @@ class PairingCounters:
     backward: int = 0
     stray: int = 0
     leaps: int = 0
-
-    @property
-    def unmatched(self) -> int:
-        """Images with a good stamp that found no partner."""
-        return self.color_single + self.depth_single
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +68,6 @@ class _Stream(Generic[T]):
     def __init__(self, counters: PairingCounters) -> None:
         self.waiting: deque[_Waiting[T]] = deque()
         self.single = 0
-        self.leapt = False
         self.went_back = False
         self._counters = counters
         self._last: Stamp | None = None
@@ -87,7 +80,6 @@ class _Stream(Generic[T]):
             held, self._held = self._held, None
             if 0 < stamp - held[0] <= LEAP_NS:
                 self.went_back = self._last is not None and held[0] < self._last
-                self.leapt = True
                 self._counters.leaps += 1
                 self._accept(*held)
                 self._accept(stamp, item)
@@ -186,10 +178,8 @@ class Pairer(Generic[C, D]):
                     continue
             colors.popleft()
             depths.popleft()
-            leap = self._color.leapt or self._depth.leapt
-            self._color.leapt = self._depth.leapt = False
             self.counters.pairs += 1
-            pairs.append(Pair(color.stamp, color.item, depth.stamp, depth.item, leap))
+            pairs.append(Pair(color.stamp, color.item, depth.stamp, depth.item))
         while len(colors) > self._capacity:
             self._leave_single(self._color, pairs)
         self._depth.drop(len(depths) - self._capacity)

@@ -76,12 +76,16 @@ class Recorder:
         )
         estimated = (topics.odom, topics.pose, topics.path, topics.status, topics.loops, TF) if estimates else ()
         session.watch(topics.alive_of("odometry"), self._odometry)
+        self._images = images
         self._timeline = Timeline(images)
         self._consumer = Consumer(session, topics, "recorder", (*images, TRUTH, *estimated), depth=_DEPTH)
         session.announce(topics.alive_of("recorder"))
 
     def run(self, stop: threading.Event, progress: Callable[[int], None] = lambda frames: None) -> RecorderReport:
-        """Record until the source has ended and the odometry has said its last, or until `stop` is set."""
+        """Record until the source has ended and the odometry has said its last, or until `stop` is set.
+
+        A source that was started again meanwhile has not ended.
+        """
         frames, ended = 0, None
         quiet_since = time.monotonic()
         while not stop.is_set():
@@ -96,6 +100,8 @@ class Recorder:
                     break
                 continue
             quiet_since = now
+            if delivery.message.topic in self._images:
+                ended = None
             for at, message in self._timeline.place(delivery.message):
                 try:
                     self._writer.write(message, at)

@@ -12,6 +12,7 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from odom.errors import ConfigError
+from odom.wire.topics import TRUTH_HISTORY
 
 ROLES = ("router", "sensor", "odometry", "recorder", "viewer", "mocap")
 
@@ -127,7 +128,7 @@ def grants(identity: str) -> Grants:
         says = (*(f"{ns}/{result}" for result in results), "tf")
         lives = (f"{ns}/alive/odometry", f"{ns}/ack/odometry")
         heard = (f"{ns}/**", "truth/**")
-        return (_SAY, says), (_BE, lives), (_HEAR, heard), (_ANSWER, (f"{ns}/**", "truth/*/history"))
+        return (_SAY, says), (_BE, lives), (_HEAR, heard), (_ANSWER, (f"{ns}/**", TRUTH_HISTORY))
     if role == "recorder":
         return (_SAY, (f"{ns}/ack/recorder",)), (_BE, (f"{ns}/alive/recorder", f"{ns}/ack/recorder")), (_HEAR, ("**",))
     if role == "viewer":

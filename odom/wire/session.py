@@ -1,7 +1,8 @@
 """A Zenoh session with what the platform needs to be safe: no shared memory, loopback only, counted messages."""
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import re
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,6 +15,8 @@ from odom.wire.publisher import Publisher
 from odom.wire.security import secured, security_configuration
 from odom.wire.settings import WireSettings
 from odom.wire.subscriber import Counters, Subscriber
+
+_SOURCE_LINE = re.compile(r" at \S+\.rs:\d+")
 
 __all__ = ["Counters", "Delivery", "Publisher", "Subscriber", "WireSession", "open_session"]
 
@@ -65,24 +68,38 @@ class WireSession:
 
 
 @contextmanager
-def open_session(settings: WireSettings, further: Mapping[str, Any] | None = None) -> Iterator[WireSession]:
-    """Open a session and close it at the end; `further` overrides `settings.zenoh` (security puts its part there).
+def open_session(settings: WireSettings) -> Iterator[WireSession]:
+    """Open a session and close it at the end.
 
     Raises WireError when the configuration is not accepted or no endpoint can be used.
     """
     config = zenoh.Config()
     try:
-        for path, value in {**_configuration(settings), **settings.zenoh, **(further or {})}.items():
+        for path, value in {**_configuration(settings), **settings.zenoh}.items():
             config.insert_json5(path, json.dumps(value))
         opened = zenoh.open(config)
     except zenoh.ZError as error:
         where = ", ".join((*settings.listen, *settings.connect))
-        raise WireError(f"cannot open a Zenoh session as {settings.mode} at {where}: {error}") from error
+        said = _SOURCE_LINE.sub("", str(error))
+        advice = "; end what listens there, or give another --listen" if "listener" in said else ""
+        raise WireError(f"cannot open a Zenoh session as {settings.mode} at {where}: {said}{advice}") from error
     session = WireSession(opened, settings)
     try:
         yield session
     finally:
         session.close()
+
+
+def _listeners(settings: WireSettings) -> list[str]:
+    """Return the endpoints to listen on: what nobody asked for is left to whoever holds it already.
+
+    A router has to have them all: nobody else would be found there.
+    """
+    demanded = [settings.mode == "router" or settings.on_purpose(where) for where in settings.listen]
+    return [
+        where if is_demanded else f"{where}{';' if '#' in where else '#'}exit_on_failure=false"
+        for where, is_demanded in zip(secured(settings.listen, settings.security), demanded, strict=True)
+    ]
 
 
 def _configuration(settings: WireSettings) -> dict[str, Any]:
@@ -93,8 +110,8 @@ def _configuration(settings: WireSettings) -> dict[str, Any]:
         "connect/exit_on_failure": settings.mode == "client",
         "connect/timeout_ms": 5000 if settings.mode == "client" else -1,
         "connect/retry": {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2},
-        "listen/endpoints": [] if settings.mode == "client" else secured(settings.listen, settings.security),
-        "listen/exit_on_failure": False,
+        "listen/endpoints": [] if settings.mode == "client" else _listeners(settings),
+        "listen/exit_on_failure": True,
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": True,
         "transport/shared_memory/enabled": False,

@@ -23,7 +23,8 @@ class WireSettings(BaseModel, frozen=True, extra="forbid"):
     mode: Literal["peer", "client", "router"] = Field("peer", description="role of this process in the Zenoh network")
     connect: tuple[str, ...] = Field((LOCAL,), description="Zenoh endpoints to connect to, tried until they answer")
     listen: tuple[str, ...] = Field(
-        (LOCAL, ANY_LOCAL_PORT), description="Zenoh endpoints to listen on; one that is taken already is left out"
+        (LOCAL, ANY_LOCAL_PORT),
+        description="Zenoh endpoints to listen on; a default or a meeting point may be taken, any other must be free",
     )
     namespace: str = Field("cam0", description="name of the device, first part of its keys")
     lease_ms: int = Field(2000, ge=200, description="a process silent for so long counts as gone")
@@ -41,8 +42,10 @@ class WireSettings(BaseModel, frozen=True, extra="forbid"):
 
         Whoever comes first holds the meeting point of the others; while it is stopped the system still accepts
         connections for it, so that all who come later wait there and never meet. Nobody may depend like that on a
-        process that only looks on. An endpoint that is neither a meeting point nor a default was given on purpose and
-        stays.
+        process that only looks on. What was given on purpose stays.
         """
-        unasked = {*self.connect, LOCAL, ANY_LOCAL_PORT}
-        return self.model_copy(update={"listen": tuple(where for where in self.listen if where not in unasked)})
+        return self.model_copy(update={"listen": tuple(where for where in self.listen if self.on_purpose(where))})
+
+    def on_purpose(self, where: str) -> bool:
+        """Whether an endpoint to listen on was given: it is neither a default nor one that the others hold as well."""
+        return where not in (*self.connect, LOCAL, ANY_LOCAL_PORT)

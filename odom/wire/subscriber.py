@@ -95,7 +95,10 @@ class Subscriber:
     def __init__(
         self, session: zenoh.Session, keys: Iterable[str], depth: int, small_depth: int, lossless: bool
     ) -> None:
-        self.counters: dict[str, Counters] = {}
+        keys = tuple(keys)
+        # those of invented names, below a wildcard, find no room once there are many; those asked for by name always do
+        self.counters = {key: Counters() for key in keys if "*" not in key}
+        self._most_counters = len(self.counters) + _RESERVE
         self.malformed = Malformed()
         self._depth = depth
         self._small_depth = max(depth, small_depth)
@@ -174,7 +177,7 @@ class Subscriber:
         with self._ready:
             if self._closed:
                 return
-            if topic not in self.counters and len(self.counters) >= _RESERVE:
+            if topic not in self.counters and len(self.counters) >= self._most_counters:
                 return  # a flood of invented keys must not fill the memory
             counters = self.counters.setdefault(topic, Counters())
             counters.received += 1
@@ -195,9 +198,14 @@ class Subscriber:
 
     def _oldest(self, slot: tuple[str, int | None]) -> int:
         """Return which waiting message of a slot goes first: a flood must not push out what may not be lost."""
-        mine = [i for i, arrival in enumerate(self._queue) if arrival.slot == slot]
-        live = (i for i in mine if (attachment := self._queue[i].attachment) is None or not attachment.lossless)
-        return next(live, mine[0])
+        oldest: int | None = None
+        for i, arrival in enumerate(self._queue):
+            if arrival.slot == slot:
+                if arrival.attachment is None or not arrival.attachment.lossless:
+                    return i
+                oldest = i if oldest is None else oldest
+        assert oldest is not None, "only a slot that holds messages is asked for"
+        return oldest
 
     def _adopt(self, slot: tuple[str, int | None]) -> None:
         """Give a sender that is known just now what it sent as a stranger."""

@@ -9,22 +9,36 @@ TF = "tf"
 """Transforms map -> odom -> camera of every device, each by frame names of its own (tf2_msgs/TFMessage)."""
 TRUTH = "truth/*/pose"
 """Key expression of the motion capture poses of all bodies."""
+TRUTH_HISTORY = "truth/*/history"
+"""Key expression of what is remembered of all bodies."""
 
 _NAME = re.compile(r"[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*\Z")
 _DEFAULT = "cam0"
-_BODY_LETTERS = 64
-_TRUTH_NAME = re.compile(rf"truth/([A-Za-z0-9_]{{1,{_BODY_LETTERS}}})/(?:pose|history)\Z")
+_LONGEST_BODY = 64
+_TRUTH_KEY = re.compile(rf"truth/([A-Za-z0-9_]{{1,{_LONGEST_BODY}}})/(?:pose|history)\Z")
 
 
 def truth(body: str) -> str:
-    """Return the key of a motion capture body's pose; what a key may not hold becomes an underscore."""
-    return f"truth/{re.sub(r'[^A-Za-z0-9_]', '_', body)[:_BODY_LETTERS] or 'body'}/pose"
+    """Return the key of a motion capture body's pose; what a key may not hold becomes an underscore.
+
+    Of a long name the first 64 characters are taken, and `body` for none.
+    """
+    return f"truth/{_part_of_a_key(body)}/pose"
 
 
-def truth_body(topic: str) -> str | None:
-    """Return the body of a key of `truth`, or of its history; None where the key names none that `truth` would."""
-    found = _TRUTH_NAME.match(topic)
+def truth_history(body: str) -> str:
+    """Return the key of a body's remembered poses (nav_msgs/Path), an answer to a query of `Topics.history`."""
+    return f"truth/{_part_of_a_key(body)}/history"
+
+
+def truth_body(key: str) -> str | None:
+    """Return the body of a key of `truth` or `truth_history`, None for a key that those would not give."""
+    found = _TRUTH_KEY.match(key)
     return None if found is None else found[1]
+
+
+def _part_of_a_key(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_]", "_", name)[:_LONGEST_BODY] or "body"
 
 
 @dataclass(frozen=True)
@@ -110,6 +124,16 @@ class Topics:
     def keyframes(self) -> str:
         """sensor_msgs/PointCloud2 (x, y, z, rgb in the camera's frame): what a key frame saw, thinned, for eyes."""
         return f"{self.namespace}/keyframes"
+
+    @property
+    def history(self) -> str:
+        """Query of who joins late: answered by the messages that say what happened before."""
+        return f"{self.namespace}/history"
+
+    @property
+    def odom_history(self) -> str:
+        """nav_msgs/Path: the causal poses of before, thinned; an answer to a query of `history`."""
+        return f"{self.history}/odom"
 
     @property
     def alive(self) -> str:

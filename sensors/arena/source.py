@@ -1,6 +1,7 @@
 """The arena as a source of wire messages: recorded (as fast as acknowledged) or live (each message when it is due)."""
 
 import heapq
+import logging
 import threading
 import time
 from collections import deque
@@ -25,6 +26,8 @@ from sensors.arena.mocap import RATE_HZ as MOCAP_HZ
 from sensors.arena.mocap import mocap_pose
 from sensors.arena.options import RATE_HZ, ArenaOptions
 from sensors.source import SourceOptions
+
+log = logging.getLogger(__name__)
 
 EXACT_BODY = "exact_camera"
 MOCAP_FRAME = "mocap"
@@ -85,7 +88,9 @@ class ArenaSource:
             yield self._due(heapq.heappop(waiting)[2])
 
     def close(self) -> None:
-        """End the session."""
+        """End the session, and say how many frames were left out."""
+        if self.skipped and not self._closed.is_set():
+            log.warning("arena: %d frames were left out: they were not drawn in time", self.skipped)
         self._closed.set()
 
     def _drawn(self, arena: ArenaOptions) -> Iterator[tuple[int, list[Message]]]:

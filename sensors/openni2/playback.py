@@ -1,8 +1,9 @@
 """An .oni recording as a source, played frame by frame by the real library."""
 
-import logging
+import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from odom.errors import DeviceError, OdomError, RecordingError
 from odom.frame import Camera, Stamp
@@ -13,8 +14,6 @@ from sensors.openni2.messages import Encoder
 from sensors.openni2.settings import KinectSettings
 from sensors.source import SourceOptions
 
-_log = logging.getLogger(__name__)
-
 FIRST_NS = 1_000_000_000
 """An .oni file holds no date: its stamps count from one second after the epoch, for zero means unknown in ROS."""
 PATIENCE_S = 2.0
@@ -24,6 +23,7 @@ class OniRecording:
     """Colour and depth of an .oni file, in the order of their stamps. Raises RecordingError when it holds no such pair.
 
     OpenNI2's recorder starts the stamps of each stream at zero, so the file has lost the offset of depth to colour.
+    The library frees what is closed, whoever reads it: one thread at a time holds the file.
     """
 
     lossless = True
@@ -33,11 +33,14 @@ class OniRecording:
             raise RecordingError(f"{path}: no such file")
         self._api = library.load()
         self._path, self._options, self._settings = path, options, settings
+        self._held = threading.Lock()
+        self._closed = False
+        self._device: Any = None
         self._open()
 
     def _open(self) -> None:
         path, options = self._path, self._options
-        self._streams = []
+        self._streams: list[Any] = []
         try:
             self._device = self._api.Device(str(path.resolve()).encode())
         except self._api.OpenNIError as error:
@@ -53,7 +56,7 @@ class OniRecording:
             self._counts = [int(stream.get_number_of_frames()) for stream in self._streams]
             self._left = list(self._counts)
         except (OdomError, self._api.OpenNIError) as error:
-            self.close()
+            self._release()
             if isinstance(error, OdomError):
                 raise
             raise RecordingError(f"{path} cannot be read: {library.said(error)}") from error
@@ -70,13 +73,16 @@ class OniRecording:
 
     def messages(self) -> Iterator[Message]:
         """Yield the recording from its beginning, or from `start` to `end` seconds after it."""
-        if self._left != self._counts:  # played already: the library's own seeking fails
-            self.close()
-            self._open()
-        self._device.playback.set_repeat_enabled(False)
-        self._device.playback.set_speed(-1.0)  # the next frame comes when it is asked for
-        for stream in self._streams:
-            stream.start()
+        with self._held:
+            if self._closed:
+                return
+            if self._left != self._counts:  # played already: the library's own seeking fails
+                self._release()
+                self._open()
+            self._device.playback.set_repeat_enabled(False)
+            self._device.playback.set_speed(-1.0)  # the next frame comes when it is asked for
+            for stream in self._streams:
+                stream.start()
         start_ns = FIRST_NS + round(self._options.start * 1e9)
         end_ns = None if self._options.end is None else FIRST_NS + round(self._options.end * 1e9)
         info_sent = False
@@ -101,10 +107,17 @@ class OniRecording:
             heads[index] = self._next(index)
 
     def _next(self, index: int) -> RawFrame | None:
-        """Return the next frame of colour (0) or depth (1), None at the end, where the library would wait for ever."""
-        if self._left[index] <= 0:
-            return None
-        self._left[index] -= 1
+        """Return the next frame of colour (0) or depth (1).
+
+        None at the end, where the library would wait for ever, and when the file was closed meanwhile.
+        """
+        with self._held:
+            if self._closed or self._left[index] <= 0:
+                return None
+            self._left[index] -= 1
+            return self._read(index)
+
+    def _read(self, index: int) -> RawFrame:
         stream = self._streams[index]
         try:
             if self._api.wait_for_any_stream([stream], PATIENCE_S) is None:
@@ -122,8 +135,15 @@ class OniRecording:
             frame.close()
 
     def close(self) -> None:
-        """Give the file back."""
+        """Give the file back once the frame that is being read has come; `messages` then ends."""
+        with self._held:
+            self._closed = True
+            self._release()
+
+    def _release(self) -> None:
         for stream in self._streams:
             stream.close()
         self._streams = []
-        self._device.close()
+        if self._device is not None:
+            self._device.close()
+            self._device = None

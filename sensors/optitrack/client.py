@@ -206,7 +206,10 @@ class NatNetClient:
                 yield BodyPose(name, stamp, body)
 
     def close(self) -> None:
-        """Stop, and give the sockets back."""
+        """Stop, say what came and what was wrong, and give the sockets back."""
+        if self.server is not None and not self._stop.is_set():
+            counts = ", ".join(f"{count} {name}" for name, count in self.counters.items())
+            _log.info("OptiTrack %s: %s", self.server.name, counts)
         self._stop.set()
         for opened in self._sockets:
             opened.close()

@@ -32,7 +32,7 @@ def test_messages_come_in_the_order_of_their_stamps_and_make_every_frame() -> No
     assembler = FrameAssembler(options.topics)
     frames = [f for m in messages for f in assembler.feed(m)] + list(assembler.finish())
     assert len(frames) == 60
-    assert assembler.pairing.unmatched == 0
+    assert (assembler.pairing.color_single, assembler.pairing.depth_single) == (0, 0)
     assert not assembler.malformed.counts
     arena = ArenaOptions(seconds=2.0)
     assert assembler.camera == arena.camera
@@ -90,8 +90,9 @@ def test_a_live_session_loses_no_frame_when_the_machine_is_busy_for_a_moment(mon
     assert max(behind) < 100_000_000
 
 
-def test_a_closed_session_ends() -> None:
-    source = open_source("arena", SourceOptions(live=True))
+def test_a_closed_session_ends_and_tells_once_what_it_left_out(caplog: pytest.LogCaptureFixture) -> None:
+    source = open_arena(SourceOptions(live=True))
+    source.skipped = 2
     count = 0
     for _ in source.messages():
         count += 1
@@ -99,6 +100,7 @@ def test_a_closed_session_ends() -> None:
             source.close()
             source.close()
     assert count <= 21
+    assert ["2 frames were left out" in record.getMessage() for record in caplog.records] == [True]
 
 
 @pytest.mark.parametrize("options", [SourceOptions(extra=(("walk", "up"),)), SourceOptions(depth="none")])

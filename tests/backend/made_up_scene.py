@@ -36,29 +36,30 @@ def noisy(rng, values):
     return values + rng.normal(size=(n, 3)) * [RAY_SIGMA, RAY_SIGMA, DEPTH_SIGMA], variances
 
 
-def bare_keyframe(number, T_map_camera, parent=None, covariance=None, segment=0):
+def bare_keyframe(number, T_map_camera, segment=0):
     """A key frame that measured nothing."""
     none = np.zeros(0, dtype=np.int64)
     stamp, T = Stamp(1_000_000_000 * number), se3.inverse(T_map_camera)
-    covariance = np.zeros((6, 6)) if covariance is None else covariance
     return Keyframe(
         number=number,
         stamp=stamp,
         segment=segment,
+        first=0,
         T_camera_map=T,
         rows=none,
         identities=none,
         uv=np.zeros((0, 2)),
         measurements=Measurements.nothing(),
         timing=Timing(),
-        parent=parent,
-        covariance_parent=covariance,
-        covariance_since_start=covariance,
+        covariance_since_start=np.zeros((6, 6)),
     )
 
 
-def chain_of_keyframes(poses, covariance, segment=0):
-    """A map of key frames at `poses` (T_map_camera), each registered against the one before, with 20 landmarks each."""
+def chain_of_keyframes(poses, covariance, begins=(0,)):
+    """A map of key frames at `poses` (T_map_camera), each registered against the one before, with 20 landmarks each.
+
+    A segment begins at each of the numbers `begins`.
+    """
     map_, rng = Map(), np.random.default_rng(0)
     images = FrameImages.of(np.zeros((48, 64), np.uint8))
     for number, T_map_camera in enumerate(poses):
@@ -67,7 +68,7 @@ def chain_of_keyframes(poses, covariance, segment=0):
         measured = Measurements(values, np.zeros((20, 3, 3)), np.full((20, 4), 1e-6), np.zeros((20, 2)))
         map_.add_keyframe(
             Stamp(1_000_000_000 * number),
-            segment,
+            sum(number >= begin for begin in begins) - 1,
             se3.inverse(T_map_camera),
             images,
             np.zeros(0, dtype=np.int64),
@@ -76,8 +77,8 @@ def chain_of_keyframes(poses, covariance, segment=0):
             np.full((20, 2), 30.0),
             measured,
             Timing(),
-            number - 1 if number else None,
-            covariance,
+            None if number in begins else number - 1,
+            np.zeros((6, 6)) if number in begins else covariance,
         )
     return map_
 

@@ -14,7 +14,6 @@ from odom.backend.closing import close_loop, merge_segment
 from odom.backend.forgetting import forget, oldest_beyond
 from odom.backend.graph import Edge
 from odom.backend.keyframes import gather_observations
-from odom.backend.tree import covariance_between
 from odom.backend.window import _oldest_connected
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import RgbdFrame, Stamp
@@ -69,12 +68,12 @@ def test_what_is_left_stays_linked_and_registered():
     map_ = chain_of_keyframes(way(9), COVARIANCE)
     for number in (0, 4, 3, 7, 5):
         forget(map_, number)
-        assert all(map_.keyframes[n].parent in (None, *map_.remembered) for n in map_.remembered)
-        assert sum(map_.keyframes[n].parent is None for n in map_.remembered) == 1
-        reached = {map_.remembered[0]}
+        assert len(map_.registrations.among(set(map_.remembered))) == len(map_.remembered) - 1
+        linked, registered = {map_.remembered[0]}, {map_.remembered[0]}
         for _ in range(9):
-            reached |= set().union(*(map_.links[n] for n in reached))
-        assert reached == set(map_.remembered)
+            linked |= set().union(*(map_.links[n] for n in linked))
+            registered |= {edge.b for n in registered for edge in map_.registrations.of(n)}
+        assert linked == registered == set(map_.remembered)
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 2, 1), (2, 4, 1, 3), (5, 0, 4)])
@@ -84,7 +83,7 @@ def test_covariances_along_a_chain_are_the_same_without_what_is_forgotten(order)
         forget(map_, number)
     for a in range(8):
         for b in map_.remembered:
-            before, after = (covariance_between(m.keyframes, a, b) for m in (whole, map_))
+            before, after = (m.registrations.covariance_between(a, b) for m in (whole, map_))
             if a in map_.remembered:
                 np.testing.assert_allclose(after, before, rtol=1e-9, atol=1e-15)
             else:
@@ -92,14 +91,14 @@ def test_covariances_along_a_chain_are_the_same_without_what_is_forgotten(order)
 
 
 def test_branches_at_a_forgotten_key_frame_are_never_surer_of_each_other():
-    whole, map_ = (chain_of_keyframes(way(6), COVARIANCE) for _ in range(2))
+    whole, map_ = (chain_of_keyframes(way(6), COVARIANCE, begins=(0, 2, 3, 4, 5)) for _ in range(2))
     for m in (whole, map_):
-        for number in (2, 3, 4, 5):
-            m.keyframes[number].parent = 1
+        for k in (2, 3, 4, 5):
+            m.register(Edge(1, k, relative(m, 1, k), COVARIANCE))
     forget(map_, 1)
     for a in map_.remembered:
         for b in map_.remembered:
-            before, after = (covariance_between(m.keyframes, a, b) for m in (whole, map_))
+            before, after = (m.registrations.covariance_between(a, b) for m in (whole, map_))
             assert np.linalg.eigvalsh(after - before)[0] > -1e-12
 
 
@@ -113,7 +112,7 @@ def test_the_forgotten_follow_what_is_nearest_and_the_past_stays_when_a_loop_is_
     past = [map_.keyframes[k].T_camera_map.copy() for k in range(4)]
     before = relative(map_, heir, 7)
     off = se3.exp(np.array([0.1, -0.05, 0.08, 0.0, 0.02, 0.0]))
-    close_loop(map_, [Edge(3, 11, se3.inverse(true[3]) @ true[11] @ off, COVARIANCE * 0.01, True)], 1.0)
+    close_loop(map_, Edge(3, 11, se3.inverse(true[3]) @ true[11] @ off, COVARIANCE * 0.01, True))
     assert np.linalg.norm(se3.log(relative(map_, 3, 11) @ se3.inverse(se3.inverse(true[3]) @ true[11]))) > 0.05
     np.testing.assert_allclose(relative(map_, heir, 7), before, atol=1e-9)
     for k in range(4):
@@ -121,10 +120,7 @@ def test_the_forgotten_follow_what_is_nearest_and_the_past_stays_when_a_loop_is_
 
 
 def test_a_segment_that_is_merged_takes_what_it_has_forgotten_with_it():
-    map_ = chain_of_keyframes(way(8), COVARIANCE)
-    for k in map_.keyframes[4:]:
-        k.segment = 1
-    map_.keyframes[4].parent = None
+    map_ = chain_of_keyframes(way(8), COVARIANCE, begins=(0, 4))
     forget(map_, 4)
     forget(map_, 5)
     poses = [k.T_camera_map.copy() for k in map_.keyframes]
@@ -244,11 +240,11 @@ def test_forgetting_is_the_same_again_and_when_colour_is_seen_early(forgetful, r
 
 def test_segments_that_are_never_tracked_are_forgotten_too():
     odometry = Odometry(SMALL, OdometrySettings(map_keyframes=10))
-    seen = PaintedRoom().frame(SMALL, 0, np.eye(4))
-    blank = np.zeros_like(seen.color)
     for k in range(80):
         stamp = Stamp(START + 20 * k * PERIOD)
-        color = blank if k % 4 else seen.color
+        if k % 4 == 0:
+            seen = PaintedRoom(seed=k).frame(SMALL, 0, np.eye(4))
+        color = np.zeros_like(seen.color) if k % 4 else seen.color
         odometry.process(replace(seen, sequence=k, stamp=stamp, depth_stamp=stamp, color=color))
     assert len(odometry._mapper.map.keyframes) > 15
     assert len(odometry._mapper.map.remembered) <= 11

@@ -8,7 +8,7 @@ from odom.backend.graph import Edge, optimise
 from odom.backend.history import relative_covariance, trajectory
 from odom.backend.map import Map
 from odom.backend.placed import Placed
-from odom.backend.tree import covariance_between
+from odom.backend.registrations import Registrations
 from odom.frame import Stamp
 from odom.registration import se3
 
@@ -69,18 +69,42 @@ def test_closing_moves_landmarks_with_their_key_frames():
     L = map_.landmarks
     in_camera = [se3.apply(k.T_camera_map, L.position[L.keyframe == k.number]) for k in map_.keyframes]
     alive = L.alive.copy()
-    close_loop(map_, [Edge(0, COUNT - 1, se3.inverse(true[0]) @ true[-1], SMALL * 0.1, True)], 1.0)
+    close_loop(map_, Edge(0, COUNT - 1, se3.inverse(true[0]) @ true[-1], SMALL * 0.1, True))
     assert gap(*(se3.inverse(map_.keyframes[k].T_camera_map) for k in (0, COUNT - 1))) < 0.1 * gap(start[0], start[-1])
     for k, before in zip(map_.keyframes, in_camera, strict=True):
         here = (L.keyframe == k.number) & alive
         np.testing.assert_allclose(se3.apply(k.T_camera_map, L.position[here]), before[: here.sum()], atol=1e-9)
 
 
+def test_a_closure_makes_its_two_ends_sure_of_each_other_and_all_between_none_the_less():
+    true = circle()
+    map_ = chain_of_keyframes(true, SMALL)
+    between = map_.registrations.covariance_between
+    before = {(a, b): between(a, b) for a, b in ((0, COUNT - 1), (3, 9), (2, COUNT - 3))}
+    close_loop(map_, Edge(0, COUNT - 1, se3.inverse(true[0]) @ true[-1], SMALL * 0.1, True))
+    np.testing.assert_allclose(between(0, COUNT - 1), SMALL * 0.1, atol=1e-15)
+    np.testing.assert_array_equal(between(3, 9), before[3, 9])
+    assert np.trace(between(2, COUNT - 3)) < 0.5 * np.trace(before[2, COUNT - 3])
+
+
+def test_a_wrong_closure_gains_nothing_by_those_that_follow():
+    true = circle()
+    map_ = chain_of_keyframes(true, SMALL)
+    wrong = Edge(4, 15, se3.exp(np.array([0.8, 0, 0, 0, 0.3, 0])) @ se3.inverse(true[4]) @ true[15], SMALL, True)
+    close_loop(map_, wrong)
+    off = [max(gap(se3.inverse(k.T_camera_map), T) for k, T in zip(map_.keyframes, true, strict=True))]
+    for k in range(6):
+        close_loop(map_, Edge(k, COUNT - 1 - k, se3.inverse(true[k]) @ true[COUNT - 1 - k], SMALL * 0.1, True))
+        off.append(max(gap(se3.inverse(k.T_camera_map), T) for k, T in zip(map_.keyframes, true, strict=True)))
+    assert max(off) < 1.2 * off[0]
+    assert off[-1] < off[0]
+
+
 def test_merging_a_segment_keeps_its_shape_and_its_landmarks():
     map_ = two_segments(circle()[:6])
     L = map_.landmarks
     poses = [k.T_camera_map.copy() for k in map_.keyframes]
-    points = L.position.copy()
+    points, covariances = L.position.copy(), L.covariance.copy()
     T_new_old = se3.exp(np.array([1.0, -2.0, 0.5, 0.4, -1.0, 0.3]))
     merge_segment(map_, Edge(1, 5, poses[1] @ T_new_old @ se3.inverse(poses[5]), SMALL))
     assert {k.segment for k in map_.keyframes} == {0}
@@ -92,6 +116,8 @@ def test_merging_a_segment_keeps_its_shape_and_its_landmarks():
         )
     moved = L.alive & (L.keyframe >= 3)
     np.testing.assert_allclose(L.position[moved], se3.apply(T_new_old, points[moved]), atol=1e-9)
+    R = T_new_old[:3, :3]
+    np.testing.assert_allclose(L.covariance[moved], R @ covariances[moved] @ R.T, atol=1e-15)
     np.testing.assert_array_equal(L.position[L.alive & (L.keyframe < 3)], points[L.alive & (L.keyframe < 3)])
     for k in range(3):
         np.testing.assert_array_equal(map_.keyframes[k].T_camera_map, poses[k])
@@ -101,30 +127,27 @@ def two_segments(poses, drift=0.0):
     """A map of two segments of key frames at `poses`, the second one off by `drift` metres."""
     half = len(poses) // 2
     off = se3.exp(np.array([drift, 0, 0, 0, 0, 0]))
-    map_ = chain_of_keyframes([*poses[:half], *(off @ T for T in poses[half:])], SMALL)
-    map_.keyframes[half].parent, map_.keyframes[half].covariance_parent = None, np.zeros((6, 6))
-    for k in map_.keyframes[half:]:
-        k.segment = 1
-    return map_
+    return chain_of_keyframes([*poses[:half], *(off @ T for T in poses[half:])], SMALL, begins=(0, half))
 
 
 def test_merged_segments_are_as_sure_of_each_other_as_their_registration_and_of_themselves_as_before():
     map_ = two_segments(circle()[:8])
     k = map_.keyframes
     ends = ((4, 7), (7, 4), (5, 6), (0, 3))
-    before = [covariance_between(k, a, b) for a, b in ends]
+    covariance_between = map_.registrations.covariance_between
+    before = [covariance_between(a, b) for a, b in ends]
     covariance = np.diag(np.arange(1.0, 7.0)) * 1e-5
     T_1_7 = k[1].T_camera_map @ se3.inverse(k[7].T_camera_map)
     merge_segment(map_, Edge(1, 7, T_1_7, covariance))
     for (a, b), expected in zip(ends, before, strict=True):
-        np.testing.assert_allclose(covariance_between(k, a, b), expected, atol=1e-15)
-    np.testing.assert_allclose(covariance_between(k, 1, 7), covariance, atol=1e-15)
+        np.testing.assert_allclose(covariance_between(a, b), expected, atol=1e-15)
+    np.testing.assert_allclose(covariance_between(1, 7), covariance, atol=1e-15)
     T_7_4 = k[7].T_camera_map @ se3.inverse(k[4].T_camera_map)
-    over_the_joint = se3.compose_covariance(covariance, T_7_4, covariance_between(k, 7, 4))
-    np.testing.assert_allclose(covariance_between(k, 1, 4), over_the_joint, atol=1e-15)
+    over_the_joint = se3.compose_covariance(covariance, T_7_4, covariance_between(7, 4))
+    np.testing.assert_allclose(covariance_between(1, 4), over_the_joint, atol=1e-15)
     for number in (4, 5, 6, 7):
         T_1_k = k[1].T_camera_map @ se3.inverse(k[number].T_camera_map)
-        since = se3.compose_covariance(k[1].covariance_since_start, T_1_k, covariance_between(k, 1, number))
+        since = se3.compose_covariance(k[1].covariance_since_start, T_1_k, covariance_between(1, number))
         np.testing.assert_allclose(k[number].covariance_since_start, since, atol=1e-15)
 
 
@@ -138,7 +161,7 @@ def test_a_loop_closed_after_a_merge_keeps_what_joined_the_segments():
     joint = se3.inverse(true[1]) @ true[7]
     merge_segment(map_, Edge(1, 7, joint, SMALL))
     off = se3.exp(np.array([0.02, 0, 0, 0, 0, 0]))
-    close_loop(map_, [Edge(0, 4, se3.inverse(true[0]) @ true[4] @ off, SMALL, True)], 1.0)
+    close_loop(map_, Edge(0, 4, se3.inverse(true[0]) @ true[4] @ off, SMALL, True))
     assert 0.001 < gap(relative(1, 7), joint) < 0.01
     assert gap(relative(0, 4), se3.inverse(true[0]) @ true[4] @ off) < 0.018
 
@@ -147,48 +170,42 @@ def test_a_closure_three_metres_wrong_contradicts_the_chain_and_a_right_one_does
     true = circle()
     map_ = chain_of_keyframes(drifted(true, 0.003), np.eye(6) * 0.003**2)
     right = se3.inverse(true[0]) @ true[-1]
-    assert contradiction(map_, 0, COUNT - 1, right, SMALL, 1.0) == ""
+    assert contradiction(map_, Edge(0, COUNT - 1, right, SMALL), 0.0) == ""
     wrong = se3.exp(np.array([3.0, 0, 0, 0, 0, 0])) @ right
-    assert "3.0" in contradiction(map_, 0, COUNT - 1, wrong, SMALL, 1.0)
+    assert "3.0" in contradiction(map_, Edge(0, COUNT - 1, wrong, SMALL), 0.0)
     turned = right @ se3.exp(np.array([0, 0, 0, 0, 0.5, 0]))
-    assert "deg" in contradiction(map_, 0, COUNT - 1, turned, SMALL, 1.0)
+    assert "deg" in contradiction(map_, Edge(0, COUNT - 1, turned, SMALL), 0.0)
 
 
-def test_segments_that_share_no_chain_cannot_contradict():
-    map_ = chain_of_keyframes(circle()[:4], SMALL)
-    map_.keyframes[3].segment = 1
-    assert contradiction(map_, 0, 3, se3.exp(np.full(6, 0.5)), SMALL, 1.0) == ""
-
-
-def test_covariances_add_up_along_the_chain_of_parents():
+def test_covariances_add_up_along_the_chain_of_registrations():
     rng = np.random.default_rng(1)
     poses = [se3.exp(0.3 * rng.normal(size=6)) for _ in range(6)]
-    roots = 0.01 * rng.normal(size=(6, 6, 6))
-    parents = [None, 0, 1, 1, 3, 4]
-    keyframes = [bare_keyframe(k, poses[k], parents[k], roots[k] @ roots[k].T) for k in range(6)]
+    covariances = [root @ root.T for root in 0.01 * rng.normal(size=(6, 6, 6))]
 
     def relative(a, b):
         return se3.inverse(poses[a]) @ poses[b]
 
-    step_3_4_5 = se3.compose_covariance(keyframes[4].covariance_parent, relative(4, 5), keyframes[5].covariance_parent)
-    along = se3.compose_covariance(keyframes[3].covariance_parent, relative(3, 5), step_3_4_5)
-    np.testing.assert_allclose(covariance_between(keyframes, 1, 5), along, rtol=1e-9)
-    up = se3.inverse_covariance(relative(1, 2), keyframes[2].covariance_parent)
+    registrations = Registrations()
+    for k, against in enumerate([0, 1, 1, 3, 4], 1):
+        registrations.add(Edge(against, k, relative(against, k), covariances[k]))
+    covariance_between = registrations.covariance_between
+    step_3_4_5 = se3.compose_covariance(covariances[4], relative(4, 5), covariances[5])
+    along = se3.compose_covariance(covariances[3], relative(3, 5), step_3_4_5)
+    np.testing.assert_allclose(covariance_between(1, 5), along, rtol=1e-9)
+    up = se3.inverse_covariance(relative(1, 2), covariances[2])
     across = se3.compose_covariance(up, relative(1, 5), along)
-    np.testing.assert_allclose(covariance_between(keyframes, 2, 5), across, rtol=1e-9)
-    np.testing.assert_allclose(
-        covariance_between(keyframes, 5, 2), se3.inverse_covariance(relative(2, 5), across), rtol=1e-9
-    )
-    assert (covariance_between(keyframes, 4, 4) == 0).all()
+    np.testing.assert_allclose(covariance_between(2, 5), across, rtol=1e-9)
+    np.testing.assert_allclose(covariance_between(5, 2), se3.inverse_covariance(relative(2, 5), across), rtol=1e-9)
+    assert (covariance_between(4, 4) == 0).all()
 
 
 def test_no_covariance_is_claimed_across_a_loss_or_between_segments():
-    keyframes = [bare_keyframe(0, np.eye(4)), bare_keyframe(1, np.eye(4), segment=1)]
+    map_ = Map(keyframes=[bare_keyframe(0, np.eye(4)), bare_keyframe(1, np.eye(4), segment=1)])
     here = Placed(Stamp(0), 0, 0.0, 0, np.eye(4), np.eye(6))
     there = Placed(Stamp(10), 1, 0.0, 1, np.eye(4), np.eye(6))
-    assert relative_covariance(keyframes, here, there, 0.0) is None
-    assert relative_covariance(keyframes, here, Placed(Stamp(10), 0, 0.0), 0.0) is None
-    assert relative_covariance(keyframes, here, Placed(Stamp(10), 0, 0.0, 0, np.eye(4), np.eye(6)), 0.0) is not None
+    assert relative_covariance(map_, here, there, 0.0) is None
+    assert relative_covariance(map_, here, Placed(Stamp(10), 0, 0.0), 0.0) is None
+    assert relative_covariance(map_, here, Placed(Stamp(10), 0, 0.0, 0, np.eye(4), np.eye(6)), 0.0) is not None
 
 
 def test_the_trajectory_carries_every_pose_to_its_stamp():

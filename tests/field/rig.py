@@ -1,6 +1,7 @@
 """Real `odom` processes for a test: started, watched, ended."""
 
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -15,6 +16,16 @@ def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
+
+
+UNIT = Path(__file__).parents[2] / "odom" / "service" / "systemd" / "odom-serve@.service"
+
+
+def service_priority() -> list[str]:
+    """Return the command that gives a process the priority of the packaged service; empty where that is not allowed."""
+    nice = re.findall(r"^Nice=(-\d+)$", UNIT.read_text(), re.MULTILINE)[0]
+    given = subprocess.run(["nice", "-n", nice, "nice"], capture_output=True, text=True, check=True).stdout.strip()
+    return ["nice", "-n", nice] if given == nice else []
 
 
 class Process:

@@ -3,8 +3,6 @@
 import json
 import os
 import random
-import re
-import subprocess
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -13,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
-from rig import Process, free_port, processes
+from rig import Process, free_port, processes, service_priority
 
 from odom.frame import Camera, Stamp
 from odom.wire import TF, Topics, WireSettings, truth
@@ -28,7 +26,6 @@ from odom.wire.codec import (
 from odom.wire.session import WireSession, open_session
 
 RECORDING = Path(__file__).parents[2] / "recordings" / "arena.mcap"
-UNIT = Path(__file__).parents[2] / "odom" / "service" / "systemd" / "odom-serve@.service"
 RECORDED_SLOWER = 4.0
 """The recording holds every fourth frame of a camera at 30 Hz."""
 TOPICS = Topics("cam0")
@@ -96,20 +93,14 @@ def throw(session: WireSession, per_key: int) -> int:
     return thrown
 
 
-def priority() -> list[str]:
-    """Return the command that gives a process the priority of the packaged service."""
-    nice = re.findall(r"^Nice=(-\d+)$", UNIT.read_text(), re.MULTILINE)[0]
-    given = subprocess.run(["nice", "-n", nice, "nice"], capture_output=True, text=True, check=True).stdout.strip()
-    if given != nice:
-        pytest.skip(f"needs the right to run at nice {nice}, as the service does")
-    return ["nice", "-n", nice]
-
-
 def run(folder: Path, per_key: int, frames: int, live: bool) -> Run:
     """Track the recording, played round and round, for `frames` and until all is thrown.
 
     `live`: at 30 Hz sharp, with the priority of the service.
     """
+    priority = service_priority()
+    if live and not priority:
+        pytest.skip("needs the right to run at the service's priority")
     folder.mkdir()
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     meet = ["--mode", "client", "--connect", endpoint]
@@ -118,7 +109,7 @@ def run(folder: Path, per_key: int, frames: int, live: bool) -> Run:
         started.append(Process("router", folder / "router.log", ["router", "--listen", endpoint]))
         started[0].wait_for("routing at", 60)
         serve = ["serve", "--out", folder / "out", "--until-end", *meet]
-        odometry = Process("odometry", folder / "odometry.log", serve, prefix=priority() if live else ())
+        odometry = Process("odometry", folder / "odometry.log", serve, prefix=priority if live else ())
         started.append(odometry)
         odometry.wait_for("ready after", 300)
         pace = ["--realtime", "--rate", RECORDED_SLOWER, "--consumers", 1] if live else []
@@ -153,8 +144,8 @@ def wait_for_lines(file: Path, count: int, process: Process) -> None:
 
 
 def compare(folder: Path, per_key: int, frames: int, live: bool = False) -> None:
+    quiet = run(folder / "quiet", 0, 2 * frames, live)  # comes first: it compiles, if anything does
     flooded = run(folder / "flooded", per_key, frames, live)
-    quiet = run(folder / "quiet", 0, len(flooded.poses), live)
     print(
         {
             "malformed messages": flooded.thrown,

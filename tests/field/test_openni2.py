@@ -18,6 +18,7 @@ from odom.errors import ConfigError, DeviceError, RecordingError
 from odom.wire import Message, Topics
 from odom.wire.codec import decode_camera_info, decode_color, decode_depth
 from sensors.openni2 import open_kinect
+from sensors.openni2.playback import OniRecording
 from sensors.source import Source, SourceOptions
 
 TOPICS = Topics("cam0")
@@ -274,6 +275,36 @@ def test_an_oni_recording_is_played_bit_by_bit_and_ends(kinects: Kinects, tmp_pa
     frame_numbers([decode_depth(m) for m in depth], true_depth)
     intervals = np.diff([m.stamp for m in color]) / (1e9 / 30)
     assert intervals == pytest.approx(np.round(intervals), rel=1e-4)
+
+
+def test_an_oni_file_is_not_closed_under_who_reads_it(
+    kinects: Kinects, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kinects(frames=60)
+    source = open_kinect(f"kinect:{record_oni(tmp_path / 'take.oni', 1.0)}", options())
+    assert isinstance(source, OniRecording)
+    reading, closed_meanwhile = threading.Event(), threading.Event()
+    wait = source._api.wait_for_any_stream
+
+    def wait_slowly(streams: list[object], seconds: float) -> object:
+        reading.set()
+        time.sleep(0.3)
+        if not streams[0]:
+            closed_meanwhile.set()
+            return None
+        return wait(streams, seconds)
+
+    monkeypatch.setattr(source._api, "wait_for_any_stream", wait_slowly)
+    taken: list[Message] = []
+    reader = threading.Thread(target=lambda: taken.extend(source.messages()), daemon=True)
+    reader.start()
+    assert reading.wait(5)
+    source.close()
+    reader.join(5)
+    assert not reader.is_alive()
+    assert not closed_meanwhile.is_set()
+    assert list(source.messages()) == []
+    source.close()
 
 
 def record_oni(file: Path, seconds: float) -> Path:

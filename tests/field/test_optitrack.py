@@ -1,5 +1,6 @@
 """OptiTrack: the NatNet client against a server, over real sockets; Motive files."""
 
+import logging
 import math
 import random
 import threading
@@ -98,7 +99,7 @@ def test_a_server_that_was_silent_is_heard_again() -> None:
         source.close()
 
 
-def test_malformed_datagrams_are_counted_and_harmless() -> None:
+def test_malformed_datagrams_are_counted_told_and_harmless(caplog: pytest.LogCaptureFixture) -> None:
     rng = random.Random(3)
 
     def garble(datagram: bytes) -> bytes:
@@ -112,10 +113,15 @@ def test_malformed_datagrams_are_counted_and_harmless() -> None:
             spoilt[rng.randrange(4, len(spoilt))] = rng.randrange(256)
         return bytes(spoilt)
 
-    with NatNetServer({"rig": swing}, garble=garble) as server:
+    with NatNetServer({"rig": swing}, garble=garble) as server, caplog.at_level(logging.INFO):
         source = connect(server, seconds=2.0)
         messages = list(source.messages())
         source.close()
+        source.close()
+    told = [record.getMessage() for record in caplog.records if "malformed" in record.getMessage()]
+    assert told == [
+        f"OptiTrack Virtual Motive: {', '.join(f'{n} {what}' for what, n in source.client.counters.items())}"
+    ]
     assert source.client.counters["malformed"] > 10
     assert len(messages) > 60
     assert all(np.isfinite(decode_pose(message).T_parent_child).all() for message in messages)

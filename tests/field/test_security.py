@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import JsonValue
 from rig import Process, free_port, processes
 
 from odom.errors import ConfigError, WireError
@@ -33,6 +34,11 @@ def identity(keys: Path, name: str) -> SecuritySettings:
     return SecuritySettings(certificate=keys / f"{name}.pem", key=keys / f"{name}.key", ca=keys / "ca.pem")
 
 
+def as_client(endpoint: str, security: SecuritySettings, timeout_ms: int, **zenoh: JsonValue) -> WireSettings:
+    patience: dict[str, JsonValue] = {"connect/timeout_ms": timeout_ms}
+    return WireSettings(mode="client", connect=(endpoint,), listen=(), security=security, zenoh=patience | zenoh)
+
+
 class Rig:
     """A router with rules, and clients of it."""
 
@@ -40,8 +46,7 @@ class Rig:
         self.router, self.endpoint, self._stack = router, endpoint, stack
 
     def client(self, security: SecuritySettings, timeout_ms: int = 2000) -> WireSession:
-        settings = WireSettings(mode="client", connect=(self.endpoint,), listen=(), security=security)
-        return self._stack.enter_context(open_session(settings, {"connect/timeout_ms": timeout_ms}))
+        return self._stack.enter_context(open_session(as_client(self.endpoint, security, timeout_ms)))
 
 
 @pytest.fixture(scope="module")
@@ -154,12 +159,16 @@ def test_in_the_clear_nobody_gets_in(tls_rig: Rig) -> None:
     tls_rig.router.wait_for("refused: a client that does not speak TLS", 5, before)
 
 
+def test_a_router_says_that_it_listens_encrypted_where_it_was_given_tcp(tls_rig: Rig) -> None:
+    assert f"routing at {tls_rig.endpoint.replace('tcp/', 'tls/')} (tls in place of tcp)" in tls_rig.router.said
+
+
 def test_a_client_without_any_certificate_is_refused_and_logged(tls_rig: Rig, keys: Path) -> None:
     before = len(tls_rig.router.said)
     endpoint = tls_rig.endpoint.replace("tcp/", "tls/")
-    settings = WireSettings(mode="client", connect=(endpoint,), listen=())
-    knows_the_authority = {"transport/link/tls/root_ca_certificate": str(keys / "ca.pem"), "connect/timeout_ms": 2000}
-    with pytest.raises(WireError, match="cannot open"), open_session(settings, knows_the_authority):
+    knows_the_authority = {"transport/link/tls/root_ca_certificate": str(keys / "ca.pem")}
+    settings = as_client(endpoint, SecuritySettings(), 2000, **knows_the_authority)
+    with pytest.raises(WireError, match="cannot open"), open_session(settings):
         pass
     tls_rig.router.wait_for("refused: a client that shows no certificate", 5, before)
 
@@ -270,9 +279,9 @@ def test_what_is_refused_again_and_again_does_not_fill_the_log(password_rig: Rig
 
 def test_no_secret_stands_in_settings_or_errors(tmp_path: Path) -> None:
     security = with_password(tmp_path, "viewer", PASSWORD)
-    settings = WireSettings(security=security, mode="client", connect=("tcp/127.0.0.1:9",))
+    settings = as_client("tcp/127.0.0.1:9", security, 300)
     assert PASSWORD not in repr(settings) + settings.model_dump_json()
-    with pytest.raises(WireError) as refused, open_session(settings, {"connect/timeout_ms": 300}):
+    with pytest.raises(WireError) as refused, open_session(settings):
         pass
     assert PASSWORD not in str(refused.value)
 

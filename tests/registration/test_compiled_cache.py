@@ -75,6 +75,25 @@ def test_a_second_process_loads_what_the_first_compiled(tmp_path):
     assert any(Path(tmp_path).rglob("*.nbc"))
 
 
+def test_no_loop_of_the_project_needs_a_cache_folder_of_numbas_own(tmp_path):
+    """Numba's own are in the installation and below the home directory: neither can be written everywhere."""
+    code = """
+from numba.core import caching
+def ensure_cache_path(self):
+    if "UserProvided" not in type(self).__name__:
+        raise PermissionError("read-only")
+caching._CacheLocator.ensure_cache_path = ensure_cache_path
+import pathlib, importlib
+for root in ("odom", "sensors"):
+    for file in sorted(pathlib.Path(root).rglob("*.py")):
+        if "import compiled" in file.read_text() or "njit" in file.read_text():
+            importlib.import_module(".".join(file.with_suffix("").parts))
+"""
+    root = Path(compiled.__file__).parents[2]
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+
+
 def test_importing_se3_does_not_load_the_compiler():
     code = "import sys, odom.registration.se3; print('numba' in sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)

@@ -118,6 +118,21 @@ def test_import_info_recover(tmp_path: Path, network: Network) -> None:
     network.run("sensor", str(folder), "--color", "purple", status=2)
 
 
+def test_an_import_never_overwrites_what_it_reads(tmp_path: Path, network: Network) -> None:
+    recording, link, bag = tmp_path / "a.mcap", tmp_path / "link.mcap", tmp_path / "bag"
+    network.run("import", str(write_folder(tmp_path / "tum")), str(recording))
+    link.symlink_to(recording)
+    bag.mkdir()
+    (bag / "metadata.yaml").write_text("")
+    (bag / "a_0.mcap").hardlink_to(recording)
+    whole = recording.read_bytes()
+    for source, output in ((recording, recording), (recording, link), (bag, bag / "a_0.mcap")):
+        assert "another OUTPUT" in network.run("import", str(source), str(output), "--overwrite", status=1)
+        assert recording.read_bytes() == whole
+    network.run("import", str(recording), str(tmp_path / "b.mcap"))
+    network.run("import", str(recording), str(tmp_path / "b.mcap"), "--overwrite")
+
+
 def test_whoever_joins_a_live_sensor_is_told_the_calibration_at_once(
     tmp_path: Path, network: Network, hub: WireSession
 ) -> None:
@@ -203,6 +218,13 @@ def test_a_cut_recording_is_played_and_mending_advised(tmp_path: Path, network: 
     output, _ = sensor.communicate(timeout=10)
     assert "odom recover" in output
     assert sensor.returncode == 0
+
+
+def test_a_router_whose_endpoint_is_taken_fails_and_says_so(network: Network, hub: WireSession) -> None:
+    said = network.run("router", "--listen", network.endpoint, status=1)
+    assert network.endpoint in said
+    assert "--listen" in said
+    assert "routing at" not in said
 
 
 class Unplugged:

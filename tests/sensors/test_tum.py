@@ -110,16 +110,25 @@ def test_a_part_is_played_and_a_round_follows_another(tmp_path: Path) -> None:
     assert stamps == sorted(set(stamps))
 
 
+def test_what_is_live_is_not_looped() -> None:
+    with pytest.raises(ConfigError, match="--loop"):
+        open_source("arena", SourceOptions(live=True, loop=True, extra=(("half", "1"),)))
+
+
 def test_a_missing_or_damaged_image_is_left_out_and_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     folder = write_folder(tmp_path / "tum")
     (folder / "rgb" / "1.jpg").unlink()
     damaged = folder / "depth" / "2.png"
     damaged.write_bytes(damaged.read_bytes()[:40])
     (folder / "rgb" / "3.jpg").write_bytes(b"no image")
-    counted = keys(folder)
+    source = open_source(str(folder), SourceOptions())
+    counted = Counter(message.topic for message in source.messages())
+    source.close()
+    source.close()
     assert counted["cam0/color/image_raw/compressed"] == FRAMES - 2
     assert counted["cam0/depth/image_raw"] == FRAMES - 1
-    assert [record.getMessage().count("left out") for record in caplog.records] == [1, 1, 1]
+    assert [record.getMessage().count("left out") for record in caplog.records] == [1, 1, 1, 1]
+    assert "3 files" in caplog.records[-1].getMessage()
 
 
 @pytest.mark.parametrize(

@@ -139,3 +139,10 @@ def test_a_malformed_acknowledgement_is_ignored(open_peer: OpenSession) -> None:
         count += 1
     assert count == 16
     sending.join(5.0)
+
+
+def test_a_sender_that_never_waits_for_room_remembers_no_more_than_the_window(open_peer: OpenSession) -> None:
+    sender = Sender(open_peer())
+    for serial in range(1000):
+        sender.window.sent(serial, is_frame=True)
+    assert len(sender.window._frames) == 4

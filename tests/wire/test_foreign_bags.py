@@ -1,6 +1,8 @@
 """Recordings that another program made: rosbags' own writer, foreign names, every encoding of depth."""
 
+import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -9,6 +11,7 @@ import pytest
 from made_up_messages import BEGIN, PERIOD_NS, kinect_depth, textured
 from rosbags.rosbag2 import StoragePlugin, Writer
 
+from odom.cli.info import info
 from odom.errors import ConfigError, RecordingError
 from odom.frame import Camera, Stamp
 from odom.wire import Message, Topics
@@ -23,6 +26,8 @@ from odom.wire.codec import (
     encode_pose,
     images,
 )
+from odom.wire.recording import RecordingWriter, open_reader
+from sensors import replay
 from sensors.catalogue import open_source
 from sensors.source import SourceOptions
 
@@ -115,6 +120,51 @@ def test_database_bags_read_alike(tmp_path: Path) -> None:
     assert open_source(str(bag), SourceOptions()).length == FRAMES
 
 
+def test_the_parts_of_a_bag_are_read_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    stamps = [Stamp(BEGIN + i * PERIOD_NS) for i in range(12 * 60)]
+    for part in range(12):
+        with RecordingWriter(tmp_path / f"bag_{part}.mcap") as writer:
+            for stamp in stamps[60 * part : 60 * (part + 1)]:
+                writer.write(encode_pose("truth/rig/pose", stamp, np.eye(4), "mocap"))
+    assert [message.stamp for message in open_reader(tmp_path).messages()] == stamps
+
+
+def rewrite(bag: Path, old: str, new: str) -> None:
+    metadata = bag / "metadata.yaml"
+    told = metadata.read_text()
+    assert old in told
+    metadata.write_text(told.replace(old, new))
+
+
+def cut(bag: Path, size: int) -> None:
+    (database,) = bag.glob("*.db3")
+    os.truncate(database, min(size, database.stat().st_size // 2))
+
+
+BREAK: dict[str, Callable[[Path], object]] = {
+    "of a later version": lambda bag: rewrite(bag, "version: 9", "version: 99"),
+    "of an unknown compression": lambda bag: rewrite(
+        bag, "compression_format: ''", "compression_format: lz4\n  compression_mode: message"
+    ),
+    "whose metadata is no YAML": lambda bag: (bag / "metadata.yaml").write_bytes(b"\xff{"),
+    "without metadata": lambda bag: (bag / "metadata.yaml").unlink(),
+    "whose database is another": lambda bag: next(bag.glob("*.db3")).rename(bag / "other.db3"),
+    "cut in its first page": lambda bag: cut(bag, 60),
+    "cut in the middle": lambda bag: cut(bag, 10**9),
+    "emptied": lambda bag: cut(bag, 0),
+}
+
+
+@pytest.mark.parametrize("kind", BREAK)
+def test_a_database_bag_that_cannot_be_read_is_a_recording_error(tmp_path: Path, kind: str) -> None:
+    bag = record(tmp_path / "bag", realsense(), StoragePlugin.SQLITE3)
+    BREAK[kind](bag)
+    with pytest.raises(RecordingError, match="bag"):
+        open_reader(bag).counts()
+    with pytest.raises(RecordingError, match="bag"):
+        list(open_reader(bag).messages())
+
+
 def test_named_topics_win_and_unknown_ones_are_refused(tmp_path: Path) -> None:
     bag = record(tmp_path / "bag", realsense())
     options = SourceOptions(
@@ -131,6 +181,56 @@ def test_named_topics_win_and_unknown_ones_are_refused(tmp_path: Path) -> None:
         open_source(str(bag), SourceOptions(topics_from=(("depth", "/nothing"),)))
     with pytest.raises(ConfigError, match="sound"):
         open_source(str(bag), SourceOptions(topics_from=(("sound", "/vicon/helmet/pose"),)))
+
+
+@pytest.mark.parametrize(
+    ("topic", "key"),
+    [
+        ("vicon/hat/pose", "truth/hat/pose"),
+        ("helmet", "truth/helmet/pose"),
+        ("pose", "truth/body/pose"),
+        ("truth/rig two/pose", "truth/rig_two/pose"),
+    ],
+)
+def test_a_named_truth_is_a_body_of_its_name(tmp_path: Path, topic: str, key: str) -> None:
+    poses = [encode_pose(topic, Stamp(BEGIN + i * PERIOD_NS), np.eye(4), "vicon") for i in range(FRAMES)]
+    bag = record(tmp_path / "bag", [*realsense(), *poses])
+    messages = open_source(str(bag), SourceOptions(topics_from=(("truth", f"/{topic}"),))).messages()
+    assert [message.topic for message in messages].count(key) == FRAMES
+
+
+@pytest.mark.parametrize("topic", ["/nothing/pose", "/camera/color/camera_info"])
+def test_a_named_truth_that_holds_no_poses_is_refused_with_those_that_do(tmp_path: Path, topic: str) -> None:
+    bag = record(tmp_path / "bag", realsense())
+    with pytest.raises(ConfigError, match=r"--topic truth=.*/vicon/helmet/pose"):
+        open_source(str(bag), SourceOptions(topics_from=(("truth", topic),)))
+
+
+def test_truth_that_begins_late_is_played(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(replay, "_PEEK_BYTES", sum(len(message.payload) for message in realsense()))
+    late = Stamp(BEGIN + (FRAMES - 1) * PERIOD_NS + 9_000_000)
+    bag = record(
+        tmp_path / "bag", [*realsense(), *(encode_pose(t, late, np.eye(4), "m") for t in ("truth/a/pose", "b"))]
+    )
+    assert "truth/a/pose" in {message.topic for message in open_source(str(bag), SourceOptions()).messages()}
+    named = open_source(str(bag), SourceOptions(topics_from=(("truth", "b"),)))
+    assert "truth/b/pose" in {message.topic for message in named.messages()}
+
+
+def test_bodies_of_any_name_have_a_key_that_can_be_published(tmp_path: Path) -> None:
+    names = ["rig 2*", "a/b", "Körper", "x" * 100, ""]
+    stamp = Stamp(BEGIN + PERIOD_NS)
+    poses = [encode_pose(f"truth/{name}/pose", stamp, np.eye(4), "mocap") for name in names]
+    bag = record(tmp_path / "bag", [*realsense(), *poses])
+    played = {message.topic for message in open_source(str(bag), SourceOptions()).messages()}
+    keys = {topic for topic in played if topic.startswith("truth/")}
+    assert keys == {
+        "truth/rig_2_/pose",
+        "truth/a_b/pose",
+        "truth/K_rper/pose",
+        f"truth/{'x' * 64}/pose",
+        "truth/body/pose",
+    }
 
 
 def test_depth_of_another_size_is_refused_with_advice(tmp_path: Path) -> None:
@@ -155,6 +255,39 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
     frames, assembler = frames_of(bag, SourceOptions(camera=calibration))
     assert len(frames) == FRAMES
     assert assembler.camera == CAMERA
+
+
+def fisheye(message: Message) -> Message:
+    """The calibration with a lens model that is not supported."""
+    decoded = cdr.deserialise(message, cdr.CAMERA_INFO)
+    told = replace(decoded, distortion_model="equidistant", d=np.array([0.1, 0.2, 0.3, 0.4]))
+    return cdr.serialise(message.topic, cdr.CAMERA_INFO, message.stamp, told)
+
+
+def test_a_calibration_that_cannot_be_used_is_refused_with_its_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    messages = [fisheye(m) if m.topic == "camera/color/camera_info" else m for m in realsense()]
+    bag = record(tmp_path / "bag", messages)
+    with pytest.raises(RecordingError, match=r"equidistant.*--camera"):
+        open_source(str(bag), SourceOptions())
+    info(bag)
+    told = capsys.readouterr().out
+    assert "colour /camera/color/image_raw, depth" in told
+    assert "equidistant" in told
+    assert "complete" in told
+    calibration = tmp_path / "camera.yaml"
+    calibration.write_text(
+        "image_width: 64\nimage_height: 48\ncamera_matrix: {data: [50, 0, 31, 0, 51, 23, 0, 0, 1]}\n"
+    )
+    frames, _ = frames_of(bag, SourceOptions(camera=calibration))
+    assert len(frames) == FRAMES
+
+
+def test_a_named_calibration_of_another_size_is_refused(tmp_path: Path) -> None:
+    bag = record(tmp_path / "bag", realsense())
+    with pytest.raises(RecordingError, match=r"32 x 24.*64 x 48"):
+        open_source(str(bag), SourceOptions(topics_from=(("camera_info", "/camera/depth/camera_info"),)))
 
 
 def test_rectified_colour_gets_the_rectified_camera(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from random import Random
+from typing import Literal
 
 import psutil
 import pytest
@@ -17,6 +18,7 @@ from odom.wire import WireSettings
 from odom.wire.codec import encode_text
 from odom.wire.malformed import Malformed
 from odom.wire.session import WireSession, open_session
+from odom.wire.settings import ANY_LOCAL_PORT
 
 
 def eventually(condition: Callable[[], bool], timeout: float = 5.0) -> bool:
@@ -151,6 +153,35 @@ def test_a_router_that_is_not_there_is_named(endpoint: str) -> None:
         pass
 
 
+@pytest.mark.parametrize("mode", ["peer", "router"])
+def test_an_endpoint_that_was_asked_for_and_is_taken_is_an_error(
+    endpoint: str, mode: Literal["peer", "router"]
+) -> None:
+    with open_session(WireSettings(connect=(), listen=(endpoint,))):
+        asked = WireSettings(mode=mode, connect=(), listen=(ANY_LOCAL_PORT, endpoint))
+        with pytest.raises(WireError, match=f"{endpoint}.*--listen") as refused, open_session(asked):
+            pass
+    assert ".rs:" not in str(refused.value)
+
+
+def test_a_meeting_point_that_is_taken_is_left_to_who_holds_it_but_by_no_router(endpoint: str) -> None:
+    meeting = WireSettings(connect=(endpoint,), listen=(endpoint, ANY_LOCAL_PORT))
+    with open_session(meeting) as first, open_session(meeting) as second:
+        meet_each_other: list[str] = []
+        first.watch("alive/*", lambda key, alive: meet_each_other.append(key))
+        second.announce("alive/second")
+        assert eventually(lambda: meet_each_other == ["alive/second"])
+        router = meeting.model_copy(update={"mode": "router"})
+        with pytest.raises(WireError, match="--listen"), open_session(router):
+            pass
+
+
+@pytest.mark.parametrize("connect", [WireSettings().connect, ("tcp/rig:7447",)])
+def test_nobody_asked_for_the_default_endpoints(connect: tuple[str, ...]) -> None:
+    settings = WireSettings(connect=connect, listen=(*WireSettings().listen, "tcp/0.0.0.0:7447"))
+    assert [where for where in settings.listen if settings.on_purpose(where)] == ["tcp/0.0.0.0:7447"]
+
+
 def test_closing_wakes_who_waits(open_peer: OpenSession) -> None:
     subscriber = open_peer().subscriber(["a"])
     got: list[object] = []
@@ -211,6 +242,21 @@ def test_a_flood_of_nonsense_does_not_crowd_out_a_sender(open_peer: OpenSession)
     assert [message.payload for message in kept if message.type_name.endswith("String")] == [
         encode_text("a", Stamp(i), str(i)).payload for i in range(3)
     ]
+
+
+def test_invented_keys_lock_out_no_key_that_was_asked_for(open_peer: OpenSession) -> None:
+    sender, flooder, receiver = open_peer(), open_peer(), open_peer()
+    subscriber = receiver.subscriber(["truth/*/pose", "cam0/odom"], depth=1)
+    meet(sender, "cam0/odom")
+    meet(flooder, "truth/x/pose")
+    for i in range(1000):
+        flooder.zenoh.put(f"truth/{i}/pose", b"invented", congestion_control=zenoh.CongestionControl.BLOCK)
+    assert eventually(lambda: subscriber.total().received >= 256)
+    time.sleep(0.3)
+    sender.publisher().put(encode_text("cam0/odom", Stamp(1), "real"))
+    assert eventually(lambda: subscriber.counters["cam0/odom"].received == 1)
+    assert len(subscriber.counters) <= 257
+    assert subscriber.waiting <= 257
 
 
 def test_a_flooded_key_is_not_looked_at_but_its_sender_and_other_keys_are(open_peer: OpenSession) -> None:

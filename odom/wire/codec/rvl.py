@@ -6,10 +6,10 @@ little-endian 32-bit word from its top.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from odom.errors import WireError
+from odom.registration.compiled import compiled
 
 
 def encode_rvl(values: NDArray[np.uint16]) -> bytes:
@@ -32,7 +32,7 @@ def decode_rvl(stream: NDArray[np.uint8], count: int) -> NDArray[np.uint16]:
     return out
 
 
-@njit(cache=True)
+@compiled
 def _put(nibbles: NDArray[np.uint8], at: int, value: int) -> int:
     while True:
         nibble = value & 7
@@ -43,7 +43,7 @@ def _put(nibbles: NDArray[np.uint8], at: int, value: int) -> int:
             return at
 
 
-@njit(cache=True)
+@compiled
 def _encode(values: NDArray[np.uint16], nibbles: NDArray[np.uint8]) -> int:
     at, i, previous = 0, 0, 0
     while i < values.size:
@@ -62,7 +62,7 @@ def _encode(values: NDArray[np.uint16], nibbles: NDArray[np.uint8]) -> int:
     return at
 
 
-@njit(cache=True)
+@compiled
 def _get(words: NDArray[np.uint32], at: int) -> tuple[int, int]:
     """Return (value, next nibble), (-1, ...) behind the end of the words or for a value beyond 30 bits."""
     value, shift = 0, 0
@@ -76,7 +76,7 @@ def _get(words: NDArray[np.uint32], at: int) -> tuple[int, int]:
     return -1, at
 
 
-@njit(cache=True)
+@compiled
 def _decode(words: NDArray[np.uint32], out: NDArray[np.uint16]) -> bool:
     at, i, previous = 0, 0, 0
     while i < out.size:

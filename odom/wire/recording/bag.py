@@ -1,6 +1,8 @@
 """Reads a ROS 2 bag folder (`metadata.yaml` beside .mcap or .db3 files) like a single recording."""
 
+import re
 from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,7 @@ class BagReader(RecordingReader):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._parts = [RecordingReader(part) for part in sorted(path.glob("*.mcap"))]
+        self._parts = [RecordingReader(part) for part in sorted(path.glob("*.mcap"), key=_number)]
         if not self._parts and not any(path.glob("*.db3")):
             raise RecordingError(f"{path} is no ROS 2 bag: neither .mcap nor .db3 files are in it")
 
@@ -55,26 +57,30 @@ class BagReader(RecordingReader):
         self.complete, self.skipped = False, 0
         with self._database() as bag:
             wanted = [c for c in bag.connections if topics is None or c.topic.removeprefix("/") in topics]
-            if not wanted:
-                return
-            try:
-                for connection, time, payload in bag.messages(connections=wanted):
-                    try:
-                        stamp = stamp_of(connection.msgtype, payload)
-                    except WireError:
-                        self.skipped += 1
-                        continue
-                    at = Stamp(time) if stamp is None else stamp
-                    if start is None or at >= start:
-                        yield Message(connection.topic.removeprefix("/"), connection.msgtype, at, bytes(payload))
-            except OSError as error:
-                raise RecordingError(f"{self.path} cannot be read: {error}") from error
+            for connection, time, payload in bag.messages(connections=wanted) if wanted else ():
+                try:
+                    stamp = stamp_of(connection.msgtype, payload)
+                except WireError:
+                    self.skipped += 1
+                    continue
+                at = Stamp(time) if stamp is None else stamp
+                if start is None or at >= start:
+                    yield Message(connection.topic.removeprefix("/"), connection.msgtype, at, bytes(payload))
         self.complete = True
 
-    def _database(self) -> Any:
-        from rosbags.rosbag2 import Reader, ReaderError
+    @contextmanager
+    def _database(self) -> Iterator[Any]:
+        """Open the database; whatever goes wrong with it, then or while it is read, becomes a RecordingError."""
+        from rosbags.rosbag2 import Reader
 
         try:
-            return Reader(self.path)
-        except (ReaderError, OSError) as error:
+            with Reader(self.path) as bag:
+                yield bag
+        except Exception as error:  # what rosbags, YAML, zstd and the database raise for arbitrary bytes
             raise RecordingError(f"{self.path} is no ROS 2 bag that can be read: {error}") from error
+
+
+def _number(part: Path) -> tuple[int, str]:
+    """Return what sorts `bag_10` behind `bag_9`."""
+    digits = re.search(r"\d+\Z", part.stem)
+    return (int(digits[0]) if digits else 0, part.name)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from odom.errors import ConfigError, RecordingError, WireError
+from odom.frame import Camera
 from odom.wire.codec import cdr, decode_camera_info, decode_color, decode_depth
 from odom.wire.recording.reader import Stream
 
@@ -23,6 +24,25 @@ class Roles:
     camera_info: Stream | None
     rectified: bool
 
+    def camera(self) -> Camera | None:
+        """Return the camera that the calibration tells, None without one.
+
+        Raises RecordingError when its lens model is not supported, a value is malformed or its size is not colour's.
+        """
+        if self.camera_info is None:
+            return None
+        try:
+            camera = decode_camera_info(self.camera_info.first, self.rectified)
+        except WireError as error:
+            raise RecordingError(f"no usable calibration: {error}; or give --camera camera.yaml") from error
+        height, width = _size(self.color, decode_color)
+        if (camera.height, camera.width) != (height, width):
+            raise RecordingError(
+                f"camera_info /{self.camera_info.topic} is of {camera.width} x {camera.height} pixels and colour "
+                f"/{self.color.topic} of {width} x {height}: name another topic or give --camera camera.yaml"
+            )
+        return camera
+
 
 def is_depth(stream: Stream) -> bool:
     """Whether the stream holds depth images, judged by its first message."""
@@ -38,8 +58,8 @@ def assign_roles(streams: Sequence[Stream], named: Mapping[str, str], need_calib
     """Choose the streams; `named` (role to topic) settles what the types leave open.
 
     Among several, colour prefers names that say so, depth the one registered to colour, and both the one with the
-    most messages. Raises ConfigError for a name that is not there, RecordingError when a stream is missing, or when
-    depth has another size than colour and so cannot be registered to it.
+    most messages. Raises ConfigError for a name that is not there, RecordingError when a stream is missing, when the
+    calibration cannot be used, or when depth has another size than colour and so cannot be registered to it.
     """
     unknown = set(named) - set(ROLES)
     if unknown:
@@ -69,7 +89,10 @@ def assign_roles(streams: Sequence[Stream], named: Mapping[str, str], need_calib
             f"no camera_info of {color_size[1]} x {color_size[0]} pixels; the recording holds {_listing(streams)}: "
             "give --camera camera.yaml"
         )
-    return Roles(color, depth, info, "image_rect" in color.topic)
+    roles = Roles(color, depth, info, "image_rect" in color.topic)
+    if info is not None and need_calibration:
+        roles.camera()
+    return roles
 
 
 def _choose(

@@ -39,8 +39,6 @@ class Scan:
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     metadata: list[Metadata] = field(default_factory=list)
-    chunks: int = 0
-    attachments: int = 0
     complete: bool = False
     damage: list[str] = field(default_factory=list)
 
@@ -102,15 +100,12 @@ class Scan:
                     finished = True
                 elif opcode in (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.METADATA):
                     yield from self._record(opcode, file.read(length))
-                elif opcode == Opcode.ATTACHMENT:
-                    self.attachments += 1
             except _MALFORMED as error:
                 self.damage.append(f"record at byte {offset} is damaged: {error}")
             file.seek(after)
 
     def _chunk(self, file: BinaryIO, length: int, not_before: int) -> Iterator[tuple[Channel, Message]]:
         times = file.read(16)
-        self.chunks += 1
         if int.from_bytes(times[8:], "little") < not_before:
             return
         chunk = Chunk.read(ReadDataStream(BytesIO(times + file.read(length - 16))))

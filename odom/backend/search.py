@@ -28,7 +28,7 @@ def _spread(uv: Array, priority: Array, most: int, across: int) -> NDArray[np.bo
     """Choose up to `most` of n points evenly over the image: the best of each square, then the second best, ..."""
     n = uv.shape[0]
     order = np.argsort(-priority, kind="mergesort")
-    count = np.zeros(10000, np.int64)
+    count = np.zeros(across * (int(uv[:, 1].max()) // _CELL_PX + 1), np.int64)
     rank = np.zeros(n, np.int64)
     for k in order:
         square = int(uv[k, 1] // _CELL_PX) * across + int(uv[k, 0] // _CELL_PX)
@@ -47,18 +47,18 @@ def _spread(uv: Array, priority: Array, most: int, across: int) -> NDArray[np.bo
 
 
 @dataclass(frozen=True, eq=False)
-class Sighting:
+class Found:
     """Landmarks found in a frame.
 
     `rows` of the landmarks, sub-pixel positions `uv` (n x 2), `covariance_uv` (n x 3: uu, uv, vv, px^2 for one grey
-    level of noise), the predicted `inverse_depth` (n, 1/m), and how many were looked for.
+    level of noise), the predicted `inverse_depth` (n, 1/m), and the rows of all that were `looked_for`.
     """
 
     rows: Index
     uv: Array
     covariance_uv: Array
     inverse_depth: Array
-    looked_for: int
+    looked_for: Index
 
 
 def look_for(
@@ -72,7 +72,7 @@ def look_for(
     camera: Camera,
     lens: Lens,
     most: int,
-) -> Sighting:
+) -> Found:
     """Look for up to `most` of the `candidates` (rows of `landmarks`) where `T_camera_map` predicts them.
 
     `priority` (n) ranks candidates of one part of the image; `T_camera_keyframe` (K x 4 x 4) gives the motion from the
@@ -108,6 +108,5 @@ def look_for(
     score, covariance = align_patches(
         images.full, landmarks.patch_full[rows], A, uv, usable, _ITERATIONS, _FINE_LIMIT_PX
     )
-    landmarks.tried[rows] += 1
     found = score > _FINE_SCORE
-    return Sighting(rows[found], uv[found], covariance[found], 1.0 / seen[found, 2], len(rows))
+    return Found(rows[found], uv[found], covariance[found], 1.0 / seen[found, 2], rows)

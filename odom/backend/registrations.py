@@ -1,0 +1,103 @@
+"""Which key frames were registered against which, and how sure one key frame is of another by it."""
+
+import heapq
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.backend.graph import Edge
+from odom.backend.keyframes import Keyframe
+from odom.registration import se3
+
+Array = NDArray[np.float64]
+
+
+class Registrations:
+    """The graph of registrations: of every key frame its own, by the other one's number.
+
+    A key frame that is forgotten keeps the one with its heir, which does not know of it.
+    """
+
+    def __init__(self) -> None:
+        self._of: defaultdict[int, dict[int, Edge]] = defaultdict(dict)
+
+    def add(self, edge: Edge) -> None:
+        """Add a registration; of two between the same key frames the surer one stays, in the chain if either was."""
+        known = self._of[edge.a].get(edge.b)
+        if known is not None:
+            is_loop = edge.is_loop and known.is_loop
+            edge = replace(min(edge, known, key=lambda e: e.variance), is_loop=is_loop)
+        self._put(edge)
+
+    def _put(self, edge: Edge) -> None:
+        self._of[edge.a][edge.b] = self._of[edge.b][edge.a] = edge
+
+    def of(self, number: int) -> list[Edge]:
+        """Return the registrations of a key frame, as seen from it (`a` is its `number`)."""
+        return [edge.seen_from(number) for edge in self._of[number].values()]
+
+    def among(self, numbers: Collection[int]) -> list[Edge]:
+        """Return the registrations between any two of the key frames."""
+        return [edge for n in numbers for m, edge in self._of[n].items() if n < m and m in numbers]
+
+    def adjust(self, numbers: Iterable[int], keyframes: Sequence[Keyframe]) -> None:
+        """Let the registrations of the key frames `numbers` say what the poses do, which were adjusted."""
+        for edge in [edge for n in numbers for edge in self._of[n].values()]:
+            T_a_b = keyframes[edge.a].T_camera_map @ se3.inverse(keyframes[edge.b].T_camera_map)
+            self._put(replace(edge, T_a_b=T_a_b))
+
+    def hand_over(self, number: int, heir: int) -> list[int]:
+        """Let the `heir` have the registrations of a key frame that is forgotten; return with whom.
+
+        They become less sure by what lies between the two, so that no chain becomes surer, and one through both stays
+        as sure as it was.
+        """
+        known = self._of[number].pop(heir).seen_from(heir)
+        others = self.of(number)
+        for edge in others:
+            del self._of[edge.b][number]
+            self.add(known.then(edge))
+        del self._of[heir][number]
+        self._of[number] = {heir: known}
+        return [edge.b for edge in others]
+
+    def covariance_between(self, a: int, b: int) -> Array | None:
+        """Return the 6 x 6 covariance (`se3`, frame b) of T_a_b along the surest way, None where there is none.
+
+        Of two key frames, only `a` may be forgotten.
+        """
+        way = self._surest_way(a, b)
+        if way is None:
+            return None
+        total, at = np.zeros((6, 6)), a
+        for edge in (step.seen_from(start) for start, step in way):
+            total, at = se3.compose_covariance(total, edge.T_a_b, edge.covariance), edge.b
+        assert at == b
+        return total
+
+    def _surest_way(self, a: int, b: int) -> list[tuple[int, Edge]] | None:
+        """Return the registrations from `a` to `b`, each with the key frame it is left from (Dijkstra's algorithm)."""
+        left_from: dict[int, tuple[int, Edge]] = {}
+        variance, waiting, done = {a: 0.0}, [(0.0, a)], set()
+        while waiting:
+            far, at = heapq.heappop(waiting)
+            if at == b:
+                break
+            if at in done:
+                continue
+            done.add(at)
+            for other, edge in self._of[at].items():
+                farther = far + edge.variance
+                if farther < variance.get(other, np.inf):
+                    variance[other], left_from[other] = farther, (at, edge)
+                    heapq.heappush(waiting, (farther, other))
+        else:
+            return None
+        way: list[tuple[int, Edge]] = []
+        while b != a:
+            way.insert(0, left_from[b])
+            b = left_from[b][0]
+        return way

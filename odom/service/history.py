@@ -14,7 +14,7 @@ from odom.frame import Stamp
 from odom.service.publication import loop_messages
 from odom.viewer.clouds import KEYFRAMES, KeyframeClouds
 from odom.viewer.trail import Trail
-from odom.wire import Message, Topics, codec
+from odom.wire import Message, Topics, codec, truth_history
 from odom.wire.session import WireSession
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ class History:
         self._map: dict[str, Message] = {}
         self._keyframes: KeyframeClouds[Message] = KeyframeClouds(KEYFRAMES)
         self._lock = threading.Lock()
-        for key in (f"{topics.namespace}/history", topics.path, topics.landmarks, topics.keyframes):
+        for key in (topics.history, topics.path, topics.landmarks, topics.keyframes):
             session.zenoh.declare_queryable(key, self._reply)
 
     def add(self, estimate: Estimate) -> None:
@@ -87,12 +87,12 @@ class History:
             yield latest
         if key == self._topics.keyframes:
             yield from keyframes
-        if key != f"{self._topics.namespace}/history":
+        if key != self._topics.history:
             return
         if odom:
-            yield codec.encode_path(f"{key}/odom", odom[-1][0], odom, self._topics.frame_odom)
+            yield codec.encode_path(self._topics.odom_history, odom[-1][0], odom, self._topics.frame_odom)
         for body, poses in truth.items():
-            yield codec.encode_path(f"truth/{body}/history", poses[-1][0], poses, "world")
+            yield codec.encode_path(truth_history(body), poses[-1][0], poses, "world")
         yield from loops
 
 

@@ -87,7 +87,7 @@ class Viewer:
             count += 1
             try:
                 message = delivery_of(str(sample.key_expr), None, sample).message
-                if message.topic.endswith(("/history", "/history/odom")):
+                if message.topic == self.topics.odom_history or message.topic.endswith("/history"):
                     self._scene.history(message)
                 else:
                     self._draw(self._scene.handle(message))
@@ -143,7 +143,7 @@ class Viewer:
             log_to(self.shown.recording, item)
 
     def _past(self) -> Iterator[zenoh.Sample]:
-        keys = (f"{self.topics.namespace}/history", self.topics.path, self.topics.landmarks, self.topics.keyframes)
+        keys = (self.topics.history, self.topics.path, self.topics.landmarks, self.topics.keyframes)
         for key in keys:
             every = zenoh.ConsolidationMode.NONE  # else of many messages of one key only the last would come
             replies = list(self.session.zenoh.get(f"{key}?_anyke", timeout=_HISTORY_S, consolidation=every))

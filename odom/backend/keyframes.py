@@ -19,6 +19,20 @@ _NO_ROWS, _NO_UV = np.zeros(0, dtype=np.int64), np.zeros((0, 2))
 _NOTHING_MEASURED = Measurements.nothing()
 
 
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Landmarks, by their `rows` (n), that a frame has measured at `uv` (n x 2 px)."""
+
+    rows: Index
+    uv: Array
+    measurements: Measurements
+
+    @classmethod
+    def nothing(cls) -> "Measured":
+        """Return that of no landmark."""
+        return cls(_NO_ROWS, _NO_UV, _NOTHING_MEASURED)
+
+
 @dataclass(eq=False, kw_only=True)
 class Observed:
     """What a frame measured of landmarks, which `rows` and `identities` (n) name, carried with `timing`."""

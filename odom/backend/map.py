@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.backend.graph import Edge
-from odom.backend.keyframes import Keyframe
+from odom.backend.keyframes import Keyframe, Measured
 from odom.backend.landmarks import Landmarks
 from odom.backend.registrations import Registrations
 from odom.frame import Stamp
@@ -49,22 +49,20 @@ class Map:
         segment: int,
         T_camera_map: Array,
         images: FrameImages,
-        rows: Index,
-        uv: Array,
-        measurements: Measurements,
+        known: Measured,
         corners: Array,
         measured_corners: Measurements,
         timing: Timing,
         against: int | None,
         covariance: Array,
     ) -> Keyframe:
-        """Keep a frame that measured known landmarks (`rows` at `uv`) and new `corners`, which become landmarks.
+        """Keep a frame that measured `known` landmarks and new `corners`, which become landmarks.
 
         `against` is the key frame it was registered against, with that `covariance` (6 x 6); None begins a segment.
         """
         number = len(self.keyframes)
         new_rows = self._add_landmarks(number, T_camera_map, images, corners, measured_corners)
-        all_rows = np.concatenate([rows, new_rows])
+        all_rows = np.concatenate([known.rows, new_rows])
         keyframe = Keyframe(
             number=number,
             stamp=stamp,
@@ -73,14 +71,14 @@ class Map:
             T_camera_map=T_camera_map.copy(),
             rows=all_rows,
             identities=self.landmarks.identity[all_rows].copy(),
-            uv=np.concatenate([uv, corners]),
-            measurements=measurements.joined(measured_corners),
+            uv=np.concatenate([known.uv, corners]),
+            measurements=known.measurements.joined(measured_corners),
             timing=timing,
             covariance_since_start=covariance,
         )
         self.keyframes.append(keyframe)
         self.remembered.append(number)
-        anchors, shared = np.unique(self.landmarks.keyframe[rows], return_counts=True)
+        anchors, shared = np.unique(self.landmarks.keyframe[known.rows], return_counts=True)
         self.links.append(set())
         for other in anchors[shared >= _LINKED].tolist():
             self.link(number, other)

@@ -8,7 +8,7 @@ from odom.backend.background import Background, Described, Seen
 from odom.backend.bundle import Bundle
 from odom.backend.closing import recognise
 from odom.backend.forgetting import forget, oldest_beyond
-from odom.backend.keyframes import Keyframe
+from odom.backend.keyframes import Keyframe, Measured
 from odom.backend.map import Map
 from odom.backend.selfcheck import SelfCheck
 from odom.backend.settings import OdometrySettings
@@ -27,7 +27,6 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _FARTHEST_M = 8.0
-_NO_ROWS = np.zeros(0, dtype=np.int64)
 
 
 class Mapper:
@@ -78,16 +77,14 @@ class Mapper:
         view: View,
         T_camera_map: Array,
         twist: Array,
-        rows: Index,
-        uv: Array,
-        measurements: Measurements | None,
+        known: Measured,
         check: SelfCheck,
         segment: int,
         against: int | None,
         covariance: Array,
     ) -> Keyframe:
-        """Make a key frame of a frame that measured landmarks `rows` at `uv`; new corners become landmarks."""
-        corners = detect_corners(view.images.full, uv, self._settings.cell_px)
+        """Make a key frame of a frame that measured landmarks already `known`; new corners become landmarks."""
+        corners = detect_corners(view.images.full, known.uv, self._settings.cell_px)
         measured = self._measured(view, corners, twist, check)
         usable = measured.values[:, 2] > 1.0 / _FARTHEST_M
         keyframe = self.map.add_keyframe(
@@ -95,9 +92,7 @@ class Mapper:
             segment,
             T_camera_map,
             view.images,
-            rows,
-            uv,
-            measured.take(_NO_ROWS) if measurements is None else measurements,
+            known,
             corners[usable],
             measured.take(usable),
             self.timing,

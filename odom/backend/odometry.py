@@ -5,13 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.backend.background import Seen
 from odom.backend.belief import verdict
 from odom.backend.causal import CausalTrajectory, Publication
-from odom.backend.choice import Coverage, has_moved
 from odom.backend.closing_test import closing_test
 from odom.backend.estimate import ClosingTest, Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
 from odom.backend.following import Previous, Whereabouts, follow, follow_coarsely, relocalise
+from odom.backend.growth import Growth
 from odom.backend.history import trajectory
 from odom.backend.loops import close_loops
 from odom.backend.mapper import Mapper
@@ -69,15 +68,14 @@ class Odometry:
         table = np.stack([knots, np.full_like(knots, self.settings.inverse_depth_sigma)])
         self._check = SelfCheck.of(FeatureNoise(self.settings.pixel_sigma_px, table))
         self._mapper = Mapper(camera, Lens.of(camera), self.settings)
+        self._growth = Growth(self._mapper)
         self._causal = CausalTrajectory(self._mapper.map)
         self._T_camera_map, self._T_map_odom = np.eye(4), np.eye(4)
         self._twist = np.zeros(6)
         self._near, self._segment = 0, -1
         self._clock = Clock()
-        self._newest: Seen | None = None
         self._previous: Previous | None = None
         self._glance: _Glance | None = None
-        self._covered: Coverage | None = None
         self._sight = Sight()
         self.late_loops: tuple[LoopCandidate, ...] = ()
         """What the last `finish` judged, after the last frame."""
@@ -243,13 +241,10 @@ class Odometry:
         step = se3.log(self._T_camera_map @ se3.inverse(T_before))
         twist = -step / dt if dt else np.zeros(6)
         self._twist = twist
-        if self._newest is not None and dt:
-            middle = 0.5 * (self._newest.twist + twist)
-            self._mapper.remeasure(self._newest.keyframe, self._newest.view, middle, self._check)
-        self._newest = None
+        self._growth.go_on(twist if dt else None, self._check)
         landmarks = self._mapper.map.landmarks
         landmarks.tried[tracked.expected] += 1
-        landmarks.seen[tracked.rows[tracked.inliers]] += 1
+        landmarks.seen[tracked.inlying.rows] += 1
         is_regular = dt > 0.0 and abs(dt - self._clock.period_s) < _UNEQUAL * self._clock.period_s
         self._check = self._check.with_step(step if is_regular else None, tracked.information)
         if self._check.checks < _CHECKED_ALL or self._causal.frames.count % _CHECK_EVERY == 0:
@@ -281,15 +276,17 @@ class Odometry:
                 previous.tracked, previous.published, tracked, published, self._check.scale, self._clock.jitter_s
             )
         watch.lap("pairwise")
-        rows, uv = tracked.rows[tracked.inliers], tracked.uv[tracked.inliers]
+        rows, uv = tracked.inlying.rows, tracked.inlying.uv
         self._sight = self._sight.placed(view.stamp, tracked.chi2[tracked.inliers, 1])
         self._mapper.start_background(self._causal.frames.count, self._check)
         if is_recovered:  # its motion, which bends what it measured, is not known: the next frame may be a key frame
-            self._covered, is_keyframe = None, False
+            self._growth.look_again()
+            is_keyframe = False
         else:
-            is_keyframe = self._sight.deep_stamp == view.stamp and self._needs_keyframe(uv)
+            is_keyframe = self._sight.deep_stamp == view.stamp and self._growth.is_due(tracked)
         if is_keyframe:
-            rows, uv = self._add_keyframe(view, tracked, covariance)
+            keyframe = self._growth.add(view, tracked, twist, self._segment, covariance, self._check)
+            self._near, rows, uv = keyframe.number, keyframe.rows, keyframe.uv
         self._previous = Previous(view, tracked, pairwise, published, rows, uv)
         watch.lap("keyframe")
         state, reason = verdict(tracked, covariance, is_recovered, self._sight.is_shallow(view.stamp))
@@ -312,31 +309,6 @@ class Odometry:
         nees = disagreement(self._mapper.map, tracked, self.camera.width)
         if nees is not None:
             self._check = self._check.with_disagreement(nees)
-
-    def _needs_keyframe(self, uv: Array) -> bool:
-        coverage = Coverage.of(uv)
-        self._covered = self._covered or coverage
-        near = self._mapper.map.keyframes[self._near]
-        return coverage.is_worn(self._covered) and has_moved(self._T_camera_map @ se3.inverse(near.T_camera_map))
-
-    def _add_keyframe(self, view: View, tracked: Tracked | None, covariance: Array) -> tuple[Index, Array]:
-        """Make the current frame a key frame; return the landmarks it measured and where."""
-        inliers = np.zeros(0, dtype=np.int64) if tracked is None else np.flatnonzero(tracked.inliers)
-        keyframe = self._mapper.add_keyframe(
-            view,
-            self._T_camera_map,
-            self._twist,
-            inliers if tracked is None else tracked.rows[inliers],
-            np.zeros((0, 2)) if tracked is None else tracked.uv[inliers],
-            None if tracked is None else tracked.measurements.take(inliers),
-            self._check,
-            self._segment,
-            None if tracked is None else self._near,
-            covariance,
-        )
-        self._newest = None if tracked is None else Seen(keyframe.number, view, self._twist)
-        self._near, self._covered = keyframe.number, None
-        return keyframe.rows, keyframe.uv
 
     def _bridge(self, view: View) -> Estimate:
         """Let the motion prediction stand in for a frame that could not be tracked."""
@@ -380,14 +352,15 @@ class Odometry:
         is_first = self._segment < 0
         self._segment = 1 + max((k.segment for k in self._mapper.map.keyframes), default=-1)
         self._twist = still
-        rows, uv = self._add_keyframe(view, None, np.zeros((6, 6)))
+        keyframe = self._growth.begin(view, self._T_camera_map, self._segment, self._check)
+        self._near = keyframe.number
         self._sight = self._sight.begun(view.stamp)
         T_odom_camera = se3.inverse(self._T_map_odom) @ se3.inverse(self._T_camera_map)
         published = self._causal.begin(view.stamp, self._segment, self._near, T_odom_camera)
-        self._previous = Previous(view, None, None, published, rows, uv)
+        self._previous = Previous(view, None, None, published, keyframe.rows, keyframe.uv)
         state = State.TRACKING if is_first else State.RECOVERED
         reason = "" if is_first else "new segment: no known place recognised"
-        return self._estimate(view, state, reason, published, matches=len(rows), is_keyframe=True)
+        return self._estimate(view, state, reason, published, matches=len(keyframe.rows), is_keyframe=True)
 
     def _estimate(
         self,

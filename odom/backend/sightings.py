@@ -51,12 +51,12 @@ class Sightings:
         """Keep what the tracked frame `number` measured, once."""
         if self.kept and self.kept[-1].number == number:
             return
-        rows = tracked.rows[tracked.inliers]
+        rows = tracked.inlying.rows
         self.kept.append(
             Sighting(
                 rows=rows,
                 identities=landmarks.identity[rows].copy(),
-                measurements=tracked.measurements.take(tracked.inliers),
+                measurements=tracked.inlying.measurements,
                 timing=timing,
                 number=number,
                 keyframe=tracked.reference,

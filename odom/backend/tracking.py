@@ -1,10 +1,12 @@
 """One frame against the map: predicted, followed from the previous image, found in key frames' patches, fitted."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from odom.backend.keyframes import Measured
 from odom.backend.map import Map
 from odom.backend.motion import ANY_VELOCITY, Agility, Motion, Velocity
 from odom.backend.pose import PoseFit, fit_pose
@@ -71,6 +73,11 @@ class Tracked:
     def looked_for(self) -> int:
         """How many landmarks were looked for."""
         return len(self.expected)
+
+    @cached_property
+    def inlying(self) -> Measured:
+        """The landmarks found where the pose says."""
+        return Measured(self.rows[self.inliers], self.uv[self.inliers], self.measurements.take(self.inliers))
 
     @property
     def inlier_count(self) -> int:

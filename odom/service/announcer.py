@@ -1,9 +1,9 @@
 """Publishes what the odometry says: poses every frame, words and pictures for eyes as often as eyes need them."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
-from odom.backend import Estimate, State
+from odom.backend import Estimate, LoopCandidate, State
 from odom.frame import Stamp
 from odom.service.history import History
 from odom.service.publication import feature_message, loop_messages, map_messages, pose_messages
@@ -34,9 +34,14 @@ class Announcer:
         """Publish odom, pose and tf at once, and the loop candidates."""
         for message in pose_messages(self._topics, estimate):
             self._publisher.put(message)
-        for message in loop_messages(self._topics, estimate):
-            self._publisher.put(message)
+        self.loops(estimate.loops)
         self._history.add(estimate)
+
+    def loops(self, loops: Collection[LoopCandidate]) -> None:
+        """Publish what was judged of places that look alike."""
+        for message in loop_messages(self._topics, loops):
+            self._publisher.put(message)
+            self._history.keep_loop(message)
 
     def truth(self, body: str, pose: codec.StampedPose) -> None:
         """Remember a true pose for those who join late; its sender has published it."""

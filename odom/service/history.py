@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from odom.backend import Estimate
 from odom.frame import Stamp
-from odom.service.publication import loop_messages
 from odom.viewer.clouds import KEYFRAMES, KeyframeClouds
 from odom.viewer.trail import Trail
 from odom.wire import Message, Topics, codec, truth_history
@@ -43,11 +42,15 @@ class History:
             session.zenoh.declare_queryable(key, self._reply)
 
     def add(self, estimate: Estimate) -> None:
-        """Remember the pose and the loop candidates of a frame."""
+        """Remember the pose of a frame."""
         with self._lock:
             if estimate.T_odom_camera is not None:
                 self._odom = _extended(self._odom, estimate.stamp, estimate.T_odom_camera)
-            self._loops.extend(loop_messages(self._topics, estimate))
+
+    def keep_loop(self, message: Message) -> None:
+        """Remember a loop candidate."""
+        with self._lock:
+            self._loops.append(message)
 
     def add_truth(self, body: str, stamp: Stamp, T_world_body: Array) -> None:
         """Remember a motion capture pose."""

@@ -240,6 +240,8 @@ class OdometryProcess:
             return
         begun = time.perf_counter()
         files.write_trajectory(self._odometry.finish())
+        self._tally.add_loops(self._odometry.late_loops)
+        self._announcer.loops(self._odometry.late_loops)
         report = self._tally.report() | {
             "finish_s": round(time.perf_counter() - begun, 3),
             "closing": closing_fields(self._odometry.closing_test()),

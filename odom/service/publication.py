@@ -1,10 +1,10 @@
 """An estimate as the messages that other processes see. Pure."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from odom.backend import Estimate
+from odom.backend import Estimate, LoopCandidate
 from odom.wire import Message, Topics, codec
 
 
@@ -27,9 +27,9 @@ def pose_messages(topics: Topics, estimate: Estimate) -> Iterator[Message]:
     )
 
 
-def loop_messages(topics: Topics, estimate: Estimate) -> Iterator[Message]:
+def loop_messages(topics: Topics, loops: Iterable[LoopCandidate]) -> Iterator[Message]:
     """Yield one message a loop candidate."""
-    for loop in estimate.loops:
+    for loop in loops:
         values = codec.Loop(loop.stamp, loop.candidate_stamp, loop.inliers, loop.accepted, loop.reason)
         yield codec.encode_loop(topics.loops, values)
 

@@ -3,14 +3,14 @@
 import math
 import time
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 import psutil
 from numpy.typing import NDArray
 
-from odom.backend import ClosingTest, Estimate, State
+from odom.backend import ClosingTest, Estimate, LoopCandidate, State
 from odom.frame import RgbdFrame
 from odom.registration.se3 import so3_log
 
@@ -87,14 +87,18 @@ class Tally:
         if self._begun is None:
             self._begun = (time.perf_counter(), time.process_time())
 
+    def add_loops(self, loops: Collection[LoopCandidate]) -> None:
+        """Count loop candidates."""
+        self.loop_candidates += len(loops)
+        self.loop_closures += sum(loop.accepted for loop in loops)
+
     def add(self, estimate: Estimate, frame: RgbdFrame, processing_ms: float, latency_ms: float | None) -> None:
         """Count one processed frame."""
         self.frames += 1
         self.offset_ms.append((frame.depth_stamp - frame.stamp) * 1e-6)
         self.states[estimate.state] += 1
         self.keyframes += estimate.is_keyframe
-        self.loop_candidates += len(estimate.loops)
-        self.loop_closures += sum(loop.accepted for loop in estimate.loops)
+        self.add_loops(estimate.loops)
         if estimate.T_odom_camera is not None:
             self.segments = max(self.segments, estimate.segment + 1)
         self.processing.add(processing_ms)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.backend.bundle import Bundle, Observations
-from odom.backend.keyframes import Keyframe
+from odom.backend.keyframes import Keyframe, Measured
 from odom.backend.map import Map
 from odom.backend.pose import CAUCHY_CHI2
 from odom.frame import Stamp
@@ -71,9 +71,7 @@ def chain_of_keyframes(poses, covariance, begins=(0,)):
             sum(number >= begin for begin in begins) - 1,
             se3.inverse(T_map_camera),
             images,
-            np.zeros(0, dtype=np.int64),
-            np.zeros((0, 2)),
-            Measurements.nothing(),
+            Measured.nothing(),
             np.full((20, 2), 30.0),
             measured,
             Timing(),

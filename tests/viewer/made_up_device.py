@@ -109,7 +109,7 @@ def messages(options: MadeUp, topics: Topics) -> Iterator[tuple[Message, ...]]:
             out.append(codec.encode_color_file(topics.color_compressed, estimate.stamp, jpeg))
             out.append(codec.encode_depth(topics.depth, Stamp(estimate.stamp + 3_000_000), depth_mm))
         out += pose_messages(topics, estimate)
-        out += loop_messages(topics, estimate)
+        out += loop_messages(topics, estimate.loops)
         features = feature_message(topics, estimate)
         out += [features] if features is not None else []
         out += map_messages(topics, estimate)

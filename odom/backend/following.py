@@ -22,6 +22,9 @@ from odom.registration import se3
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+_NEAR = 0.1**2 * np.eye(6)
+"""Covariance of where a place shows a camera to be, m^2 and rad^2: the landmarks tell better, and its velocity too."""
+
 
 @dataclass(frozen=True, eq=False)
 class Previous:
@@ -116,7 +119,8 @@ def relocalise(was: Whereabouts | None, mapper: Mapper, check: SelfCheck, view: 
             continue
         keyframe = mapper.map.keyframes[recognition.candidate]
         T_camera_map = se3.inverse(recognition.registration.T_target_source) @ keyframe.T_camera_map
-        tracked = mapper.track(view, T_camera_map, still, keyframe.number, check.noise)
+        before = Before(Motion.of(se3.inverse(T_camera_map), _NEAR), 0.0, check.scale)
+        tracked = mapper.track(view, T_camera_map, still, keyframe.number, check.noise, before)
         if is_known_place(tracked) and (was is None or _is_within_reach(was, mapper, tracked, dt)):
             return tracked
     return None

@@ -47,8 +47,10 @@ class Agility:
     def noise(self, dt: float) -> Array:
         """Return what unknown acceleration adds to the covariance (12 x 12) of pose and twist in `dt` seconds."""
         variance = np.repeat([self.linear**2, self.angular**2], 3)
-        unsteady = dt * dt / (dt * dt + self.steady_s**2) / 12.0
         Q = np.zeros((12, 12))
+        if dt == 0.0:
+            return Q
+        unsteady = dt * dt / (dt * dt + self.steady_s**2) / 12.0
         Q[:6, :6] = np.diag((0.25 + unsteady) * dt**4 * variance)
         Q[:6, 6:] = Q[6:, :6] = np.diag(0.5 * dt**3 * variance)
         Q[6:, 6:] = np.diag(dt**2 * variance)

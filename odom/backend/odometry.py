@@ -22,7 +22,7 @@ from odom.backend.sight import LEAP_S, Sight
 from odom.backend.sightings import settled
 from odom.backend.stopwatch import Stopwatch
 from odom.backend.tracking import INLIER_CHI2, Tracked, disagreement
-from odom.errors import InputError
+from odom.errors import ConfigError, InputError
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.clock import Clock
 from odom.frontend.images import FrameImages
@@ -38,6 +38,7 @@ Index = NDArray[np.int64]
 
 _LONGEST_GAP_S, _LONGEST_GAP_PERIODS = 0.2, 2.5
 _LEAST_CORNERS = 50
+_LEAST_SIDE_PX = 64
 _LONGEST_BLIND_PERIODS = 1.5
 _CHECKED_ALL, _CHECK_EVERY = 20, 4
 _UNEQUAL = 0.2
@@ -58,10 +59,13 @@ class Odometry:
     """The odometry of one RGB-D camera: give it frames in order, it gives an estimate for each.
 
     Deterministic: what runs in the background takes effect at a fixed frame number, never by the clock; time is that
-    of the frames' stamps. A frame that cannot be placed is LOST, a value.
+    of the frames' stamps. A frame that cannot be placed is LOST, a value. Raises ConfigError for a camera of which
+    nothing can be tracked, or whose lens is not known here.
     """
 
     def __init__(self, camera: Camera, settings: OdometrySettings | None = None) -> None:
+        if min(camera.width, camera.height) < _LEAST_SIDE_PX:
+            raise ConfigError(f"{camera}: images need {_LEAST_SIDE_PX} pixels each way at least")
         self.settings = settings or OdometrySettings()
         self.camera = camera
         knots = np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0])
@@ -239,7 +243,7 @@ class Odometry:
         dt = 0.0 if is_recovered else self._since_previous_s(view)
         self._T_camera_map, self._near = tracked.T_camera_map, tracked.reference
         step = se3.log(self._T_camera_map @ se3.inverse(T_before))
-        twist = -step / dt if dt else np.zeros(6)
+        twist = -step / dt if dt else tracked.twist
         self._twist = twist
         self._growth.go_on(twist if dt else None, self._check)
         landmarks = self._mapper.map.landmarks

@@ -8,7 +8,7 @@ from painted_room import PERIOD, SMALL, START, PaintedRoom, stroll
 from running import check_sanity, numbers, run
 
 from odom.backend import Odometry, OdometrySettings, State
-from odom.errors import InputError
+from odom.errors import ConfigError, InputError
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera, RgbdFrame, Stamp
 
@@ -48,6 +48,11 @@ def test_a_frame_that_is_not_of_the_cameras_size_is_refused_and_the_next_one_is_
         odometry.process(PaintedRoom().frame(big, 10, stroll(10 / 30.0)))
     assert odometry.process(room_frames[10]).state is State.TRACKING
     assert len(odometry.finish()) == 11
+
+
+def test_a_camera_of_hardly_any_pixels_is_refused():
+    with pytest.raises(ConfigError, match="pixels"):
+        Odometry(Camera(1, 1, 1.0, 1.0, 0.0, 0.0), OdometrySettings())
 
 
 def test_arrays_that_are_no_images_are_refused():

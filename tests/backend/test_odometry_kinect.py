@@ -1,5 +1,8 @@
 """The whole odometry on real Kinect recordings; short ones here, whole ones in the acceptance tests."""
 
+from dataclasses import replace
+
+import numpy as np
 from running import check_sanity, run
 
 from odom.backend import State
@@ -26,3 +29,15 @@ def test_fast_turns_are_tracked_and_the_rolling_shutter_is_found(turning):
     assert report.ate_m <= 0.018
     assert report.rpe_frame.rmse_deg <= 0.44
     assert 0.010 < ran.timing.readout_s < 0.030
+
+
+def test_a_place_is_known_again_while_the_camera_turns_fast(turning):
+    camera, frames, _ = turning
+    dark = range(188, 196)
+    seen = [replace(f, color=np.zeros_like(f.color)) if k in dark else f for k, f in enumerate(frames[:205])]
+    ran = run(camera, seen)
+    check_sanity(ran)
+    assert ran.states[dark.stop - 1] is State.LOST
+    assert State.RECOVERED in ran.states[dark.stop : dark.stop + 2]
+    assert set(ran.states[dark.stop + 2 :]) == {State.TRACKING}
+    assert {e.segment for e in ran.estimates} == {0}

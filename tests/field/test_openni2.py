@@ -291,7 +291,9 @@ for _ in range(40):
     assert sum(1 for _ in source.messages()) > 10
     source.close()
 """
-    played = subprocess.run([sys.executable, "-c", script, file], capture_output=True, text=True, check=False, timeout=120)
+    played = subprocess.run(
+        [sys.executable, "-c", script, file], capture_output=True, text=True, check=False, timeout=120
+    )
     assert played.returncode == 0, played.stderr[-2000:]
 
 

@@ -9,23 +9,17 @@ from hypothesis import strategies as st
 from made_up_scene import bare_keyframe
 from running import run
 
+from odom.backend.keyframes import Measured
 from odom.backend.landmarks import Landmarks
 from odom.backend.placed import Placed, PlacedFrames
 from odom.backend.sightings import Sightings, settled
 from odom.frame import Stamp
-from odom.frontend.measure import Measurements
 from odom.frontend.timing import Timing
 from odom.registration import se3
 
 
 def tracked(reference=0):
-    return SimpleNamespace(
-        rows=np.zeros(0, dtype=np.int64),
-        inliers=np.zeros(0, dtype=np.bool_),
-        measurements=Measurements.nothing(),
-        reference=reference,
-        T_camera_map=np.eye(4),
-    )
+    return SimpleNamespace(inlying=Measured.nothing(), reference=reference, T_camera_map=np.eye(4))
 
 
 def kept_of(count, every, most):

@@ -94,10 +94,11 @@ def merge_segment(map_: Map, edge: Edge) -> None:
     map_.move_keyframes(numbers, T_camera_map, np.zeros(0, dtype=np.int64))
     for k in merged:
         k.segment, k.first = a.segment, a.first
+    map_.register(edge)
     reached, onward = {a.number}, [edge]
     while onward:
         step = onward.pop()
         if step.b not in reached:
             reached.add(step.b)
             onward += [e for e in map_.registrations.of(step.b) if not e.is_loop]
-            map_.register(step)
+            map_.go_on(step)

@@ -92,9 +92,13 @@ class Map:
         self.registrations.add(edge)
         self.link(edge.a, edge.b)
         if not edge.is_loop:
-            self.keyframes[edge.b].covariance_since_start = se3.compose_covariance(
-                self.keyframes[edge.a].covariance_since_start, edge.T_a_b, edge.covariance
-            )
+            self.go_on(edge)
+
+    def go_on(self, edge: Edge) -> None:
+        """Let key frame `edge.b` be as sure of the start as `edge.a` is and their registration allows."""
+        self.keyframes[edge.b].covariance_since_start = se3.compose_covariance(
+            self.keyframes[edge.a].covariance_since_start, edge.T_a_b, edge.covariance
+        )
 
     def _add_landmarks(
         self, keyframe: int, T_camera_map: Array, images: FrameImages, corners: Array, measured: Measurements

@@ -72,14 +72,13 @@ class Registrations:
         way = self._surest_way(a, b)
         if way is None:
             return None
-        total, at = np.zeros((6, 6)), a
-        for edge in (step.seen_from(start) for start, step in way):
-            total, at = se3.compose_covariance(total, edge.T_a_b, edge.covariance), edge.b
-        assert at == b
+        total = np.zeros((6, 6))
+        for edge in way:
+            total = se3.compose_covariance(total, edge.T_a_b, edge.covariance)
         return total
 
-    def _surest_way(self, a: int, b: int) -> list[tuple[int, Edge]] | None:
-        """Return the registrations from `a` to `b`, each with the key frame it is left from (Dijkstra's algorithm)."""
+    def _surest_way(self, a: int, b: int) -> list[Edge] | None:
+        """Return the registrations from `a` to `b`, each as seen from where it is left (Dijkstra's algorithm)."""
         left_from: dict[int, tuple[int, Edge]] = {}
         variance, waiting, done = {a: 0.0}, [(0.0, a)], set()
         while waiting:
@@ -96,8 +95,9 @@ class Registrations:
                     heapq.heappush(waiting, (farther, other))
         else:
             return None
-        way: list[tuple[int, Edge]] = []
+        way: list[Edge] = []
         while b != a:
-            way.insert(0, left_from[b])
-            b = left_from[b][0]
+            start, edge = left_from[b]
+            way.insert(0, edge.seen_from(start))
+            b = start
         return way

@@ -38,12 +38,15 @@ class Malformed:
             if refused >= _FLOOD:
                 self._flooded_until[key] = now + _PERIOD_S
 
-    def add_if_flooded(self, key: str) -> bool:
-        """Count a message that was not looked at because its key is flooded just now; say whether it is."""
-        if key not in self._flooded_until:
-            return False
+    def flooded(self) -> frozenset[str]:
+        """Return the keys that are flooded just now."""
+        if not self._flooded_until:
+            return frozenset()
+        now = self._clock()
         with self._lock:
-            if self._clock() >= self._flooded_until[key]:
-                return False
-            self.counts[key] += 1
-            return True
+            return frozenset(key for key, until in self._flooded_until.items() if now < until)
+
+    def ignore(self, counts: Counter[str]) -> None:
+        """Count messages that were not looked at because their key is flooded."""
+        with self._lock:
+            self.counts.update(counts)

@@ -1,6 +1,5 @@
 """The receiving side of a session: one bounded queue, with what was lost, dropped or malformed counted by key."""
 
-import ctypes
 import threading
 import time
 from collections import deque
@@ -12,7 +11,8 @@ from typing import NamedTuple, Self
 import zenoh
 
 from odom.errors import WireError
-from odom.wire.delivery import Attachment, Delivery, attachment_of, delivery_of
+from odom.wire.delivery import Attachment, Delivery, delivery_of
+from odom.wire.inlet import Arrival, Inlet
 from odom.wire.malformed import Malformed
 
 SMALL = 4096
@@ -21,13 +21,11 @@ _RESERVE = 256
 _BUDGET = 128 << 20
 _MAX_KNOWN, _MAX_NEW = 256, 4096
 _PLAUSIBLE_GAP = 1000
-_thread = threading.local()
 
 
-class _Arrival(NamedTuple):
+class _Waiting(NamedTuple):
     slot: tuple[str, int | None]
-    attachment: Attachment | None
-    sample: zenoh.Sample
+    arrival: Arrival
 
 
 @dataclass
@@ -73,15 +71,6 @@ def _bounded(senders: dict[tuple[str, int], int], limit: int) -> dict[tuple[str,
     return senders
 
 
-def _keep_thread_state() -> None:
-    """Keep the interpreter's state of one of Zenoh's threads, which else is made and freed around each message.
-
-    Making and freeing it maps and unmaps memory: three times the work of a small message, and it halts the other cores.
-    """
-    if not hasattr(_thread, "state"):
-        _thread.state = ctypes.pythonapi.PyGILState_Ensure()  # never released: the thread lives as long as the process
-
-
 class Subscriber:
     """Messages of several keys in the order in which they arrived, in one bounded queue.
 
@@ -103,15 +92,14 @@ class Subscriber:
         self._depth = depth
         self._small_depth = max(depth, small_depth)
         self._lossless = lossless
-        self._queue: deque[_Arrival] = deque()
+        self._queue: deque[_Waiting] = deque()
         self._waiting: dict[tuple[str, int | None], int] = {}
         self._bytes = 0
         self._senders = _Senders()
         self._ready = threading.Condition()
         self._closed = False
-        handler = zenoh.handlers.Callback(self._arrive, indirect=False)
         try:
-            self._subscribers = [session.declare_subscriber(key, handler) for key in keys]
+            self._inlet = Inlet(session, keys, self.malformed, self._enqueue)
         except zenoh.ZError as error:
             raise WireError(f"cannot subscribe to {', '.join(keys)}: {error}") from error
 
@@ -121,16 +109,8 @@ class Subscriber:
         A message that is malformed is counted and passed over; whoever finds out later adds it to `malformed`.
         """
         deadline = None if timeout is None else time.monotonic() + timeout
-        while True:
-            with self._ready:
-                while not self._queue and not self._closed:
-                    left = None if deadline is None else deadline - time.monotonic()
-                    if left is not None and left <= 0:
-                        return None
-                    self._ready.wait(left)
-                if not self._queue:
-                    return None
-                (topic, _), attachment, sample = self._take(0)
+        while (waiting := self._next(deadline)) is not None:
+            topic, attachment, sample = waiting.arrival
             try:
                 delivery = delivery_of(topic, attachment, sample)
             except WireError as error:
@@ -138,6 +118,7 @@ class Subscriber:
                 continue
             self.counters[topic].bytes += len(delivery.message.payload)
             return delivery
+        return None
 
     @property
     def waiting(self) -> int:
@@ -157,9 +138,7 @@ class Subscriber:
         with self._ready:
             self._closed = True
             self._ready.notify_all()
-        for subscriber in self._subscribers:
-            subscriber.undeclare()  # type: ignore[no-untyped-call]  # zenoh gives no type
-        self._subscribers = []
+        self._inlet.close()
 
     def __enter__(self) -> Self:
         return self
@@ -167,41 +146,52 @@ class Subscriber:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
 
-    def _arrive(self, sample: zenoh.Sample) -> None:
-        _keep_thread_state()
-        topic = str(sample.key_expr)
-        attachment = attachment_of(sample)
-        if attachment is None and self.malformed.add_if_flooded(topic):
-            return
-        keep_all = self._lossless and attachment is not None and attachment.lossless
+    def _next(self, deadline: float | None) -> _Waiting | None:
+        waiting = self._wait(None if deadline is None else max(0.0, deadline - time.monotonic()))
+        if waiting is None and not self._closed:
+            self._inlet.fetch()  # it may have rung before it had come
+            waiting = self._wait(0.0)
+        return waiting
+
+    def _wait(self, timeout: float | None) -> _Waiting | None:
         with self._ready:
-            if self._closed:
-                return
-            if topic not in self.counters and len(self.counters) >= self._most_counters:
-                return  # a flood of invented keys must not fill the memory
-            counters = self.counters.setdefault(topic, Counters())
-            counters.received += 1
-            epoch, missing, introduced = self._senders.take(topic, attachment)
-            counters.lost += missing
-            slot = (topic, epoch)
-            if introduced:
-                self._adopt(slot)
-            depth = self._small_depth if len(sample.payload) <= SMALL else self._depth
-            if self._waiting.get(slot, 0) >= (_RESERVE if keep_all else depth):
-                self._drop(self._oldest(slot))
-            while self._queue and self._bytes + len(sample.payload) > _BUDGET:
-                self._drop(0)
-            self._queue.append(_Arrival(slot, attachment, sample))
-            self._waiting[slot] = self._waiting.get(slot, 0) + 1
-            self._bytes += len(sample.payload)
-            self._ready.notify()
+            self._ready.wait_for(lambda: self._queue or self._closed, timeout)
+            return self._take(0) if self._queue else None
+
+    def _enqueue(self, arrivals: list[Arrival]) -> None:
+        with self._ready:
+            for arrival in arrivals:
+                self._add(arrival)
+            self._ready.notify_all()
+
+    def _add(self, arrival: Arrival) -> None:
+        topic, attachment, sample = arrival
+        if topic not in self.counters and len(self.counters) >= self._most_counters:
+            return  # a flood of invented keys must not fill the memory
+        counters = self.counters.setdefault(topic, Counters())
+        counters.received += 1
+        epoch, missing, introduced = self._senders.take(topic, attachment)
+        counters.lost += missing
+        slot = (topic, epoch)
+        if introduced:
+            self._adopt(slot)
+        keep_all = self._lossless and attachment is not None and attachment.lossless
+        depth = self._small_depth if len(sample.payload) <= SMALL else self._depth
+        if self._waiting.get(slot, 0) >= (_RESERVE if keep_all else depth):
+            self._drop(self._oldest(slot))
+        while self._queue and self._bytes + len(sample.payload) > _BUDGET:
+            self._drop(0)
+        self._queue.append(_Waiting(slot, arrival))
+        self._waiting[slot] = self._waiting.get(slot, 0) + 1
+        self._bytes += len(sample.payload)
 
     def _oldest(self, slot: tuple[str, int | None]) -> int:
         """Return which waiting message of a slot goes first: a flood must not push out what may not be lost."""
         oldest: int | None = None
-        for i, arrival in enumerate(self._queue):
-            if arrival.slot == slot:
-                if arrival.attachment is None or not arrival.attachment.lossless:
+        for i, waiting in enumerate(self._queue):
+            if waiting.slot == slot:
+                attachment = waiting.arrival.attachment
+                if attachment is None or not attachment.lossless:
                     return i
                 oldest = i if oldest is None else oldest
         assert oldest is not None, "only a slot that holds messages is asked for"
@@ -209,20 +199,22 @@ class Subscriber:
 
     def _adopt(self, slot: tuple[str, int | None]) -> None:
         """Give a sender that is known just now what it sent as a stranger."""
-        for i, arrival in enumerate(self._queue):
-            if arrival.attachment and arrival.slot == (slot[0], None) and arrival.attachment.epoch == slot[1]:
-                self._queue[i] = arrival._replace(slot=slot)
-                self._waiting[arrival.slot] -= 1
+        topic, epoch = slot
+        for i, waiting in enumerate(self._queue):
+            attachment = waiting.arrival.attachment
+            if attachment and waiting.slot == (topic, None) and attachment.epoch == epoch:
+                self._queue[i] = waiting._replace(slot=slot)
+                self._waiting[waiting.slot] -= 1
                 self._waiting[slot] = self._waiting.get(slot, 0) + 1
 
-    def _take(self, index: int) -> _Arrival:
-        arrival = self._queue[index]
+    def _take(self, index: int) -> _Waiting:
+        taken = self._queue[index]
         del self._queue[index]
-        self._waiting[arrival.slot] -= 1
-        if not self._waiting[arrival.slot]:
-            del self._waiting[arrival.slot]
-        self._bytes -= len(arrival.sample.payload)
-        return arrival
+        self._waiting[taken.slot] -= 1
+        if not self._waiting[taken.slot]:
+            del self._waiting[taken.slot]
+        self._bytes -= len(taken.arrival.sample.payload)
+        return taken
 
     def _drop(self, index: int) -> None:
         topic, epoch = self._take(index).slot

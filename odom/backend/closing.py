@@ -1,5 +1,6 @@
 """Closing loops: places that look alike, verified by geometry, held against the chain, and then acted upon."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,17 +69,20 @@ def contradiction(map_: Map, edge: Edge, calibration_error: float) -> str:
     return f"contradicts the chain by {metres:.2f} m and {degrees:.1f} deg ({np.sqrt(chi2):.0f} sigma)"
 
 
-def close_loop(map_: Map, edge: Edge) -> None:
-    """Move the key frames of a segment to where all registrations, the closure `edge` among them, agree best.
+def close_loops(map_: Map, closures: Sequence[Edge]) -> None:
+    """Move the key frames of a segment to where all registrations, the `closures` among them, agree best.
 
     The oldest one remembered is held, forgotten ones follow.
     """
-    map_.register(edge)
-    members = map_.members(map_.keyframes[edge.b].segment)
-    T_map_keyframe = {k.number: se3.inverse(k.T_camera_map) for k in members}
-    moved = optimise(T_map_keyframe, members[0].number, map_.registrations.among(T_map_keyframe.keys()))
-    numbers = np.array(sorted(moved))
-    map_.move_keyframes(numbers, np.array([se3.inverse(moved[int(n)]) for n in numbers]), np.zeros(0, dtype=np.int64))
+    for closure in closures:
+        map_.register(closure)
+    for segment in sorted({map_.keyframes[closure.b].segment for closure in closures}):
+        members = map_.members(segment)
+        T_map_keyframe = {k.number: se3.inverse(k.T_camera_map) for k in members}
+        moved = optimise(T_map_keyframe, members[0].number, map_.registrations.among(T_map_keyframe.keys()))
+        numbers = np.array(sorted(moved))
+        T_camera_map = np.array([se3.inverse(moved[int(n)]) for n in numbers])
+        map_.move_keyframes(numbers, T_camera_map, np.zeros(0, dtype=np.int64))
 
 
 def merge_segment(map_: Map, edge: Edge) -> None:

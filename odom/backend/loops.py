@@ -1,13 +1,13 @@
 """Judging the places that key frames look like: registered, looked at again, held against the chain, acted upon."""
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from odom.backend.background import Described, Seen
 from odom.backend.belief import is_known_place
-from odom.backend.closing import Recognition, close_loop, contradiction, merge_segment
+from odom.backend.closing import Recognition, close_loops, contradiction, merge_segment
 from odom.backend.estimate import LoopCandidate
 from odom.backend.graph import Edge
 from odom.backend.keyframes import Keyframe
@@ -17,44 +17,61 @@ from odom.backend.tracking import Tracked
 from odom.registration import se3
 
 
-def close_loops(mapper: Mapper, described: Iterable[Described], check: SelfCheck) -> tuple[LoopCandidate, ...]:
-    """Judge what key frames were recognised to show, act on what holds; return all with decisions and reasons."""
-    candidates: list[LoopCandidate] = []
+@dataclass(frozen=True, eq=False)
+class _Verdict:
+    """What was said of a candidate and, where it was accepted, the registration and the look at its landmarks."""
+
+    said: LoopCandidate
+    edge: Edge | None = None
+    tracked: Tracked | None = None
+
+
+def act_on(mapper: Mapper, described: Iterable[Described], check: SelfCheck) -> tuple[LoopCandidate, ...]:
+    """Judge what key frames were recognised to show, act on what holds; return all with decisions and reasons.
+
+    Each is held against the chain as it was before any of them; then all loops are closed at once.
+    """
+    said: list[LoopCandidate] = []
+    closures: list[Edge] = []
     for one in described:
+        keyframe = mapper.map.keyframes[one.seen.keyframe]
         for recognition in one.recognitions:
-            candidates.append(_judge(mapper, one.seen, recognition, check))
-            if candidates[-1].accepted:
+            verdict = _judge(mapper, one.seen, recognition, check)
+            said.append(verdict.said)
+            if verdict.edge is not None and verdict.tracked is not None:
+                _remember_sighting(mapper, keyframe, verdict.tracked)
+                if verdict.edge.is_loop:
+                    closures.append(verdict.edge)
+                else:
+                    merge_segment(mapper.map, verdict.edge)
                 break
-    return tuple(candidates)
+    close_loops(mapper.map, closures)
+    return tuple(said)
 
 
-def _judge(mapper: Mapper, seen: Seen, recognition: Recognition, check: SelfCheck) -> LoopCandidate:
+def _judge(mapper: Mapper, seen: Seen, recognition: Recognition, check: SelfCheck) -> _Verdict:
     map_ = mapper.map
     keyframe, candidate = map_.keyframes[seen.keyframe], map_.keyframes[recognition.candidate]
     registration = recognition.registration
     inliers = 0 if registration is None else int(registration.inliers.sum())
-    verdict = LoopCandidate(keyframe.stamp, candidate.stamp, inliers, False, recognition.refusal)
+    said = LoopCandidate(keyframe.stamp, candidate.stamp, inliers, False, recognition.refusal)
     if recognition.refusal or registration is None:
-        return verdict
+        return _Verdict(said)
     T_start = se3.inverse(registration.T_target_source) @ candidate.T_camera_map
     tracked = mapper.track(seen.view, T_start, seen.twist, candidate.number, check.noise)
     found = tracked.found_again
     T_candidate_keyframe = candidate.T_camera_map @ se3.inverse(tracked.T_camera_map)
-    verdict = replace(verdict, inliers=found, T_candidate_current=T_candidate_keyframe)
-    is_chained = candidate.segment == keyframe.segment
-    if not is_known_place(tracked, is_chained):
-        return replace(verdict, reason=f"only {found} of {tracked.looked_for} landmarks found again")
-    edge = Edge(candidate.number, keyframe.number, T_candidate_keyframe, tracked.covariance * check.scale)
-    if is_chained:
-        refusal = contradiction(map_, edge, check.calibration_error)
-        if refusal:
-            return replace(verdict, reason=refusal)
-        close_loop(map_, replace(edge, is_loop=True))
-    else:
-        merge_segment(map_, edge)
-    _remember_sighting(mapper, keyframe, tracked)
+    said = replace(said, inliers=found, T_candidate_current=T_candidate_keyframe)
+    is_loop = candidate.segment == keyframe.segment
+    if not is_known_place(tracked, is_loop):
+        return _Verdict(replace(said, reason=f"only {found} of {tracked.looked_for} landmarks found again"))
+    edge = Edge(candidate.number, keyframe.number, T_candidate_keyframe, tracked.covariance * check.scale, is_loop)
+    refusal = contradiction(map_, edge, check.calibration_error) if is_loop else ""
+    if refusal:
+        return _Verdict(replace(said, reason=refusal))
     reason = f"{found} landmarks found again"
-    return replace(verdict, accepted=True, reason=reason if is_chained else f"merges two segments: {reason}")
+    said = replace(said, accepted=True, reason=reason if is_loop else f"merges two segments: {reason}")
+    return _Verdict(said, edge, tracked)
 
 
 def _remember_sighting(mapper: Mapper, keyframe: Keyframe, tracked: Tracked) -> None:

@@ -12,7 +12,7 @@ from odom.backend.estimate import ClosingTest, Estimate, Features, LoopCandidate
 from odom.backend.following import Previous, Whereabouts, follow, follow_coarsely, relocalise
 from odom.backend.growth import Growth
 from odom.backend.history import trajectory
-from odom.backend.loops import close_loops
+from odom.backend.loops import act_on
 from odom.backend.mapper import Mapper
 from odom.backend.pairwise import register_successive
 from odom.backend.placed import Placed
@@ -208,7 +208,7 @@ class Odometry:
         if described is None:
             return (), False
         T_near_adjusted = near.T_camera_map
-        loops = close_loops(self._mapper, described, self._check)
+        loops = act_on(self._mapper, described, self._check)
         if any(loop.accepted for loop in loops):
             self._T_map_odom = se3.inverse(near.T_camera_map) @ T_near_adjusted @ self._T_map_odom
             self._segment = near.segment

@@ -10,7 +10,7 @@ from running import Ran, check_sanity, numbers
 
 from odom.backend import Odometry, OdometrySettings, State
 from odom.backend.bundle import Observations
-from odom.backend.closing import close_loop, merge_segment
+from odom.backend.closing import close_loops, merge_segment
 from odom.backend.forgetting import forget, oldest_beyond
 from odom.backend.graph import Edge
 from odom.backend.keyframes import gather_observations
@@ -112,7 +112,7 @@ def test_the_forgotten_follow_what_is_nearest_and_the_past_stays_when_a_loop_is_
     past = [map_.keyframes[k].T_camera_map.copy() for k in range(4)]
     before = relative(map_, heir, 7)
     off = se3.exp(np.array([0.1, -0.05, 0.08, 0.0, 0.02, 0.0]))
-    close_loop(map_, Edge(3, 11, se3.inverse(true[3]) @ true[11] @ off, COVARIANCE * 0.01, True))
+    close_loops(map_, [Edge(3, 11, se3.inverse(true[3]) @ true[11] @ off, COVARIANCE * 0.01, True)])
     assert np.linalg.norm(se3.log(relative(map_, 3, 11) @ se3.inverse(se3.inverse(true[3]) @ true[11]))) > 0.05
     np.testing.assert_allclose(relative(map_, heir, 7), before, atol=1e-9)
     for k in range(4):

@@ -3,7 +3,7 @@ from itertools import pairwise
 import numpy as np
 from made_up_scene import bare_keyframe, chain_of_keyframes
 
-from odom.backend.closing import close_loop, contradiction, merge_segment
+from odom.backend.closing import close_loops, contradiction, merge_segment
 from odom.backend.graph import Edge, optimise
 from odom.backend.history import relative_covariance, trajectory
 from odom.backend.map import Map
@@ -69,7 +69,7 @@ def test_closing_moves_landmarks_with_their_key_frames():
     L = map_.landmarks
     in_camera = [se3.apply(k.T_camera_map, L.position[L.keyframe == k.number]) for k in map_.keyframes]
     alive = L.alive.copy()
-    close_loop(map_, Edge(0, COUNT - 1, se3.inverse(true[0]) @ true[-1], SMALL * 0.1, True))
+    close_loops(map_, [Edge(0, COUNT - 1, se3.inverse(true[0]) @ true[-1], SMALL * 0.1, True)])
     assert gap(*(se3.inverse(map_.keyframes[k].T_camera_map) for k in (0, COUNT - 1))) < 0.1 * gap(start[0], start[-1])
     for k, before in zip(map_.keyframes, in_camera, strict=True):
         here = (L.keyframe == k.number) & alive
@@ -81,7 +81,7 @@ def test_a_closure_makes_its_two_ends_sure_of_each_other_and_all_between_none_th
     map_ = chain_of_keyframes(true, SMALL)
     between = map_.registrations.covariance_between
     before = {(a, b): between(a, b) for a, b in ((0, COUNT - 1), (3, 9), (2, COUNT - 3))}
-    close_loop(map_, Edge(0, COUNT - 1, se3.inverse(true[0]) @ true[-1], SMALL * 0.1, True))
+    close_loops(map_, [Edge(0, COUNT - 1, se3.inverse(true[0]) @ true[-1], SMALL * 0.1, True)])
     np.testing.assert_allclose(between(0, COUNT - 1), SMALL * 0.1, atol=1e-15)
     np.testing.assert_array_equal(between(3, 9), before[3, 9])
     assert np.trace(between(2, COUNT - 3)) < 0.5 * np.trace(before[2, COUNT - 3])
@@ -91,13 +91,25 @@ def test_a_wrong_closure_gains_nothing_by_those_that_follow():
     true = circle()
     map_ = chain_of_keyframes(true, SMALL)
     wrong = Edge(4, 15, se3.exp(np.array([0.8, 0, 0, 0, 0.3, 0])) @ se3.inverse(true[4]) @ true[15], SMALL, True)
-    close_loop(map_, wrong)
+    close_loops(map_, [wrong])
     off = [max(gap(se3.inverse(k.T_camera_map), T) for k, T in zip(map_.keyframes, true, strict=True))]
     for k in range(6):
-        close_loop(map_, Edge(k, COUNT - 1 - k, se3.inverse(true[k]) @ true[COUNT - 1 - k], SMALL * 0.1, True))
+        close_loops(map_, [Edge(k, COUNT - 1 - k, se3.inverse(true[k]) @ true[COUNT - 1 - k], SMALL * 0.1, True)])
         off.append(max(gap(se3.inverse(k.T_camera_map), T) for k, T in zip(map_.keyframes, true, strict=True)))
     assert max(off) < 1.2 * off[0]
     assert off[-1] < off[0]
+
+
+def test_closures_at_once_move_the_key_frames_to_where_they_move_one_after_the_other():
+    true = circle()
+    closures = [Edge(k, COUNT - 1 - k, se3.inverse(true[k]) @ true[COUNT - 1 - k], SMALL * 0.1, True) for k in range(3)]
+    at_once, in_turn = (chain_of_keyframes(drifted(true), SMALL) for _ in range(2))
+    close_loops(at_once, closures)
+    for closure in closures:
+        close_loops(in_turn, [closure])
+    moved = gap(drifted(true)[-1], se3.inverse(in_turn.keyframes[-1].T_camera_map))
+    for a, b in zip(at_once.keyframes, in_turn.keyframes, strict=True):
+        assert gap(se3.inverse(a.T_camera_map), se3.inverse(b.T_camera_map)) < 0.02 * moved
 
 
 def test_merging_a_segment_keeps_its_shape_and_its_landmarks():
@@ -161,7 +173,7 @@ def test_a_loop_closed_after_a_merge_keeps_what_joined_the_segments():
     joint = se3.inverse(true[1]) @ true[7]
     merge_segment(map_, Edge(1, 7, joint, SMALL))
     off = se3.exp(np.array([0.02, 0, 0, 0, 0, 0]))
-    close_loop(map_, Edge(0, 4, se3.inverse(true[0]) @ true[4] @ off, SMALL, True))
+    close_loops(map_, [Edge(0, 4, se3.inverse(true[0]) @ true[4] @ off, SMALL, True)])
     assert 0.001 < gap(relative(1, 7), joint) < 0.01
     assert gap(relative(0, 4), se3.inverse(true[0]) @ true[4] @ off) < 0.018
 

@@ -16,7 +16,10 @@ _STALE = 3
 
 
 class Announcer:
-    """Owns the publishers of one odometry process."""
+    """Owns the publishers of one odometry process.
+
+    What is published has been remembered before: who joins meanwhile may get it twice, but never not at all.
+    """
 
     def __init__(self, session: WireSession, topics: Topics, settings: ServiceSettings) -> None:
         self._topics = topics
@@ -32,16 +35,16 @@ class Announcer:
 
     def poses(self, estimate: Estimate) -> None:
         """Publish odom, pose and tf at once, and the loop candidates."""
+        self._history.add(estimate)
         for message in pose_messages(self._topics, estimate):
             self._publisher.put(message)
         self.loops(estimate.loops)
-        self._history.add(estimate)
 
     def loops(self, loops: Collection[LoopCandidate]) -> None:
         """Publish what was judged of places that look alike."""
         for message in loop_messages(self._topics, loops):
-            self._publisher.put(message)
             self._history.keep_loop(message)
+            self._publisher.put(message)
 
     def truth(self, body: str, pose: codec.StampedPose) -> None:
         """Remember a true pose for those who join late; its sender has published it."""
@@ -63,14 +66,14 @@ class Announcer:
         """Publish the cloud of a key frame, made only if it is one of those that are shown."""
         if self._history.wants_keyframe():
             message = cloud()
-            self._bulky.put(message)
             self._history.keep_keyframe(message)
+            self._bulky.put(message)
 
     def flush(self) -> None:
         """Publish the path and the landmarks that were held back."""
         for message in self._map.values():
-            self._publisher.put(message)
             self._history.keep(message)
+            self._publisher.put(message)
         self._map.clear()
 
     def status_is_due(self, state: State | None) -> bool:

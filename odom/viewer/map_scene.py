@@ -99,12 +99,15 @@ class MapScene:
         self._landmarks = points
         yield draw(entities.LANDMARKS, stamp, rr.Points3D(points[:, :3], colors=palette.LANDMARK, radii=-1.2))
 
-    def loop(self, loop: Loop) -> None:
-        """Take a loop candidate; it is drawn with the next `refresh`."""
+    def loop(self, loop: Loop) -> bool:
+        """Take a loop candidate, which is drawn with the next `refresh`; False for one that is known already."""
+        if loop in self._loops:
+            return False
         self._loops.append(loop)
         while len(self._loops) > self._limit_loops:
             refused = next((old for old in self._loops if not old.accepted), self._loops[0])
             self._loops.remove(refused)
+        return True
 
     def corrected(self) -> Trajectory:
         """Return every pose of the online trail with the correction of the key frame before it, in the map.

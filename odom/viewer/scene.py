@@ -146,8 +146,8 @@ class Scene:
 
     def _loop(self, message: Message) -> Iterator[Draw]:
         loop = codec.decode_loop(message)
-        self._map.loop(loop)
-        yield from self._words.loop(loop)
+        if self._map.loop(loop):
+            yield from self._words.loop(loop)
 
     def _status(self, message: Message) -> Iterator[Draw]:
         """Show a status at the newest image or pose: its own stamp is the wall time of its sending."""

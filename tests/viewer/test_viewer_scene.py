@@ -216,3 +216,12 @@ def test_residual_colours_tell_small_large_and_unused_apart() -> None:
     assert len(np.unique(colors, axis=0)) == 4
     assert (colors[2] == palette.residual_colors(np.array([3.0]))[0]).all()
     assert colors[3, 3] < 255
+
+
+def test_a_loop_that_comes_by_the_history_and_by_itself_is_one() -> None:
+    scene = _scene()
+    message = codec.encode_loop(TOPICS.loops, codec.Loop(Stamp(5), Stamp(1), 40, True, "40 landmarks found again"))
+    said = [list(scene.handle(message)) for _ in range(2)]
+    assert said[0]
+    assert not said[1]
+    assert len(scene._map._loops) == 1

@@ -30,7 +30,7 @@ class Arrival(NamedTuple):
 
 
 class Inlet:
-    """Hands over what comes on several keys, in the order in which each sender sent it.
+    """Hands over what comes on several keys, in the order in which each lossless sender sent it.
 
     A channel holds at most 256 samples, then the link waits. Beside it a second subscriber of the key, that remembers
     the newest sample only, is a bell: its thread sleeps until something came, then fetches from all channels; after
@@ -98,8 +98,9 @@ class Inlet:
         """Return what has come, and how much was left out of each key.
 
         What a sender sent before a sample came before it, and is found at the latest by the look through the channels
-        after the one that found the sample. So once a look finds nothing of ours, nothing is missing in between; beyond
-        1024 samples, as only a flood brings together, this is not waited for.
+        after the one that found the sample. So once a look finds nothing of a lossless sender, none of its is missing
+        in between. A live sender's are as near together as they came, and beyond 1024 samples, as only a flood brings
+        together, so is everything.
         """
         arrivals, ignored = list[Arrival](), Counter[str]()
         flooded = self._malformed.flooded()
@@ -117,7 +118,7 @@ class Inlet:
                         ignored[topic] += 1
                         continue
                     arrivals.append(Arrival(topic, attachment, sample))
-                    found = found or attachment is not None
+                    found = found or (attachment is not None and attachment.lossless)
         return arrivals, ignored
 
 

@@ -72,7 +72,7 @@ def _bounded(senders: dict[tuple[str, int], int], limit: int) -> dict[tuple[str,
 
 
 class Subscriber:
-    """Messages of several keys in the order in which they arrived, in one bounded queue.
+    """Messages of several keys in the order in which they arrived (see `Inlet`), in one bounded queue.
 
     Of a live sender's key at most `depth` messages wait (`small_depth` of those of 4 kB or less), the newest win.
     Messages of a lossless sender all wait (its flow control bounds them; beyond 256 the oldest go) when `lossless`,

@@ -27,11 +27,13 @@ _BRIDGE_SIGMA = np.array([0.5, 0.5, 0.5, 1.0, 1.0, 1.0])
 class Publication:
     """A pose as it goes out: `placed` at the stamp itself, `T_odom_camera`, and the motions since earlier ones.
 
-    `T_middle_stamp` is how far the camera went from its middle row's time to the stamp, with its 6 x 6 covariance.
+    `covariance` (6 x 6, `se3`, camera frame) is that of the pose since its segment began. `T_middle_stamp` is how far
+    the camera went from its middle row's time to the stamp, with its 6 x 6 covariance.
     """
 
     placed: Placed
     T_odom_camera: Array
+    covariance: Array | None
     T_middle_stamp: Array = field(default_factory=lambda: np.eye(4))
     covariance_middle_stamp: Array = field(default_factory=lambda: np.zeros((6, 6)))
     step: RelativePose | None = None
@@ -41,11 +43,12 @@ class Publication:
 class CausalTrajectory:
     """The frames' places (`frames`, for the middle row) and the newest publications.
 
-    The `map_` grows and moves meanwhile.
+    The `map_` grows and moves meanwhile: `T_map_odom` carries the corrections, so that what is published is continuous.
     """
 
     def __init__(self, map_: Map) -> None:
         self.frames = PlacedFrames()
+        self.T_map_odom = np.eye(4)
         self._map = map_
         self._recent: deque[Publication] = deque(maxlen=_RECENT)
         self._agility = Agility()
@@ -62,26 +65,31 @@ class CausalTrajectory:
         last = self.frames.last
         return np.inf if last is None else (stamp - last.stamp) * 1e-9
 
-    def begin(self, stamp: Stamp, segment: int, keyframe: int, T_odom_camera: Array) -> Publication:
+    def correct(self, T_new_old: Array) -> None:
+        """Go on where odom was: a closure has moved the map around the camera by `T_new_old`."""
+        self.T_map_odom = T_new_old @ self.T_map_odom
+
+    def begin(self, stamp: Stamp, segment: int, keyframe: int, check: SelfCheck) -> Publication:
         """Publish the first pose of a segment, which its key frame's is by definition."""
         placed = Placed(stamp, segment, 0.0, keyframe, np.eye(4), np.zeros((6, 6)))
         self.frames.append(placed)
         self._course = None
         self._recent.clear()
-        self._recent.append(Publication(placed, T_odom_camera))
+        T_odom_camera = se3.inverse(self.T_map_odom) @ se3.inverse(self._map.keyframes[keyframe].T_camera_map)
+        self._recent.append(Publication(placed, T_odom_camera, self._since_start(placed, check)))
         return self._recent[-1]
 
     def advance(
         self,
         middle: Placed,
-        T_odom_middle: Array,
+        T_map_middle: Array,
         covariance: Array,
         twist_dt: float,
         inliers: int,
         check: SelfCheck,
         stamp_sigma_s: float,
     ) -> Publication:
-        """Publish a tracked frame, found at `T_odom_middle` with `covariance` (6 x 6) in its middle row's time.
+        """Publish a tracked frame, found at `T_map_middle` with `covariance` (6 x 6) in its middle row's time.
 
         The pose is smoothed and carried to the stamp; to the motion filter's covariance comes how far the camera goes
         in `stamp_sigma_s`, by which the image's time is not known. `twist_dt` is the time since the frame before, 0
@@ -89,6 +97,7 @@ class CausalTrajectory:
         """
         assert middle.T_keyframe_camera is not None
         self.frames.append(middle)
+        T_odom_middle = se3.inverse(self.T_map_odom) @ T_map_middle
         if twist_dt and self._course is not None:
             self._course = self._course.tracked(T_odom_middle, covariance, twist_dt)
         else:
@@ -104,7 +113,8 @@ class CausalTrajectory:
         )
         T_middle_stamp = se3.inverse(motion.T_fixed_camera) @ carried.T_fixed_camera
         going = motion.covariance_of_going(middle.delay_s)
-        current = Publication(placed, carried.T_fixed_camera, T_middle_stamp, going)
+        since_start = self._since_start(placed, check)
+        current = Publication(placed, carried.T_fixed_camera, since_start, T_middle_stamp, going)
         if self._recent and twist_dt:
             current = replace(current, step=self._motion_since(self._recent[-1], current, inliers, check))
         around = [p for p in self._recent if self._from_a_second(p, placed.stamp) < _NEAR_A_SECOND_S]
@@ -125,7 +135,7 @@ class CausalTrajectory:
         stamp = earlier.placed.stamp
         return relative_pose(earlier.T_odom_camera, current.T_odom_camera, covariance, stamp, inliers)
 
-    def bridge(self, stamp: Stamp, twist: Array) -> Publication:
+    def bridge(self, stamp: Stamp, twist: Array, check: SelfCheck) -> Publication:
         """Publish what the motion `twist` (6, SI) predicts for a frame that could not be tracked."""
         last = self._recent[-1]
         assert last.placed.T_keyframe_camera is not None
@@ -139,7 +149,7 @@ class CausalTrajectory:
             covariance=last.placed.covariance + np.diag((_BRIDGE_SIGMA * dt) ** 2),
         )
         self.frames.append(placed)
-        self._recent.append(Publication(placed, last.T_odom_camera @ step))
+        self._recent.append(Publication(placed, last.T_odom_camera @ step, self._since_start(placed, check)))
         return self._recent[-1]
 
     def lose(self, stamp: Stamp, segment: int) -> None:
@@ -148,6 +158,5 @@ class CausalTrajectory:
         self._recent.clear()
         self._course = None
 
-    def covariance_since_start(self, publication: Publication, check: SelfCheck) -> Array | None:
-        """Return the 6 x 6 covariance (`se3`) of a published pose since its segment began."""
-        return covariance_since_start(self._map.keyframes, publication.placed, check.calibration_error)
+    def _since_start(self, placed: Placed, check: SelfCheck) -> Array | None:
+        return covariance_since_start(self._map.keyframes, placed, check.calibration_error)

@@ -70,11 +70,11 @@ class Estimate:
     state: State
     reason: str
     segment: int
-    T_odom_camera: Array | None
-    covariance: Array | None
     T_map_odom: Array
-    inliers: int
-    matches: int
+    T_odom_camera: Array | None = None
+    covariance: Array | None = None
+    inliers: int = 0
+    matches: int = 0
     is_keyframe: bool = False
     is_predicted: bool = False
     step: RelativePose | None = None

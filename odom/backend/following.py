@@ -1,66 +1,25 @@
 """Where a frame is: followed from the one before, or from a place that it is recognised to show."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from odom.backend.belief import is_carried, is_enough, is_known_place, is_same_view
-from odom.backend.causal import Publication
 from odom.backend.closing import recognise
-from odom.backend.estimate import RelativePose
 from odom.backend.mapper import Mapper
 from odom.backend.motion import Motion
 from odom.backend.selfcheck import SelfCheck
 from odom.backend.stopwatch import Stopwatch
 from odom.backend.tracking import Before, Tracked, coarse_pose
+from odom.backend.whereabouts import Whereabouts
 from odom.frontend.images import FrameImages
 from odom.frontend.places import describe_place
 from odom.frontend.view import View
 from odom.registration import se3
 
 Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 _NEAR = 0.1**2 * np.eye(6)
 """Covariance of where a place shows a camera to be, m^2 and rad^2: the landmarks tell better, and its velocity too."""
-
-
-@dataclass(frozen=True, eq=False)
-class Previous:
-    """The last frame that was tracked, or that began a segment (`tracked` is None).
-
-    The next one is followed from it by the landmarks `rows` (n), which it showed at `uv` (n x 2 px).
-    """
-
-    view: View
-    tracked: Tracked | None
-    pairwise: RelativePose | None
-    published: Publication
-    rows: Index
-    uv: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Whereabouts:
-    """Where the camera was as of the `previous` frame: `T_camera_map`, near key frame `near`, moving with `twist`.
-
-    The twist is 6, SI, in the camera's own frame; `is_bridged` where predictions have stood in for frames since.
-    """
-
-    previous: Previous
-    T_camera_map: Array
-    twist: Array
-    near: int
-    is_bridged: bool
-
-    def before(self, dt: float, check: SelfCheck) -> Before:
-        """Return the camera's motion in the map, `dt` seconds ago."""
-        tracked = self.previous.tracked
-        motion = Motion.of(se3.inverse(self.T_camera_map), np.zeros((6, 6)))
-        if tracked is not None:
-            motion = Motion.of(motion.T_fixed_camera, tracked.covariance * check.scale, tracked.velocity)
-        return Before(motion, dt, check.scale)
 
 
 def follow_coarsely(was: Whereabouts, mapper: Mapper, images: FrameImages, dt: float) -> Array:

@@ -42,9 +42,9 @@ class Sight:
         """Return the sight after a frame with depth that could not be placed."""
         return replace(self, astray_s=self.astray_s + since_last_s) if 0.0 < since_last_s < LEAP_S else self
 
-    def without_depth_s(self, stamp: Stamp) -> float:
-        """Return for how long, at `stamp`, no depth image has shown anything."""
-        return (stamp - self.depth_stamp) * 1e-9
+    def is_blind(self, stamp: Stamp, longest_s: float) -> bool:
+        """Say whether, at `stamp`, no depth image has shown anything for longer than `longest_s`."""
+        return (stamp - self.depth_stamp) * 1e-9 > longest_s
 
     def is_shallow(self, stamp: Stamp) -> bool:
         """Say whether frames have been placed without landmarks' depth for too long to be sure of them at `stamp`."""

@@ -187,7 +187,7 @@ def ran_with(most, frames, anticipates=False):
         if anticipates:
             odometry.anticipate(frame.stamp, frame.color)
         estimates.append(odometry.process(frame))
-        map_, index = odometry._mapper.map, odometry._mapper.index
+        map_, index = odometry._walk.mapper.map, odometry._walk.mapper.index
         sizes.append((len(map_.remembered), int(map_.landmarks.alive.sum()), len(index.places)))
     ran = Ran(tuple(estimates), odometry.finish(), odometry.timing)
     return ran, np.array(sizes), odometry
@@ -216,7 +216,7 @@ def test_its_map_stays_within_the_bound(forgetful):
     assert keyframes.max() <= MOST + 2  # while the background works
     assert places.max() <= MOST
     assert landmarks[FRAMES // 2 :].max() < 1.2 * landmarks[: FRAMES // 2].max()
-    kept = odometry._mapper.map
+    kept = odometry._walk.mapper.map
     assert all(len(k.rows) == 0 for k in kept.keyframes if k.number not in kept.remembered)
     assert sum(len(f) for f in kept.followers.values()) == odometry.forgotten_keyframes
 
@@ -246,5 +246,5 @@ def test_segments_that_are_never_tracked_are_forgotten_too():
             seen = PaintedRoom(seed=k).frame(SMALL, 0, np.eye(4))
         color = np.zeros_like(seen.color) if k % 4 else seen.color
         odometry.process(replace(seen, sequence=k, stamp=stamp, depth_stamp=stamp, color=color))
-    assert len(odometry._mapper.map.keyframes) > 15
-    assert len(odometry._mapper.map.remembered) <= 11
+    assert len(odometry._walk.mapper.map.keyframes) > 15
+    assert len(odometry._walk.mapper.map.remembered) <= 11

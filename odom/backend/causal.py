@@ -44,6 +44,7 @@ class CausalTrajectory:
     """The frames' places (`frames`, for the middle row) and the newest publications.
 
     The `map_` grows and moves meanwhile: `T_map_odom` carries the corrections, so that what is published is continuous.
+    It is none the surer by them: from the last publication before the newest correction its covariance only grows.
     """
 
     def __init__(self, map_: Map) -> None:
@@ -51,6 +52,8 @@ class CausalTrajectory:
         self.T_map_odom = np.eye(4)
         self._map = map_
         self._recent: deque[Publication] = deque(maxlen=_RECENT)
+        self._newest: Publication | None = None
+        self._corrected: Publication | None = None
         self._agility = Agility()
         self._course: Course | None = None
 
@@ -68,6 +71,7 @@ class CausalTrajectory:
     def correct(self, T_new_old: Array) -> None:
         """Go on where odom was: a closure has moved the map around the camera by `T_new_old`."""
         self.T_map_odom = T_new_old @ self.T_map_odom
+        self._corrected = self._newest
 
     def begin(self, stamp: Stamp, segment: int, keyframe: int, check: SelfCheck) -> Publication:
         """Publish the first pose of a segment, which its key frame's is by definition."""
@@ -76,8 +80,7 @@ class CausalTrajectory:
         self._course = None
         self._recent.clear()
         T_odom_camera = se3.inverse(self.T_map_odom) @ se3.inverse(self._map.keyframes[keyframe].T_camera_map)
-        self._recent.append(Publication(placed, T_odom_camera, self._since_start(placed, check)))
-        return self._recent[-1]
+        return self._published(Publication(placed, T_odom_camera, self._since_start(placed, T_odom_camera, check)))
 
     def advance(
         self,
@@ -113,7 +116,7 @@ class CausalTrajectory:
         )
         T_middle_stamp = se3.inverse(motion.T_fixed_camera) @ carried.T_fixed_camera
         going = motion.covariance_of_going(middle.delay_s)
-        since_start = self._since_start(placed, check)
+        since_start = self._since_start(placed, carried.T_fixed_camera, check)
         current = Publication(placed, carried.T_fixed_camera, since_start, T_middle_stamp, going)
         if self._recent and twist_dt:
             current = replace(current, step=self._motion_since(self._recent[-1], current, inliers, check))
@@ -121,8 +124,7 @@ class CausalTrajectory:
         if around:
             then = min(around, key=lambda p: self._from_a_second(p, placed.stamp))
             current = replace(current, second=self._motion_since(then, current, inliers, check))
-        self._recent.append(current)
-        return current
+        return self._published(current)
 
     @staticmethod
     def _from_a_second(earlier: Publication, stamp: Stamp) -> float:
@@ -149,8 +151,8 @@ class CausalTrajectory:
             covariance=last.placed.covariance + np.diag((_BRIDGE_SIGMA * dt) ** 2),
         )
         self.frames.append(placed)
-        self._recent.append(Publication(placed, last.T_odom_camera @ step, self._since_start(placed, check)))
-        return self._recent[-1]
+        T_odom_camera = last.T_odom_camera @ step
+        return self._published(Publication(placed, T_odom_camera, self._since_start(placed, T_odom_camera, check)))
 
     def lose(self, stamp: Stamp, segment: int) -> None:
         """Note a frame without a pose; motions are not counted over it."""
@@ -158,5 +160,17 @@ class CausalTrajectory:
         self._recent.clear()
         self._course = None
 
-    def _since_start(self, placed: Placed, check: SelfCheck) -> Array | None:
+    def _published(self, current: Publication) -> Publication:
+        self._recent.append(current)
+        self._newest = current
+        return current
+
+    def _since_start(self, placed: Placed, T_odom_camera: Array, check: SelfCheck) -> Array | None:
+        """Return the 6 x 6 covariance of a pose in odom since its segment began."""
+        since = self._corrected
+        if since is not None and since.covariance is not None:
+            moved = relative_covariance(self._map, since.placed, placed, check.calibration_error)
+            if moved is not None:
+                T_since_camera = se3.inverse(since.T_odom_camera) @ T_odom_camera
+                return se3.compose_covariance(since.covariance, T_since_camera, moved)
         return covariance_since_start(self._map.keyframes, placed, check.calibration_error)

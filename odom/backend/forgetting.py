@@ -9,6 +9,8 @@ the camera went ever onwards that is the oldest one remembered, which adjustment
 coming back the past is corrected with what is there now. Nobody moves the last one of a segment any more.
 """
 
+from bisect import insort
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,6 +35,7 @@ def forget(map_: Map, number: int) -> None:
     landmarks.cull(np.flatnonzero(landmarks.alive & (landmarks.keyframe == number)))
     keyframe.forget()
     map_.remembered.remove(number)
+    insort(map_.forgotten, number)
     for other in map_.links[number]:
         map_.links[other].discard(number)
     map_.links[number] = set()

@@ -1,7 +1,7 @@
 """Key frames: where they are, and which landmarks they measured."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,8 +51,8 @@ class Observed:
 class Keyframe(Observed):
     """A frame whose measurements are kept, at `uv` (n x 2 px); `T_camera_map` moves as the map is adjusted.
 
-    `first` is the key frame that its segment began with, `covariance_since_start` (6 x 6, `se3`, camera frame) that of
-    the motion since.
+    The pose is its middle row's, `T_middle_stamp` leads on to its stamp. `first` is the key frame that its segment
+    began with, `covariance_since_start` (6 x 6, `se3`, camera frame) that of the motion since.
     """
 
     number: int
@@ -62,6 +62,7 @@ class Keyframe(Observed):
     T_camera_map: Array
     uv: Array
     covariance_since_start: Array
+    T_middle_stamp: Array = field(default_factory=lambda: np.eye(4))
 
     def forget(self) -> None:
         """Drop what was measured; the arrays that are left are shared by all that have forgotten."""

@@ -58,7 +58,7 @@ def _judge(mapper: Mapper, seen: Seen, recognition: Recognition, check: SelfChec
     if recognition.refusal or registration is None:
         return _Verdict(said)
     T_start = se3.inverse(registration.T_target_source) @ candidate.T_camera_map
-    tracked = mapper.track(seen.view, T_start, seen.twist, candidate.number, check.noise)
+    tracked = mapper.track_place(seen, candidate.number, T_start, check.noise)
     found = tracked.found_again
     T_candidate_keyframe = candidate.T_camera_map @ se3.inverse(tracked.T_camera_map)
     said = replace(said, inliers=found, T_candidate_current=T_candidate_keyframe)

@@ -1,5 +1,6 @@
 """The map: key frames and the landmarks they measured, and how it grows."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -32,14 +33,15 @@ _PATH = 2_000
 class Map:
     """Key frames, landmarks, and which key frames are linked: by common landmarks, succession or loop closure.
 
-    `remembered` are the numbers of the key frames that are not forgotten (see `forgetting`), in order; `followers` the
-    forgotten ones that move with a remembered one, by its number.
+    `remembered` are the numbers of the key frames that are not forgotten (see `forgetting`), in order, `forgotten` the
+    others', in theirs; `followers` the forgotten ones that move with a remembered one, by its number.
     """
 
     landmarks: Landmarks = field(default_factory=Landmarks)
     keyframes: list[Keyframe] = field(default_factory=list)
     links: list[set[int]] = field(default_factory=list)
     remembered: list[int] = field(default_factory=list)
+    forgotten: list[int] = field(default_factory=list)
     registrations: Registrations = field(default_factory=Registrations)
     followers: dict[int, list[int]] = field(default_factory=dict)
 
@@ -140,17 +142,20 @@ class Map:
             self.links[a].add(b)
             self.links[b].add(a)
 
+    def linked(self, number: int) -> set[int]:
+        """Return the key frames linked with `number` over two hops, itself included: it needs no closure with them."""
+        near = self.links[number] | {number}
+        return near.union(*(self.links[k] for k in near))
+
     def members(self, segment: int) -> list[Keyframe]:
         """Return the key frames of a segment that are remembered."""
         return [k for n in self.remembered if (k := self.keyframes[n]).segment == segment]
 
     def path(self) -> tuple[tuple[Stamp, Array], ...]:
-        """Return stamp and T_map_camera of the key frames; of forgotten ones at most 2,000, thinned evenly."""
-        remembered = set(self.remembered)
-        forgotten = [k for k in self.keyframes if k.number not in remembered]
-        kept = {k.number for k in forgotten[:: 1 + len(forgotten) // _PATH]} | remembered
-        shown = [self.keyframes[n] for n in sorted(kept)]
-        T_map_camera = np.linalg.inv(np.array([k.T_camera_map for k in shown]))
+        """Return stamp and T_map_camera at it of the key frames; of forgotten ones at most 2,000, thinned evenly."""
+        kept = sorted([*self.forgotten[:: 1 + len(self.forgotten) // _PATH], *self.remembered])
+        shown = [self.keyframes[n] for n in kept]
+        T_map_camera = np.linalg.inv([k.T_camera_map for k in shown]) @ [k.T_middle_stamp for k in shown]
         return tuple((k.stamp, T) for k, T in zip(shown, T_map_camera, strict=True))
 
     def cloud(self) -> Array:
@@ -158,15 +163,18 @@ class Map:
         rows = np.flatnonzero(self.landmarks.alive & (self.landmarks.seen > 1))
         return np.asarray(self.landmarks.position[rows[:: 1 + len(rows) // _CLOUD]])
 
-    def neighbours(self, keyframe: int, T_camera_map: Array, most: int) -> Index:
-        """Return up to `most` key frames linked to `keyframe` over a few hops, nearest to the pose first."""
+    def neighbours(self, keyframe: int, T_camera_map: Array, most: int, but: Collection[int] = frozenset()) -> Index:
+        """Return up to `most` key frames linked to `keyframe` over a few hops, nearest to the pose first.
+
+        Those of `but` are left out.
+        """
         reached, edge = {keyframe}, {keyframe}
         for _ in range(_HOPS):
             edge = set().union(*(self.links[k] for k in edge)) - reached
             reached |= edge
             if len(reached) > 4 * most:
                 break
-        return self.nearest(sorted(reached), T_camera_map)[:most]
+        return self.nearest(sorted(reached.difference(but)), T_camera_map)[:most]
 
     def nearest(self, keyframes: list[int], T_camera_map: Array) -> Index:
         """Return `keyframes` ordered by how near they are to a pose.

@@ -58,6 +58,15 @@ class Mapper:
         local = self.map.neighbours(near, T_start, self._settings.local_keyframes)
         return self.track_against(local, view, T_start, twist, noise, before)
 
+    def track_place(self, seen: Seen, candidate: int, T_start: Array, noise: FeatureNoise) -> Tracked:
+        """Return a key frame's view tracked against key frame `candidate` and those around it.
+
+        Those that the key frame is linked with anyway are left out: they know it, or it knows them, by this very image.
+        """
+        known = self.map.linked(seen.keyframe) - {candidate}
+        local = self.map.neighbours(candidate, T_start, self._settings.local_keyframes, known)
+        return self.track_against(local, seen.view, T_start, seen.twist, noise)
+
     def track_against(
         self,
         local: Index,
@@ -116,7 +125,7 @@ class Mapper:
     @property
     def forgotten(self) -> int:
         """How many key frames were forgotten."""
-        return len(self.map.keyframes) - len(self.map.remembered)
+        return len(self.map.forgotten)
 
     def forget(self, near: int, T_camera_map: Array) -> bool:
         """Forget the oldest key frames beyond `map_keyframes`; say whether there were any.
@@ -142,7 +151,7 @@ class Mapper:
         prior = self._timing.information / self._credit(check)
         adjustment = window.newest(self.map, self._settings.window_keyframes, self.timing, prior)
         waiting, self._waiting = self._waiting, []
-        linked = [self._linked(seen.keyframe) for seen in waiting]
+        linked = [self.map.linked(seen.keyframe) for seen in waiting]
         timing, lens, index, noise = self.timing, self.lens, self.index, check.noise
 
         def describe() -> list[Described]:
@@ -153,11 +162,6 @@ class Mapper:
             ]
 
         self._background.start(count, adjustment, describe)
-
-    def _linked(self, number: int) -> set[int]:
-        """Return the key frames that `number` needs no closure with: linked over two hops, itself included."""
-        near = self.map.links[number] | {number}
-        return near.union(*(self.map.links[k] for k in near))
 
     def take_background(self, count: int | None, check: SelfCheck) -> list[Described] | None:
         """Take over the background's work if it is due at frame `count` (None: at once).

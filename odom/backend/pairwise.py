@@ -1,6 +1,7 @@
 """The paper's chain: every frame registered against the one before it, C_i against C_i+1, and nothing else."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from odom.backend.causal import Publication
 from odom.backend.estimate import RelativePose
@@ -10,11 +11,14 @@ from odom.registration import se3
 from odom.registration.default import register
 from odom.registration.pairs import Pairs, Prior
 
+Array = NDArray[np.float64]
+
 _LEAST_PAIRS = 10
 
 
 def register_successive(
     previous: Tracked,
+    T_previous_map: Array,
     published_previous: Publication,
     current: Tracked,
     published: Publication,
@@ -23,7 +27,8 @@ def register_successive(
 ) -> RelativePose | None:
     """Return T_previous_current from the features that both frames measured with depth, None where that fails.
 
-    The recursive robust filter sees both clouds' covariances; the map's motion serves as a hint to its gate only. To
+    The recursive robust filter sees both clouds' covariances; the motion in the map as it is now, where the previous
+    frame is at `T_previous_map`, serves as a hint to its gate only. To
     its covariance, times the self-check's `scale`, comes how far the camera goes while two stamps jitter by `jitter_s`;
     from the middle rows' times it is carried to the stamps as the two publications are.
     """
@@ -35,7 +40,7 @@ def register_successive(
     points_previous, covariances_previous = points_of(previous.measurements.take(a))
     points_current, covariances_current = points_of(current.measurements.take(b))
     pairs = Pairs(points_current, points_previous, covariances_current, covariances_previous)
-    hint = Prior(previous.T_camera_map @ se3.inverse(current.T_camera_map))
+    hint = Prior(T_previous_map @ se3.inverse(current.T_camera_map))
     registration = register(pairs, hint)
     if not registration.ok:
         return None

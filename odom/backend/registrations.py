@@ -18,11 +18,13 @@ Array = NDArray[np.float64]
 class Registrations:
     """The graph of registrations: of every key frame its own, by the other one's number.
 
-    A key frame that is forgotten keeps the one with its heir, which does not know of it.
+    A key frame that is forgotten keeps the one with its heir, which does not know of it. What was asked for is known
+    until something changes.
     """
 
     def __init__(self) -> None:
         self._of: defaultdict[int, dict[int, Edge]] = defaultdict(dict)
+        self._between: dict[tuple[int, int], Array | None] = {}
 
     def add(self, edge: Edge) -> None:
         """Add a registration; of two between the same key frames the surer one stays, in the chain if either was."""
@@ -33,6 +35,7 @@ class Registrations:
         self._put(edge)
 
     def _put(self, edge: Edge) -> None:
+        self._between.clear()
         self._of[edge.a][edge.b] = self._of[edge.b][edge.a] = edge
 
     def of(self, number: int) -> list[Edge]:
@@ -55,6 +58,7 @@ class Registrations:
         They become less sure by what lies between the two, so that no chain becomes surer, and one through both stays
         as sure as it was.
         """
+        self._between.clear()
         known = self._of[number].pop(heir).seen_from(heir)
         others = self.of(number)
         for edge in others:
@@ -69,7 +73,12 @@ class Registrations:
 
         Of two key frames, only `a` may be forgotten.
         """
-        way = self._surest_way(a, b)
+        if (a, b) not in self._between:
+            self._between[a, b] = self._covariance_of(self._surest_way(a, b))
+        return self._between[a, b]
+
+    @staticmethod
+    def _covariance_of(way: list[Edge] | None) -> Array | None:
         if way is None:
             return None
         total = np.zeros((6, 6))

@@ -134,7 +134,9 @@ class Walk:
 
     def closing_test(self) -> ClosingTest | None:
         """Return the paper's test of a closed walk after `finish`, None where it can't be made (see `closing_test`)."""
-        return None if self._was is None else closing_test(self.mapper, self._was, self._check)
+        if self._was is None or self._newest_tracked() is None:
+            return None
+        return closing_test(self.mapper, self._was, self._check)
 
     def _newest_tracked(self) -> Tracked | None:
         previous, last = self.previous, self.causal.frames.last
@@ -189,7 +191,13 @@ class Walk:
         before, pairwise = was.previous, None
         if dt and before.tracked is not None:
             pairwise = register_successive(
-                before.tracked, before.published, tracked, published, self._check.scale, clock.jitter_s
+                before.tracked,
+                was.T_camera_map,
+                before.published,
+                tracked,
+                published,
+                self._check.scale,
+                clock.jitter_s,
             )
         watch.lap("pairwise")
         rows, uv = tracked.inlying.rows, tracked.inlying.uv
@@ -202,6 +210,7 @@ class Walk:
             is_keyframe = self._sight.deep_stamp == view.stamp and self._growth.is_due(tracked)
         if is_keyframe:
             near = self._growth.add(view, tracked, twist, near.segment, covariance, self._check)
+            near.T_middle_stamp = published.T_middle_stamp
             rows, uv = near.rows, near.uv
         previous = Previous(view, tracked, pairwise, published, rows, uv)
         self._was = Whereabouts(previous, tracked.T_camera_map, twist, near.number)

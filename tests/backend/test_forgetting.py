@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from made_up_scene import chain_of_keyframes
 from painted_room import PERIOD, SMALL, START, PaintedRoom
+from rounds import ROUND, round_and_more, turned
 from running import Ran, check_sanity, numbers
 
 from odom.backend import Odometry, OdometrySettings, State
@@ -22,7 +23,7 @@ from odom.frontend.timing import Timing
 from odom.registration import se3
 
 COVARIANCE = np.diag([1e-4, 2e-4, 3e-4, 1e-5, 2e-5, 3e-5])
-ROUND, FRAMES = 160, 240
+FRAMES = 240
 MOST = 12
 
 
@@ -157,22 +158,10 @@ def test_parts_that_no_landmark_joins_any_more_are_each_held():
     np.testing.assert_array_equal(_oldest_connected(observations, 6), [0, 1, 0, 1, 1, 5])
 
 
-def turned(k):
-    """T_room_camera of a camera that turns round and round, on a circle about the middle of the room."""
-    angle = 2.0 * np.pi * k / ROUND
-    T = np.eye(4)
-    T[:3, :3] = se3.so3_exp(np.array([0.0, angle, 0.0]))
-    T[:3, 3] = T[:3, :3] @ [0.0, 0.1 * np.sin(3.0 * angle), 0.4]
-    return T
-
-
 @pytest.fixture(scope="module")
 def rounds() -> list[RgbdFrame]:
     """A round and a half in a room."""
-    room = PaintedRoom(half_size=(2.2, 1.2, 2.2))
-    once = [room.frame(SMALL, k, turned(k)) for k in range(ROUND)]
-    stamps = [Stamp(START + k * PERIOD) for k in range(FRAMES)]
-    return [replace(once[k % ROUND], sequence=k, stamp=s, depth_stamp=s) for k, s in enumerate(stamps)]
+    return round_and_more(FRAMES)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,78 @@
+"""A camera that turns round in a room until it is where it began: what a closure is judged by, and what it changes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from painted_room import SMALL
+from rounds import ROUND, round_and_more
+
+from odom.backend import Odometry, State
+from odom.backend.background import Seen
+from odom.frontend.measure import FeatureNoise
+from odom.registration import se3
+
+NOISE = FeatureNoise(0.5, np.array([[0.5, 2.0], [0.003, 0.003]]))
+
+
+@pytest.fixture(scope="module")
+def frames():
+    return round_and_more(ROUND + 20)
+
+
+@pytest.fixture(scope="module")
+def walked(frames):
+    """The odometry after a round, and its estimates."""
+    odometry = Odometry(SMALL)
+    return odometry, [odometry.process(frame) for frame in frames]
+
+
+def test_a_place_is_known_again_by_what_others_saw_there_not_by_the_key_frame_itself(walked):
+    odometry, _ = walked
+    mapper, previous = odometry._walk.mapper, odometry._walk.previous
+    map_ = mapper.map
+    newest = map_.keyframes[-1]
+    seen = Seen(newest.number, previous.view, previous.tracked.twist)
+    own = map_.linked(newest.number)
+    beyond = {far for near in own for far in map_.links[near]} - own
+    assert beyond
+    for candidate in sorted(beyond):
+        anchors = map_.landmarks.keyframe
+        all_around = mapper.track(seen.view, newest.T_camera_map, seen.twist, candidate, NOISE)
+        judged = mapper.track_place(seen, candidate, newest.T_camera_map, NOISE)
+        assert own & set(anchors[all_around.expected].tolist())
+        assert not own & set(anchors[judged.expected].tolist())
+
+
+def test_the_test_of_a_closed_walk_is_of_its_last_frame_or_is_not_made(frames):
+    dark = [replace(f, color=np.zeros_like(f.color)) for f in frames[ROUND : ROUND + 10]]
+    ends = {}
+    for name, last in (("seen", frames[ROUND : ROUND + 10]), ("dark", dark)):
+        odometry = Odometry(SMALL)
+        states = [odometry.process(frame).state for frame in [*frames[:ROUND], *last]]
+        odometry.finish()
+        ends[name] = states[-1], odometry.closing_test()
+    assert ends["seen"][0] is State.TRACKING
+    assert ends["seen"][1] is not None
+    assert ends["dark"] == (State.LOST, None)
+
+
+def test_the_path_has_each_key_frame_where_its_pose_was_published(walked):
+    _, estimates = walked
+    compared = 0
+    for estimate in estimates:
+        if estimate.is_keyframe and estimate.path is not None and estimate.step is not None:
+            at = dict(estimate.path)
+            T_map_camera = estimate.T_map_odom @ estimate.T_odom_camera
+            away = se3.log(se3.inverse(T_map_camera) @ at[estimate.stamp])
+            assert np.linalg.norm(away[:3]) < 0.002
+            assert np.linalg.norm(away[3:]) < 0.002
+            compared += 1
+    assert compared > 10
+
+
+def test_odom_is_none_the_surer_by_a_closure_that_it_does_not_follow(walked):
+    _, estimates = walked
+    closed = next(i for i, e in enumerate(estimates) if any(loop.accepted for loop in e.loops))
+    traces = [np.trace(e.covariance[:3, :3]) for e in estimates]
+    assert min(traces[closed:]) > 0.8 * traces[closed - 1]

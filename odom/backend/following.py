@@ -12,7 +12,7 @@ from odom.backend.stopwatch import Stopwatch
 from odom.backend.tracking import Before, Tracked, coarse_pose
 from odom.backend.whereabouts import Whereabouts
 from odom.frontend.images import FrameImages
-from odom.frontend.places import describe_place
+from odom.frontend.places import Place
 from odom.frontend.view import View
 from odom.registration import se3
 
@@ -66,13 +66,14 @@ def follow(
     return tracked_from(follow_coarsely(was, mapper, view.images, dt))
 
 
-def relocalise(was: Whereabouts | None, mapper: Mapper, check: SelfCheck, view: View, dt: float) -> Tracked | None:
-    """Return a frame tracked from a key frame that it is recognised to show, None without any.
+def relocalise(
+    was: Whereabouts | None, mapper: Mapper, check: SelfCheck, view: View, place: Place, dt: float
+) -> Tracked | None:
+    """Return a frame tracked from a key frame that it is recognised to show by its `place`, None without any.
 
     In the segment where it `was` `dt` seconds ago, the camera must have been able to get there since.
     """
     still = np.zeros(6)
-    place = describe_place(view, mapper.lens, still, mapper.timing, check.noise)
     for recognition in recognise(mapper.index, place, set()):
         if recognition.refusal or recognition.registration is None:
             continue

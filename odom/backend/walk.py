@@ -78,16 +78,17 @@ class Walk:
             view.stamp, max(self._settings.bridge_s, _LONGEST_BLIND_PERIODS * clock.period_s)
         )
         tracked = None if was_lost or is_blind else self._follow(view, clock, T_coarse, watch)
-        is_recovered = False
-        if tracked is None and not is_blind and self.mapper.map.keyframes:
-            tracked = relocalise(self._was, self.mapper, self._check, view, self._since_previous_s(view))
+        is_recovered, place = False, None
+        if tracked is None and not is_blind:
+            place = describe_place(view, self.mapper.lens, _AT_REST, self.mapper.timing, self._check.noise)
+            tracked = relocalise(self._was, self.mapper, self._check, view, place, self._since_previous_s(view))
             is_recovered = tracked is not None
             watch.lap("relocalise")
         if tracked is not None:
             return self._advance(view, clock, tracked, is_recovered, watch)
         if not (was_lost or is_blind) and 0.0 < self._since_previous_s(view) <= self._settings.bridge_s:
             return self._bridge(view)
-        return self._lose(view, is_blind)
+        return self._lose(view, None if place is None else len(place.points))
 
     def take_background(self, count: int | None) -> tuple[tuple[LoopCandidate, ...], bool]:
         """Take over what the background has for frame `count` (None: all it has); say whether the map moved.
@@ -234,28 +235,28 @@ class Walk:
         reason = "not tracked: the motion is predicted"
         return replace(self._estimate(view, State.UNCERTAIN, reason, published), is_predicted=True)
 
-    def _lose(self, view: View, is_blind: bool) -> Estimate:
-        """Say that the frame has no pose, or begin a new segment where none can be hoped for."""
-        if not is_blind:
+    def _lose(self, view: View, corners: int | None) -> Estimate:
+        """Say that the frame has no pose, or begin a new segment where none can be hoped for.
+
+        `corners` is how many show a depth, None without any depth: time in which there is nothing to see counts not.
+        """
+        reason = "no depth" if corners is None else "too little to see"
+        if corners is not None and corners >= _LEAST_CORNERS:
+            reason = "no known place recognised"
             self._sight = self._sight.astray(self.causal.since_last_s(view.stamp))
-        is_first, map_ = self._was is None, self.mapper.map
-        # of a single frame, which none was followed from, there is nothing to be found again
-        is_unproven = self._was is None or (len(map_.keyframes) == 1 and self._was.previous.tracked is None)
-        may_wait = not is_unproven and self._sight.astray_s <= self._settings.new_segment_s
-        if not (is_blind or may_wait):
-            estimate = self._begin_segment(view)
-            if estimate is not None:
-                return estimate
+            if self._is_unproven or self._sight.astray_s > self._settings.new_segment_s:
+                return self._begin_segment(view)
         self.causal.lose(view.stamp, self._segment)
         self.mapper.start_background(self.causal.frames.count, self._check)
-        reason = "no depth" if is_blind else "no known place recognised"
-        return self._estimate(view, State.LOST, "no depth yet" if is_first else reason, None)
+        return self._estimate(view, State.LOST, reason, None)
 
-    def _begin_segment(self, view: View) -> Estimate | None:
-        """Begin a new segment of the map at the last known pose, None where the frame does not hold enough."""
-        place = describe_place(view, self.mapper.lens, _AT_REST, self.mapper.timing, self._check.noise)
-        if len(place.points) < _LEAST_CORNERS:
-            return None
+    @property
+    def _is_unproven(self) -> bool:
+        """Whether there is nothing to be found again: no frame yet, or a single one that none was followed from."""
+        return self._was is None or (len(self.mapper.map.keyframes) == 1 and self._was.previous.tracked is None)
+
+    def _begin_segment(self, view: View) -> Estimate:
+        """Begin a new segment of the map at the last known pose."""
         is_first = self._was is None
         T_camera_map = np.eye(4) if self._was is None else self._was.T_camera_map
         segment = 1 + max((k.segment for k in self.mapper.map.keyframes), default=-1)

@@ -96,3 +96,13 @@ def test_a_place_shown_by_the_last_frames_still_joins_the_map(homecoming):
     final = odometry.finish()
     assert any(loop.accepted for loop in odometry.late_loops)
     assert {pose.segment for pose in final} == {0}
+
+
+def test_darkness_is_no_sight_and_the_first_glimpse_after_it_begins_nothing():
+    walk = shown([stroll(k / 30.0) for k in range(20)])
+    glimpse = shown([stroll(20 / 30.0)] * 3, OTHER_ROOM)
+    ran = run(SMALL, in_order([*walk, *blank(walk[:1] * 45), *glimpse, *walk[10:]]))
+    check_sanity(ran)
+    assert set(ran.states[30:68]) == {State.LOST}
+    assert {e.segment for e in ran.estimates} == {0}
+    assert set(ran.states[-6:]) == {State.TRACKING}

@@ -38,10 +38,12 @@ def record(
     from odom.cli.counting import counting
     from odom.cli.wiring import wire_settings
     from odom.wire import Topics
+    from odom.wire.footprint import give_back_large_blocks
     from odom.wire.recorder import Recorder
     from odom.wire.recording import RecordingWriter
     from odom.wire.session import open_session
 
+    give_back_large_blocks()
     stop = signals.stop_event()
     timed = Path(str(output).replace("{time}", time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())))
     settings = wire_settings(config, connect, listen, mode, namespace)

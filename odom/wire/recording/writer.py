@@ -17,8 +17,8 @@ from odom.wire.settings import Compression
 
 LIBRARY = "rgbd-odom"
 _CHUNK_BYTES, _CHUNK_AGE_S = 8 << 20, 0.25
-"""The index of chunks, some 700 bytes each, stays in memory until the end: at this size, age ends most chunks, and an
-hour costs some 10 MB."""
+"""The index of chunks, some kilobyte each, stays in memory until the end: at this size, age ends most chunks, and an
+hour costs some 15 MB."""
 _COMPRESSION: Mapping[Compression, CompressionType] = {
     "zstd": CompressionType.ZSTD,
     "lz4": CompressionType.LZ4,

@@ -1,7 +1,7 @@
 """KF: the paper's Algorithm 1, corrected, on the joint state [R | t]: the covariances are taken at their word."""
 
 from odom.registration.pairs import Pairs, Prior, Registration, degenerate
-from odom.registration.solve import Judgement, checked, judged, solve, start
+from odom.registration.solve import Judgement, checked, judged, observed_factor, solve, start
 
 
 def kalman(pairs: Pairs, prior: Prior | None = None) -> Registration:
@@ -17,6 +17,4 @@ def kalman(pairs: Pairs, prior: Prior | None = None) -> Registration:
         return degenerate(n, f"{n} pairs: at least 3 are needed")
     first = prior.T_target_source if prior is not None else start(arrays, arrays.weights)
     solution = solve(arrays, prior, first, arrays.weights)
-    freedom = 3 * n - 6
-    factor = float(solution.sums[1]) / freedom if freedom > 0 else 1.0
-    return judged(arrays, prior, solution, Judgement(variance_factor=factor))
+    return judged(arrays, prior, solution, Judgement(variance_factor=observed_factor(solution)))

@@ -6,7 +6,7 @@ from odom.registration.adapt import Model, adapt, judge_model
 from odom.registration.bias import bias_information, possible_biases, source_noise, unbiased
 from odom.registration.pairs import Pairs, Prior, Registration, degenerate
 from odom.registration.recursion import affine_misfit, discount
-from odom.registration.solve import Arrays, Judgement, Solution, checked, judged, solve, start
+from odom.registration.solve import Arrays, Judgement, Solution, checked, judged, observed_factor, solve, start
 
 _MISFIT = 33.1
 """The .99999 quantile of chi-square with 6 degrees of freedom."""
@@ -32,22 +32,16 @@ def robust(
     first = prior.T_target_source if prior is not None else start(arrays, arrays.weights)
     solution = solve(arrays, prior, first, arrays.weights, alpha=alpha)
     details: dict[str, float] = {"alpha": alpha, "factor": 1.0, "nu": math.inf, "axis_scale": 1.0}
-    judgement = Judgement(1.0, _factor(solution, n), details)
+    judgement = Judgement(1.0, observed_factor(solution), details)
     if solution.determined and adaptive:
         arrays, solution, judgement = _learnt(arrays, prior, solution, judgement)
     if solution.determined:
-        used, halvings = discount(solution.Y, solution.y, solution.H, n, theta)
+        used, halvings = discount(solution.Y, solution.y, solution.H, int(solution.sums[0]), theta)
         gamma = 1.0 / used if used > 0.0 else math.inf
         details |= judgement.details
         details |= {"theta": used, "gamma": gamma, "halvings": float(halvings)}
         judgement = judgement._replace(details=details)
     return judged(arrays, prior, solution, judgement)
-
-
-def _factor(solution: Solution, n: int) -> float:
-    """Return the mean of chi2 against its expectation."""
-    freedom = 3 * n - 6
-    return float(solution.sums[1]) / freedom if solution.determined and freedom > 0 else 1.0
 
 
 def _learnt(
@@ -87,7 +81,7 @@ def _noise_learnt(
         case Model.HOLDS:
             return solution, judgement
         case Model.SCALED:
-            factor = _factor(solution, len(arrays.q))
+            factor = observed_factor(solution)
             return solution, judgement._replace(inflation=factor, details={**judgement.details, "factor": factor})
         case Model.WRONG:
             learnt = adapt(arrays, prior, solution)

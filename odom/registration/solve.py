@@ -107,6 +107,12 @@ def solve(
     return Solution(motion, H, Y, y, W, weights, chi2, sums, status == 0)
 
 
+def observed_factor(solution: Solution) -> float:
+    """Return the mean of chi2 of the pairs used against its expectation, 1 where that is not known."""
+    freedom = 3.0 * float(solution.sums[0]) - 6.0 if solution.determined else 0.0
+    return float(solution.sums[1]) / freedom if freedom > 0.0 else 1.0
+
+
 def prior_information(prior: Prior | None) -> tuple[Array, Array]:
     """Return the prior's information (6 x 6, empty for none) and the motion it lies at."""
     if prior is None:

@@ -1,5 +1,7 @@
 """Properties that all estimators share."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -67,16 +69,30 @@ def test_moving_the_target_moves_the_estimate(estimator, rng):
 
 
 @every
-def test_a_pair_of_weight_zero_does_not_count(estimator, rng):
+@pytest.mark.parametrize("sigmas", [1.0, 2.0])
+def test_a_pair_of_weight_zero_does_not_count(estimator, sigmas, rng):
     _, pairs = noisy_pairs(rng, 60, angle=0.2)
+    weights = np.ones(60)
+    weights[::3] = 0.0
+    C_source, C_target = pairs.covariances_source / sigmas**2, pairs.covariances_target / sigmas**2
+    weighted = Pairs(pairs.points_source, pairs.points_target, C_source, C_target, weights)
+    kept, alone = estimator(weighted), estimator(replace(weighted, weights=None)[weights > 0])
+    np.testing.assert_allclose(kept.T_target_source, alone.T_target_source, atol=1e-3)
+    np.testing.assert_allclose(kept.covariance, alone.covariance, atol=1e-2 * np.abs(alone.covariance).max())
+    assert kept.variance_factor == pytest.approx(alone.variance_factor, rel=1e-2)
+    assert not kept.inliers[::3].any()
+
+
+def test_pairs_of_weight_zero_take_no_step_of_the_robust_filter(rng):
+    _, pairs = noisy_pairs(rng, 60)
     weights = np.ones(60)
     weights[::3] = 0.0
     weighted = Pairs(
         pairs.points_source, pairs.points_target, pairs.covariances_source, pairs.covariances_target, weights
     )
-    kept = estimator(weighted)
-    np.testing.assert_allclose(kept.T_target_source, estimator(pairs[weights > 0]).T_target_source, atol=1e-3)
-    assert not kept.inliers[::3].any()
+    kept, alone = robust(weighted, theta=30.0), robust(pairs[weights > 0], theta=30.0)
+    assert kept.details["halvings"] == alone.details["halvings"]
+    np.testing.assert_allclose(kept.covariance, alone.covariance, rtol=1e-6, atol=1e-12)
 
 
 @filters

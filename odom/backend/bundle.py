@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _LEAST_DAMPING = 1e-10
+"""Far above what rounding does to a landmark of which only rays are known, far below what a second ray says of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,6 +272,7 @@ def adjust(
         else:
             damping *= 100.0
             S, rhs, V_inverse, b_landmark, W_timing, W, cost = reduced(best, damping)
+    S, _, V_inverse, *_ = reduced(best, _LEAST_DAMPING)  # what is known does not depend on how the steps fared
     S_poses, S_across = S[:poses, :poses].copy(), S[:poses, poses:]
     S_poses.flat[:: poses + 1] += 1e-9
     information = S[poses:, poses:] - S_across.T @ np.linalg.solve(S_poses, S_across)

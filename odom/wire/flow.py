@@ -32,14 +32,15 @@ _MESSAGES_IN_FLIGHT = 64
 class Consumer:
     """Receives a device's messages and acknowledges each one when the next is asked for.
 
-    `name` is this consumer's own (`odometry`, `recorder`): two of one name would acknowledge for each other.
+    `name` is this consumer's own (`odometry`, `recorder`): two of one name would acknowledge for each other. The end is
+    looked for before the other keys: once it has come, so has all that a live source sent before it (see `Inlet`).
     """
 
     def __init__(self, session: WireSession, topics: Topics, name: str, keys: Iterable[str], depth: int = 3) -> None:
         self.ended: str | None = None
         self._key = topics.ack_of(name)
         self._end = topics.end
-        self._subscriber = session.subscriber((*keys, topics.end), depth, _SMALL_DEPTH, lossless=True)
+        self._subscriber = session.subscriber((topics.end, *keys), depth, _SMALL_DEPTH, lossless=True)
         self._publisher = session.publisher(urgent=True)
         self._last: Delivery | None = None
         session.announce(self._key)

@@ -5,10 +5,11 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import cast
+from unittest.mock import MagicMock
 
 import pytest
 import zenoh
@@ -17,10 +18,12 @@ from hypothesis import strategies as st
 from private_network import OpenSession
 
 from odom.frame import Stamp
+from odom.wire import Message, Topics, WireSettings
 from odom.wire.codec import encode_text
-from odom.wire.delivery import Attachment
+from odom.wire.delivery import Attachment, encoding_of
+from odom.wire.flow import Consumer
 from odom.wire.inlet import Arrival, in_order
-from odom.wire.session import Subscriber
+from odom.wire.session import Subscriber, WireSession
 
 _FLOOD = """
 import sys, zenoh
@@ -53,6 +56,58 @@ def test_each_senders_samples_come_in_the_order_of_sending_and_the_rest_stays(
     for before, after in zip(arrivals, ordered, strict=True):
         assert (before.attachment and before.attachment.epoch) == (after.attachment and after.attachment.epoch)
         assert before.attachment or before is after
+
+
+class Channel:
+    """A native channel that calls `when_empty` once, when it is looked at and found empty; its bell never rings."""
+
+    def __init__(self) -> None:
+        self.samples: list[SimpleNamespace] = []
+        self.when_empty: Callable[[], None] = lambda: None
+
+    def try_recv(self) -> SimpleNamespace | None:
+        if self.samples:
+            return self.samples.pop(0)
+        meanwhile, self.when_empty = self.when_empty, lambda: None
+        meanwhile()
+        return None
+
+    def __iter__(self) -> Iterator[SimpleNamespace]:
+        return iter(())
+
+
+def live_sample(message: Message, serial: int) -> SimpleNamespace:
+    attachment = Attachment(False, 7, serial, 0, message.stamp).pack()
+    as_bytes = MagicMock(to_bytes=lambda: attachment, __len__=lambda _: len(attachment))
+    payload = MagicMock(to_bytes=lambda: message.payload, __len__=lambda _: len(message.payload))
+    return SimpleNamespace(
+        key_expr=message.topic, attachment=as_bytes, payload=payload, encoding=encoding_of(message.type_name)
+    )
+
+
+def test_the_end_of_a_live_source_does_not_overtake_an_image_that_comes_during_the_look() -> None:
+    topics, channels = Topics(), dict[str, Channel]()
+
+    def subscribe(key: str, handler: object) -> SimpleNamespace:
+        channel = Channel()
+        if isinstance(handler, zenoh.handlers.FifoChannel):
+            channels[key] = channel
+        return SimpleNamespace(handler=channel, undeclare=lambda: None)
+
+    session = MagicMock(declare_subscriber=subscribe)
+    consumer = Consumer(WireSession(session, WireSettings()), topics, "odometry", (topics.color, topics.depth))
+    depth = live_sample(encode_text(topics.depth, Stamp(1), "the last image"), 0)
+    end = live_sample(encode_text(topics.end, Stamp(2), "interrupted"), 1)
+
+    def arrive() -> None:
+        channels[topics.depth].samples.append(depth)
+        channels[topics.end].samples.append(end)
+
+    channels[topics.depth].when_empty = arrive
+    deliveries = []
+    while consumer.ended is None:
+        deliveries.append(consumer.receive(0.0))
+    assert [delivery.message.topic for delivery in deliveries if delivery is not None] == [topics.depth]
 
 
 def test_messages_of_many_keys_arrive_in_the_order_of_sending(open_peer: OpenSession) -> None:

@@ -1,10 +1,10 @@
 """Lossless flow from one sensor process to its consumers: a window of frames in flight, closed by acknowledgements.
 
 A consumer holds the liveliness token `<ns>/ack/<name>` and publishes there [epoch, serial, waiting]: everything up to
-`serial` of the sender `epoch` is consumed; `waiting` is 1 when it idles. The sender keeps at most a few frames ahead
-of the slowest living consumer. A consumer that dies leaves the window with its token; one that idles although messages
-are on their way to it has lost them, and is counted and passed over. The end of the source travels in order behind the
-last message on `<ns>/end`.
+`serial` of the sender `epoch` is consumed (0, 0: nothing yet); `waiting` is 1, repeated, while it idles, and 0 once it
+does no longer. The sender keeps at most a few frames ahead of the slowest living consumer. A consumer that dies leaves
+the window with its token; one that idles for two seconds although messages are on their way to it has lost them: they
+are counted and it is passed over. The end of the source travels in order behind the last message on `<ns>/end`.
 """
 
 import logging
@@ -43,6 +43,8 @@ class Consumer:
         self._subscriber = session.subscriber((topics.end, *keys), depth, _SMALL_DEPTH, lossless=True)
         self._publisher = session.publisher(urgent=True)
         self._last: Delivery | None = None
+        self._consumed = (0, 0)
+        self._is_waiting = False
         session.announce(self._key)
 
     def receive(self, timeout: float | None = None) -> Delivery | None:
@@ -58,10 +60,12 @@ class Consumer:
             left = _IDLE_REPORT_S if deadline is None else min(_IDLE_REPORT_S, deadline - time.monotonic())
             delivery = self._subscriber.receive(max(0.0, left))
             if delivery is None:
-                self._acknowledge(waiting=True)
+                self._tell(waiting=True)
                 if deadline is not None and time.monotonic() >= deadline:
                     return None
                 continue
+            if self._is_waiting:
+                self._tell(waiting=False)
             if delivery.lossless or delivery.message.topic == self._end:
                 self._last = delivery
             if delivery.message.topic != self._end:
@@ -71,7 +75,7 @@ class Consumer:
             except WireError as error:
                 self.malformed.add(delivery.message.topic, str(error))
                 continue
-            self._acknowledge(waiting=False)
+            self._tell(waiting=False)
             return None
 
     def restart(self) -> None:
@@ -93,24 +97,35 @@ class Consumer:
         return self._subscriber.total()
 
     def _acknowledge_consumed(self) -> None:
-        """Acknowledge the last message, unless it is a small one among others that wait: a later one speaks for it."""
-        if self._last is not None and (self._subscriber.waiting == 0 or len(self._last.message.payload) > SMALL):
-            self._acknowledge(waiting=False)
+        """Acknowledge the last message, unless it is a small one among others that wait: a later one speaks for it.
 
-    def _acknowledge(self, waiting: bool) -> None:
-        last = self._last
-        if last is None or last.epoch is None or last.serial is None:
-            return
-        numbers = (last.epoch, last.serial, int(waiting))
+        Once only: told at each poll, it would hide that this idles.
+        """
+        if self._last is not None and (self._subscriber.waiting == 0 or len(self._last.message.payload) > SMALL):
+            self._tell(waiting=False)
+
+    def _tell(self, waiting: bool) -> None:
+        last, self._last, self._is_waiting = self._last, None, waiting
+        if last is not None and last.epoch is not None and last.serial is not None:
+            self._consumed = (last.epoch, last.serial)
+        numbers = (*self._consumed, int(waiting))
         self._publisher.put(encode_numbers(self._key, Stamp(time.time_ns()), numbers))
 
 
 class _Credit:
-    """What one consumer has acknowledged."""
+    """What one consumer has acknowledged, and since when it waits although more is on its way to it."""
 
     def __init__(self, acknowledged: int) -> None:
         self.acknowledged = acknowledged
         self.waiting_since: float | None = None
+
+    def take(self, consumed: int, waiting: bool, sent: int) -> None:
+        is_progress = consumed > self.acknowledged
+        self.acknowledged = max(self.acknowledged, consumed)
+        if not waiting or is_progress or self.acknowledged >= sent:
+            self.waiting_since = None
+        elif self.waiting_since is None:
+            self.waiting_since = time.monotonic()
 
 
 class Window:
@@ -209,17 +224,11 @@ class Window:
             except (WireError, ValueError) as error:
                 subscriber.malformed.add(delivery.message.topic, str(error))
                 continue
-            if epoch != self._publisher.epoch or serial > self._sent:
-                continue
+            consumed = serial if epoch == self._publisher.epoch else -1
             with self._changed:
                 credit = self._credits.get(delivery.message.topic[self._prefix :])
-                if credit is None:
-                    continue
-                if serial > credit.acknowledged or not waiting:
-                    credit.waiting_since = None
-                elif credit.waiting_since is None:
-                    credit.waiting_since = time.monotonic()
-                credit.acknowledged = max(credit.acknowledged, serial)
+                if credit is not None and consumed <= self._sent:
+                    credit.take(consumed, bool(waiting), self._sent)
 
     def _give_up_lost(self) -> None:
         for name, credit in self._credits.items():

@@ -1,6 +1,7 @@
 import threading
 import time
 
+import pytest
 from made_up_messages import session_messages
 from private_network import OpenSession
 
@@ -112,17 +113,45 @@ def test_without_a_consumer_a_recorded_source_waits_for_one(open_peer: OpenSessi
     assert not sending.is_alive()
 
 
-def test_messages_lost_on_the_way_do_not_stop_the_flow(open_peer: OpenSession) -> None:
+@pytest.mark.parametrize("seen", [(TOPICS.camera_info,), ()], ids=["the first", "none"])
+@pytest.mark.parametrize("poll_s", [0.1, 20.0])
+def test_messages_lost_on_the_way_do_not_stop_the_flow(
+    open_peer: OpenSession, monkeypatch: pytest.MonkeyPatch, seen: tuple[str, ...], poll_s: float
+) -> None:
+    monkeypatch.setattr("odom.wire.flow._LOST_AFTER_S", 0.8)
     sender = Sender(open_peer())
-    consumer = Consumer(open_peer(), TOPICS, "odometry", (TOPICS.camera_info,))  # sees neither images nor truth
+    consumer = Consumer(open_peer(), TOPICS, "odometry", seen)  # sees neither images nor truth
     sender.window.wait_for_consumers(1, sender.stop)
     sending = start(sender, session_messages(10))
-    assert consumer.receive(5.0) is not None
-    assert consumer.receive(20.0) is None
+    deadline = time.monotonic() + 20.0
+    while consumer.ended is None and time.monotonic() < deadline:
+        consumer.receive(poll_s)
     assert consumer.ended == "done"
     sending.join(5.0)
     assert not sending.is_alive()
     assert sender.window.lost > 0
+
+
+def test_a_consumer_that_is_long_at_a_message_after_having_idled_has_lost_nothing(
+    open_peer: OpenSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("odom.wire.flow._LOST_AFTER_S", 0.8)
+    sender = Sender(open_peer())
+    consumer = Consumer(open_peer(), TOPICS, "odometry", KEYS)
+    sender.window.wait_for_consumers(1, sender.stop)
+    calibration, depth, *others = session_messages(5)
+    sender.window.listen()
+    sender.publisher.put(calibration)
+    assert consumer.receive(5.0) is not None
+    assert consumer.receive(1.0) is None
+    sender.publisher.put(depth)  # before it is known that the consumer idled
+    sending = start(sender, others)
+    assert consumer.receive(5.0) is not None
+    time.sleep(1.0)
+    while consumer.receive(5.0) is not None:
+        pass
+    sending.join(5.0)
+    assert (consumer.ended, sender.window.lost) == ("done", 0)
 
 
 def test_a_malformed_acknowledgement_is_ignored(open_peer: OpenSession) -> None:

@@ -12,7 +12,7 @@ from odom.wire.flow import Consumer
 from odom.wire.message import Message
 from odom.wire.recording import RecordingWriter
 from odom.wire.session import WireSession
-from odom.wire.topics import TF, TRUTH, Topics
+from odom.wire.topics import TF, TRUTH, Topics, truth_body
 
 INTERRUPTED = "interrupted"
 
@@ -33,7 +33,7 @@ class RecorderReport:
 
 
 class Timeline:
-    """When a message belongs on the recording's time line, which is that of the images.
+    """When a message belongs on the recording's time line: that of the images, before the first of them that of truth.
 
     Truth and estimates carry stamps near the images'. Status carries the host's clock, which is years away when an old
     recording is played: it is logged at the image before it, or held until there is one. Pure.
@@ -41,22 +41,33 @@ class Timeline:
 
     def __init__(self, image_keys: Collection[str]) -> None:
         self._image_keys = image_keys
+        self._has_images = False
         self._now: Stamp | None = None
         self._held: deque[Message] = deque(maxlen=_HELD)
 
     def place(self, message: Message) -> list[tuple[Stamp, Message]]:
         """Return what can be logged by this message, each with its time."""
-        if message.topic not in self._image_keys:
-            if self._now is None:
-                self._held.append(message)
-                return []
-            near = abs(message.stamp - self._now) < _NEAR_NS
-            return [(message.stamp if near else self._now, message)]
-        self._now = message.stamp
-        placed = [(message.stamp, message)]
-        while self._held:
-            placed += self.place(self._held.popleft())
-        return placed
+        is_image = message.topic in self._image_keys
+        if is_image or (not self._has_images and truth_body(message.topic) is not None):
+            self._has_images = is_image
+            self._now = message.stamp
+            return [(message.stamp, message), *(self._beside(held, message.stamp) for held in self._release())]
+        if self._now is None:
+            self._held.append(message)
+            return []
+        return [self._beside(message, self._now)]
+
+    def rest(self) -> list[tuple[Stamp, Message]]:
+        """Return what is held still, at its own time: nothing else came."""
+        return [(message.stamp, message) for message in self._release()]
+
+    def _beside(self, message: Message, now: Stamp) -> tuple[Stamp, Message]:
+        return message.stamp if abs(message.stamp - now) < _NEAR_NS else now, message
+
+    def _release(self) -> list[Message]:
+        held = list(self._held)
+        self._held.clear()
+        return held
 
 
 class Recorder:
@@ -102,16 +113,23 @@ class Recorder:
             quiet_since = now
             if delivery.message.topic in self._images:
                 ended = None
-            for at, message in self._timeline.place(delivery.message):
-                try:
-                    self._writer.write(message, at)
-                except WireError as error:
-                    self._consumer.malformed.add(message.topic, str(error))
-                    continue
-                frames += message.topic in (self._topics.color, self._topics.color_compressed)
+            frames += self._write(self._timeline.place(delivery.message))
             progress(frames)
+        self._write(self._timeline.rest())
         total = self._consumer.total()
         return RecorderReport(frames, total.lost + total.dropped, INTERRUPTED if ended is None else ended)
+
+    def _write(self, placed: list[tuple[Stamp, Message]]) -> int:
+        """Write each message at its time; return how many colour frames were among them."""
+        frames = 0
+        for at, message in placed:
+            try:
+                self._writer.write(message, at)
+            except WireError as error:
+                self._consumer.malformed.add(message.topic, str(error))
+                continue
+            frames += message.topic in (self._topics.color, self._topics.color_compressed)
+        return frames
 
     def _odometry(self, key: str, alive: bool) -> None:
         if alive:

@@ -1,18 +1,74 @@
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 from made_up_messages import BEGIN, session_messages
 from private_network import OpenSession
 
 from odom.frame import Stamp
-from odom.wire import Topics
-from odom.wire.codec import Status, encode_status, encode_text
+from odom.wire import Message, Topics, truth
+from odom.wire.codec import Status, encode_pose, encode_status, encode_text
 from odom.wire.recorder import Recorder, RecorderReport, Timeline
-from odom.wire.recording import RecordingWriter
+from odom.wire.recording import RecordingReader, RecordingWriter
+from odom.wire.session import WireSession
 
 TOPICS = Topics()
 IMAGES = (TOPICS.color_compressed, TOPICS.depth, TOPICS.camera_info)
+
+
+@contextmanager
+def recording(session: WireSession, sender: WireSession, file: Path) -> Iterator["Recording"]:
+    """A recorder at work that the sender has met; at the end it is stopped."""
+    with RecordingWriter(file) as writer:
+        running = Recording(Recorder(session, TOPICS, writer))
+        for key in (TOPICS.depth, TOPICS.status, TOPICS.pose, truth("camera")):
+            with sender.zenoh.declare_publisher(key) as probe:
+                while not probe.matching_status.matching:
+                    time.sleep(0.01)
+        yield running
+        running.stop.set()
+        running.thread.join(5.0)
+
+
+class Recording:
+    def __init__(self, recorder: Recorder) -> None:
+        self.stop = threading.Event()
+        self.reports: list[RecorderReport] = []
+        self.thread = threading.Thread(target=lambda: self.reports.append(recorder.run(self.stop)), daemon=True)
+        self.thread.start()
+
+
+def pose(key: str, number: int) -> Message:
+    return encode_pose(key, Stamp(BEGIN + number * 10_000_000), np.eye(4), "mocap")
+
+
+def status() -> Message:
+    return encode_status(TOPICS.status, Status(Stamp(time.time_ns()), "odometry", 0, "no frame"))
+
+
+def test_truth_without_an_image_is_recorded_at_its_own_stamps(open_peer: OpenSession, tmp_path: Path) -> None:
+    sender, receiver = open_peer(), open_peer()
+    poses = [pose(truth("camera"), i) for i in range(200)]
+    with recording(receiver, sender, tmp_path / "a.mcap"):
+        publisher = sender.publisher(lossless=True)
+        for message in poses:
+            publisher.put(message)
+        time.sleep(0.5)
+    assert list(RecordingReader(tmp_path / "a.mcap").messages()) == poses
+
+
+def test_status_without_anything_else_is_recorded_at_the_end(open_peer: OpenSession, tmp_path: Path) -> None:
+    sender, receiver = open_peer(), open_peer()
+    said = [status() for _ in range(3)]
+    with recording(receiver, sender, tmp_path / "a.mcap"):
+        publisher = sender.publisher(lossless=True)
+        for message in said:
+            publisher.put(message)
+        time.sleep(0.5)
+    assert list(RecordingReader(tmp_path / "a.mcap").messages()) == said
 
 
 def test_status_of_another_clock_is_logged_among_the_images() -> None:

@@ -28,6 +28,8 @@ def record(
 ) -> None:
     """Record frames, calibration, truth and estimates of a device until its source ends or Ctrl-C.
 
+    Behind the end of the source it waits for the odometry's last words: until that is gone, or has had nothing to do
+    for five seconds. A source that is started again by then goes on in the same file. Motion capture may go on without.
     The bytes of the wire go into the file as they are. A recorded source waits for this recorder: nothing is lost.
     After a crash the file lacks at most the last half second; with {time} in its name a supervisor may start it again,
     even within the same second.

@@ -19,6 +19,7 @@ INTERRUPTED = "interrupted"
 _DEPTH = 64
 _POLL_S = 0.1
 _QUIET_S = 1.0
+_IDLE_S, _IDLE_REPORTS = 5.0, 10
 _HELD = 64
 _NEAR_NS = 10_000_000_000
 
@@ -76,7 +77,10 @@ class Recorder:
     def __init__(self, session: WireSession, topics: Topics, writer: RecordingWriter, estimates: bool = True) -> None:
         self._topics = topics
         self._writer = writer
+        self._estimates = estimates
         self._odometry_lives = threading.Event()
+        self._reports = 0
+        self._worked_at = self._heard_at = time.monotonic()
         images = (
             topics.color,
             topics.color_compressed,
@@ -95,29 +99,43 @@ class Recorder:
     def run(self, stop: threading.Event, progress: Callable[[int], None] = lambda frames: None) -> RecorderReport:
         """Record until the source has ended and the odometry has said its last, or until `stop` is set.
 
-        A source that was started again meanwhile has not ended.
+        It has when it is gone and silent for a second, or reports for five seconds that it has nothing to do; while it
+        saves its results it says nothing. A source that was started again meanwhile has not ended. Truth, which may
+        come from elsewhere, and what comes of other devices hold nothing up.
         """
         frames, ended = 0, None
-        quiet_since = time.monotonic()
         while not stop.is_set():
             delivery = self._consumer.receive(_POLL_S)
-            now = time.monotonic()
-            if delivery is None:
+            if delivery is not None:
+                if delivery.message.topic in self._images:
+                    ended = None
+                self._hear(delivery.message.topic)
+                frames += self._write(self._timeline.place(delivery.message))
+                progress(frames)
+            else:
                 self._writer.flush_if_due()
-                if self._consumer.ended is not None:
-                    ended = self._consumer.ended
-                    self._consumer.restart()
-                if ended is not None and not self._odometry_lives.is_set() and now - quiet_since > _QUIET_S:
-                    break
-                continue
-            quiet_since = now
-            if delivery.message.topic in self._images:
-                ended = None
-            frames += self._write(self._timeline.place(delivery.message))
-            progress(frames)
+            if self._consumer.ended is not None:
+                ended = self._consumer.ended
+                self._consumer.restart()
+            if ended is not None and self._all_is_said():
+                break
         self._write(self._timeline.rest())
         total = self._consumer.total()
         return RecorderReport(frames, total.lost + total.dropped, INTERRUPTED if ended is None else ended)
+
+    def _hear(self, topic: str) -> None:
+        if not topic.startswith(f"{self._topics.namespace}/"):
+            return
+        self._heard_at = time.monotonic()
+        self._reports += 1
+        if topic != self._topics.status:
+            self._worked_at, self._reports = self._heard_at, 0
+
+    def _all_is_said(self) -> bool:
+        now = time.monotonic()
+        if self._estimates and self._odometry_lives.is_set():
+            return now - self._worked_at > _IDLE_S and self._reports >= _IDLE_REPORTS
+        return now - self._heard_at > _QUIET_S
 
     def _write(self, placed: list[tuple[Stamp, Message]]) -> int:
         """Write each message at its time; return how many colour frames were among them."""
@@ -132,6 +150,7 @@ class Recorder:
         return frames
 
     def _odometry(self, key: str, alive: bool) -> None:
+        self._heard_at = time.monotonic()  # its last words may be on their way still
         if alive:
             self._odometry_lives.set()
         else:

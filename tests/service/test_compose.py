@@ -51,6 +51,10 @@ def test_replay_is_the_default_and_the_kinect_gets_its_device(services: dict[str
     assert {"router", "odometry", "recorder", "viewer"} == {n for n, s in services.items() if "profiles" not in s}
 
 
+def test_the_recorder_which_ends_with_its_source_is_there_for_the_next(services: dict[str, Any]) -> None:
+    assert services["recorder"]["restart"] == "unless-stopped"
+
+
 def test_nothing_is_published_beyond_this_machine(services: dict[str, Any]) -> None:
     ports = [port for service in services.values() for port in service.get("ports", [])]
     assert ports

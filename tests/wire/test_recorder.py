@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import pytest
 from made_up_messages import BEGIN, session_messages
 from private_network import OpenSession
 
@@ -69,6 +70,57 @@ def test_status_without_anything_else_is_recorded_at_the_end(open_peer: OpenSess
             publisher.put(message)
         time.sleep(0.5)
     assert list(RecordingReader(tmp_path / "a.mcap").messages()) == said
+
+
+@pytest.mark.parametrize("working", [False, True], ids=["only its status", "poses, too"])
+def test_behind_its_source_it_waits_for_an_odometry_at_work_but_not_for_one_that_idles(
+    open_peer: OpenSession, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, working: bool
+) -> None:
+    monkeypatch.setattr("odom.wire.recorder._IDLE_S", 1.0)
+    sender, receiver = open_peer(), open_peer()
+    sender.announce(TOPICS.alive_of("odometry"))
+    with recording(receiver, sender, tmp_path / "a.mcap") as running:
+        publisher = sender.publisher()
+        for message in (*session_messages(2), encode_text(TOPICS.end, Stamp(BEGIN), "end of source")):
+            publisher.put(message)
+        for i in range(300):
+            publisher.put(pose(truth("camera"), i))
+            if i % 10 == 0:
+                publisher.put(status())
+                if working:
+                    publisher.put(pose(TOPICS.pose, i))
+            time.sleep(0.01)
+        assert running.thread.is_alive() == working
+
+
+def test_behind_its_source_it_waits_for_an_odometry_that_is_silent_because_it_saves(
+    open_peer: OpenSession, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("odom.wire.recorder._IDLE_S", 0.5)
+    sender, receiver, odometry = open_peer(), open_peer(), open_peer()
+    odometry.announce(TOPICS.alive_of("odometry"))
+    with recording(receiver, sender, tmp_path / "a.mcap") as running:
+        publisher = sender.publisher()
+        for message in (*session_messages(2), encode_text(TOPICS.end, Stamp(BEGIN), "end of source"), status()):
+            publisher.put(message)
+        time.sleep(2.0)
+        assert running.thread.is_alive()
+        odometry.close()
+        running.thread.join(3.0)
+        assert not running.thread.is_alive()
+    assert [report.reason for report in running.reports] == ["end of source"]
+
+
+def test_motion_capture_that_goes_on_holds_no_recording_open(open_peer: OpenSession, tmp_path: Path) -> None:
+    sender, receiver = open_peer(), open_peer()
+    with recording(receiver, sender, tmp_path / "a.mcap") as running:
+        publisher = sender.publisher()
+        for message in (*session_messages(2), encode_text(TOPICS.end, Stamp(BEGIN), "end of source")):
+            publisher.put(message)
+        for i in range(250):
+            publisher.put(pose(truth("camera"), i))
+            time.sleep(0.01)
+        assert not running.thread.is_alive()
 
 
 def test_status_of_another_clock_is_logged_among_the_images() -> None:

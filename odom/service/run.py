@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from odom.errors import ConfigError, OdomError, WireError
+from odom.service import earlier
 from odom.service.children import Child
 from odom.service.files import write_json
 from odom.service.progress import COUNT_ENVIRONMENT, Display, Reading, open_display, parse_count
@@ -47,10 +48,12 @@ class RunPlan:
 def run(plan: RunPlan, settings: Settings, stop: threading.Event) -> dict[str, Any]:
     """Run the source to its end, or until `stop` is set, and return the report that was written to `plan.out`.
 
+    Results of an earlier run there are removed first: when this one ends at once, they would be taken for its own.
     Raises OdomError naming the processes that failed, at work or at their end, ConfigError when the first of them was
     called wrongly; OdomError, too, when no frame was processed. What was done is saved by then, with its report.
     """
     plan.out.mkdir(parents=True, exist_ok=True)
+    earlier.remove(plan.out)
     endpoint = free_endpoint()
     wire = settings.wire.model_copy(update={"mode": "peer", "connect": (), "listen": (endpoint,)})
     begun = time.monotonic()

@@ -10,7 +10,7 @@ from odom.cli.options import Config, Listen
 
 def router(
     listen: Listen = None,
-    connect: Annotated[list[str] | None, typer.Option(help="Another router to join.")] = None,
+    connect: Annotated[list[str] | None, typer.Option(help="Another router to join; may be repeated.")] = None,
     allow: Annotated[
         list[str] | None,
         typer.Option(help="Identity that may come in, with its role's rights: sensor.cam0, viewer; may be repeated."),
@@ -27,10 +27,13 @@ def router(
     from odom.cli import signals
     from odom.cli.wiring import wire_settings
     from odom.wire.router import run_router
+    from odom.wire.settings import LOCAL
 
     stop = signals.stop_event()
     settings = wire_settings(config, connect, listen, "router", None)
+    # where all others look for each other when nothing is said is where a router listens
+    joined = connect or (settings.connect if settings.connect != (LOCAL,) else ())
     security = settings.security
     given = {"access": tuple(allow or security.access), "users_file": users_file or security.users_file}
-    update = {"security": security.model_copy(update=given), "connect": tuple(connect or ())}
+    update = {"security": security.model_copy(update=given), "connect": tuple(joined)}
     run_router(settings.model_copy(update=update), stop)

@@ -21,7 +21,8 @@ def keys(
 ) -> None:
     """Make the certificates with which the processes of a rig know each other.
 
-    Each host gets ca.pem and the .pem and .key of what runs there; ca.key stays where it is.
+    Each host gets ca.pem and the .pem and .key of what runs there; ca.key stays where it is. Files are named
+    for the identities: sensor.cam0.pem, and sensor.lab-cam0.pem for sensor.lab/cam0.
 
     Example: odom keys rig-keys --host rig.local --host 192.168.1.10 router sensor.cam0 odometry.cam0 viewer
     """

@@ -20,8 +20,9 @@ LOCAL_HOSTS = ("localhost", "127.0.0.1")
 def make_keys(folder: Path, identities: Iterable[str], hosts: Iterable[str], days: int) -> tuple[Path, ...]:
     """Write `ca.pem` and, for each identity, `IDENTITY.pem` and `IDENTITY.key` into `folder`; return what was written.
 
-    `hosts` are the names and addresses under which listening processes are reached. An authority that is already there
-    signs further identities; existing certificates are left alone. Private keys are readable by their owner only.
+    In the files' names the slashes of a namespace are dashes. `hosts` are the names and addresses under which listening
+    processes are reached. An authority that is already there signs further identities; existing certificates are left
+    alone. Private keys are readable by their owner only.
     Raises ConfigError for an identity without a known role, or an authority whose private key is missing.
     """
     folder.mkdir(parents=True, exist_ok=True)
@@ -31,7 +32,8 @@ def make_keys(folder: Path, identities: Iterable[str], hosts: Iterable[str], day
     written: list[Path] = []
     authority, authority_key = _authority(folder, days, written)
     for identity in identities:
-        file = folder / f"{identity}.pem"
+        name = identity.replace("/", "-")
+        file = folder / f"{name}.pem"
         if file.exists():
             continue
         key = ec.generate_private_key(ec.SECP256R1())
@@ -49,7 +51,7 @@ def make_keys(folder: Path, identities: Iterable[str], hosts: Iterable[str], day
             )
             .sign(authority_key, hashes.SHA256())
         )
-        written += [_write_key(folder / f"{identity}.key", key), _write(file, certificate)]
+        written += [_write_key(folder / f"{name}.key", key), _write(file, certificate)]
     return tuple(written)
 
 

@@ -2,7 +2,7 @@
 
 A process that listens (the router of a rig) checks; a process that connects presents its certificate or password. What
 an identity may do follows from its name, which is the certificate's common name or the user: a role and, behind a dot,
-the namespaces it is for (`sensor.cam0`, `odometry.cam0`, `recorder`, `viewer`, `mocap`, `router`).
+the namespace it is for (`sensor.cam0`, `odometry.lab/cam0`), of any device without (`recorder`, `viewer`, `router`).
 """
 
 from collections.abc import Iterable, Mapping
@@ -113,7 +113,7 @@ def grants(identity: str) -> Grants:
     Raises ConfigError for a role that is unknown or lacks its namespace.
     """
     role, _, namespace = identity.partition(".")
-    ns = namespace or "*"
+    ns = namespace or "**"
     if role not in ROLES:
         raise ConfigError(f"identity {identity!r}: its role must be one of {', '.join(ROLES)}")
     if role in ("sensor", "odometry") and not namespace:

@@ -17,6 +17,7 @@ from odom.registration import se3
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+_LONGEST_STEP_PERIODS = 1.5
 NEES_BOUND_95 = float(chdtri(6, 0.05))
 
 
@@ -52,8 +53,9 @@ def rmse(errors: Array) -> float:
 
 
 def pairs_of_neighbours(stamps: Stamps) -> tuple[Indices, Indices]:
-    """Return the index pairs (i, i + 1)."""
-    index = np.arange(max(len(stamps) - 1, 0))
+    """Return the index pairs (i, i + 1) at most 1.5 median periods apart: a step over a hole is not one of a frame."""
+    steps = np.diff(stamps)
+    index = np.flatnonzero(steps <= _LONGEST_STEP_PERIODS * np.median(steps)) if len(steps) else np.zeros(0, np.intp)
     return index, index + 1
 
 

@@ -45,7 +45,8 @@ class Report:
 def evaluate(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions | None = None) -> Report:
     """Return the errors of `estimate` against `truth`, interpolated at the estimate's stamps.
 
-    Of an estimate in several segments the longest is judged; the others count as not matched. Raises InputError when
+    Of an estimate in several segments the longest is judged; the others count as not matched. A frame's relative error
+    is between poses that follow each other without a hole (see `pairs_of_neighbours`). Raises InputError when
     fewer than three poses can be matched in time.
     """
     options = options or EvaluationOptions()

@@ -57,7 +57,7 @@ def report_with_truth(
     except InputError as error:
         nothing = dict.fromkeys(_ERRORS + _NEES + _CALIBRATION)
         return {**nothing, "matched": 0, "total": max(total_frames or 0, len(estimate)), "truth_notes": [str(error)]}
-    online = _online(out_dir / "odometry.txt", truth, options)
+    online = _online(out_dir / "odometry.txt", estimate, truth, options)
     step = _relative(out_dir / "relative_step.txt")
     second = _relative(out_dir / "relative_second.txt")
     plot(out_dir / "plot.png", final, online, _claimed(second, truth, final), title, remarks(calibration))
@@ -128,11 +128,12 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _online(path: Path, truth: Trajectory, options: EvaluationOptions) -> Report | None:
+def _online(path: Path, final: Trajectory, truth: Trajectory, options: EvaluationOptions) -> Report | None:
+    """Return the report of the trajectory in `path`, which has no marks of segments: they are those of the `final`."""
     if not path.is_file():
         return None
     try:
-        return evaluate(read_tum(path), truth, options)
+        return evaluate(read_tum(path).in_segments_of(final), truth, options)
     except InputError:
         return None
 

@@ -74,6 +74,13 @@ class Trajectory:
         numbers, counts = np.unique(self.segment, return_counts=True)
         return self if len(numbers) < 2 else self.take(self.segment == numbers[np.argmax(counts)])
 
+    def in_segments_of(self, other: "Trajectory") -> "Trajectory":
+        """Return the trajectory with the segments of `other`: a pose is in that of the last one not after it."""
+        if other.segment is None:
+            return self
+        index = np.searchsorted(other.stamps, self.stamps, side="right") - 1
+        return replace(self, segment=other.segment[np.maximum(index, 0)])
+
     def at(self, stamps: Stamps, max_gap_s: float) -> tuple[Array, NDArray[np.bool_]]:
         """Return m x 4 x 4 poses interpolated at m stamps, and which of them are valid.
 

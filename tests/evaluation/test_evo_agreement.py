@@ -49,13 +49,15 @@ def test_ate_and_rpe_agree_with_evo(fr1_xyz):
     ape.process_data((reference, aligned))
     assert report.ate_m == pytest.approx(ape.get_statistic(evo_metrics.StatisticsType.rmse), abs=1e-9)
 
+    steps = np.diff(estimate.stamps[valid])
     for relation, ours in (
         (evo_metrics.PoseRelation.translation_part, report.rpe_frame.rmse_m),
         (evo_metrics.PoseRelation.rotation_angle_deg, report.rpe_frame.rmse_deg),
     ):
         rpe = evo_metrics.RPE(relation, delta=1, delta_unit=evo_metrics.Unit.frames, all_pairs=True)
         rpe.process_data((reference, plain))
-        assert ours == pytest.approx(rpe.get_statistic(evo_metrics.StatisticsType.rmse), abs=1e-6)
+        errors = rpe.error[steps < 1.5 * np.median(steps)]  # evo counts a step over a hole too
+        assert ours == pytest.approx(np.sqrt(np.mean(np.square(errors))), abs=1e-6)
 
     earlier, later = pairs_apart(estimate.stamps[valid], 1.0, 0.025)
     for relation, ours in (

@@ -93,6 +93,20 @@ def test_a_gap_in_truth_is_not_interpolated_over(scene):
     assert any("only 800 of 900" in note for note in report.notes)
 
 
+def test_a_step_over_a_hole_is_not_one_of_a_frame(scene):
+    _, true, estimate, _ = scene
+    first, second = np.arange(300), np.arange(390, 900)
+    poses = estimate.T_world_body.copy()
+    poses[second, 0, 3] += 0.1
+    apart = Trajectory(estimate.stamps, poses).take(np.concatenate([first, second]))
+    found = evaluate(apart, true).rpe_frame
+    halves = [evaluate(estimate.take(half), true).rpe_frame for half in (first, second)]
+    assert found.pairs == sum(half.pairs for half in halves) == 299 + 509
+    for name in ("rmse_m", "rmse_deg"):
+        mean = sum(half.pairs * getattr(half, name) ** 2 for half in halves) / found.pairs
+        assert getattr(found, name) == pytest.approx(np.sqrt(mean), rel=1e-9)
+
+
 def test_segments_that_were_never_joined_are_not_glued(scene):
     _, true, estimate, _ = scene
     late = estimate.moved(se3.exp(np.array([5.0, 0, 0, 0, 0, 1.0])))
@@ -103,6 +117,21 @@ def test_segments_that_were_never_joined_are_not_glued(scene):
     assert report.matched == 600
     assert report.ate_m == pytest.approx(evaluate(estimate.take(~late_part), true).ate_m)
     assert any("never joined" in note for note in report.notes)
+
+
+def test_the_online_trajectory_is_judged_in_the_segment_that_the_final_one_is(run, scene):
+    _, true, estimate, _ = scene
+    late = np.arange(len(estimate)) >= 600
+    poses = estimate.T_world_body.copy()
+    poses[late, 0, 3] += 5.0
+    write_tum(run / "odometry.txt", Trajectory(estimate.stamps, poses))
+    joined = report_with_truth(run)["ate_online_m"]
+    lines = (run / "trajectory.txt").read_text().splitlines()
+    segments = ["# segment 0", *lines[:600], "# segment 1", *lines[600:]]
+    (run / "trajectory.txt").write_text("\n".join(segments) + "\n")
+    cut = report_with_truth(run)
+    assert cut["ate_online_m"] == cut["ate_m"] == pytest.approx(evaluate(estimate.take(~late), true).ate_m, rel=1e-6)
+    assert joined > 0.1
 
 
 def test_an_alignment_that_positions_cannot_settle_is_said():

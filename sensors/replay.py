@@ -17,6 +17,8 @@ log = logging.getLogger(__name__)
 
 _TRUTH_ROLE = "truth"
 _PEEK_BYTES = 128 << 20
+_BEYOND = 200
+"""So many messages in a row from behind the end are the end; fewer may be strays, or what the reader set in order."""
 
 
 class ReplaySource:
@@ -69,11 +71,9 @@ class ReplaySource:
         """Yield the calibration, then everything by stamp; says at the end what the recording lacks."""
         yield restamp(self._calibration, self._begin)
         wanted = {*self._keys, *({self._info_topic} if self._info_topic else ())}
-        for message in self._reader.messages(wanted, self._start):
+        for message in self._until_end(self._reader.messages(wanted, self._start)):
             if self._closed:
                 return
-            if self._end is not None and message.stamp >= self._end:
-                continue
             if message.topic == self._info_topic:
                 if message.stamp > self._begin:
                     yield self._on_key(message, self._info_key)
@@ -81,6 +81,22 @@ class ReplaySource:
                 yield replace(message, topic=self._keys[message.topic])
         for damage in self._reader.damage:
             log.warning("%s: %s", self._reader.path, damage)
+
+    def _until_end(self, messages: Iterator[Message]) -> Iterator[Message]:
+        """Yield what lies before the end, reading on until more than strays lies behind it.
+
+        What comes first may lie behind it too: images from before the camera's clock was set back.
+        """
+        begun, beyond = False, 0
+        for message in messages:
+            if self._end is None or message.stamp < self._end:
+                begun |= message.topic == self._roles.color.topic
+                beyond = 0
+                yield message
+            elif begun:
+                beyond += 1
+                if beyond >= _BEYOND:
+                    return
 
     def close(self) -> None:
         """End `messages` at the next message."""

@@ -28,29 +28,33 @@ def load_calibration(path: Path) -> Calibration:
         raise ConfigError(f"calibration {path} cannot be read: {error}") from error
     if not isinstance(content, dict):
         raise ConfigError(f"calibration {path} is not a ROS camera-calibration YAML")
-    model = content.get("distortion_model", "plumb_bob")
-    if model not in ("plumb_bob", "rational_polynomial"):
-        raise ConfigError(f"calibration {path}: distortion model {model!r}: give plumb_bob or rational_polynomial")
+    camera = read_camera(content, f"calibration {path}")
     try:
-        matrix = _numbers(content["camera_matrix"]["data"])
-        distortion = _numbers(content.get("distortion_coefficients", {}).get("data", []))
-        if len(matrix) != 9:
-            raise ConfigError(f"calibration {path}: camera_matrix has {len(matrix)} values: give 9")
-        camera = Camera(
-            int(content["image_width"]),
-            int(content["image_height"]),
-            matrix[0],
-            matrix[4],
-            matrix[2],
-            matrix[5],
-            distortion if any(distortion) else (),
-        )
         scale = float(content.get("depth_scale", TUM_DEPTH_SCALE))
-    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
-        raise ConfigError(f"calibration {path}: missing or not a number: {error}") from error
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ConfigError(f"calibration {path}: depth_scale is not a number: {error}") from error
     if not 1 <= scale <= 1e6:
         raise ConfigError(f"calibration {path}: depth_scale {scale} units a metre is not plausible")
     return Calibration(camera, scale)
+
+
+def read_camera(content: Any, place: str) -> Camera:
+    """Return the camera under ROS's keys; raises ConfigError naming `place` and the field that is unusable."""
+    try:
+        model = content.get("distortion_model", "plumb_bob")
+        if model not in ("plumb_bob", "rational_polynomial"):
+            raise ConfigError(f"{place}: distortion model {model!r}: give plumb_bob or rational_polynomial")
+        matrix = _numbers(content["camera_matrix"]["data"])
+        if len(matrix) != 9:
+            raise ConfigError(f"{place}: camera_matrix has {len(matrix)} values: give 9")
+        distortion = _numbers(content.get("distortion_coefficients", {}).get("data", []))
+        size = int(content["image_width"]), int(content["image_height"])
+    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
+        raise ConfigError(f"{place}: missing or not a number: {error}") from error
+    try:
+        return Camera(*size, matrix[0], matrix[4], matrix[2], matrix[5], distortion if any(distortion) else ())
+    except ConfigError as error:
+        raise ConfigError(f"{place}: {error}") from error
 
 
 def _numbers(values: Any) -> tuple[float, ...]:

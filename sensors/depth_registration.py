@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from odom.errors import ConfigError
 from odom.frame import Camera
 from odom.registration.compiled import compiled
+from sensors.calibration import read_camera
 
 Array = NDArray[np.float64]
 
@@ -32,7 +33,8 @@ class DepthRegistration:
 
     def __post_init__(self) -> None:
         T = self.T_color_depth
-        rotation = T[:3, :3] if T.shape == (4, 4) else np.zeros((3, 3))
+        affine = T.shape == (4, 4) and np.isfinite(T).all() and np.array_equal(T[3], (0, 0, 0, 1))
+        rotation = T[:3, :3] if affine else np.zeros((3, 3))
         if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3) or np.linalg.det(rotation) < 0:
             raise ConfigError("T_color_depth: give a 4 x 4 rigid motion from the depth to the colour camera, in metres")
 
@@ -50,9 +52,13 @@ class DepthRegistration:
         """Return the depth image (H x W uint16, mm, 0 unknown) as the colour camera sees it, in its size.
 
         Every depth pixel is a small square facing the depth camera; it covers the colour pixels between its projected
-        corners, so that neighbours leave no gaps, and the nearest surface wins.
+        corners, so that neighbours leave no gaps, and the nearest surface wins. Raises ConfigError when the image has
+        not the depth camera's size.
         """
-        camera = self.color_camera
+        camera, seen = self.color_camera, self.depth_camera
+        height, width = depth_mm.shape
+        if (width, height) != (seen.width, seen.height):
+            raise ConfigError(f"depth_camera is for {seen.width}x{seen.height}, the depth images are {width}x{height}")
         distortion = np.zeros(14)
         distortion[: len(camera.distortion)] = camera.distortion
         registered = np.full((camera.height, camera.width), np.iinfo(np.uint16).max, dtype=np.uint16)
@@ -117,16 +123,17 @@ def load_depth_registration(path: Path, color_camera: Camera) -> DepthRegistrati
     document = yaml.safe_load(path.read_text())
     if not isinstance(document, dict) or not {"depth_camera", "T_color_depth"} & document.keys():
         return None
-    try:
-        depth = document["depth_camera"]
-        matrix = [float(value) for value in depth["camera_matrix"]["data"]]
-        distortion = tuple(float(value) for value in depth.get("distortion_coefficients", {}).get("data", ()))
-        T = np.array([float(value) for value in document["T_color_depth"]["data"]]).reshape(4, 4)
-        size = int(depth["image_width"]), int(depth["image_height"])
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    missing = [name for name in ("depth_camera", "T_color_depth") if name not in document]
+    if missing:
         raise ConfigError(
-            f"{path}: {error!r}: software registration needs depth_camera (image_width, image_height, "
-            "camera_matrix, distortion_coefficients) and T_color_depth (data: 16 numbers)"
-        ) from error
-    camera = Camera(*size, matrix[0], matrix[4], matrix[2], matrix[5], distortion if any(distortion) else ())
-    return DepthRegistration(camera, color_camera, T)
+            f"{path}: {missing[0]} is missing: software registration needs depth_camera and T_color_depth"
+        )
+    camera = read_camera(document["depth_camera"], f"{path}, depth_camera")
+    try:
+        T = np.array([float(value) for value in document["T_color_depth"]["data"]]).reshape(4, 4)
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise ConfigError(f"{path}: T_color_depth: give data, 16 numbers row by row: {error}") from error
+    try:
+        return DepthRegistration(camera, color_camera, T)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from error

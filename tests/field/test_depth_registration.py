@@ -105,3 +105,41 @@ def test_the_calibration_file_says_it(tmp_path: Path) -> None:
     file.write_text(yaml.safe_dump(content | {"T_color_depth": {"data": (2 * np.eye(4)).ravel().tolist()}}))
     with pytest.raises(ConfigError, match="rigid"):
         load_depth_registration(file, COLOR)
+
+
+DEPTH_YAML = {"image_width": 640, "image_height": 480, "camera_matrix": {"data": [580, 0, 314, 0, 582, 243, 0, 0, 1]}}
+SHIFTED = [1, 0, 0, 0.025, 0, 1, 0, 0, 0, 0, 1, 0]
+
+
+@pytest.mark.parametrize(
+    ("depth_camera", "transform", "named"),
+    [
+        ({"camera_matrix": {"data": [525, 525, 319, 239]}}, None, "camera_matrix has 4 values"),
+        ({"camera_matrix": {"data": [0, 0, 314, 0, 582, 243, 0, 0, 1]}}, None, "depth_camera"),
+        ({"camera_matrix": {"data": [580, 0, float("nan"), 0, 582, 243, 0, 0, 1]}}, None, "depth_camera"),
+        ({"camera_matrix": [580, 0, 314, 0, 582, 243, 0, 0, 1]}, None, "depth_camera"),
+        ({"image_width": float("inf")}, None, "depth_camera"),
+        ({"distortion_coefficients": {"data": ["none"] * 5}}, None, "depth_camera"),
+        ({"distortion_coefficients": {"data": [0.1, 0.2, 0.3]}}, None, "3 distortion coefficients"),
+        ({"distortion_coefficients": None}, None, "depth_camera"),
+        ({"distortion_model": "equidistant"}, None, "equidistant"),
+        ({}, [*SHIFTED[:3], float("nan"), *SHIFTED[4:], 0, 0, 0, 1], "rigid"),
+        ({}, [*SHIFTED, 0, 0, 0.025, 1], "rigid"),
+        ({}, ["one", *SHIFTED[1:], 0, 0, 0, 1], "T_color_depth"),
+    ],
+)
+def test_whatever_is_malformed_is_refused_by_name(
+    tmp_path: Path, depth_camera: dict[str, object], transform: list[float] | None, named: str
+) -> None:
+    file = tmp_path / "camera.yaml"
+    data = transform or extrinsic().ravel().tolist()
+    file.write_text(yaml.safe_dump({"depth_camera": DEPTH_YAML | depth_camera, "T_color_depth": {"data": data}}))
+    with pytest.raises(ConfigError, match=named) as refused:
+        load_depth_registration(file, COLOR)
+    assert str(file) in str(refused.value)
+
+
+def test_a_depth_image_that_is_not_the_depth_cameras_is_refused() -> None:
+    small = Camera(512, 424, 365.0, 365.0, 255.0, 211.0)
+    with pytest.raises(ConfigError, match="512x424"):
+        DepthRegistration(small, COLOR, extrinsic())(np.full((480, 640), 1000, dtype=np.uint16))

@@ -24,6 +24,7 @@ _LOG = logging.getLogger(__name__)
 _POLL_S = 0.1
 _CALLED_WRONGLY = 2
 _LAST_WORDS_S = 3.0
+_IDLE_S, _IDLE_REPORTS = 5.0, 10
 _VIEWER_PATIENCE_S = 10.0
 """A viewer that hangs must not hold the report back; what it writes, it has written by then."""
 
@@ -100,6 +101,7 @@ class Crew:
         self.total: int | None = None
         self._display = display
         self._told: set[str] = set()
+        self._frames, self._frames_at, self._reports = -1, 0.0, 0
         self._patience_s = settings.service.stop_timeout_s
         self._status = session.subscriber((topics.status,), depth=1)
         environment = {
@@ -119,12 +121,16 @@ class Crew:
     def work(self, stop: threading.Event) -> None:
         """Wait for the end of the source or until `stop` is set.
 
-        A failed sensor, odometry or recorder ends the work; without its viewer it goes on.
+        A failed sensor, odometry or recorder ends the work; without its viewer it goes on. An odometry that the end of
+        a live source has not reached, and that reports for five seconds that nothing comes, is told to end.
         """
         sensor, odometry = self.children["sensor"], self.children["odometry"]
         while odometry.poll() is None and not stop.is_set() and all(c.name == "viewer" for c in self.failed):
             self._show_progress()
             self._tell_failures()
+            if self._end_is_lost():
+                self._display.say("run", "the odometry has not heard that the sensor has ended; saving what was done")
+                odometry.stop(self._patience_s)
         self._tell_failures()
         if stop.is_set():
             sensor.stop(self._patience_s)
@@ -169,6 +175,17 @@ class Crew:
         reading = self._reading(delivery) if delivery is not None else None
         if reading is not None:
             self._display.show(reading)
+            self._count_report(reading.frames)
+
+    def _count_report(self, frames: int) -> None:
+        """Count what the odometry says without a new frame since its sensor ended; while it saves it says nothing."""
+        if frames != self._frames or self.children["sensor"].status is None:
+            self._frames, self._frames_at, self._reports = frames, time.monotonic(), 0
+        self._reports += 1
+
+    def _end_is_lost(self) -> bool:
+        idles = self._reports >= _IDLE_REPORTS and time.monotonic() - self._frames_at > _IDLE_S
+        return idles and self.children["sensor"].status == 0
 
     def _reading(self, delivery: Delivery) -> Reading | None:
         try:

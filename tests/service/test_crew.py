@@ -2,14 +2,23 @@
 
 import json
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterable, Iterator
+from itertools import count, repeat
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 
 from odom.errors import OdomError
-from odom.service.run import RunPlan, run
+from odom.frame import Stamp
+from odom.service.run import Crew, RunPlan, run
 from odom.service.settings import Settings
+from odom.wire import Topics
+from odom.wire.codec import Status, encode_status
+from odom.wire.session import Delivery
 
 Says = Callable[[str, str], None]
 
@@ -46,3 +55,58 @@ def test_a_run_stopped_at_once_does_not_pass_off_the_results_before_it_as_its_ow
         run(RunPlan("arena", tmp_path), Settings(), stop)
     assert "frames" not in json.loads((tmp_path / "report.json").read_text())
     assert (tmp_path / "notes.txt").exists()
+
+
+class Statuses:
+    """What the odometry says every 20 ms: how many frames it has processed, or (None) nothing."""
+
+    def __init__(self, frames: Iterable[int | None]) -> None:
+        self._frames: Iterator[int | None] = iter(frames)
+
+    def receive(self, timeout: float) -> Delivery | None:
+        time.sleep(0.02)
+        frames = next(self._frames)
+        if frames is None:
+            return None
+        values = {"frames": str(frames), "state": "WAITING"}
+        return Delivery(encode_status(Topics().status, Status(Stamp(1), "odometry", 0, "", values)))
+
+
+def crew_at_work(frames: Iterable[int | None], stop: threading.Event) -> tuple[Crew, MagicMock, threading.Thread]:
+    display = MagicMock()
+    session: Any = SimpleNamespace(subscriber=lambda keys, depth: Statuses(frames))
+    crew = Crew(RunPlan("kinect", Path()), Settings(), "tcp/127.0.0.1:9", session, display)
+    thread = threading.Thread(target=crew.work, args=(stop,), daemon=True)
+    thread.start()
+    return crew, display, thread
+
+
+def test_a_sensor_whose_end_was_lost_ends_the_run_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("odom.service.run.Child", PretendedChild)
+    monkeypatch.setattr("odom.service.run._IDLE_S", 0.3)
+    stop = threading.Event()
+    crew, display, thread = crew_at_work(repeat(7), stop)
+    thread.join(1.0)
+    assert thread.is_alive()  # the sensor is only silent
+    crew.children["sensor"].stop(0.0)
+    thread.join(3.0)
+    stop.set()
+    assert not thread.is_alive()
+    assert crew.children["odometry"].status == 0
+    assert "the odometry has not heard" in display.say.call_args[0][1]
+
+
+@pytest.mark.parametrize("frames", [count(), repeat(None)], ids=["processes", "saves"])
+def test_an_odometry_at_work_is_waited_for_behind_its_sensor(
+    monkeypatch: pytest.MonkeyPatch, frames: Iterable[int | None]
+) -> None:
+    monkeypatch.setattr("odom.service.run.Child", PretendedChild)
+    monkeypatch.setattr("odom.service.run._IDLE_S", 0.3)
+    stop = threading.Event()
+    crew, _, thread = crew_at_work(frames, stop)
+    crew.children["sensor"].stop(0.0)
+    thread.join(1.5)
+    assert thread.is_alive()
+    assert crew.children["odometry"].status is None
+    stop.set()
+    thread.join(3.0)

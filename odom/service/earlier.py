@@ -16,8 +16,8 @@ _RESULTS = (
     "truth.txt",
     "report.json",
     "plot.png",
-    "session.rrd",
 )
+_SHOWN = "session.rrd"
 TRUTH_MARK = "# body "
 """A file of truth begins so, before the body's name."""
 _SET_ASIDE = re.compile(r"until-\d{8}T\d{6}Z(-\d+)?\Z")
@@ -28,6 +28,11 @@ def remove(folder: Path) -> None:
     """Remove the results in `folder`, and nothing else."""
     for path in list(_results(folder)):
         path.unlink()
+
+
+def remove_shown(folder: Path) -> None:
+    """Remove what an earlier run's viewer has written, before that of the next one begins to."""
+    (folder / _SHOWN).unlink(missing_ok=True)
 
 
 def set_aside(folder: Path) -> None:

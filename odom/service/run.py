@@ -55,6 +55,7 @@ def run(plan: RunPlan, settings: Settings, stop: threading.Event) -> dict[str, A
     """
     plan.out.mkdir(parents=True, exist_ok=True)
     earlier.remove(plan.out)
+    earlier.remove_shown(plan.out)
     endpoint = free_endpoint()
     wire = settings.wire.model_copy(update={"mode": "peer", "connect": (), "listen": (endpoint,)})
     begun = time.monotonic()

@@ -49,12 +49,14 @@ def test_a_run_stopped_at_once_does_not_pass_off_the_results_before_it_as_its_ow
     monkeypatch.setattr("odom.service.run.Child", PretendedChild)
     (tmp_path / "report.json").write_text(json.dumps({"frames": 5}))
     (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "session.rrd").write_bytes(b"shown then")
     stop = threading.Event()
     stop.set()
     with pytest.raises(OdomError, match="stopped before the first"):
         run(RunPlan("arena", tmp_path), Settings(), stop)
     assert "frames" not in json.loads((tmp_path / "report.json").read_text())
     assert (tmp_path / "notes.txt").exists()
+    assert not (tmp_path / "session.rrd").exists()
 
 
 class Statuses:

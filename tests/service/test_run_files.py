@@ -144,6 +144,13 @@ def test_truth_of_every_body_of_an_earlier_run_goes_too(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.glob("until-*/truth*")) == ["truth.txt", "truth_robot.txt"]
 
 
+@pytest.mark.parametrize("keep", [False, True])
+def test_what_a_viewer_beside_it_has_begun_to_write_stays(tmp_path: Path, keep: bool) -> None:
+    (tmp_path / "session.rrd").write_bytes(b"begun")
+    RunFiles(tmp_path, keep_earlier=keep)
+    assert (tmp_path / "session.rrd").exists()
+
+
 def test_starts_that_wrote_nothing_leave_nothing(tmp_path: Path) -> None:
     for _ in range(5):
         RunFiles(tmp_path, keep_earlier=True)

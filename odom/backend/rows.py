@@ -68,15 +68,16 @@ def fit_velocity(
 
     `points_map` (n x 3 m) with `covariances_map` (n x 3 x 3 m^2); `measured` was carried to the middle row with
     `twist`, over `row_s` (n, the rows' times since the middle one); `T_camera_map` is the pose fitted to that.
-    `expected` is the motion predicted for this frame, of the camera in the map; `scale` multiplies the covariances of
-    measurements.
+    `expected` is the motion predicted for this frame, of the camera in the map, however sure it is; `scale` multiplies
+    the covariances of measurements.
     """
-    prior = np.linalg.inv(expected.P) * (scale * _SHARED)
+    P = expected.P / (scale * _SHARED)
     T_expected = se3.inverse(expected.T_fixed_camera)
     H, g = _accumulate(
         T_camera_map, points_map, covariances_map, measured.values, measured.covariance, row_s, CAUCHY_CHI2
     )
     away = np.concatenate([-se3.log(T_camera_map @ se3.inverse(T_expected)), twist - expected.twist])
-    covariance = np.linalg.inv(H + prior)
-    change = covariance @ (g - prior @ away)
-    return Velocity(twist + change[6:], covariance[6:, 6:] * (scale * _SHARED))
+    # inv(H + inv(P)) without inv(P): of frames hardly apart in time, P is singular
+    solved = np.linalg.solve(np.eye(12) + P @ H, np.column_stack([P, P @ g - away]))
+    covariance = 0.5 * (solved[6:, 6:12] + solved[6:, 6:12].T)
+    return Velocity(twist + solved[6:, 12], covariance * (scale * _SHARED))

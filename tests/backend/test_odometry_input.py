@@ -39,6 +39,17 @@ def test_a_perfect_small_stream_is_tracked_to_a_few_millimetres(room_frames):
     assert numbers(run(SMALL, room_frames)) == numbers(ran)
 
 
+@pytest.mark.parametrize("apart_ns", [1, 10, 1_000, 100_000])
+def test_stamps_hardly_apart_at_the_start_do_not_end_the_run(apart_ns, room_frames):
+    hardly_later = Stamp(room_frames[0].stamp + apart_ns)
+    second = replace(room_frames[1], stamp=hardly_later, depth_stamp=hardly_later)
+    ran = run(SMALL, [room_frames[0], second, *room_frames[2:12]])
+    check_sanity(ran)
+    assert ran.states[0] is State.TRACKING
+    assert all(e.T_odom_camera is not None and e.segment == 0 for e in ran.estimates[1:])
+    assert set(ran.states[3:]) == {State.TRACKING}
+
+
 def test_a_frame_that_is_not_of_the_cameras_size_is_refused_and_the_next_one_is_tracked(room_frames):
     odometry = Odometry(SMALL, OdometrySettings())
     for f in room_frames[:10]:

@@ -1,8 +1,9 @@
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from odom.backend.motion import Agility, Motion
+from odom.backend.motion import ANY_VELOCITY, Agility, Motion, Velocity
 from odom.backend.pose import fit_pose
 from odom.backend.rows import fit_velocity
 from odom.frontend.measure import Measurements
@@ -59,6 +60,22 @@ def test_its_covariance_allows_for_errors_that_frames_share():
         found = velocity(*seen(seed, twist, twist), twist)
         nees.append((found.twist - twist) @ np.linalg.solve(found.covariance, found.twist - twist))
     assert 6.0 / 16.0 < np.mean(nees) < 6.0
+
+
+@pytest.mark.parametrize("since_s", [1e-9, 1e-8, 1e-6, 1e-4, PERIOD_S])
+def test_the_first_pose_of_all_may_be_known_for_certain_and_be_no_time_ago(since_s):
+    twist = SLOW_HAND * [0.5, -0.3, 0.2, 0.4, -0.6, 0.1]
+    points, measured, row_s = seen(2, twist, twist)
+    covariances = np.tile(1e-10 * np.eye(3), (len(points), 1, 1))
+    T_camera_map = fit_pose(points, covariances, measured.values, measured.covariance, np.eye(4)).T_camera_map
+    known = Motion.of(se3.inverse(T_camera_map), np.zeros((6, 6)), Velocity(twist, ANY_VELOCITY.covariance))
+    expected = known.after(since_s, Agility(steady_s=0.0))
+    found = fit_velocity(points, covariances, measured, row_s, T_camera_map, twist, expected, 1.0)
+    assert np.isfinite(found.twist).all()
+    assert np.linalg.eigvalsh(found.covariance)[0] > 0.0
+    assert np.linalg.eigvalsh(expected.P[6:, 6:] - found.covariance)[0] > 0.0
+    if since_s < 1e-3:
+        assert (np.abs(found.twist - twist) < 5.0 * np.sqrt(np.diag(found.covariance))).all()
 
 
 def test_of_a_global_shutter_the_poses_alone_tell_it():

@@ -10,14 +10,12 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
 
-import numpy as np
-
 from odom.errors import DeviceError, OdomError
 from odom.frame import Camera, Stamp
 from odom.wire import Message
-from sensors.clock import ClockMapping, Unwrap, tick_length
 from sensors.openni2 import advice, library
 from sensors.openni2.device import OpenDevice, RawFrame
+from sensors.openni2.device_clock import DeviceClock
 from sensors.openni2.messages import Encoder
 from sensors.openni2.presence import Departure, Listing, find
 from sensors.openni2.settings import KinectSettings
@@ -33,48 +31,6 @@ LEARN_UNIT_FRAMES = 6
 RETRY_S = 0.1
 REMIND_EVERY = 50
 """Every so many retries the log says again why the device cannot be opened."""
-
-
-class DeviceClock:
-    """Stamps of one device in the host's time, whatever unit they come in; strictly increasing a stream."""
-
-    def __init__(self) -> None:
-        self._unit_ns: float | None = None
-        self._last = {True: 0, False: 0}
-        self.restart()
-
-    def restart(self) -> None:
-        """Forget the relation of the clocks: the device's starts anew when it is plugged in. Its unit stays."""
-        self.mapping = ClockMapping()
-        self._unwrap = Unwrap(32)
-
-    @property
-    def knows_unit(self) -> bool:
-        """Whether the unit of the device's stamps is known."""
-        return self._unit_ns is not None
-
-    def learn_unit(self, frames: list[tuple[int, int]], period_ns: float) -> None:
-        """Settle the unit from the stamp (ticks) and receipt (ns) of one stream's frames, nominally `period_ns` apart.
-
-        The nominal rate decides, for a loaded machine's times of receipt may be off by tens of milliseconds; where it
-        does not fit (a camera that halves its rate in the dark) they must do.
-        """
-        ticks = np.diff([stamp for stamp, _ in frames]) % (1 << 32)
-        elapsed_ns = frames[-1][1] - frames[0][1]
-        unit = tick_length(int(np.median(ticks)), round(period_ns)) or tick_length(int(ticks.sum()), elapsed_ns)
-        self._unit_ns = unit or 0.0
-        if unit is None:
-            _log.warning("the device's time stamps run at no known rate: the time of receipt is used instead")
-
-    def stamp(self, is_color: bool, ticks: int, host_ns: int) -> Stamp:
-        """Return the capture time of an image stamped `ticks` and received at `host_ns`."""
-        stamp = host_ns
-        if self._unit_ns:
-            device_ns = round(self._unwrap(ticks) * self._unit_ns)
-            self.mapping.observe(device_ns, host_ns)
-            stamp = self.mapping.to_host(device_ns)
-        self._last[is_color] = max(stamp, self._last[is_color] + 1)
-        return Stamp(self._last[is_color])
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +180,7 @@ class LiveKinect:
         """Yield calibration, colour and depth as they arrive; raises DeviceError when the device never delivers."""
         clock = DeviceClock()
         connection = 0
-        first_ns: int | None = None
+        begun: float | None = None
         told_ns = 0
         arriving = self._received()
         first = next(arriving, None)
@@ -236,11 +192,14 @@ class LiveKinect:
                 connection = received.connection
                 clock.restart()
             stamp = clock.stamp(received.frame.is_color, received.frame.ticks, received.host_ns)
-            if first_ns is None:
-                first_ns = stamp
-            if self._seconds is not None and stamp - first_ns >= self._seconds * 1e9:
+            if stamp is None:
+                with self._ready:
+                    self.counters["dropped"] += 1
+                continue
+            begun = time.monotonic() if begun is None else begun  # the clock of the stamps may be set meanwhile
+            if self._seconds is not None and time.monotonic() - begun >= self._seconds:
                 return
-            if stamp - told_ns >= 1_000_000_000:
+            if abs(stamp - told_ns) >= 1_000_000_000:
                 told_ns = stamp
                 yield self._encoder.device(stamp, self.name, self._particulars(clock))
             yield self._encoder.image(received.frame, stamp)

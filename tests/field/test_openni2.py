@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -162,6 +163,25 @@ def test_colour_and_depth_keep_their_offset(kinects: Kinects) -> None:
     stamps = np.array([c.stamp for c in color[30:]])
     offset = [d.stamp - stamps[np.abs(stamps + 11_000_000 - d.stamp).argmin()] for d in depth[30:]]
     assert np.median(offset) == pytest.approx(11e6, abs=1e6)
+
+
+def test_images_news_of_the_device_and_the_end_come_though_the_hosts_clock_is_set_back(
+    kinects: Kinects, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kinects(loop=1)
+    source = open_kinect("kinect", replace(options(), seconds=2.5))
+    opened, hour, true_ns = time.monotonic(), 3600 * 10**9, time.time_ns
+    back = time.time_ns() + 1_500_000_000
+    monkeypatch.setattr(time, "time_ns", lambda: true_ns() - (hour if true_ns() > back else 0))
+    try:
+        messages = list(islice(source.messages(), 400))
+    finally:
+        source.close()
+    assert time.monotonic() - opened < 5
+    after = [m for m in messages if m.stamp < back - hour // 2]
+    color, depth = split(after)
+    assert min(len(color), len(depth)) > 20
+    assert any(m.topic == TOPICS.device for m in after)
 
 
 def test_unplugged_and_replugged_ten_times_it_resumes_and_leaks_nothing(

@@ -132,7 +132,7 @@ def _permission(device: str, message: str, rule: str) -> DeviceError:
 def no_frames(uri: str, stream: str, seconds: float) -> DeviceError:
     """Return the error for streams that have started but deliver nothing."""
     return DeviceError(
-        f"{uri} delivers no {stream} ({seconds:.0f} s waited): most often the USB controller has no bandwidth left; "
+        f"{uri} delivers no {stream} ({seconds:g} s waited): most often the USB controller has no bandwidth left; "
         "plug the camera straight into the machine, on a controller of its own (lsusb -t), without hub; a Kinect also "
         "needs its power supply, a Kinect v2 USB 3; a smaller image (--option size=320x240) needs a quarter"
     )

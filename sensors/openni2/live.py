@@ -29,8 +29,14 @@ LEARN_UNIT_NS = 200_000_000
 LEARN_UNIT_FRAMES = 6
 """So long, and so many of a stream, the unit of the device's stamps is learnt from."""
 RETRY_S = 0.1
+MISSED_AFTER_S = 1.0
+"""A stream that has been silent for so long is reported in the news of the device."""
 REMIND_EVERY = 50
 """Every so many retries the log says again why the device cannot be opened."""
+
+
+STREAMS = {True: "colour", False: "depth"}
+"""Both streams by `RawFrame.is_color`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +66,7 @@ class LiveKinect:
         self._failure: BaseException | None = None
         self.counters = {"images": 0, "lost": 0, "dropped": 0, "reconnects": 0}
         self._departure: Departure | None = None
+        self._heard = dict.fromkeys(STREAMS, time.monotonic())
         self._device: OpenDevice | None = self._open(wanted, library.devices())
         self.serial, self.name, self.uri = self._device.serial, self._device.name, self._device.uri
         try:
@@ -124,8 +131,8 @@ class LiveKinect:
         device = self._device
         if device is None:
             return
-        heard = time.monotonic()
-        patience = self._settings.start_s
+        opened = time.monotonic()
+        patience = dict.fromkeys(STREAMS, self._settings.start_s)
         last_index: dict[bool, int] = {}
         while not (self._stop.is_set() or self._unplugged):
             try:
@@ -133,19 +140,28 @@ class LiveKinect:
             except DeviceError as error:
                 _log.error("%s", error)
                 return
-            host_ns = time.time_ns()
-            if frame is None:
-                if time.monotonic() - heard < patience:
-                    continue
-                if not last_index and connection == 0:
-                    raise advice.no_frames(self.uri, "image", patience)
+            host_ns, now = time.time_ns(), time.monotonic()
+            if frame is not None:
+                self._heard[frame.is_color] = now
+                if frame.is_color in last_index:
+                    self.counters["lost"] += max(0, frame.index - last_index[frame.is_color] - 1)
+                    patience[frame.is_color] = self._settings.silence_s
+                last_index[frame.is_color] = frame.index
+                self._put(_Received(frame, host_ns, connection))
+            quiet_s = {which: now - max(opened, self._heard[which]) for which in STREAMS}
+            if any(quiet_s[which] >= patience[which] for which in STREAMS):
+                # the last images of both never come at once: half the time tells whether the other is silent too
+                silent = [which for which in STREAMS if 2 * quiet_s[which] >= patience[which]]
+                self._miss(silent, patience[silent[0]], never=connection == 0 and not last_index.keys() & set(silent))
                 return
-            heard = time.monotonic()
-            if frame.is_color in last_index:
-                self.counters["lost"] += max(0, frame.index - last_index[frame.is_color] - 1)
-                patience = self._settings.silence_s
-            last_index[frame.is_color] = frame.index
-            self._put(_Received(frame, host_ns, connection))
+
+    def _miss(self, silent: list[bool], patience: float, never: bool) -> None:
+        """Say which stream is missing while the other comes; raises DeviceError when it has `never` come."""
+        error = advice.no_frames(self.uri, "image" if len(silent) > 1 else STREAMS[silent[0]], patience)
+        if never:
+            raise error
+        if len(silent) == 1:
+            _log.error("%s", error)
 
     def _put(self, received: _Received) -> None:
         with self._ready:
@@ -201,8 +217,13 @@ class LiveKinect:
                 return
             if abs(stamp - told_ns) >= 1_000_000_000:
                 told_ns = stamp
-                yield self._encoder.device(stamp, self.name, self._particulars(clock))
+                yield self._encoder.device(stamp, self.name, self._missing(), self._particulars(clock))
             yield self._encoder.image(received.frame, stamp)
+
+    def _missing(self) -> list[str]:
+        """Return the names of the streams that are silent."""
+        now = time.monotonic()
+        return [name for which, name in STREAMS.items() if now - self._heard[which] > MISSED_AFTER_S]
 
     def _particulars(self, clock: DeviceClock) -> dict[str, str]:
         counts = {name: str(count) for name, count in self.counters.items()}

@@ -60,9 +60,10 @@ class Encoder:
         """Return the calibration message."""
         return encode_camera_info(self._topics.camera_info, stamp, self.camera, frame_id=self._topics.frame_camera)
 
-    def device(self, stamp: Stamp, name: str, values: dict[str, str]) -> Message:
-        """Return the message that says which device this is and what it lost."""
-        return encode_status(self._topics.device, Status(stamp, name, 0, "delivering", values))
+    def device(self, stamp: Stamp, name: str, missing: list[str], values: dict[str, str]) -> Message:
+        """Return the message that says which device this is, which streams are missing and what it lost."""
+        level, text = (1, f"no {' and no '.join(missing)}") if missing else (0, "delivering")
+        return encode_status(self._topics.device, Status(stamp, name, level, text, values))
 
     def image(self, frame: RawFrame, stamp: Stamp) -> Message:
         """Return the image's message."""

@@ -33,8 +33,10 @@ class KinectSettings(BaseModel):
     auto_exposure: bool = Field(
         True, description="automatic exposure and white balance; off keeps both as they are at the start"
     )
-    silence_s: float = Field(2.0, gt=0, description="without a frame for so long the device is taken to be gone")
-    start_s: float = Field(4.0, gt=0, description="time a device has to deliver its first frames")
+    silence_s: float = Field(
+        2.0, gt=0, description="without a frame of colour or of depth for so long the device is taken to be gone"
+    )
+    start_s: float = Field(4.0, gt=0, description="time a device has to deliver its first frames of both")
 
     @property
     def width_height(self) -> tuple[int, int]:

@@ -17,7 +17,7 @@ from virtual_kinect.device import Kinects, VirtualKinect, noise
 
 from odom.errors import ConfigError, DeviceError, RecordingError
 from odom.wire import Message, Topics
-from odom.wire.codec import decode_camera_info, decode_color, decode_depth
+from odom.wire.codec import decode_camera_info, decode_color, decode_depth, decode_status
 from sensors.openni2 import open_kinect
 from sensors.openni2.playback import OniRecording
 from sensors.source import Source, SourceOptions
@@ -268,7 +268,9 @@ def test_a_device_that_is_forbidden_for_a_moment_after_its_return_is_opened_when
     assert source.counters["reconnects"] == 1
 
 
-def test_a_device_returns_under_a_driver_that_lists_devices_only_at_its_start(kinects: Kinects) -> None:
+def test_a_device_returns_under_a_driver_that_lists_devices_only_at_its_start(
+    kinects: Kinects, caplog: pytest.LogCaptureFixture
+) -> None:
     kinect = kinects(loop=1, hotplug=0, tells_serial=0)
     source = open_kinect("kinect", options(silence_s="0.5"))
     try:
@@ -277,6 +279,7 @@ def test_a_device_returns_under_a_driver_that_lists_devices_only_at_its_start(ki
         source.close()
     assert source.serial == ""
     assert source.counters["reconnects"] == 1
+    assert "delivers no" not in caplog.text  # both were silent: no stream is missing
 
 
 def test_an_oni_recording_is_played_bit_by_bit_and_ends(kinects: Kinects, tmp_path: Path) -> None:
@@ -392,6 +395,45 @@ def test_a_device_without_usb_bandwidth_is_explained(kinects: Kinects) -> None:
             next(source.messages())
     finally:
         source.close()
+
+
+@pytest.mark.parametrize(("fault", "missing"), [("starved_depth", "depth"), ("starved_color", "colour")])
+def test_a_stream_without_usb_bandwidth_is_named(kinects: Kinects, fault: str, missing: str) -> None:
+    kinects(loop=1).switch(fault)
+    source = open_kinect("kinect", options(start_s="0.7"))
+    try:
+        with pytest.raises(DeviceError, match=f"no {missing} .*bandwidth"):
+            until(source, 5)
+    finally:
+        source.close()
+
+
+@pytest.mark.parametrize(("fault", "missing"), [("starved_depth", "depth"), ("starved_color", "colour")])
+def test_a_device_of_which_one_stream_falls_silent_says_so_and_is_opened_again(
+    kinects: Kinects, caplog: pytest.LogCaptureFixture, fault: str, missing: str
+) -> None:
+    kinect = kinects(loop=1)
+    source = open_kinect("kinect", options(silence_s="2.5"))
+    topic = TOPICS.depth if missing == "depth" else TOPICS.color
+    stream, opened, said = source.messages(), time.monotonic(), []
+    try:
+        next(m for m in stream if m.topic == topic)
+        kinect.switch(fault)
+        for message in stream:
+            if message.topic == TOPICS.device:
+                said += decode_status(message)
+            if source.counters["reconnects"] or time.monotonic() > opened + 8:
+                break
+        kinect.switch(fault, on=False)
+        resumed = time.time_ns()
+        assert next(m.stamp for m in stream if m.topic == topic and m.stamp > resumed)
+        news = next(m for m in stream if m.topic == TOPICS.device and m.stamp > resumed)
+        assert [status.message for status in decode_status(news)] == ["delivering"]
+    finally:
+        source.close()
+    assert (1, f"no {missing}") in [(status.level, status.message) for status in said]
+    assert f"delivers no {missing}" in caplog.text
+    assert source.counters["reconnects"] == 1
 
 
 def test_a_device_that_falls_silent_is_opened_again(kinects: Kinects) -> None:

@@ -25,7 +25,7 @@ class VirtualKinect:
         (self.folder / "plugged").unlink()
 
     def switch(self, fault: str, on: bool = True) -> None:
-        """Let it be `busy`, `forbidden` or `starved`."""
+        """Let it be `busy`, `forbidden`, `starved`, or one stream only: `starved_color`, `starved_depth`."""
         (self.folder / fault).touch() if on else (self.folder / fault).unlink(missing_ok=True)
 
     @property

@@ -6,6 +6,7 @@
 //   plugged      the device is connected while this file exists
 //   busy, forbidden, starved   while they exist: opening fails as a claimed or forbidden USB device does, streams start
 //                but no frame arrives, as on a USB controller without bandwidth
+//   starved_color, starved_depth   the same of one stream only
 //   settings.txt written by the driver: what the application has set
 // and, beside these folders, may hold watch_ms: how often the driver looks which devices are plugged in.
 //
@@ -322,6 +323,7 @@ void Stream::play(long long tick, Clock::time_point due) {
     }
     const int pixel = bytesPerPixel();
     std::vector<char> pixels(static_cast<size_t>(config.width) * config.height * pixel);
+    if (exists(device_.folder + (type_ == ONI_SENSOR_COLOR ? "/starved_color" : "/starved_depth"))) return;
     if (!device_.fill(type_, tick, pixels)) return;
     if (config.jitterUs) {
         thread_local std::mt19937 random(7);

@@ -229,7 +229,7 @@ def test_forgetting_is_the_same_again_and_when_colour_is_seen_early(forgetful, r
 
 def test_segments_that_are_never_tracked_are_forgotten_too():
     odometry = Odometry(SMALL, OdometrySettings(map_keyframes=10))
-    for k in range(80):
+    for k in range(140):
         stamp = Stamp(START + 20 * k * PERIOD)
         if k % 4 == 0:
             seen = PaintedRoom(seed=k).frame(SMALL, 0, np.eye(4))

@@ -43,18 +43,17 @@ def read_camera(content: Any, place: str) -> Camera:
     try:
         model = content.get("distortion_model", "plumb_bob")
         if model not in ("plumb_bob", "rational_polynomial"):
-            raise ConfigError(f"{place}: distortion model {model!r}: give plumb_bob or rational_polynomial")
+            raise ConfigError(f"distortion model {model!r}: give plumb_bob or rational_polynomial")
         matrix = _numbers(content["camera_matrix"]["data"])
         if len(matrix) != 9:
-            raise ConfigError(f"{place}: camera_matrix has {len(matrix)} values: give 9")
+            raise ConfigError(f"camera_matrix has {len(matrix)} values: give 9")
         distortion = _numbers(content.get("distortion_coefficients", {}).get("data", []))
         size = int(content["image_width"]), int(content["image_height"])
-    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
-        raise ConfigError(f"{place}: missing or not a number: {error}") from error
-    try:
         return Camera(*size, matrix[0], matrix[4], matrix[2], matrix[5], distortion if any(distortion) else ())
     except ConfigError as error:
         raise ConfigError(f"{place}: {error}") from error
+    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
+        raise ConfigError(f"{place}: missing or not a number: {error}") from error
 
 
 def _numbers(values: Any) -> tuple[float, ...]:

@@ -131,9 +131,8 @@ def load_depth_registration(path: Path, color_camera: Camera) -> DepthRegistrati
     camera = read_camera(document["depth_camera"], f"{path}, depth_camera")
     try:
         T = np.array([float(value) for value in document["T_color_depth"]["data"]]).reshape(4, 4)
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise ConfigError(f"{path}: T_color_depth: give data, 16 numbers row by row: {error}") from error
-    try:
         return DepthRegistration(camera, color_camera, T)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise ConfigError(f"{path}: T_color_depth: give data, 16 numbers row by row: {error}") from error

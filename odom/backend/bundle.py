@@ -272,7 +272,8 @@ def adjust(
         else:
             damping *= 100.0
             S, rhs, V_inverse, b_landmark, W_timing, W, cost = reduced(best, damping)
-    S, _, V_inverse, *_ = reduced(best, _LEAST_DAMPING)  # what is known does not depend on how the steps fared
+    if damping > _LEAST_DAMPING:  # what is known does not depend on how the steps fared
+        S, _, V_inverse, *_ = reduced(best, _LEAST_DAMPING)
     S_poses, S_across = S[:poses, :poses].copy(), S[:poses, poses:]
     S_poses.flat[:: poses + 1] += 1e-9
     information = S[poses:, poses:] - S_across.T @ np.linalg.solve(S_poses, S_across)

@@ -7,18 +7,19 @@ from odom.backend.estimate import ClosingTest, RelativePose
 from odom.backend.history import long_after
 from odom.backend.mapper import Mapper
 from odom.backend.selfcheck import SelfCheck
+from odom.backend.tracking import Tracked
 from odom.backend.whereabouts import Whereabouts
 from odom.registration import se3
 
 
-def closing_test(mapper: Mapper, was: Whereabouts, check: SelfCheck) -> ClosingTest | None:
-    """Compare where the trajectory has the last frame with where the first key frame of its segment sees it.
+def closing_test(mapper: Mapper, was: Whereabouts, last: Tracked, check: SelfCheck) -> ClosingTest | None:
+    """Compare where the trajectory has the `last` frame with where the first key frame of its segment sees it.
 
-    Returns None where that frame began a segment, does not show what the first key frame did, or that one is forgotten.
+    Returns None where it does not show what the first key frame did, or that one is forgotten.
     """
-    keyframes, last = mapper.map.keyframes, was.previous.tracked
+    keyframes = mapper.map.keyframes
     first = keyframes[keyframes[was.near].first]
-    if last is None or first.number not in mapper.map.remembered:
+    if first.number not in mapper.map.remembered:
         return None
     view, near = was.previous.view, np.array([first.number])
     tracked = mapper.track_against(near, view, was.T_camera_map, last.twist, check.noise)

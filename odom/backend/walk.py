@@ -68,7 +68,7 @@ class Walk:
     def follow_coarsely(self, images: FrameImages, stamp: Stamp) -> Array:
         """Return T_camera_map of `images` of the steady `stamp`, followed from the `previous` frame."""
         assert self._was is not None
-        return follow_coarsely(self._was, self.mapper, images, (stamp - self._was.previous.view.frame.stamp) * 1e-9)
+        return follow_coarsely(self._was, self.mapper, images, stamp)
 
     def step(self, view: View, clock: Clock, T_coarse: Array | None, watch: Stopwatch) -> Estimate:
         """Return the estimate for the next frame; `T_coarse` (T_camera_map) is where it was followed to already."""
@@ -81,7 +81,7 @@ class Walk:
         is_recovered, place = False, None
         if tracked is None and not is_blind:
             place = describe_place(view, self.mapper.lens, _AT_REST, self.mapper.timing, self._check.noise)
-            tracked = relocalise(self._was, self.mapper, self._check, view, place, self._since_previous_s(view))
+            tracked = relocalise(self._was, self.mapper, self._check, view, place)
             is_recovered = tracked is not None
             watch.lap("relocalise")
         if tracked is not None:
@@ -135,16 +135,15 @@ class Walk:
 
     def closing_test(self) -> ClosingTest | None:
         """Return the paper's test of a closed walk after `finish`, None where it can't be made (see `closing_test`)."""
-        if self._was is None or self._newest_tracked() is None:
-            return None
-        return closing_test(self.mapper, self._was, self._check)
+        last = self._newest_tracked()
+        return None if self._was is None or last is None else closing_test(self.mapper, self._was, last, self._check)
 
     def _newest_tracked(self) -> Tracked | None:
         previous, last = self.previous, self.causal.frames.last
         return previous.tracked if previous and last and last.stamp == previous.view.stamp else None
 
     def _since_previous_s(self, view: View) -> float:
-        return np.inf if self._was is None else self._was.since_s(view)
+        return np.inf if self._was is None else self._was.since_s(view.frame.stamp)
 
     def _follow(self, view: View, clock: Clock, T_coarse: Array | None, watch: Stopwatch) -> Tracked | None:
         """Return the frame tracked on from the previous one, None where that fails."""
@@ -152,13 +151,13 @@ class Walk:
         longest = max(_LONGEST_GAP_S, _LONGEST_GAP_PERIODS * clock.period_s)
         if self._was is None or not 0.0 < dt < longest:
             return None
-        return follow(self._was, self.mapper, self._check, view, dt, watch, T_coarse)
+        return follow(self._was, self.mapper, self._check, view, watch, T_coarse)
 
     def _advance(self, view: View, clock: Clock, tracked: Tracked, is_recovered: bool, watch: Stopwatch) -> Estimate:
         """Take over a tracked frame: motion, covariance, key frame."""
         was, map_ = self._was, self.mapper.map
         assert was is not None
-        dt = 0.0 if is_recovered else was.since_s(view)
+        dt = 0.0 if is_recovered else was.since_s(view.frame.stamp)
         step = se3.log(tracked.T_camera_map @ se3.inverse(was.T_camera_map))
         twist = -step / dt if dt else tracked.twist
         self._growth.go_on(twist if dt else None, self._check)

@@ -11,6 +11,7 @@ from odom.backend.map import Map
 from odom.backend.motion import Motion
 from odom.backend.selfcheck import SelfCheck
 from odom.backend.tracking import Before, Tracked
+from odom.frame import Stamp
 from odom.frontend.view import View
 from odom.registration import se3
 
@@ -46,9 +47,9 @@ class Whereabouts:
     near: int
     is_bridged: bool = False
 
-    def since_s(self, view: View) -> float:
-        """Return the steady time from the previous frame to `view`."""
-        return (view.frame.stamp - self.previous.view.frame.stamp) * 1e-9
+    def since_s(self, stamp: Stamp) -> float:
+        """Return the time from the previous frame to the steady `stamp`."""
+        return (stamp - self.previous.view.frame.stamp) * 1e-9
 
     def before(self, dt: float, check: SelfCheck) -> Before:
         """Return the camera's motion in the map, `dt` seconds ago."""

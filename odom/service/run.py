@@ -17,6 +17,7 @@ from odom.service.files import write_json
 from odom.service.progress import COUNT_ENVIRONMENT, Display, Reading, open_display, parse_count
 from odom.service.settings import Settings
 from odom.wire import Topics, codec
+from odom.wire.idling import Idling
 from odom.wire.session import Delivery, WireSession, open_session
 from odom.wire.settings import ANY_LOCAL_PORT
 
@@ -24,7 +25,6 @@ _LOG = logging.getLogger(__name__)
 _POLL_S = 0.1
 _CALLED_WRONGLY = 2
 _LAST_WORDS_S = 3.0
-_IDLE_S, _IDLE_REPORTS = 5.0, 10
 _VIEWER_PATIENCE_S = 10.0
 """A viewer that hangs must not hold the report back; what it writes, it has written by then."""
 
@@ -102,7 +102,8 @@ class Crew:
         self.total: int | None = None
         self._display = display
         self._told: set[str] = set()
-        self._frames, self._frames_at, self._reports = -1, 0.0, 0
+        self._frames = -1
+        self._odometry_idles = Idling()
         self._patience_s = settings.service.stop_timeout_s
         self._status = session.subscriber((topics.status,), depth=1)
         environment = {
@@ -181,12 +182,12 @@ class Crew:
     def _count_report(self, frames: int) -> None:
         """Count what the odometry says without a new frame since its sensor ended; while it saves it says nothing."""
         if frames != self._frames or self.children["sensor"].status is None:
-            self._frames, self._frames_at, self._reports = frames, time.monotonic(), 0
-        self._reports += 1
+            self._odometry_idles.works()
+        self._frames = frames
+        self._odometry_idles.reports()
 
     def _end_is_lost(self) -> bool:
-        idles = self._reports >= _IDLE_REPORTS and time.monotonic() - self._frames_at > _IDLE_S
-        return idles and self.children["sensor"].status == 0
+        return self._odometry_idles.is_long and self.children["sensor"].status == 0
 
     def _reading(self, delivery: Delivery) -> Reading | None:
         try:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from odom.errors import WireError
 from odom.frame import Stamp
 from odom.wire.flow import Consumer
+from odom.wire.idling import Idling
 from odom.wire.message import Message
 from odom.wire.recording import RecordingWriter
 from odom.wire.session import WireSession
@@ -19,7 +20,6 @@ INTERRUPTED = "interrupted"
 _DEPTH = 64
 _POLL_S = 0.1
 _QUIET_S = 1.0
-_IDLE_S, _IDLE_REPORTS = 5.0, 10
 _HELD = 64
 _NEAR_NS = 10_000_000_000
 
@@ -79,8 +79,8 @@ class Recorder:
         self._writer = writer
         self._estimates = estimates
         self._odometry_lives = threading.Event()
-        self._reports = 0
-        self._worked_at = self._heard_at = time.monotonic()
+        self._odometry_idles = Idling()
+        self._heard_at = time.monotonic()
         images = (
             topics.color,
             topics.color_compressed,
@@ -127,15 +127,15 @@ class Recorder:
         if not topic.startswith(f"{self._topics.namespace}/"):
             return
         self._heard_at = time.monotonic()
-        self._reports += 1
-        if topic != self._topics.status:
-            self._worked_at, self._reports = self._heard_at, 0
+        if topic == self._topics.status:
+            self._odometry_idles.reports()
+        else:
+            self._odometry_idles.works()
 
     def _all_is_said(self) -> bool:
-        now = time.monotonic()
         if self._estimates and self._odometry_lives.is_set():
-            return now - self._worked_at > _IDLE_S and self._reports >= _IDLE_REPORTS
-        return now - self._heard_at > _QUIET_S
+            return self._odometry_idles.is_long
+        return time.monotonic() - self._heard_at > _QUIET_S
 
     def _write(self, placed: list[tuple[Stamp, Message]]) -> int:
         """Write each message at its time; return how many colour frames were among them."""

@@ -85,7 +85,7 @@ def crew_at_work(frames: Iterable[int | None], stop: threading.Event) -> tuple[C
 
 def test_a_sensor_whose_end_was_lost_ends_the_run_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("odom.service.run.Child", PretendedChild)
-    monkeypatch.setattr("odom.service.run._IDLE_S", 0.3)
+    monkeypatch.setattr("odom.wire.idling._LONGEST_S", 0.3)
     stop = threading.Event()
     crew, display, thread = crew_at_work(repeat(7), stop)
     thread.join(1.0)
@@ -103,7 +103,7 @@ def test_an_odometry_at_work_is_waited_for_behind_its_sensor(
     monkeypatch: pytest.MonkeyPatch, frames: Iterable[int | None]
 ) -> None:
     monkeypatch.setattr("odom.service.run.Child", PretendedChild)
-    monkeypatch.setattr("odom.service.run._IDLE_S", 0.3)
+    monkeypatch.setattr("odom.wire.idling._LONGEST_S", 0.3)
     stop = threading.Event()
     crew, _, thread = crew_at_work(frames, stop)
     crew.children["sensor"].stop(0.0)

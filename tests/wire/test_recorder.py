@@ -50,33 +50,32 @@ def status() -> Message:
     return encode_status(TOPICS.status, Status(Stamp(time.time_ns()), "odometry", 0, "no frame"))
 
 
-def test_truth_without_an_image_is_recorded_at_its_own_stamps(open_peer: OpenSession, tmp_path: Path) -> None:
+def recorded(open_peer: OpenSession, file: Path, messages: list[Message]) -> list[Message]:
+    """What a recorder that is stopped at last has of the messages, which are all that came."""
     sender, receiver = open_peer(), open_peer()
-    poses = [pose(truth("camera"), i) for i in range(200)]
-    with recording(receiver, sender, tmp_path / "a.mcap"):
+    with recording(receiver, sender, file):
         publisher = sender.publisher(lossless=True)
-        for message in poses:
+        for message in messages:
             publisher.put(message)
         time.sleep(0.5)
-    assert list(RecordingReader(tmp_path / "a.mcap").messages()) == poses
+    return list(RecordingReader(file).messages())
+
+
+def test_truth_without_an_image_is_recorded_at_its_own_stamps(open_peer: OpenSession, tmp_path: Path) -> None:
+    poses = [pose(truth("camera"), i) for i in range(200)]
+    assert recorded(open_peer, tmp_path / "a.mcap", poses) == poses
 
 
 def test_status_without_anything_else_is_recorded_at_the_end(open_peer: OpenSession, tmp_path: Path) -> None:
-    sender, receiver = open_peer(), open_peer()
     said = [status() for _ in range(3)]
-    with recording(receiver, sender, tmp_path / "a.mcap"):
-        publisher = sender.publisher(lossless=True)
-        for message in said:
-            publisher.put(message)
-        time.sleep(0.5)
-    assert list(RecordingReader(tmp_path / "a.mcap").messages()) == said
+    assert recorded(open_peer, tmp_path / "a.mcap", said) == said
 
 
 @pytest.mark.parametrize("working", [False, True], ids=["only its status", "poses, too"])
 def test_behind_its_source_it_waits_for_an_odometry_at_work_but_not_for_one_that_idles(
     open_peer: OpenSession, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, working: bool
 ) -> None:
-    monkeypatch.setattr("odom.wire.recorder._IDLE_S", 1.0)
+    monkeypatch.setattr("odom.wire.idling._LONGEST_S", 1.0)
     sender, receiver = open_peer(), open_peer()
     sender.announce(TOPICS.alive_of("odometry"))
     with recording(receiver, sender, tmp_path / "a.mcap") as running:
@@ -96,7 +95,7 @@ def test_behind_its_source_it_waits_for_an_odometry_at_work_but_not_for_one_that
 def test_behind_its_source_it_waits_for_an_odometry_that_is_silent_because_it_saves(
     open_peer: OpenSession, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("odom.wire.recorder._IDLE_S", 0.5)
+    monkeypatch.setattr("odom.wire.idling._LONGEST_S", 0.5)
     sender, receiver, odometry = open_peer(), open_peer(), open_peer()
     odometry.announce(TOPICS.alive_of("odometry"))
     with recording(receiver, sender, tmp_path / "a.mcap") as running:

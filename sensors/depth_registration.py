@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 
 from odom.errors import ConfigError
 from odom.frame import Camera
-from odom.registration.compiled import compiled
-from sensors.calibration import read_camera
-
-Array = NDArray[np.float64]
+from odom.geometry.arrays import Array
+from odom.geometry.compiled import compiled
+from sensors.calibration_file import read_camera
 
 OVERLAP = 0.15
-"""Pixels by which neighbours overlap, for on a slanted surface their common edge is projected with two depths."""
+"""Pixels by which neighbours overlap, since on a slanted surface their common edge is projected with two depths.
+
+Less leaves gaps in slanted surfaces, more widens near things.
+"""
 
 
 @dataclass(frozen=True, eq=False)

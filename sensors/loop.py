@@ -1,4 +1,4 @@
-"""A recorded source played over and over, its stamps going on."""
+"""A recorded source played again and again, with stamps that go on."""
 
 from collections.abc import Iterator
 
@@ -8,6 +8,7 @@ from odom.wire.codec import restamp
 from sensors.source import Source
 
 _GAP_NS = 33_333_333
+"""Nanoseconds between the last stamp of a round and the first of the next: one frame at 30 Hz."""
 
 
 class LoopedSource:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from odom.frame import Stamp
 from odom.wire import Message, Topics
 from odom.wire.codec import encode_text, restamp
-from odom.wire.flow import Window
+from odom.wire.send_window import SendWindow
 from odom.wire.session import Publisher, WireSession
 from sensors.source import Source, SourceOptions
 
@@ -20,8 +20,11 @@ END_OF_SOURCE = "end of source"
 INTERRUPTED = "interrupted"
 
 _READ_AHEAD = 8
+"""Messages of a recording decoded before they are sent: fewer make consumers wait for the disk, more need memory."""
 _CALIBRATION_PERIOD_S = 1.0
+"""Seconds between two calibration messages, for consumers that only listen; that long they may wait for one."""
 _FAREWELL_S = 2.0
+"""Seconds that consumers have to take the end of the source when it was interrupted or live."""
 
 
 @dataclass(frozen=True)
@@ -45,17 +48,17 @@ class SensorProcess:
         self._live = not source.lossless or options.realtime
         self._pace = 1e9 * options.rate if source.lossless and options.realtime else None
         self._publisher: Publisher = session.publisher(lossless=not self._live)
-        self._window = Window(session, options.topics, self._publisher)
+        self._window = SendWindow(session, options.topics, self._publisher)
         self._clock: tuple[float, Stamp] | None = None
         self._calibration: Message | None = None
         self._calibration_due = 0.0
-        self._told: tuple[str, ...] = ()
+        self._informed: tuple[str, ...] = ()
         session.announce(options.topics.alive)
 
     def run(self, stop: threading.Event, progress: Callable[[int], None] = lambda frames: None) -> SensorReport:
-        """Publish everything, then the end of the source; `progress` is told the colour frames sent so far.
+        """Publish everything, then the end of the source; `progress` is called with the colour frames sent so far.
 
-        Raises SourceError from the source, after the consumers were told of the end.
+        Raises SourceError from the source, after it has told the consumers that the source ended.
         """
         reason = INTERRUPTED
         ahead = _ReadAhead(self._source)
@@ -69,13 +72,13 @@ class SensorProcess:
                     progress(self.frames)
                 else:
                     reason = INTERRUPTED if stop.is_set() else END_OF_SOURCE
-        except Exception as error:  # whatever it is, the consumers are told of it
+        except Exception as error:  # of any kind: the consumers learn the reason
             reason = f"failed: {error}"
             raise
         finally:
             self._source.close()
             ahead.close()
-            self._say_goodbye(reason, stop)
+            self._announce_end(reason, stop)
         return SensorReport(self.frames, self._publisher.serial, self._window.lost, reason)
 
     def _send(self, message: Message, stop: threading.Event) -> bool:
@@ -94,18 +97,18 @@ class SensorProcess:
         now, consumers = time.monotonic(), self._window.consumers
         if message.topic == self._topics.camera_info:
             self._calibration = message
-        elif self._calibration is not None and (now >= self._calibration_due or consumers != self._told):
+        elif self._calibration is not None and (now >= self._calibration_due or consumers != self._informed):
             self._publisher.put(restamp(self._calibration, message.stamp))
         else:
             return
-        self._calibration_due, self._told = now + _CALIBRATION_PERIOD_S, consumers
+        self._calibration_due, self._informed = now + _CALIBRATION_PERIOD_S, consumers
 
     def _wait_until_due(self, stamp: Stamp, pace: float, stop: threading.Event) -> bool:
         began, first = self._clock = self._clock or (time.monotonic(), stamp)
         due = began + (stamp - first) / pace
         return not stop.wait(max(0.0, due - time.monotonic()))
 
-    def _say_goodbye(self, reason: str, stop: threading.Event) -> None:
+    def _announce_end(self, reason: str, stop: threading.Event) -> None:
         self._window.listen()
         self._publisher.put(encode_text(self._topics.end, Stamp(time.time_ns()), reason))
         complete = reason == END_OF_SOURCE and not self._live
@@ -123,7 +126,7 @@ class _ReadAhead:
         self._thread = threading.Thread(target=self._read, name="source", daemon=True)
 
     def start(self, stop: threading.Event) -> None:
-        """Begin to read, and wait until messages lie ready: whatever is loaded or compiled for the first is by then."""
+        """Begin to read and wait until the first messages are ready, so that loading and compiling are over by then."""
         self._thread.start()
         while not (stop.is_set() or self._waiting.full() or self._ended.wait(0.01)):
             pass

@@ -9,34 +9,36 @@ from odom.errors import ConfigError, RecordingError
 from odom.frame import Stamp, from_seconds
 from odom.wire import Message, truth
 from odom.wire.codec import cdr, decode_camera_info, encode_camera_info, restamp
-from odom.wire.recording import RecordingReader, Roles, Stream, assign_roles, open_reader
-from sensors.calibration import load_calibration
+from odom.wire.recording import RecordedStream, RecordingReader, SelectedStreams, open_reader, select_streams
+from sensors.calibration_file import load_calibration
 from sensors.source import SourceOptions
 
 log = logging.getLogger(__name__)
 
 _TRUTH_ROLE = "truth"
 _PEEK_BYTES = 128 << 20
+"""Bytes of a recording read to find its streams (4 s of raw images): less may miss one, more delays the start."""
 _BEYOND = 200
-"""So many messages in a row from behind the end are the end; fewer may be strays, or what the reader set in order."""
+"""Reading stops after this many messages in a row beyond `end`: fewer may be out of order, more are read in vain."""
 
 
 class ReplaySource:
     """Colour, depth, calibration and truth of a recording in the order of their stamps.
 
-    The options' `start` and `end` are seconds from the first image; truth from before it is played with a whole one.
+    The options' `start` and `end` are seconds from the first image; a whole recording is played with the truth before
+    it too. `length` is the number of colour images, None when only a part is played or they were not counted.
     """
 
     lossless = True
 
     def __init__(
-        self, reader: RecordingReader, streams: list[Stream], counts: Mapping[str, int], options: SourceOptions
+        self, reader: RecordingReader, streams: list[RecordedStream], counts: Mapping[str, int], options: SourceOptions
     ) -> None:
         topics = options.topics
         named = dict(options.topics_from)
         truths = _truths(streams, counts, named.pop(_TRUTH_ROLE, None))
         camera = None if options.camera is None else load_calibration(options.camera).camera
-        self._roles: Roles = assign_roles(streams, named, need_calibration=camera is None)
+        self._roles: SelectedStreams = select_streams(streams, named, need_calibration=camera is None)
         self._reader = reader
         self._keys = {
             self._roles.color.topic: topics.color if _is_raw(self._roles.color) else topics.color_compressed,
@@ -47,25 +49,17 @@ class ReplaySource:
         self._start = None if options.start == 0 else Stamp(zero + from_seconds(options.start))
         self._end = None if options.end is None else Stamp(zero + from_seconds(options.end))
         whole = self._start is None and self._end is None
-        self._length = counts.get(self._roles.color.topic) if whole else None
+        self.length = counts.get(self._roles.color.topic) if whole else None
         self._begin = self._start or zero
         info = self._roles.camera_info
+        self._info_key = topics.camera_info
+        self._info_topic = None if camera is not None or info is None else info.topic
         if camera is not None:
-            self._info_topic, self._calibration = (
-                None,
-                encode_camera_info(topics.camera_info, self._begin, camera, topics.frame_camera),
-            )
+            self._calibration = encode_camera_info(self._info_key, self._begin, camera, topics.frame_camera)
         else:
             assert info is not None
-            self._info_topic = info.topic
-            self._calibration = self._on_key(info.first, topics.camera_info)
-        self._info_key = topics.camera_info
+            self._calibration = self._as_calibration(info.first)
         self._closed = False
-
-    @property
-    def length(self) -> int | None:
-        """Number of colour images of the whole recording, None when only a part is played or it was not counted."""
-        return self._length
 
     def messages(self) -> Iterator[Message]:
         """Yield the calibration, then everything by stamp; says at the end what the recording lacks."""
@@ -76,16 +70,16 @@ class ReplaySource:
                 return
             if message.topic == self._info_topic:
                 if message.stamp > self._begin:
-                    yield self._on_key(message, self._info_key)
+                    yield self._as_calibration(message)
             else:
                 yield replace(message, topic=self._keys[message.topic])
         for damage in self._reader.damage:
             log.warning("%s: %s", self._reader.path, damage)
 
     def _until_end(self, messages: Iterator[Message]) -> Iterator[Message]:
-        """Yield what lies before the end, reading on until more than strays lies behind it.
+        """Yield the messages stamped before the end; reads on until _BEYOND messages in a row are later.
 
-        What comes first may lie behind it too: images from before the camera's clock was set back.
+        The first messages may be later than the end too: images from before the camera's clock was set back.
         """
         begun, beyond = False, 0
         for message in messages:
@@ -102,11 +96,11 @@ class ReplaySource:
         """End `messages` at the next message."""
         self._closed = True
 
-    def _on_key(self, message: Message, key: str) -> Message:
+    def _as_calibration(self, message: Message) -> Message:
         """Return the calibration of the images as they are: a rectified image has the new matrix, no distortion."""
         if not self._roles.rectified:
-            return replace(message, topic=key)
-        return encode_camera_info(key, message.stamp, decode_camera_info(message, rectified=True))
+            return replace(message, topic=self._info_key)
+        return encode_camera_info(self._info_key, message.stamp, decode_camera_info(message, rectified=True))
 
 
 def open_recording(path: Path, options: SourceOptions) -> ReplaySource:
@@ -117,17 +111,17 @@ def open_recording(path: Path, options: SourceOptions) -> ReplaySource:
     reader = open_reader(path)
     streams, counts = reader.streams(limit=_PEEK_BYTES), reader.counts()
     if counts is None:
-        log.warning("%s has no sound end: what is whole is played (mend it with: odom recover %s OUT.mcap)", path, path)
+        log.warning("%s was cut off: what is complete is played (repair it: odom recover %s OUT.mcap)", path, path)
     if not streams:
         raise RecordingError("; ".join((f"{path} holds no ROS 2 messages", *reader.damage)))
     return ReplaySource(reader, streams, counts or {}, options)
 
 
-def _is_raw(stream: Stream) -> bool:
+def _is_raw(stream: RecordedStream) -> bool:
     return stream.type_name == cdr.IMAGE
 
 
-def _truths(streams: list[Stream], counts: Mapping[str, int], named: str | None) -> dict[str, str]:
+def _truths(streams: list[RecordedStream], counts: Mapping[str, int], named: str | None) -> dict[str, str]:
     """Return topic to key of the motion capture poses: those named truth/<body>/pose, or the one that is named.
 
     Raises ConfigError when that one is not there or holds something else.

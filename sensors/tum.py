@@ -1,12 +1,12 @@
 """A folder in the format of the TUM RGB-D benchmark, as a recorded source.
 
-Colour files pass unchanged; depth is converted to millimetres, rounded once; the ground truth, if there is any, goes
-out as `truth/camera/pose`.
+Colour files pass unchanged; depth is converted to millimetres and rounded once; the ground truth, if there is any,
+becomes `truth/camera/pose`.
 """
 
 import heapq
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,23 +16,23 @@ from numpy.typing import NDArray
 
 from odom.errors import ConfigError, SourceError, WireError
 from odom.frame import Stamp, from_seconds
+from odom.geometry.quaternion import rotation_from_quaternion
 from odom.wire import Message, Topics, truth
 from odom.wire.codec import (
     encode_camera_info,
     encode_color_file,
     encode_depth,
     encode_pose,
-    rotation_from_quaternion,
 )
-from odom.wire.codec.files import decode_file
-from sensors.calibration import Calibration, load_calibration
+from odom.wire.codec.image_files import decode_file
+from sensors.calibration_file import Calibration, load_calibration
 from sensors.source import SourceOptions
 
 log = logging.getLogger(__name__)
 
 BODY = "camera"
-_SECOND = 1_000_000_000
-_TRUTH_MARGIN = _SECOND // 2
+_TRUTH_MARGIN = 500_000_000
+"""Nanoseconds by which ground truth begins before the first image and ends after the last: enough to interpolate."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class TumEntry:
 
 
 def read_list(path: Path, columns: int) -> list[TumEntry]:
-    """Read a TUM list file, sorted by stamp (stably); `#` begins a comment.
+    """Read a TUM list file, sorted by stamp; lines of equal stamps keep their order. `#` begins a comment.
 
     Raises SourceError naming file and line for one with fewer columns behind the stamp or a stamp that is no number.
     """
@@ -93,18 +93,13 @@ class TumSource:
         end = None if options.end is None else zero + from_seconds(options.end)
         self._color, self._depth = _between(color, begin, end), _between(depth, begin, end)
         truth_file = folder / "groundtruth.txt"
-        poses = read_list(truth_file, 7) if truth_file.is_file() else []
+        self._truth = read_list(truth_file, 7) if truth_file.is_file() else []
         if self._color:
-            last = self._color[-1].stamp + _TRUTH_MARGIN
-            poses = _between(poses, self._color[0].stamp - _TRUTH_MARGIN, last)
-        self._truth = poses
+            first, last = self._color[0].stamp - _TRUTH_MARGIN, self._color[-1].stamp + _TRUTH_MARGIN
+            self._truth = _between(self._truth, first, last)
         self._table = depth_table(calibration.depth_scale)
+        self.length: int | None = len(self._color)
         self._closed = False
-
-    @property
-    def length(self) -> int | None:
-        """Number of colour images."""
-        return len(self._color)
 
     def messages(self) -> Iterator[Message]:
         """Yield calibration, then colour, depth and truth in the order of their stamps."""
@@ -112,20 +107,13 @@ class TumSource:
             yield encode_camera_info(
                 self._topics.camera_info, self._color[0].stamp, self._calibration.camera, self._topics.frame_camera
             )
-        streams: tuple[tuple[list[TumEntry], Callable[[TumEntry], Message]], ...] = (
-            (self._truth, self._pose_message),
-            (self._depth, self._depth_message),
-            (self._color, self._color_message),
-        )
-        merged = heapq.merge(
-            *([(entry.stamp, rank, entry) for entry in entries] for rank, (entries, _) in enumerate(streams)),
-            key=lambda item: item[:2],
-        )
-        for _, rank, entry in merged:
+        streams = ((self._truth, self._pose), (self._depth, self._depth_image), (self._color, self._color_image))
+        tagged = ([(entry, encode) for entry in entries] for entries, encode in streams)
+        for entry, encode in heapq.merge(*tagged, key=lambda item: item[0].stamp):
             if self._closed:
                 return
             try:
-                yield streams[rank][1](entry)
+                yield encode(entry)
             except (WireError, OSError, ValueError) as error:
                 self.damaged += 1
                 log.warning("%s: left out %s: %s", self._folder, entry.values[0], error)
@@ -136,11 +124,11 @@ class TumSource:
             log.warning("%s: %d files were left out", self._folder, self.damaged)
         self._closed = True
 
-    def _color_message(self, entry: TumEntry) -> Message:
+    def _color_image(self, entry: TumEntry) -> Message:
         file = (self._folder / entry.values[0]).read_bytes()
         return encode_color_file(self._topics.color_compressed, entry.stamp, file, self._topics.frame_camera)
 
-    def _depth_message(self, entry: TumEntry) -> Message:
+    def _depth_image(self, entry: TumEntry) -> Message:
         file = np.fromfile(self._folder / entry.values[0], dtype=np.uint8)
         depth = decode_file(file, cv2.IMREAD_UNCHANGED)
         if depth.dtype != np.uint16 or depth.ndim != 2:
@@ -148,7 +136,7 @@ class TumSource:
         mm = depth if self._table is None else np.take(self._table, depth)
         return encode_depth(self._topics.depth, entry.stamp, mm, self._topics.frame_camera)
 
-    def _pose_message(self, entry: TumEntry) -> Message:
+    def _pose(self, entry: TumEntry) -> Message:
         values = np.array([float(value) for value in entry.values])
         T_world_camera = np.eye(4)
         T_world_camera[:3, :3] = rotation_from_quaternion(values[3:])
@@ -165,7 +153,7 @@ def open_tum(path: Path, options: SourceOptions) -> TumSource:
     if not calibration.is_file():
         raise ConfigError(
             f"{path} has no calibration: give --camera camera.yaml (ROS camera-calibration YAML, plus depth_scale in "
-            f"units a metre, default 5000) or put camera.yaml into the folder"
+            f"units per metre, default 5000) or put camera.yaml into the folder"
         )
     return TumSource(path, load_calibration(calibration), options)
 

@@ -1,13 +1,52 @@
-"""Fixtures that every test may use."""
+"""Fixtures that every test may use, the marks of the tests, and what a fast test is refused."""
 
 import os
+import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import drawn
+import kinds
 import pytest
 from hypothesis import settings
 
 settings.register_profile("shared-machine", deadline=None, derandomize=True)
 settings.load_profile("shared-machine")
+
+FORBIDDEN = ("subprocess.Popen", "os.fork", "os.posix_spawn", "socket.connect", "socket.bind")
+"""What a fast test may not do: Python's audit events."""
+HARMLESS = ("fc-list",)
+"""Programs by which matplotlib looks for fonts when it is first imported."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    for kind, meaning in kinds.KINDS.items():
+        config.addinivalue_line("markers", f"{kind}: {meaning}")
+    if config.cache is not None:
+        os.environ.setdefault(drawn.ENVIRONMENT, str(config.cache.mkdir("frames")))
+    sys.addaudithook(_refuse)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        kinds.mark(item)
+
+
+_is_fast = False
+
+
+@pytest.fixture(autouse=True)
+def _fast_stays_fast(request: pytest.FixtureRequest) -> Iterator[None]:
+    global _is_fast
+    _is_fast = request.node.get_closest_marker("fast") is not None
+    yield
+    _is_fast = False
+
+
+def _refuse(event: str, arguments: tuple[Any, ...]) -> None:
+    if _is_fast and event in FORBIDDEN and arguments[0] not in HARMLESS:
+        raise AssertionError(f"{event}{arguments}: mark this test `process`, it is no fast one")
 
 
 @pytest.fixture(scope="session")

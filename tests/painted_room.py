@@ -1,15 +1,15 @@
 """A painted box seen from inside: exact images and depth of it from any pose, for tests that need no simulator."""
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
+import drawn
 import numpy as np
 from numpy.typing import NDArray
 
 from odom.frame import Camera, RgbdFrame, Stamp
-from odom.frontend.lens import Lens
-from odom.registration import se3
-
-Array = NDArray[np.float64]
+from odom.frontend.camera.lens import Lens
+from odom.geometry import se3
+from odom.geometry.arrays import Array
 
 SMALL = Camera(320, 240, 262.5, 262.5, 159.5, 119.5)
 START = Stamp(1_700_000_000_000_000_000)
@@ -26,6 +26,13 @@ class PaintedRoom:
 
     def render(self, camera: Camera, T_room_camera: Array) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
         """Return grey image and depth (mm) of a camera in the room."""
+        key = f"{astuple(self)} {astuple(camera)} {T_room_camera.tobytes().hex()}"
+        images = drawn.kept(
+            key, lambda: dict(zip(("grey", "depth_mm"), self._draw(camera, T_room_camera), strict=True))
+        )
+        return images["grey"], images["depth_mm"]
+
+    def _draw(self, camera: Camera, T_room_camera: Array) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
         rays = Lens.of(camera).rays.reshape(-1, 2).astype(np.float64)
         directions = np.column_stack([rays, np.ones(len(rays))]) @ T_room_camera[:3, :3].T
         origin, size = T_room_camera[:3, 3], np.array(self.half_size)

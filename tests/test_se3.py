@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from odom.registration import se3
+from odom.geometry import se3
 
 tangents = arrays(np.float64, 6, elements=st.floats(-1.7, 1.7, allow_nan=False))
 

@@ -6,7 +6,7 @@ from odom.backend.estimate import ClosingTest, Estimate, Features, LoopCandidate
 from odom.backend.settings import OdometrySettings
 
 if TYPE_CHECKING:
-    from odom.backend.odometry import Odometry
+    from odom.backend.odometry.odometry import Odometry
 
 __all__ = [
     "ClosingTest",
@@ -24,7 +24,7 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """Import the odometry on first use: processes that only read estimates do not load the compiler."""
     if name == "Odometry":
-        from odom.backend.odometry import Odometry
+        from odom.backend.odometry.odometry import Odometry
 
         return Odometry
     raise AttributeError(name)

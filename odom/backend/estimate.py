@@ -4,12 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, unique
 
-import numpy as np
-from numpy.typing import NDArray
-
 from odom.frame import Stamp
-
-Array = NDArray[np.float64]
+from odom.frame.brief import brief
+from odom.geometry.arrays import Array
 
 
 @unique
@@ -22,17 +19,19 @@ class State(Enum):
     RECOVERED = "RECOVERED"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RelativePose:
-    """The pose of the current frame in an earlier one, with its 6 x 6 covariance (see `registration.se3`)."""
+    """The pose of the current frame in an earlier one, with its 6 x 6 covariance (see `geometry.se3`)."""
 
     stamp_earlier: Stamp
     T_earlier_current: Array
     covariance: Array
     inliers: int = 0
 
+    __repr__ = brief
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class LoopCandidate:
     """One place that looked like an earlier one, and what became of it."""
 
@@ -43,26 +42,44 @@ class LoopCandidate:
     reason: str
     T_candidate_current: Array | None = None
 
+    __repr__ = brief
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Features:
-    """The tracked features of a frame, for eyes: n x 2 pixels and n normalised residuals (NaN: not used)."""
+    """The tracked features of a frame, for display: `uv` (n x 2 px) and n normalised residuals (NaN: not used)."""
 
     uv: Array
     residual_sigma: Array
 
+    __repr__ = brief
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TrajectoryPose:
+    """A pose of the corrected trajectory, in `map`; `T_map_camera` is None where the camera was LOST.
+
+    Poses of different segments have nothing to do with each other.
+    """
+
+    stamp: Stamp
+    T_map_camera: Array | None
+    segment: int
+
+    __repr__ = brief
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Estimate:
     """The causal estimate for one frame, as published.
 
-    `T_odom_camera` is continuous within a segment and None when LOST; `covariance` (6 x 6, `se3` convention, in
-    the camera frame) is that of `T_odom_camera` since the segment began. `T_map_odom` carries the corrections of
-    loop closures. `step` is the published pose relative to the previous frame's, `second` relative to the frame
-    about one second earlier, both with the covariance that the published trajectory claims for them; `pairwise`
-    is the paper's independent registration of (C_i, C_i+1). `path` lists (stamp, T_map_camera) of the key frames
-    whenever they have changed, else None; `landmarks_map` (m x 3, map frame) is a cloud for eyes, sent with it.
-    `timings_ms` is the processing time a stage.
+    `T_odom_camera` is continuous within a segment and None when LOST; `covariance` (6 x 6, `se3` convention, camera
+    frame) is that of `T_odom_camera` since the segment began. `T_map_odom` holds the corrections by loop closures.
+    `step` is the published pose relative to the previous frame's, `second` relative to the one about a second earlier,
+    both with the covariance that the published trajectory claims for them; `pairwise` is the paper's independent
+    registration of (C_i, C_i+1). `path` lists the key frames' poses whenever they have changed, else None;
+    `landmarks_map` (m x 3, map frame) is a thinned cloud of landmarks for display, sent with it. `timings_ms` is the
+    processing time of each stage.
     """
 
     sequence: int
@@ -82,21 +99,14 @@ class Estimate:
     pairwise: RelativePose | None = None
     loops: tuple[LoopCandidate, ...] = ()
     features: Features | None = None
-    path: tuple[tuple[Stamp, Array], ...] | None = None
+    path: tuple[TrajectoryPose, ...] | None = None
     landmarks_map: Array | None = None
     timings_ms: Mapping[str, float] = field(default_factory=dict)
 
-
-@dataclass(frozen=True, eq=False)
-class TrajectoryPose:
-    """One line of the final corrected trajectory; `T_map_camera` is None where the camera was LOST."""
-
-    stamp: Stamp
-    T_map_camera: Array | None
-    segment: int
+    __repr__ = brief
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ClosingTest:
     """The paper's test of a closed walk: the last frame registered against its predecessor and against the first.
 
@@ -110,3 +120,5 @@ class ClosingTest:
     disagreement_m: float
     disagreement_deg: float
     disagreement_sigma: float
+
+    __repr__ = brief

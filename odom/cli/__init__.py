@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+import odom
 from odom.cli import logs
 from odom.cli.bench import bench
 from odom.cli.config import config
@@ -24,12 +25,12 @@ from odom.cli.sensor import sensor
 from odom.cli.serve import serve
 from odom.cli.view import view
 from odom.errors import ConfigError, OdomError
-from odom.service.children import end_with_parent
+from odom.service.child_process import end_with_parent
 
 app = typer.Typer(
     help="RGB-D odometry as a streaming service.",
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
 app.command("run")(run)
@@ -50,8 +51,17 @@ app.add_typer(bench, name="bench")
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
+def _print_version(is_asked: bool) -> None:
+    if is_asked:
+        typer.echo(f"odom {odom.__version__}")
+        raise typer.Exit
+
+
 @app.callback()
 def root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and end.")
+    ] = False,
     log_json: Annotated[
         bool, typer.Option("--log-json", envvar=logs.JSON_ENVIRONMENT, help="Log one JSON object a line.")
     ] = False,
@@ -81,7 +91,7 @@ def main() -> None:
         os.environ.setdefault(name, "1")
     end_with_parent()
     try:
-        app()
+        app(prog_name="odom")
     except ConfigError as error:
         print(f"odom: {error}", file=sys.stderr)
         sys.exit(2)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from odom.evaluation.calibration import CalibrationOptions
+    from odom.evaluation.mocap_calibration import CalibrationOptions
 
 AUTO, OFF = "auto", "off"
 
@@ -60,11 +60,11 @@ def evaluate(
     from odom.cli.trajectories import read_estimate, read_truth
     from odom.evaluation import EvaluationOptions
     from odom.evaluation import evaluate as judge
-    from odom.evaluation.calibration import calibrate
-    from odom.evaluation.noise import truth_noise, widened
-    from odom.evaluation.plot import plot as draw
+    from odom.evaluation.mocap_calibration import calibrate
     from odom.evaluation.relative import read_relative, relative_nees
-    from odom.evaluation.run import calibration_fields, error_fields, remarks
+    from odom.evaluation.run_report import calibration_fields, error_fields, remarks
+    from odom.evaluation.trajectory_plot import plot as draw
+    from odom.evaluation.truth_noise import truth_noise, widened
 
     estimated = read_estimate(estimate, times=times, topic=topic)
     true, foreign = read_truth(
@@ -111,8 +111,8 @@ def _print_calibration(fields: dict[str, object], correlation: float) -> None:
     )
     quaternion = " ".join(f"{v:+.5f}" for v in hand_eye["quaternion_xyzw"])
     sigma = " ".join(f"{v:.2f}" for v in hand_eye["sigma_deg"])
-    told = "imposed" if correlation != correlation else f"angular speeds correlate {correlation:.2f}"
-    print(f"time offset    {fields['time_offset_s']:+.4f} ± {fields['time_offset_sigma_s']:.4f} s ({told})")
+    how = "imposed" if correlation != correlation else f"angular speeds correlate {correlation:.2f}"
+    print(f"time offset    {fields['time_offset_s']:+.4f} ± {fields['time_offset_sigma_s']:.4f} s ({how})")
     print(f"hand-eye       camera in body, m: {metres}")
     print(f"               quaternion x y z w: {quaternion}, ± {sigma} deg")
 
@@ -124,7 +124,7 @@ def _calibration_options(
     from scipy.spatial.transform import Rotation
 
     from odom.errors import ConfigError
-    from odom.evaluation.calibration import CalibrationOptions
+    from odom.evaluation.mocap_calibration import CalibrationOptions
 
     time_offset, hand_eye = (value or (AUTO if foreign else OFF) for value in (time_offset, hand_eye))
     if time_offset == hand_eye == OFF:

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from odom.cli.options import Calibration, OwnTopics, SourceOption
+from odom.cli import signals
+from odom.cli.options import Calibration, OwnTopics, SourceOption, pairs
 from odom.wire.settings import Compression
 
 
@@ -28,10 +29,8 @@ def import_(
     """
     import cv2
 
-    from odom.cli import signals
-    from odom.cli.counting import counting
-    from odom.cli.wiring import pairs
     from odom.errors import RecordingError
+    from odom.service.progress import counting
     from odom.wire import Topics
     from odom.wire.recording import RecordingWriter
     from sensors.catalogue import open_source

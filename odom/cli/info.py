@@ -15,7 +15,7 @@ def info(file: Annotated[Path, typer.Argument(help="An .mcap recording or a ROS 
     """
     from odom.errors import ConfigError, RecordingError
     from odom.wire.codec.cdr import DIAGNOSTICS
-    from odom.wire.recording import assign_roles, open_reader
+    from odom.wire.recording import open_reader, select_streams
 
     reader = open_reader(file)
     streams = reader.streams()
@@ -36,7 +36,7 @@ def info(file: Annotated[Path, typer.Argument(help="An .mcap recording or a ROS 
             f"{size:9.2f} kB each"
         )
     try:
-        roles = assign_roles(streams, {}, need_calibration=False)
+        roles = select_streams(streams, {}, need_calibration=False)
         typer.echo(f"colour /{roles.color.topic}, depth /{roles.depth.topic}")
         camera = roles.camera()
         if roles.camera_info is None or camera is None:

@@ -1,9 +1,13 @@
-"""Arguments and options that several commands take, each said once."""
+"""Arguments and options that several commands take, and what they mean as settings."""
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
+
+from odom.errors import ConfigError
+from odom.wire.settings import WireSettings
 
 Config = Annotated[Path | None, typer.Option(help="YAML file of settings.")]
 Namespace = Annotated[str | None, typer.Option(help="Name of the device, first part of its keys.")]
@@ -24,3 +28,25 @@ OwnTopics = Annotated[
 SourceOption = Annotated[list[str] | None, typer.Option(help="A setting of the source itself: name=value.")]
 SimulatedSensor = Annotated[Literal["kinect1", "kinect2"], typer.Option("--sensor", help="What the arena simulates.")]
 Rate = Annotated[float, typer.Option(min=0.001, help="Speed of --realtime.")]
+
+
+def wire_settings(
+    config: Path | None,
+    connect: Sequence[str] | None,
+    listen: Sequence[str] | None,
+    mode: str | None,
+    namespace: str | None,
+) -> WireSettings:
+    """Return the session's settings; see `part_settings`."""
+    from odom.service.settings_sources import part_settings
+
+    given = {"connect": connect or None, "listen": listen or None, "mode": mode, "namespace": namespace}
+    return part_settings("wire", WireSettings, config, given)
+
+
+def pairs(option: str, values: Iterable[str] | None) -> tuple[tuple[str, str], ...]:
+    """Split `name=value` arguments; raises ConfigError for one without `=`."""
+    split = tuple((name, value) for name, _, value in (text.partition("=") for text in values or ()))
+    if any(not name or not value for name, value in split):
+        raise ConfigError(f"{option} {' '.join(values or ())}: give name=value")
+    return split

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from odom.cli.options import Config, Connect, Listen, Mode, Namespace
+from odom.cli import signals
+from odom.cli.options import Config, Connect, Listen, Mode, Namespace, wire_settings
 from odom.wire.settings import Compression
 
 
@@ -36,11 +37,9 @@ def record(
 
     Example: odom record session.mcap
     """
-    from odom.cli import signals
-    from odom.cli.counting import counting
-    from odom.cli.wiring import wire_settings
+    from odom.service.progress import counting
     from odom.wire import Topics
-    from odom.wire.footprint import give_back_large_blocks
+    from odom.wire.allocator import give_back_large_blocks
     from odom.wire.recorder import Recorder
     from odom.wire.recording import RecordingWriter
     from odom.wire.session import open_session

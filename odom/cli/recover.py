@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from odom.cli import signals
+
 
 def recover(
     damaged: Annotated[Path, typer.Argument(help="The recording that was cut by a crash or is damaged.")],
@@ -17,8 +19,7 @@ def recover(
 
     Example: odom recover crashed.mcap mended.mcap
     """
-    from odom.cli import signals
-    from odom.cli.counting import counting
+    from odom.service.progress import counting
     from odom.wire.recording import recover as mend
 
     stop = signals.stop_event()

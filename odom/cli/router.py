@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from odom.cli.options import Config, Listen
+from odom.cli import signals
+from odom.cli.options import Config, Listen, wire_settings
 
 
 def router(
@@ -24,8 +25,6 @@ def router(
 
     Example: odom --tls router.pem router.key ca.pem router --listen tls/0.0.0.0:7447 --allow sensor.cam0 --allow viewer
     """
-    from odom.cli import signals
-    from odom.cli.wiring import wire_settings
     from odom.wire.router import run_router
     from odom.wire.settings import LOCAL
 

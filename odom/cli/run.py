@@ -6,24 +6,11 @@ from typing import Annotated, Any
 
 import typer
 
-from odom.cli.options import (
-    Calibration,
-    Config,
-    End,
-    Namespace,
-    OwnTopics,
-    Rate,
-    Seconds,
-    Seed,
-    SimulatedSensor,
-    SourceName,
-    SourceOption,
-    Start,
-)
+from odom.cli import logs, options, signals
 
 
 def run(
-    source: SourceName = "arena",
+    source: options.SourceName = "arena",
     out: Annotated[
         Path | None,
         typer.Option(help="Folder of the run's files; without it one below out/ named for source and time."),
@@ -34,22 +21,22 @@ def run(
     stay: Annotated[bool, typer.Option("--stay", help="Keep the viewer open until Ctrl-C.")] = False,
     record: Annotated[Path | None, typer.Option(help="Record the session to this .mcap file meanwhile.")] = None,
     chain: Annotated[bool, typer.Option("--chain", help="Also write the paper's pairwise chain to chain.txt.")] = False,
-    camera: Calibration = None,
-    start: Start = 0.0,
-    end: End = None,
+    camera: options.Calibration = None,
+    start: options.Start = 0.0,
+    end: options.End = None,
     realtime: Annotated[bool, typer.Option("--realtime", help="Play a recording like a live sensor.")] = False,
-    rate: Rate = 1.0,
+    rate: options.Rate = 1.0,
     live: Annotated[bool, typer.Option("--live", help="Run the arena like a live sensor.")] = False,
-    seconds: Seconds = None,
-    seed: Seed = 1,
-    topic: OwnTopics = None,
-    option: SourceOption = None,
-    kind: SimulatedSensor = "kinect1",
+    seconds: options.Seconds = None,
+    seed: options.Seed = 1,
+    topic: options.OwnTopics = None,
+    option: options.SourceOption = None,
+    kind: options.SimulatedSensor = "kinect1",
     sensor_option: Annotated[
         list[str] | None, typer.Option(help="A further argument of `odom sensor`, as in --sensor-option=--depth=rvl.")
     ] = None,
-    namespace: Namespace = None,
-    config: Config = None,
+    namespace: options.Namespace = None,
+    config: options.Config = None,
 ) -> None:
     """Track a source to its end or Ctrl-C, and leave trajectory, report and plot in a folder.
 
@@ -57,13 +44,11 @@ def run(
     """
     import os
 
-    from odom.cli import logs, signals
-
     stop = signals.stop_event()
-    from odom.service.run import RunPlan
-    from odom.service.run import run as run_all
+    from odom.service.local_run import RunPlan
+    from odom.service.local_run import run as run_all
     from odom.service.settings import load_settings
-    from odom.service.sources import CONFIG_ENVIRONMENT
+    from odom.service.settings_sources import CONFIG_ENVIRONMENT
 
     if config is not None:
         os.environ[CONFIG_ENVIRONMENT] = str(config.resolve())
@@ -104,8 +89,13 @@ def summarise(report: dict[str, Any], folder: Path) -> None:
     processing = report["processing_ms"]
     typer.echo(
         f"{report['tracked']} of {report['frames']} frames tracked ({report['completeness']:.1%}), "
-        f"{report['segments']} segment(s), {report['loop_closures']} loop closure(s)"
+        f"{len(report['segments'])} segment(s), {report['loop_closures']} loop closure(s)"
     )
+    if len(report["segments"]) > 1:
+        poses = [part["frames"] for part in report["segments"]]
+        typer.echo(
+            f"trajectory.txt is the largest of {len(poses)} parts never joined: {poses[0]} of {sum(poses)} poses"
+        )
     typer.echo(
         f"{report['fps']:.0f} frames/s, {processing['p50']:.1f} ms a frame (p99 {processing['p99']:.1f}), "
         f"{report['cpu_ms_per_frame']:.1f} ms CPU"

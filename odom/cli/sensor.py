@@ -4,49 +4,33 @@ from typing import Annotated, Literal
 
 import typer
 
-from odom.cli.options import (
-    Calibration,
-    Config,
-    Connect,
-    End,
-    Listen,
-    Mode,
-    Namespace,
-    OwnTopics,
-    Rate,
-    Seconds,
-    Seed,
-    SimulatedSensor,
-    SourceName,
-    SourceOption,
-    Start,
-)
+from odom.cli import options, signals
 
 
 def sensor(
-    source: SourceName,
-    camera: Calibration = None,
-    namespace: Namespace = None,
-    start: Start = 0.0,
-    end: End = None,
+    source: options.SourceName,
+    camera: options.Calibration = None,
+    namespace: options.Namespace = None,
+    start: options.Start = 0.0,
+    end: options.End = None,
     realtime: Annotated[bool, typer.Option(help="Play a recording like a live sensor: newest frame wins.")] = False,
-    rate: Rate = 1.0,
+    rate: options.Rate = 1.0,
     loop: Annotated[bool, typer.Option(help="Begin again at the end, stamps going on.")] = False,
     color: Annotated[Literal["jpeg", "raw"], typer.Option(help="How a live sensor sends colour.")] = "jpeg",
     depth: Annotated[Literal["raw", "rvl", "png"], typer.Option(help="How a live sensor sends depth.")] = "raw",
-    topic: OwnTopics = None,
-    option: SourceOption = None,
-    kind: SimulatedSensor = "kinect1",
-    seed: Seed = 1,
-    seconds: Seconds = None,
+    topic: options.OwnTopics = None,
+    option: options.SourceOption = None,
+    kind: options.SimulatedSensor = "kinect1",
+    seed: options.Seed = 1,
+    seconds: options.Seconds = None,
     live: Annotated[bool, typer.Option(help="Run the arena like a live sensor, at its frame rate.")] = False,
     consumers: Annotated[
         int | None, typer.Option(min=0, help="Wait for so many consumers first (recorded: 1, live: 0).")
     ] = None,
-    connect: Connect = None,
-    listen: Listen = None,
-    mode: Mode = None,
-    config: Config = None,
+    connect: options.Connect = None,
+    listen: options.Listen = None,
+    mode: options.Mode = None,
+    config: options.Config = None,
 ) -> None:
     """Publish a sensor, a folder or a recording.
 
@@ -56,9 +40,7 @@ def sensor(
     """
     import cv2
 
-    from odom.cli import signals
-    from odom.cli.counting import counting
-    from odom.cli.wiring import pairs, wire_settings
+    from odom.service.progress import counting
     from odom.wire import Topics
     from odom.wire.session import open_session
     from sensors.catalogue import open_source
@@ -67,8 +49,8 @@ def sensor(
 
     cv2.setNumThreads(1)
     stop = signals.stop_event()
-    settings = wire_settings(config, connect, listen, mode, namespace)
-    options = SourceOptions(
+    settings = options.wire_settings(config, connect, listen, mode, namespace)
+    selected = SourceOptions(
         topics=Topics(settings.namespace),
         camera=camera,
         start=start,
@@ -78,18 +60,18 @@ def sensor(
         loop=loop,
         color=color,
         depth=depth,
-        topics_from=pairs("--topic", topic),
+        topics_from=options.pairs("--topic", topic),
         sensor=kind,
         seed=seed,
         seconds=seconds,
         live=live,
-        extra=pairs("--option", option),
+        extra=options.pairs("--option", option),
     )
-    opened = open_source(source, options)
+    opened = open_source(source, selected)
     try:
         wanted = consumers if consumers is not None else int(opened.lossless)
         with open_session(settings) as session, counting("sensor", opened.length) as progress:
-            report = SensorProcess(session, opened, options, wanted).run(stop, progress)
+            report = SensorProcess(session, opened, selected, wanted).run(stop, progress)
     finally:
         opened.close()
     lost = f", {report.lost} messages lost by consumers" if report.lost else ""

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from odom.cli.options import Config, Connect, Listen, Mode, Namespace
+from odom.cli import signals
+from odom.cli.options import Config, Connect, Listen, Mode, Namespace, wire_settings
 
 
 def serve(
@@ -24,12 +25,9 @@ def serve(
 
     Example: odom serve --namespace cam0 --connect tcp/router.local:7447 --out today
     """
-    from odom.cli import signals
-
     stop = signals.stop_event()
-    from odom.cli.wiring import wire_settings
-    from odom.service.files import RunFiles
-    from odom.service.odometry import serve as run_odometry
+    from odom.service.odometry_process import serve as run_odometry
+    from odom.service.result_files import RunFiles
     from odom.service.settings import load_settings
 
     wire = wire_settings(config, connect, listen, mode, namespace)

@@ -1,5 +1,6 @@
-"""How a process is asked to end: SIGINT and SIGTERM set an event, a second one ends it at once."""
+"""How a process is asked to end: the first SIGINT or SIGTERM sets an event, the second ends it at once."""
 
+import atexit
 import signal
 import threading
 from types import FrameType
@@ -8,7 +9,8 @@ from types import FrameType
 def stop_event() -> threading.Event:
     """Return an event that the first SIGINT or SIGTERM sets; the second has its default effect.
 
-    Only the main thread may call this.
+    Only the main thread may call this. While the interpreter shuts down, SIGTERM is ignored: it would replace the exit
+    status, and a parent that has just asked for the end would take a failure for an end on request.
     """
     stop = threading.Event()
 
@@ -18,4 +20,5 @@ def stop_event() -> threading.Event:
 
     signal.signal(signal.SIGINT, handle)
     signal.signal(signal.SIGTERM, handle)
+    atexit.register(signal.signal, signal.SIGTERM, signal.SIG_IGN)
     return stop

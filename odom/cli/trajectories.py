@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.errors import SourceError
-from odom.evaluation.files import read_kitti, read_tum
+from odom.evaluation.files import read_kitti, read_run, read_tum
 from odom.evaluation.motive import read_motive
-from odom.evaluation.run import CAMERA, body_of
+from odom.evaluation.run_report import CAMERA, body_of
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Stamp
 
@@ -24,7 +24,7 @@ _TRUTH = "truth/"
 def read_estimate(path: Path, *, times: Path | None, topic: str) -> Trajectory:
     """Return the estimate in a TUM or KITTI file, a recording's topic, or a folder that `odom run` left."""
     if path.is_dir() and (path / "trajectory.txt").is_file():
-        path = path / "trajectory.txt"
+        return read_run(path)
     if _is_recording(path):
         return _from_recording(path, topic)[0]
     return read_kitti(path, times) if times and _columns(path) == 12 else _text(path)

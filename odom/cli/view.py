@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from odom.cli.options import Config, Connect, Listen, Mode, Namespace
+from odom.cli import signals
+from odom.cli.options import Config, Connect, Listen, Mode, Namespace, wire_settings
 
 
 def view(
@@ -29,11 +30,10 @@ def view(
     """
     import cv2
 
-    from odom.cli import signals
-    from odom.cli.wiring import part_settings, wire_settings
+    from odom.service.settings_sources import part_settings
     from odom.viewer import ViewerSettings
     from odom.viewer.outputs import choose
-    from odom.viewer.process import view as show
+    from odom.viewer.viewer_process import view as show
 
     cv2.setNumThreads(1)
     stop = signals.stop_event()

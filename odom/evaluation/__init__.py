@@ -1,7 +1,7 @@
 """How good a trajectory is: time matching, alignment, metrics, calibration against motion capture.
 
 `evaluate(estimate, truth)` gives a `Report`; the modules below it are pure functions on arrays. Reading and writing
-files is in `odom.evaluation.files` and `odom.evaluation.relative`, drawing in `odom.evaluation.plot`.
+files is in `odom.evaluation.files` and `odom.evaluation.relative`, drawing in `odom.evaluation.trajectory_plot`.
 """
 
 from odom.evaluation.alignment import Alignment, align

@@ -6,20 +6,21 @@ S. Umeyama, "Least-squares estimation of transformation parameters between two p
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from odom.errors import InputError
-
-Array = NDArray[np.float64]
+from odom.geometry.arrays import Array
 
 _MINIMUM = 3
+"""Points that determine a rotation."""
 _STRAIGHT = 0.02
+"""Spread across a path, as a share of that along it, below which positions do not determine the turn about it."""
 _STILL_M = 0.005
+"""Spread of positions below which noise of truth and estimate decides about the rotation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """The motion that maps estimated positions onto true ones, and what the data could not tell.
+    """The motion that maps estimated positions onto true ones, and what the positions do not determine.
 
     `spread_m` holds the standard deviations of the true positions along their three principal axes, largest first;
     `notes` says in plain words when they make the alignment degenerate.

@@ -1,31 +1,31 @@
-"""How an odometry's errors hang together in time, learnt from themselves, and the filter that undoes it.
+"""A first-order model of how an odometry's errors drift, learnt from the errors, and the filter that whitens them.
 
-The error of a pose is a share of that of the pose before it, carried along by the camera's motion, and something new
+The error of a pose is a share of the previous pose's error, carried along by the camera's motion, plus something new
 (D. Cochrane and G. Orcutt, "Application of least squares regression to relationships containing auto-correlated error
-terms", 1949). The share is one number, so that the model says the same in whichever frame on the camera the errors are
-given: an error is a motion, not a turn and a step. What is new has a full covariance: seen from a camera, a small turn
-looks like a small step, so they err together as if the camera hung on a lever arm.
+terms", 1949). The share is a single number, so that the model is the same in whichever frame on the camera the errors
+are given. What is new has a full 6 x 6 covariance, because rotation and translation err together: to a camera, a small
+turn looks like a small step.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from odom.evaluation.trajectory import inverse_all
-from odom.registration import se3
+from odom.evaluation.truth_noise import NORMAL_MAD
+from odom.geometry import se3
+from odom.geometry.arrays import Array
 
-Array = NDArray[np.float64]
-
-_WILD = 5.0 * 1.4826
+_WILD = 5.0 * NORMAL_MAD
+"""Errors are clipped at five standard deviations: fewer clip the drift itself, more let jumps of the truth in."""
 
 
 @dataclass(frozen=True, eq=False)
 class Whitener:
     """Makes errors of n poses (twists in the camera's frame) white and of unit variance.
 
-    `kept` (n - 1 x 6 x 6) maps a pose's error onto its share in the next one's; `inverse_root` (6 x 6) makes what is
-    new in that white.
+    `kept` (n - 1 x 6 x 6) maps a pose's error onto its share in the next one's; `inverse_root` (6 x 6) whitens
+    the rest, which is new.
     """
 
     kept: Array
@@ -33,7 +33,7 @@ class Whitener:
 
     @classmethod
     def alike(cls, count: int, sigma: float) -> "Whitener":
-        """Return that of `count` independent errors of one standard deviation (m and rad)."""
+        """Return the whitener of `count` independent errors of one standard deviation (m and rad)."""
         return cls(np.zeros((count - 1, 6, 6)), np.eye(6) / sigma)
 
     @classmethod

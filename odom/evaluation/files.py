@@ -1,58 +1,74 @@
-"""Trajectories as text files: TUM, KITTI and Motive's CSV."""
+"""Trajectories as text files: TUM's format, KITTI's, and the folder of a run."""
 
 import re
-from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from odom.errors import SourceError
-from odom.evaluation.trajectory import Trajectory
+from odom.evaluation.trajectory import Stamps, Trajectory
+from odom.frame import from_seconds
+from odom.geometry.arrays import Array
 
-Array = NDArray[np.float64]
-
+_ROTATION_TOLERANCE, _LENGTH_TOLERANCE = 1e-2, 0.1
+"""How far a rotation matrix and a quaternion may be off by rounding: a wrong order of columns is off by far more."""
 _SEGMENT = re.compile(r"#\s*segment\s+(\d{1,9})\s*$")
 
 
-def nanoseconds(text: str) -> int:
-    """Return the nanoseconds of decimal seconds, exponents allowed, without passing through a float.
+def read_rows(
+    path: Path, what: str, stamps: int, values: int | None, *, may_be_cut: bool = False
+) -> tuple[Stamps, Array, list[int]]:
+    """Return n x `stamps` (ns) and n x `values` numbers of a text file, and their line numbers; `#` starts a comment.
 
-    Raises InvalidOperation, ValueError or OverflowError (64 bits).
+    Fields are parted by blanks or commas; what follows the stamps is skipped when `values` is None. `may_be_cut`
+    leaves out a last line that is too short. Raises SourceError naming the line that is not `what`.
     """
-    value = Decimal(text)
-    if value.is_finite() and abs(value) > 9_000_000_000:
-        raise OverflowError(f"{text} seconds")
-    return int((value * 1_000_000_000).to_integral_value())
+    when, numbers, lines = [], [], []
+    text = text_of(path).splitlines()
+    for number, line in enumerate(text, 1):
+        fields = line.split("#", 1)[0].replace(",", " ").split()
+        is_short = values is not None and len(fields) < stamps + values
+        if not fields or (may_be_cut and is_short and number == len(text)):
+            continue
+        try:
+            if values is not None and len(fields) != stamps + values:
+                raise ValueError(f"{len(fields)} fields")
+            when.append([from_seconds(field) for field in fields[:stamps]])
+            numbers.append([float(field) for field in fields[stamps:]] if values is not None else [])
+        except ValueError as error:
+            raise SourceError(f"{path}:{number}: not {what} ({error})") from error
+        lines.append(number)
+    n = len(lines)
+    return np.array(when, dtype=np.int64).reshape(n, stamps), np.array(numbers).reshape(n, values or 0), lines
 
 
 def read_tum(path: Path) -> Trajectory:
-    """Read `stamp tx ty tz qx qy qz qw` lines (seconds, metres); `#` starts a comment.
-
-    A comment `# segment N`, as `odom run` writes it, begins a segment.
+    """Read lines of `stamp tx ty tz qx qy qz qw` (seconds, metres); a comment `# segment N` begins a segment.
 
     Raises SourceError naming the line that cannot be read.
     """
-    stamps: list[int] = []
-    values: list[list[float]] = []
-    segments: list[int] = []
-    segment = 0
-    for number, line in enumerate(_text(path).splitlines(), 1):
-        begun = _SEGMENT.match(line)
-        segment = int(begun[1]) if begun else segment
-        fields = line.split("#", 1)[0].replace(",", " ").split()
-        if not fields:
-            continue
-        try:
-            if len(fields) != 8:
-                raise ValueError(f"{len(fields)} fields")
-            stamps.append(nanoseconds(fields[0]))
-            values.append([float(field) for field in fields[1:]])
-            segments.append(segment)
-        except (ValueError, InvalidOperation, OverflowError) as error:
-            raise SourceError(f"{path}:{number}: not a pose `stamp tx ty tz qx qy qz qw` ({error})") from error
-    return trajectory_of(path, stamps, np.array(values).reshape(-1, 7), segments)
+    stamps, values, lines = read_rows(path, "a pose `stamp tx ty tz qx qy qz qw`", 1, 7)
+    marks = [
+        (n, int(found[1])) for n, line in enumerate(text_of(path).splitlines(), 1) if (found := _SEGMENT.match(line))
+    ]
+    begins, names = np.array([(0, 0), *marks]).T
+    return trajectory_of(path, stamps, values, names[np.searchsorted(begins, lines) - 1])
+
+
+def read_run(folder: Path) -> Trajectory:
+    """Read the corrected trajectory that `odom run` left in a folder, with the parts that were never joined to it.
+
+    Raises SourceError like `read_tum`.
+    """
+    parts = [read_tum(path) for path in (folder / "trajectory.txt", *sorted(folder.glob("trajectory-segment-*.txt")))]
+    if len(parts) == 1:
+        return parts[0]
+    stamps = np.concatenate([part.stamps for part in parts])
+    order = np.argsort(stamps)
+    segment = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    T = np.concatenate([part.T_world_body for part in parts])
+    return Trajectory(stamps[order], T[order], segment[order])
 
 
 def read_kitti(path: Path, times: Path) -> Trajectory:
@@ -60,47 +76,41 @@ def read_kitti(path: Path, times: Path) -> Trajectory:
 
     Raises SourceError when a line cannot be read, the counts differ or a rotation is none.
     """
-    rows, stamps = [], []
-    for number, line in enumerate(_text(path).splitlines(), 1):
-        try:
-            if line.split():
-                rows.append(np.array([float(field) for field in line.split()]).reshape(3, 4))
-        except ValueError as error:
-            raise SourceError(f"{path}:{number}: not a pose of twelve numbers ({error})") from error
-    for number, line in enumerate(_text(times).splitlines(), 1):
-        try:
-            if line.split():
-                stamps.append(nanoseconds(line.split()[0]))
-        except (InvalidOperation, OverflowError, ValueError) as error:
-            raise SourceError(f"{times}:{number}: not a time in seconds") from error
-    if len(rows) != len(stamps):
-        raise SourceError(
-            f"{path} has {len(rows)} poses but {times} has {len(stamps)} times: give the poses' own times"
-        )
-    P = np.array(rows).reshape(-1, 3, 4)
-    if len(P) and not np.allclose(P[:, :, :3] @ P[:, :, :3].transpose(0, 2, 1), np.eye(3), atol=1e-2):
+    P = read_rows(path, "a pose of twelve numbers", 0, 12)[1].reshape(-1, 3, 4)
+    stamps = read_rows(times, "a time in seconds", 1, None)[0]
+    if len(P) != len(stamps):
+        raise SourceError(f"{path} has {len(P)} poses but {times} has {len(stamps)} times: give the poses' own times")
+    if not np.allclose(P[:, :, :3] @ P[:, :, :3].transpose(0, 2, 1), np.eye(3), atol=_ROTATION_TOLERANCE):
         raise SourceError(f"{path}: the left 3 x 3 of a pose is not a rotation")
     quaternions = Rotation.from_matrix(P[:, :, :3]).as_quat() if len(P) else np.zeros((0, 4))
     return trajectory_of(path, stamps, np.column_stack([P[:, :, 3], quaternions]))
 
 
-def trajectory_of(
-    path: Path, stamps: list[int], translation_quaternion: Array, segments: list[int] | None = None
-) -> Trajectory:
-    """Return the trajectory of n stamps (ns) and n x 7 values (t, q as x y z w), sorted, repeated stamps dropped.
+def trajectory_of(path: Path, stamps: Stamps, values: Array, segments: Stamps | None = None) -> Trajectory:
+    """Return the trajectory of n stamps (ns) and n x 7 values (see `poses_of`), sorted, repeated stamps dropped.
 
-    Raises SourceError when a value is not finite or a quaternion has no length.
+    Raises SourceError like `poses_of`.
     """
-    norms = np.linalg.norm(translation_quaternion[:, 3:], axis=1)
-    if not np.isfinite(translation_quaternion).all() or (np.abs(norms - 1.0) > 0.1).any():
+    T = poses_of(path, values)
+    unique, first = np.unique(stamps, return_index=True)
+    several = segments is not None and len(set(segments.tolist())) > 1
+    return Trajectory(unique, T[first], segments[first] if segments is not None and several else None)
+
+
+def poses_of(path: Path, values: Array) -> Array:
+    """Return n x 4 x 4 poses of n x 7 values `tx ty tz qx qy qz qw`, which were read from `path`.
+
+    Raises SourceError when a value is not finite or a quaternion's length is not about one.
+    """
+    T = np.tile(np.eye(4), (len(values), 1, 1))
+    if not len(values):
+        return T
+    lengths = np.linalg.norm(values[:, 3:], axis=1)
+    if not np.isfinite(values).all() or (np.abs(lengths - 1.0) > _LENGTH_TOLERANCE).any():
         raise SourceError(f"{path}: a pose is not finite or its quaternion has not length one")
-    T = np.tile(np.eye(4), (len(stamps), 1, 1))
-    if stamps:
-        T[:, :3, :3] = Rotation.from_quat(translation_quaternion[:, 3:]).as_matrix()
-    T[:, :3, 3] = translation_quaternion[:, :3]
-    unique, first = np.unique(np.array(stamps, dtype=np.int64), return_index=True)
-    several = np.array(segments)[first] if segments and len(set(segments)) > 1 else None
-    return Trajectory(unique, T[first], several)
+    T[:, :3, :3] = Rotation.from_quat(values[:, 3:]).as_matrix()
+    T[:, :3, 3] = values[:, :3]
+    return T
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
@@ -113,7 +123,8 @@ def write_tum(path: Path, trajectory: Trajectory) -> None:
             file.write(f"{seconds} " + " ".join(f"{value:.9f}" for value in (*t, *q)) + "\n")
 
 
-def _text(path: Path) -> str:
+def text_of(path: Path) -> str:
+    """Return the content of a text file; raises SourceError when it cannot be read."""
     try:
         return path.read_text()
     except (OSError, UnicodeDecodeError) as error:

@@ -2,43 +2,50 @@
 
 Model: `T_world_body(t + offset) @ T_body_camera = T_world_odom @ T_odom_camera(t) @ exp(error(t))` for every frame t
 (hand-eye form A X = Y B; F. Dornaika and R. Horaud, "Simultaneous robot-world and hand-eye calibration", 1998), where
-the error drifts (`drift`). Neighbouring frames are averaged: what is quicker than a sixth of a second tells nothing of
-a body carried by hand.
+the error drifts (`drift`). Errors are averaged over groups of neighbouring frames.
+
+The constants were chosen on arena recordings with marker bodies, whose true calibration is known: such that errors
+stay within the claimed standard deviations (tests/evaluation/test_calibration.py and test_arena_truth.py).
 """
 
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from odom.evaluation.alignment import align
 from odom.evaluation.drift import Whitener
+from odom.evaluation.sandwich import sandwich_sigma
 from odom.evaluation.trajectory import Trajectory, inverse_all
-from odom.registration import se3
-
-Array = NDArray[np.float64]
+from odom.geometry import se3
+from odom.geometry.arrays import Array, Mask
 
 MINIMUM = 20
 """Poses that a calibration needs at least."""
 
 _WHITENINGS = 4
-_ITERATIONS = 30
-_CONVERGED = 1e-6
-_GROUP_S = 1.0 / 6.0
-_GROUPS = 100
+"""Rounds of learning the errors' model and solving anew; after three nothing moves any more."""
+_ITERATIONS, _CONVERGED = 30, 1e-6
+"""Gauss-Newton steps at most (some six are needed), ended by a smaller step (m, rad, s)."""
+_GROUP_S, _GROUPS = 1.0 / 6.0, 100
+"""Length of a group of frames, and the number of groups that is kept in a short recording: a body carried by hand
+moves too slowly for shorter groups to say more; longer ones blur its motion."""
 _BLOCK_S = 5.0
+"""Errors are taken to hang together for so long: a shorter time claims too much, a longer one leaves few blocks."""
 _WILD = 15.0
-"""Distance from the median, over the median distance, from which on a frame's truth is not believed."""
-
+"""Distance from the median, over the median distance, beyond which a frame's truth is not believed: smaller leaves
+out brisk motion, larger lets a jump of the motion capture spoil its group."""
 _LEASH_S = 0.025
+"""How far the offset may move from that of the angular speeds, which is good to a few milliseconds."""
 _DERIVATIVE_S = 0.01
+"""Step of the numerical derivative by the offset: the period of 100 Hz truth, between whose samples it is linear."""
 _CAUCHY = 24.0
-"""Square of the whitened residual (6 on average) at which a group's weight is halved."""
-
+"""Squared whitened residual (6 on average) that halves a group's weight: smaller wastes data, larger lets jumps in."""
 _ROUGH = 0.01
+"""First guess of the errors' standard deviation (m and rad), used to choose a start and replaced by what is learnt."""
 _PRIOR_SIGMA = np.array([1.0] * 3 + [3.0] * 3 + [np.inf] * 6 + [0.05])
+"""Weak knowledge of X (m, rad: the camera is within metres of the markers) and of the offset (s), none of Y."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,20 +59,19 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class HandEye:
-    """The frames that have truth within reach of the offset, and which of X (6), Y (6), offset (1) are free.
+    """The frames, which have truth 40 ms before and after them too, and which of X (6), Y (6), offset (1) are free.
 
-    `offset_s` is good to a few milliseconds; every frame has truth 40 ms before and after it too. `imposed` is the
-    `T_body_camera` when that is not free.
+    `offset_s` is a first guess, good to a few milliseconds; `imposed` is the `T_body_camera` when that is not free.
     """
 
     estimate: Trajectory
     truth: Trajectory
     offset_s: float
     imposed: Array | None
-    free: NDArray[np.bool_]
+    free: Mask
 
     def solve(self) -> tuple[State, Array]:
-        """Return the solution and 13 standard deviations, with the model of the errors learnt from themselves."""
+        """Return the solution and 13 standard deviations; the model of the errors is learnt from the errors."""
         rough = Whitener.alike(len(self.estimate) // self._group, _ROUGH)
         state = min((self._refine(start, rough) for start in self._starts()), key=lambda s: self._cost(s, rough))
         tame = self._tame(state)
@@ -92,7 +98,7 @@ class HandEye:
         return self.truth.at(self.estimate.stamps + round(offset_s * 1e9), np.inf)[0]
 
     def _starts(self) -> list[State]:
-        """Return states to start from: hand-eye rotation by relative rotations, by positions, and none."""
+        """Return three states to start from: the hand-eye rotation by relative rotations, by positions, or none."""
         W, C = self._body(self.offset_s), self.estimate.T_world_body
         if self.imposed is not None:
             hands = [self.imposed]
@@ -113,17 +119,20 @@ class HandEye:
         return states
 
     def _apart(self, state: State, offset_s: float) -> Array:
-        """Return n x 6: the frames' errors (m, rad), each in the camera's frame as estimated."""
+        """Return the errors of n frames, n x 6 (m, rad), each in its estimated camera frame."""
         camera = self._body(offset_s) @ state.T_body_camera
         step = inverse_all(state.T_world_odom @ self.estimate.T_world_body) @ camera
         return np.column_stack([step[:, :3, 3], Rotation.from_matrix(step[:, :3, :3]).as_rotvec()])
 
     def _errors(self, state: State) -> Array:
-        """Return m x 6: the groups' errors."""
+        """Return the errors of m groups, m x 6."""
         return _averaged(self._apart(state, state.offset_s), self._group)
 
     def _jacobian(self, state: State) -> Array:
-        """Return m x 6 x k: by X exp(xi), by (turn of R_Y about the world's axes, shift of t_Y), by the offset."""
+        """Return the errors' derivatives (m x 6 x k) by the free ones of 13 unknowns.
+
+        These are xi of X exp(xi), the turn of R_Y about the world's axes, the shift of t_Y, and the offset.
+        """
         R_camera_world = (state.T_world_odom[:3, :3] @ self.estimate.T_world_body[:, :3, :3]).transpose(0, 2, 1)
         turned_points = self.estimate.positions @ state.T_world_odom[:3, :3].T
         J = np.zeros((len(self.estimate), 6, 13))
@@ -167,18 +176,11 @@ class HandEye:
         return float(np.log1p(np.square(r).sum(axis=1) / _CAUCHY).sum())
 
     def _sigma(self, state: State, whiten: Whitener) -> Array:
-        """Return 13 standard deviations: the larger of the plain and the block sandwich estimate.
-
-        The latter stays honest when the model of the errors is not exact (W. Newey and K. West, 1987), for errors that
-        hang together for less than a block's 5 s.
-        """
+        """Return 13 standard deviations, 0 of what is not free; blocks of errors that hang together last 5 s."""
         H, _, scores = self._normal_equations(state, whiten)
-        bread = np.linalg.inv(H)
         per_block = max(1, round(_BLOCK_S * len(scores) / max(self.estimate.duration_s, 1e-3)))
-        blocks = np.array([part.sum(axis=0) for part in np.array_split(scores, max(len(scores) // per_block, 2))])
-        meat = blocks.T @ blocks * len(blocks) / (len(blocks) - 1)
         out = np.zeros(13)
-        out[self.free] = np.sqrt(np.maximum(np.diag(bread), np.diag(bread @ meat @ bread)))
+        out[self.free] = sandwich_sigma(H, scores, max(len(scores) // per_block, 2))
         return out
 
 

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from odom.errors import InputError
-from odom.evaluation.trajectory import Stamps, angles, inverse_all
-from odom.registration import se3
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from odom.evaluation.trajectory import Stamps, angles, inverse_all, nearest
+from odom.geometry import se3
+from odom.geometry.arrays import Array
 
 _LONGEST_STEP_PERIODS = 1.5
+"""Longest step of a frame: a lost frame makes it two periods long, jitter adds less than half of one."""
 NEES_BOUND_95 = float(chdtri(6, 0.05))
+"""95 % quantile of the chi-squared distribution with six degrees of freedom."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class RelativeError:
 
 @dataclass(frozen=True, eq=False)
 class Nees:
-    """Normalised estimation error squared, one value a relative pose; 6 on average when the covariance is honest."""
+    """Normalised estimation error squared of each relative pose; 6 on average when the covariance is honest."""
 
     values: Array
 
@@ -52,37 +52,31 @@ def rmse(errors: Array) -> float:
     return float(np.sqrt(np.mean(np.square(errors)))) if len(errors) else float("nan")
 
 
-def pairs_of_neighbours(stamps: Stamps) -> tuple[Indices, Indices]:
-    """Return the index pairs (i, i + 1) at most 1.5 median periods apart: a step over a hole is not one of a frame."""
+def pairs_of_neighbours(stamps: Stamps) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the index pairs (i, i + 1) at most 1.5 median periods apart, so that no step spans a hole."""
     steps = np.diff(stamps)
     index = np.flatnonzero(steps <= _LONGEST_STEP_PERIODS * np.median(steps)) if len(steps) else np.zeros(0, np.intp)
     return index, index + 1
 
 
-def pairs_apart(stamps: Stamps, seconds: float, tolerance_s: float) -> tuple[Indices, Indices]:
+def pairs_apart(stamps: Stamps, seconds: float, tolerance_s: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return the index pairs (i, j) with stamp j the nearest to stamp i + `seconds`, within `tolerance_s`."""
     if len(stamps) < 2:
         return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
     goal = stamps + np.int64(round(seconds * 1e9))
-    right = np.clip(np.searchsorted(stamps, goal), 1, len(stamps) - 1)
-    nearest = np.where(goal - stamps[right - 1] < stamps[right] - goal, right - 1, right)
-    good = (np.abs(stamps[nearest] - goal) <= tolerance_s * 1e9) & (nearest > np.arange(len(stamps)))
-    return np.flatnonzero(good), nearest[good]
+    later = nearest(stamps, goal)
+    good = (np.abs(stamps[later] - goal) <= tolerance_s * 1e9) & (later > np.arange(len(stamps)))
+    return np.flatnonzero(good), later[good]
 
 
-def relative_errors(
-    T_world_estimate: Array, T_world_truth: Array, earlier: Indices, later: Indices
-) -> tuple[Array, Array]:
-    """Return the translation (m) and rotation (rad) of `inverse(Q_i^-1 Q_j) (P_i^-1 P_j)` a pair (eq. 1)."""
+def relative_error(
+    T_world_estimate: Array, T_world_truth: Array, earlier: NDArray[np.intp], later: NDArray[np.intp]
+) -> RelativeError:
+    """Return the RMSE of `inverse(Q_i^-1 Q_j) (P_i^-1 P_j)` over index pairs (i, j), P estimated, Q true (eq. 1)."""
     P = inverse_all(T_world_estimate[earlier]) @ T_world_estimate[later]
     Q = inverse_all(T_world_truth[earlier]) @ T_world_truth[later]
     E = inverse_all(Q) @ P
-    return np.linalg.norm(E[:, :3, 3], axis=1), angles(E[:, :3, :3])
-
-
-def relative_error(T_world_estimate: Array, T_world_truth: Array, earlier: Indices, later: Indices) -> RelativeError:
-    """Return the RMSE of the relative errors over the given index pairs."""
-    metres, radians = relative_errors(T_world_estimate, T_world_truth, earlier, later)
+    metres, radians = np.linalg.norm(E[:, :3, 3], axis=1), angles(E[:, :3, :3])
     return RelativeError(rmse(metres), float(np.degrees(rmse(radians))), len(metres))
 
 

@@ -1,25 +1,27 @@
 """Files of relative poses with covariance, as `odom run --out` leaves them, and their NEES against truth.
 
 One line a frame: `stamp_earlier stamp_current tx ty tz qx qy qz qw c00 c01 .. c55`, the pose of the current frame in
-the earlier one and the upper triangle of its 6 x 6 covariance, row by row (`registration.se3` convention).
+the earlier one and the upper triangle of its 6 x 6 covariance, row by row (`geometry.se3` convention).
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from decimal import InvalidOperation
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
-from odom.errors import SourceError
-from odom.evaluation.files import nanoseconds
+from odom.evaluation.files import poses_of, read_rows
 from odom.evaluation.metrics import Nees, nees, tangent_errors
 from odom.evaluation.trajectory import Stamps, Trajectory, inverse_all
+from odom.geometry.arrays import Array, Mask
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from odom.backend import RelativePose
+    from odom.frame import Stamp
 
 _FIELDS = 30
+"""Numbers in a line: two stamps, seven of the pose, 21 of the covariance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +33,17 @@ class RelativePoses:
     T_earlier_current: Array
     covariances: Array
 
+    @classmethod
+    def of(cls, steps: "Iterable[tuple[Stamp, RelativePose]]") -> "RelativePoses":
+        """Return the relative poses (`step` or `second`) of estimates, each with the stamp of its frame."""
+        found = list(steps)
+        return cls(
+            np.array([relative.stamp_earlier for _, relative in found], dtype=np.int64),
+            np.array([stamp for stamp, _ in found], dtype=np.int64),
+            np.array([relative.T_earlier_current for _, relative in found]).reshape(-1, 4, 4),
+            np.array([relative.covariance for _, relative in found]).reshape(-1, 6, 6),
+        )
+
     def __len__(self) -> int:
         return len(self.stamps_current)
 
@@ -40,38 +53,14 @@ def read_relative(path: Path) -> RelativePoses:
 
     Raises SourceError naming the line that cannot be read.
     """
-    stamps: list[tuple[int, int]] = []
-    values: list[list[float]] = []
-    try:
-        lines = path.read_text().splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise SourceError(f"{path} cannot be read: {error}") from error
-    for number, line in enumerate(lines, 1):
-        fields = line.split("#", 1)[0].split()
-        if not fields or (len(fields) < _FIELDS and number == len(lines)):
-            continue
-        try:
-            if len(fields) != _FIELDS:
-                raise ValueError(f"{len(fields)} fields")
-            stamps.append((nanoseconds(fields[0]), nanoseconds(fields[1])))
-            values.append([float(field) for field in fields[2:]])
-        except (ValueError, InvalidOperation, OverflowError) as error:
-            raise SourceError(f"{path}:{number}: not a relative pose of {_FIELDS} fields ({error})") from error
-    numbers = np.array(values).reshape(-1, _FIELDS - 2)
-    when = np.array(stamps, dtype=np.int64).reshape(-1, 2)
-    T = np.tile(np.eye(4), (len(numbers), 1, 1))
-    T[:, :3, 3] = numbers[:, :3]
-    if len(numbers):
-        T[:, :3, :3] = Rotation.from_quat(numbers[:, 3:7]).as_matrix()
-    covariances = np.zeros((len(numbers), 6, 6))
-    covariances[:, *np.triu_indices(6)] = numbers[:, 7:]
+    stamps, values, _ = read_rows(path, f"a relative pose of {_FIELDS} fields", 2, _FIELDS - 2, may_be_cut=True)
+    covariances = np.zeros((len(values), 6, 6))
+    covariances[:, *np.triu_indices(6)] = values[:, 7:]
     covariances += np.triu(covariances, 1).transpose(0, 2, 1)
-    return RelativePoses(when[:, 0], when[:, 1], T, covariances)
+    return RelativePoses(stamps[:, 0], stamps[:, 1], poses_of(path, values[:, :7]), covariances)
 
 
-def relative_errors_of(
-    poses: RelativePoses, truth: Trajectory, max_gap_s: float = 0.1
-) -> tuple[Array, NDArray[np.bool_]]:
+def relative_errors_of(poses: RelativePoses, truth: Trajectory, max_gap_s: float = 0.1) -> tuple[Array, Mask]:
     """Return the tangent errors `log(inv(T_estimate) T_true)` (m x 6) and which poses they belong to.
 
     Truth is that of the same body; a pose is left out when truth is missing at one of its two stamps.

@@ -1,17 +1,19 @@
-"""The whole judgement of one estimate against truth."""
+"""All errors of one estimate against truth."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from odom.errors import InputError
 from odom.evaluation import metrics
 from odom.evaluation.alignment import Alignment, align
 from odom.evaluation.metrics import RelativeError
 from odom.evaluation.trajectory import Trajectory
+from odom.frame.brief import brief
+from odom.geometry.arrays import Array
 
-Array = NDArray[np.float64]
+_MOST = 0.9
+"""Share of the frames below which a note says that the figures are not those of the whole recording."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class EvaluationOptions:
     total_frames: int | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Report:
     """The errors of an estimate; `estimate_aligned` and `truth` hold the matched poses in the truth's world."""
 
@@ -40,6 +42,8 @@ class Report:
     truth: Trajectory
     errors_m: Array
     notes: tuple[str, ...]
+
+    __repr__ = brief
 
 
 def evaluate(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions | None = None) -> Report:
@@ -86,7 +90,7 @@ def _segment_notes(estimate: Trajectory) -> tuple[str, ...]:
 
 
 def _coverage_notes(matched: int, total: int) -> tuple[str, ...]:
-    if matched < 0.9 * total:
+    if matched < _MOST * total:
         return (
             f"only {matched} of {total} frames ({matched / total:.0%}) are judged: the rest has no pose or no truth",
         )

@@ -1,36 +1,53 @@
 """A trajectory: stamped poses of one body in one world, and its pose at any time between them."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from odom.errors import InputError
+from odom.frame.brief import brief
+from odom.geometry.arrays import Array, Mask
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from odom.backend import TrajectoryPose
+
 Stamps = NDArray[np.int64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
     """Poses `T_world_body` (n x 4 x 4, metres) at strictly increasing `stamps` (n, int64 nanoseconds).
 
-    `segment` (n) numbers worlds of their own, where an estimate was lost and begun anew; None when there is but one.
-    Raises InputError when shapes disagree, stamps do not increase or a pose is not finite.
+    `segment` (n) numbers each pose's world: an estimate that was lost and began anew has several. None: just one.
+    Raises InputError when shapes disagree, stamps are no integers or do not increase, or a pose is not finite.
     """
 
     stamps: Stamps
     T_world_body: Array
     segment: Stamps | None = None
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
+        if len(self.stamps) and self.stamps.dtype.kind != "i":
+            raise InputError(f"stamps are {self.stamps.dtype}: give int64 nanoseconds, odom.from_seconds(...) of each")
         if self.stamps.ndim != 1 or self.T_world_body.shape != (len(self.stamps), 4, 4):
             raise InputError(f"{self.T_world_body.shape} poses for {self.stamps.shape} stamps: give n x 4 x 4 and n")
         if (np.diff(self.stamps) <= 0).any():
             raise InputError("the stamps of a trajectory must increase: sort the poses and drop repeated stamps")
         if not np.isfinite(self.T_world_body).all():
             raise InputError("a pose of the trajectory is not finite: drop it")
+
+    @classmethod
+    def of(cls, poses: "Iterable[TrajectoryPose]") -> "Trajectory":
+        """Return the trajectory of the poses that `Odometry.finish` gives, without those where the camera was LOST."""
+        found = [(pose.stamp, pose.T_map_camera, pose.segment) for pose in poses if pose.T_map_camera is not None]
+        stamps, T, segments = zip(*found, strict=True) if found else ((), np.zeros((0, 4, 4)), ())
+        return cls(np.array(stamps, dtype=np.int64), np.array(T), np.array(segments, dtype=np.int64))
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -50,7 +67,7 @@ class Trajectory:
         """Metres travelled."""
         return float(np.linalg.norm(np.diff(self.positions, axis=0), axis=1).sum())
 
-    def take(self, index: NDArray[np.bool_] | NDArray[np.intp]) -> "Trajectory":
+    def take(self, index: Mask | NDArray[np.intp]) -> "Trajectory":
         """Return the poses chosen by a mask or by increasing indices."""
         segment = None if self.segment is None else self.segment[index]
         return Trajectory(self.stamps[index], self.T_world_body[index], segment)
@@ -75,27 +92,25 @@ class Trajectory:
         return self if len(numbers) < 2 else self.take(self.segment == numbers[np.argmax(counts)])
 
     def in_segments_of(self, other: "Trajectory") -> "Trajectory":
-        """Return the trajectory with the segments of `other`: a pose is in that of the last one not after it."""
+        """Return the trajectory with each pose in the segment of the latest pose of `other` that is not after it."""
         if other.segment is None:
-            return self
+            return replace(self, segment=None)
         index = np.searchsorted(other.stamps, self.stamps, side="right") - 1
         return replace(self, segment=other.segment[np.maximum(index, 0)])
 
-    def at(self, stamps: Stamps, max_gap_s: float) -> tuple[Array, NDArray[np.bool_]]:
+    def at(self, stamps: Stamps, max_gap_s: float) -> tuple[Array, Mask]:
         """Return m x 4 x 4 poses interpolated at m stamps, and which of them are valid.
 
         Straight line and constant angular velocity between the two neighbours. A stamp outside the trajectory, or
         between neighbours more than `max_gap_s` apart, is not valid (its pose is NaN); nothing is extrapolated.
         """
         poses = np.full((len(stamps), 4, 4), np.nan)
-        if not len(self):
-            return poses, np.zeros(len(stamps), dtype=bool)
-        right = np.clip(np.searchsorted(self.stamps, stamps), 1, max(len(self) - 1, 1))
-        left = right - 1
-        if len(self) == 1:
-            exact = stamps == self.stamps[0]
-            poses[exact] = self.T_world_body[0]
+        if len(self) < 2:
+            exact = np.isin(stamps, self.stamps)
+            poses[exact] = self.T_world_body
             return poses, exact
+        right = np.clip(np.searchsorted(self.stamps, stamps), 1, len(self) - 1)
+        left = right - 1
         gap = self.stamps[right] - self.stamps[left]
         fraction = (stamps - self.stamps[left]) / gap
         at_a_pose = (stamps == self.stamps[left]) | (stamps == self.stamps[right])
@@ -108,6 +123,12 @@ class Trajectory:
             poses[valid, :3, :3] = (first * Rotation.from_rotvec(w * turn.as_rotvec())).as_matrix()
             poses[valid, :3, 3] = (1 - w) * self.positions[left[valid]] + w * self.positions[right[valid]]
         return poses, valid
+
+
+def nearest(stamps: Stamps, goals: Stamps) -> NDArray[np.intp]:
+    """Return the index of the nearest of at least two increasing stamps to each goal; the later one of equally near."""
+    right = np.clip(np.searchsorted(stamps, goals), 1, len(stamps) - 1)
+    return np.where(goals - stamps[right - 1] < stamps[right] - goals, right - 1, right)
 
 
 def inverse_all(T: Array) -> Array:

@@ -3,9 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from odom.errors import ConfigError
+from odom.geometry.arrays import Array
+
+_COEFFICIENTS = (0, 4, 5, 8, 12, 14)
+"""How many distortion coefficients OpenCV's lens models have."""
 
 
 @dataclass(frozen=True)
@@ -14,7 +17,13 @@ class Camera:
 
     `fx, fy, cx, cy` in pixels, pixel centres at whole numbers; `distortion` holds the coefficients of OpenCV's
     and ROS's `plumb_bob` (k1, k2, p1, p2, k3) or `rational_polynomial` (8) model, empty for none.
-    Raises ConfigError when a value is not finite or a size or focal length is not positive.
+
+    >>> Camera(width=640, height=480, fx=525.0, fy=525.0, cx=319.5, cy=239.5).matrix
+    array([[525. ,   0. , 319.5],
+           [  0. , 525. , 239.5],
+           [  0. ,   0. ,   1. ]])
+
+    Raises ConfigError when a value is not finite, a size or focal length not positive or a size no whole number.
     """
 
     width: int
@@ -26,13 +35,16 @@ class Camera:
     distortion: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        values = (self.fx, self.fy, self.cx, self.cy, *self.distortion)
-        if not np.isfinite(values).all() or min(self.width, self.height, self.fx, self.fy) <= 0:
+        object.__setattr__(self, "distortion", tuple(float(value) for value in np.ravel(self.distortion)))
+        values = (self.width, self.height, self.fx, self.fy, self.cx, self.cy, *self.distortion)
+        if not np.isfinite(values).all() or min(values[:4]) <= 0:
             raise ConfigError(f"camera {self} cannot be used: give finite intrinsics and a positive size")
-        if len(self.distortion) not in (0, 4, 5, 8, 12, 14):
+        if self.width % 1 or self.height % 1:
+            raise ConfigError(f"camera {self} cannot be used: width and height are whole numbers of pixels")
+        if len(self.distortion) not in _COEFFICIENTS:
             raise ConfigError(f"{len(self.distortion)} distortion coefficients: give 0, 4, 5, 8, 12 or 14")
 
     @property
-    def matrix(self) -> NDArray[np.float64]:
+    def matrix(self) -> Array:
         """The 3 x 3 matrix K that maps camera coordinates to homogeneous pixels."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])

@@ -1,24 +1,49 @@
 """Time stamps: integer nanoseconds since the Unix epoch, so that equality and order are exact."""
 
-from typing import NewType
+from decimal import Decimal, InvalidOperation
+from typing import Any, NewType
+
+import numpy as np
+
+from odom.errors import InputError
 
 Stamp = NewType("Stamp", int)
 """Nanoseconds since the Unix epoch."""
 
+_LATEST_S = 9_000_000_000
+"""In the year 2255; 64 bits of nanoseconds end in 2262."""
+
 
 def from_seconds(seconds: float | str) -> Stamp:
-    """Return the stamp of `seconds`; decimal text is converted without passing through a float.
+    """Return the stamp of `seconds`. Decimal text is exact; a float of today's date is good to 0.2 microseconds.
 
-    Raises ValueError for text that is not a decimal number.
+    >>> from_seconds("1305031102.175304")
+    1305031102175304000
+
+    Raises ValueError for what is not a finite number of seconds, or beyond the year 2255.
     """
-    if isinstance(seconds, float | int):
-        return Stamp(round(seconds * 1e9))
-    text = seconds.strip()
-    sign = -1 if text.startswith("-") else 1
-    whole, _, fraction = text.lstrip("+-").partition(".")
-    return Stamp(sign * (int(whole or "0") * 1_000_000_000 + int((fraction + "0" * 9)[:9])))
+    try:
+        value = Decimal(seconds.strip()) if isinstance(seconds, str) else Decimal(float(seconds))
+    except InvalidOperation:
+        raise ValueError(f"{seconds!r} is not a number of seconds") from None
+    if not value.is_finite() or abs(value) > _LATEST_S:
+        raise ValueError(f"{seconds!r} seconds are no time stamp: give seconds since 1970")
+    if isinstance(seconds, str):
+        return Stamp(int((value * 1_000_000_000).to_integral_value()))
+    return Stamp(round(float(seconds) * 1e9))
 
 
 def to_seconds(stamp: Stamp) -> float:
     """Return the stamp in seconds (float64: about .2 microseconds of resolution today)."""
     return stamp * 1e-9
+
+
+def checked_stamp(name: str, value: Any) -> Stamp:
+    """Return `value` as a stamp; raises InputError, calling it `name`, unless it is a whole number of nanoseconds."""
+    is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if is_whole and abs(int(value)) <= _LATEST_S * 1_000_000_000:
+        return Stamp(int(value))
+    raise InputError(
+        f"{name} is {value!r} ({type(value).__name__}): give whole nanoseconds since 1970; "
+        "odom.from_seconds(...) makes them of seconds"
+    )

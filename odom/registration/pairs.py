@@ -8,8 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.errors import InputError
+from odom.frame.brief import brief
+from odom.geometry.arrays import Array
 
-Array = NDArray[np.float64]
+_ROUNDING = 1e-6
+"""How far a covariance may be from symmetric, relative to its largest entry: more than rounding ever makes."""
 
 
 def _points(name: str, value: Array | None, n: int | None = None) -> Array:
@@ -23,23 +26,27 @@ def _covariances(name: str, value: Array | None, n: int) -> Array | None:
     if value is None:
         return None
     covariances = np.ascontiguousarray(value, dtype=np.float64)
+    if covariances.shape == (n, 3, 3):
+        uneven = np.abs(covariances - covariances.transpose(0, 2, 1)).max(axis=(1, 2), initial=0.0)
+        wrong = np.flatnonzero(~(uneven <= _ROUNDING * np.abs(covariances).max(axis=(1, 2), initial=0.0)))
+        if len(wrong):
+            raise InputError(f"{name}: that of pair {wrong[0]} is not finite and symmetric; leave the pair out")
+        return covariances
     if covariances.shape == (n, 3):
         diagonal = np.zeros((n, 3, 3))
         diagonal[:, (0, 1, 2), (0, 1, 2)] = covariances
         return diagonal
-    if covariances.shape != (n, 3, 3):
-        raise InputError(f"{name} have shape {covariances.shape}: give {n} x 3 x 3, or {n} x 3 variances, in m^2")
-    return covariances
+    raise InputError(f"{name} have shape {covariances.shape}: give {n} x 3 x 3, or {n} x 3 variances, in m^2")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Pairs:
     """n pairs of corresponding points: `points_target[k] = R points_source[k] + t`, but for noise.
 
     Points are n x 3 metres, each in its own frame; covariances are n x 3 x 3 m^2 in the frame of their points (n x 3
     is taken as the variances along the axes), None for points without noise. `weights` (n, positive or 0) multiply
-    the information of a pair; None for 1. Raises InputError when a shape is wrong; values are checked where they are
-    used, by the estimators.
+    the information of a pair; None for 1. Raises InputError when a shape is wrong or a covariance not symmetric; other
+    values are checked where they are used, by the estimators.
     """
 
     points_source: Array
@@ -47,6 +54,8 @@ class Pairs:
     covariances_source: Array | None = None
     covariances_target: Array | None = None
     weights: Array | None = None
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         source = _points("source points", self.points_source)
@@ -80,7 +89,7 @@ class Pairs:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Prior:
     """What is believed before the pairs are seen: a motion prediction.
 
@@ -90,6 +99,8 @@ class Prior:
 
     T_target_source: Array
     covariance: Array | None = None
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         T = np.ascontiguousarray(self.T_target_source, dtype=np.float64)
@@ -111,7 +122,7 @@ class Verdict(Enum):
     DEGENERATE = "degenerate"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Registration:
     """What an estimator says about n pairs.
 
@@ -135,6 +146,8 @@ class Registration:
     variance_factor: float = 1.0
     scale: float = 1.0
     details: dict[str, float] = field(default_factory=dict)
+
+    __repr__ = brief
 
     @property
     def ok(self) -> bool:

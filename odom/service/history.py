@@ -1,27 +1,27 @@
-"""What a viewer that joins late may ask for: the way, the loops and what key frames saw, thinned, in bounded memory."""
+"""Answers viewers that join late: earlier poses, loop candidates and key-frame clouds, thinned, in bounded memory."""
 
 import logging
 import threading
 from collections import deque
 from collections.abc import Iterator
 
-import numpy as np
 import zenoh
-from numpy.typing import NDArray
 
 from odom.backend import Estimate
 from odom.frame import Stamp
-from odom.viewer.clouds import KEYFRAMES, KeyframeClouds
-from odom.viewer.trail import Trail
+from odom.geometry.arrays import Array
+from odom.viewer.bounded_trajectory import BoundedTrajectory
+from odom.viewer.keyframe_clouds import KEYFRAMES, KeyframeClouds
 from odom.wire import Message, Topics, codec, truth_history
 from odom.wire.session import WireSession
 
-Array = NDArray[np.float64]
-
 _LOG = logging.getLogger(__name__)
 _POSES = 2000
+"""Poses kept of each trajectory, evenly thinned beyond: 0.3 MB each. Fewer draw a coarser line for late viewers."""
 _RESTART_NS = 5_000_000_000
+"""Stamps that go back by more begin a new run (a recording played again); out of order they are by milliseconds."""
 _LOOPS = 500
+"""Newest loop candidates kept, as many as a viewer draws by default."""
 
 
 class History:
@@ -32,8 +32,8 @@ class History:
 
     def __init__(self, session: WireSession, topics: Topics) -> None:
         self._topics = topics
-        self._odom = Trail(_POSES)
-        self._truth: dict[str, Trail] = {}
+        self._odom = BoundedTrajectory(_POSES)
+        self._truth: dict[str, BoundedTrajectory] = {}
         self._loops: deque[Message] = deque(maxlen=_LOOPS)
         self._map: dict[str, Message] = {}
         self._keyframes: KeyframeClouds[Message] = KeyframeClouds(KEYFRAMES)
@@ -62,6 +62,11 @@ class History:
         with self._lock:
             self._map[message.topic] = message
 
+    def forget(self, topic: str) -> None:
+        """Drop the message of a key that has nothing to show any more."""
+        with self._lock:
+            self._map.pop(topic, None)
+
     def wants_keyframe(self) -> bool:
         """Count a new key frame and return whether its cloud is to be made, published and kept."""
         with self._lock:
@@ -82,12 +87,11 @@ class History:
 
     def _answers(self, key: str) -> Iterator[Message]:
         with self._lock:
-            latest = self._map.get(key)
-            odom, truth = self._odom.poses(), {body: trail.poses() for body, trail in self._truth.items()}
+            latest = [m for topic, m in self._map.items() if topic == key or topic.startswith(f"{key}/")]
+            odom, truth = self._odom.poses(), {body: kept.poses() for body, kept in self._truth.items()}
             loops = list(self._loops)
             keyframes = [self._keyframes[stamp] for stamp in self._keyframes]
-        if latest is not None:
-            yield latest
+        yield from latest
         if key == self._topics.keyframes:
             yield from keyframes
         if key != self._topics.history:
@@ -99,9 +103,9 @@ class History:
         yield from loops
 
 
-def _extended(trail: Trail | None, stamp: Stamp, T: Array) -> Trail:
-    """Return the trail with one more pose, or where time went back, as when a recording is played again, a new one."""
-    if trail is None or (trail.newest is not None and stamp < trail.newest - _RESTART_NS):
-        trail = Trail(_POSES)
-    trail.add(stamp, T)
-    return trail
+def _extended(kept: BoundedTrajectory | None, stamp: Stamp, T: Array) -> BoundedTrajectory:
+    """Return the trajectory with one more pose; a new one where time went back (a recording is played again)."""
+    if kept is None or (kept.newest is not None and stamp < kept.newest - _RESTART_NS):
+        kept = BoundedTrajectory(_POSES)
+    kept.add(stamp, T)
+    return kept

@@ -61,7 +61,7 @@ def measure_pipeline(
 ) -> PipelineCost:
     """Return what up to `frames` frames of `source` cost, or those until `stopped` says so.
 
-    `progress` is told how many are measured. Raises SourceError when there was no frame with a calibration.
+    `progress` is called with the number measured. Raises SourceError when there was no frame with a calibration.
     """
     assembler = FrameAssembler(topics, grey=True)
     odometry: Odometry | None = None

@@ -1,68 +1,83 @@
-"""How far a command is: a bar on a terminal, a line now and then elsewhere, a count for the `odom run` above it."""
+"""Progress of a command: a bar on a terminal, a line every few seconds elsewhere, counts for a parent `odom run`."""
 
 import logging
+import os
 import sys
 import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Self
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 COUNT_ENVIRONMENT = "ODOM_COUNT"
-"""Set by `odom run` for its children: counts go to stdout as lines that `parse_count` reads."""
+"""Set by `odom run` for its children, which then print counts to stdout for `parse_count`."""
 
 _LOG = logging.getLogger(__name__)
 _COUNT = "@count"
 _COUNT_PERIOD_S = 0.5
+"""Between two counts for the `odom run` above: longer makes its bar jerky, shorter only costs lines."""
 _LINE_PERIOD_S = 5.0
+"""Between two lines where there is no terminal: shorter fills log files, longer leaves people in doubt."""
 
 
 @dataclass(frozen=True)
 class Reading:
-    """What the last status message said."""
+    """How far a command is: `frames` done of `total`, a second, and its state with the reason."""
 
     frames: int
     total: int | None
     fps: float
     state: str
     reason: str = ""
+    unit: str = "frames"
 
 
-class Display(Protocol):
-    """Shows readings and passes on the words of the children."""
+class Display(ABC):
+    """Shows readings and the output of the children."""
 
-    def __enter__(self) -> Self: ...
+    def __enter__(self) -> Self:
+        return self
+
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        """Give the terminal back."""
+        return None
 
+    @abstractmethod
     def show(self, reading: Reading) -> None:
         """Show how far the run is."""
 
+    @abstractmethod
     def say(self, name: str, line: str) -> None:
-        """Show a line that the child `name` wrote."""
+        """Show a line of the output of the child `name`."""
 
 
-def open_display(logged: bool) -> Display:
-    """Return the display that suits stderr; `logged`: lines for machines, whatever stderr is."""
-    return Bar() if sys.stderr.isatty() and not logged else Lines(logged)
+def open_display(logged: bool, what: str = "") -> Display:
+    """Return the display that suits stderr; with `logged` log lines, whatever stderr is.
+
+    What shows nothing but the progress of `what` leaves no bar behind, and writes no line for a short command.
+    """
+    return Bar(what) if sys.stderr.isatty() and not logged else Lines(logged, what)
 
 
-class Bar:
-    """A progress bar below the lines of the children."""
+class Bar(Display):
+    """A progress bar below the output of the children."""
 
-    def __init__(self) -> None:
+    def __init__(self, what: str = "") -> None:
         self._console = Console(stderr=True)
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
-            TextColumn("{task.fields[count]} frames, {task.fields[fps]:.0f}/s"),
+            TextColumn("{task.fields[count]}, {task.fields[fps]:.0f}/s"),
             TimeElapsedColumn(),
             TimeRemainingColumn(),
             console=self._console,
+            transient=bool(what),
         )
-        self._task: TaskID = self._progress.add_task("starting", total=None, count="0", fps=0.0)
+        self._task: TaskID = self._progress.add_task(what or "starting", total=None, count="0", fps=0.0)
 
     def __enter__(self) -> Self:
         self._progress.start()
@@ -75,32 +90,22 @@ class Bar:
         """Show how far the run is."""
         count = f"{reading.frames}/{reading.total}" if reading.total else str(reading.frames)
         self._progress.update(
-            self._task,
-            completed=reading.frames,
-            total=reading.total,
-            description=reading.state,
-            count=count,
-            fps=reading.fps,
-        )
+            self._task, completed=reading.frames, total=reading.total, description=reading.state,
+            count=f"{count} {reading.unit}", fps=reading.fps,
+        )  # fmt: skip
 
     def say(self, name: str, line: str) -> None:
         """Show a line that the child `name` wrote."""
         self._console.print(f"[{name}] {line}", markup=False, highlight=False)
 
 
-class Lines:
+class Lines(Display):
     """Lines on stderr, plain or logged: every few seconds and whenever the state changes."""
 
-    def __init__(self, logged: bool = False) -> None:
+    def __init__(self, logged: bool = False, what: str = "") -> None:
         self._logged = logged
-        self._due = 0.0
-        self._state = ""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        return None
+        self._due = time.monotonic() + _LINE_PERIOD_S if what else 0.0
+        self._state = what
 
     def show(self, reading: Reading) -> None:
         """Show how far the run is."""
@@ -114,7 +119,7 @@ class Lines:
             if reading.fps > 0:
                 eta = f", {max(reading.total - reading.frames, 0) / reading.fps:.0f} s to go"
         why = f" ({reading.reason})" if reading.reason else ""
-        text = f"{reading.frames}{of} frames, {reading.fps:.0f}/s, {reading.state}{why}{eta}"
+        text = f"{reading.frames}{of} {reading.unit}, {reading.fps:.0f}/s, {reading.state}{why}{eta}"
         if self._logged:
             _LOG.info(text)
         else:
@@ -125,8 +130,19 @@ class Lines:
         print(line if self._logged else f"[{name}] {line}", file=sys.stderr, flush=True)
 
 
+@contextmanager
+def counting(what: str, total: int | None, unit: str = "frames") -> Iterator[Callable[[int], None]]:
+    """Yield a function to call with the number done so far, which shows `what` is done on stderr."""
+    if os.environ.get(COUNT_ENVIRONMENT) == "1":
+        yield CountLines(total).show
+        return
+    begun = time.monotonic()
+    with open_display(False, what) as display:
+        yield lambda done: display.show(Reading(done, total, done / (time.monotonic() - begun), what, unit=unit))
+
+
 class CountLines:
-    """Writes counts to stdout for the `odom run` above."""
+    """Writes counts to stdout for the parent `odom run`."""
 
     def __init__(self, total: int | None) -> None:
         self._total = "-" if total is None else str(total)
@@ -134,7 +150,7 @@ class CountLines:
         self.show(0)
 
     def show(self, done: int) -> None:
-        """Write a line, now and then."""
+        """Write a line, at most two a second."""
         now = time.monotonic()
         if now >= self._due:
             self._due = now + _COUNT_PERIOD_S

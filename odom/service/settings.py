@@ -6,7 +6,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from odom.backend import OdometrySettings
 from odom.errors import ConfigError
-from odom.service.sources import Sourced, read_file, refusal
+from odom.service.settings_sources import Sourced, read_file, refusal
 from odom.viewer import ViewerSettings
 from odom.wire import WireSettings
 

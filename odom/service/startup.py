@@ -1,4 +1,4 @@
-"""Getting a process ready: one thread a library, everything compiled and loaded before the first frame."""
+"""Makes a process ready before the first frame: one thread for each library, everything compiled and loaded."""
 
 import gc
 import logging
@@ -10,26 +10,28 @@ import cv2
 import numpy as np
 
 from odom.backend import Odometry, OdometrySettings
-from odom.backend.graph import Edge, optimise
+from odom.backend.map.pose_graph import Edge, optimise
 from odom.frame import Camera, RgbdFrame, Stamp
-from odom.registration import default as registration
-from odom.registration.compiled import release_compiler
-from odom.service.keyframes import keyframe_message
-from odom.service.publication import feature_message, map_messages, pose_messages
-from odom.service.tally import Tally
+from odom.registration import gated_registration as registration
+from odom.service.estimate_messages import feature_message, keyframe_message, landmark_message, pose_messages
+from odom.service.path_topics import PathTopics
+from odom.service.run_statistics import RunStatistics
 from odom.wire import Topics, codec
 
 _LOG = logging.getLogger(__name__)
 _WARM_FRAMES = 10
+"""Made-up frames: as few as reach every stage."""
 _LOST_AT = 8
+"""The frame before which 3 s are missing, so that the camera is lost and looks for a known place."""
 _PATIENCE_S = 4.0
+"""A start that takes longer is compiling, and says so: loading what is compiled takes less."""
 
 
 def warm_up(settings: OdometrySettings, topics: Topics) -> None:
-    """Run a made-up scene through codec and odometry, and a small graph; then spare the collector all of it.
+    """Run made-up frames through codec and odometry, and a small pose graph; exclude it all from garbage collection.
 
-    Without it the first frames would wait for imports and compilation, seconds on a machine's first run, and those at
-    the first known place and the first closed loop for theirs; so the camera is lost in between.
+    Otherwise the first frames would wait for imports and compilation, as would the first relocalisation and the first
+    closed loop: so the camera is lost in between.
     """
     cv2.setNumThreads(1)
     patience = threading.Timer(_PATIENCE_S, _LOG.info, ["compiling: the first start takes about half a minute longer"])
@@ -39,7 +41,7 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
     texture = np.random.default_rng(1).integers(0, 256, (60, 80), dtype=np.uint8)
     scene = np.asarray(cv2.resize(texture, (700, 500), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
     codec.decode_camera_info(codec.encode_camera_info(topics.camera_info, Stamp(0), camera))
-    odometry = Odometry(camera, settings)
+    odometry, paths = Odometry(camera, settings), PathTopics(topics)
     for i in range(_WARM_FRAMES):
         stamp = Stamp(i * 33_333_333 + (3_000_000_000 if i >= _LOST_AT else 0))
         image = np.ascontiguousarray(scene[i : i + 480, 3 * i : 3 * i + 640])
@@ -54,23 +56,23 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
         odometry.anticipate(stamp, frame.color)
         estimate = odometry.process(frame)
         list(pose_messages(topics, estimate))
-        list(map_messages(topics, estimate))
+        list(paths.messages(estimate))
+        landmark_message(topics, estimate)
         feature_message(topics, estimate)
         keyframe_message(topics, frame, camera, jpeg, 100)
     odometry.finish()
     registration.warm_up()
-    codec.encode_status(topics.status, codec.Status(stamp, "", 0, "", Tally().status()))
+    codec.encode_status(topics.status, codec.Status(stamp, "", 0, "", RunStatistics().status()))
     still = np.eye(4)
     optimise({0: still, 1: still}, 0, [Edge(0, 1, still, np.eye(6))])
     patience.cancel()
     del odometry
-    release_compiler()
     gc.collect()
     gc.freeze()
 
 
 def notify_service_manager(state: str) -> None:
-    """Tell systemd `READY=1` or `STOPPING=1` when it asked to be told (`Type=notify`); does nothing elsewhere."""
+    """Send systemd `READY=1` or `STOPPING=1` if the unit asks for it (`Type=notify`)."""
     address = os.environ.get("NOTIFY_SOCKET")
     if not address:
         return
@@ -79,4 +81,4 @@ def notify_service_manager(state: str) -> None:
             notify.connect("\0" + address[1:] if address.startswith("@") else address)
             notify.sendall(state.encode())
     except OSError as error:
-        _LOG.warning("the service manager cannot be told %s: %s", state, error)
+        _LOG.warning("%s cannot be sent to the service manager: %s", state, error)

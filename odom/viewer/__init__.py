@@ -1,8 +1,8 @@
-"""Rerun, live and recorded: its own process, fed from Zenoh only, that may lag, die or start late.
+"""The viewer: a process of its own that shows Zenoh's messages in Rerun, and may lag, die or start late.
 
-`trail`, `truth` and `clouds` are bounded memories over numpy arrays, `scene` maps wire messages to Rerun entities,
-`blueprint` lays the views out, `outputs` says where they are shown and `process` moves messages from one to the other.
-The memories, `thinning` and the settings do without Rerun: other processes use some of them.
+`scene` turns messages into updates of Rerun entities, `blueprint` arranges the views, `outputs` opens window, web page
+or file, and `viewer_process` connects them. `bounded_trajectory`, `truth_alignment`, `keyframe_clouds`, `image_rate`
+and the settings do not import Rerun: the odometry process uses some of them.
 """
 
 from odom.viewer.settings import ViewerSettings

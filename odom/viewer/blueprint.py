@@ -3,9 +3,10 @@
 import rerun.blueprint as rrb
 
 from odom.viewer import entities
-from odom.viewer.draw import TIMELINE
+from odom.viewer.entities import TIMELINE
 
 _GROUND = (13, 16, 20)
+"""RGB of the background: nearly black, which shows the palette best."""
 _EYE, _LOOK_AT = (0.0, -3.6, -3.1), (0.0, 0.5, 0.5)
 """Behind and above the first camera pose (x right, y down, z forward), looking at what it sees."""
 
@@ -58,7 +59,7 @@ def blueprint(plot_seconds: float | None = 60.0) -> rrb.Blueprint:
 def _map() -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
         origin=entities.WORLD,
-        name="Map: online (orange dashes), corrected (blue), truth (white dashes)",
+        name="Map: online (orange dashes), corrected (blue; not joined: pink), truth (white dashes)",
         contents=["+ $origin/**", f"- {entities.DEPTH}/**", f"- {entities.FEATURES}/**"],
         background=rrb.Background(color=_GROUND),
         line_grid=rrb.LineGrid3D(visible=False),

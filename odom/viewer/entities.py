@@ -1,8 +1,17 @@
-"""Entity paths, shared by the scene that fills them and the blueprint that shows them."""
+"""What is handed to Rerun: archetypes for one entity at a time, and the paths of all entities."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+
+from odom.frame import Stamp
+from odom.geometry.arrays import Array
 
 WORLD = "world"
 ONLINE = "world/online"
 CORRECTED = "world/corrected"
+UNJOINED = "world/unjoined"
 TRUTH = "world/truth"
 KEYFRAMES = "world/keyframes"
 CLOUDS = "world/clouds"
@@ -20,3 +29,34 @@ INLIERS = "plots/inliers"
 TIMES = "plots/times"
 LOG = "log"
 SUMMARY = "summary"
+
+TIMELINE = "capture"
+"""Timeline of the capture stamps."""
+
+
+@dataclass(frozen=True, eq=False)
+class EntityUpdate:
+    """Archetypes `parts` of the entity `path` from `stamp` on; without a stamp they hold at all times."""
+
+    path: str
+    stamp: Stamp | None
+    parts: tuple[rr.AsComponents, ...]
+
+
+def update(path: str, stamp: Stamp | None, *parts: rr.AsComponents) -> EntityUpdate:
+    """Return a `EntityUpdate`."""
+    return EntityUpdate(path, stamp, parts)
+
+
+def transform(T_parent_child: Array) -> rr.Transform3D:
+    """Return the archetype of a 4 x 4 rigid motion."""
+    return rr.Transform3D(translation=T_parent_child[:3, 3], mat3x3=T_parent_child[:3, :3])
+
+
+def log_to(recording: rr.RecordingStream, item: EntityUpdate) -> None:
+    """Log one item."""
+    if item.stamp is None:
+        recording.log(item.path, *item.parts, static=True)
+        return
+    recording.set_time(TIMELINE, timestamp=np.datetime64(item.stamp, "ns"))
+    recording.log(item.path, *item.parts)

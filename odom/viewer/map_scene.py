@@ -11,52 +11,54 @@ from scipy.spatial.transform import Rotation
 from odom.evaluation import Trajectory
 from odom.evaluation.trajectory import inverse_all
 from odom.frame import Stamp
+from odom.geometry.arrays import Array
 from odom.viewer import entities, palette
-from odom.viewer.clouds import Cloud, KeyframeClouds
-from odom.viewer.draw import Draw, draw, transform
+from odom.viewer.bounded_trajectory import BoundedTrajectory
+from odom.viewer.entities import EntityUpdate, transform, update
+from odom.viewer.keyframe_clouds import Cloud, KeyframeClouds
+from odom.viewer.line_strips import DASH, ONLINE_PHASE, dashes, lines, strips_entity
 from odom.viewer.settings import ViewerSettings
-from odom.viewer.trail import Trail, dashes, lines
 from odom.wire.codec import Loop, StampedPose
 
-Array = NDArray[np.float64]
-
-_GAP_NS = 300_000_000
+GAP_NS = 300_000_000
+"""Poses further apart are not joined by a line: nine frames were lost, or the markers were hidden."""
 _MAX_GAP_S = 1.0
+"""A key frame's causal pose is interpolated over at most this gap, which a thinned trajectory of hours has."""
 _RECENT = 900
+"""Poses whose covariance waits for the path to say which of them were key frames: 30 s at 30 Hz."""
 _ELLIPSOIDS = 150
+"""Ellipsoids drawn at most, evenly chosen: more hide each other and slow a browser down."""
 _STANDS = 1e-3
 """A key frame that moves less (metres, or entries of its rotation) is not drawn again."""
 
-_LINE, _DASH = -1.2, -2.2
-_ONLINE_PHASE, _TRUTH_PHASE = 0, 1
 _LOOP, _REFUSED, _POINT = -1.8, -0.4, -1.6
+"""Radii of lines and points; Rerun reads negative ones as screen units, which stay as thick when one looks closer."""
 _REFUSED_SHOWN = 60
+"""Newest refused loops drawn: more make a web that hides the map."""
 
 
 class MapScene:
     """What is known about the map; every collection is bounded by the settings."""
 
     def __init__(self, settings: ViewerSettings) -> None:
-        self.online = Trail(settings.path_poses)
+        self.online = BoundedTrajectory(settings.path_poses)
         self.clouds: KeyframeClouds[Cloud] = KeyframeClouds(settings.cloud_keyframes)
-        self._limit_loops = settings.loops
+        self._most_loops = settings.loops
         self._recent: OrderedDict[Stamp, Array] = OrderedDict()
+        self._paths: dict[str, tuple[StampedPose, ...]] = {}
         self._keyframes: tuple[StampedPose, ...] = ()
+        self._part_of: dict[Stamp, str] = {}
         self._covariances: dict[Stamp, Array] = {}
-        self._placed: dict[Stamp, Array] = {}
+        self._placed: dict[Stamp, tuple[Array, bool]] = {}
         self._seen_keyframe = Stamp(-(2**62))
         self._loops: deque[Loop] = deque()
         self._landmarks = np.zeros((0, 3), dtype=np.float32)
         self._online_tail: list[Array] = []
         self._corrected_tail: list[Array] = []
 
-    def setup(self) -> Iterator[Draw]:
-        """Yield what never changes."""
-        yield draw(entities.WORLD, None, rr.ViewCoordinates.RDF)
-
-    def odometry(self, pose: StampedPose) -> Iterator[Draw]:
+    def odometry(self, pose: StampedPose) -> Iterator[EntityUpdate]:
         """Take the causal pose of a frame; yield the newest piece of the online trajectory."""
-        interrupted = self.online.newest is not None and pose.stamp - self.online.newest > _GAP_NS
+        interrupted = self.online.newest is not None and pose.stamp - self.online.newest > GAP_NS
         if interrupted:
             self._online_tail.clear()
         self.online.add(pose.stamp, pose.T_parent_child, interrupted)
@@ -65,54 +67,62 @@ class MapScene:
             if len(self._recent) > _RECENT:
                 self._recent.popitem(last=False)
         self._online_tail.append(pose.T_parent_child[:3, 3])
-        yield _line(f"{entities.ONLINE}/tail", pose.stamp, self._online_tail, palette.ONLINE)
+        yield strips_entity(f"{entities.ONLINE}/tail", pose.stamp, [np.array(self._online_tail)], palette.ONLINE)
 
-    def pose(self, pose: StampedPose) -> Iterator[Draw]:
+    def pose(self, pose: StampedPose) -> Iterator[EntityUpdate]:
         """Yield the camera and the newest piece of the corrected trajectory."""
         self._corrected_tail.append(pose.T_parent_child[:3, 3])
-        yield draw(entities.CAMERA, pose.stamp, transform(pose.T_parent_child))
-        yield _line(f"{entities.CORRECTED}/tail", pose.stamp, self._corrected_tail, palette.CORRECTED)
+        yield update(entities.CAMERA, pose.stamp, transform(pose.T_parent_child))
+        yield strips_entity(
+            f"{entities.CORRECTED}/tail", pose.stamp, [np.array(self._corrected_tail)], palette.CORRECTED
+        )
 
-    def path(self, stamp: Stamp, poses: tuple[StampedPose, ...]) -> Iterator[Draw]:
-        """Take the corrected key frames; yield the clouds that waited for their places, and what has moved."""
-        self._keyframes = poses = tuple(sorted({pose.stamp: pose for pose in poses}.values(), key=lambda p: p.stamp))
-        known = {pose.stamp for pose in poses}
-        self._covariances = {at: value for at, value in self._covariances.items() if at in known}
-        for pose in poses:
+    def path(self, stamp: Stamp, poses: tuple[StampedPose, ...], part: str = "") -> Iterator[EntityUpdate]:
+        """Take the corrected key frames of the part the camera is in, or of another `part`, never joined to it.
+
+        Yields the clouds that waited for their places, and what has moved.
+        """
+        if part and not poses and part in self._paths:
+            yield update(_part_entity(part), stamp, rr.Clear(recursive=True))
+        self._paths = {name: path for name, path in {**self._paths, part: poses}.items() if path}
+        placed = {pose.stamp: (pose, name) for name in sorted(self._paths, reverse=True) for pose in self._paths[name]}
+        self._keyframes = tuple(placed[at][0] for at in sorted(placed))
+        self._part_of = {at: name for at, (_, name) in placed.items()}
+        for pose in self._keyframes:
             if pose.stamp > self._seen_keyframe:
                 self._seen_keyframe = pose.stamp
                 if (covariance := self._recent.get(pose.stamp)) is not None:
                     self._covariances[pose.stamp] = covariance
         yield from self._clouds(stamp)
 
-    def cloud(self, keyframe: Stamp, cloud: Cloud) -> Iterator[Draw]:
+    def cloud(self, keyframe: Stamp, cloud: Cloud) -> Iterator[EntityUpdate]:
         """Take the cloud of a newer key frame; yield it when its place is known, and what had to go for it."""
         if self.clouds.newest is not None and keyframe <= self.clouds.newest:
             return
         for gone in self.clouds.keep(keyframe, cloud):
             if self._placed.pop(gone, None) is not None:
-                yield draw(f"{entities.CLOUDS}/{gone}", keyframe, rr.Clear(recursive=False))
+                yield update(f"{entities.CLOUDS}/{gone}", keyframe, rr.Clear(recursive=False))
         yield from self._clouds(keyframe)
 
-    def landmarks(self, stamp: Stamp, points: NDArray[np.float32]) -> Iterator[Draw]:
+    def landmarks(self, stamp: Stamp, points: NDArray[np.float32]) -> Iterator[EntityUpdate]:
         """Yield the landmarks (n x 3, map)."""
         self._landmarks = points
-        yield draw(entities.LANDMARKS, stamp, rr.Points3D(points[:, :3], colors=palette.LANDMARK, radii=-1.2))
+        yield update(entities.LANDMARKS, stamp, rr.Points3D(points[:, :3], colors=palette.LANDMARK, radii=-1.2))
 
     def loop(self, loop: Loop) -> bool:
         """Take a loop candidate, which is drawn with the next `refresh`; False for one that is known already."""
         if loop in self._loops:
             return False
         self._loops.append(loop)
-        while len(self._loops) > self._limit_loops:
-            refused = next((old for old in self._loops if not old.accepted), self._loops[0])
-            self._loops.remove(refused)
+        if len(self._loops) > self._most_loops:
+            self._loops.remove(next((old for old in self._loops if not old.accepted), self._loops[0]))
         return True
 
     def corrected(self) -> Trajectory:
-        """Return every pose of the online trail with the correction of the key frame before it, in the map.
+        """Return every pose of the online trajectory with the correction of the key frame before it, in the map.
 
-        Poses before the first key frame get its correction.
+        Poses before the first key frame get its correction. Parts that were never joined are segments, 0 the one the
+        camera is in.
         """
         online = self.online.trajectory()
         if not self._keyframes or not len(online):
@@ -124,46 +134,70 @@ class MapScene:
             return trajectory(self._keyframes)
         correction = T_map[valid] @ inverse_all(T_odom[valid])
         before = np.clip(np.searchsorted(stamps[valid], online.stamps, side="right") - 1, 0, None)
-        return Trajectory(online.stamps, correction[before] @ online.T_world_body)
+        number = {name: i for i, name in enumerate(["", *self._others()])}
+        part = np.array([number[self._part_of[pose.stamp]] for pose in self._keyframes])[valid][before]
+        return Trajectory(online.stamps, correction[before] @ online.T_world_body, part if part.any() else None)
 
-    def refresh(self, stamp: Stamp, corrected: Trajectory) -> Iterator[Draw]:
+    def refresh(self, stamp: Stamp, corrected: Trajectory) -> Iterator[EntityUpdate]:
         """Yield the whole trajectories, key frames, ellipsoids and loops: what a browser opened now must see."""
         online, strips = self.online.trajectory(), self.online.strips()
         if not len(online):
             return
-        same = len(corrected) == len(online)
-        strips_corrected = strips if same else np.zeros(len(corrected), dtype=np.int64)
-        dashed = dashes(lines(online.positions, strips), _ONLINE_PHASE)
-        yield _strips(entities.ONLINE, stamp, dashed, palette.ONLINE, _DASH)
-        yield _strips(entities.CORRECTED, stamp, lines(corrected.positions, strips_corrected), palette.CORRECTED)
+        dashed = dashes(lines(online.positions, strips), ONLINE_PHASE)
+        yield strips_entity(entities.ONLINE, stamp, dashed, palette.ONLINE, DASH)
+        yield from self._parts(stamp, corrected, strips)
+        self._covariances = {at: value for at, value in self._covariances.items() if at in self._part_of}
         self._online_tail, self._corrected_tail = self._online_tail[-1:], self._corrected_tail[-1:]
         if self._keyframes:
             positions = np.array([pose.T_parent_child[:3, 3] for pose in self._keyframes])
-            yield draw(entities.KEYFRAMES, stamp, rr.Points3D(positions, colors=palette.CORRECTED, radii=-3.0))
+            colors = [palette.UNJOINED if self._part_of[pose.stamp] else palette.CORRECTED for pose in self._keyframes]
+            yield update(entities.KEYFRAMES, stamp, rr.Points3D(positions, colors=colors, radii=-3.0))
             yield from self._ellipsoids(stamp)
         yield from self._loop_lines(stamp, corrected)
 
-    def _clouds(self, stamp: Stamp, again: bool = False) -> Iterator[Draw]:
-        """Yield clouds that are new and places that have moved; both of all key frames if `again`."""
-        for keyframe in self._keyframes:
-            if keyframe.stamp not in self.clouds:
-                continue
-            placed = self._placed.get(keyframe.stamp)
-            if placed is None or again:
-                cloud = self.clouds[keyframe.stamp]
-                points = rr.Points3D(cloud.points, colors=cloud.colors, radii=_POINT)
-                yield draw(f"{entities.CLOUDS}/{keyframe.stamp}", stamp, points)
-            if placed is None or again or np.abs(placed - keyframe.T_parent_child).max() >= _STANDS:
-                self._placed[keyframe.stamp] = keyframe.T_parent_child
-                yield draw(f"{entities.CLOUDS}/{keyframe.stamp}", stamp, transform(keyframe.T_parent_child))
+    def _others(self) -> list[str]:
+        """Return the names of the parts that the camera is not in."""
+        return sorted(self._paths.keys() - {""})
 
-    def all_points(self, stamp: Stamp) -> Iterator[Draw]:
+    def _parts(self, stamp: Stamp, corrected: Trajectory, strips: NDArray[np.int64]) -> Iterator[EntityUpdate]:
+        """Yield the corrected trajectory, parts that were never joined to the camera's own in another colour."""
+        if len(strips) != len(corrected):
+            strips = np.zeros(len(corrected), dtype=np.int64)
+        part = np.zeros(len(corrected), dtype=np.int64) if corrected.segment is None else corrected.segment
+        run = np.cumsum(np.diff(strips, prepend=strips[:1]).astype(bool) | np.diff(part, prepend=part[:1]).astype(bool))
+        own = part == 0
+        yield strips_entity(entities.CORRECTED, stamp, lines(corrected.positions[own], run[own]), palette.CORRECTED)
+        for number, name in enumerate(self._others(), 1):
+            chosen = part == number
+            pieces = lines(corrected.positions[chosen], run[chosen])
+            label = f"{name.replace('_', ' ')}: not joined"
+            yield strips_entity(_part_entity(name), stamp, pieces, palette.UNJOINED, label=label)
+
+    def _clouds(self, stamp: Stamp, again: bool = False) -> Iterator[EntityUpdate]:
+        """Yield clouds that are new or have changed colour, and places that have moved; all of them if `again`."""
+        for keyframe in self._keyframes:
+            at = keyframe.stamp
+            if at not in self.clouds:
+                continue
+            T, is_apart = keyframe.T_parent_child, bool(self._part_of[at])
+            placed = None if again else self._placed.get(at)
+            if placed is None or placed[1] != is_apart:
+                cloud = self.clouds[at]
+                colors = palette.tinted(cloud.colors, palette.UNJOINED) if is_apart else cloud.colors
+                yield update(f"{entities.CLOUDS}/{at}", stamp, rr.Points3D(cloud.points, colors=colors, radii=_POINT))
+            if placed is None or np.abs(placed[0] - T).max() >= _STANDS:
+                yield update(f"{entities.CLOUDS}/{at}", stamp, transform(T))
+            else:
+                T = placed[0]
+            self._placed[at] = T, is_apart
+
+    def all_points(self, stamp: Stamp) -> Iterator[EntityUpdate]:
         """Yield the landmarks and every cloud again, with its place."""
         if len(self._landmarks):
             yield from self.landmarks(stamp, self._landmarks)
         yield from self._clouds(stamp, again=True)
 
-    def _ellipsoids(self, stamp: Stamp) -> Iterator[Draw]:
+    def _ellipsoids(self, stamp: Stamp) -> Iterator[EntityUpdate]:
         known = [pose for pose in self._keyframes if pose.stamp in self._covariances]
         known = known[:: max(1, -(-len(known) // _ELLIPSOIDS))]
         if not known:
@@ -172,7 +206,7 @@ class MapScene:
         variances, axes = np.linalg.eigh(blocks)
         axes[np.linalg.det(axes) < 0, :, 0] *= -1.0
         R = np.array([pose.T_parent_child[:3, :3] for pose in known]) @ axes
-        yield draw(
+        yield update(
             entities.COVARIANCE,
             stamp,
             rr.Ellipsoids3D(
@@ -185,7 +219,7 @@ class MapScene:
             ),
         )
 
-    def _loop_lines(self, stamp: Stamp, corrected: Trajectory) -> Iterator[Draw]:
+    def _loop_lines(self, stamp: Stamp, corrected: Trajectory) -> Iterator[EntityUpdate]:
         if not self._loops:
             return
         ends = [
@@ -195,13 +229,12 @@ class MapScene:
         both = ends[0][1] & ends[1][1]
         accepted = np.array([loop.accepted for loop in self._loops])
         segments = np.stack([ends[0][0][:, :3, 3], ends[1][0][:, :3, 3]], axis=1).astype(np.float32)
-        for path, chosen, color, radius in (
-            (entities.LOOPS_ACCEPTED, both & accepted, palette.LOOP_ACCEPTED, _LOOP),
-            (entities.LOOPS_REFUSED, both & ~accepted, palette.LOOP_REFUSED, _REFUSED),
+        for path, shown, color, radius in (
+            (entities.LOOPS_ACCEPTED, segments[both & accepted], palette.LOOP_ACCEPTED, _LOOP),
+            (entities.LOOPS_REFUSED, segments[both & ~accepted][-_REFUSED_SHOWN:], palette.LOOP_REFUSED, _REFUSED),
         ):
-            if chosen.any():
-                shown = segments[chosen] if radius == _LOOP else segments[chosen][-_REFUSED_SHOWN:]
-                yield draw(path, stamp, rr.LineStrips3D(shown, colors=[color], radii=radius))
+            if len(shown):
+                yield strips_entity(path, stamp, shown, color, radius)
 
 
 def trajectory(poses: tuple[StampedPose, ...]) -> Trajectory:
@@ -212,17 +245,5 @@ def trajectory(poses: tuple[StampedPose, ...]) -> Trajectory:
     return Trajectory(stamps[newer], np.array([pose.T_parent_child for pose in poses])[newer])
 
 
-def truth_line(body: str, stamp: Stamp, positions: Array, strips: NDArray[np.int64]) -> Draw:
-    """Return the true trajectory of a body, positions n x 3 in the map."""
-    dashed = dashes(lines(positions, strips), _TRUTH_PHASE)
-    return _strips(f"{entities.TRUTH}/{body}", stamp, dashed, palette.TRUTH, _DASH)
-
-
-def _line(path: str, stamp: Stamp, positions: list[Array], color: palette.Rgb) -> Draw:
-    return _strips(path, stamp, [np.array(positions, dtype=np.float32)], color)
-
-
-def _strips(
-    path: str, stamp: Stamp, strips: list[NDArray[np.float32]], color: palette.Rgb, width: float = _LINE
-) -> Draw:
-    return draw(path, stamp, rr.LineStrips3D(strips, colors=[color], radii=width))
+def _part_entity(part: str) -> str:
+    return f"{entities.UNJOINED}/{part}"

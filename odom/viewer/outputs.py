@@ -1,4 +1,4 @@
-"""Where the picture goes: a file, a web page, a window; the last two read from one server in this process."""
+"""Where the viewer shows: a file, a web page, a window; the last two read from one server in this process."""
 
 import ctypes
 import logging
@@ -27,13 +27,22 @@ from odom.viewer.settings import ViewerSettings
 _LOG = logging.getLogger(__name__)
 APPLICATION = "rgbd-odom"
 _FLUSH_S = 0.1
+"""Between two parcels to Rerun: longer is seen as lag, shorter costs CPU for each."""
 _LISTEN_S = 2.0
+"""For the server to listen on its port, which it does at once; then the port counts as taken."""
+_LISTEN_POLL_S = 0.02
+"""Between two looks whether it does."""
+_LAST_FLUSH_S = 10.0
+"""At the end, for what waits to reach the file: a slow disk needs seconds, a hung one is not waited for."""
+_END_S = 5.0
+"""For Rerun's own programs to end when asked, before they are killed."""
 _SET_PARENT_DEATH_SIGNAL = 1
+"""PR_SET_PDEATHSIG of prctl(2)."""
 
 
 @dataclass(frozen=True)
 class Outputs:
-    """What is wanted; a desktop window and a web page are both clients of the server."""
+    """The outputs asked for; a desktop window and a web page are both clients of the server."""
 
     web: bool = False
     desktop: bool = False
@@ -46,7 +55,7 @@ class Outputs:
 
 
 def choose(web: bool, headless: bool, file: Path | None) -> Outputs:
-    """Return what the options mean on this machine: without any, a window where there is a screen, else a web page.
+    """Return the outputs of the options: without any, a window where there is a screen, else a web page.
 
     Raises ConfigError when nothing would be shown or written.
     """
@@ -65,7 +74,7 @@ def has_screen() -> bool:
 
 @dataclass(frozen=True)
 class Shown:
-    """An open recording, the address of its web page, and the window that shows it with what that complains of."""
+    """An open recording, the address of its web page, and the window that shows it with its error output."""
 
     recording: rr.RecordingStream
     address: str | None
@@ -116,14 +125,14 @@ def open_outputs(outputs: Outputs, settings: ViewerSettings, name: str) -> Itera
             words = stack.enter_context(TemporaryFile())
             window = stack.enter_context(_child(arguments, words))
         yield Shown(recording, address, window, words)
-        recording.flush(timeout_sec=10.0)
+        recording.flush(timeout_sec=_LAST_FLUSH_S)
 
 
 def _open_sinks(recording: rr.RecordingStream, outputs: Outputs, settings: ViewerSettings) -> tuple[int, int]:
     """Open file and server, and return the ports of the data and of the page (0: not served).
 
-    Between the choice of a free port and the server's use of it another viewer may have taken it, which Rerun only
-    logs: then it is another port's turn. Raises OdomError when none can be used.
+    Another viewer may take a port between its choice and the server's use of it, which Rerun only logs: then another
+    port is tried. Raises OdomError when none can be used.
     """
     files = [] if outputs.file is None else [rr.FileSink(outputs.file)]
     if not outputs.served:
@@ -152,7 +161,7 @@ def _is_listening(port: int) -> bool:
         connections = psutil.Process().net_connections("tcp")
         if any(c.status == psutil.CONN_LISTEN and c.laddr.port == port for c in connections):
             return True
-        time.sleep(0.02)
+        time.sleep(_LISTEN_POLL_S)
     return False
 
 
@@ -210,7 +219,7 @@ def _child(arguments: Sequence[str], words: IO[bytes] | None = None) -> Iterator
     finally:
         process.terminate()
         try:
-            process.wait(5.0)
+            process.wait(_END_S)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
@@ -224,5 +233,5 @@ def _program() -> Path:
 
 
 def _end_with_parent() -> None:
-    """Let Linux end the child with its parent, even when that is killed: it would keep the port."""
+    """Let Linux end the child with its parent, even by kill -9: it would keep the port otherwise."""
     ctypes.CDLL(None).prctl(_SET_PARENT_DEATH_SIGNAL, signal.SIGTERM)

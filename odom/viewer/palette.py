@@ -1,4 +1,4 @@
-"""Colours: M. Okabe and K. Ito's palette, told apart by colour-blind eyes, bright enough for a dark ground."""
+"""Colours: M. Okabe and K. Ito's palette, which colour-blind people can tell apart, bright enough on black."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,6 +7,7 @@ Rgb = tuple[int, int, int]
 
 ONLINE: Rgb = (230, 159, 0)
 CORRECTED: Rgb = (86, 180, 233)
+UNJOINED: Rgb = (204, 121, 167)
 TRUTH: Rgb = (240, 240, 240)
 BOUND: Rgb = (150, 150, 150)
 LOOP_ACCEPTED: Rgb = (0, 200, 140)
@@ -20,6 +21,11 @@ UNUSED = (150, 150, 150, 110)
 
 _RESIDUAL = np.array([[0, 200, 140], [240, 228, 66], [255, 90, 30]], dtype=np.float64)
 _RESIDUAL_AT = (0.0, 1.5, 3.0)
+
+
+def tinted(colors: NDArray[np.uint8], tint: Rgb) -> NDArray[np.uint8]:
+    """Return n x 3 RGB half way to the tint."""
+    return (colors // 2 + np.array(tint, dtype=np.uint8) // 2).astype(np.uint8)
 
 
 def residual_colors(residual_sigma: NDArray[np.floating]) -> NDArray[np.uint8]:

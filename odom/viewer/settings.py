@@ -2,7 +2,7 @@
 
 from pydantic import BaseModel, Field
 
-from odom.viewer.clouds import KEYFRAMES
+from odom.viewer.keyframe_clouds import KEYFRAMES
 
 
 class ViewerSettings(BaseModel, frozen=True, extra="forbid"):

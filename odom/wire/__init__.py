@@ -1,18 +1,12 @@
 """Messages, keys, Zenoh sessions and MCAP recordings."""
 
-from odom.wire.message import Message
-from odom.wire.settings import LOCAL, WireSettings
-from odom.wire.topics import TF, TRUTH, TRUTH_HISTORY, Topics, truth, truth_body, truth_history
-
-__all__ = [
-    "LOCAL",
-    "TF",
-    "TRUTH",
-    "TRUTH_HISTORY",
-    "Message",
-    "Topics",
-    "WireSettings",
-    "truth",
-    "truth_body",
-    "truth_history",
-]
+from odom.wire.message import Message as Message
+from odom.wire.settings import LOCAL as LOCAL
+from odom.wire.settings import WireSettings as WireSettings
+from odom.wire.topics import TF as TF
+from odom.wire.topics import TRUTH as TRUTH
+from odom.wire.topics import TRUTH_HISTORY as TRUTH_HISTORY
+from odom.wire.topics import Topics as Topics
+from odom.wire.topics import truth as truth
+from odom.wire.topics import truth_body as truth_body
+from odom.wire.topics import truth_history as truth_history

@@ -4,39 +4,35 @@ import numpy as np
 
 from odom.errors import WireError
 from odom.frame import Camera, RgbdFrame, Stamp
+from odom.geometry.arrays import Image
 from odom.wire.codec import decode_camera_info, decode_color, decode_depth
-from odom.wire.codec.images import Color, Depth
-from odom.wire.malformed import Malformed
+from odom.wire.codec.compressed_depth import Depth
+from odom.wire.malformed_counter import MalformedCounter
 from odom.wire.message import Message
-from odom.wire.pairing import Pair, Pairer, PairingCounters
+from odom.wire.pairing import Pair, Pairer
 from odom.wire.topics import Topics
 
 
 class FrameAssembler:
-    """Turns one device's messages into frames; pure but for its log lines, and deterministic.
+    """Turns one device's messages into frames; its result depends only on the messages and their order.
 
-    Every colour image becomes a frame: one that has no depth image gets an empty one. What cannot be used is counted in
-    `malformed`, which may be the receiver's own; `camera` is the latest calibration.
+    Every colour image becomes a frame, with an empty depth image if it has none. What cannot be used is counted in
+    `malformed`, which may be the receiver's own; `pairing` counts images that are in no frame; `camera` is the latest
+    calibration.
     """
 
-    def __init__(
-        self, topics: Topics, grey: bool = False, period_s: float | None = None, malformed: Malformed | None = None
-    ) -> None:
+    def __init__(self, topics: Topics, grey: bool = False, malformed: MalformedCounter | None = None) -> None:
         self.camera: Camera | None = None
-        self.malformed = Malformed() if malformed is None else malformed
+        self.malformed = MalformedCounter() if malformed is None else malformed
         self._topics = topics
         self._grey = grey
-        self._pairer: Pairer[Color, Depth] = Pairer(period_s, singles=True)
+        self._pairer: Pairer[Image, Depth] = Pairer(singles=True)
+        self.pairing = self._pairer.counters
         self._sequence = 0
 
     @property
-    def pairing(self) -> PairingCounters:
-        """What became of the images that are in no frame."""
-        return self._pairer.counters
-
-    @property
-    def newest_color(self) -> tuple[Stamp, Color] | None:
-        """The newest colour image, where it waits for a depth image still."""
+    def newest_color(self) -> tuple[Stamp, Image] | None:
+        """The newest colour image that still waits for a depth image, None without one."""
         return self._pairer.newest_color
 
     def feed(self, message: Message) -> tuple[RgbdFrame, ...]:
@@ -60,7 +56,7 @@ class FrameAssembler:
         """Return the frames that were still waiting for a nearer partner when the source ended."""
         return self._frames(self._pairer.finish())
 
-    def _frames(self, pairs: list[Pair[Color, Depth]]) -> tuple[RgbdFrame, ...]:
+    def _frames(self, pairs: list[Pair[Image, Depth]]) -> tuple[RgbdFrame, ...]:
         frames = []
         for pair in pairs:
             camera, size = self.camera, pair.color.shape[:2]

@@ -14,15 +14,20 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from odom.errors import ConfigError
 from odom.wire.security import grants
 
-LOCAL_HOSTS = ("localhost", "127.0.0.1")
+_AUTHORITY = "odom authority"
+_LOCAL_HOSTS = ("localhost", "127.0.0.1")
+_AUTHORITY_LASTS = 10
+"""Times that the authority's own certificate is valid for longer than those it signs, so that it can renew them."""
+_CLOCKS_DIFFER = datetime.timedelta(hours=1)
+"""How far a host's clock may be behind without refusing a new certificate. Longer does no harm within a rig."""
 
 
 def make_keys(folder: Path, identities: Iterable[str], hosts: Iterable[str], days: int) -> tuple[Path, ...]:
     """Write `ca.pem` and, for each identity, `IDENTITY.pem` and `IDENTITY.key` into `folder`; return what was written.
 
-    In the files' names the slashes of a namespace are dashes. `hosts` are the names and addresses under which listening
-    processes are reached. An authority that is already there signs further identities; existing certificates are left
-    alone. Private keys are readable by their owner only.
+    In file names the slashes of a namespace become dashes. `hosts` are the names and addresses under which listening
+    processes are reached. An existing authority signs the new identities; existing certificates stay as they are. Only
+    their owner may read private keys.
     Raises ConfigError for an identity without a known role, or an authority whose private key is missing.
     """
     folder.mkdir(parents=True, exist_ok=True)
@@ -37,7 +42,7 @@ def make_keys(folder: Path, identities: Iterable[str], hosts: Iterable[str], day
         if file.exists():
             continue
         key = ec.generate_private_key(ec.SECP256R1())
-        names = [_alternative(host) for host in dict.fromkeys((*LOCAL_HOSTS, *hosts))]
+        names = [_alternative(host) for host in dict.fromkeys((*_LOCAL_HOSTS, *hosts))]
         certificate = (
             _builder(identity, authority.subject, key.public_key(), days)
             .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
@@ -65,9 +70,8 @@ def _authority(folder: Path, days: int, written: list[Path]) -> tuple[x509.Certi
             raise ConfigError(f"{key_file} was not made by this command")
         return x509.load_pem_x509_certificate(file.read_bytes()), key
     key = ec.generate_private_key(ec.SECP256R1())
-    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "odom authority")])
     certificate = (
-        _builder("odom authority", name, key.public_key(), 10 * days)
+        _builder(_AUTHORITY, _name(_AUTHORITY), key.public_key(), _AUTHORITY_LASTS * days)
         .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
         .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
         .sign(key, hashes.SHA256())
@@ -80,13 +84,17 @@ def _builder(name: str, issuer: x509.Name, public: ec.EllipticCurvePublicKey, da
     now = datetime.datetime.now(datetime.UTC)
     return (
         x509.CertificateBuilder()
-        .subject_name(x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)]))
+        .subject_name(_name(name))
         .issuer_name(issuer)
         .public_key(public)
         .serial_number(x509.random_serial_number())
-        .not_valid_before(now - datetime.timedelta(hours=1))
+        .not_valid_before(now - _CLOCKS_DIFFER)
         .not_valid_after(now + datetime.timedelta(days=days))
     )
+
+
+def _name(common_name: str) -> x509.Name:
+    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
 
 
 def _alternative(host: str) -> x509.GeneralName:

@@ -1,4 +1,4 @@
-"""One message as it travels over Zenoh and lies in a recording: the same bytes in both."""
+"""One message, with the same bytes on Zenoh and in a recording."""
 
 from dataclasses import dataclass
 
@@ -9,8 +9,8 @@ from odom.frame import Stamp
 class Message:
     """A ROS 2 message: `topic` is the Zenoh key and the ROS topic without its leading slash.
 
-    `type_name` is the ROS type (`sensor_msgs/msg/Image`), `stamp` the capture time of its header (nanoseconds) and
-    `payload` its CDR serialisation with the 4-byte encapsulation header.
+    `type_name` is the ROS type (`sensor_msgs/msg/Image`), `stamp` the capture time in its header (nanoseconds) and
+    `payload` its CDR bytes, which begin with the 4-byte encapsulation header.
     """
 
     topic: str

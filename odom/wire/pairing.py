@@ -1,13 +1,13 @@
 """Which depth image belongs to which colour image.
 
-Colour and depth are taken at instants of their own. Each depth image is paired with the nearest colour image within
-half a period, one to one; the outcome depends on the stamps and the order within each stream, not on when a message
-arrives, as long as neither stream is more than `capacity` images ahead of the other.
+A camera takes colour and depth images at different times. Each depth image is paired with the nearest colour image
+within half a period, one to one. The outcome depends on the stamps and the order within each stream, not on when a
+message arrives, as long as neither stream is more than `capacity` images ahead of the other.
 
-Policy for bad stamps, each counted: one equal to the stream's last is a duplicate and dropped; one before it, by up to
-a second, goes backward and is dropped; one more than a second away in either direction is a leap, held until the
-next image of its stream confirms it (then both are taken, and after a leap back the images that wait in either stream
-are single), or disowns it (then it is dropped as a stray).
+Bad stamps are counted and treated as follows. One equal to the stream's last is a duplicate and dropped. One before
+it, by up to a second, goes backward and is dropped. One more than a second away in either direction is a leap, which
+is held until the next image of its stream: if that follows it, both are taken (after a leap back the images that wait
+in either stream stay single); if not, it is dropped as a stray.
 """
 
 from collections import deque
@@ -21,11 +21,17 @@ D = TypeVar("D")
 T = TypeVar("T")
 
 LEAP_NS = 1_000_000_000
+"""Nanoseconds between two stamps of a stream beyond which the clock has leapt. Smaller: a camera that pauses counts as
+one that leaps; larger: the stream stands still for longer after a step back."""
 _DEFAULT_PERIOD_NS = 1_000_000_000 / 30
-_INTERVALS = 30
-_ENOUGH_INTERVALS = 5
-_LONG_QUANTILE, _SHORT_QUANTILE = 0.9, 0.25
-_LONGEST = 1.3
+"""Period of a stream until five intervals are known: a camera of 30 Hz."""
+_INTERVALS, _ENOUGH_INTERVALS = 30, 5
+"""The last intervals from which the period is measured, and how many are needed. More: a change of rate is noticed
+later; fewer: the quantiles below are uncertain. Chosen by hand."""
+_LONG_QUANTILE, _SHORT_QUANTILE, _LONGEST = 0.9, 0.25, 1.3
+"""The period is the long quantile of the intervals, at most 1.3 times the short one. An image can lie half of the
+interval around it from its partner, so the period must be a long one; but the longest intervals are where images are
+missing. Larger: images pair across a gap; smaller: uneven ones stay single. Chosen with tests/wire/test_pairing.py."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,18 +61,20 @@ class PairingCounters:
 
 
 @dataclass(frozen=True, eq=False)
-class _Waiting(Generic[T]):
+class _WaitingImage(Generic[T]):
+    """An image with the period and the shortest interval (ns) of its stream up to it."""
+
     stamp: Stamp
     item: T
     period: float
     shortest: float
 
 
-class _Stream(Generic[T]):
-    """One stream of images behind the policy for bad stamps; each waits with the stream's intervals up to it."""
+class _ImageStream(Generic[T]):
+    """One stream of images, without those of bad stamps."""
 
     def __init__(self, counters: PairingCounters) -> None:
-        self.waiting: deque[_Waiting[T]] = deque()
+        self.waiting: deque[_WaitingImage[T]] = deque()
         self.single = 0
         self.went_back = False
         self._counters = counters
@@ -85,18 +93,15 @@ class _Stream(Generic[T]):
                 self._accept(stamp, item)
                 return
             self._counters.stray += 1
-        if self._last is not None:
-            step = stamp - self._last
-            if step == 0:
-                self._counters.duplicate += 1
-                return
-            if -LEAP_NS <= step < 0:
-                self._counters.backward += 1
-                return
-            if abs(step) > LEAP_NS:
-                self._held = (stamp, item)
-                return
-        self._accept(stamp, item)
+        step = 1 if self._last is None else stamp - self._last
+        if step == 0:
+            self._counters.duplicate += 1
+        elif -LEAP_NS <= step < 0:
+            self._counters.backward += 1
+        elif abs(step) > LEAP_NS:
+            self._held = (stamp, item)
+        else:
+            self._accept(stamp, item)
 
     def drop(self, count: int = 1) -> None:
         """Count the oldest waiting images as single."""
@@ -113,29 +118,26 @@ class _Stream(Generic[T]):
             ordered = sorted(self._intervals)
             long, short = (ordered[int(q * (len(ordered) - 1))] for q in (_LONG_QUANTILE, _SHORT_QUANTILE))
             period, shortest = min(long, _LONGEST * short), ordered[0]
-        self.waiting.append(_Waiting(stamp, item, period, shortest))
+        self.waiting.append(_WaitingImage(stamp, item, period, shortest))
 
 
 class Pairer(Generic[C, D]):
-    """Pairs two streams; pure: its answer depends on what it was fed only.
+    """Pairs two streams of images; `counters` say what became of them.
 
-    `period_s` is the colour period; None measures it: a long one (the 90 % quantile) of the last 30 intervals, since
-    half of the interval around it is how far off an image can lie, but no more than 1.3 times a short one (25 %),
-    since the longest are where images are missing; 1/30 s at the beginning. With `singles`, a colour image that has no
-    depth image is returned too, in its place.
+    With `singles`, a colour image that has no depth image is returned too, in its place. Beyond `capacity` waiting
+    images of a stream, 32 or about one second, the oldest are given up.
     """
 
-    def __init__(self, period_s: float | None = None, capacity: int = 32, singles: bool = False) -> None:
-        self._singles = singles
+    def __init__(self, capacity: int = 32, singles: bool = False) -> None:
         self.counters = PairingCounters()
-        self._fixed_period = None if period_s is None else period_s * 1e9
+        self._singles = singles
         self._capacity = capacity
-        self._color: _Stream[C] = _Stream(self.counters)
-        self._depth: _Stream[D] = _Stream(self.counters)
+        self._color: _ImageStream[C] = _ImageStream(self.counters)
+        self._depth: _ImageStream[D] = _ImageStream(self.counters)
 
     @property
     def newest_color(self) -> tuple[Stamp, C] | None:
-        """The newest colour image that waits, None where none does."""
+        """The newest colour image that waits, None without one."""
         waiting = self._color.waiting
         return (waiting[-1].stamp, waiting[-1].item) if waiting else None
 
@@ -150,26 +152,22 @@ class Pairer(Generic[C, D]):
         return self._match(final=False)
 
     def finish(self) -> list[Pair[C, D]]:
-        """Return the last pairs when no more images come; what stays is single."""
-        pairs = self._match(final=True)
-        while self._color.waiting:
-            self._leave_single(self._color, pairs)
-        self._depth.drop(len(self._depth.waiting))
-        self._count_single()
-        return pairs
+        """Return the last pairs when no more images come; what remains is single."""
+        return self._match(final=True)
 
     def _match(self, final: bool) -> list[Pair[C, D]]:
-        self._forget_what_a_leap_left()
+        self._give_up_what_waits_from_before_a_leap_back()
         pairs: list[Pair[C, D]] = []
         colors, depths = self._color.waiting, self._depth.waiting
         while colors and depths:
             color, depth = colors[0], depths[0]
             apart = abs(color.stamp - depth.stamp)
-            early: _Stream[C] | _Stream[D] = self._color if color.stamp <= depth.stamp else self._depth
-            if apart > (self._fixed_period or color.period) / 2:
+            early: _ImageStream[C] | _ImageStream[D] = self._color if color.stamp <= depth.stamp else self._depth
+            if apart > color.period / 2:
                 self._leave_single(early, pairs)
                 continue
-            # a rival is a later image of the stream that came first; its regular intervals leave no room for one
+            # The next image of the early stream may be nearer to the late one. It cannot be if that stream's intervals
+            # are longer than twice this distance; otherwise it must be seen before the pair is certain.
             if 2 * apart >= early.waiting[0].shortest:
                 if len(early.waiting) < 2 and not final:
                     break
@@ -180,21 +178,21 @@ class Pairer(Generic[C, D]):
             depths.popleft()
             self.counters.pairs += 1
             pairs.append(Pair(color.stamp, color.item, depth.stamp, depth.item))
-        while len(colors) > self._capacity:
+        capacity = 0 if final else self._capacity
+        while len(colors) > capacity:
             self._leave_single(self._color, pairs)
-        self._depth.drop(len(depths) - self._capacity)
-        self._count_single()
+        self._depth.drop(len(depths) - capacity)
+        self.counters.color_single, self.counters.depth_single = self._color.single, self._depth.single
         return pairs
 
-    def _leave_single(self, stream: _Stream[C] | _Stream[D], pairs: list[Pair[C, D]]) -> None:
-        """Give up on the oldest waiting image of a stream; a colour image may go out alone."""
+    def _leave_single(self, stream: _ImageStream[C] | _ImageStream[D], pairs: list[Pair[C, D]]) -> None:
+        """Give up the oldest waiting image of a stream; a colour image is returned alone, if asked for."""
         if self._singles and stream is self._color:
             color = self._color.waiting[0]
             pairs.append(Pair(color.stamp, color.item, color.stamp, None))
         stream.drop()
 
-    def _forget_what_a_leap_left(self) -> None:
-        """After a leap back: what waits from before it, in either stream, can have no partner any more."""
+    def _give_up_what_waits_from_before_a_leap_back(self) -> None:
         for leapt in (self._color, self._depth):
             if not leapt.went_back:
                 continue
@@ -203,6 +201,3 @@ class Pairer(Generic[C, D]):
             for stream in (self._color, self._depth):
                 while stream.waiting and stream.waiting[0].stamp > limit:
                     stream.drop()
-
-    def _count_single(self) -> None:
-        self.counters.color_single, self.counters.depth_single = self._color.single, self._depth.single

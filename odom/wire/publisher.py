@@ -1,4 +1,4 @@
-"""The sending side of a session: numbered messages on any key."""
+"""The sending side of a session: messages on any key, numbered."""
 
 import secrets
 import threading
@@ -15,8 +15,8 @@ from odom.wire.message import Message
 class Publisher:
     """Publishes messages on any key with serial and sequence numbers; safe to use from several threads.
 
-    `lossless` waits for a congested link, else a message that finds no room within the settings' patience is dropped.
-    `urgent` overtakes images; order holds among messages of the same urgency only.
+    `lossless`: wait for a congested link; otherwise a message that finds no room within `drop_after_ms` of the settings
+    is dropped. `urgent`: overtake images; only messages of the same urgency stay in order.
     """
 
     def __init__(self, session: zenoh.Session, lossless: bool, urgent: bool) -> None:
@@ -33,11 +33,10 @@ class Publisher:
     def put(self, message: Message) -> int:
         """Send the message and return its serial number, from 0; raises WireError when the session is closed."""
         with self._lock:
-            publisher = self._publishers.get((message.topic, message.type_name)) or self._declare(message)
-            sequence = self._sequences.get(message.topic, 0)
-            serial = self.serial
+            sequence, serial = self._sequences.get(message.topic, 0), self.serial
             attachment = Attachment(self._lossless, self.epoch, serial, sequence, Stamp(time.time_ns()))
             try:
+                publisher = self._publishers.get((message.topic, message.type_name)) or self._declare(message)
                 publisher.put(message.payload, attachment=attachment.pack())
             except zenoh.ZError as error:
                 raise WireError(f"{message.topic} cannot be published: {error}") from error
@@ -53,14 +52,9 @@ class Publisher:
             self._publishers.clear()
 
     def _declare(self, message: Message) -> zenoh.Publisher:
-        try:
-            publisher = self._session.declare_publisher(
-                message.topic,
-                encoding=encoding_of(message.type_name),
-                congestion_control=self._control,
-                priority=self._priority,
-            )
-        except zenoh.ZError as error:
-            raise WireError(f"{message.topic} cannot be published: {error}") from error
+        encoding = encoding_of(message.type_name)
+        publisher = self._session.declare_publisher(
+            message.topic, encoding=encoding, congestion_control=self._control, priority=self._priority
+        )
         self._publishers[message.topic, message.type_name] = publisher
         return publisher

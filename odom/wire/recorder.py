@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from odom.errors import WireError
 from odom.frame import Stamp
-from odom.wire.flow import Consumer
-from odom.wire.idling import Idling
+from odom.wire.consumer import Consumer
+from odom.wire.idle_detector import IdleDetector
 from odom.wire.message import Message
 from odom.wire.recording import RecordingWriter
 from odom.wire.session import WireSession
@@ -18,10 +18,18 @@ from odom.wire.topics import TF, TRUTH, Topics, truth_body
 INTERRUPTED = "interrupted"
 
 _DEPTH = 64
+"""Messages of a live sender that wait on a key while the disk is busy, 2 s at 30 Hz (raw images also stay below the
+subscriber's bound in bytes). Smaller: more of a live stream is missing in the file; larger: more memory."""
 _POLL_S = 0.1
+"""Longest wait for a message, in seconds; then a chunk may be written, and `stop` and the end are looked at."""
 _QUIET_S = 1.0
+"""Seconds without a message of the device, after its odometry has gone, that end a recording whose source has ended.
+Smaller: last poses on a slow link are missing in the file; larger: the end takes longer. Chosen by hand."""
 _HELD = 64
+"""Messages that wait for the first image, the newest; more than the odometry sends before it. Larger: more memory."""
 _NEAR_NS = 10_000_000_000
+"""Nanoseconds within which a stamp belongs to the images' time line. Smaller: late poses are logged at another time
+than their stamp; larger: a host clock that is this near to an old recording's is not noticed."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +42,10 @@ class RecorderReport:
 
 
 class Timeline:
-    """When a message belongs on the recording's time line: that of the images, before the first of them that of truth.
+    """At which time each message is logged: on the images' time line or, before the first image, on that of truth.
 
-    Truth and estimates carry stamps near the images'. Status carries the host's clock, which is years away when an old
-    recording is played: it is logged at the image before it, or held until there is one. Pure.
+    Truth and estimates have stamps near the images'. Status has the host's clock, which is years away when an old
+    recording is played: it is logged at the time of the image before it, or held until there is one.
     """
 
     def __init__(self, image_keys: Collection[str]) -> None:
@@ -47,7 +55,7 @@ class Timeline:
         self._held: deque[Message] = deque(maxlen=_HELD)
 
     def place(self, message: Message) -> list[tuple[Stamp, Message]]:
-        """Return what can be logged by this message, each with its time."""
+        """Return the messages that can be logged now that this one has come, each with its time."""
         is_image = message.topic in self._image_keys
         if is_image or (not self._has_images and truth_body(message.topic) is not None):
             self._has_images = is_image
@@ -59,7 +67,7 @@ class Timeline:
         return [self._beside(message, self._now)]
 
     def rest(self) -> list[tuple[Stamp, Message]]:
-        """Return what is held still, at its own time: nothing else came."""
+        """Return the messages that are still held at the end, each at its own time, since no image came."""
         return [(message.stamp, message) for message in self._release()]
 
     def _beside(self, message: Message, now: Stamp) -> tuple[Stamp, Message]:
@@ -72,36 +80,30 @@ class Timeline:
 
 
 class Recorder:
-    """Records frames, calibration and truth, and the estimates if asked for; one life is one recording."""
+    """Records frames, calibration and truth, and the estimates if asked for, into one recording."""
 
     def __init__(self, session: WireSession, topics: Topics, writer: RecordingWriter, estimates: bool = True) -> None:
         self._topics = topics
         self._writer = writer
         self._estimates = estimates
-        self._odometry_lives = threading.Event()
-        self._odometry_idles = Idling()
+        self._odometry_lives = False
+        self._odometry_idles = IdleDetector()
         self._heard_at = time.monotonic()
-        images = (
-            topics.color,
-            topics.color_compressed,
-            topics.depth,
-            topics.depth_compressed,
-            topics.camera_info,
-            topics.device,
-        )
-        estimated = (topics.odom, topics.pose, topics.path, topics.status, topics.loops, TF) if estimates else ()
-        session.watch(topics.alive_of("odometry"), self._odometry)
+        t = topics
+        images = (t.color, t.color_compressed, t.depth, t.depth_compressed, t.camera_info, t.device)
+        estimated = (t.odom, t.pose, t.path, f"{t.path}/*", t.status, t.loops, TF) if estimates else ()
+        session.watch(topics.alive_of("odometry"), self._odometry_changed)
         self._images = images
         self._timeline = Timeline(images)
         self._consumer = Consumer(session, topics, "recorder", (*images, TRUTH, *estimated), depth=_DEPTH)
         session.announce(topics.alive_of("recorder"))
 
     def run(self, stop: threading.Event, progress: Callable[[int], None] = lambda frames: None) -> RecorderReport:
-        """Record until the source has ended and the odometry has said its last, or until `stop` is set.
+        """Record until the source has ended and the odometry has sent all it has to, or until `stop` is set.
 
-        It has when it is gone and silent for a second, or reports for five seconds that it has nothing to do; while it
-        saves its results it says nothing. A source that was started again meanwhile has not ended. Truth, which may
-        come from elsewhere, and what comes of other devices hold nothing up.
+        The odometry has when it is gone and nothing has come for a second, or when it has reported for five seconds
+        that it has nothing to do (while it saves its results it reports nothing). A source that was started again
+        meanwhile has not ended. Truth and the messages of other devices do not delay the end.
         """
         frames, ended = 0, None
         while not stop.is_set():
@@ -117,7 +119,7 @@ class Recorder:
             if self._consumer.ended is not None:
                 ended = self._consumer.ended
                 self._consumer.restart()
-            if ended is not None and self._all_is_said():
+            if ended is not None and self._has_everything():
                 break
         self._write(self._timeline.rest())
         total = self._consumer.total()
@@ -128,13 +130,13 @@ class Recorder:
             return
         self._heard_at = time.monotonic()
         if topic == self._topics.status:
-            self._odometry_idles.reports()
+            self._odometry_idles.note_report()
         else:
-            self._odometry_idles.works()
+            self._odometry_idles.note_work()
 
-    def _all_is_said(self) -> bool:
-        if self._estimates and self._odometry_lives.is_set():
-            return self._odometry_idles.is_long
+    def _has_everything(self) -> bool:
+        if self._estimates and self._odometry_lives:
+            return self._odometry_idles.is_idle
         return time.monotonic() - self._heard_at > _QUIET_S
 
     def _write(self, placed: list[tuple[Stamp, Message]]) -> int:
@@ -149,9 +151,6 @@ class Recorder:
             frames += message.topic in (self._topics.color, self._topics.color_compressed)
         return frames
 
-    def _odometry(self, key: str, alive: bool) -> None:
-        self._heard_at = time.monotonic()  # its last words may be on their way still
-        if alive:
-            self._odometry_lives.set()
-        else:
-            self._odometry_lives.clear()
+    def _odometry_changed(self, key: str, alive: bool) -> None:
+        self._heard_at = time.monotonic()  # its last messages may still be on their way
+        self._odometry_lives = alive

@@ -1,8 +1,8 @@
-"""Who may come in and who may say what: TLS with certificates of both sides, user and password, rules by key.
+"""Who may connect and what each may send: TLS with certificates on both sides, user and password, rules by key.
 
-A process that listens (the router of a rig) checks; a process that connects presents its certificate or password. What
-an identity may do follows from its name, which is the certificate's common name or the user: a role and, behind a dot,
-the namespace it is for (`sensor.cam0`, `odometry.lab/cam0`), of any device without (`recorder`, `viewer`, `router`).
+A process that listens (the router of a rig) checks; a process that connects presents its certificate or password. The
+rights of an identity follow from its name, which is the certificate's common name or the user: a role and, behind a
+dot, the namespace of one device (`sensor.cam0`, `odometry.lab/cam0`); without it, of any device (`recorder`, `viewer`).
 """
 
 from collections.abc import Iterable, Mapping
@@ -12,31 +12,22 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from odom.errors import ConfigError
-from odom.wire.topics import TRUTH_HISTORY
+from odom.wire.topics import TF, TRUTH_HISTORY
 
 ROLES = ("router", "sensor", "odometry", "recorder", "viewer", "mocap")
 
-_EVERYTHING = (
-    "put",
-    "delete",
-    "declare_subscriber",
-    "query",
-    "reply",
-    "declare_queryable",
-    "liveliness_token",
-    "liveliness_query",
-    "declare_liveliness_subscriber",
-)
-_HEAR = ("declare_subscriber", "query", "liveliness_query", "declare_liveliness_subscriber")
-_SAY = ("put", "delete")
-_BE = ("liveliness_token",)
+_RECEIVE = ("declare_subscriber", "query", "liveliness_query", "declare_liveliness_subscriber")
+_PUBLISH = ("put", "delete")
+_BE_ALIVE = ("liveliness_token",)
 _ANSWER = ("declare_queryable", "reply")
+_EVERYTHING = (*_PUBLISH, *_BE_ALIVE, *_RECEIVE, *_ANSWER)
+"""Zenoh's kinds of messages, by what a process does with them."""
 
 Grants = tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]
 
 
 class SecuritySettings(BaseModel, frozen=True, extra="forbid"):
-    """Certificates and identities; all are files, so that no secret stands in a command line, a log or a report."""
+    """Certificates and identities, given as files so that no secret is in a command line, a log or a report."""
 
     certificate: Path | None = Field(
         None, description="this process's certificate (PEM); switches TLS on, both sides checked"
@@ -58,20 +49,20 @@ class SecuritySettings(BaseModel, frozen=True, extra="forbid"):
 
 
 def secured(endpoints: Iterable[str], settings: SecuritySettings) -> list[str]:
-    """Return the endpoints with `tls/` for `tcp/` when TLS is on: nothing goes in the clear by oversight."""
+    """Return the endpoints, with `tls/` in place of `tcp/` when TLS is on, so that nothing goes unencrypted."""
     return ["tls/" + e.removeprefix("tcp/") if settings.tls and e.startswith("tcp/") else e for e in endpoints]
 
 
 def security_configuration(settings: SecuritySettings) -> dict[str, Any]:
     """Return the Zenoh configuration, path to value. Raises ConfigError for files that are missing or incomplete."""
     configuration: dict[str, Any] = {}
-    files = (settings.certificate, settings.key, settings.ca)
-    if any(files) and not all(files):
+    files = [file for file in (settings.certificate, settings.key, settings.ca) if file is not None]
+    if len(files) not in (0, 3):
         raise ConfigError(
             "TLS needs three files: certificate, private key and the authority's certificate (--tls CERT KEY CA)"
         )
-    if settings.certificate and settings.key and settings.ca:
-        certificate, key, ca = (_readable(file) for file in (settings.certificate, settings.key, settings.ca))
+    if files:
+        certificate, key, ca = map(_readable, files)
         configuration |= {
             "transport/link/tls/root_ca_certificate": ca,
             "transport/link/tls/enable_mtls": True,
@@ -108,55 +99,71 @@ def _readable(file: Path) -> str:
 
 
 def grants(identity: str) -> Grants:
-    """Return what `identity` may send to the process that checks: pairs of message kinds and key expressions.
+    """Return what `identity` may send to the process that checks, as pairs of message kinds and key expressions.
 
     Raises ConfigError for a role that is unknown or lacks its namespace.
     """
     role, _, namespace = identity.partition(".")
-    ns = namespace or "**"
     if role not in ROLES:
         raise ConfigError(f"identity {identity!r}: its role must be one of {', '.join(ROLES)}")
     if role in ("sensor", "odometry") and not namespace:
         raise ConfigError(f"identity {identity!r}: say for which device, such as {role}.cam0")
-    if role == "router":
-        return ((_EVERYTHING, ("**",)),)
-    if role == "sensor":
-        images = (f"{ns}/color/**", f"{ns}/depth/**", f"{ns}/device", f"{ns}/end")
-        return (_SAY, images), (_BE, (f"{ns}/alive",)), (_HEAR, (f"{ns}/ack/**", f"{ns}/alive/**"))
-    if role == "odometry":
-        results = ("odom", "pose", "path", "status", "loops", "features", "landmarks", "keyframes", "ack/odometry")
-        says = (*(f"{ns}/{result}" for result in results), "tf")
-        lives = (f"{ns}/alive/odometry", f"{ns}/ack/odometry")
-        heard = (f"{ns}/**", "truth/**")
-        return (_SAY, says), (_BE, lives), (_HEAR, heard), (_ANSWER, (f"{ns}/**", TRUTH_HISTORY))
-    if role == "recorder":
-        return (_SAY, (f"{ns}/ack/recorder",)), (_BE, (f"{ns}/alive/recorder", f"{ns}/ack/recorder")), (_HEAR, ("**",))
-    if role == "viewer":
-        return (_BE, (f"{ns}/alive/viewer",)), (_HEAR, ("**",))
-    own = namespace or "mocap"
-    return (_SAY, ("truth/**", f"{own}/end")), (_BE, (f"{own}/alive",)), (_HEAR, (f"{own}/ack/**", f"{own}/alive/**"))
+
+    def below(*names: str, device: str = namespace or "**") -> tuple[str, ...]:
+        return tuple(f"{device}/{name}" for name in names)
+
+    mocap = namespace or "mocap"
+    results = (
+        "odom",
+        "pose",
+        "path",
+        "path/*",
+        "status",
+        "loops",
+        "features",
+        "landmarks",
+        "keyframes",
+        "ack/odometry",
+    )
+    rights: dict[str, Grants] = {
+        "router": ((_EVERYTHING, ("**",)),),
+        "sensor": (
+            (_PUBLISH, below("color/**", "depth/**", "device", "end")),
+            (_BE_ALIVE, below("alive")),
+            (_RECEIVE, below("ack/**", "alive/**")),
+        ),
+        "odometry": (
+            (_PUBLISH, (*below(*results), TF)),
+            (_BE_ALIVE, below("alive/odometry", "ack/odometry")),
+            (_RECEIVE, (*below("**"), "truth/**")),
+            (_ANSWER, (*below("**"), TRUTH_HISTORY)),
+        ),
+        "recorder": (
+            (_PUBLISH, below("ack/recorder")),
+            (_BE_ALIVE, below("alive/recorder", "ack/recorder")),
+            (_RECEIVE, ("**",)),
+        ),
+        "viewer": ((_BE_ALIVE, below("alive/viewer")), (_RECEIVE, ("**",))),
+        "mocap": (
+            (_PUBLISH, ("truth/**", *below("end", device=mocap))),
+            (_BE_ALIVE, below("alive", device=mocap)),
+            (_RECEIVE, below("ack/**", "alive/**", device=mocap)),
+        ),
+    }
+    return rights[role]
 
 
 def access_rules(identities: Iterable[str], by_certificate: bool) -> Mapping[str, Any]:
-    """Return Zenoh's `access_control`: what is not granted to an identity is refused, strangers get nothing."""
-    rules: list[dict[str, Any]] = [
-        {"id": "out", "permission": "allow", "flows": ["egress"], "messages": list(_EVERYTHING), "key_exprs": ["**"]}
-    ]
-    subjects, policies = [], []
+    """Return Zenoh's `access_control`: whatever is not granted to an identity is refused, and strangers get nothing."""
+
+    def rule(name: str, flow: str, messages: tuple[str, ...], keys: tuple[str, ...]) -> dict[str, Any]:
+        allowed = {"flows": [flow], "messages": list(messages), "key_exprs": list(keys)}
+        return {"id": name, "permission": "allow", **allowed}
+
+    rules, subjects, policies = [rule("out", "egress", _EVERYTHING, ("**",))], [], []
     for identity in identities:
-        names = []
-        for number, (messages, keys) in enumerate(grants(identity)):
-            names.append(f"{identity}:{number}")
-            rules.append(
-                {
-                    "id": names[-1],
-                    "permission": "allow",
-                    "flows": ["ingress"],
-                    "messages": list(messages),
-                    "key_exprs": list(keys),
-                }
-            )
-        field = "cert_common_names" if by_certificate else "usernames"
-        subjects.append({"id": identity, field: [identity]})
-        policies.append({"rules": [*names, "out"], "subjects": [identity]})
+        own = [rule(f"{identity}:{i}", "ingress", *granted) for i, granted in enumerate(grants(identity))]
+        rules += own
+        subjects.append({"id": identity, "cert_common_names" if by_certificate else "usernames": [identity]})
+        policies.append({"rules": [*(entry["id"] for entry in own), "out"], "subjects": [identity]})
     return {"enabled": True, "default_permission": "deny", "rules": rules, "subjects": subjects, "policies": policies}

@@ -1,4 +1,4 @@
-"""A Zenoh session with what the platform needs to be safe: no shared memory, loopback only, counted messages."""
+"""A Zenoh session with safe settings: no shared memory, no multicast scouting, bounded queues, counted messages."""
 
 import json
 import re
@@ -14,11 +14,18 @@ from odom.wire.delivery import Delivery
 from odom.wire.publisher import Publisher
 from odom.wire.security import secured, security_configuration
 from odom.wire.settings import WireSettings
-from odom.wire.subscriber import Counters, Subscriber
+from odom.wire.subscriber import ReceptionCounters, Subscriber
 
 _SOURCE_LINE = re.compile(r" at \S+\.rs:\d+")
+_CLIENT_TIMEOUT_MS = 5000
+"""How long a client looks for its router before it fails, in ms. Longer: a wrong address is reported later; shorter: a
+router that starts at the same time is missed. Peers look for ever."""
+_RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
+"""Pause between two attempts to connect: doubled from 0.1 s to 1 s. Longer: processes meet later after a restart."""
+_QUEUE_BATCHES = 8
+"""Batches of 64 kB that wait for a link. More: older images on a slow link; fewer: an image needs more turns."""
 
-__all__ = ["Counters", "Delivery", "Publisher", "Subscriber", "WireSession", "open_session"]
+__all__ = ["Delivery", "Publisher", "ReceptionCounters", "Subscriber", "WireSession", "open_session"]
 
 
 @dataclass
@@ -26,7 +33,6 @@ class WireSession:
     """An open Zenoh session; `close` undeclares everything that was declared through it."""
 
     zenoh: zenoh.Session
-    settings: WireSettings
     _stack: ExitStack = field(default_factory=ExitStack)
 
     def publisher(self, lossless: bool = False, urgent: bool = False) -> Publisher:
@@ -49,10 +55,7 @@ class WireSession:
         self._stack.callback(token.undeclare)
 
     def watch(self, key_expr: str, changed: Callable[[str, bool], None]) -> None:
-        """Call `changed(key, alive)` now for each living token and whenever one comes or goes.
-
-        The calls come from another thread.
-        """
+        """Call `changed(key, alive)`, from another thread, for each living token and whenever one comes or goes."""
 
         def arrive(sample: zenoh.Sample) -> None:
             changed(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
@@ -80,10 +83,10 @@ def open_session(settings: WireSettings) -> Iterator[WireSession]:
         opened = zenoh.open(config)
     except zenoh.ZError as error:
         where = ", ".join((*settings.listen, *settings.connect))
-        said = _SOURCE_LINE.sub("", str(error))
-        advice = "; end what listens there, or give another --listen" if "listener" in said else ""
-        raise WireError(f"cannot open a Zenoh session as {settings.mode} at {where}: {said}{advice}") from error
-    session = WireSession(opened, settings)
+        reason = _SOURCE_LINE.sub("", str(error))
+        advice = "; end what listens there, or give another --listen" if "listener" in reason else ""
+        raise WireError(f"cannot open a Zenoh session as {settings.mode} at {where}: {reason}{advice}") from error
+    session = WireSession(opened)
     try:
         yield session
     finally:
@@ -91,9 +94,9 @@ def open_session(settings: WireSettings) -> Iterator[WireSession]:
 
 
 def _listeners(settings: WireSettings) -> list[str]:
-    """Return the endpoints to listen on: what nobody asked for is left to whoever holds it already.
+    """Return the endpoints to listen on; those that nobody asked for may be in use by another process already.
 
-    A router has to have them all: nobody else would be found there.
+    A router must have them all, since the others look for it there.
     """
     demanded = [settings.mode == "router" or settings.on_purpose(where) for where in settings.listen]
     return [
@@ -103,20 +106,24 @@ def _listeners(settings: WireSettings) -> list[str]:
 
 
 def _configuration(settings: WireSettings) -> dict[str, Any]:
+    """Return the Zenoh configuration, path to value.
+
+    Shared memory is off: with it, a stalled receiver was given a frame with another frame's bytes (1 in 330).
+    """
     patience = settings.drop_after_ms * 1000
     return {
         "mode": settings.mode,
         "connect/endpoints": secured(settings.connect, settings.security),
         "connect/exit_on_failure": settings.mode == "client",
-        "connect/timeout_ms": 5000 if settings.mode == "client" else -1,
-        "connect/retry": {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2},
+        "connect/timeout_ms": _CLIENT_TIMEOUT_MS if settings.mode == "client" else -1,
+        "connect/retry": _RETRY,
         "listen/endpoints": [] if settings.mode == "client" else _listeners(settings),
         "listen/exit_on_failure": True,
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": True,
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": settings.lease_ms,
-        "transport/link/tx/queue/size/data": 8,
+        "transport/link/tx/queue/size/data": _QUEUE_BATCHES,
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": patience,
         "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 2 * patience,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": settings.lease_ms * 1000,

@@ -10,7 +10,7 @@ LOCAL = "tcp/127.0.0.1:7447"
 ANY_LOCAL_PORT = "tcp/127.0.0.1:0"
 
 Compression = Literal["zstd", "lz4", "none"]
-"""Of the chunks of a recording."""
+"""How the chunks of a recording are compressed."""
 
 
 class WireSettings(BaseModel, frozen=True, extra="forbid"):
@@ -38,14 +38,14 @@ class WireSettings(BaseModel, frozen=True, extra="forbid"):
     )
 
     def as_guest(self) -> Self:
-        """Return the settings of a process that connects to the others and lets nobody connect to it.
+        """Return the settings of a process that connects to the others but listens only where it was told to.
 
-        Whoever comes first holds the meeting point of the others; while it is stopped the system still accepts
-        connections for it, so that all who come later wait there and never meet. Nobody may depend like that on a
-        process that only looks on. What was given on purpose stays.
+        The process that starts first listens at the meeting point. While it is frozen the system still accepts
+        connections for it, so that all who come later wait there and never meet: no process that only watches, such as
+        a viewer, may hold that place.
         """
         return self.model_copy(update={"listen": tuple(where for where in self.listen if self.on_purpose(where))})
 
     def on_purpose(self, where: str) -> bool:
-        """Whether an endpoint to listen on was given: it is neither a default nor one that the others hold as well."""
+        """Whether an endpoint to listen on was asked for: it is neither a default nor one to connect to."""
         return where not in (*self.connect, LOCAL, ANY_LOCAL_PORT)

@@ -10,153 +10,113 @@ TF = "tf"
 TRUTH = "truth/*/pose"
 """Key expression of the motion capture poses of all bodies."""
 TRUTH_HISTORY = "truth/*/history"
-"""Key expression of what is remembered of all bodies."""
+"""Key expression of the earlier poses of all bodies."""
 
 _NAME = re.compile(r"[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*\Z")
 _DEFAULT = "cam0"
 _LONGEST_BODY = 64
+"""Characters of a body's name that its key keeps; longer names that begin alike would share a key."""
 _TRUTH_KEY = re.compile(rf"truth/([A-Za-z0-9_]{{1,{_LONGEST_BODY}}})/(?:pose|history)\Z")
 
 
 def truth(body: str) -> str:
-    """Return the key of a motion capture body's pose; what a key may not hold becomes an underscore.
+    """Return the key of a motion capture body's pose, with underscores for characters that a key may not hold.
 
-    Of a long name the first 64 characters are taken, and `body` for none.
+    Only the first 64 characters of a long name are used, and `body` stands for an empty one.
     """
     return f"truth/{_part_of_a_key(body)}/pose"
 
 
 def truth_history(body: str) -> str:
-    """Return the key of a body's remembered poses (nav_msgs/Path), an answer to a query of `Topics.history`."""
+    """Return the key of a body's earlier poses (nav_msgs/Path), an answer to a query of `Topics.history`."""
     return f"truth/{_part_of_a_key(body)}/history"
 
 
 def truth_body(key: str) -> str | None:
-    """Return the body of a key of `truth` or `truth_history`, None for a key that those would not give."""
+    """Return the body of a key as `truth` and `truth_history` make it, None for any other key."""
     found = _TRUTH_KEY.match(key)
     return None if found is None else found[1]
+
+
+def type_of(key: str) -> str | None:
+    """Return the message type that the last part of a key stands for, None where it says nothing."""
+    return _TYPES.get(key.rpartition("/")[2])
 
 
 def _part_of_a_key(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9_]", "_", name)[:_LONGEST_BODY] or "body"
 
 
+class _Key:
+    """A key below the namespace of a device, and the type of its messages."""
+
+    def __init__(self, name: str, type_name: str = "") -> None:
+        self.name, self.type_name = name, type_name
+
+    def __get__(self, topics: "Topics", owner: type) -> str:
+        return f"{topics.namespace}/{self.name}"
+
+
 @dataclass(frozen=True)
 class Topics:
     """Keys and frame names of the device `namespace`; raises ConfigError for a name that no ROS topic can have.
 
-    Frames are `map`, `odom` and `cam0_color_optical_frame` of the default device; of another one all are below its
-    namespace, as in `cam1/map`: devices share the key `tf`, and each has a tree of its own there.
+    Frames are `map`, `odom` and `cam0_color_optical_frame` for the default device; for any other they are below its
+    namespace, as in `cam1/map`: all devices share the key `tf`, and each has a tree of its own there.
     """
 
     namespace: str = _DEFAULT
+
+    color = _Key("color/image_raw", "sensor_msgs/msg/Image")
+    """rgb8."""
+    color_compressed = _Key("color/image_raw/compressed", "sensor_msgs/msg/CompressedImage")
+    """jpeg or png."""
+    depth = _Key("depth/image_raw", "sensor_msgs/msg/Image")
+    """16UC1 millimetres, registered to colour."""
+    depth_compressed = _Key("depth/image_raw/compressedDepth", "sensor_msgs/msg/CompressedImage")
+    """compressedDepth png or RVL."""
+    camera_info = _Key("color/camera_info", "sensor_msgs/msg/CameraInfo")
+    """Calibration of the colour image, repeated every second for late joiners."""
+    device = _Key("device", "diagnostic_msgs/msg/DiagnosticArray")
+    """What a live sensor is, every second: name, serial number, what it lost."""
+    odom = _Key("odom", "nav_msgs/msg/Odometry")
+    """The causal pose with covariance, every frame."""
+    pose = _Key("pose", "geometry_msgs/msg/PoseStamped")
+    """The corrected pose in `map`, every frame."""
+    path = _Key("path", "nav_msgs/msg/Path")
+    """The corrected key-frame trajectory of the part the camera is in, on change; others below it: `path/segment_N`."""
+    status = _Key("status", "diagnostic_msgs/msg/DiagnosticArray")
+    """State, reason, rates, latencies, losses."""
+    loops = _Key("loops", "diagnostic_msgs/msg/DiagnosticArray")
+    """One message for each loop candidate."""
+    features = _Key("features", "sensor_msgs/msg/PointCloud2")
+    """For display: tracked features of the frame (u, v, residual_sigma)."""
+    landmarks = _Key("landmarks", "sensor_msgs/msg/PointCloud2")
+    """For display: the sparse map (x, y, z in `map`)."""
+    keyframes = _Key("keyframes", "sensor_msgs/msg/PointCloud2")
+    """For display: some of the points that a key frame saw (x, y, z, rgb in the camera's frame)."""
+    end = _Key("end", "std_msgs/msg/String")
+    """The source has ended, with the reason; sent in order behind the last message."""
+    history = _Key("history")
+    """Query of a process that joins late: answered by the messages that say what happened before."""
+    odom_history = _Key("history/odom")
+    """nav_msgs/Path: some of the earlier causal poses; an answer to a query of `history`."""
+    alive = _Key("alive")
+    """Liveliness token of the device's sensor process."""
+    ack = _Key("ack")
+    """Prefix below which consumers acknowledge what they have consumed (see `odom.wire.send_window`)."""
 
     def __post_init__(self) -> None:
         if not _NAME.match(self.namespace):
             raise ConfigError(f"namespace {self.namespace!r}: give letters, digits, underscores and inner slashes only")
 
-    @property
-    def color(self) -> str:
-        """sensor_msgs/Image, rgb8."""
-        return f"{self.namespace}/color/image_raw"
-
-    @property
-    def color_compressed(self) -> str:
-        """sensor_msgs/CompressedImage, jpeg or png."""
-        return f"{self.namespace}/color/image_raw/compressed"
-
-    @property
-    def depth(self) -> str:
-        """sensor_msgs/Image, 16UC1 millimetres, registered to colour."""
-        return f"{self.namespace}/depth/image_raw"
-
-    @property
-    def depth_compressed(self) -> str:
-        """sensor_msgs/CompressedImage, compressedDepth png or RVL."""
-        return f"{self.namespace}/depth/image_raw/compressedDepth"
-
-    @property
-    def camera_info(self) -> str:
-        """sensor_msgs/CameraInfo of the colour image, repeated every second for late joiners."""
-        return f"{self.namespace}/color/camera_info"
-
-    @property
-    def device(self) -> str:
-        """diagnostic_msgs/DiagnosticArray of a live sensor, every second: name, serial number, what it lost."""
-        return f"{self.namespace}/device"
-
-    @property
-    def odom(self) -> str:
-        """nav_msgs/Odometry: the causal pose with covariance, every frame."""
-        return f"{self.namespace}/odom"
-
-    @property
-    def pose(self) -> str:
-        """geometry_msgs/PoseStamped in `map`."""
-        return f"{self.namespace}/pose"
-
-    @property
-    def path(self) -> str:
-        """nav_msgs/Path: the corrected key-frame trajectory, on change."""
-        return f"{self.namespace}/path"
-
-    @property
-    def status(self) -> str:
-        """diagnostic_msgs/DiagnosticArray: state, reason, rates, latencies, losses."""
-        return f"{self.namespace}/status"
-
-    @property
-    def loops(self) -> str:
-        """diagnostic_msgs/DiagnosticArray: one message a loop candidate."""
-        return f"{self.namespace}/loops"
-
-    @property
-    def features(self) -> str:
-        """sensor_msgs/PointCloud2 (u, v, residual_sigma): tracked features of the frame, for eyes."""
-        return f"{self.namespace}/features"
-
-    @property
-    def landmarks(self) -> str:
-        """sensor_msgs/PointCloud2 (x, y, z in `map`): sparse map, for eyes."""
-        return f"{self.namespace}/landmarks"
-
-    @property
-    def keyframes(self) -> str:
-        """sensor_msgs/PointCloud2 (x, y, z, rgb in the camera's frame): what a key frame saw, thinned, for eyes."""
-        return f"{self.namespace}/keyframes"
-
-    @property
-    def history(self) -> str:
-        """Query of who joins late: answered by the messages that say what happened before."""
-        return f"{self.namespace}/history"
-
-    @property
-    def odom_history(self) -> str:
-        """nav_msgs/Path: the causal poses of before, thinned; an answer to a query of `history`."""
-        return f"{self.history}/odom"
-
-    @property
-    def alive(self) -> str:
-        """Liveliness token of the device's sensor process."""
-        return f"{self.namespace}/alive"
-
     def alive_of(self, role: str) -> str:
         """Return the liveliness token of another process of this device (`odometry`, `recorder`, `viewer`)."""
-        return f"{self.namespace}/alive/{role}"
-
-    @property
-    def ack(self) -> str:
-        """Prefix below which consumers acknowledge what they have consumed (see `odom.wire.flow`)."""
-        return f"{self.namespace}/ack"
+        return f"{self.alive}/{role}"
 
     def ack_of(self, consumer: str) -> str:
         """Return the key on which `consumer` acknowledges; its liveliness token has the same name."""
         return f"{self.ack}/{consumer}"
-
-    @property
-    def end(self) -> str:
-        """std_msgs/String: the source has ended, with the reason; in order behind the last message."""
-        return f"{self.namespace}/end"
 
     @property
     def frame_map(self) -> str:
@@ -175,3 +135,7 @@ class Topics:
 
     def _frame(self, name: str) -> str:
         return name if self.namespace == _DEFAULT else f"{self.namespace}/{name}"
+
+
+_KEYS = [key for key in vars(Topics).values() if isinstance(key, _Key) and key.type_name]
+_TYPES = {key.name.rpartition("/")[2]: key.type_name for key in _KEYS} | {TF: "tf2_msgs/msg/TFMessage"}

@@ -1,6 +1,6 @@
 """A simulated laboratory with a Kinect and an OptiTrack: `render_walk(ArenaOptions())` yields its frames."""
 
-from sensors.arena.generate import ArenaFrame, frame, render_walk
+from sensors.arena.frames import ArenaFrame, frame, render_walk
 from sensors.arena.options import ArenaOptions
 from sensors.arena.source import open_arena
 

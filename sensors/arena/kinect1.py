@@ -5,66 +5,57 @@ cannot light (shadow), how much light comes back (range, slope, material), match
 noise in patches, part of it fixed to the dots), and rounding to the 11 bit disparity's step.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 
 from odom.frame import Camera
-from odom.registration.compiled import compiled
-from sensors.arena.noise import TILE, Tiles
+from odom.geometry.compiled import compiled
+from sensors.arena.array_types import Float32
+from sensors.arena.noise_tiles import TILE, Tiles
+from sensors.arena.renderer import DepthView
 
-Array = NDArray[np.float64]
-
-FOCAL_PX = 585.0
-CENTER = (318.0, 241.0)
+FOCAL_PX, CENTER = 585.0, (318.0, 241.0)
 INFRARED = Camera(640, 480, FOCAL_PX, FOCAL_PX, *CENTER)
+"""The infrared camera, pixels: a typical calibration of a Kinect v1."""
 SHAPE = (INFRARED.height, INFRARED.width)
 BASELINE_M = 0.075
-"""Projector to infrared camera."""
+"""Projector to infrared camera, metres, as drivers assume it; longer, depth gets finer and shadows wider."""
 T_COLOR_INFRARED = np.array([[1, 0, 0, -0.025], [0, 1, 0, 0.0], [0, 0, 1, 0.0], [0, 0, 0, 1.0]])
-"""The infrared camera sits 25 mm left of the colour camera."""
+"""The infrared camera sits 25 mm left of the colour camera, as in the device."""
 STEP = 8.0
-"""Disparity steps a pixel."""
-RAY_LENGTH2 = np.asarray(
-    1
-    + ((np.arange(SHAPE[1]) - CENTER[0]) / FOCAL_PX)[None, :] ** 2
-    + ((np.arange(SHAPE[0]) - CENTER[1]) / FOCAL_PX)[:, None] ** 2,
-    np.float32,
-)
-INVERSE_LENGTH2 = np.reciprocal(RAY_LENGTH2)
+"""Disparity steps per pixel (the sensor's 11 bit values)."""
+DISPARITY_PX = 0.055
+"""Deviation of a good match, pixels; depth noise is proportional to it.
+
+Set so that noise is 1 to 3 mm at 1 m and grows with the square of depth (tests/arena/test_arena_depth.py).
+"""
+LEAST_SIGNAL = 0.0075
+"""Light, relative to a white surface at 1 m, below which no dots are found: larger, dark things vanish nearer."""
+NEAREST_M, FARTHEST_M = np.float32(0.5), np.float32(4.6)
+"""Range of the sensor, metres as drivers deliver it; what is outside is 0."""
 
 
-@dataclass(frozen=True)
-class Matching:
-    """How well the dots are matched: deviation of a good match in pixels, least light, range."""
+def _inverse_length2() -> Float32:
+    """Return 1 over the squared length of each pixel's ray of depth 1."""
+    x, y = ((np.arange(SHAPE[1 - k]) - CENTER[k]) / FOCAL_PX for k in (0, 1))
+    return np.reciprocal(np.asarray(1 + x[None, :] ** 2 + y[:, None] ** 2, np.float32))
 
-    disparity_px: float = 0.055
-    signal_floor: float = 0.0075
-    nearest_m: float = 0.5
-    farthest_m: float = 4.6
+
+INVERSE_LENGTH2 = _inverse_length2()
 
 
 @compiled
 def measure(
-    inverse_depth: NDArray[np.float32],
-    identity: NDArray[np.int16],
-    distance: NDArray[np.float32],
-    infrared: NDArray[np.float32],
-    inverse_length2: NDArray[np.float32],
-    wander: NDArray[np.int8],
-    rough: NDArray[np.float32],
-    at: tuple[int, int, int, int],
-    matching: tuple[np.float32, np.float32, np.float32, np.float32],
-    out: NDArray[np.float32],
+    view: DepthView, infrared: Float32, inverse_length2: Float32, tiles: Tiles, at: tuple[int, ...], out: Float32
 ) -> None:
     """Fill `out` (H x W) with the depth in metres, 0 where no match was found.
 
-    `wander` (2 tiles) is how far off the window catches an edge, whole pixels, and `rough` a tile of patchy noise;
-    `at` is where this frame begins in them. `inverse_length2` is 1 over the squared length of the pixels' rays (z = 1).
+    `infrared` (n) is what the surfaces send back. `tiles.wander` is how far off the window catches an edge, whole
+    pixels, and `tiles.rough` patchy noise; `at` is where this frame begins in them.
     A row is worked on in three passes: what is lit, what the window finds, and the arithmetic, without branches.
     """
-    disparity_px, floor, nearest, farthest = matching
+    inverse_depth, identity, distance = view
+    wander, rough = tiles.wander, tiles.rough
+    disparity_px, floor = np.float32(DISPARITY_PX), np.float32(LEAST_SIGNAL)
     height, width = inverse_depth.shape
     zero, one, fb = np.float32(0), np.float32(1), np.float32(FOCAL_PX * BASELINE_M)
     step, half = np.float32(STEP), np.float32(0.5)
@@ -104,33 +95,12 @@ def measure(
             torn = (abs(w - inverse_depth[y, x]) * fb > one) & (patch > np.float32(0.4))
             dim = signal * (one + np.float32(0.25) * patch) < floor
             slant = cosine * (one + np.float32(0.2) * patch) < np.float32(0.16)
-            matched = seen[x] & ~(torn | dim | slant) & (steps >= one) & (nearest <= z) & (z <= farthest)
+            matched = seen[x] & ~(torn | dim | slant) & (steps >= one) & (z >= NEAREST_M) & (z <= FARTHEST_M)
             out[y, x] = z if matched else zero
 
 
-def measured_depth(
-    inverse_depth: NDArray[np.float32],
-    identity: NDArray[np.int16],
-    distance: Array,
-    infrared: NDArray[np.float32],
-    tiles: Tiles,
-    rng: np.random.Generator,
-    matching: Matching | None = None,
-) -> NDArray[np.float32]:
+def measured_depth(view: DepthView, infrared: Float32, tiles: Tiles, rng: np.random.Generator) -> Float32:
     """Return the depth image (m, 0 unknown) of what the infrared camera sees (see `measure`)."""
-    m = matching or Matching()
     depth_m = np.empty(SHAPE, np.float32)
-    at = rng.integers(0, TILE, 4)
-    measure(
-        inverse_depth,
-        identity,
-        distance.astype(np.float32),
-        infrared,
-        INVERSE_LENGTH2,
-        tiles.wander,
-        tiles.rough,
-        (int(at[0]), int(at[1]), int(at[2]), int(at[3])),
-        (np.float32(m.disparity_px), np.float32(m.signal_floor), np.float32(m.nearest_m), np.float32(m.farthest_m)),
-        depth_m,
-    )
+    measure(view, infrared, INVERSE_LENGTH2, tiles, tuple(rng.integers(0, TILE, 4).tolist()), depth_m)
     return depth_m

@@ -1,43 +1,45 @@
 """Depth as a Kinect v2 measures it: the phase of modulated light that comes back, from all that a pixel receives.
 
 The chain is simulated: each pixel adds up the light of four samples of its footprint (so depth flies between near and
-far at edges), of the lens's own stray light and of the light that comes by way of the surroundings (so corners seem
+far at edges), of the lens's own stray light and of the light that takes a detour over the surroundings (so corners seem
 rounder and near things pull far ones), with photon noise against ambient light; the phase of that sum is the depth.
 """
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from odom.frame import Camera
-from odom.registration.compiled import compiled
-from sensors.arena.noise import TILE, Tiles
-
-Array = NDArray[np.float64]
+from odom.geometry.compiled import compiled
+from sensors.arena.array_types import Float32
+from sensors.arena.noise_tiles import TILE, Tiles
+from sensors.arena.renderer import DepthView
 
 INFRARED = Camera(512, 424, 365.5, 365.5, 255.5, 207.5)
+"""The infrared camera, pixels: a typical calibration, as a Kinect v2 stores it."""
 SHAPE = (INFRARED.height, INFRARED.width)
 T_COLOR_INFRARED = np.array([[1, 0, 0, -0.052], [0, 1, 0, 0.0], [0, 0, 1, 0.0], [0, 0, 0, 1.0]])
-"""The infrared camera sits 52 mm left of the colour camera."""
+"""The infrared camera sits 52 mm left of the colour camera, as in the device."""
 MODULATION_HZ = 80e6
-"""The middle one of the three frequencies; the others only tell its turns apart."""
+"""The middle one of the sensor's three frequencies; the others only settle its whole turns."""
 SPEED_OF_LIGHT = 299_792_458.0
-RADIANS_A_METRE = 4 * np.pi * MODULATION_HZ / SPEED_OF_LIGHT
+RADIANS_PER_METRE = 4 * np.pi * MODULATION_HZ / SPEED_OF_LIGHT
 STRAY = 0.006
-"""Share of all light that the lens spreads over the image."""
+"""Share of all light that the lens spreads over the image: larger pulls dark things towards the mean depth."""
 DETOUR = 0.025
-"""Share of its neighbourhood's light that a surface receives and sends back, on a detour."""
+"""Share of its neighbourhood's light that a surface receives and sends back on a detour: larger rounds corners more."""
 DETOUR_M = 0.25
-"""How much longer that way is."""
+"""How much longer that way is, metres: with DETOUR the outward bias of 1 to 20 mm at 2 m (test_arena_depth.py)."""
 AMBIENT = 0.02
+"""Other light, relative to the sensor's own from a white surface at 1 m: more means more noise far away."""
 PHOTONS = 9e4
-"""Electrons at 1 m from a white surface that faces the camera."""
+"""Electrons at 1 m from a white surface that faces the camera: four times as many halve the noise."""
 NEAREST_M, FARTHEST_M = 0.5, 4.8
+"""Range of the sensor, metres; what is outside is 0."""
 LEAST_AMPLITUDE = 0.011
-"""Weaker light gives no depth."""
+"""Light, relative to that of a white surface at 1 m, below which there is no depth: larger shortens the range."""
 
 
-def _ray_length2() -> NDArray[np.float32]:
+def _ray_length2() -> Float32:
     x = (np.arange(INFRARED.width) - INFRARED.cx) / INFRARED.fx
     y = (np.arange(INFRARED.height) - INFRARED.cy) / INFRARED.fy
     return np.asarray(1 + x[None, :] ** 2 + y[:, None] ** 2, np.float32)
@@ -47,18 +49,11 @@ RAY_LENGTH2 = _ray_length2()
 
 
 @compiled
-def receive(
-    inverse_depth: NDArray[np.float32],
-    identity: NDArray[np.int16],
-    distance: NDArray[np.float32],
-    infrared: NDArray[np.float32],
-    ray_length2: NDArray[np.float32],
-    real: NDArray[np.float32],
-    imaginary: NDArray[np.float32],
-) -> None:
+def receive(view: DepthView, infrared: Float32, ray_length2: Float32, real: Float32, imaginary: Float32) -> None:
     """Add to the two parts of each pixel's phasor what one sample of its footprint sends back (a quarter each)."""
+    inverse_depth, identity, distance = view
     height, width = inverse_depth.shape
-    turn = np.float32(RADIANS_A_METRE)
+    turn = np.float32(RADIANS_PER_METRE)
     for y in range(height):
         for x in range(width):
             i = identity[y, x]
@@ -76,18 +71,21 @@ def receive(
 
 @compiled
 def decide(
-    real: NDArray[np.float32],
-    imaginary: NDArray[np.float32],
-    grain: NDArray[np.float32],
-    at: tuple[int, int, int, int],
-    expected: NDArray[np.float32],
-    ray_length2: NDArray[np.float32],
-    out: NDArray[np.float32],
+    real: Float32,
+    imaginary: Float32,
+    grain: Float32,
+    at: tuple[int, ...],
+    expected: Float32,
+    ray_length2: Float32,
+    out: Float32,
 ) -> None:
-    """Turn phasors into depth along the optical axis (m); `expected` (1/m) only settles the whole turns."""
+    """Turn phasors into depth along the optical axis (m); `expected` (1/m) only settles the whole turns.
+
+    `grain` is a tile of white noise, used from `at` on.
+    """
     height, width = real.shape
     mask = TILE - 1
-    turn = np.float32(RADIANS_A_METRE)
+    turn = np.float32(RADIANS_PER_METRE)
     full = np.float32(2 * np.pi)
     for y in range(height):
         noise_a, noise_b = grain[(y + at[0]) & mask], grain[(y + at[2]) & mask]
@@ -109,22 +107,18 @@ def decide(
 
 
 def measured_depth(
-    expected: NDArray[np.float32],
-    samples: list[tuple[NDArray[np.float32], NDArray[np.int16], Array]],
-    infrared: NDArray[np.float32],
-    tiles: Tiles,
-    rng: np.random.Generator,
-) -> NDArray[np.float32]:
+    expected: Float32, samples: list[DepthView], infrared: Float32, tiles: Tiles, rng: np.random.Generator
+) -> Float32:
     """Return the depth image (m, 0 unknown) of the pixels' footprints, each sample as `Renderer.depth` gives it.
 
-    `expected` (inverse depth at the pixels' middles) stands for the other modulation frequencies.
+    `expected` (inverse depth at the pixels' middles) takes the place of the other modulation frequencies.
     """
     real, imaginary = np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.float32)
     share = np.float32(4 / len(samples))
-    for inverse_depth, identity, distance in samples:
-        receive(inverse_depth, identity, distance.astype(np.float32), infrared * share, RAY_LENGTH2, real, imaginary)
+    for view in samples:
+        receive(view, infrared * share, RAY_LENGTH2, real, imaginary)
     small = (SHAPE[1] // 8, SHAPE[0] // 8)
-    detour = DETOUR * np.exp(1j * RADIANS_A_METRE * DETOUR_M)
+    detour = DETOUR * np.exp(1j * RADIANS_PER_METRE * DETOUR_M)
     near_real, near_imaginary = (
         cv2.resize(
             cv2.GaussianBlur(cv2.resize(part, small, interpolation=cv2.INTER_AREA), (0, 0), 2.5),
@@ -137,15 +131,7 @@ def measured_depth(
     total_imaginary = imaginary + np.float32(detour.imag) * near_real + np.float32(detour.real) * near_imaginary
     total_real += np.float32(STRAY * real.mean())
     total_imaginary += np.float32(STRAY * imaginary.mean())
-    at = rng.integers(0, TILE, 4)
+    at = tuple(rng.integers(0, TILE, 4).tolist())
     out = np.empty(SHAPE, np.float32)
-    decide(
-        total_real,
-        total_imaginary,
-        tiles.white,
-        (int(at[0]), int(at[1]), int(at[2]), int(at[3])),
-        expected,
-        RAY_LENGTH2,
-        out,
-    )
+    decide(total_real, total_imaginary, tiles.white, at, expected, RAY_LENGTH2, out)
     return out

@@ -1,28 +1,35 @@
 """What can be chosen about the simulated laboratory."""
 
-from dataclasses import dataclass, fields, replace
-from typing import Literal, Self, get_args, get_type_hints
+from dataclasses import replace
+from typing import Annotated, Literal, Self
 
-from odom.errors import ConfigError
+from pydantic import ConfigDict, Field
+from pydantic.dataclasses import dataclass
+
 from odom.frame import Camera, Stamp
-
-Sensor = Literal["kinect1", "kinect2"]
-WalkName = Literal["infinity", "rest", "corridor", "joined"]
-Blackout = Literal["", "frames", "color", "depth"]
+from sensors.source_options import read_options
 
 KEY_POSES = 120
+"""Poses of a lap of the infinity of which results are reported; more make the lap longer and slower to walk."""
 FRAMES_PER_KEY_POSE = 8
+"""Frames from one key pose to the next, of which a lap of 32 s has 960."""
 RATE_HZ = 30.0
+"""Frames a second of both Kinects."""
 KINECT1 = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)
+"""The colour camera of a Kinect v1 as drivers assume it without calibration, pixels."""
 KINECT2 = Camera(640, 360, 353.4, 353.4, 319.5, 179.5)
+"""That of a Kinect v2, 1920 x 1080, at a third of its size."""
 BARREL = (0.12, -0.22, 0.0008, -0.0006, 0.0)
 """A lens such as a Kinect's colour camera has (plumb_bob)."""
 START = Stamp(1_700_000_000_000_000_000)
+"""First stamp of a session that is not live: a day in 2023."""
+
+Count = Annotated[int, Field(ge=1)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 class ArenaOptions:
-    """Everything about a session; equal options give equal bytes.
+    """Everything about a session; equal options give equal bytes. Raises pydantic's ValidationError, a ValueError.
 
     `walk`: `infinity` (a closed lying eight, 960 frames a lap), `rest` (a tripod), `corridor` (past identical
     rooms), `joined` (a lap in one room, then in another one, without a way between). `laps` repeats the infinity;
@@ -34,17 +41,17 @@ class ArenaOptions:
     `exact_truth` adds the camera's own exact pose. `start` is the first stamp (nanoseconds).
     """
 
-    seed: int = 1
-    sensor: Sensor = "kinect1"
-    walk: WalkName = "infinity"
-    laps: int = 1
-    seconds: float = 0.0
-    every: int = 1
+    seed: Annotated[int, Field(ge=0)] = 1
+    sensor: Literal["kinect1", "kinect2"] = "kinect1"
+    walk: Literal["infinity", "rest", "corridor", "joined"] = "infinity"
+    laps: Count = 1
+    seconds: Annotated[float, Field(ge=0)] = 0.0
+    every: Count = 1
     half: bool = False
-    jpeg_quality: int = 90
+    jpeg_quality: Annotated[int, Field(ge=1, le=100)] = 90
     faults: bool = True
     distortion: bool = False
-    blackout: Blackout = ""
+    blackout: Literal["", "frames", "color", "depth"] = ""
     blackout_start_s: float = 15.0
     blackout_s: float = 1.0
     mocap: bool = True
@@ -55,31 +62,10 @@ class ArenaOptions:
     body: str = "kinect"
     start: Stamp = START
 
-    def __post_init__(self) -> None:
-        for name, hint in (("sensor", Sensor), ("walk", WalkName), ("blackout", Blackout)):
-            if getattr(self, name) not in get_args(hint):
-                raise ConfigError(
-                    f"arena: {name}={getattr(self, name)!r}: give one of {', '.join(map(repr, get_args(hint)))}"
-                )
-        if not 1 <= self.jpeg_quality <= 100:
-            raise ConfigError(f"arena: jpeg_quality={self.jpeg_quality}: give 1 to 100")
-        if min(self.laps, self.every) < 1 or min(self.seconds, self.seed) < 0:
-            raise ConfigError("arena: laps and every must be at least 1, seconds and seed not negative")
-
     @classmethod
     def from_texts(cls, texts: dict[str, str]) -> Self:
         """Return options from texts, as a command line gives them. Raises ConfigError for what does not fit."""
-        hints = get_type_hints(cls)
-        known = {f.name for f in fields(cls)}
-        values: dict[str, object] = {}
-        for name, text in texts.items():
-            if name not in known:
-                raise ConfigError(f"arena: there is no option {name!r}; there are {', '.join(sorted(known))}")
-            try:
-                values[name] = _parse(text, hints[name])
-            except ValueError as error:
-                raise ConfigError(f"arena: {name}={text!r}: {error}") from error
-        return cls(**values)  # type: ignore[arg-type]  # each value was made by its field's own type
+        return read_options("arena", cls, texts)
 
     @property
     def camera(self) -> Camera:
@@ -100,24 +86,5 @@ class ArenaOptions:
 
 def halved(camera: Camera, shift: float) -> Camera:
     """Return the camera of images half the size: 2 x 2 pixels averaged (`shift` .5) or every other one taken (0)."""
-    return replace(
-        camera,
-        width=camera.width // 2,
-        height=camera.height // 2,
-        fx=camera.fx / 2,
-        fy=camera.fy / 2,
-        cx=(camera.cx - shift) / 2,
-        cy=(camera.cy - shift) / 2,
-    )
-
-
-def _parse(text: str, hint: object) -> object:
-    if hint is bool:
-        if text.lower() not in ("1", "0", "true", "false", "yes", "no"):
-            raise ValueError("give true or false")
-        return text.lower() in ("1", "true", "yes")
-    if hint is int or hint is Stamp:
-        return int(text)
-    if hint is float:
-        return float(text)
-    return text
+    cx, cy = (camera.cx - shift) / 2, (camera.cy - shift) / 2
+    return Camera(camera.width // 2, camera.height // 2, camera.fx / 2, camera.fy / 2, cx, cy, camera.distortion)

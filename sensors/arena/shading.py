@@ -3,12 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.registration.compiled import compiled
-
-Array = NDArray[np.float64]
+from odom.geometry.arrays import Array
+from odom.geometry.compiled import compiled
+from sensors.arena.array_types import Identity, Light
+from sensors.arena.atlas import Atlas
 
 RUN = 32
-"""Pixels that may share a mip level."""
+"""Pixels that may share a mip level: more show the border between levels, fewer are slower."""
 
 
 @compiled
@@ -18,12 +19,13 @@ def sample_run(
     affine: tuple[np.float32, np.float32, np.float32, np.float32, np.float32, np.float32],
     origin: tuple[np.float32, np.float32],
     scratch: NDArray[np.int32],
-    out: NDArray[np.uint64],
+    out: Light,
 ) -> None:
-    """Add one surface's colour, looked up bilinearly, to a run of pixels (see `shade` for `out`).
+    """Add one surface's colour, looked up bilinearly, to a run of pixels.
 
     `affine` gives inverse depth and the two texture coordinates over depth along the run (start, slope each);
     `origin` is subtracted from the texture coordinates, all in texels of a level of `size` (width, height).
+    Three passes: where the pixels look, the four texels around each, and their mean by fixed point weights.
     """
     w0, wx, s0, sx, t0, tx = affine
     width = size[0]
@@ -62,22 +64,15 @@ def sample_run(
 
 @compiled
 def shade(
-    identity: NDArray[np.int16],
-    coefficients: Array,
-    patch: NDArray[np.int32],
-    level_offset: NDArray[np.int64],
-    level_size: NDArray[np.int32],
-    sharpness: Array,
-    texels: NDArray[np.uint32],
-    out: NDArray[np.uint64],
+    identity: Identity, coefficients: Array, patch: NDArray[np.int32], atlas: Atlas, sharpness: Array, out: Light
 ) -> None:
-    """Average the textures' colour over the SAMPLES samples of an exposure.
+    """Fill `out` with the textures' colour, averaged over the four samples of an exposure.
 
-    `identity` is k x H x W and `coefficients` k x n x 12 (see `project_surfaces`); `out` (H x W) holds 256 times the
-    8 bit colour in lanes of 16 bits, red lowest, then blue, then green. Runs of up to RUN pixels of one surface
-    share a mip level, by their middle's footprint; it is rounded differently from sample to sample, which blends
-    neighbouring levels without looking up both.
+    `identity` is k x H x W, `coefficients` k x n x 12 (see `project_surfaces`), and `sharpness` (k x n) texels in a
+    pixel at 1 m. Runs of up to RUN pixels of one surface share a mip level, by their middle's footprint; it is rounded
+    differently from sample to sample, which blends neighbouring levels without looking up both.
     """
+    texels, level_offset, level_size = atlas
     samples, height, width = identity.shape
     levels = level_offset.shape[1]
     scratch = np.empty((7, RUN), np.int32)

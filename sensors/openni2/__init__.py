@@ -3,8 +3,9 @@
 from pathlib import Path
 
 from odom.errors import ConfigError
-from sensors.openni2.settings import kinect_settings
+from sensors.openni2.settings import KinectSettings
 from sensors.source import Source, SourceOptions
+from sensors.source_options import read_options
 
 
 def open_kinect(spec: str, options: SourceOptions) -> Source:
@@ -17,7 +18,7 @@ def open_kinect(spec: str, options: SourceOptions) -> Source:
     name, _, wanted = spec.partition(":")
     if name != "kinect":
         raise ConfigError(f"{spec}: not a Kinect: give kinect, kinect:URI, kinect:SERIAL or kinect:FILE.oni")
-    settings = kinect_settings(options.extra)
+    settings = read_options("kinect", KinectSettings, dict(options.extra))
     if wanted.endswith(".oni"):
         from sensors.openni2.playback import OniRecording
 

@@ -1,4 +1,4 @@
-"""What to do when an OpenNI2 device or library will not work: the cause in plain words, and the remedy."""
+"""What to do when an OpenNI2 device or library does not work: names the cause and the remedy."""
 
 import os
 from collections.abc import Iterable

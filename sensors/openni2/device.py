@@ -1,4 +1,4 @@
-"""An open OpenNI2 device: its colour and depth streams, set up, started and read."""
+"""An open OpenNI2 device: sets up, starts and reads its colour and depth streams."""
 
 import logging
 import math
@@ -31,9 +31,9 @@ class RawFrame:
 
 
 class OpenDevice:
-    """Colour and depth of one device. Every method raises DeviceError, with advice, when the device does not obey.
+    """Colour and depth of one device. Every method raises DeviceError, with advice, when the device fails.
 
-    `registered` tells whether the driver maps depth to colour; `color_camera` are the factory intrinsics: the field
+    `registered` says whether the driver maps depth to colour; `color_camera` are the factory intrinsics: the field
     of view, the centre of the image, no distortion.
     """
 
@@ -41,11 +41,9 @@ class OpenDevice:
         self._openni2 = library.load()
         self.uri = uri
         self._streams: list[Any] = []
+        self._device: Any = None
         try:
             self._device = library.open_device(uri)
-        except self._openni2.OpenNIError as error:
-            raise advice.cannot_open(uri, library.said(error), advice.usb_cameras()) from error
-        try:
             self._start(settings)
         except self._openni2.OpenNIError as error:
             self.close()
@@ -61,9 +59,8 @@ class OpenDevice:
         # Depth first: libfreenect's driver asks its depth stream what registration the device can do.
         self._depth = self._stream("depth", api.SENSOR_DEPTH)
         self._color = self._stream("colour", api.SENSOR_COLOR)
-        _choose_mode(
-            self.uri, "depth", self._depth, settings, (api.PIXEL_FORMAT_DEPTH_1_MM, api.PIXEL_FORMAT_DEPTH_100_UM)
-        )
+        depths = (api.PIXEL_FORMAT_DEPTH_1_MM, api.PIXEL_FORMAT_DEPTH_100_UM)
+        _choose_mode(self.uri, "depth", self._depth, settings, depths)
         colors = (api.PIXEL_FORMAT_RGB888, api.PIXEL_FORMAT_YUV422, api.PIXEL_FORMAT_YUYV, api.PIXEL_FORMAT_GRAY8)
         _choose_mode(self.uri, "colour", self._color, settings, colors)
         for stream in (self._color, self._depth):
@@ -123,21 +120,19 @@ class OpenDevice:
             frame.close()
 
     def close(self) -> None:
-        """Stop the streams and give the device back; errors of a device that is gone are of no interest."""
-        for stream in self._streams:
+        """Stop the streams and give the device back; errors of a device that is gone are ignored."""
+        for handle in (*self._streams, *([self._device] if self._device is not None else [])):
             with suppress(self._openni2.OpenNIError):
-                stream.close()
+                handle.close()
         self._streams = []
-        with suppress(self._openni2.OpenNIError):
-            self._device.close()
 
 
-_MIRRORING = 7
-_SERIAL_NUMBER = 3
+_MIRRORING, _SERIAL_NUMBER = 7, 3
+"""ONI_STREAM_PROPERTY_MIRRORING and ONI_DEVICE_PROPERTY_SERIAL_NUMBER of OniCProperties.h."""
 
 
 def serial_number(api: ModuleType, device: Any) -> str:
-    """Return the device's serial number, empty where its driver does not tell."""
+    """Return the device's serial number, empty where its driver does not say it."""
     import ctypes
 
     if not device.is_property_supported(_SERIAL_NUMBER):
@@ -150,25 +145,21 @@ def serial_number(api: ModuleType, device: Any) -> str:
 
 
 def _choose_mode(uri: str, name: str, stream: Any, settings: KinectSettings, formats: tuple[Any, ...]) -> None:
+    """Set the first of the pixel formats in which the stream has the size and rate asked for."""
     modes = stream.get_sensor_info().videoModes
-    width, height = settings.width_height
-    for wanted in formats:
-        for mode in modes:
-            if (mode.resolutionX, mode.resolutionY, mode.fps, mode.pixelFormat.value) == (
-                width,
-                height,
-                settings.fps,
-                wanted.value,
-            ):
-                stream.set_video_mode(mode)
-                return
-    known = {wanted.value for wanted in formats}
-    offered = sorted({f"{m.resolutionX}x{m.resolutionY} at {m.fps} Hz" for m in modes if m.pixelFormat.value in known})
+    sizes = {(mode.pixelFormat.value, mode.resolutionX, mode.resolutionY, mode.fps): mode for mode in modes}
+    known = [wanted.value for wanted in formats]
+    for code in known:
+        mode = sizes.get((code, *settings.width_height, settings.fps))
+        if mode is not None:
+            stream.set_video_mode(mode)
+            return
+    offered = sorted({f"{width}x{height} at {fps} Hz" for code, width, height, fps in sizes if code in known})
     raise advice.no_mode(uri, name, f"{settings.size} at {settings.fps} Hz", offered)
 
 
 def factory_camera(stream: Any) -> Camera | None:
-    """Return the camera that the field of view tells of; None where the driver does not say it."""
+    """Return the camera of the driver's field of view; None where the driver does not say it."""
     mode = stream.get_video_mode()
     try:
         horizontal, vertical = stream.get_horizontal_fov(), stream.get_vertical_fov()

@@ -1,4 +1,4 @@
-"""Gives a device's images stamps in the host's time."""
+"""Stamps a device's images in the host's time."""
 
 import logging
 
@@ -6,19 +6,19 @@ import numpy as np
 
 from odom.frame import Stamp
 from odom.wire.pairing import LEAP_NS
-from sensors.clock import ClockMapping, Unwrap, tick_length
+from sensors.host_time import ClockMapping, Unwrap, tick_length
 
 _log = logging.getLogger(__name__)
 
 _LEAST_INTERVAL = 0.1
-"""Of the nominal period: images stamped closer than this to the one before show no motion and confuse the pairing."""
+"""Share of the nominal period: images stamped closer to the one before show no motion and confuse the pairing."""
 
 
 class DeviceClock:
-    """Stamps of one device in the host's time, whatever unit they come in; increasing a stream while no clock is set.
+    """Stamps of one device in the host's time, in whatever unit the device counts; those of each stream increase.
 
-    When the estimate of the device's clock is bettered, or the host's clock set back by no more than a second, time
-    seems to stand still: images have no stamp until it has passed the last one's. Set back further, stamps follow.
+    When the estimate of the device's clock improves, or the host's clock is set back by up to a second, images get no
+    stamp until time has passed the last stamp. When it is set back further, the stamps follow it.
     """
 
     def __init__(self) -> None:
@@ -40,8 +40,8 @@ class DeviceClock:
     def learn_unit(self, frames: list[tuple[int, int]], period_ns: float) -> None:
         """Settle the unit from the stamp (ticks) and receipt (ns) of one stream's frames, nominally `period_ns` apart.
 
-        The nominal rate decides, for a loaded machine's times of receipt may be off by tens of milliseconds; where it
-        does not fit (a camera that halves its rate in the dark) they must do.
+        The nominal rate decides, since a loaded machine's times of receipt may be off by tens of milliseconds; where it
+        does not fit (a camera that halves its rate in the dark) the times of receipt decide.
         """
         ticks = np.diff([stamp for stamp, _ in frames]) % (1 << 32)
         elapsed_ns = frames[-1][1] - frames[0][1]
@@ -52,7 +52,7 @@ class DeviceClock:
             _log.warning("the device's time stamps run at no known rate: the time of receipt is used instead")
 
     def stamp(self, is_color: bool, ticks: int, host_ns: int) -> Stamp | None:
-        """Return the capture time of an image stamped `ticks` and received at `host_ns`, None where time stands still.
+        """Return the capture time of an image stamped `ticks` and received at `host_ns`, None for one to drop.
 
         `learn_unit` must have been called before.
         """

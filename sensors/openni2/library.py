@@ -2,7 +2,6 @@
 
 import os
 import sysconfig
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -71,7 +70,7 @@ def load() -> ModuleType:
 def restart() -> ModuleType:
     """Shut the library down and start it again: some drivers list devices only then. No handle may be open.
 
-    It waits for ever when a driver is just then telling the library of a device, see `presence.Listing`.
+    It never returns when a driver reports a device at that moment, see `presence.Listing`.
     """
     load().unload()
     return load()
@@ -80,8 +79,8 @@ def restart() -> ModuleType:
 def open_device(uri: str) -> Any:
     """Return the package's Device at `uri`, opened; raises its OpenNIError.
 
-    A device that did not open must not be closed: the library would count one opening too few, and take the next
-    attempt for a second user of a device that it never opened.
+    The package would close a device that failed to open; the library then counts one opening too few, and takes the
+    next attempt for a second user of a device that it never opened.
     """
     api = load()
     device = api.Device.__new__(api.Device)
@@ -95,25 +94,17 @@ def open_device(uri: str) -> Any:
 
 def devices() -> tuple[Listed, ...]:
     """Return what OpenNI2 lists, in its order."""
+    import ctypes
+
     from openni import _openni2 as c_api
 
     load()
-    return tuple(_listed(c_api))
-
-
-def _listed(c_api: ModuleType) -> Iterator[Listed]:
-    import ctypes
-
     infos = ctypes.POINTER(c_api.OniDeviceInfo)()
     count = ctypes.c_int()
     c_api.oniGetDeviceList(ctypes.byref(infos), ctypes.byref(count))
     try:
-        for info in infos[: count.value]:
-            yield Listed(
-                info.uri.decode(errors="replace"),
-                info.vendor.decode(errors="replace"),
-                info.name.decode(errors="replace"),
-            )
+        texts = [(info.uri, info.vendor, info.name) for info in infos[: count.value]]
+        return tuple(Listed(*(text.decode(errors="replace") for text in device)) for device in texts)
     finally:
         c_api.oniReleaseDeviceList(infos)
 

@@ -5,17 +5,10 @@ import logging
 from odom.errors import ConfigError
 from odom.frame import Camera, Stamp
 from odom.wire import Message
-from odom.wire.codec import (
-    Status,
-    encode_camera_info,
-    encode_color,
-    encode_color_jpeg,
-    encode_depth,
-    encode_depth_compressed,
-    encode_status,
-)
-from sensors.calibration import load_calibration
+from odom.wire.codec import Status, encode_status
+from sensors.calibration_file import load_calibration
 from sensors.depth_registration import DepthRegistration, load_depth_registration
+from sensors.encoder import ImageEncoder
 from sensors.openni2.device import RawFrame
 from sensors.openni2.settings import KinectSettings, Registration
 from sensors.source import SourceOptions
@@ -23,8 +16,8 @@ from sensors.source import SourceOptions
 _log = logging.getLogger(__name__)
 
 
-class Encoder:
-    """Turns images into messages on the keys of the options, depth registered in software where that is asked.
+class DeviceEncoder:
+    """Turns images into messages, depth registered in software where that is asked.
 
     `camera` is the calibration file's or, without one, `factory`. Raises ConfigError when there is neither, or when
     software registration lacks its extrinsic.
@@ -35,12 +28,12 @@ class Encoder:
     ) -> None:
         camera = load_calibration(options.camera).camera if options.camera else factory
         if camera is None:
-            raise ConfigError("the driver does not tell the field of view: give --camera CALIBRATION.yaml")
+            raise ConfigError("the driver does not say the field of view: give --camera CALIBRATION.yaml")
         self.camera = camera
         if (camera.width, camera.height) != settings.width_height:
             raise ConfigError(f"the calibration is for {camera.width}x{camera.height}, the images are {settings.size}")
-        self._topics = options.topics
-        self._color, self._depth = options.color, options.depth
+        self._device_topic = options.topics.device
+        self._images = ImageEncoder(options)
         self._registration = self._software(options, settings, registered)
 
     def _software(self, options: SourceOptions, settings: KinectSettings, registered: bool) -> DepthRegistration | None:
@@ -58,21 +51,15 @@ class Encoder:
 
     def info(self, stamp: Stamp) -> Message:
         """Return the calibration message."""
-        return encode_camera_info(self._topics.camera_info, stamp, self.camera, frame_id=self._topics.frame_camera)
+        return self._images.info(stamp, self.camera)
 
     def device(self, stamp: Stamp, name: str, missing: list[str], values: dict[str, str]) -> Message:
         """Return the message that says which device this is, which streams are missing and what it lost."""
         level, text = (1, f"no {' and no '.join(missing)}") if missing else (0, "delivering")
-        return encode_status(self._topics.device, Status(stamp, name, level, text, values))
+        return encode_status(self._device_topic, Status(stamp, name, level, text, values))
 
     def image(self, frame: RawFrame, stamp: Stamp) -> Message:
         """Return the image's message."""
-        topics, frame_id = self._topics, self._topics.frame_camera
         if frame.is_color:
-            if self._color == "raw":
-                return encode_color(topics.color, stamp, frame.image, frame_id=frame_id)
-            return encode_color_jpeg(topics.color_compressed, stamp, frame.image, frame_id=frame_id)
-        depth = frame.image if self._registration is None else self._registration(frame.image)
-        if self._depth == "raw":
-            return encode_depth(topics.depth, stamp, depth, frame_id=frame_id)
-        return encode_depth_compressed(topics.depth_compressed, stamp, depth, frame_id=frame_id, codec=self._depth)
+            return self._images.color(stamp, frame.image)
+        return self._images.depth(stamp, frame.image if self._registration is None else self._registration(frame.image))

@@ -1,5 +1,6 @@
 """An .oni recording as a source, played frame by frame by the real library."""
 
+import heapq
 import threading
 import time
 from collections.abc import Iterator
@@ -7,26 +8,27 @@ from pathlib import Path
 from typing import Any
 
 from odom.errors import DeviceError, OdomError, RecordingError
-from odom.frame import Camera, Stamp
+from odom.frame import Stamp
 from odom.wire import Message
 from sensors.openni2 import library
 from sensors.openni2.device import RawFrame, convert, factory_camera
-from sensors.openni2.messages import Encoder
+from sensors.openni2.messages import DeviceEncoder
 from sensors.openni2.settings import KinectSettings
 from sensors.source import SourceOptions
 
 FIRST_NS = 1_000_000_000
-"""An .oni file holds no date: its stamps count from one second after the epoch, for zero means unknown in ROS."""
+"""An .oni file holds no date: its stamps count from one second after the epoch, since zero means unknown in ROS."""
 PATIENCE_S = 2.0
+"""Seconds to wait for a frame that the file's index announces: shorter takes a slow disk for a cut file."""
 _PLAYER_STOPS_S = 0.1
-"""The library's own thread must have noticed that streams are stopped before they are closed: it crashes otherwise."""
+"""Seconds between stopping and closing streams: the library crashes when its thread has not noticed the stop."""
 
 
 class OniRecording:
     """Colour and depth of an .oni file, in the order of their stamps. Raises RecordingError when it holds no such pair.
 
     OpenNI2's recorder starts the stamps of each stream at zero, so the file has lost the offset of depth to colour.
-    The library frees what is closed, whoever reads it: one thread at a time holds the file.
+    The library frees what is closed even while it is read: one thread at a time holds the file.
     """
 
     lossless = True
@@ -55,24 +57,17 @@ class OniRecording:
                 self._streams.append(self._device.create_stream(sensor))
             mode = self._streams[0].get_video_mode()
             read = self._settings.model_copy(update={"size": f"{mode.resolutionX}x{mode.resolutionY}"})
-            self._encoder = Encoder(options, read, factory_camera(self._streams[0]), registered=options.camera is None)
+            self._encoder = DeviceEncoder(
+                options, read, factory_camera(self._streams[0]), registered=options.camera is None
+            )
             self._counts = [int(stream.get_number_of_frames()) for stream in self._streams]
             self._left = list(self._counts)
+            self.length: int | None = self._counts[0]
         except (OdomError, self._api.OpenNIError) as error:
             self._release()
             if isinstance(error, OdomError):
                 raise
             raise RecordingError(f"{path} cannot be read: {library.said(error)}") from error
-
-    @property
-    def length(self) -> int | None:
-        """Number of colour frames."""
-        return self._counts[0]
-
-    @property
-    def camera(self) -> Camera:
-        """Intrinsics of the colour image."""
-        return self._encoder.camera
 
     def messages(self) -> Iterator[Message]:
         """Yield the recording from its beginning, or from `start` to `end` seconds after it."""
@@ -89,7 +84,7 @@ class OniRecording:
         start_ns = FIRST_NS + round(self._options.start * 1e9)
         end_ns = None if self._options.end is None else FIRST_NS + round(self._options.end * 1e9)
         info_sent = False
-        for frame in self._merged():
+        for frame in heapq.merge(self._frames(0), self._frames(1), key=lambda frame: frame.ticks):
             stamp = Stamp(FIRST_NS + frame.ticks * 1000)
             if stamp < start_ns:
                 continue
@@ -100,33 +95,23 @@ class OniRecording:
                 yield self._encoder.info(stamp)
             yield self._encoder.image(frame, stamp)
 
-    def _merged(self) -> Iterator[RawFrame]:
-        heads = [self._next(index) for index in (0, 1)]
-        while any(head is not None for head in heads):
-            index = min((head.ticks, i) for i, head in enumerate(heads) if head is not None)[1]
-            head = heads[index]
-            if head is not None:
-                yield head
-            heads[index] = self._next(index)
-
-    def _next(self, index: int) -> RawFrame | None:
-        """Return the next frame of colour (0) or depth (1).
-
-        None at the end, where the library would wait for ever, and when the file was closed meanwhile.
-        """
-        with self._held:
-            if self._closed or self._left[index] <= 0:
-                return None
-            self._left[index] -= 1
-            return self._read(index)
+    def _frames(self, index: int) -> Iterator[RawFrame]:
+        """Yield the frames of colour (0) or depth (1) to its end, or until the file is closed."""
+        while True:
+            with self._held:
+                # at the end the library would wait for ever
+                if self._closed or self._left[index] <= 0:
+                    return
+                self._left[index] -= 1
+                frame = self._read(index)
+            yield frame
 
     def _read(self, index: int) -> RawFrame:
         stream = self._streams[index]
         try:
             if self._api.wait_for_any_stream([stream], PATIENCE_S) is None:
-                raise RecordingError(
-                    f"{self._path} is cut: {self._left[index] + 1} frames of stream {index} do not come"
-                )
+                missing = self._left[index] + 1
+                raise RecordingError(f"{self._path} is cut: {missing} frames of stream {index} do not come")
             frame = stream.read_frame()
         except self._api.OpenNIError as error:
             raise RecordingError(f"{self._path} is damaged: {library.said(error)}") from error

@@ -1,4 +1,4 @@
-"""Whether a device is there: found by address or serial number, missed when unplugged, found again."""
+"""Finds a device by address or serial number, notices that it is unplugged, and finds it again."""
 
 import logging
 import threading
@@ -10,7 +10,7 @@ from sensors.openni2.device import serial_number
 _log = logging.getLogger(__name__)
 
 RESTART_EVERY = 5
-"""So many looks at a list that its driver does not keep up to date are worth one restart of the library."""
+"""Every so many looks the library is restarted for a driver that lists devices only then: rarer finds them later."""
 
 
 def find(wanted: str, listed: tuple[library.Listed, ...]) -> str | None:
@@ -38,15 +38,15 @@ def find(wanted: str, listed: tuple[library.Listed, ...]) -> str | None:
 
 
 class Departure:
-    """Sets `told` when OpenNI2 reports that `uri` was unplugged, until closed."""
+    """Sets `reported` when OpenNI2 reports that `uri` was unplugged, until closed."""
 
     def __init__(self, uri: str) -> None:
-        self.told = threading.Event()
+        self.reported = threading.Event()
         self._listener: Any = library.load().DeviceListener()
 
         def disconnected(info: Any) -> None:
             if info.uri == uri.encode():
-                self.told.set()
+                self.reported.set()
 
         self._listener.on_disconnected = disconnected
 
@@ -56,12 +56,12 @@ class Departure:
 
 
 class Listing:
-    """The library's list of devices while a lost one is waited for; `watched` tells that its driver reported the loss.
+    """The library's list of devices while a lost one is waited for; `watched` says that its driver reported the loss.
 
     A driver that watches the bus takes a lost device off the list and puts it back by itself. Others (libfreenect's)
-    list devices only when they are initialised: for them the library is restarted now and then, and for them only.
-    Shut down, the library holds its lock while it waits for the driver's threads; one that waits for that lock, to tell
-    of a device that has just been plugged in, never ends.
+    list devices only when they are initialised: for them, and only for them, the library is restarted now and then. A
+    restart can block for ever: the library holds its lock while it waits for the driver's threads, and one of these
+    waits for the lock when it reports a device that has just been plugged in.
     """
 
     def __init__(self, uri: str, watched: bool) -> None:

@@ -2,9 +2,7 @@
 
 from enum import Enum, unique
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-
-from odom.errors import ConfigError
+from pydantic import BaseModel, Field
 
 
 @unique
@@ -17,10 +15,8 @@ class Registration(Enum):
     OFF = "off"
 
 
-class KinectSettings(BaseModel):
+class KinectSettings(BaseModel, frozen=True, extra="forbid"):
     """Options of `odom sensor kinect`, given as `--option name=value`."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     size: str = Field(
         "640x480", pattern=r"^\d+x\d+$", description="image size of colour and depth", json_schema_extra={"unit": "px"}
@@ -34,7 +30,7 @@ class KinectSettings(BaseModel):
         True, description="automatic exposure and white balance; off keeps both as they are at the start"
     )
     silence_s: float = Field(
-        2.0, gt=0, description="without a frame of colour or of depth for so long the device is taken to be gone"
+        2.0, gt=0, description="time without a frame of colour or of depth after which the device counts as gone"
     )
     start_s: float = Field(4.0, gt=0, description="time a device has to deliver its first frames of both")
 
@@ -43,14 +39,3 @@ class KinectSettings(BaseModel):
         """The image size in pixels."""
         width, height = self.size.split("x")
         return int(width), int(height)
-
-
-def kinect_settings(extra: tuple[tuple[str, str], ...]) -> KinectSettings:
-    """Return the settings in `extra`; raises ConfigError, naming the option, for one that is unknown or malformed."""
-    try:
-        return KinectSettings.model_validate(dict(extra))
-    except ValidationError as error:
-        first = error.errors()[0]
-        name = ".".join(str(part) for part in first["loc"])
-        known = ", ".join(KinectSettings.model_fields)
-        raise ConfigError(f"kinect option {name}: {first['msg']} (options: {known})") from error

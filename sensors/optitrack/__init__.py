@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
-from sensors.optitrack.settings import optitrack_settings
+from odom.errors import SourceError
+from sensors.optitrack.settings import OptiTrackSettings
 from sensors.source import Source, SourceOptions
+from sensors.source_options import read_options
 
 
 def open_optitrack(spec: str, options: SourceOptions) -> Source:
@@ -12,9 +14,12 @@ def open_optitrack(spec: str, options: SourceOptions) -> Source:
     `options.extra` holds the settings of `OptiTrackSettings`. Raises SourceError when the server does not answer or the
     file is not an export, ConfigError for an unknown setting.
     """
-    from sensors.optitrack.source import MotiveFile, OptiTrackSource, check_server
+    from sensors.optitrack.source import MotiveFile, OptiTrackSource
 
-    settings = optitrack_settings(options.extra)
+    settings = read_options("optitrack", OptiTrackSettings, dict(options.extra))
     if spec.endswith(".csv"):
         return MotiveFile(Path(spec), settings)
-    return OptiTrackSource(check_server(spec.partition(":")[2]), settings, options.seconds)
+    server = spec.partition(":")[2]
+    if not server:
+        raise SourceError("optitrack:SERVER: give the address of the machine that runs Motive")
+    return OptiTrackSource(server, settings, options.seconds)

@@ -12,19 +12,25 @@ from dataclasses import dataclass
 
 from odom.errors import SourceError, WireError
 from odom.frame import Stamp
-from sensors.clock import ClockMapping
+from sensors.host_time import ClockMapping
 from sensors.optitrack import packets
 from sensors.optitrack.packets import Body, Frame, Id, ServerInfo
 from sensors.optitrack.settings import NATNET_VERSION, OptiTrackSettings
 
 _log = logging.getLogger(__name__)
 
-ECHO_S = 0.25
-KEEP_ALIVE_S = 0.5
+ECHO_S, FIRST_ECHO_S = 0.25, 0.02
+"""Seconds between two round trips that relate the clocks, later and at first: more of them follow a drift closer."""
 FIRST_ECHOES = 8
-"""Round trips before the first pose is given out: the quickest of them relates the clocks."""
+"""Round trips before the first pose is given out: the quickest of them relates the clocks; fewer may all be slow."""
+KEEP_ALIVE_S = 0.5
+"""Seconds between two signs of life: a unicast server stops streaming to a client that is silent for some seconds."""
 SILENCE_S = 2.0
+"""Seconds without a frame after which the server is asked again: shorter asks in vain in pauses, longer loses truth."""
+MOST_LOST = 1_000_000
+"""A larger jump of frame numbers is a server that was started anew, of which no more than this counts as lost."""
 _BUFFER = 1 << 20
+"""Bytes the system keeps for a socket: half a second of large frames at 240 Hz; smaller loses frames under load."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +43,7 @@ class BodyPose:
 
 
 class NatNetClient:
-    """Connects to `server`; raises SourceError when it does not answer. `counters` tells what came and what was wrong.
+    """Connects to `server`; raises SourceError when it does not answer. `counters` says what came and what was wrong.
 
     Datagrams of other senders are not looked at; malformed ones are counted and dropped.
     """
@@ -103,7 +109,7 @@ class NatNetClient:
         data.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(group) + local)
 
     def _wait(self, seconds: float) -> None:
-        """Handle datagrams until the server has told who it is, for at most `seconds`; raises what is wrong with it."""
+        """Handle datagrams until the server has said who it is, for at most `seconds`; raises what is wrong with it."""
         end = time.monotonic() + seconds
         while self.server is None and (left := end - time.monotonic()) > 0:
             for identifier, payload, _ in self._receive(left):
@@ -139,7 +145,7 @@ class NatNetClient:
         while not self._stop.is_set():
             now = time.monotonic()
             if now >= next_echo:
-                next_echo = now + (ECHO_S if self._echoes >= FIRST_ECHOES else 0.02)
+                next_echo = now + (ECHO_S if self._echoes >= FIRST_ECHOES else FIRST_ECHO_S)
                 self._send(packets.echo_request(time.time_ns()))
             if now >= next_alive:
                 next_alive = now + KEEP_ALIVE_S
@@ -188,7 +194,7 @@ class NatNetClient:
 
     def _poses_of(self, frame: Frame) -> Iterator[BodyPose]:
         if self._last_frame is not None:
-            self.counters["lost"] += max(0, min(frame.number - self._last_frame - 1, 1_000_000))
+            self.counters["lost"] += max(0, min(frame.number - self._last_frame - 1, MOST_LOST))
         self._last_frame = frame.number
         self.counters["frames"] += 1
         if frame.models_changed or any(body.identifier not in self._names for body in frame.bodies):

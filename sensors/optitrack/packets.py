@@ -1,8 +1,8 @@
-"""NatNet datagrams, read and written by the protocol's description; only what rigid bodies with capture time need.
+"""NatNet datagrams, by the protocol's description: reading rigid bodies with their capture times, and requests.
 
 Little-endian: message id and payload size (uint16 each), then the payload. From protocol 4.1 on the sections of a frame
 and the descriptions of the models carry their size. The end of a frame (time stamps and flags) is read from its end, so
-that sections of no interest (skeletons, force plates, assets) need not be understood.
+that other sections (skeletons, force plates, assets) need not be understood.
 """
 
 from dataclasses import dataclass
@@ -36,7 +36,8 @@ _SERVER = Struct("<256s4B4BQH?4B")
 _BODY = Struct("<i3f4ffH")
 _TAIL_30 = Struct("<IId3QHI")
 _TAIL_41 = Struct("<IId3QIIHI")
-_NO_DEVICE_LIMIT = 4096
+_MOST_BODIES = 4096
+"""A frame that announces more rigid bodies is damaged: Motive tracks some hundred."""
 
 OLDEST: Version = (3, 0)
 """Motive 2.0; older streams have no capture time."""
@@ -44,7 +45,7 @@ OLDEST: Version = (3, 0)
 
 @dataclass(frozen=True)
 class ServerInfo:
-    """Who streams: `frequency` is the ticks a second of its clock, `multicast` the group, None for unicast."""
+    """Who streams: `frequency` is the ticks per second of its clock, `multicast` the group, None for unicast."""
 
     name: str
     version: Version
@@ -92,11 +93,8 @@ class _Reader:
         self.at += form.size
         return values
 
-    def count(self) -> int:
-        return int(self.take(_COUNT)[0])
-
-    def integer(self) -> int:
-        return int(self.take(_INT)[0])
+    def integer(self, form: Struct = _COUNT) -> int:
+        return int(self.take(form)[0])
 
     def skip(self, size: int) -> None:
         if not 0 <= size <= len(self.data) - self.at:
@@ -152,7 +150,7 @@ def read_server_info(payload: bytes) -> ServerInfo:
         raise WireError(f"the NatNet server speaks {version[0]}.{version[1]}: capture times need 3.0 (Motive 2.0)")
     name, *_, frequency, port, multicast, a, b, c, d = _SERVER.unpack_from(payload)
     if frequency == 0:
-        raise WireError("the NatNet server does not tell the frequency of its clock")
+        raise WireError("the NatNet server does not say the frequency of its clock")
     text = name.split(b"\0")[0].decode(errors="replace")
     return ServerInfo(text, version, frequency, port, f"{a}.{b}.{c}.{d}" if multicast else None)
 
@@ -161,11 +159,11 @@ def read_models(payload: bytes, version: Version) -> dict[int, str]:
     """Return the names of the rigid bodies by identifier."""
     reader = _Reader(payload)
     names: dict[int, str] = {}
-    for _ in range(reader.count()):
-        kind = reader.count()
+    for _ in range(reader.integer()):
+        kind = reader.integer()
         end = None
         if version >= (4, 1):
-            size = reader.count()
+            size = reader.integer()
             end = reader.at + size
         if kind == 1:
             name, identifier = _rigid_body(reader, version)
@@ -180,9 +178,9 @@ def read_models(payload: bytes, version: Version) -> dict[int, str]:
 
 def _rigid_body(reader: _Reader, version: Version) -> tuple[str, int]:
     name = reader.text()
-    identifier = reader.integer()
+    identifier = reader.integer(_INT)
     reader.skip(4 + 12 + (16 if version >= (4, 2) else 0))
-    markers = reader.count()
+    markers = reader.integer()
     reader.skip(markers * 16)
     if version >= (4, 0):
         for _ in range(markers):
@@ -193,12 +191,12 @@ def _rigid_body(reader: _Reader, version: Version) -> tuple[str, int]:
 def _skip_description(reader: _Reader, kind: int, version: Version) -> bool:
     if kind == 0:
         reader.text()
-        for _ in range(reader.count()):
+        for _ in range(reader.integer()):
             reader.text()
     elif kind == 2:
         reader.text()
         reader.skip(4)
-        for _ in range(reader.count()):
+        for _ in range(reader.integer()):
             _rigid_body(reader, version)
     elif kind == 5:
         reader.text()
@@ -212,20 +210,20 @@ def read_frame(payload: bytes, version: Version) -> Frame:
     """Return a frame's rigid bodies and times; raises WireError for what is cut or contradicts itself."""
     sized = version >= (4, 1)
     reader = _Reader(payload)
-    number = reader.count()
-    sets = reader.count()
+    number = reader.integer()
+    sets = reader.integer()
     if sized:
-        reader.skip(reader.count())
+        reader.skip(reader.integer())
     else:
         for _ in range(sets):
             reader.text()
-            reader.skip(12 * reader.count())
-    others = reader.count()
-    reader.skip(reader.count() if sized else 12 * others)
-    count = reader.count()
+            reader.skip(12 * reader.integer())
+    others = reader.integer()
+    reader.skip(reader.integer() if sized else 12 * others)
+    count = reader.integer()
     if sized:
-        reader.count()
-    if count > _NO_DEVICE_LIMIT:
+        reader.integer()
+    if count > _MOST_BODIES:
         raise WireError(f"NatNet frame announces {count} rigid bodies")
     bodies = tuple(_body(reader) for _ in range(count))
     form = _TAIL_41 if sized else _TAIL_30

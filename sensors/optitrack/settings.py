@@ -1,17 +1,13 @@
 """How an OptiTrack server is reached."""
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-
-from odom.errors import ConfigError
+from pydantic import BaseModel, Field
 
 NATNET_VERSION = (4, 1)
-"""Protocol asked of a unicast server; a multicast server streams what Motive was set to."""
+"""Protocol asked of a unicast server (Motive 3.1); a multicast server streams what Motive was set to."""
 
 
-class OptiTrackSettings(BaseModel):
+class OptiTrackSettings(BaseModel, frozen=True, extra="forbid"):
     """Options of `odom sensor optitrack:SERVER`, given as `--option name=value`."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     local: str = Field(
         "", description="address of this machine's interface to the server, for multicast; empty: the system's choice"
@@ -21,14 +17,3 @@ class OptiTrackSettings(BaseModel):
     y_up: bool = Field(True, description="Motive streams with y up (its default): turn to z up")
     start_s: float = Field(0.0, ge=0, description="a CSV file: when its capture began, seconds of Unix time")
     timeout_s: float = Field(5.0, gt=0, description="time for the server to answer at the start")
-
-
-def optitrack_settings(extra: tuple[tuple[str, str], ...]) -> OptiTrackSettings:
-    """Return the settings in `extra`; raises ConfigError, naming the option, for one that is unknown or malformed."""
-    try:
-        return OptiTrackSettings.model_validate(dict(extra))
-    except ValidationError as error:
-        first = error.errors()[0]
-        name = ".".join(str(part) for part in first["loc"])
-        known = ", ".join(OptiTrackSettings.model_fields)
-        raise ConfigError(f"optitrack option {name}: {first['msg']} (options: {known})") from error

@@ -1,17 +1,17 @@
 """OptiTrack as a source of truth: a NatNet server live, or a CSV file exported from Motive."""
 
-import math
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from odom.errors import SourceError
+from odom.errors import InputError
 from odom.evaluation.motive import T_ZUP_YUP, read_motive
 from odom.frame import Stamp
+from odom.geometry.arrays import Array
+from odom.geometry.quaternion import rotation_from_quaternion
 from odom.wire import Message, truth
-from odom.wire.codec import encode_pose, rotation_from_quaternion
+from odom.wire.codec import encode_pose
 from sensors.optitrack.client import BodyPose, NatNetClient
 from sensors.optitrack.settings import OptiTrackSettings
 
@@ -46,15 +46,16 @@ class OptiTrackSource:
         self.client.close()
 
 
-def _matrix(pose: BodyPose, y_up: bool) -> NDArray[np.float64] | None:
+def _matrix(pose: BodyPose, y_up: bool) -> Array | None:
     """Return T_mocap_body with z up, None for a pose that is none (not finite, or no rotation)."""
-    values = (*pose.body.position, *pose.body.quaternion)
-    norm = math.sqrt(sum(value * value for value in pose.body.quaternion)) if all(map(math.isfinite, values)) else 0.0
-    if abs(norm - 1) > 0.01:
-        return None
     T = np.eye(4)
-    T[:3, :3] = rotation_from_quaternion(np.array(pose.body.quaternion) / norm)
     T[:3, 3] = pose.body.position
+    try:
+        T[:3, :3] = rotation_from_quaternion(np.array(pose.body.quaternion))
+    except InputError:
+        return None
+    if not np.isfinite(T).all():
+        return None
     return T_ZUP_YUP @ T if y_up else T
 
 
@@ -62,17 +63,13 @@ class MotiveFile:
     """A rigid body of a Motive CSV file on `truth/<body>/pose`; its stamps count from the capture's start."""
 
     lossless = True
+    length: int | None = None
 
     def __init__(self, path: Path, settings: OptiTrackSettings) -> None:
         body = settings.body or None
         self._trajectory = read_motive(path, body, settings.y_up)
         self._topic = truth(body or path.stem)
         self._start_ns = round(settings.start_s * 1e9)
-
-    @property
-    def length(self) -> int | None:
-        """Colour frames: none."""
-        return None
 
     def messages(self) -> Iterator[Message]:
         """Yield the poses in their order."""
@@ -81,10 +78,3 @@ class MotiveFile:
 
     def close(self) -> None:
         """Nothing is open."""
-
-
-def check_server(server: str) -> str:
-    """Return the server's address; raises SourceError when none was given."""
-    if not server:
-        raise SourceError("optitrack:SERVER: give the address of the machine that runs Motive")
-    return server

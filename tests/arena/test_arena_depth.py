@@ -5,7 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from sensors.arena import ArenaOptions, frame, kinect1, kinect2
-from sensors.arena.noise import Tiles, make_tiles
+from sensors.arena.noise_tiles import Tiles, make_tiles
+from sensors.arena.renderer import DepthView
 
 Depth = NDArray[np.float32]
 
@@ -15,21 +16,22 @@ def tiles() -> Tiles:
     return make_tiles(1)
 
 
-def seen(depth_m: NDArray[np.float64]) -> tuple[Depth, NDArray[np.int16], NDArray[np.float64]]:
+def seen(depth_m: NDArray[np.float64]) -> DepthView:
     """Return what the renderer says of surfaces that face the camera, one number a distinct depth."""
     values, identity = np.unique(depth_m, return_inverse=True)
-    return (1 / depth_m).astype(np.float32), identity.reshape(depth_m.shape).astype(np.int16), values
+    surface = identity.reshape(depth_m.shape).astype(np.int16)
+    return DepthView((1 / depth_m).astype(np.float32), surface, values.astype(np.float32))
 
 
 def by_kinect1(depth_m: NDArray[np.float64], tiles: Tiles, frame_index: int = 0, infrared: float = 0.5) -> Depth:
     values = np.full(len(np.unique(depth_m)), infrared, np.float32)
-    return kinect1.measured_depth(*seen(depth_m), values, tiles, np.random.default_rng(frame_index))
+    return kinect1.measured_depth(seen(depth_m), values, tiles, np.random.default_rng(frame_index))
 
 
 def by_kinect2(samples: list[NDArray[np.float64]], tiles: Tiles, frame_index: int = 0, infrared: float = 0.5) -> Depth:
     values = np.full(8, infrared, np.float32)
     views = [seen(depth_m) for depth_m in samples]
-    return kinect2.measured_depth(views[0][0], views, values, tiles, np.random.default_rng(frame_index))
+    return kinect2.measured_depth(views[0].inverse_depth, views, values, tiles, np.random.default_rng(frame_index))
 
 
 def wall(z: float, shape: tuple[int, int] = kinect1.SHAPE) -> NDArray[np.float64]:

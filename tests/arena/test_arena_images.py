@@ -2,10 +2,11 @@ import cv2
 import numpy as np
 import pytest
 
-from odom.registration.se3 import apply, inverse
-from sensors.arena import ArenaFrame, ArenaOptions, frame, generate, render_walk
-from sensors.arena.shutter import READOUT_S
-from sensors.arena.walk import make_walk
+from odom.geometry.se3 import apply, inverse
+from sensors.arena import ArenaFrame, ArenaOptions, frame, render_walk
+from sensors.arena import frames as session
+from sensors.arena.camera_path import make_walk
+from sensors.arena.row_readout import READOUT_S
 
 
 def tracked(a: ArenaFrame, b: ArenaFrame) -> tuple[np.ndarray, np.ndarray]:
@@ -62,8 +63,8 @@ def test_corners_move_as_depth_and_truth_say(options: ArenaOptions) -> None:
 def test_a_frame_is_the_same_bytes_in_any_order_and_from_a_room_built_anew() -> None:
     options = ArenaOptions()
     first = [frame(options, k) for k in (10, 500, 3)]
-    generate._scene.cache_clear()
-    generate._tiles.cache_clear()
+    session._scene.cache_clear()
+    session._tiles.cache_clear()
     again = {k: frame(options, k) for k in (3, 10, 500)}
     for shot in first:
         other = again[shot.index]
@@ -91,7 +92,7 @@ def test_fast_rotation_blurs_the_picture() -> None:
     """The same view is sharper with a shutter that opens for an instant."""
     still = ArenaOptions(faults=False)
     moving = ArenaOptions()
-    walk = generate.make_walk(still)
+    walk = session.make_walk(still)
     turn = [
         np.linalg.norm(walk.T_world_camera(k / 30)[:3, 2] - walk.T_world_camera((k + 1) / 30)[:3, 2])
         for k in range(960)
@@ -107,9 +108,7 @@ def test_fast_rotation_blurs_the_picture() -> None:
 
 
 def test_colour_and_depth_are_taken_at_different_instants(faulty: ArenaOptions) -> None:
-    apart = [
-        (generate.depth_time(faulty, k) - generate.color_time(faulty, k)) * 1000 for k in range(0, faulty.frames, 7)
-    ]
+    apart = [(session.depth_time(faulty, k) - session.color_time(faulty, k)) * 1000 for k in range(0, faulty.frames, 7)]
     assert min(apart) > 0
     assert max(apart) < 1000 / 30 / 2
     assert max(apart) - min(apart) > 3
@@ -129,17 +128,17 @@ def test_a_blackout_hides_what_it_names(kind: str) -> None:
 
 
 def test_the_corridor_repeats_itself_to_the_last_pixel() -> None:
-    from sensors.arena.room import BAY_M
-    from sensors.arena.to_color import intrinsics
+    from sensors.arena.depth_to_color import intrinsics
+    from sensors.arena.rooms import BAY_M
 
     options = ArenaOptions(walk="corridor", faults=False)
-    scene = generate._scene("corridor", 1)
-    T = generate.make_walk(options).T_world_camera(7.0)
+    scene = session._scene("corridor", 1)
+    T = session.make_walk(options).T_world_camera(7.0)
     further = T.copy()
     further[0, 3] += BAY_M
     K = intrinsics(options.camera)
     views = [scene.color(np.stack([inverse(t)] * 4), K, (480, 640))[0] for t in (T, further)]
-    pictures = [generate.unpack(v).astype(int) for v in views]
+    pictures = [session.unpack(v).astype(int) for v in views]
     assert np.percentile(np.abs(pictures[0] - pictures[1]), 99.5) <= 2
     assert pictures[0].std() > 25
 

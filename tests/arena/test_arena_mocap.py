@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from odom.registration import se3
+from odom.geometry import se3
 from sensors.arena import ArenaOptions
-from sensors.arena.mocap import RATE_HZ, T_camera_marker, T_mocap_world, mocap_pose
-from sensors.arena.walk import make_walk
+from sensors.arena.camera_path import make_walk
+from sensors.arena.motion_capture import RATE_HZ, T_camera_marker, T_mocap_world, mocap_pose
 
 
 def test_its_world_has_y_up() -> None:

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from odom.registration import se3
-from sensors.arena import ArenaOptions, frame, generate
-from sensors.arena.generate import DEPTH_LATENCY_S
-from sensors.arena.shutter import READOUT_S
-from sensors.arena.walk import Infinity, make_walk
+from odom.geometry import se3
+from sensors.arena import ArenaOptions, frame
+from sensors.arena import frames as session
+from sensors.arena.camera_path import Infinity, make_walk
+from sensors.arena.frames import DEPTH_LATENCY_S
+from sensors.arena.row_readout import READOUT_S
 
 TURNING = (0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 CARRIED_ALONG = (0.5, 0.0, 0.3, 0.1, -0.6, 0.3)
@@ -27,8 +28,8 @@ class Steady:
 
 def drawn(options: ArenaOptions, walk: Steady, t: float) -> np.ndarray:
     """The picture without noise whose middle row is of `t`, grey."""
-    scene = generate._scene("laboratory", options.seed)
-    return generate.unpack(generate._light(options, scene, walk, t)).mean(axis=2)
+    scene = session._scene("laboratory", options.seed)
+    return session.unpack(session._light(options, scene, walk, t)).mean(axis=2)
 
 
 @pytest.mark.parametrize("twist", [TURNING, CARRIED_ALONG], ids=["turning", "carried along"])
@@ -38,7 +39,7 @@ def drawn(options: ArenaOptions, walk: Steady, t: float) -> np.ndarray:
     ids=["kinect1", "bent lens", "half size", "kinect2"],
 )
 def test_each_row_shows_what_a_perfect_camera_sees_at_the_rows_instant(monkeypatch, camera, twist) -> None:
-    monkeypatch.setattr(generate, "EXPOSURE_S", 0.0)
+    monkeypatch.setattr(session, "EXPOSURE_S", 0.0)
     faulty, perfect, walk = ArenaOptions(**camera), ArenaOptions(faults=False, **camera), Steady(twist)
     rolled, still = drawn(faulty, walk, 0.0), drawn(perfect, walk, 0.0)
     height = faulty.camera.height
@@ -62,19 +63,19 @@ def test_the_truth_is_the_pose_at_the_stamp(faulty: ArenaOptions) -> None:
 
 def test_a_perfect_camera_shows_the_instant_of_its_stamp(monkeypatch, ideal: ArenaOptions) -> None:
     shot, walk = frame(ideal, 200), make_walk(ideal)
-    scene = generate._scene("laboratory", ideal.seed)
-    assert np.array_equal(shot.rgb, generate.unpack(generate._light(ideal, scene, walk, 200 / 30.0)))
+    scene = session._scene("laboratory", ideal.seed)
+    assert np.array_equal(shot.rgb, session.unpack(session._light(ideal, scene, walk, 200 / 30.0)))
 
 
 @pytest.mark.parametrize("sensor", ["kinect1", "kinect2"])
 def test_depth_shows_the_scene_some_milliseconds_before_its_stamp(sensor: str) -> None:
     faulty, perfect = ArenaOptions(sensor=sensor), ArenaOptions(sensor=sensor, faults=False)
     walk = Steady(TURNING)
-    measured = generate._depth(faulty, walk, 0, 0.0, False).astype(float)
+    measured = session._depth(faulty, walk, 0, 0.0, False).astype(float)
 
     def off(t: float) -> float:
         """How many pixels are on another surface than a perfect camera sees at `t`."""
-        expected = generate._depth(perfect, walk, 0, t, False)
+        expected = session._depth(perfect, walk, 0, t, False)
         known = (measured > 0) & (expected > 0)
         return float((np.abs(measured - expected)[known] > 0.1 * expected[known]).mean())
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from odom.errors import ConfigError
-from odom.registration import se3
+from odom.geometry import se3
 from sensors.arena import ArenaOptions, frame
+from sensors.arena.camera_path import make_walk
 from sensors.arena.options import FRAMES_PER_KEY_POSE, KEY_POSES, RATE_HZ
-from sensors.arena.walk import make_walk
 
 
 def poses(options: ArenaOptions, count: int) -> list[np.ndarray]:

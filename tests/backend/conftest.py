@@ -5,12 +5,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from drawn import frame
 from painted_room import SMALL, PaintedRoom, stroll
 from running import Ran, read_tum_frames, run
 
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera, RgbdFrame
-from sensors.arena import ArenaFrame, ArenaOptions, frame
+from sensors.arena import ArenaFrame, ArenaOptions
 
 ARENA_FRAMES = 105
 

@@ -4,16 +4,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odom.backend.bundle import Bundle, Observations
-from odom.backend.keyframes import Keyframe, Measured
-from odom.backend.map import Map
-from odom.backend.pose import CAUCHY_CHI2
+from odom.backend.map.keyframe import Keyframe, Measured
+from odom.backend.map.map import Corners, Map
+from odom.backend.mapping.bundle_adjustment import Bundle
+from odom.backend.mapping.observations import Observations
+from odom.backend.tracking.tuning import TUNING
 from odom.frame import Stamp
-from odom.frontend.images import FrameImages
-from odom.frontend.measure import Measurements
-from odom.frontend.timing import Timing, point_flow
-from odom.registration import se3
+from odom.frontend.camera.rolling_shutter import ShutterTiming, point_flow
+from odom.frontend.camera.stamp_clock import SteadyStamp
+from odom.frontend.features.images import FrameImages
+from odom.frontend.features.measurement import Measurements
+from odom.frontend.features.view import View
+from odom.geometry import se3
 
+NO_DEPTH = np.zeros((48, 64), np.uint16)
 RAY_SIGMA, DEPTH_SIGMA = 0.5 / 525.0, 2e-3
 
 
@@ -50,7 +54,7 @@ def bare_keyframe(number, T_map_camera, segment=0):
         identities=none,
         uv=np.zeros((0, 2)),
         measurements=Measurements.nothing(),
-        timing=Timing(),
+        timing=ShutterTiming(),
         covariance_since_start=np.zeros((6, 6)),
     )
 
@@ -66,15 +70,13 @@ def chain_of_keyframes(poses, covariance, begins=(0,)):
         points = points_ahead(rng, 20)
         values = project(np.eye(4), points)
         measured = Measurements(values, np.zeros((20, 3, 3)), np.full((20, 4), 1e-6), np.zeros((20, 2)))
+        view = View(number, Stamp(1_000_000_000 * number), SteadyStamp(0), images, Stamp(0), NO_DEPTH)
         map_.add_keyframe(
-            Stamp(1_000_000_000 * number),
-            sum(number >= begin for begin in begins) - 1,
+            view,
             se3.inverse(T_map_camera),
-            images,
             Measured.nothing(),
-            np.full((20, 2), 30.0),
-            measured,
-            Timing(),
+            Corners(np.full((20, 2), 30.0), measured),
+            ShutterTiming(),
             None if number in begins else number - 1,
             np.zeros((6, 6)) if number in begins else covariance,
         )
@@ -129,12 +131,12 @@ def robust_cost(bundle, observations, timing_information):
     """The cost that adjustment lowers, written anew: Cauchy of rays and depths, and the timing's prior."""
     o = observations
     values = o.values + o.jacobian_timing @ bundle.timing_change
-    cost = 0.0
+    cost, cauchy = 0.0, TUNING.cauchy_chi2
     for k, p, value, (xx, xy, yy, ww) in zip(o.keyframe, o.landmark, values, o.variances, strict=True):
         x, y, w = project(bundle.T_camera_map[k], bundle.landmarks[p : p + 1])[0]
         r = value[:2] - [x, y]
         chi2 = [r @ np.linalg.solve([[xx, xy], [xy, yy]], r)]
         if value[2] > 0:
             chi2.append((value[2] - w) ** 2 / ww)
-        cost += CAUCHY_CHI2 * np.log1p(np.array(chi2) / CAUCHY_CHI2).sum()
+        cost += cauchy * np.log1p(np.array(chi2) / cauchy).sum()
     return cost + bundle.timing_change @ timing_information @ bundle.timing_change

@@ -6,7 +6,7 @@ import numpy as np
 from painted_room import PERIOD, SMALL, START, PaintedRoom
 
 from odom.frame import RgbdFrame, Stamp
-from odom.registration import se3
+from odom.geometry import se3
 
 ROUND = 160
 

@@ -11,7 +11,7 @@ from odom.evaluation.files import read_tum
 from odom.evaluation.report import Report, evaluate
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera, RgbdFrame
-from odom.frontend.timing import Timing
+from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.wire import Topics
 from odom.wire.assembler import FrameAssembler
 from sensors.catalogue import open_source
@@ -24,7 +24,7 @@ class Ran:
 
     estimates: tuple[Estimate, ...]
     final: tuple[TrajectoryPose, ...]
-    timing: Timing
+    timing: ShutterTiming
 
     @property
     def states(self) -> list[State]:
@@ -85,8 +85,8 @@ def numbers(ran: Ran) -> bytes:
         for relative in (e.step, e.second, e.pairwise):
             if relative is not None:
                 parts += [relative.stamp_earlier, relative.T_earlier_current, relative.covariance, relative.inliers]
-        for stamp, T in e.path or ():
-            parts += [stamp, T]
+        for pose in e.path or ():
+            parts += [pose.stamp, pose.T_map_camera]
         for loop in e.loops:
             parts += [loop.stamp, loop.candidate_stamp, loop.inliers, loop.accepted, loop.T_candidate_current]
     for pose in ran.final:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from painted_room import SMALL, PaintedRoom, stroll
 
-STAGES = ["decode", "images", "follow", "find and fit", "odometry", "total"]
+STAGES = ["decode", "images", "predict", "track", "odometry", "total"]
 CAMERA_YAML = """
 image_width: 320
 image_height: 240

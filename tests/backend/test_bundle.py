@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_up_scene import RAY_SIGMA, made_up_bundle, project, robust_cost
 
-from odom.backend.bundle import Bundle, Observations, adjust
-from odom.registration import se3
+from odom.backend.mapping.bundle_adjustment import Bundle, adjust
+from odom.backend.mapping.observations import Observations
+from odom.geometry import se3
 
 NO_PRIOR = np.diag([0.02**-2] * 3)
 FIXED = np.arange(7) < 2

@@ -8,11 +8,9 @@ from painted_room import SMALL
 from rounds import ROUND, round_and_more
 
 from odom.backend import Odometry, State
-from odom.backend.background import Seen
-from odom.frontend.measure import FeatureNoise
-from odom.registration import se3
-
-NOISE = FeatureNoise(0.5, np.array([[0.5, 2.0], [0.003, 0.003]]))
+from odom.backend.loop_closure.loop_closure import track_place
+from odom.backend.mapping.keyframe_inserter import KeyframeView
+from odom.geometry import se3
 
 
 @pytest.fixture(scope="module")
@@ -29,17 +27,18 @@ def walked(frames):
 
 def test_a_place_is_known_again_by_what_others_saw_there_not_by_the_key_frame_itself(walked):
     odometry, _ = walked
-    mapper, previous = odometry._walk.mapper, odometry._walk.previous
-    map_ = mapper.map
+    stages, state = odometry._frames, odometry._frames.state
+    map_, tracker, sensor = stages.map, stages.tracker, stages.sensor
     newest = map_.keyframes[-1]
-    seen = Seen(newest.number, previous.view, previous.tracked.twist)
+    seen = KeyframeView(newest.number, state.view, state.tracked.twist)
     own = map_.linked(newest.number)
     beyond = {far for near in own for far in map_.links[near]} - own
     assert beyond
     for candidate in sorted(beyond):
         anchors = map_.landmarks.keyframe
-        all_around = mapper.track(seen.view, newest.T_camera_map, seen.twist, candidate, NOISE)
-        judged = mapper.track_place(seen, candidate, newest.T_camera_map, NOISE)
+        local = tracker.around(candidate, newest.T_camera_map)
+        all_around = tracker.track(seen.view, sensor, newest.T_camera_map, seen.twist, local)
+        judged = track_place(map_, tracker, seen, candidate, newest.T_camera_map, sensor)
         assert own & set(anchors[all_around.expected].tolist())
         assert not own & set(anchors[judged.expected].tolist())
 
@@ -62,7 +61,7 @@ def test_the_path_has_each_key_frame_where_its_pose_was_published(walked):
     compared = 0
     for estimate in estimates:
         if estimate.is_keyframe and estimate.path is not None and estimate.step is not None:
-            at = dict(estimate.path)
+            at = {pose.stamp: pose.T_map_camera for pose in estimate.path}
             T_map_camera = estimate.T_map_odom @ estimate.T_odom_camera
             away = se3.log(se3.inverse(T_map_camera) @ at[estimate.stamp])
             assert np.linalg.norm(away[:3]) < 0.002

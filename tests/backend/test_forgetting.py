@@ -10,17 +10,17 @@ from rounds import ROUND, round_and_more, turned
 from running import Ran, check_sanity, numbers
 
 from odom.backend import Odometry, OdometrySettings, State
-from odom.backend.bundle import Observations
-from odom.backend.closing import close_loops, merge_segment
-from odom.backend.forgetting import forget, oldest_beyond
-from odom.backend.graph import Edge
-from odom.backend.keyframes import gather_observations
-from odom.backend.window import _oldest_connected
+from odom.backend.loop_closure.closing import close_loops, merge_segment
+from odom.backend.map.pose_graph import Edge
+from odom.backend.map.pruning import forget, oldest_beyond
+from odom.backend.mapping.local_adjustment import _oldest_connected
+from odom.backend.mapping.observations import Observations, gather_observations
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import RgbdFrame, Stamp
-from odom.frontend.places import Place, PlaceIndex
-from odom.frontend.timing import Timing
-from odom.registration import se3
+from odom.frontend.camera.rolling_shutter import ShutterTiming
+from odom.frontend.features.place_descriptor import Place
+from odom.frontend.matching.place_recognition import PlaceIndex
+from odom.geometry import se3
 
 COVARIANCE = np.diag([1e-4, 2e-4, 3e-4, 1e-5, 2e-5, 3e-5])
 FRAMES = 240
@@ -57,7 +57,7 @@ def test_a_forgotten_key_frame_keeps_its_pose_and_nothing_that_it_measured():
     assert (np.bincount(L.keyframe[L.alive], minlength=6) == [20, 20, 0, 20, 20, 20]).all()
     forgotten = map_.keyframes[2]
     assert len(forgotten.rows) == len(forgotten.identities) == len(forgotten.uv) == len(forgotten.measurements) == 0
-    twice, _ = gather_observations(2 * map_.keyframes, L, Timing())
+    twice, _ = gather_observations(2 * map_.keyframes, L, ShutterTiming())
     assert (np.bincount(twice.keyframe, minlength=12) == 2 * [20, 20, 0, 20, 20, 20]).all()
     assert not map_.links[2]
     assert not any(2 in links for links in map_.links)
@@ -176,8 +176,8 @@ def ran_with(most, frames, anticipates=False):
         if anticipates:
             odometry.anticipate(frame.stamp, frame.color)
         estimates.append(odometry.process(frame))
-        map_, index = odometry._walk.mapper.map, odometry._walk.mapper.index
-        sizes.append((len(map_.remembered), int(map_.landmarks.alive.sum()), len(index.places)))
+        map_ = odometry._frames.map
+        sizes.append((len(map_.remembered), int(map_.landmarks.alive.sum()), len(map_.places.places)))
     ran = Ran(tuple(estimates), odometry.finish(), odometry.timing)
     return ran, np.array(sizes), odometry
 
@@ -205,7 +205,7 @@ def test_its_map_stays_within_the_bound(forgetful):
     assert keyframes.max() <= MOST + 2  # while the background works
     assert places.max() <= MOST
     assert landmarks[FRAMES // 2 :].max() < 1.2 * landmarks[: FRAMES // 2].max()
-    kept = odometry._walk.mapper.map
+    kept = odometry._frames.map
     assert all(len(k.rows) == 0 for k in kept.keyframes if k.number not in kept.remembered)
     assert sum(len(f) for f in kept.followers.values()) == odometry.forgotten_keyframes
 
@@ -235,5 +235,5 @@ def test_segments_that_are_never_tracked_are_forgotten_too():
             seen = PaintedRoom(seed=k).frame(SMALL, 0, np.eye(4))
         color = np.zeros_like(seen.color) if k % 4 else seen.color
         odometry.process(replace(seen, sequence=k, stamp=stamp, depth_stamp=stamp, color=color))
-    assert len(odometry._walk.mapper.map.keyframes) > 15
-    assert len(odometry._walk.mapper.map.remembered) <= 11
+    assert len(odometry._frames.map.keyframes) > 15
+    assert len(odometry._frames.map.remembered) <= 11

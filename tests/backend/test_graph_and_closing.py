@@ -3,14 +3,16 @@ from itertools import pairwise
 import numpy as np
 from made_up_scene import bare_keyframe, chain_of_keyframes
 
-from odom.backend.closing import close_loops, contradiction, merge_segment
-from odom.backend.graph import Edge, optimise
-from odom.backend.history import relative_covariance, trajectory
-from odom.backend.map import Map
-from odom.backend.placed import Placed
-from odom.backend.registrations import Registrations
+from odom.backend.loop_closure.closing import close_loops, merge_segment
+from odom.backend.loop_closure.verification import contradiction
+from odom.backend.map.frame_log import LoggedFrame
+from odom.backend.map.map import Map
+from odom.backend.map.pose_covariance import relative_covariance
+from odom.backend.map.pose_graph import Edge, optimise
+from odom.backend.map.registrations import Registrations
+from odom.backend.odometry.final_trajectory import trajectory
 from odom.frame import Stamp
-from odom.registration import se3
+from odom.geometry import se3
 
 SMALL = np.diag([1e-4] * 3 + [1e-5] * 3) ** 1.0 * 0.01
 COUNT = 24
@@ -213,11 +215,11 @@ def test_covariances_add_up_along_the_chain_of_registrations():
 
 def test_no_covariance_is_claimed_across_a_loss_or_between_segments():
     map_ = Map(keyframes=[bare_keyframe(0, np.eye(4)), bare_keyframe(1, np.eye(4), segment=1)])
-    here = Placed(Stamp(0), 0, 0.0, 0, np.eye(4), np.eye(6))
-    there = Placed(Stamp(10), 1, 0.0, 1, np.eye(4), np.eye(6))
+    here = LoggedFrame(Stamp(0), 0, 0.0, 0, np.eye(4), np.eye(6))
+    there = LoggedFrame(Stamp(10), 1, 0.0, 1, np.eye(4), np.eye(6))
     assert relative_covariance(map_, here, there, 0.0) is None
-    assert relative_covariance(map_, here, Placed(Stamp(10), 0, 0.0), 0.0) is None
-    assert relative_covariance(map_, here, Placed(Stamp(10), 0, 0.0, 0, np.eye(4), np.eye(6)), 0.0) is not None
+    assert relative_covariance(map_, here, LoggedFrame(Stamp(10), 0, 0.0), 0.0) is None
+    assert relative_covariance(map_, here, LoggedFrame(Stamp(10), 0, 0.0, 0, np.eye(4), np.eye(6)), 0.0) is not None
 
 
 def test_the_trajectory_carries_every_pose_to_its_stamp():
@@ -229,10 +231,10 @@ def test_the_trajectory_carries_every_pose_to_its_stamp():
         return T_map_keyframe @ se3.exp(twist * seconds)
 
     frames = [
-        Placed(Stamp(i * period), 0, delay_s, 0, se3.inverse(T_map_keyframe) @ at(i * period * 1e-9 - delay_s))
+        LoggedFrame(Stamp(i * period), 0, delay_s, 0, se3.inverse(T_map_keyframe) @ at(i * period * 1e-9 - delay_s))
         for i in range(8)
     ]
-    lost = Placed(Stamp(8 * period), 0, 0.0)
+    lost = LoggedFrame(Stamp(8 * period), 0, 0.0)
     poses = trajectory([*frames, lost], keyframes)
     assert poses[8].T_map_camera is None
     for i, pose in enumerate(poses[:8]):

@@ -2,8 +2,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from odom.backend.landmarks import Landmarks
-from odom.frontend.patches import RADIUS
+from odom.backend.map.landmarks import Landmarks
+from odom.frontend.features.patches import RADIUS
 
 SIDE = 2 * RADIUS + 1
 

@@ -10,7 +10,7 @@ from running import check_sanity, run
 
 from odom.backend import Odometry, OdometrySettings, State
 from odom.frame import Stamp
-from odom.registration import se3
+from odom.geometry import se3
 
 ROOM, OTHER_ROOM = PaintedRoom(0), PaintedRoom(7)
 

@@ -3,8 +3,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from odom.backend.motion import Agility, Course
-from odom.registration import se3
+from odom.backend.tracking.motion_model import Agility, MotionFilter
+from odom.geometry import se3
 
 FINE_S = 1.0 / 240.0
 AHEAD_S = 1.0 / 60.0
@@ -35,7 +35,7 @@ def followed(seed, poses, stride):
     for k in range(0, len(poses), stride):
         measured = poses[k] @ se3.exp(POSE_SIGMA * rng.normal(size=6))
         if course is None:
-            course = Course.begun(measured, covariance, Agility())
+            course = MotionFilter.begun(measured, covariance, Agility())
         else:
             course = course.tracked(measured, covariance, stride * FINE_S)
         courses.append((k, course))

@@ -4,17 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drawn import frame
 from running import Ran, check_sanity, numbers, run
 
 from odom.backend import Odometry, OdometrySettings, State
 from odom.errors import InputError
 from odom.frame import Stamp
-from odom.registration import se3
-from sensors.arena import ArenaOptions, frame
-from sensors.arena.generate import DEPTH_LATENCY_S
+from odom.geometry import se3
+from sensors.arena import ArenaOptions
+from sensors.arena.camera_path import JOINED_AT_S
+from sensors.arena.frames import DEPTH_LATENCY_S
 from sensors.arena.options import RATE_HZ
-from sensors.arena.shutter import READOUT_S
-from sensors.arena.walk import JOINED_AT_S
+from sensors.arena.row_readout import READOUT_S
 
 DARK = range(40, 70)
 ARENA_ATE_M = 0.006

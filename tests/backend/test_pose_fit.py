@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from made_up_scene import noisy, points_ahead, project
 
-from odom.backend.pose import fit_pose
-from odom.registration import se3
+from odom.backend.tracking.pose_solver import fit_pose
+from odom.geometry import se3
 
 
 def sighting(seed, n=200, landmark_sigma=0.0):

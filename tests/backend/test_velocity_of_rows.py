@@ -3,12 +3,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from odom.backend.motion import ANY_VELOCITY, Agility, Motion, Velocity
-from odom.backend.pose import fit_pose
-from odom.backend.rows import fit_velocity
-from odom.frontend.measure import Measurements
-from odom.frontend.timing import point_flow
-from odom.registration import se3
+from odom.backend.tracking.motion_model import ANY_VELOCITY, Agility, Motion, Velocity
+from odom.backend.tracking.pose_solver import fit_pose
+from odom.backend.tracking.row_velocity import fit_velocity
+from odom.frontend.camera.rolling_shutter import point_flow
+from odom.frontend.features.measurement import Measurements
+from odom.geometry import se3
 
 READOUT_S, PERIOD_S, SIGMA = 0.027, 1.0 / 30.0, 2e-4
 SLOW_HAND = np.array([0.3, 0.3, 0.3, 0.6, 0.6, 0.6])

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from odom.evaluation import Trajectory
-from odom.registration import se3
+from odom.geometry import se3
 
 T_BODY_CAMERA = se3.exp(np.array([0.05, -0.04, 0.047, 0.3, -0.35, 0.25]))
 

@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from odom.evaluation import Trajectory, evaluate
 from odom.evaluation.files import read_tum
-from odom.registration import se3
-from sensors.arena.mocap import T_camera_marker
+from odom.geometry import se3
+from sensors.arena.camera_path import make_walk
+from sensors.arena.motion_capture import T_camera_marker
 from sensors.arena.options import ArenaOptions
-from sensors.arena.walk import make_walk
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 

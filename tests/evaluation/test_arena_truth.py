@@ -7,12 +7,12 @@ from synthetic import odometry
 from test_evo_agreement import to_evo
 
 from odom.evaluation import Trajectory, evaluate
-from odom.evaluation.calibration import calibrate
-from odom.evaluation.noise import truth_noise
-from odom.registration import se3
-from sensors.arena.mocap import POSITION_M, RATE_HZ, ROTATION_RAD, T_camera_marker, mocap_pose
+from odom.evaluation.mocap_calibration import calibrate
+from odom.evaluation.truth_noise import truth_noise
+from odom.geometry import se3
+from sensors.arena.camera_path import make_walk
+from sensors.arena.motion_capture import POSITION_M, RATE_HZ, ROTATION_RAD, T_camera_marker, mocap_pose
 from sensors.arena.options import ArenaOptions
-from sensors.arena.walk import make_walk
 
 
 @pytest.fixture(scope="module", params=[1, 2])

@@ -6,9 +6,9 @@ from synthetic import T_BODY_CAMERA, mocap, odometry, smooth, trajectory
 
 from odom.errors import InputError
 from odom.evaluation import Trajectory, evaluate
-from odom.evaluation.calibration import CalibrationOptions, calibrate
-from odom.evaluation.clock import clock_offset
-from odom.registration import se3
+from odom.evaluation.clock_offset import clock_offset
+from odom.evaluation.mocap_calibration import CalibrationOptions, calibrate
+from odom.geometry import se3
 
 FRAMES = np.arange(0.0, 30.0, 1 / 30)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from sensors.calibration import load_calibration
+from sensors.calibration_file import load_calibration
 from sensors.tum import read_list
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import cv2
+import drawn
 import numpy as np
 import pytest
 import yaml
@@ -15,7 +16,7 @@ import yaml
 from odom.cli.doctor import collect
 from odom.evaluation import Trajectory
 from odom.evaluation.diagnosis import Recording, Verdict, examine
-from odom.evaluation.diagnosis.timing import judge_rhythm, rhythm
+from odom.evaluation.diagnosis.stamps import judge_rhythm, rhythm
 from odom.frame import RgbdFrame
 from odom.wire import Topics
 from sensors.catalogue import open_source
@@ -117,9 +118,12 @@ def fr1_xyz(shared_data) -> Recording:
 
 @pytest.fixture(scope="module")
 def arena() -> Recording:
-    return look("arena")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sensors.arena.source.frame", drawn.frame)
+        return look("arena")
 
 
+@pytest.mark.rendered
 @pytest.mark.parametrize(
     ("source", "fault", "expected"),
     [
@@ -128,7 +132,7 @@ def arena() -> Recording:
         for case in FAULTS
         if source == "fr1_xyz" or case[0] not in RARE
     ],
-    ids=lambda value: getattr(value, "__name__", str(value)),
+    ids=lambda value: ", ".join(sorted(value)) if isinstance(value, set) else getattr(value, "__name__", value),
 )
 def test_each_fault_is_named_and_only_that_one(request, source, fault, expected):
     findings = examine(fault(request.getfixturevalue(source)))

@@ -6,7 +6,7 @@ from synthetic import smooth, trajectory
 
 from odom.evaluation.drift import Whitener
 from odom.evaluation.trajectory import inverse_all
-from odom.registration import se3
+from odom.geometry import se3
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from evo.core.trajectory import PoseTrajectory3D
 from odom.evaluation import EvaluationOptions, Trajectory, evaluate
 from odom.evaluation.files import read_tum
 from odom.evaluation.metrics import pairs_apart
-from odom.registration import se3
+from odom.geometry import se3
 
 
 def noisy(truth: Trajectory, stamps, seed=0) -> Trajectory:

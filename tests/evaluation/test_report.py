@@ -13,8 +13,8 @@ from synthetic import T_BODY_CAMERA, mocap, odometry, smooth, trajectory
 from odom.errors import InputError
 from odom.evaluation import EvaluationOptions, Trajectory, align, evaluate
 from odom.evaluation.files import write_tum
-from odom.evaluation.run import report_with_truth
-from odom.registration import se3
+from odom.evaluation.run_report import report_with_truth
+from odom.geometry import se3
 
 FIELDS = {
     "ate_m", "ate_online_m", "rpe_frame_m", "rpe_frame_deg", "rpe_1s_m", "rpe_1s_deg", "nees_mean", "nees_inside_95",

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sensors.clock import ClockMapping, Unwrap, tick_length
+from sensors.host_time import ClockMapping, Unwrap, tick_length
 
 START = 1_700_000_000_000_000_000
 

@@ -129,7 +129,7 @@ def test_a_device_is_chosen_by_address_or_serial_number(kinects: Kinects, wanted
     kinects("b", serial="B2")
     source = open_kinect(f"kinect:{wanted}", options())
     source.close()
-    assert (source.uri, source.serial) == ("virtual://b", "B2")
+    assert (source.capture.uri, source.capture.serial) == ("virtual://b", "B2")
 
 
 @pytest.mark.parametrize(
@@ -277,7 +277,7 @@ def test_a_device_returns_under_a_driver_that_lists_devices_only_at_its_start(
         assert unplugged_for(kinect, 3.0, source) < 2.0
     finally:
         source.close()
-    assert source.serial == ""
+    assert source.capture.serial == ""
     assert source.counters["reconnects"] == 1
     assert "delivers no" not in caplog.text  # both were silent: no stream is missing
 

@@ -158,6 +158,7 @@ def test_frames_agree_with_an_independent_reader() -> None:
             assert mine.valid == other.tracking_valid
 
 
+@pytest.mark.process
 def test_no_server_says_what_to_switch_on() -> None:
     with pytest.raises(SourceError, match="Broadcast Frame Data"):
         open_optitrack("optitrack:127.0.0.1", SourceOptions(extra=(("timeout_s", "0.5"), ("command_port", "9"))))

@@ -7,16 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from sensor_models import sensor_model, view_of
 
 from odom.frame import Camera, RgbdFrame, Stamp
-from odom.frontend.lens import Lens, project
-from odom.frontend.measure import FeatureNoise, measure, points_of
-from odom.frontend.timing import Timing, point_flow
-from odom.registration import se3
+from odom.frontend.camera.lens import Lens, project
+from odom.frontend.camera.rolling_shutter import ShutterTiming, point_flow
+from odom.frontend.features.measurement import measure, points_of
+from odom.geometry import se3
 
 CAMERA = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)
 LENS = Lens.of(CAMERA)
-NOISE = FeatureNoise(0.5, np.array([[0.2, 2.0], [2e-3, 2e-3]]))
 STAMP = Stamp(1_700_000_000_000_000_000)
 
 twists = arrays(np.float64, 6, elements=st.floats(-2.0, 2.0))
@@ -72,8 +72,10 @@ def test_rows_and_depth_are_carried_to_the_middle_row(twist, readout_s, depth_re
     uv, depth_mm, truth = moving_view(twist, readout_s, since_middle_row_s, depth_readout_s)
     frame = RgbdFrame(0, STAMP, np.zeros((480, 640), np.uint8), Stamp(STAMP + depth_delay_ns), depth_mm)
     nothing = np.zeros((len(uv), 3))
-    carried = measure(frame, LENS, uv, nothing, twist, Timing(readout_s, lag_s, depth_readout_s), NOISE)
-    as_seen = measure(frame, LENS, uv, nothing, np.zeros(6), Timing(), NOISE)
+    carried = measure(
+        view_of(frame), sensor_model(CAMERA, ShutterTiming(readout_s, lag_s, depth_readout_s)), uv, nothing, twist
+    )
+    as_seen = measure(view_of(frame), sensor_model(CAMERA), uv, nothing, np.zeros(6))
     deep = np.isfinite(carried.values[:, 2]) & np.isfinite(as_seen.values[:, 2])
     assert deep.mean() > 0.95
     errors = [np.abs(m.values[deep] - truth[deep]) for m in (carried, as_seen)]
@@ -86,8 +88,8 @@ def test_retimed_values_are_those_of_a_new_measurement():
     uv, depth_mm, _ = moving_view(twist, 0.02, -0.008, 0.012)
     frame = RgbdFrame(0, STAMP, np.zeros((480, 640), np.uint8), STAMP, depth_mm)
     nothing = np.zeros((len(uv), 3))
-    before, after = Timing(0.016, -0.010, 0.005), Timing(0.021, -0.004, 0.018)
-    a, b = (measure(frame, LENS, uv, nothing, twist, timing, NOISE) for timing in (before, after))
+    before, after = ShutterTiming(0.016, -0.010, 0.005), ShutterTiming(0.021, -0.004, 0.018)
+    a, b = (measure(view_of(frame), sensor_model(CAMERA, timing), uv, nothing, twist) for timing in (before, after))
     change = after.vector - before.vector
     deep = np.isfinite(a.values[:, 2]) & np.isfinite(b.values[:, 2])
     moved = np.abs(b.values - a.values)[deep]
@@ -99,7 +101,7 @@ def test_retimed_values_are_those_of_a_new_measurement():
 def test_no_depth_is_nan_and_leaves_the_ray():
     uv = np.array([[100.5, 200.25], [500.0, 300.0]])
     frame = RgbdFrame(0, STAMP, np.zeros((480, 640), np.uint8), STAMP, np.zeros((480, 640), np.uint16))
-    m = measure(frame, LENS, uv, np.zeros((2, 3)), np.full(6, 0.5), Timing(0.02, 0.01), NOISE)
+    m = measure(view_of(frame), sensor_model(CAMERA, ShutterTiming(0.02, 0.01)), uv, np.zeros((2, 3)), np.full(6, 0.5))
     assert np.isnan(m.values[:, 2]).all()
     assert np.isfinite(m.values[:, :2]).all()
     assert np.isfinite(m.covariance[:, :3]).all()
@@ -109,7 +111,9 @@ def test_the_covariance_of_points_is_that_of_sampled_measurements():
     rng = np.random.default_rng(5)
     _, depth_mm, truth = moving_view(np.zeros(6), 0.0, 0.0, 0.0)
     frame = RgbdFrame(0, STAMP, np.zeros((480, 640), np.uint8), STAMP, depth_mm)
-    m = measure(frame, LENS, np.array([[150.0, 350.0]]), np.array([[0.3, 0.1, 0.5]]), np.zeros(6), Timing(), NOISE)
+    m = measure(
+        view_of(frame), sensor_model(CAMERA), np.array([[150.0, 350.0]]), np.array([[0.3, 0.1, 0.5]]), np.zeros(6)
+    )
     xx, xy, yy, ww = m.covariance[0]
     samples = m.values[0] + np.column_stack(
         [rng.multivariate_normal([0, 0], [[xx, xy], [xy, yy]], 20000), rng.normal(0, np.sqrt(ww), 20000)]

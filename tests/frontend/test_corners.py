@@ -3,7 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from painted_room import SMALL, PaintedRoom, stroll
 
-from odom.frontend.corners import detect_corners
+from odom.frontend.features.corners import detect_corners
 
 IMAGE = PaintedRoom().render(SMALL, stroll(0.0))[0]
 

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from odom.errors import ConfigError
 from odom.frame import Camera
-from odom.frontend.lens import Lens, project, rays_at
+from odom.frontend.camera.lens import Lens, project, rays_at
 
 small = st.floats(-0.003, 0.003)
 

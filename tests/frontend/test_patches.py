@@ -2,13 +2,15 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from odom.frontend.patches import align_patches, cut_patches
+from odom.frontend.features.patches import PATCH_LIMITS, align_patches, cut_patches
 
 SHAPE = (120, 160)
 AT = np.array([[60.0, 50.0], [80.0, 62.0], [101.0, 70.0], [46.0, 75.0]])
 IDENTITY = np.tile(np.eye(2), (len(AT), 1, 1))
 ROUNDING = np.sqrt(2.0 / 12.0)
 """Grey levels of noise that whole numbers make, in the patch and in the image."""
+SIGMAS = 5.5
+"""No error in a thousand runs of some 1,500 positions each; four sigma fell out once in ten runs."""
 EVERY = np.ones(len(AT), dtype=bool)
 
 
@@ -39,10 +41,12 @@ def picture(seed, A=None, shift=(0.0, 0.0), gain=0.8, offset=127.0, noise=0.0):
 def test_a_shifted_patch_is_found_to_a_fiftieth_of_a_pixel_whatever_gain_and_offset(seed, shift, gain, offset):
     patches = cut_patches(picture(seed), AT)
     uv = AT.copy()
-    score, covariance = align_patches(picture(seed, None, shift, gain, offset), patches, IDENTITY, uv, EVERY, 12, 4.0)
+    score, covariance = align_patches(
+        picture(seed, None, shift, gain, offset), patches, IDENTITY, uv, EVERY, 12, 4.0, PATCH_LIMITS
+    )
     assert (score > 0.98).all()
     rounding = ROUNDING * np.sqrt(covariance[:, [0, 2]])
-    assert (np.abs(uv - AT - np.array(shift)) < 0.02 + 4.0 * rounding).all()
+    assert (np.abs(uv - AT - np.array(shift)) < 0.02 + SIGMAS * rounding).all()
 
 
 @settings(max_examples=30)
@@ -54,7 +58,7 @@ def test_a_turned_and_scaled_patch_is_found_through_its_affinity(seed, scale, tu
     patches = cut_patches(picture(seed), AT)
     image = picture(seed, A)
     uv = truth + 0.7
-    score, covariance = align_patches(image, patches, np.tile(A, (len(AT), 1, 1)), uv, EVERY, 12, 4.0)
+    score, covariance = align_patches(image, patches, np.tile(A, (len(AT), 1, 1)), uv, EVERY, 12, 4.0, PATCH_LIMITS)
     assert (score > 0.97).all()
     rounding = ROUNDING * np.sqrt(covariance[:, [0, 2]])
     assert (np.abs(uv - truth) < 0.05 + 4.0 * rounding).all()
@@ -67,7 +71,9 @@ def test_the_claimed_covariance_is_that_of_repeated_measurements():
         v, u = np.mgrid[0 : SHAPE[0], 0 : SHAPE[1]].astype(np.float64)
         grey = 0.8 * waves(4, np.stack([u, v], axis=-1)) + 127.0 + 4.0 * rng.normal(size=SHAPE)
         uv = AT.copy()
-        _, covariance = align_patches(np.rint(grey).astype(np.uint8), reference, IDENTITY, uv, EVERY, 12, 4.0)
+        _, covariance = align_patches(
+            np.rint(grey).astype(np.uint8), reference, IDENTITY, uv, EVERY, 12, 4.0, PATCH_LIMITS
+        )
         errors.append(uv - AT)
         claimed.append(covariance * 4.0**2)
     for k in range(len(AT)):
@@ -77,7 +83,7 @@ def test_the_claimed_covariance_is_that_of_repeated_measurements():
 
 
 def test_a_patch_that_is_not_there_gets_a_low_score():
-    score, _ = align_patches(picture(7), cut_patches(picture(5), AT), IDENTITY, AT.copy(), EVERY, 12, 4.0)
+    score, _ = align_patches(picture(7), cut_patches(picture(5), AT), IDENTITY, AT.copy(), EVERY, 12, 4.0, PATCH_LIMITS)
     assert (score < 0.75).all()
 
 
@@ -86,18 +92,22 @@ def test_flat_or_one_dimensional_patches_the_border_and_huge_warps_are_not_align
     stripes = np.tile((127 + 60 * np.sin(u / 3.0)).astype(np.uint8), (SHAPE[0], 1))
     flat = np.full(SHAPE, 90, np.uint8)
     for image in (stripes, flat):
-        score, _ = align_patches(image, cut_patches(image, AT), IDENTITY, AT.copy(), EVERY, 8, 4.0)
+        score, _ = align_patches(image, cut_patches(image, AT), IDENTITY, AT.copy(), EVERY, 8, 4.0, PATCH_LIMITS)
         assert (score == 0).all()
     image = picture(1)
     corners = np.array([[2.0, 2.0], [158.0, 50.0], [50.0, 118.0], [1e6, -1e6]])
-    assert (align_patches(image, cut_patches(image, AT), IDENTITY, corners, EVERY, 8, 4.0)[0] == 0).all()
-    assert (align_patches(image, cut_patches(image, AT), 4.0 * IDENTITY, AT.copy(), EVERY, 8, 4.0)[0] == 0).all()
+    assert (align_patches(image, cut_patches(image, AT), IDENTITY, corners, EVERY, 8, 4.0, PATCH_LIMITS)[0] == 0).all()
+    assert (
+        align_patches(image, cut_patches(image, AT), 4.0 * IDENTITY, AT.copy(), EVERY, 8, 4.0, PATCH_LIMITS)[0] == 0
+    ).all()
     nothing = np.zeros(len(AT), dtype=bool)
-    assert (align_patches(image, cut_patches(image, AT), IDENTITY, AT.copy(), nothing, 8, 4.0)[0] == 0).all()
+    assert (
+        align_patches(image, cut_patches(image, AT), IDENTITY, AT.copy(), nothing, 8, 4.0, PATCH_LIMITS)[0] == 0
+    ).all()
 
 
 def test_an_alignment_never_leaves_its_limit():
     patches, start = cut_patches(picture(9), AT), AT + np.array([3.0, -3.0])
     uv = start.copy()
-    align_patches(picture(9), patches, IDENTITY, uv, EVERY, 20, 1.0)
+    align_patches(picture(9), patches, IDENTITY, uv, EVERY, 20, 1.0, PATCH_LIMITS)
     assert np.abs(uv - start).max() <= 1.0

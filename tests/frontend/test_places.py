@@ -3,19 +3,17 @@ import tracemalloc
 import numpy as np
 import pytest
 from painted_room import PaintedRoom, stroll
+from sensor_models import sensor_model, view_of
 
 from odom.frame import Camera
-from odom.frontend.images import FrameImages
-from odom.frontend.lens import Lens
-from odom.frontend.measure import FeatureNoise
-from odom.frontend.places import Place, PlaceIndex, describe_place, match_places
-from odom.frontend.timing import Timing
-from odom.frontend.view import View
-from odom.registration import se3
-from odom.registration.default import register
+from odom.frontend.features.images import FrameImages
+from odom.frontend.features.place_descriptor import Place, describe_place
+from odom.frontend.matching.place_recognition import PlaceIndex, match_places
+from odom.geometry import se3
+from odom.registration.gated_registration import register
 
 CAMERA = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)
-NOISE = FeatureNoise(0.5, np.array([[0.2, 2.0], [2e-3, 2e-3]]))
+SENSOR = sensor_model(CAMERA)
 
 
 def place_of(descriptors):
@@ -88,9 +86,7 @@ def test_nothing_is_found_for_an_image_without_features(hundreds):
 
 
 def described(room, T_room_camera):
-    lens = Lens.of(CAMERA)
-    frame = room.frame(CAMERA, 0, T_room_camera)
-    return describe_place(View(frame.stamp, frame, FrameImages.of(frame.color)), lens, np.zeros(6), Timing(), NOISE)
+    return describe_place(view_of(room.frame(CAMERA, 0, T_room_camera)), SENSOR, np.zeros(6))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -116,8 +112,7 @@ def test_two_different_rooms_do_not_agree_on_a_motion():
 
 
 def test_a_black_image_describes_no_place():
-    lens = Lens.of(CAMERA)
     frame = PaintedRoom().frame(CAMERA, 0, stroll(0.0))
     black = FrameImages.of(np.zeros_like(frame.color))
-    place = describe_place(View(frame.stamp, frame, black), lens, np.zeros(6), Timing(), NOISE)
+    place = describe_place(view_of(frame, black), SENSOR, np.zeros(6))
     assert len(place.points) == len(place.descriptors) == 0

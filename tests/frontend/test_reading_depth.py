@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from odom.frontend.depth import read_plane
+from odom.frontend.features.depth_plane import PLANE_LIMITS, read_plane
 
-STEP = 0.03
+LIMITS = (0.03, *PLANE_LIMITS[1:])
 V, U = np.mgrid[0:40, 0:50].astype(np.float64)
 
 
@@ -22,7 +22,7 @@ def millimetres(inverse_depth):
 )
 def test_a_plane_in_inverse_depth_is_read_to_the_depth_images_resolution(w, slope_u, slope_v, u, v):
     inverse_depth = w * (1.0 + slope_u * (U - u) + slope_v * (V - v))
-    found = read_plane(millimetres(inverse_depth), u, v, STEP)
+    found = read_plane(millimetres(inverse_depth), u, v, LIMITS)
     resolution = 0.5e-3 * inverse_depth.max() ** 2
     assert abs(found[0] - w) <= 2.0 * resolution
     assert np.abs(np.array(found[1:]) - w * np.array([slope_u, slope_v])).max() <= 0.5 * resolution
@@ -33,7 +33,7 @@ def test_no_depth_between_foreground_and_background_is_ever_read(near, ratio, is
     edge = 25 if is_upright else 20
     w_near, w_far = near * ratio, near
     is_far = (edge <= U) if is_upright else (edge <= V)
-    found = read_plane(millimetres(np.where(is_far, w_far, w_near)), u, v, STEP)[0]
+    found = read_plane(millimetres(np.where(is_far, w_far, w_near)), u, v, LIMITS)[0]
     along = round(u) if is_upright else round(v)
     if edge - 2 <= along <= edge + 1:
         assert np.isnan(found)
@@ -47,7 +47,7 @@ def test_mixed_pixels_on_an_edge_are_refused():
     w = np.where(U < 24, 1.0, 0.5)
     w[:, 24] = 0.75
     for u in (22.0, 23.0, 24.0, 25.0, 26.0):
-        assert np.isnan(read_plane(millimetres(w), u, 20.0, STEP)[0])
+        assert np.isnan(read_plane(millimetres(w), u, 20.0, LIMITS)[0])
 
 
 @pytest.mark.parametrize("share", [0.55, 0.7, 1.0])
@@ -58,13 +58,13 @@ def test_holes_do_not_bend_the_plane(share):
     window = np.zeros(49, dtype=bool)
     window[: round(share * 49)] = True
     depth[17:24, 17:24] *= rng.permuted(window).reshape(7, 7)
-    assert abs(read_plane(depth, 20.0, 20.0, STEP)[0] - 0.6) < 3e-4
+    assert abs(read_plane(depth, 20.0, 20.0, LIMITS)[0] - 0.6) < 3e-4
 
 
 def test_too_few_measured_neighbours_or_the_border_give_nothing():
     depth = millimetres(np.full_like(U, 0.5))
     for u, v in ((2.0, 20.0), (47.0, 20.0), (20.0, 1.0), (20.0, 38.0), (np.nan, 20.0), (20.0, np.inf)):
-        assert np.isnan(read_plane(depth, u, v, STEP)).all()
+        assert np.isnan(read_plane(depth, u, v, LIMITS)).all()
     depth[17:24, 17:24].flat[:26] = 0
-    assert np.isnan(read_plane(depth, 20.0, 20.0, STEP)).all()
-    assert np.isnan(read_plane(np.zeros_like(depth), 20.0, 20.0, STEP)).all()
+    assert np.isnan(read_plane(depth, 20.0, 20.0, LIMITS)).all()
+    assert np.isnan(read_plane(np.zeros_like(depth), 20.0, 20.0, LIMITS)).all()

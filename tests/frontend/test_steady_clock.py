@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from odom.frame import Stamp
-from odom.frontend.clock import Clock
+from odom.frontend.camera.stamp_clock import StampClock
 
 START_NS = 1_700_000_000_000_000_000
 
@@ -14,7 +14,7 @@ def stamps_of(seconds):
 
 
 def clocks_of(stamps):
-    clock = Clock()
+    clock = StampClock()
     for stamp in stamps:
         clock = clock.after(stamp)
         yield clock
@@ -73,7 +73,7 @@ def test_the_jitter_is_known_and_remembered_over_a_gap(jitter_s):
 @given(st.lists(st.integers(-(10**10), 10**10), max_size=60))
 def test_any_stamps_give_finite_bounded_times(steps):
     stamp = START_NS
-    clock = Clock()
+    clock = StampClock()
     for step in steps:
         stamp += step
         clock = clock.after(Stamp(stamp))

@@ -3,11 +3,11 @@ import pytest
 from painted_room import PaintedRoom
 
 from odom.frame import Camera
-from odom.frontend.depth import read_plane
-from odom.frontend.lens import Lens, project, ray_at
-from odom.frontend.patches import align_patches, cut_patches
-from odom.frontend.warp import affinities
-from odom.registration import se3
+from odom.frontend.camera.lens import Lens, project, ray_at
+from odom.frontend.features.depth_plane import PLANE_LIMITS, read_plane
+from odom.frontend.features.patch_warp import WARP_LIMITS, affinities
+from odom.frontend.features.patches import PATCH_LIMITS, align_patches, cut_patches
+from odom.geometry import se3
 
 PLAIN = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)
 BENT = Camera(640, 480, 525.0, 525.0, 319.5, 239.5, (0.12, -0.22, 0.0008, -0.0006, 0.0))
@@ -32,7 +32,7 @@ def seen_patches(camera, T_reference_current):
     current, _ = room.render(camera, T_room_reference @ T_reference_current)
     v, u = np.mgrid[60:430:37, 60:590:41]
     uv = np.column_stack([u.ravel(), v.ravel()]).astype(np.float64)
-    plane = np.array([read_plane(depth_mm, *p, 0.05) for p in uv])
+    plane = np.array([read_plane(depth_mm, *p, (0.05, *PLANE_LIMITS[1:])) for p in uv])
     uv, plane = uv[plane[:, 0] > 0], plane[plane[:, 0] > 0]
     z = 1.0 / plane[:, 0]
     points = np.array([[*ray_at(lens.rays, *p), 1.0] for p in uv]) * z[:, None]
@@ -40,7 +40,9 @@ def seen_patches(camera, T_reference_current):
     there = project(points, T, lens.intrinsics, lens.distortion, 640, 480, 12.0)[:, :2]
     inside = np.isfinite(there[:, 0])
     numbers = np.zeros(inside.sum(), dtype=np.int64)
-    A, usable = affinities(uv[inside], plane[inside], numbers, T[None], lens.rays, lens.intrinsics, lens.distortion)
+    A, usable = affinities(
+        uv[inside], plane[inside], numbers, T[None], lens.rays, lens.intrinsics, lens.distortion, WARP_LIMITS
+    )
     return reference, current, uv[inside], there[inside], A, usable
 
 
@@ -50,11 +52,13 @@ def test_patches_of_slanted_walls_are_found_where_they_truly_are(camera, motion)
     reference, current, uv_reference, truth, A, usable = seen_patches(camera, MOTIONS[motion])
     uv = truth.copy()
     patches = cut_patches(reference, uv_reference)
-    score, _ = align_patches(current, patches, A, uv, usable, 10, 3.0)
+    score, _ = align_patches(current, patches, A, uv, usable, 10, 3.0, PATCH_LIMITS)
     found = score > 0.9
     assert found.sum() > 0.6 * len(uv)
     assert np.median(np.linalg.norm(uv - truth, axis=1)[found]) < 0.08
-    unwarped, _ = align_patches(current, patches, np.tile(np.eye(2), (len(uv), 1, 1)), truth.copy(), usable, 10, 3.0)
+    unwarped, _ = align_patches(
+        current, patches, np.tile(np.eye(2), (len(uv), 1, 1)), truth.copy(), usable, 10, 3.0, PATCH_LIMITS
+    )
     assert np.mean(1.0 - unwarped[found]) > 4.0 * np.mean(1.0 - score[found])
 
 
@@ -63,7 +67,7 @@ def test_no_motion_gives_the_identity():
     uv = np.random.default_rng(0).uniform((30, 30), (600, 440), (50, 2))
     plane = np.tile([0.5, 0.001, -0.0007], (50, 1))
     A, usable = affinities(
-        uv, plane, np.zeros(50, np.int64), np.eye(4)[None], lens.rays, lens.intrinsics, lens.distortion
+        uv, plane, np.zeros(50, np.int64), np.eye(4)[None], lens.rays, lens.intrinsics, lens.distortion, WARP_LIMITS
     )
     assert usable.all()
     np.testing.assert_allclose(A, np.tile(np.eye(2), (50, 1, 1)), atol=1e-3)
@@ -78,5 +82,5 @@ def test_surfaces_from_behind_too_near_or_too_far_are_not_used():
         pose(0, 0, 0, 0, np.pi, 0),
         pose(0, 0, -2.1, 0, 0, 0),
     ):
-        usable = affinities(uv, plane, first, T[None], lens.rays, lens.intrinsics, lens.distortion)[1]
+        usable = affinities(uv, plane, first, T[None], lens.rays, lens.intrinsics, lens.distortion, WARP_LIMITS)[1]
         assert not usable.any()

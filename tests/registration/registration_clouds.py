@@ -1,7 +1,7 @@
 import numpy as np
 
+from odom.geometry.se3 import apply, exp
 from odom.registration import Pairs
-from odom.registration.se3 import apply, exp
 
 
 def random_covariances(rng, n, sigma=0.01):

@@ -8,8 +8,8 @@ import pytest
 from odom.evaluation.paper.benchmark import ESTIMATORS, rows
 from odom.evaluation.paper.bound import bound_covariance, bound_rmse
 from odom.evaluation.paper.scenarios import MAGNITUDES_M, STRESS, Noise, cloud, stressed, with_outliers
+from odom.geometry.se3 import apply, exp, inverse, log
 from odom.registration import Pairs, register, robust
-from odom.registration.se3 import apply, exp, inverse, log
 
 CELLS = [(m, noise, both) for m in MAGNITUDES_M for noise in (Noise.AXIS, Noise.POINT, Noise.RAY) for both in (0, 1)]
 CELLS += [("small", Noise.KINECT, both) for both in (0, 1)]

@@ -5,9 +5,10 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 
 from odom.evaluation.paper.benchmark import PAPER_MM
-from odom.evaluation.paper.timing import costs, growth
+from odom.evaluation.paper.cost import costs, growth
 
 
 def test_bench_registration_prints_and_saves_table_and_plot(tmp_path):
@@ -42,6 +43,7 @@ def test_cost_is_within_its_bars():
     assert found["gate + RF, full covariances, 30 % wrong"].ratio_to_horn <= 1.5 / 0.09
 
 
+@pytest.mark.wallclock
 def test_cost_is_linear_in_the_number_of_pairs():
     for what in ("RF", "gate + RF, 30 % wrong"):
         chosen = [cost for cost in growth((1000, 10_000, 100_000)) if cost.what == what]

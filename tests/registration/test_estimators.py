@@ -10,8 +10,8 @@ from hypothesis.extra.numpy import arrays
 from registration_clouds import noisy_pairs
 
 from odom.errors import InputError
+from odom.geometry.se3 import apply, exp, inverse, log
 from odom.registration import Pairs, Prior, Verdict, em_icp, horn, kalman, register, robust, wicp, with_scale
-from odom.registration.se3 import apply, exp, inverse, log
 
 ALL = {"horn": horn, "wicp": wicp, "em_icp": em_icp, "kalman": kalman, "robust": robust, "register": register}
 every = pytest.mark.parametrize("estimator", ALL.values(), ids=ALL.keys())

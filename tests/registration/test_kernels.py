@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from registration_clouds import noisy_pairs, random_covariances
 
-from odom.registration import kernels, linear, motion, se3
+from odom.geometry import se3
+from odom.registration import linear_algebra, measurement_covariance, pair_information, tangent
 
 tangents = arrays(np.float64, 6, elements=st.floats(-1.5, 1.5, allow_nan=False))
 
@@ -16,14 +17,14 @@ tangents = arrays(np.float64, 6, elements=st.floats(-1.5, 1.5, allow_nan=False))
 def test_composing_a_tangent_is_multiplying_by_its_exponential(a, b):
     T = se3.exp(a)
     expected = T @ se3.exp(b)
-    motion.compose_tangent(T, b)
+    tangent.compose_tangent(T, b)
     np.testing.assert_allclose(T, expected, atol=1e-9)
 
 
 @given(tangents, tangents)
 def test_relative_tangent_holds_the_rotation_between_two_motions(a, b):
     xi = np.empty(6)
-    motion.relative_tangent(se3.exp(a) @ se3.exp(b), se3.exp(a), xi)
+    tangent.relative_tangent(se3.exp(a) @ se3.exp(b), se3.exp(a), xi)
     np.testing.assert_allclose(se3.so3_exp(xi[3:]), se3.so3_exp(b[3:]), atol=1e-7)
     np.testing.assert_allclose(xi[:3], se3.exp(b)[:3, 3], atol=1e-9)
 
@@ -31,7 +32,7 @@ def test_relative_tangent_holds_the_rotation_between_two_motions(a, b):
 def test_precisions_invert_the_sum_of_both_covariances(rng):
     Sq, Sp, R = random_covariances(rng, 50), random_covariances(rng, 50), se3.so3_exp(rng.normal(size=3))
     W = np.empty((50, 8))
-    assert kernels.precisions(Sq, Sp, R, 0.0, W) == -1
+    assert measurement_covariance.precisions(Sq, Sp, R, 0.0, W) == -1
     S = Sp + R @ Sq @ R.T
     np.testing.assert_allclose(
         W[:, (0, 1, 2, 1, 3, 4, 2, 4, 5)].reshape(-1, 3, 3) @ S, np.tile(np.eye(3), (50, 1, 1)), atol=1e-8
@@ -45,16 +46,16 @@ def test_precisions_invert_the_sum_of_both_covariances(rng):
 def test_precisions_name_the_covariance_that_is_not_positive(rng, bad):
     Sp = random_covariances(rng, 5)
     Sp[3] = bad
-    assert kernels.precisions(np.empty((0, 3, 3)), Sp, np.eye(3), 0.0, np.empty((5, 8))) == 3
+    assert measurement_covariance.precisions(np.empty((0, 3, 3)), Sp, np.eye(3), 0.0, np.empty((5, 8))) == 3
 
 
 def test_information_is_the_sum_of_the_pairs(rng):
     _, pairs = noisy_pairs(rng, 20, both=False)
     W, A, y = np.empty((20, 8)), np.zeros((6, 10)), np.zeros(12)
-    kernels.precisions(np.empty((0, 3, 3)), pairs.covariances_target, np.eye(3), 0.0, W)
-    kernels.accumulate(pairs.points_source, pairs.points_target, W, np.ones(20), A, y)
+    measurement_covariance.precisions(np.empty((0, 3, 3)), pairs.covariances_target, np.eye(3), 0.0, W)
+    pair_information.accumulate(pairs.points_source, pairs.points_target, W, np.ones(20), A, y)
     Y = np.empty((12, 12))
-    kernels.unpack(A, Y)
+    pair_information.information_matrix(A, Y)
     expected, right = np.zeros((12, 12)), np.zeros(12)
     for q, p, C in zip(pairs.points_source, pairs.points_target, pairs.covariances_target, strict=True):
         H = np.kron(np.eye(3), np.append(q, 1.0))
@@ -68,6 +69,6 @@ def test_eigenvalues_agree_with_numpy(rng):
     S = rng.normal(size=(6, 6))
     S = S @ S.T
     D, V = S.copy(), np.eye(6)
-    linear.jacobi(D, V)
+    linear_algebra.jacobi(D, V)
     np.testing.assert_allclose(np.sort(np.diag(D)), np.linalg.eigvalsh(S), atol=1e-10)
     np.testing.assert_allclose(V @ np.diag(np.diag(D)) @ V.T, S, atol=1e-10)

@@ -18,7 +18,7 @@ from odom.errors import DeviceError
 from odom.frame import Stamp, to_seconds
 from odom.wire import Message, Topics, WireSettings
 from odom.wire.codec import encode_pose
-from odom.wire.flow import Consumer
+from odom.wire.consumer import Consumer
 from odom.wire.recording import RecordingReader
 from odom.wire.session import WireSession, open_session
 from odom.wire.settings import ANY_LOCAL_PORT
@@ -53,7 +53,7 @@ class Network:
 
     def run(self, *arguments: str, status: int = 0, wire: bool = False) -> str:
         process = self.start(*arguments, wire=wire)
-        output, _ = process.communicate(timeout=60)
+        output, _ = process.communicate(timeout=120)
         assert process.returncode == status, output
         return output
 
@@ -77,7 +77,7 @@ def hub(network: Network) -> Iterator[WireSession]:
         yield session
 
 
-def consume(consumer: Consumer, timeout: float = 20.0) -> list[str]:
+def consume(consumer: Consumer, timeout: float = 60.0) -> list[str]:
     seen = []
     while (delivery := consumer.receive(timeout)) is not None:
         seen.append(delivery.message.topic)
@@ -92,7 +92,7 @@ def test_replay_record_replay_keeps_every_byte(tmp_path: Path, network: Network,
         sent = network.run("sensor", source, wire=True)
         assert f"{FRAMES} frames" in sent
         assert "end of source" in sent
-        assert recorder.wait(20) == 0
+        assert recorder.wait(60) == 0
     first, second = (list(RecordingReader(recording).messages()) for recording in recordings)
     assert first == second
     original = sorted(open_source(folder, SourceOptions()).messages(), key=lambda message: message.stamp)
@@ -133,12 +133,13 @@ def test_an_import_never_overwrites_what_it_reads(tmp_path: Path, network: Netwo
     network.run("import", str(recording), str(tmp_path / "b.mcap"), "--overwrite")
 
 
+@pytest.mark.wallclock
 def test_whoever_joins_a_live_sensor_is_told_the_calibration_at_once(
     tmp_path: Path, network: Network, hub: WireSession
 ) -> None:
     network.start("sensor", str(write_folder(tmp_path / "tum")), "--loop", "--realtime")
     first = Consumer(hub, TOPICS, "first", KEYS)
-    assert first.receive(20.0) is not None
+    assert first.receive(60.0) is not None
     for name in ("second", "third", "fourth"):
         time.sleep(0.45)
         joined = time.monotonic()
@@ -153,38 +154,39 @@ def test_a_sensor_waits_for_its_consumer_and_repeats_the_calibration(
     sensor = network.start("sensor", str(write_folder(tmp_path / "tum")), "--loop")
     late = hub.subscriber([TOPICS.camera_info])
     consumer = Consumer(hub, TOPICS, "odometry", KEYS)
-    deadline = time.monotonic() + 4.0
-    while time.monotonic() < deadline:
-        assert consumer.receive(10.0) is not None
+    calibrations, deadline = 0, time.monotonic() + 60.0
+    while calibrations < 3:
+        assert time.monotonic() < deadline
+        assert consumer.receive(60.0) is not None
+        calibrations += late.receive(0.0) is not None
         time.sleep(0.01)
-    calibrations = 0
-    while (delivery := late.receive(0.0)) is not None:
-        calibrations += 1
-    assert calibrations >= 3
-    assert delivery is None
     sensor.send_signal(signal.SIGINT)
     consume(consumer)
     assert consumer.ended == "interrupted"
-    output, _ = sensor.communicate(timeout=10)
+    output, _ = sensor.communicate(timeout=60)
     assert sensor.returncode == 0, output
     assert "interrupted" in output
 
 
 def test_a_sensor_without_consumers_ends_on_request(tmp_path: Path, network: Network, hub: WireSession) -> None:
     sensor = network.start("sensor", str(write_folder(tmp_path / "tum")))
-    time.sleep(2.0)
+    here = threading.Event()
+    hub.watch(TOPICS.alive, lambda key, alive: here.set() if alive else None)
+    assert here.wait(60)
+    time.sleep(1.0)
     assert sensor.poll() is None
     sensor.send_signal(signal.SIGTERM)
-    output, _ = sensor.communicate(timeout=10)
+    output, _ = sensor.communicate(timeout=60)
     assert sensor.returncode == 0, output
     assert "0 frames" in output
 
 
+@pytest.mark.wallclock
 def test_in_real_time_a_recording_takes_its_time(tmp_path: Path, network: Network, hub: WireSession) -> None:
     network.start("sensor", str(write_folder(tmp_path / "tum")), "--realtime", "--rate", "0.5")
     consumer = Consumer(hub, TOPICS, "odometry", (TOPICS.color_compressed,))
     arrivals = []
-    while (delivery := consumer.receive(20.0)) is not None:
+    while (delivery := consumer.receive(60.0)) is not None:
         assert not delivery.lossless
         arrivals.append((time.monotonic(), to_seconds(delivery.message.stamp)))
     assert len(arrivals) == FRAMES
@@ -192,13 +194,14 @@ def test_in_real_time_a_recording_takes_its_time(tmp_path: Path, network: Networ
     assert wall == pytest.approx(2 * recorded, abs=0.1)
 
 
+@pytest.mark.wallclock
 def test_the_death_of_a_sensor_is_seen_at_once(tmp_path: Path, network: Network, hub: WireSession) -> None:
     sensor = network.start("sensor", str(write_folder(tmp_path / "tum")), "--loop")
     changes: list[tuple[bool, float]] = []
     hub.watch(TOPICS.alive, lambda key, alive: changes.append((alive, time.monotonic())))
     consumer = Consumer(hub, TOPICS, "odometry", KEYS)
     for _ in range(20):
-        assert consumer.receive(20.0) is not None
+        assert consumer.receive(60.0) is not None
     killed = time.monotonic()
     sensor.kill()
     while len(changes) < 2 and time.monotonic() < killed + 5:
@@ -215,7 +218,7 @@ def test_a_cut_recording_is_played_and_mending_advised(tmp_path: Path, network: 
     consumer = Consumer(hub, TOPICS, "odometry", KEYS)
     assert consume(consumer).count(TOPICS.color_compressed) == FRAMES
     assert consumer.ended == "end of source"
-    output, _ = sensor.communicate(timeout=10)
+    output, _ = sensor.communicate(timeout=60)
     assert "odom recover" in output
     assert sensor.returncode == 0
 

@@ -16,7 +16,7 @@ from odom.frame import Camera, Stamp
 from odom.wire import Message, Topics, WireSettings
 from odom.wire.assembler import FrameAssembler
 from odom.wire.codec import encode_camera_info, encode_color, encode_depth
-from odom.wire.flow import Consumer
+from odom.wire.consumer import Consumer
 from odom.wire.session import open_session
 from odom.wire.settings import ANY_LOCAL_PORT
 from sensors.catalogue import open_source

@@ -11,7 +11,7 @@ from odom.frame import Camera, Stamp
 from odom.wire import Message, Topics
 from odom.wire.codec import encode_camera_info, encode_color, encode_depth
 from odom.wire.recording import RecordingWriter
-from odom.wire.recording.scan import Scan
+from odom.wire.recording.mcap_file import McapFile
 from sensors.catalogue import open_source
 from sensors.source import SourceOptions
 
@@ -45,15 +45,15 @@ def images(path: Path, end: float) -> list[Message]:
 def read(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """The number of messages that each reading of a file took from it."""
     counts: list[int] = []
-    whole = Scan.messages
+    whole = McapFile.messages
 
-    def counted(self: Scan, *arguments: Any) -> Iterator[Any]:
+    def counted(self: McapFile, *arguments: Any) -> Iterator[Any]:
         counts.append(0)
         for found in whole(self, *arguments):
             counts[-1] += 1
             yield found
 
-    monkeypatch.setattr(Scan, "messages", counted)
+    monkeypatch.setattr(McapFile, "messages", counted)
     return counts
 
 

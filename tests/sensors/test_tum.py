@@ -11,7 +11,7 @@ from odom.wire import Topics, truth
 from odom.wire.assembler import FrameAssembler
 from odom.wire.codec import cdr, decode_depth, decode_pose
 from odom.wire.pairing import Pairer
-from sensors.calibration import load_calibration
+from sensors.calibration_file import load_calibration
 from sensors.catalogue import open_source
 from sensors.source import SourceOptions
 from sensors.tum import depth_table, read_list
@@ -110,6 +110,7 @@ def test_a_part_is_played_and_a_round_follows_another(tmp_path: Path) -> None:
     assert stamps == sorted(set(stamps))
 
 
+@pytest.mark.rendered
 def test_what_is_live_is_not_looped() -> None:
     with pytest.raises(ConfigError, match="--loop"):
         open_source("arena", SourceOptions(live=True, loop=True, extra=(("half", "1"),)))

@@ -1,5 +1,6 @@
 """Real `odom` commands in processes of their own."""
 
+import fcntl
 import os
 import signal
 import subprocess
@@ -20,14 +21,18 @@ warm_up(OdometrySettings(), Topics())
 """
 
 
-@pytest.fixture(scope="session", autouse=True)
-def compiled() -> None:
-    """The compiler's work of a first start is done before anything is timed."""
-    subprocess.run([sys.executable, "-c", COMPILE], check=True, timeout=280)
+@pytest.fixture(scope="session")
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """The compiler's work of a first start is done before anything is timed, and by one worker only."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    with (shared / "compiling").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        subprocess.run([sys.executable, "-c", COMPILE], check=True, timeout=580)
 
 
 @pytest.fixture
-def odom(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
+def odom(compiled: None, tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
     """Start `odom ARGUMENTS`, words of both streams together in one pipe; whatever still runs at the end is killed."""
     started: list[subprocess.Popen[str]] = []
 

@@ -3,6 +3,7 @@
 import json
 import signal
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -25,7 +26,7 @@ def test_an_interrupted_recover_leaves_a_sound_recording(odom: Start, eventually
         for i in range(MESSAGES):
             writer.write(codec.encode_color(Topics().color, Stamp(i), noise))
     recover = odom("recover", whole, mended)
-    eventually(mended.exists, 30, "the file")
+    eventually(mended.exists, 60, "the file")
     recover.send_signal(signal.SIGINT)
     words, _ = recover.communicate(timeout=30)
     assert recover.returncode == 0, words
@@ -51,3 +52,21 @@ def test_an_interrupted_measurement_gives_the_figures_so_far(
     assert bench.returncode == 0, words
     assert 5 < json.loads(figures.read_text())["frames"] < 1000
     assert "total" in words[-1]
+
+
+FAILS = """
+import os, signal, sys
+from odom.cli import signals
+
+class Last:
+    def __del__(self, kill=os.kill, me=os.getpid(), number=signal.SIGTERM):
+        kill(me, number)
+
+signals.stop_event()
+sys.last = Last()  # goes when the interpreter has put its signal handlers away
+sys.exit(1)
+"""
+
+
+def test_a_request_to_end_that_comes_during_the_shutdown_leaves_the_exit_status() -> None:
+    assert subprocess.run([sys.executable, "-c", FAILS], timeout=60, check=False).returncode == 1

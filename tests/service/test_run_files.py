@@ -3,17 +3,18 @@
 import resource
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from odom.backend import Estimate, RelativePose, State, TrajectoryPose
-from odom.evaluation.files import read_tum
+from odom.evaluation.files import read_run, read_tum
 from odom.evaluation.relative import read_relative
 from odom.frame import Stamp
-from odom.registration import se3
-from odom.service.files import RunFiles
+from odom.geometry import se3
+from odom.service.result_files import RunFiles
 
 STEP = np.array([0.01, -0.02, 0.03, 0.001, 0.002, -0.003])
 COVARIANCE = np.diag([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]) * 1e-6
@@ -69,14 +70,44 @@ def test_a_lost_frame_leaves_no_pose(tmp_path: Path) -> None:
     assert list(read_tum(tmp_path / "odometry.txt").stamps) == [stamp(0), stamp(2)]
 
 
-def test_segments_are_told_apart_in_the_trajectory(tmp_path: Path) -> None:
+def test_the_largest_joined_part_is_the_trajectory_and_the_others_stand_beside_it(tmp_path: Path) -> None:
     files = RunFiles(tmp_path)
-    poses = [TrajectoryPose(stamp(i), None if i == 2 else np.eye(4), int(i > 2)) for i in range(5)]
-    files.write_trajectory(poses)
-    text = (tmp_path / "trajectory.txt").read_text()
-    assert [line for line in text.splitlines() if line.startswith("#")] == ["# segment 0", "# segment 1"]
-    assert len(read_tum(tmp_path / "trajectory.txt")) == 4
+    for segments in ((0, 0, 1, 1, 1, 2), (0, 0, 1, 1, 1, 0)):  # the third part is recognised in the first one later
+        poses = [TrajectoryPose(stamp(i), None if i == 3 else np.eye(4), n) for i, n in enumerate(segments)]
+        parts = files.write_trajectory(poses)
+        assert sum(part["frames"] for part in parts) == 5
+        names = {part["file"]: part["frames"] for part in parts}
+        assert names == {path.name: len(read_tum(path)) for path in tmp_path.glob("trajectory*.txt")}
+        together = read_run(tmp_path)
+        assert list(together.stamps) == [stamp(i) for i in range(6) if i != 3]
+    assert [(part["segment"], part["frames"]) for part in parts] == [(0, 3), (1, 2)]
     assert not list(tmp_path.glob("*.part"))
+
+
+def test_a_trajectory_in_one_part_has_no_remark_and_one_without_poses_is_empty(tmp_path: Path) -> None:
+    files = RunFiles(tmp_path)
+    files.write_trajectory([TrajectoryPose(stamp(0), np.eye(4), 3)])
+    assert [line for line in (tmp_path / "trajectory.txt").read_text().splitlines() if "#" in line] == ["# segment 3"]
+    assert files.write_trajectory([TrajectoryPose(stamp(0), None, 0)]) == []
+    assert (tmp_path / "trajectory.txt").read_text() == ""
+
+
+def test_a_comment_stands_where_the_causal_poses_are_not_continuous(tmp_path: Path) -> None:
+    """A new segment, back in the first one, lost and found there, a new one that is joined to it, and yet another."""
+    files = RunFiles(tmp_path)
+    lost, segments = (1, 4, 6, 12), (0, 0, 1, 1, 0, 0, 0, 0, 2, 2, 0, 0, 0, 2)
+    for i, segment in enumerate(segments):
+        state = State.LOST if i in lost else State.TRACKING
+        files.append(replace(estimate(i, state), segment=segment))
+    text = (tmp_path / "odometry.txt").read_text()
+    assert [line for line in text.splitlines() if line.startswith("# segment")] == [
+        "# segment 1", "# segment 0", "# segment 0", "# segment 2", "# segment 3",
+    ]  # fmt: skip
+    assert text.count("# continuity ends") == 5
+    read = read_tum(tmp_path / "odometry.txt")
+    assert read.segment is not None
+    numbers = dict(zip(read.stamps.tolist(), read.segment.tolist(), strict=True))
+    assert [numbers.get(stamp(i)) for i in range(14)] == [0, None, 1, 1, None, 0, None, 0, 2, 2, 2, 2, None, 3]
 
 
 def test_the_chain_is_the_product_of_the_pairwise_poses(tmp_path: Path) -> None:
@@ -158,8 +189,8 @@ def test_starts_that_wrote_nothing_leave_nothing(tmp_path: Path) -> None:
 
 
 def test_a_service_sets_full_files_aside_and_drops_the_oldest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("odom.service.files._FULL_BYTES", 20_000)
-    monkeypatch.setattr("odom.service.earlier.MOST_BYTES", 100_000)
+    monkeypatch.setattr("odom.service.result_files._FULL_BYTES", 20_000)
+    monkeypatch.setattr("odom.service.previous_results.MOST_BYTES", 100_000)
     files = RunFiles(tmp_path, keep_earlier=True)
     for i in range(1000):
         files.append(estimate(i))
@@ -180,12 +211,12 @@ def test_a_service_sets_full_files_aside_and_drops_the_oldest(tmp_path: Path, mo
 def test_results_of_an_earlier_run_are_removed_or_kept_aside_and_nothing_else_is_touched(
     tmp_path: Path, keep: bool
 ) -> None:
-    for name in ("trajectory.txt", "report.json", "odometry.txt", "groundtruth.txt"):
+    for name in ("trajectory.txt", "trajectory-segment-2.txt", "report.json", "odometry.txt", "groundtruth.txt"):
         (tmp_path / name).write_text("old")
     RunFiles(tmp_path, keep_earlier=keep).append(estimate(0))
     assert (tmp_path / "groundtruth.txt").read_text() == "old"
     assert not (tmp_path / "report.json").exists()
     assert len((tmp_path / "odometry.txt").read_text().splitlines()) == 1
     assert sorted(path.name for path in tmp_path.glob("until-*/*")) == (
-        ["odometry.txt", "report.json", "trajectory.txt"] if keep else []
+        ["odometry.txt", "report.json", "trajectory-segment-2.txt", "trajectory.txt"] if keep else []
     )

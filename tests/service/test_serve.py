@@ -15,7 +15,7 @@ import zenoh
 from numpy.typing import NDArray
 
 from odom.frame import Camera, Stamp
-from odom.service.run import free_endpoint
+from odom.service.local_run import free_endpoint
 from odom.wire import Message, Topics, WireSettings, codec
 from odom.wire.session import Publisher, WireSession, open_session
 
@@ -67,7 +67,7 @@ def served(odom: Start, eventually: Eventually, tmp_path: Path) -> Iterator[Serv
         assert here.wait(60), running.words
         yield running
         process.terminate()
-        assert process.wait(20) == 0, running.words
+        assert process.wait(60) == 0, running.words
         assert not any("Traceback" in line for line in running.words), running.words
 
 
@@ -131,9 +131,9 @@ def test_malformed_messages_are_counted_and_tracking_goes_on(served: Served, eve
         served.publisher.put(message)
         sent += 1
         time.sleep(0.005)
-    eventually(lambda: served.count("dropped") >= 0.8 * sent, 10, f"{sent} malformed counted, {served.status}")
+    eventually(lambda: served.count("dropped") >= 0.8 * sent, 60, f"{sent} malformed counted, {served.status}")
     stream(served, range(20))
-    eventually(lambda: served.poses() >= 18, 10, f"poses {served.status}")
+    eventually(lambda: served.poses() >= 18, 60, f"poses {served.status}")
     warned = [line for line in served.words if "WARNING" in line]
     assert len(warned) <= 16, "one line a kind"
 
@@ -146,8 +146,8 @@ def test_truth_of_bodies_with_impossible_names_is_counted_and_ends_nothing(
         topic = f"truth/{name}/pose"
         served.publisher.put(replace(codec.encode_pose("truth/body/pose", START, np.eye(4), "world"), topic=topic))
     stream(served, range(20))
-    eventually(lambda: served.poses() >= 18, 10, f"poses {served.status}")
-    assert served.count("dropped") == len(names) - 1
+    eventually(lambda: served.poses() >= 18, 60, f"poses {served.status}")
+    eventually(lambda: served.count("dropped") == len(names) - 1, 60, f"bodies counted {served.status}")
     assert (served.out / "truth.txt").read_text().splitlines()[0] == "# body camera"
     assert not list(served.out.glob("truth_*"))
 
@@ -156,7 +156,7 @@ def test_a_flood_of_bodies_makes_a_few_files_only(served: Served, eventually: Ev
     for i in range(100):
         served.publisher.put(codec.encode_pose(f"truth/body{i}/pose", START, np.eye(4), "world"))
         time.sleep(0.005)
-    eventually(lambda: served.count("dropped") == 100 - 16, 10, f"{served.status}")
+    eventually(lambda: served.count("dropped") == 100 - 16, 60, f"{served.status}")
     assert len(list(served.out.glob("truth*.txt"))) == 16
 
 
@@ -165,28 +165,28 @@ def test_stamps_that_repeat_go_back_or_leap_are_counted_and_survived(served: Ser
     send(served.publisher, 9)
     send(served.publisher, 4)
     stream(served, range(10, 20))
-    eventually(lambda: served.poses() >= 19, 10, "poses before the leap")
+    eventually(lambda: served.poses() >= 19, 60, "poses before the leap")
     hour = 3600 * 1_000_000_000
     stream(served, range(20, 35), hour)
-    eventually(lambda: served.count("frames") >= 30, 10, f"frames behind the leap {served.status}")
-    assert served.count("dropped") >= 4
+    eventually(lambda: served.count("frames") >= 30, 60, f"frames behind the leap {served.status}")
+    eventually(lambda: served.count("dropped") >= 4, 60, f"what was dropped is counted {served.status}")
 
 
 def test_a_full_disk_holds_no_pose_back(served: Served, eventually: Eventually) -> None:
     odometry = psutil.Process(served.process.pid)
     stream(served, range(10))
-    eventually(lambda: served.poses() >= 9, 10, "poses")
+    eventually(lambda: served.poses() >= 9, 60, "poses")
     full = (served.out / "odometry.txt").stat().st_size + 20
     before = odometry.rlimit(psutil.RLIMIT_FSIZE)
     odometry.rlimit(psutil.RLIMIT_FSIZE, (full, before[1]))
     poses = served.session.subscriber((TOPICS.odom,), depth=64)
     stream(served, range(10, 25))
-    eventually(lambda: served.count("unwritten") >= 12, 10, f"what was not written is counted {served.status}")
+    eventually(lambda: served.count("unwritten") >= 12, 60, f"what was not written is counted {served.status}")
     assert poses.waiting >= 14
     assert sum("cannot be written" in line for line in served.words) == 1
     odometry.rlimit(psutil.RLIMIT_FSIZE, before)
     stream(served, range(25, 35))
-    eventually(lambda: served.poses() >= 18, 10, "poses are written again")
+    eventually(lambda: served.poses() >= 18, 60, "poses are written again")
     assert {len(line.split()) for line in (served.out / "odometry.txt").read_text().splitlines()} == {8}
 
 
@@ -199,27 +199,27 @@ def test_a_calibration_that_the_odometry_cannot_use_gives_way_to_one_that_it_can
         send(served.publisher, i)
         time.sleep(0.05)
     calibrate(served, prism)
-    eventually(lambda: served.count("dropped") >= 5, 10, f"frames without calibration counted {served.status}")
+    eventually(lambda: served.count("dropped") >= 5, 60, f"frames without calibration counted {served.status}")
     stream(served, range(5, 25))
-    eventually(lambda: served.poses() >= 18, 10, f"poses {served.status}")
+    eventually(lambda: served.poses() >= 18, 60, f"poses {served.status}")
     assert sum("first 8 coefficients" in line for line in served.words) == 1
 
 
 def test_a_calibration_of_another_image_is_not_held_on_to(served: Served, eventually: Eventually) -> None:
     calibrate(served, Camera(4096, 4096, 3000.0, 3000.0, 2047.5, 2047.5))
     send(served.publisher, 0)
-    eventually(lambda: served.count("dropped") >= 1, 10, f"a frame of another size counted {served.status}")
+    eventually(lambda: served.count("dropped") >= 1, 60, f"a frame of another size counted {served.status}")
     assert served.count("rss_mb") < 600
     stream(served, range(1, 25))
-    eventually(lambda: served.poses() >= 20, 10, f"poses {served.status}")
+    eventually(lambda: served.poses() >= 20, 60, f"poses {served.status}")
 
 
 def test_a_calibration_that_changes_during_a_walk_is_refused(served: Served, eventually: Eventually) -> None:
     stream(served, range(10))
     calibrate(served, replace(CAMERA, fx=500.0))
     stream(served, range(10, 20))
-    eventually(lambda: served.poses() >= 19, 10, f"poses {served.status}")
-    assert served.count("dropped") == 1
+    eventually(lambda: served.poses() >= 19, 60, f"poses {served.status}")
+    eventually(lambda: served.count("dropped") == 1, 60, f"the other calibration counted {served.status}")
 
 
 def test_a_stream_that_stops_and_returns_is_followed_again(served: Served, eventually: Eventually) -> None:
@@ -227,7 +227,7 @@ def test_a_stream_that_stops_and_returns_is_followed_again(served: Served, event
     eventually(lambda: served.status.get("state") == "WAITING", 5, "the silence is told")
     assert "no frame for" in served.status["reason"]
     stream(served, range(15, 30), 2_000_000_000)
-    eventually(lambda: served.count("frames") >= 27, 10, "frames after the silence")
+    eventually(lambda: served.count("frames") >= 27, 60, "frames after the silence")
 
 
 def history(served: Served) -> dict[str, tuple[codec.StampedPose, ...]]:
@@ -243,7 +243,7 @@ def history(served: Served) -> dict[str, tuple[codec.StampedPose, ...]]:
 def test_those_who_join_late_are_told_the_way_so_far(served: Served, eventually: Eventually) -> None:
     served.publisher.put(codec.encode_pose("truth/body/pose", START, np.eye(4), "world"))
     stream(served, range(15))
-    eventually(lambda: served.poses() >= 13, 10, "poses")
+    eventually(lambda: served.poses() >= 13, 60, "poses")
     told = history(served)
     assert told.keys() >= {"cam0/history/odom", "truth/body/history"}
     assert len(told["cam0/history/odom"]) >= 13
@@ -253,7 +253,7 @@ def test_those_who_join_after_the_time_went_back_are_told_the_new_way(served: Se
     minute = 60 * 1_000_000_000
     stream(served, range(15))
     stream(served, range(15, 35), -minute)
-    eventually(lambda: served.count("frames") >= 25, 10, f"frames of both {served.status}")
+    eventually(lambda: served.count("frames") >= 25, 60, f"frames of both {served.status}")
     way = history(served)["cam0/history/odom"]
     assert len(way) >= 8
     assert way[-1].stamp < START
@@ -268,7 +268,7 @@ def test_each_key_frame_has_a_cloud_of_its_own_colours_for_those_who_join_late(
         image = codec.encode_color_jpeg(TOPICS.color_compressed, Stamp(START + i * PERIOD_NS), scene(0)[0])
         served.publisher.put(replace(image, payload=image.payload[: len(image.payload) // 2]))
     stream(served, range(120))
-    eventually(lambda: served.poses() >= 110, 20, "poses")
+    eventually(lambda: served.poses() >= 110, 60, "poses")
     replies = list(served.session.zenoh.get(TOPICS.keyframes, timeout=5.0, consolidation=zenoh.ConsolidationMode.NONE))
     payloads = [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
     clouds = [Message(TOPICS.keyframes, "sensor_msgs/msg/PointCloud2", START, payload) for payload in payloads]

@@ -6,13 +6,13 @@ import pytest
 from typer.testing import CliRunner
 
 from odom.cli import app
+from odom.cli.config import settings_list
 from odom.errors import ConfigError
-from odom.service.catalogue import catalogue
 from odom.service.settings import Settings, load_settings
 
 
 def test_every_setting_has_a_meaning_and_a_unit() -> None:
-    entries = list(catalogue(Settings()))
+    entries = list(settings_list(Settings()))
     assert len(entries) > 20
     assert [entry.name for entry in entries if not entry.description or not entry.unit] == []
 

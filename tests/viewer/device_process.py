@@ -10,7 +10,7 @@ import time
 from made_up_device import MadeUp, estimates, messages
 
 from odom.backend import State
-from odom.service.announcer import Announcer
+from odom.service.estimate_publisher import EstimatePublisher
 from odom.service.settings import ServiceSettings
 from odom.wire import Topics, WireSettings, codec
 from odom.wire.session import open_session
@@ -21,7 +21,7 @@ def main(endpoint: str, frames: str, rate_hz: str, waits: str = "wait", keyframe
     watched = threading.Event()
     with open_session(WireSettings(connect=(), listen=(endpoint,))) as session:
         sensor = session.publisher()
-        announcer = Announcer(session, topics, ServiceSettings())
+        publisher = EstimatePublisher(session, topics, ServiceSettings())
         session.watch(topics.alive_of("viewer"), lambda key, alive: watched.set() if alive else None)
         print("ready", flush=True)
         if waits == "wait":
@@ -32,20 +32,20 @@ def main(endpoint: str, frames: str, rate_hz: str, waits: str = "wait", keyframe
             before = time.monotonic()
             for message in batch:
                 if message.topic.startswith("truth/"):
-                    announcer.truth(options.body, codec.decode_pose(message))
+                    publisher.truth(options.body, codec.decode_pose(message))
                 if message.topic.startswith("truth/") or "/color/" in message.topic or "/depth/" in message.topic:
                     sensor.put(message)
-            announcer.poses(estimate)
-            announcer.pictures(estimate)
+            publisher.poses(estimate)
+            publisher.pictures(estimate)
             for cloud in batch:
                 if cloud.topic == topics.keyframes:
-                    announcer.keyframe(lambda cloud=cloud: cloud)
-            if announcer.status_is_due(State.TRACKING):
-                announcer.status(State.TRACKING, "", {"state": "TRACKING", "inliers": "150", "processing_ms": "9"})
+                    publisher.keyframe(lambda cloud=cloud: cloud)
+            if publisher.status_is_due(State.TRACKING):
+                publisher.status(State.TRACKING, "", {"state": "TRACKING", "inliers": "150", "processing_ms": "9"})
             slowest = max(slowest, time.monotonic() - before)
             if i % 30 == 0:
                 print(f"frame {i}", flush=True)
-        announcer.flush()
+        publisher.flush()
         sensor.put(codec.encode_text(topics.end, options.stamp(options.frames), "complete"))
         print(f"slowest {slowest:.4f}", flush=True)
         print("ended", flush=True)

@@ -1,20 +1,25 @@
 """A made-up device: a camera that goes round a room, its images, its estimates and its truth, cheap at any rate."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.backend import Estimate, Features, LoopCandidate, RelativePose, State
+from odom.backend import Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
 from odom.frame import Camera, RgbdFrame, Stamp
-from odom.registration import se3
-from odom.service.keyframes import keyframe_message
-from odom.service.publication import feature_message, loop_messages, map_messages, pose_messages
+from odom.geometry import se3
+from odom.geometry.arrays import Array
+from odom.service.estimate_messages import (
+    feature_message,
+    keyframe_message,
+    landmark_message,
+    loop_messages,
+    pose_messages,
+)
+from odom.service.path_topics import PathTopics
 from odom.wire import Message, Topics, codec, truth
-
-Array = NDArray[np.float64]
 
 CAMERA = Camera(640, 480, 520.0, 520.0, 319.5, 239.5)
 PERIOD_NS = 33_333_333
@@ -26,7 +31,10 @@ _PICTURES = 12
 
 @dataclass(frozen=True)
 class MadeUp:
-    """Options: frames, distance of key frames in frames, and what the marker body adds to the camera's truth."""
+    """Options: frames, distance of key frames in frames, and what the marker body adds to the camera's truth.
+
+    From frame `part_from` to `part_until` the camera is in a segment of its own, which is joined then.
+    """
 
     frames: int = 300
     keyframe_every: int = 15
@@ -35,6 +43,12 @@ class MadeUp:
     clock_offset_s: float = 0.0
     images: bool = True
     drift_m: float = 0.0
+    part_from: int = 1 << 30
+    part_until: int = 1 << 30
+
+    def segment(self, index: int) -> int:
+        """Return the segment a frame begins in."""
+        return int(self.part_from <= index < self.part_until)
 
     def stamp(self, index: int) -> Stamp:
         """Return the capture stamp of a frame."""
@@ -52,7 +66,7 @@ def true_pose(index: float) -> Array:
 def estimates(options: MadeUp) -> Iterator[Estimate]:
     """Yield estimates that drift along x, corrected in the path, with loop candidates and a spell of uncertainty."""
     rng = np.random.default_rng(7)
-    keyframes: list[tuple[Stamp, Array]] = []
+    keyframes: list[TrajectoryPose] = []
     for i in range(options.frames):
         stamp, T_map = options.stamp(i), true_pose(i)
         T_odom = T_map.copy()
@@ -63,11 +77,13 @@ def estimates(options: MadeUp) -> Iterator[Estimate]:
         is_keyframe = i % options.keyframe_every == 0
         loops: tuple[LoopCandidate, ...] = ()
         if is_keyframe:
-            keyframes.append((stamp, T_map))
+            keyframes.append(TrajectoryPose(stamp, T_map, options.segment(i)))
+            if i >= options.part_until:
+                keyframes = [replace(pose, segment=0) for pose in keyframes]
             if len(keyframes) > 6 and len(keyframes) % 3 == 0:
                 accepted = len(keyframes) % 6 == 0
                 reason = "the geometry agrees" if accepted else "only 11 inliers"
-                loops = (LoopCandidate(stamp, keyframes[len(keyframes) // 3][0], 90, accepted, reason),)
+                loops = (LoopCandidate(stamp, keyframes[len(keyframes) // 3].stamp, 90, accepted, reason),)
         uncertain = 100 <= i % 400 < 110
         uv = rng.uniform((0, 0), (640, 480), (60, 2))
         yield Estimate(
@@ -75,7 +91,7 @@ def estimates(options: MadeUp) -> Iterator[Estimate]:
             stamp=stamp,
             state=State.UNCERTAIN if uncertain else State.TRACKING,
             reason="few inliers" if uncertain else "",
-            segment=0,
+            segment=options.segment(i),
             T_odom_camera=T_odom,
             covariance=np.diag([sigma**2] * 3 + [(0.3 * sigma) ** 2] * 3),
             T_map_odom=T_map_odom,
@@ -92,6 +108,7 @@ def estimates(options: MadeUp) -> Iterator[Estimate]:
 
 def messages(options: MadeUp, topics: Topics) -> Iterator[tuple[Message, ...]]:
     """Yield what is published for each frame, in order, truth first."""
+    paths = PathTopics(topics)
     pictures = _pictures() if options.images else ()
     X = options.T_body_camera if options.T_body_camera is not None else np.eye(4)
     for estimate in estimates(options):
@@ -112,7 +129,9 @@ def messages(options: MadeUp, topics: Topics) -> Iterator[tuple[Message, ...]]:
         out += loop_messages(topics, estimate.loops)
         features = feature_message(topics, estimate)
         out += [features] if features is not None else []
-        out += map_messages(topics, estimate)
+        out += paths.messages(estimate)
+        landmarks = landmark_message(topics, estimate)
+        out += [landmarks] if landmarks is not None else []
         if pictures and estimate.is_keyframe:
             color = codec.encode_color_file(topics.color_compressed, estimate.stamp, jpeg)
             frame = RgbdFrame(i, estimate.stamp, depth_mm.astype(np.uint8), estimate.stamp, depth_mm)

@@ -75,6 +75,7 @@ class Traffic:
                 self.arrivals.append(time.monotonic())
 
 
+@pytest.mark.wallclock
 def test_those_who_meet_while_a_viewer_is_stopped_need_it_not(start: Start, endpoint: str) -> None:
     """By default whoever comes first listens where the others meet: it must not be the viewer."""
     meeting = json.dumps([endpoint, ANY_LOCAL_PORT])
@@ -94,6 +95,7 @@ def test_those_who_meet_while_a_viewer_is_stopped_need_it_not(start: Start, endp
         assert seen.wait(10)
 
 
+@pytest.mark.wallclock
 @pytest.mark.parametrize("delay_s", [0.0, 0.03, 0.3])
 def test_a_viewer_stopped_while_it_connects_silences_nobody_beyond_its_lease(
     start: Start, endpoint: str, delay_s: float

@@ -11,12 +11,12 @@ from made_up_device import BEGIN, PERIOD_NS, T_WORLD_MAP, MadeUp, messages, true
 
 from odom.errors import WireError
 from odom.frame import Camera, Stamp
-from odom.registration import se3
+from odom.geometry import se3
 from odom.viewer import ViewerSettings, entities, palette
-from odom.viewer.clouds import KeyframeClouds, back_project
-from odom.viewer.draw import Draw
+from odom.viewer.entities import EntityUpdate
+from odom.viewer.keyframe_clouds import KeyframeClouds, back_project
 from odom.viewer.scene import Scene
-from odom.viewer.truth import in_map
+from odom.viewer.truth_alignment import in_map
 from odom.wire import Message, Topics, codec
 
 TOPICS = Topics("cam0")
@@ -26,11 +26,11 @@ def _scene(**settings: int) -> Scene:
     return Scene(TOPICS, ViewerSettings(**settings))
 
 
-def _play(scene: Scene, options: MadeUp) -> list[Draw]:
+def _play(scene: Scene, options: MadeUp) -> list[EntityUpdate]:
     return [item for frame in messages(options, TOPICS) for message in frame for item in scene.handle(message)]
 
 
-def _batch(item: Draw, component: str) -> list:
+def _batch(item: EntityUpdate, component: str) -> list:
     for part in item.parts:
         for batch in part.as_component_batches():
             if str(batch.component_descriptor()).split(":")[-1].split("#")[0].strip() == component:
@@ -38,17 +38,17 @@ def _batch(item: Draw, component: str) -> list:
     raise AssertionError(f"{item.path} has no {component}")
 
 
-def _last(drawn: list[Draw], path: str) -> Draw:
+def _last(drawn: list[EntityUpdate], path: str) -> EntityUpdate:
     return next(item for item in reversed(drawn) if item.path == path)
 
 
 @pytest.fixture(scope="module")
-def played() -> tuple[Scene, list[Draw]]:
+def played() -> tuple[Scene, list[EntityUpdate]]:
     scene = _scene()
     return scene, _play(scene, MadeUp(frames=600, drift_m=0.1))
 
 
-def test_everything_that_is_promised_is_drawn(played: tuple[Scene, list[Draw]]) -> None:
+def test_everything_that_is_promised_is_drawn(played: tuple[Scene, list[EntityUpdate]]) -> None:
     scene, drawn = played
     paths = Counter(item.path for item in [*scene.setup(), *drawn])
     for path in (
@@ -61,7 +61,7 @@ def test_everything_that_is_promised_is_drawn(played: tuple[Scene, list[Draw]]) 
     assert sum(path.startswith(f"{entities.CLOUDS}/") for path in paths) == 40
 
 
-def test_online_drifts_corrected_and_truth_do_not(played: tuple[Scene, list[Draw]]) -> None:
+def test_online_drifts_corrected_and_truth_do_not(played: tuple[Scene, list[EntityUpdate]]) -> None:
     _, drawn = played
     truth = np.array([true_pose(i)[:3, 3] for i in range(600)])
 
@@ -74,7 +74,45 @@ def test_online_drifts_corrected_and_truth_do_not(played: tuple[Scene, list[Draw
     assert distance(f"{entities.TRUTH}/camera") < 0.01
 
 
-def test_errors_are_those_of_the_published_pose(played: tuple[Scene, list[Draw]]) -> None:
+def test_a_part_that_was_never_joined_is_drawn_apart_with_its_name_until_it_is_joined() -> None:
+    scene = _scene()
+    drawn = _play(scene, MadeUp(frames=600, images=False, part_from=200, part_until=500))
+    part = next(i for i, item in enumerate(drawn) if item.path == f"{entities.UNJOINED}/segment_0" and _named(item))
+    item = drawn[part]
+    assert item.stamp is not None
+    assert 200 <= (item.stamp - BEGIN) / PERIOD_NS <= 260
+    assert _batch(item, "labels") == ["segment 0: not joined"]
+    assert _batch(item, "colors") == [int.from_bytes((*palette.UNJOINED, 255))]
+    first = np.concatenate([np.array(s) for s in _batch(item, "strips")])
+    assert np.linalg.norm(first - true_pose(10)[:3, 3], axis=1).min() < 0.05
+    own = np.concatenate([np.array(s) for s in _batch(_last(drawn[:part], entities.CORRECTED), "strips")])
+    assert np.linalg.norm(own - true_pose(10)[:3, 3], axis=1).min() > 0.3
+    assert not _named(_last(drawn, f"{entities.UNJOINED}/segment_0"))  # cleared
+    whole = np.concatenate([np.array(s) for s in _batch(_last(drawn, entities.CORRECTED), "strips")])
+    assert np.linalg.norm(whole - true_pose(10)[:3, 3], axis=1).min() < 0.05
+
+
+def _named(item: EntityUpdate) -> bool:
+    with suppress(AssertionError):
+        return bool(_batch(item, "labels"))
+    return False
+
+
+def test_truth_is_not_drawn_where_there_was_none() -> None:
+    scene = _scene()
+    heard = [
+        message
+        for i, frame in enumerate(messages(MadeUp(frames=400, images=False), TOPICS))
+        for message in frame
+        if not (200 <= i < 260 and message.topic.startswith("truth/"))
+    ]
+    drawn = [item for message in heard for item in scene.handle(message)]
+    points = np.concatenate([np.array(s) for s in _batch(_last(drawn, f"{entities.TRUTH}/camera"), "strips")])
+    assert np.linalg.norm(points - true_pose(230)[:3, 3], axis=1).min() > 0.15
+    assert np.linalg.norm(points - true_pose(300)[:3, 3], axis=1).min() < 0.1
+
+
+def test_errors_are_those_of_the_published_pose(played: tuple[Scene, list[EntityUpdate]]) -> None:
     _, drawn = played
     errors = [_batch(item, "scalars") for item in drawn if item.path == entities.POSITION_ERROR]
     assert len(errors) > 300
@@ -121,7 +159,7 @@ def test_a_late_joiner_sees_the_whole_way_from_history_and_path() -> None:
 
 def test_memory_is_bounded_and_old_clouds_are_cleared() -> None:
     scene = _scene(path_poses=64, cloud_keyframes=8, loops=10)
-    drawn = _play(scene, MadeUp(frames=900, keyframe_every=3))
+    drawn = _play(scene, MadeUp(frames=300, keyframe_every=3))
     assert len(scene._map.online) <= 65
     assert len(scene._map.clouds) <= 8
     assert len(scene._map._loops) <= 10

@@ -36,6 +36,7 @@ def _look(tmp_path: Path, *arguments: str) -> np.ndarray:
         print(words.read_text()[-3000:])
 
 
+@pytest.mark.wallclock
 @needs_chromium
 def test_no_panel_of_the_page_is_empty_during_a_run(tmp_path: Path) -> None:
     picture = _look(tmp_path, str(ARENA))

@@ -49,7 +49,7 @@ class Running:
             time.sleep(0.05)
         return found
 
-    def stop(self, timeout_s: float = 20.0) -> int:
+    def stop(self, timeout_s: float = 60.0) -> int:
         self.process.terminate()
         return self.process.wait(timeout_s)
 

@@ -24,7 +24,9 @@ from odom.wire.codec import (
     encode_depth,
     encode_depth_compressed,
     encode_pose,
-    images,
+)
+from odom.wire.codec import (
+    image_messages as images,
 )
 from odom.wire.recording import RecordingWriter, open_reader
 from sensors import replay

@@ -1,6 +1,6 @@
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from odom.wire import Message, Topics, truth
 from odom.wire.codec import Status, encode_pose, encode_status, encode_text
 from odom.wire.recorder import Recorder, RecorderReport, Timeline
 from odom.wire.recording import RecordingReader, RecordingWriter
-from odom.wire.session import WireSession
+from odom.wire.session import Delivery, WireSession
 
 TOPICS = Topics()
 IMAGES = (TOPICS.color_compressed, TOPICS.depth, TOPICS.camera_info)
@@ -31,19 +31,34 @@ def recording(session: WireSession, sender: WireSession, file: Path) -> Iterator
                     time.sleep(0.01)
         yield running
         running.stop.set()
-        running.thread.join(5.0)
+        running.thread.join(30.0)
 
 
 class Recording:
     def __init__(self, recorder: Recorder) -> None:
         self.stop = threading.Event()
+        self.taken = 0
+        self._receive = recorder._consumer.receive
+        recorder._consumer.receive = self._count  # type: ignore[method-assign]
         self.reports: list[RecorderReport] = []
         self.thread = threading.Thread(target=lambda: self.reports.append(recorder.run(self.stop)), daemon=True)
         self.thread.start()
 
+    def _count(self, timeout: float) -> Delivery | None:
+        delivery = self._receive(timeout)
+        self.taken += delivery is not None
+        return delivery
+
 
 def pose(key: str, number: int) -> Message:
     return encode_pose(key, Stamp(BEGIN + number * 10_000_000), np.eye(4), "mocap")
+
+
+def eventually(condition: Callable[[], bool]) -> bool:
+    deadline = time.monotonic() + 30.0
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    return condition()
 
 
 def status() -> Message:
@@ -53,11 +68,11 @@ def status() -> Message:
 def recorded(open_peer: OpenSession, file: Path, messages: list[Message]) -> list[Message]:
     """What a recorder that is stopped at last has of the messages, which are all that came."""
     sender, receiver = open_peer(), open_peer()
-    with recording(receiver, sender, file):
+    with recording(receiver, sender, file) as running:
         publisher = sender.publisher(lossless=True)
         for message in messages:
             publisher.put(message)
-        time.sleep(0.5)
+        assert eventually(lambda: running.taken == len(messages))
     return list(RecordingReader(file).messages())
 
 
@@ -75,14 +90,16 @@ def test_status_without_anything_else_is_recorded_at_the_end(open_peer: OpenSess
 def test_behind_its_source_it_waits_for_an_odometry_at_work_but_not_for_one_that_idles(
     open_peer: OpenSession, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, working: bool
 ) -> None:
-    monkeypatch.setattr("odom.wire.idling._LONGEST_S", 1.0)
+    monkeypatch.setattr("odom.wire.idle_detector._IDLE_AFTER_S", 1.0)
     sender, receiver = open_peer(), open_peer()
     sender.announce(TOPICS.alive_of("odometry"))
     with recording(receiver, sender, tmp_path / "a.mcap") as running:
         publisher = sender.publisher()
         for message in (*session_messages(2), encode_text(TOPICS.end, Stamp(BEGIN), "end of source")):
             publisher.put(message)
-        for i in range(300):
+        for i in range(300 if working else 3000):
+            if not running.thread.is_alive():
+                break
             publisher.put(pose(truth("camera"), i))
             if i % 10 == 0:
                 publisher.put(status())
@@ -95,7 +112,7 @@ def test_behind_its_source_it_waits_for_an_odometry_at_work_but_not_for_one_that
 def test_behind_its_source_it_waits_for_an_odometry_that_is_silent_because_it_saves(
     open_peer: OpenSession, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("odom.wire.idling._LONGEST_S", 0.5)
+    monkeypatch.setattr("odom.wire.idle_detector._IDLE_AFTER_S", 0.5)
     sender, receiver, odometry = open_peer(), open_peer(), open_peer()
     odometry.announce(TOPICS.alive_of("odometry"))
     with recording(receiver, sender, tmp_path / "a.mcap") as running:
@@ -105,7 +122,7 @@ def test_behind_its_source_it_waits_for_an_odometry_that_is_silent_because_it_sa
         time.sleep(2.0)
         assert running.thread.is_alive()
         odometry.close()
-        running.thread.join(3.0)
+        running.thread.join(30.0)
         assert not running.thread.is_alive()
     assert [report.reason for report in running.reports] == ["end of source"]
 
@@ -116,7 +133,9 @@ def test_motion_capture_that_goes_on_holds_no_recording_open(open_peer: OpenSess
         publisher = sender.publisher()
         for message in (*session_messages(2), encode_text(TOPICS.end, Stamp(BEGIN), "end of source")):
             publisher.put(message)
-        for i in range(250):
+        for i in range(3000):
+            if not running.thread.is_alive():
+                break
             publisher.put(pose(truth("camera"), i))
             time.sleep(0.01)
         assert not running.thread.is_alive()
@@ -136,7 +155,10 @@ def test_status_of_another_clock_is_logged_among_the_images() -> None:
     assert all(at == message.stamp for at, message in logged if message.topic != TOPICS.status)
 
 
-def test_a_source_that_is_started_again_has_not_ended(open_peer: OpenSession, tmp_path: Path) -> None:
+def test_a_source_that_is_started_again_has_not_ended(
+    open_peer: OpenSession, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("odom.wire.recorder._QUIET_S", 2.0)
     sending, receiving = open_peer(), open_peer()
     reports: list[RecorderReport] = []
     with RecordingWriter(tmp_path / "a.mcap") as writer:
@@ -146,7 +168,7 @@ def test_a_source_that_is_started_again_has_not_ended(open_peer: OpenSession, tm
                 time.sleep(0.01)
         thread = threading.Thread(target=lambda: reports.append(recorder.run(threading.Event())), daemon=True)
         thread.start()
-        for life, silence_s in (("first", 0.3), ("second", 1.8)):
+        for life, silence_s in (("first", 0.3), ("second", 2.8)):
             publisher = sending.publisher()
             for message in session_messages(2):
                 publisher.put(message)
@@ -155,5 +177,5 @@ def test_a_source_that_is_started_again_has_not_ended(open_peer: OpenSession, tm
             time.sleep(silence_s)
             assert thread.is_alive(), life
         publisher.put(encode_text(TOPICS.end, Stamp(BEGIN), "end of source"))
-        thread.join(5.0)
+        thread.join(30.0)
     assert [(report.frames, report.reason) for report in reports] == [(4, "end of source")]

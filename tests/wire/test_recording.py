@@ -238,6 +238,7 @@ for message in session_messages(200):
 """
 
 
+@pytest.mark.wallclock
 def test_kill_9_costs_the_recording_half_a_second_at_most(tmp_path: Path) -> None:
     path = tmp_path / "killed.mcap"
     command = [sys.executable, "-c", _KILLED_WRITER, str(path), str(Path(__file__).parent)]

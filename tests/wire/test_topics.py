@@ -1,8 +1,11 @@
+import pytest
 import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 
 from odom.wire import TRUTH, TRUTH_HISTORY, Topics, truth, truth_history
+from odom.wire.codec import cdr
+from odom.wire.topics import type_of
 
 
 @given(st.text())
@@ -17,3 +20,21 @@ def test_the_history_of_a_device_is_below_its_namespace() -> None:
     topics = Topics("rig/cam1")
     assert (topics.history, topics.odom_history) == ("rig/cam1/history", "rig/cam1/history/odom")
     assert truth_history("camera rig") == "truth/camera_rig/history"
+
+
+@pytest.mark.parametrize(
+    ("key", "type_name"),
+    [
+        ("cam0/color/image_raw", cdr.IMAGE),
+        ("rig/cam1/depth/image_raw/compressedDepth", cdr.COMPRESSED_IMAGE),
+        ("cam0/color/camera_info", cdr.CAMERA_INFO),
+        ("truth/rig/pose", cdr.POSE),
+        ("cam0/odom", cdr.ODOMETRY),
+        ("tf", cdr.TRANSFORMS),
+        ("cam0/history", None),
+        ("cam0/ack/recorder", None),
+        ("image_raw_of_another_kind", None),
+    ],
+)
+def test_a_foreign_message_has_the_type_that_its_key_stands_for(key: str, type_name: str | None) -> None:
+    assert type_of(key) == type_name

@@ -1,4 +1,4 @@
-"""How much depth there is, how noisy it is and in which steps it comes, against the sensor's model."""
+"""How much depth there is, how noisy it is compared with the sensor's model, and how finely it is quantised."""
 
 from collections.abc import Sequence
 
@@ -7,13 +7,23 @@ from numpy.typing import NDArray
 
 from odom.evaluation.diagnosis.finding import Finding, Verdict
 from odom.frame import RgbdFrame
-from odom.registration.noise import KinectV1
-
-Array = NDArray[np.float64]
+from odom.geometry.arrays import Array
+from odom.registration.noise_models import KinectV1
 
 _LEAST_VALID = 0.3
-_PATCH = 13
+"""Share of pixels with depth in the usual frame, below which depth is called too little."""
+_PATCH_PX = 13
+"""Side of a patch in which a plane is fitted: smaller ones give rough noise figures, larger ones are seldom flat."""
+_MOST_RELIEF = 0.05
+"""Largest distance from the plane, as a share of depth, in a patch that still counts as flat."""
+_LEAST_PATCHES = 50
+"""Fewer flat patches than this in all frames together say too little about the noise."""
+_SMOOTHEST = 0.25
+"""Quantile of the patches' noise that counts as that of smooth surfaces: cloth and clutter are rougher."""
+_OCCURS = 0.2
+"""A depth value occurs when it is counted so many times as often as the mean: stray values are rarer."""
 _TOO_NOISY = 3.0
+"""Scatter on smooth surfaces over the sensor model's sigma."""
 
 
 def judge_valid(frames: Sequence[RgbdFrame]) -> Finding:
@@ -21,21 +31,15 @@ def judge_valid(frames: Sequence[RgbdFrame]) -> Finding:
     shares = np.array([np.count_nonzero(frame.depth_mm) / frame.depth_mm.size for frame in frames])
     some = np.concatenate([frame.depth_mm[::8, ::8][frame.depth_mm[::8, ::8] > 0] for frame in frames]) * 1e-3
     if not len(some):
-        return Finding(
-            "valid depth", "no pixel has depth", Verdict.BAD,
-            "the depth stream is empty: is the infrared projector covered, too near (< 0.5 m) or in sunlight?",
-        )  # fmt: skip
+        advice = "the depth stream is empty: is the infrared projector covered, too near (< 0.5 m) or in sunlight?"
+        return Finding("valid depth", "no pixel has depth", Verdict.BAD, advice)
     low, middle, high = np.quantile(some, [0.05, 0.5, 0.95])
     value = (
         f"{np.median(shares):.0%} of the pixels (worst frame {shares.min():.0%}), "
         f"{low:.1f} .. {high:.1f} m, half of it within {middle:.1f} m"
     )
-    if np.median(shares) < _LEAST_VALID:
-        return Finding(
-            "valid depth", value, Verdict.BAD,
-            "too little depth: stay 0.6 .. 4 m from surfaces, out of sunlight, and away from glass and black cloth",
-        )  # fmt: skip
-    return Finding("valid depth", value, Verdict.GOOD)
+    advice = "too little depth: stay 0.6 .. 4 m from surfaces, out of sunlight, and away from glass and black cloth"
+    return Finding.judged("valid depth", value, bool(np.median(shares) < _LEAST_VALID), advice)
 
 
 def noise_ratio(depth_mm: NDArray[np.uint16]) -> Array:
@@ -44,18 +48,18 @@ def noise_ratio(depth_mm: NDArray[np.uint16]) -> Array:
     Patches with missing pixels or a depth range that no plane has are left out. The plane is fitted in inverse depth,
     in which planes are affine in the pixel.
     """
-    rows, columns = (size // _PATCH for size in depth_mm.shape)
-    cut = depth_mm[: rows * _PATCH, : columns * _PATCH].reshape(rows, _PATCH, columns, _PATCH)
-    flattened = cut.transpose(0, 2, 1, 3).reshape(-1, _PATCH * _PATCH)
+    rows, columns = (size // _PATCH_PX for size in depth_mm.shape)
+    cut = depth_mm[: rows * _PATCH_PX, : columns * _PATCH_PX].reshape(rows, _PATCH_PX, columns, _PATCH_PX)
+    flattened = cut.transpose(0, 2, 1, 3).reshape(-1, _PATCH_PX * _PATCH_PX)
     patches = flattened[(flattened > 0).all(axis=1)].astype(np.float64) * 1e-3
-    grid = np.stack(np.meshgrid(np.arange(_PATCH), np.arange(_PATCH)), axis=-1).reshape(-1, 2) - _PATCH // 2
+    grid = np.stack(np.meshgrid(np.arange(_PATCH_PX), np.arange(_PATCH_PX)), axis=-1).reshape(-1, 2) - _PATCH_PX // 2
     basis = np.column_stack([np.ones(len(grid)), grid])
     inverse_depth = 1.0 / patches
     fitted = inverse_depth @ basis @ np.linalg.inv(basis.T @ basis) @ basis.T
     z = patches.mean(axis=1)
     residual = (inverse_depth - fitted) * z[:, None] ** 2
     sigma = np.sqrt(np.square(residual).sum(axis=1) / (len(grid) - 3))
-    flat = np.abs(residual).max(axis=1) < 0.05 * z
+    flat = np.abs(residual).max(axis=1) < _MOST_RELIEF * z
     return np.asarray((sigma / KinectV1().sigmas(z)[1])[flat])
 
 
@@ -66,25 +70,23 @@ def step_at(frames: Sequence[RgbdFrame], depth_m: float) -> float:
     for frame in frames:
         values = frame.depth_mm[(frame.depth_mm >= low) & (frame.depth_mm <= high)]
         counts += np.bincount(values - low, minlength=len(counts))
-    used = np.flatnonzero(counts > 0.2 * counts.mean())
+    used = np.flatnonzero(counts > _OCCURS * counts.mean())
     return float(np.median(np.diff(used))) * 1e-3 if len(used) > 2 else float("nan")
 
 
 def judge_noise(frames: Sequence[RgbdFrame]) -> Finding:
     """Judge the depth noise on smooth surfaces against that of a Kinect v1 (1.4 mm at 1 m, growing with z^2)."""
     ratios = np.concatenate([noise_ratio(frame.depth_mm) for frame in frames]) if frames else np.zeros(0)
-    if len(ratios) < 50:
+    if len(ratios) < _LEAST_PATCHES:
         return Finding("depth noise", "too few smooth surfaces", Verdict.UNKNOWN, "look at a wall or a table once")
-    typical = float(np.quantile(ratios, 0.25))
+    typical = float(np.quantile(ratios, _SMOOTHEST))
     middle = float(np.median(np.concatenate([f.depth_mm[::8, ::8][f.depth_mm[::8, ::8] > 0] for f in frames]))) * 1e-3
     value = (
         f"{typical:.1f} times the Kinect model on smooth surfaces, "
         f"steps of {1e3 * step_at(frames, middle):.0f} mm at {middle:.1f} m"
     )
-    if typical > _TOO_NOISY:
-        return Finding(
-            "depth noise", value, Verdict.BAD,
-            "depth is far noisier than the sensor's model: switch off interpolation, look for a second projector, "
-            "sunlight or vibration, or check the depth unit",
-        )  # fmt: skip
-    return Finding("depth noise", value, Verdict.GOOD)
+    advice = (
+        "depth is far noisier than the sensor's model: switch off interpolation, look for a second projector, "
+        "sunlight or vibration, or check the depth unit"
+    )
+    return Finding.judged("depth noise", value, typical > _TOO_NOISY, advice)

@@ -1,9 +1,9 @@
 """Whether depth and colour show the same thing at the same pixel and at the same time.
 
-Where a near surface ends in the depth image, the colour image has an edge too. The shift between the two is measured
-over many frames at once, by where it puts the most colour gradient across the depth edges. A wrong registration shifts
-them by the same pixels whatever the camera does; a wrong depth stamp shifts them by the edge's image velocity times the
-lag. The velocity of each edge follows from its depth and the camera's motion, so both are solved for together.
+Where a near surface ends in the depth image, the colour image has an edge too. The shift between the two is the one
+that puts the most colour gradient across the depth edges of many frames. A wrong registration shifts them by the same
+pixels whatever the camera does; a wrong depth stamp shifts each by its image velocity times the lag. That velocity
+follows from the edge's depth and the camera's motion, so shift and lag are searched together.
 """
 
 from collections.abc import Sequence
@@ -13,19 +13,35 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from odom.evaluation.diagnosis.image import grey
 from odom.evaluation.diagnosis.motion import PairMotion
 from odom.frame import Camera, RgbdFrame
-from odom.registration import se3
-
-Array = NDArray[np.float64]
+from odom.geometry import se3
+from odom.geometry.arrays import Array, Image
 
 _GAP_PX = 8
+"""Widest strip without depth beside a near surface, a structured-light sensor's shadow, that is passed over."""
 _STEP_SHARE, _STEP_M = 0.08, 0.04
-_EDGES_A_FRAME = 300
-_LEAST_EDGES = 1000
+"""A rim is where depth grows by this share and this length: smaller steps are noise, larger ones are rare."""
+_INSIDE_PX = 3
+"""A near surface is at least so wide: less takes single pixels for surfaces."""
+_EDGES_A_FRAME, _LEAST_EDGES = 300, 1000
+"""Edges taken of a frame, to save time; and edges of all frames below which nothing is said."""
 _COARSE_EDGES = 2500
+"""Edges on which the coarse search is done, to save time: fewer leave the peak to chance."""
 _REACH_PX, _REACH_S = 24.0, 0.12
+"""Shifts and lags that are searched: unregistered depth is off by some 10 to 20 px, unpaired depth by 33 to 100 ms."""
 _COARSE_PX, _COARSE_S = 4.0, 0.015
+"""Steps of the coarse search, about the width of a peak: wider ones miss it, finer ones cost time."""
+_FINE = ((1.5, 0.005), (0.5, 0.002))
+"""Steps (px, s) of the two finer searches, seven along each axis about the best so far."""
+_LEAST_FLOW_PX = 2.0
+"""Spread of the edges' movement in a frame below which no lag is searched: it could not be told from a shift."""
+_FRAME_S = 0.03
+"""About the time between two frames."""
+_BLUR_PX, _USUAL_PX, _FLOOR, _MOST_GRADIENT = 1.5, 61, 0.3, 4.0
+"""Of gradient strengths: the blur before, the window of their usual value and its floor as a share of the image's
+mean (for dull places), and the multiple of the usual value at which they are clipped."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,36 +74,24 @@ def depth_edges(depth_mm: NDArray[np.uint16], limit: int, rng: np.random.Generat
     near surface on both sides.
     """
     depth = depth_mm.astype(np.float32) * np.float32(1e-3)
-    across = np.ascontiguousarray(depth.T)
-    uv, axes = [], []
+    uv, axes, near = [], [], []
     for axis, back in ((0, False), (0, True), (1, False), (1, True)):
-        view = depth if axis == 1 else across
+        # turned such that the search goes down the rows; `following` is the next pixel that has depth
+        view = depth if axis == 1 else np.ascontiguousarray(depth.T)
         view = view[::-1] if back else view
         following = np.zeros_like(view)
         for step in range(_GAP_PX, 0, -1):
             np.copyto(following[:-step], view[step:], where=view[step:] > 0)
         inside = np.zeros_like(view, dtype=bool)
-        inside[3:] = view[:-3] > 0
+        inside[_INSIDE_PX:] = view[:-_INSIDE_PX] > 0
         rim = inside & (view > 0) & (following > view * (1 + _STEP_SHARE) + _STEP_M)
         rim = rim[::-1] if back else rim
         row, column = np.nonzero(rim if axis == 1 else rim.T)
-        offset = np.zeros(2)
-        offset[axis] = -0.5 if back else 0.5
-        uv.append(np.column_stack([column, row]) + offset)
+        uv.append(np.column_stack([column, row]) + (-0.5 if back else 0.5) * np.eye(2)[axis])
         axes.append(np.full(len(row), axis))
-    points, axis_of = np.vstack(uv), np.concatenate(axes)
-    chosen = rng.permutation(len(points))[:limit]
-    points, axis_of = points[chosen], axis_of[chosen]
-    column, row = np.floor(points).astype(np.intp).T
-    height, width = depth.shape
-    near = np.minimum.reduce(
-        [
-            np.where(d > 0, d, np.inf)
-            for d in (depth[row, column], depth[np.minimum(row + 1, height - 1), np.minimum(column + 1, width - 1)])
-        ]
-    )
-    good = np.isfinite(near)
-    return DepthEdges(points[good], axis_of[good], near[good].astype(np.float64))
+        near.append(depth[row, column])
+    chosen = rng.permutation(sum(len(axis) for axis in axes))[:limit]
+    return DepthEdges(np.vstack(uv)[chosen], np.concatenate(axes)[chosen], np.concatenate(near)[chosen].astype(float))
 
 
 def edge_shift(
@@ -99,16 +103,16 @@ def edge_shift(
     has too few edges.
     """
     rng = np.random.default_rng(seed)
-    strengths: list[NDArray[np.uint8]] = []
+    strengths: list[Image] = []
     positions, velocities, axes, which = [], [], [], []
     for frame, motion in zip(frames, motions, strict=True):
         edges = depth_edges(frame.depth_mm, _EDGES_A_FRAME, rng)
         if motion is None or not len(edges.uv):
             continue
         velocity = _velocity(edges, motion, camera)
-        apart = (frame.stamp - frame.depth_stamp) * 1e-9
+        apart = (frame.stamp - frame.depth_stamp) * 1e-9  # the edges are moved to colour's time by the stamps
         which.append(np.full(len(edges.uv), len(strengths)))
-        strengths.append(_gradients(frame.color))
+        strengths.append(_gradients(grey(frame)))
         positions.append(edges.uv + apart * velocity)
         velocities.append(velocity)
         axes.append(edges.axis)
@@ -117,10 +121,10 @@ def edge_shift(
     image, axis = np.concatenate(which), np.concatenate(axes)
     uv, velocity = np.vstack(positions), np.vstack(velocities)
     stack = np.stack(strengths)
-
     base = (image * 2 + axis) * (stack.shape[2] * stack.shape[3])
     few = rng.permutation(len(uv))[:_COARSE_EDGES]
 
+    # mean colour gradient across the depth edges, for a shift and a lag of all of them
     def score(shift_x: float, shift_y: float, lag: float, chosen: NDArray[np.intp] | slice = slice(None)) -> float:
         at = np.rint(uv[chosen] + lag * velocity[chosen] + (shift_x, shift_y)).astype(np.intp)
         x = np.clip(at[:, 0], 0, stack.shape[3] - 1)
@@ -128,14 +132,14 @@ def edge_shift(
         return float(stack.ravel()[base[chosen] + y * stack.shape[3] + x].mean())
 
     speed = float(np.sqrt(np.mean(np.square(velocity - velocity.mean(axis=0)))))
-    moving = speed * 0.03 > 2.0
+    moving = speed * _FRAME_S > _LEAST_FLOW_PX
     lags = np.arange(-_REACH_S, _REACH_S + 1e-9, _COARSE_S) if moving else np.zeros(1)
     pixels = np.arange(-_REACH_PX, _REACH_PX + 1e-9, _COARSE_PX)
     grid = np.array([[[score(x, y, lag, few) for lag in lags] for y in pixels] for x in pixels])
     i, j, k = np.unravel_index(int(np.argmax(grid)), grid.shape)
     best = np.array([pixels[i], pixels[j], lags[k]])
     contrast = float((grid.max() - np.median(grid)) / (1.4826 * np.median(np.abs(grid - np.median(grid))) + 1e-9))
-    for size_px, size_s in ((1.5, 0.005), (0.5, 0.002)):
+    for size_px, size_s in _FINE:
         around = [
             best + np.array([a * size_px, b * size_px, c * size_s])
             for a in range(-3, 4) for b in range(-3, 4) for c in (range(-3, 4) if moving else (0,))
@@ -144,15 +148,14 @@ def edge_shift(
     return EdgeShift((float(best[0]), float(best[1])), float(best[2]) if moving else float("nan"), contrast, len(uv))
 
 
-def _gradients(color: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _gradients(image: Image) -> Image:
     """Return gradient strengths across x and y (2 x H x W), 0 .. 255, comparable between dull and busy places."""
-    grey = color if color.ndim == 2 else cv2.cvtColor(color, cv2.COLOR_RGB2GRAY)
-    smooth = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), 1.5)
-    out = np.empty((2, *grey.shape), dtype=np.uint8)
+    smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), _BLUR_PX)
+    out = np.empty((2, *image.shape), dtype=np.uint8)
     for axis, (dx, dy) in enumerate(((1, 0), (0, 1))):
         strength = np.abs(cv2.Sobel(smooth, cv2.CV_32F, dx, dy))
-        usual = cv2.blur(strength, (61, 61)) + 0.3 * float(strength.mean()) + 1e-3
-        out[axis] = np.minimum(strength * (255.0 / 4.0) / usual, 255.0)
+        usual = cv2.blur(strength, (_USUAL_PX, _USUAL_PX)) + _FLOOR * float(strength.mean()) + 1e-3
+        out[axis] = np.minimum(strength * (255.0 / _MOST_GRADIENT) / usual, 255.0)
     return out
 
 

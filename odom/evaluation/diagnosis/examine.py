@@ -4,33 +4,37 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from odom.evaluation.diagnosis.depth import judge_noise, judge_valid
 from odom.evaluation.diagnosis.edges import EdgeShift, edge_shift
 from odom.evaluation.diagnosis.finding import Finding, Verdict
 from odom.evaluation.diagnosis.image import judge_blur, judge_exposure
 from odom.evaluation.diagnosis.motion import FocalFit, PairMotion, fit_focal, pair_motion
-from odom.evaluation.diagnosis.scale import BodyTruth, body_truth, fit_scale
-from odom.evaluation.diagnosis.timing import judge_pairs, judge_rhythm
+from odom.evaluation.diagnosis.scale import BodyTruth, ScaleFit, body_truth, fit_scale
+from odom.evaluation.diagnosis.stamps import judge_pairs, judge_rhythm
 from odom.evaluation.diagnosis.tracks import Tracks, follow
+from odom.evaluation.run_report import CAMERA
 from odom.evaluation.trajectory import Stamps, Trajectory
 from odom.frame import Camera, RgbdFrame
-
-Array = NDArray[np.float64]
-
-CAMERA_BODY = "camera"
+from odom.geometry.arrays import Array
 
 _IMAGES = 30
+"""Frames that are looked at for exposure, sharpness and depth: more only cost time."""
 _EDGE_FRAMES = 36
-_BASELINES_S = (0.3, 0.8)
+"""Frames whose edges are compared: fewer leave the peak to chance, more cost time."""
+_EVERY, _BASELINES_S = 3, (0.3, 0.8)
+"""Motions for focal length and scale start at every third frame and span so long: shorter ones show too little turn,
+longer ones lose the corners."""
 _CONTRAST = 5.0
+"""Height of the edges' best match, in standard deviations of the others, below which nothing is said."""
 _SHIFT_PX, _LAG_S = 6.0, 0.033
+"""Largest shift (a registered Kinect shows up to 4 px) and lag (one frame) of depth against colour."""
 _FOCAL_SHARE, _FOCAL_UNSURE = 0.09, 0.05
-_ASPECT = 0.06
-_CENTRE = 0.12
-_VIEW_DEG = (30.0, 110.0)
-_SCALE_SHARE, _SCALE_UNSURE = 0.025, 0.012
+"""Largest error of a focal length as a share of it, beside two sigma; and the sigma above which it is not judged."""
+_ASPECT, _CENTRE, _VIEW_DEG = 0.06, 0.12, (30.0, 110.0)
+"""What a calibration may be without any motion: fx / fy off one, centre off the middle (shares), and view."""
+_SCALE_SHARE, _SCALE_SIGMAS, _SCALE_UNSURE = 0.025, 2.5, 0.012
+"""Largest error of the depth scale, as a share and in sigmas; and the sigma above which it is not judged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +77,18 @@ def examine(recording: Recording) -> list[Finding]:
     calibration = _judge_calibration(camera, focal, trusted)
     findings += [*registration, calibration]
     if recording.truth:
-        trusted = trusted and calibration.verdict is not Verdict.BAD
-        findings.append(_judge_scale(motions, tracks, stamps, focal_px, recording.truth, trusted))
+        if not trusted or calibration.verdict is Verdict.BAD:
+            why = "mend registration and focal length first"
+            findings.append(Finding("depth scale", "not measured", Verdict.UNKNOWN, why))
+        else:
+            truth = recording.truth
+            body = CAMERA if CAMERA in truth else max(truth, key=lambda name: len(truth[name]))
+            found = (
+                BodyTruth(truth[body], np.eye(3), True)
+                if body == CAMERA
+                else body_truth(tracks, stamps, focal_px, truth[body])
+            )
+            findings.append(_judge_scale(fit_scale(motions, stamps, found) if found else None, body))
     return findings
 
 
@@ -92,9 +106,9 @@ def _edge_shift(
 
 
 def _long_motions(tracks: list[Tracks], stamps: Stamps, focal_px: Array) -> list[PairMotion]:
-    """Return motions over a few tenths of a second, from every third frame on."""
+    """Return motions over a few tenths of a second, from every third frame."""
     motions = []
-    for earlier in range(0, len(tracks), 3):
+    for earlier in range(0, len(tracks), _EVERY):
         for seconds in _BASELINES_S:
             later = int(np.searchsorted(stamps, stamps[earlier] + round(seconds * 1e9)))
             motion = pair_motion(tracks, earlier, later, focal_px) if later < len(tracks) else None
@@ -109,13 +123,11 @@ def _judge_shift(shift: EdgeShift | None) -> Finding:
         return Finding(key, "too few edges", Verdict.UNKNOWN, "point the camera at objects in front of a background")
     x, y = shift.shift_px
     value = f"colour edges lie {x:+.1f} px right and {y:+.1f} px below depth edges ({shift.edges} of them)"
-    if np.hypot(x, y) > _SHIFT_PX:
-        return Finding(
-            key, value, Verdict.BAD,
-            "depth is not registered to colour: switch on depth-to-colour registration in the driver, or give the "
-            "two intrinsics and the extrinsic so that it can be registered here",
-        )  # fmt: skip
-    return Finding(key, value, Verdict.GOOD)
+    advice = (
+        "depth is not registered to colour: switch on depth-to-colour registration in the driver, or give the "
+        "two intrinsics and the extrinsic so that it can be registered here"
+    )
+    return Finding.judged(key, value, bool(np.hypot(x, y) > _SHIFT_PX), advice)
 
 
 def _judge_lag(shift: EdgeShift | None) -> Finding:
@@ -124,12 +136,8 @@ def _judge_lag(shift: EdgeShift | None) -> Finding:
         return Finding(key, "the camera moved too little to tell", Verdict.UNKNOWN, "move and turn the camera briskly")
     word = "before" if shift.lag_s >= 0 else "after"
     value = f"depth was taken {1e3 * abs(shift.lag_s):.0f} ms {word} the time its stamp says, by colour's clock"
-    if abs(shift.lag_s) > _LAG_S:
-        return Finding(
-            key, value, Verdict.BAD,
-            "colour and depth of a pair show different moments: switch on frame synchronisation, or correct the stamps",
-        )  # fmt: skip
-    return Finding(key, value, Verdict.GOOD)
+    advice = "colour and depth of a pair show different moments: switch on frame synchronisation, or correct the stamps"
+    return Finding.judged(key, value, abs(shift.lag_s) > _LAG_S, advice)
 
 
 def _judge_calibration(camera: Camera, focal: FocalFit | None, trusted: bool) -> Finding:
@@ -141,44 +149,26 @@ def _judge_calibration(camera: Camera, focal: FocalFit | None, trusted: bool) ->
         "calibrate the colour camera (chessboard) at this image size: these intrinsics belong to another camera, "
         "size or crop"
     )
-    sure = focal is not None and focal.sigma.max() < _FOCAL_UNSURE
-    if focal is not None and sure:
-        fitted = np.array([camera.fx, camera.fy]) / focal.ratio
-        value += "; the motion fits " + " and ".join(
-            f"{f:.0f} ± {f * s:.0f}" for f, s in zip(fitted, focal.sigma, strict=True)
-        )
+    if focal is not None and focal.sigma.max() >= _FOCAL_UNSURE:
+        focal = None
+    if focal is not None:
+        fitted = zip(np.array([camera.fx, camera.fy]) / focal.ratio, focal.sigma, strict=True)
+        value += "; the motion fits " + " and ".join(f"{f:.0f} ± {f * s:.0f}" for f, s in fitted)
         if (np.abs(np.log(focal.ratio)) > _FOCAL_SHARE + 2 * focal.sigma).any():
             return Finding(key, value, Verdict.BAD, advice)
     if not _VIEW_DEG[0] < view.max() < _VIEW_DEG[1] or centre > _CENTRE or abs(camera.fx / camera.fy - 1) > _ASPECT:
         return Finding(key, f"{value}; centre {camera.cx:.0f}, {camera.cy:.0f}", Verdict.BAD, advice)
-    if not sure:
+    if focal is None:
         why = "turn the camera more to have it measured" if trusted else "mend the registration first"
         return Finding(key, f"{value}: plausible, not measured", Verdict.UNKNOWN, why)
     return Finding(key, value, Verdict.GOOD)
 
 
-def _judge_scale(
-    motions: list[PairMotion], tracks: list[Tracks], stamps: Stamps, focal_px: Array,
-    truth: Mapping[str, Trajectory], trusted: bool,
-) -> Finding:  # fmt: skip
+def _judge_scale(fit: ScaleFit | None, body: str) -> Finding:
     key = "depth scale"
-    if not trusted:
-        return Finding(key, "not measured", Verdict.UNKNOWN, "mend registration and focal length first")
-    body = "camera" if CAMERA_BODY in truth else max(truth, key=lambda name: len(truth[name]))
-    found: BodyTruth | None
-    if body == CAMERA_BODY:
-        found = BodyTruth(truth[body], np.eye(3), True)
-    else:
-        found = body_truth(tracks, stamps, focal_px, truth[body])
-    fit = fit_scale(motions, stamps, found) if found else None
     if fit is None or fit.sigma > _SCALE_UNSURE:
-        return Finding(
-            key, "not measured", Verdict.UNKNOWN, "move the camera farther, and turn it, in view of the mocap"
-        )
+        advice = "move the camera farther, and turn it, in view of the mocap"
+        return Finding(key, "not measured", Verdict.UNKNOWN, advice)
     value = f"{fit.ratio:.3f} ± {fit.sigma:.3f} of the truth's ({body}), over moves of {fit.usual_m:.2f} m"
-    if abs(fit.ratio - 1) > max(_SCALE_SHARE, 2.5 * fit.sigma):
-        return Finding(
-            key, value, Verdict.BAD,
-            f"multiply depth by {1 / fit.ratio:.3f}, or mend depth_scale in camera.yaml (units a metre)",
-        )  # fmt: skip
-    return Finding(key, value, Verdict.GOOD)
+    advice = f"multiply depth by {1 / fit.ratio:.3f}, or mend depth_scale in camera.yaml (units a metre)"
+    return Finding.judged(key, value, abs(fit.ratio - 1) > max(_SCALE_SHARE, _SCALE_SIGMAS * fit.sigma), advice)

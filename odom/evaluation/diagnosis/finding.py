@@ -21,3 +21,8 @@ class Finding:
     value: str
     verdict: Verdict
     advice: str = ""
+
+    @classmethod
+    def judged(cls, key: str, value: str, is_bad: bool, advice: str) -> "Finding":
+        """Return a BAD finding with its advice, or a GOOD one, which needs none."""
+        return cls(key, value, Verdict.BAD, advice) if is_bad else cls(key, value, Verdict.GOOD)

@@ -1,37 +1,55 @@
 """Camera motion between frames from corners with depth on both sides, and the focal lengths that fit it best.
 
-A rigid motion must explain at once how corners move in the image and how their depths change. A focal length that is
-wrong bends the back-projected points, and no rigid motion explains both once the camera has turned; so the ratio of
-the given to the true focal lengths, `exp(a)`, is solved for together with the motions of many pairs of frames.
+A rigid motion must explain both how corners move in the image and how their depths change. A wrong focal length bends
+the back-projected points, and no rigid motion explains both once the camera has turned; so the ratio `exp(a)` of the
+given to the true focal lengths is solved for together with the motions of many pairs of frames.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from odom.evaluation.alignment import align
 from odom.evaluation.diagnosis.tracks import Tracks
-from odom.registration import se3
-
-Array = NDArray[np.float64]
+from odom.evaluation.sandwich import sandwich_sigma
+from odom.geometry import se3
+from odom.geometry.arrays import Array
 
 _PIXEL_SIGMA = 0.7
+"""Noise (px) of a followed corner; with the depth's it only sets how image and depth share the fit."""
 _DEPTH_SIGMA_AT_1M = 0.003
+"""Noise (m) of a corner's depth at 1 m, growing with its square: twice a Kinect v1's, as corners lie near edges."""
 _CAUCHY = 9.0
+"""Squared residual (3 on average) that halves a corner's weight: smaller wastes corners, larger lets slips in."""
 _LEAST_POINTS = 25
+"""Corners that a motion needs: fewer give wrong motions, a higher bound leaves pairs out."""
 _FARTHEST_M = 4.0
-_PAIR_ITERATIONS = 12
-_FOCAL_ITERATIONS = 8
+"""Depth beyond which a structured-light sensor is too rough to help."""
+_NEAREST_M = 0.1
+"""No point may come nearer to the camera in an iteration, where its projection would explode."""
+_LEAST_WEIGHT, _LEAST_INLIERS = 0.4, 0.4
+"""A corner fits by a weight above the first; a motion holds when a share above the second fits."""
+_START_ROUNDS, _START_MEDIANS, _START_SHARE = 6, 2.5, 0.004
+"""Rounds of the closed-form start, and the errors it keeps: in medians, and as a share of depth at least."""
+_PAIR_ITERATIONS, _CONVERGED = 12, 1e-7
+"""Gauss-Newton steps at most (some five are needed), ended by a smaller step (m, rad)."""
+_LEAST_PAIRS, _FOCAL_ITERATIONS, _LARGEST_STEP = 8, 8, 0.15
+"""Of the fit of focal lengths: pairs of frames it needs, its iterations, and the largest step of a logarithm."""
+_FOCAL_INFORMATION = 1e-3
+"""Of a prior on the logarithms, far below what any turn of the camera says: it keeps the fit solvable without one."""
+_DAMPING = 1e-9
+"""Share of the trace added to a motion's information, for corners that leave a direction free."""
+_GROUPS = 10
+"""Groups of successive pairs, for the standard deviation: errors hang together within one."""
 
 
 @dataclass(frozen=True, eq=False)
 class PairMotion:
     """Motion of the camera between two frames: `T_later_earlier` maps points.
 
-    `rays_*` (n x 2) and `depth_*` (n, m) are the corners seen in both; `inliers` is the share of them that fits,
-    `seconds` lie between the frames.
+    `rays_*` (n x 2) and `depth_*` (n, m) are the corners seen in both; `inliers` is the share of them that fits and
+    `seconds` the time between the frames.
     """
 
     earlier: int
@@ -47,7 +65,7 @@ class PairMotion:
 
 @dataclass(frozen=True, eq=False)
 class FocalFit:
-    """Given over fitted focal lengths, x and y, and the standard deviations of their logarithms."""
+    """Ratios of given to fitted focal lengths, x and y, and the standard deviations of their logarithms."""
 
     ratio: Array
     sigma: Array
@@ -55,7 +73,7 @@ class FocalFit:
 
 
 def pair_motion(tracks: Sequence[Tracks], earlier: int, later: int, focal_px: Array) -> PairMotion | None:
-    """Return the motion between two frames, None when too few corners with depth join them."""
+    """Return the motion between two frames, None when too few corners with depth are seen in both."""
     a, b = tracks[earlier], tracks[later]
     _, in_a, in_b = np.intersect1d(a.ids, b.ids, assume_unique=True, return_indices=True)
     z_a, z_b = a.depth_m[in_a], b.depth_m[in_b]
@@ -65,41 +83,45 @@ def pair_motion(tracks: Sequence[Tracks], earlier: int, later: int, focal_px: Ar
     rays_a, rays_b, z_a, z_b = a.rays[in_a][good], b.rays[in_b][good], z_a[good], z_b[good]
     start = _robust_start(_points(rays_a, z_a), _points(rays_b, z_b))
     motion = PairMotion(earlier, later, start, rays_a, z_a, rays_b, z_b, 0.0)
-    T = start
     for _ in range(_PAIR_ITERATIONS):
-        H, g, _, _, weights = _normal_equations(motion, T, np.zeros(2), focal_px)
-        step = np.linalg.solve(H + 1e-9 * np.trace(H) * np.eye(6), g)
-        T = se3.exp(step) @ T
-        if np.abs(step).max() < 1e-7:
+        H, g, weights = _normal_equations(motion, np.zeros(2), focal_px)
+        step = np.asarray(np.linalg.solve(_damped(H), g[:6]), dtype=np.float64)
+        motion = replace(motion, T_later_earlier=se3.exp(step) @ motion.T_later_earlier)
+        if np.abs(step).max() < _CONVERGED:
             break
-    inliers = float((weights > 0.4).mean())
-    return PairMotion(earlier, later, T, rays_a, z_a, rays_b, z_b, inliers) if inliers > 0.4 else None
+    inliers = float((weights > _LEAST_WEIGHT).mean())
+    return replace(motion, inliers=inliers) if inliers > _LEAST_INLIERS else None
 
 
 def fit_focal(motions: Sequence[PairMotion], focal_px: Array) -> FocalFit | None:
-    """Return the focal lengths that let rigid motions explain all pairs best, None for fewer than eight pairs."""
-    if len(motions) < 8:
+    """Return the focal lengths that let rigid motions explain all pairs best, None for fewer than eight pairs.
+
+    The motions are eliminated from the normal equations (Schur complement), which leaves a 2 x 2 system.
+    """
+    if len(motions) < _LEAST_PAIRS:
         return None
     a = np.zeros(2)
-    T = [motion.T_later_earlier for motion in motions]
     for _ in range(_FOCAL_ITERATIONS):
-        information, gradients, steps = [], [], []
-        for motion, T_k in zip(motions, T, strict=True):
-            H, g, cross, (H_a, g_a), _ = _normal_equations(motion, T_k, a, focal_px)
-            solved = np.linalg.solve(H + 1e-9 * np.trace(H) * np.eye(6), np.column_stack([cross, g]))
-            information.append(H_a - cross.T @ solved[:, :2])
-            gradients.append(g_a - cross.T @ solved[:, 2])
+        information, gradients, steps = _FOCAL_INFORMATION * np.eye(2), [], []
+        for motion in motions:
+            H, g, _ = _normal_equations(motion, a, focal_px)
+            solved = np.linalg.solve(_damped(H), np.column_stack([H[:6, 6:], g[:6]]))
+            information = information + H[6:, 6:] - H[6:, :6] @ solved[:, :2]
+            gradients.append(g[6:] - H[6:, :6] @ solved[:, 2])
             steps.append(solved)
-        step = np.linalg.solve(np.sum(information, axis=0) + 1e-3 * np.eye(2), np.sum(gradients, axis=0))
-        step = np.clip(step, -0.15, 0.15)
+        step = np.linalg.solve(information, np.sum(gradients, axis=0))
+        step = np.clip(step, -_LARGEST_STEP, _LARGEST_STEP)
         a = a + step
-        T = [se3.exp(s[:, 2] - s[:, :2] @ step) @ T_k for s, T_k in zip(steps, T, strict=True)]
-    bread = np.linalg.inv(np.sum(information, axis=0) + 1e-3 * np.eye(2))
-    groups = np.array_split(np.arange(len(motions)), min(10, len(motions)))
-    scores = np.array([np.sum([gradients[i] for i in group], axis=0) for group in groups])
-    meat = scores.T @ scores * len(groups) / (len(groups) - 1)
-    sigma = np.sqrt(np.maximum(np.diag(bread), np.diag(bread @ meat @ bread)))
+        motions = [
+            replace(motion, T_later_earlier=se3.exp(s[:, 2] - s[:, :2] @ step) @ motion.T_later_earlier)
+            for s, motion in zip(steps, motions, strict=True)
+        ]
+    sigma = sandwich_sigma(information, np.array(gradients), min(_GROUPS, len(motions)))
     return FocalFit(np.exp(a), sigma, len(motions))
+
+
+def _damped(H: Array) -> Array:
+    return np.asarray(H[:6, :6] + _DAMPING * np.trace(H[:6, :6]) * np.eye(6))
 
 
 def _points(rays: Array, depth_m: Array) -> Array:
@@ -107,56 +129,42 @@ def _points(rays: Array, depth_m: Array) -> Array:
 
 
 def _robust_start(points_earlier: Array, points_later: Array) -> Array:
+    """Return a motion by closed form, fitted several times without the points that fit worst."""
     keep = np.ones(len(points_earlier), dtype=bool)
-    for _ in range(6):
+    for _ in range(_START_ROUNDS):
         T = align(points_earlier[keep], points_later[keep]).T_truth_estimate
         error = np.linalg.norm(se3.apply(T, points_earlier) - points_later, axis=1) / points_later[:, 2]
-        keep = error <= max(2.5 * float(np.median(error)), 0.004)
+        keep = error <= max(_START_MEDIANS * float(np.median(error)), _START_SHARE)
     return T
 
 
-def _normal_equations(
-    motion: PairMotion, T: Array, a: Array, focal_px: Array
-) -> tuple[Array, Array, Array, tuple[Array, Array], Array]:
-    """Return H (6 x 6), g (6), H cross (6 x 2), (H, g) of the focal logarithms, and the points' weights.
+def _normal_equations(motion: PairMotion, a: Array, focal_px: Array) -> tuple[Array, Array, Array]:
+    """Return H (8 x 8), g (8) and the weights of the points: six of the motion, by `exp(xi) T`, and two of `a`.
 
-    Residual: pixels where the moved point is seen against where the corner was found, and depth; step by `exp(xi) T`.
+    Residuals of a point: its moved position in the image against the corner that was found, and its depth.
     """
+    # the later frame's view of the earlier one's points, with the focal lengths given / exp(a)
     scale = np.exp(a)
     earlier = _points(motion.rays_earlier * scale, motion.depth_earlier)
-    later = se3.apply(T, earlier)
-    z = np.maximum(later[:, 2], 0.1)
-    seen = later[:, :2] / z[:, None]
+    later = se3.apply(motion.T_later_earlier, earlier)
+    z = np.maximum(later[:, 2:], _NEAREST_M)
+    seen = later[:, :2] / z
+    per_ray = focal_px / (_PIXEL_SIGMA * scale)
     sigma_z = _DEPTH_SIGMA_AT_1M * np.hypot(motion.depth_earlier**2, motion.depth_later**2)
-    per_px = focal_px / _PIXEL_SIGMA
     residual = np.column_stack(
-        [(seen / scale - motion.rays_later) * per_px, (later[:, 2] - motion.depth_later) / sigma_z]
+        [(seen - motion.rays_later * scale) * per_ray, (later[:, 2] - motion.depth_later) / sigma_z]
     )
     weights = 1.0 / (1.0 + np.square(residual).sum(axis=1) / _CAUCHY)
+    # d residual / d point, and d point / d (xi, a): [1, -hat(p)] and R times the earlier point's x and y
     by_point = np.zeros((len(z), 3, 3))
-    for axis in (0, 1):
-        by_point[:, axis, axis] = per_px[axis] / (scale[axis] * z)
-        by_point[:, axis, 2] = -per_px[axis] * seen[:, axis] / (scale[axis] * z)
+    by_point[:, (0, 1), (0, 1)] = per_ray / z
+    by_point[:, :2, 2] = -per_ray * seen / z
     by_point[:, 2, 2] = 1.0 / sigma_z
-    moved = np.zeros((len(z), 3, 6))
+    moved = np.zeros((len(z), 3, 8))
     moved[:, :, :3] = np.eye(3)
-    moved[:, 0, 4], moved[:, 0, 5] = later[:, 2], -later[:, 1]
-    moved[:, 1, 3], moved[:, 1, 5] = -later[:, 2], later[:, 0]
-    moved[:, 2, 3], moved[:, 2, 4] = later[:, 1], -later[:, 0]
+    moved[:, :, 3:6] = np.cross(later[:, None], np.eye(3))
+    moved[:, :, 6:] = motion.T_later_earlier[:3, :2] * earlier[:, None, :2]
     J = by_point @ moved
-    bent = T[:3, :2][None] * earlier[:, None, :2]
-    J_a = by_point @ bent
-    for axis in (0, 1):
-        J_a[:, axis, axis] -= per_px[axis] * seen[:, axis] / scale[axis]
+    J[:, (0, 1), (6, 7)] -= per_ray * seen
     weighted = weights[:, None, None] * J
-    flat = residual[:, :, None]
-    return (
-        np.einsum("nij,nik->jk", weighted, J),
-        -np.einsum("nij,nik->j", weighted, flat),
-        np.einsum("nij,nik->jk", weighted, J_a),
-        (
-            np.einsum("n,nij,nik->jk", weights, J_a, J_a),
-            -np.einsum("n,nij,nik->j", weights, J_a, flat),
-        ),
-        weights,
-    )
+    return np.einsum("nij,nik->jk", weighted, J), -np.einsum("nij,ni->j", weighted, residual), weights

@@ -4,30 +4,35 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from odom.errors import InputError
-from odom.evaluation.calibration import calibrate
 from odom.evaluation.diagnosis.motion import PairMotion, pair_motion
 from odom.evaluation.diagnosis.tracks import Tracks
+from odom.evaluation.mocap_calibration import calibrate
 from odom.evaluation.trajectory import Stamps, Trajectory, inverse_all
-from odom.registration import se3
-
-Array = NDArray[np.float64]
+from odom.evaluation.truth_noise import NORMAL_MAD
+from odom.geometry import se3
+from odom.geometry.arrays import Array
 
 _KEY_EVERY = 10
+"""Frames for which the chain of motions keeps its reference: fewer drift more, more lose the corners in common."""
 _SHORTEST_M = 0.05
+"""Usual displacement of a pair below which the noise of the motions hides an error of the scale."""
 _GROUPS = 8
+"""Groups of pairs for the jackknife: fewer make sigma rough, more miss that neighbours err together."""
 _MAX_GAP_S = 0.1
-_LEAST_CORRELATION = 0.6
-_MOST_TURN_SIGMA = np.radians(3.0)
-_DISPLACEMENT_SIGMA_M = 0.01
-_LEVER_SIGMA_M = 0.3
+"""Truth is interpolated over at most this, as in `EvaluationOptions`."""
+_LEAST_CORRELATION, _MOST_TURN_SIGMA = 0.6, np.radians(3.0)
+"""A marker body's calibration is used from this correlation on, and up to this uncertainty (rad) of its rotation."""
+_DISPLACEMENT_SIGMA_M, _SCALE_SIGMA, _LEVER_SIGMA_M = 0.01, 10.0, 0.3
+"""Noise of a measured displacement, and weak priors of scale (1) and lever arm, which keep the system solvable."""
+_OUTLIER_SIGMAS = 3.0
+"""Pairs beyond this are left out."""
 
 
 @dataclass(frozen=True)
 class ScaleFit:
-    """Measured over true displacement, its standard deviation, and the usual true displacement of a pair (m)."""
+    """Ratio of measured to true displacement, its standard deviation, and the usual true displacement of a pair (m)."""
 
     ratio: float
     sigma: float
@@ -35,7 +40,7 @@ class ScaleFit:
 
 
 def chain(tracks: Sequence[Tracks], stamps: Stamps, focal_px: Array) -> Trajectory:
-    """Return the longest unbroken run of camera poses, by motions from a key frame every ten frames."""
+    """Return the longest unbroken run of camera poses, chained by motions from one reference frame to the next."""
     best: list[tuple[int, Array]] = []
     run: list[tuple[int, Array]] = [(0, np.eye(4))]
     key, T_world_key = 0, np.eye(4)
@@ -66,7 +71,7 @@ class BodyTruth:
 
 
 def body_truth(tracks: Sequence[Tracks], stamps: Stamps, focal_px: Array, truth: Trajectory) -> BodyTruth | None:
-    """Return a marker body's truth brought to the camera's clock, None when the motion does not settle how."""
+    """Return a marker body's truth brought to the camera's clock, None when the motion does not determine how."""
     try:
         found = calibrate(chain(tracks, stamps, focal_px), truth)
     except InputError:
@@ -100,7 +105,7 @@ def fit_scale(motions: Sequence[PairMotion], stamps: Stamps, body: BodyTruth) ->
     for _ in range(4):
         x = _solve(A[keep], m[keep])
         error = np.linalg.norm(m - A @ x, axis=1)
-        keep = error <= 3.0 * 1.4826 * np.median(error) + 1e-6
+        keep = error <= _OUTLIER_SIGMAS * NORMAL_MAD * np.median(error) + 1e-6
     A, m = A[keep], m[keep]
     parts = np.array_split(np.arange(len(m)), _GROUPS)
     without = np.array([_solve(np.delete(A, part, axis=0), np.delete(m, part, axis=0))[0] for part in parts])
@@ -110,5 +115,5 @@ def fit_scale(motions: Sequence[PairMotion], stamps: Stamps, body: BodyTruth) ->
 
 def _solve(A: Array, m: Array) -> Array:
     flat, right = A.reshape(-1, A.shape[2]), m.ravel()
-    sigma = _DISPLACEMENT_SIGMA_M / np.array([10.0, *[_LEVER_SIGMA_M] * 3])[: A.shape[2]]
+    sigma = _DISPLACEMENT_SIGMA_M / np.array([_SCALE_SIGMA, *[_LEVER_SIGMA_M] * 3])[: A.shape[2]]
     return np.linalg.solve(flat.T @ flat + np.diag(np.square(sigma)), flat.T @ right)

@@ -1,4 +1,4 @@
-"""Corners followed through the recording, and their depth: the raw material of the geometric checks."""
+"""Corners followed through the recording, and their depth: what the geometric checks work on."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,16 +7,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from odom.evaluation.diagnosis.image import grey
 from odom.frame import Camera, RgbdFrame
+from odom.geometry.arrays import Array, Image, Mask
 
-Array = NDArray[np.float64]
-
-_CORNERS = 300
-_REFILL_BELOW = 200
-_WINDOW = (21, 21)
-_LEVELS = 3
+_CORNERS, _REFILL_BELOW = 300, 200
+"""Corners are looked for until there are so many, whenever fewer are left: more cost time, fewer cost accuracy."""
+_APART_PX = 12
+"""Distance between corners: closer ones say the same twice, a larger distance leaves too few."""
+_WINDOW, _LEVELS = (21, 21), 3
+"""Window (px) and pyramid levels of the optical flow, OpenCV's defaults: less loses fast motion, more blurs edges."""
 _FORWARD_BACKWARD_PX = 0.5
+"""A corner followed forth and back must return this closely: a smaller bound loses corners, a larger keeps slips."""
 _SPREAD = 0.03
+"""Largest range of depth around a corner, as a share of it: more lets edges in, less rejects noise far away."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,13 +38,12 @@ class Tracks:
 
 
 def follow(frames: Sequence[RgbdFrame], camera: Camera) -> list[Tracks]:
-    """Return the tracks of every frame; a corner keeps its id as long as it is found again forth and back."""
-    previous: NDArray[np.uint8] | None = None
+    """Return the tracks of every frame; a corner keeps its id as long as optical flow finds it again both ways."""
+    previous: Image | None = None
     ids, uv, fresh = np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.float32), 0
     out = []
     for frame in frames:
-        color = frame.color
-        image = color if color.ndim == 2 else np.asarray(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+        image = grey(frame)
         if previous is not None and len(uv):
             kept, uv = _track(previous, image, uv)
             ids = ids[kept]
@@ -69,9 +72,8 @@ def depth_at(depth_mm: NDArray[np.uint16], uv: NDArray[np.floating]) -> Array:
     return np.where(good, middle * 1e-3, np.nan)
 
 
-def _track(
-    previous: NDArray[np.uint8], image: NDArray[np.uint8], uv: NDArray[np.float32]
-) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
+def _track(previous: Image, image: Image, uv: NDArray[np.float32]) -> tuple[Mask, NDArray[np.float32]]:
+    """Return which corners are found again both ways, and where."""
     there, found, _ = cv2.calcOpticalFlowPyrLK(previous, image, uv, uv.copy(), winSize=_WINDOW, maxLevel=_LEVELS)
     back, returned, _ = cv2.calcOpticalFlowPyrLK(image, previous, there, uv.copy(), winSize=_WINDOW, maxLevel=_LEVELS)
     good = (found.ravel() == 1) & (returned.ravel() == 1)
@@ -81,11 +83,11 @@ def _track(
     return good, np.asarray(there[good], dtype=np.float32)
 
 
-def _corners(image: NDArray[np.uint8], uv: NDArray[np.float32]) -> NDArray[np.float32]:
+def _corners(image: Image, uv: NDArray[np.float32]) -> NDArray[np.float32]:
     mask = np.full(image.shape, 255, dtype=np.uint8)
     for u, v in uv:
-        cv2.circle(mask, (round(float(u)), round(float(v))), 12, 0, -1)
-    found = cv2.goodFeaturesToTrack(image, _CORNERS - len(uv), 0.01, 12, mask=mask)
+        cv2.circle(mask, (round(float(u)), round(float(v))), _APART_PX, 0, -1)
+    found = cv2.goodFeaturesToTrack(image, _CORNERS - len(uv), 0.01, _APART_PX, mask=mask)
     return np.zeros((0, 2), dtype=np.float32) if found is None else np.asarray(found, dtype=np.float32).reshape(-1, 2)
 
 

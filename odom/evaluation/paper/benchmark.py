@@ -1,29 +1,16 @@
-"""The paper's Table 1 done again: five estimators on the same clouds, beside the bound and its figures."""
+"""The paper's Table 1 reproduced: five estimators on the same clouds, beside the bound and the paper's figures."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from odom.evaluation.paper.bound import bound_rmse
 from odom.evaluation.paper.scenarios import MAGNITUDES_M, STRESS, Noise, Sample, cloud, nearby, stressed, with_outliers
-from odom.registration import (
-    Estimator,
-    Pairs,
-    Prior,
-    Registration,
-    em_icp,
-    horn,
-    kalman,
-    register,
-    robust,
-    wicp,
-)
-from odom.registration.se3 import apply, inverse, log
-
-Array = NDArray[np.float64]
+from odom.geometry.se3 import apply, inverse, log
+from odom.registration import Estimator, Pairs, Prior, Registration, em_icp, horn, kalman, register, robust, wicp
 
 ESTIMATORS: dict[str, Estimator] = {"EM-ICP": em_icp, "WICP": wicp, "Horn": horn, "RF": robust, "KF": kalman}
 """The paper's five, in the order of its Table 1."""
@@ -34,12 +21,14 @@ PAPER_MM = {
 }
 """What Table 1 prints, in millimetres."""
 OUTLIER_RATIOS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
-SIGMAS = 5.0
+"""Shares of wrong pairs."""
+CONFIDENTLY_WRONG = 25.0
+"""NEES above which a result counts as confidently wrong: an error beyond five of its own standard deviations."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One estimator over all clouds of a scenario; means over the clouds with a result, time the median.
+    """One estimator over all clouds of a scenario; means over the clouds with a result, but the median of the time.
 
     `rmse_mm` is against noise-free targets, `rmse_noisy_mm` against the measured ones; `bound_mm` the mean Cramer-Rao
     bound and `rms_ratio` the root mean square of RMSE / bound; `confidently_wrong` counts errors beyond five sigma of
@@ -63,17 +52,8 @@ class Row:
     paper_mm: float | None = None
 
 
-@dataclass(frozen=True)
-class _Outcome:
-    rmse: float
-    rmse_noisy: float
-    rotation: float
-    translation: float
-    nees: float
-    far_off: bool
-
-
-def _outcome(sample: Sample, result: Registration) -> _Outcome:
+def _errors(sample: Sample, result: Registration) -> tuple[float, float, float, float, float]:
+    """Return RMSE to clean and to noisy targets (m), rotation (rad), translation (m) and NEES of one result."""
     right = ~sample.wrong
     q, p = sample.true.points_source, sample.true.points_target
     T = result.T_target_source
@@ -81,14 +61,10 @@ def _outcome(sample: Sample, result: Registration) -> _Outcome:
     noisy = (apply(T, sample.told.points_source) - sample.told.points_target)[right]
     xi = log(inverse(T) @ sample.T)
     nees = float(xi @ np.linalg.solve(result.covariance, xi))
-    return _Outcome(
-        rmse=float(np.sqrt((clean**2).sum(axis=1).mean())),
-        rmse_noisy=float(np.sqrt((noisy**2).sum(axis=1).mean())) if right.any() else float("nan"),
-        rotation=float(np.linalg.norm(xi[3:])),
-        translation=float(np.linalg.norm(T[:3, 3] - sample.T[:3, 3])),
-        nees=nees,
-        far_off=nees > SIGMAS**2,
-    )
+    rmse = float(np.sqrt((clean**2).sum(axis=1).mean()))
+    rmse_noisy = float(np.sqrt((noisy**2).sum(axis=1).mean())) if right.any() else float("nan")
+    turn, shift = float(np.linalg.norm(xi[3:])), float(np.linalg.norm(T[:3, 3] - sample.T[:3, 3]))
+    return rmse, rmse_noisy, turn, shift, nees
 
 
 def rows(
@@ -98,8 +74,8 @@ def rows(
     estimators: dict[str, Estimator],
     paper_mm: dict[str, float] | None = None,
 ) -> list[Row]:
-    """Return a row an estimator: all see the same samples."""
-    outcomes: dict[str, list[_Outcome]] = {name: [] for name in estimators}
+    """Return one row per estimator: all see the same samples."""
+    errors: dict[str, list[tuple[float, ...]]] = {name: [] for name in estimators}
     ratios: dict[str, list[float]] = {name: [] for name in estimators}
     times: dict[str, list[float]] = {name: [] for name in estimators}
     bounds: list[float] = []
@@ -111,33 +87,31 @@ def rows(
             result = estimator(sample.told)
             times[name].append(time.perf_counter() - begun)
             if result.ok:
-                outcomes[name].append(_outcome(sample, result))
-                ratios[name].append(outcomes[name][-1].rmse / bounds[-1])
-
-    def mean(name: str, what: Callable[[_Outcome], float]) -> float:
-        values = [what(outcome) for outcome in outcomes[name]]
-        return float(np.mean(values)) if values else float("nan")
-
-    return [
-        Row(
-            group,
-            scenario,
-            name,
-            len(bounds),
-            1e3 * mean(name, lambda o: o.rmse),
-            1e3 * float(np.mean(bounds)),
-            float(np.sqrt(np.mean(np.square(ratios[name])))) if ratios[name] else float("nan"),
-            1e3 * mean(name, lambda o: o.rmse_noisy),
-            float(np.degrees(mean(name, lambda o: o.rotation))),
-            1e3 * mean(name, lambda o: o.translation),
-            mean(name, lambda o: o.nees),
-            1e3 * float(np.median(times[name])),
-            len(bounds) - len(outcomes[name]),
-            sum(outcome.far_off for outcome in outcomes[name]),
-            None if paper_mm is None else paper_mm.get(name),
+                errors[name].append(_errors(sample, result))
+                ratios[name].append(errors[name][-1][0] / bounds[-1])
+    found = []
+    for name in estimators:
+        each = np.array(errors[name]).reshape(-1, 5)
+        rmse, rmse_noisy, turn, shift, nees = each.mean(axis=0).tolist() if len(each) else [float("nan")] * 5
+        row = Row(
+            group=group,
+            scenario=scenario,
+            estimator=name,
+            clouds=len(bounds),
+            rmse_mm=1e3 * rmse,
+            bound_mm=1e3 * float(np.mean(bounds)),
+            rms_ratio=float(np.sqrt(np.mean(np.square(ratios[name])))) if ratios[name] else float("nan"),
+            rmse_noisy_mm=1e3 * rmse_noisy,
+            rotation_deg=float(np.degrees(turn)),
+            translation_mm=1e3 * shift,
+            nees=nees,
+            time_ms=1e3 * float(np.median(times[name])),
+            degenerate=len(bounds) - len(each),
+            confidently_wrong=int((each[:, 4] > CONFIDENTLY_WRONG).sum()),
+            paper_mm=None if paper_mm is None else paper_mm.get(name),
         )
-        for name in estimators
-    ]
+        found.append(row)
+    return found
 
 
 def paper_scenarios(clouds: int) -> Iterator[list[Row]]:
@@ -154,28 +128,21 @@ def paper_scenarios(clouds: int) -> Iterator[list[Row]]:
 
 
 def stress_cases(clouds: int) -> Iterator[list[Row]]:
-    """Yield the cases in which the estimators are told wrongly."""
+    """Yield the cases in which the noise is stated wrongly."""
     for case in STRESS:
         yield rows("told wrongly", case, (stressed(seed, case) for seed in range(clouds)), ESTIMATORS)
 
 
 def without_correspondences(clouds: int) -> Iterator[list[Row]]:
-    """Yield WICP and EM-ICP as they are meant, on clouds in any order that are little apart."""
-
-    def unmatched(estimator: Callable[..., Registration]) -> Estimator:
-        def estimate(pairs: Pairs, prior: Prior | None = None) -> Registration:
-            return estimator(pairs, prior, matched=False)
-
-        return estimate
-
-    estimators = {"EM-ICP": unmatched(em_icp), "WICP": unmatched(wicp)}
+    """Yield WICP and EM-ICP as they are meant to be used: on unordered clouds that are close together."""
+    estimators: dict[str, Estimator] = {"EM-ICP": partial(em_icp, matched=False), "WICP": partial(wicp, matched=False)}
     yield rows("no correspondences", "within 3 cm, 1 deg", (nearby(seed) for seed in range(clouds)), estimators)
 
 
 def outlier_ratios(clouds: int) -> Iterator[list[Row]]:
-    """Yield the estimators with a share of wrong pairs: the gated recursion, and the five without a gate.
+    """Yield the estimators with a share of wrong pairs: RF behind the gate, and the five without a gate.
 
-    "RF, told which" is the recursion that is told which pairs are right: what a perfect gate would leave.
+    "RF, told which" is given the right pairs only, as a perfect gate would leave them.
     """
 
     def told_which(samples: list[Sample]) -> Estimator:

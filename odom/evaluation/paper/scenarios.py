@@ -1,20 +1,24 @@
-"""Seeded clouds: the paper's magnitudes under several noise models, and cases that are told wrongly."""
+"""Seeded clouds: the paper's magnitudes under several noise models, and cases with wrongly stated noise.
+
+The magnitudes are the paper's; the rest (400 pairs, motions up to half a metre and radian) was chosen to be like two
+successive looks of a hand-held Kinect.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum, unique
 
 import numpy as np
-from numpy.typing import NDArray
 
 from odom.frame import Camera
+from odom.geometry.arrays import Array, Mask
+from odom.geometry.se3 import apply, exp, inverse
 from odom.registration import KinectV1, Pairs, back_project, point_covariances
-from odom.registration.se3 import apply, exp, inverse
-
-Array = NDArray[np.float64]
 
 CAMERA = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)
+"""Where every cloud is seen from: 640 x 480 pixels with the focal length of a Kinect v1."""
 DEPTHS_M = (0.6, 4.0)
+"""Nearest and farthest depth of a Kinect v1 that is of use."""
 MAGNITUDES_M = {"small": (0.0001, 0.010), "average": (0.010, 0.020), "large": (0.020, 0.080)}
 """The paper's ranges of sigma; those of both Kinects are its sensors'."""
 
@@ -23,23 +27,23 @@ MAGNITUDES_M = {"small": (0.0001, 0.010), "average": (0.010, 0.020), "large": (0
 class Noise(Enum):
     """How the sigmas drawn from a magnitude's range are spread."""
 
-    AXIS = "a sigma an axis"
-    POINT = "a sigma a point and axis"
+    AXIS = "one sigma per axis"
+    POINT = "one sigma per point and axis"
     RAY = "along the viewing ray (eqs. 20-21), 1 % across"
     KINECT = "Kinect v1 (Khoshelham)"
 
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """A cloud: `told` is what the estimators get, `true` the noise-free points with the true covariances.
+    """A cloud: `told` is what the estimators are given, `true` the noise-free points with the true covariances.
 
-    `T` is the true motion, `wrong` marks the pairs that do not belong together.
+    `T` is the true motion, `wrong` (n) marks the pairs that do not belong together.
     """
 
     T: Array
     told: Pairs
     true: Pairs
-    wrong: NDArray[np.bool_]
+    wrong: Mask
 
 
 def clean_clouds(rng: np.random.Generator, n: int, angle_rad: float = 0.5, distance_m: float = 0.5) -> Sample:
@@ -65,7 +69,7 @@ def view_volume(rng: np.random.Generator, n: int) -> Array:
     return back_project(CAMERA, rng.uniform((0.0, 0.0), (CAMERA.width, CAMERA.height), (n, 2)), z)
 
 
-def visible(points: Array) -> NDArray[np.bool_]:
+def visible(points: Array) -> Mask:
     """Return which points (n x 3, camera frame) lie in the view volume."""
     z = points[:, 2]
     uv = project(points)
@@ -98,14 +102,14 @@ def covariances(rng: np.random.Generator, noise: Noise, magnitude_m: tuple[float
 
 
 def disturbed(rng: np.random.Generator, points: Array, C: Array | None) -> Array:
-    """Return points with a draw of their noise."""
+    """Return the points with random noise of their covariances C (None: none)."""
     if C is None:
         return points
     return np.asarray(points + np.einsum("nij,nj->ni", np.linalg.cholesky(C), rng.normal(size=points.shape)))
 
 
 def noisy(rng: np.random.Generator, clean: Sample, C_source: Array | None, C_target: Array | None) -> Sample:
-    """Return the sample with noise of the given true covariances, of which the estimators are told the truth."""
+    """Return the sample with noise of the given covariances, which are also those stated to the estimators."""
     q, p = clean.true.points_source, clean.true.points_target
     return replace(
         clean,
@@ -115,7 +119,7 @@ def noisy(rng: np.random.Generator, clean: Sample, C_source: Array | None, C_tar
 
 
 def cloud(seed: int, noise: Noise, magnitude: str, both: bool, n: int = 400) -> Sample:
-    """Return cloud `seed` of the paper's kind: noise on the target, or on `both` sides; the estimators know it."""
+    """Return cloud `seed` of the paper's kind: correctly stated noise on the target, or on `both` sides."""
     rng = np.random.default_rng([seed, list(Noise).index(noise), list(MAGNITUDES_M).index(magnitude), both])
     clean = clean_clouds(rng, n)
     range_m = MAGNITUDES_M[magnitude]
@@ -124,7 +128,8 @@ def cloud(seed: int, noise: Noise, magnitude: str, both: bool, n: int = 400) -> 
     return noisy(rng, clean, C_source, C_target)
 
 
-def _kinect(rng: np.random.Generator, n: int) -> tuple[Sample, Array, Array]:
+def kinect_noise(rng: np.random.Generator, n: int) -> tuple[Sample, Array, Array]:
+    """Return a clean sample and the Kinect's covariances of its source and of its target."""
     clean = clean_clouds(rng, n)
     C_source = covariances(rng, Noise.KINECT, (0.0, 0.0), clean.true.points_source)
     return clean, C_source, covariances(rng, Noise.KINECT, (0.0, 0.0), clean.true.points_target)
@@ -136,29 +141,29 @@ def _told(sample: Sample, C_source: Array | None, C_target: Array | None) -> Sam
 
 
 def scaled_each(rng: np.random.Generator, n: int) -> Sample:
-    """Return both Kinects' noise, of each pair 0.1 to 10 times the sigma that is told."""
-    clean, C_source, C_target = _kinect(rng, n)
+    """Return clouds of two Kinects whose noise is, pair by pair, 0.1 to 10 times the stated sigma."""
+    clean, C_source, C_target = kinect_noise(rng, n)
     factor = 10.0 ** rng.uniform(-2.0, 2.0, n)[:, None, None]
     return _told(noisy(rng, clean, factor * C_source, factor * C_target), C_source, C_target)
 
 
 def scaled_all(rng: np.random.Generator, n: int) -> Sample:
-    """Return both Kinects' noise, of a whole cloud 0.1 to 10 times the sigma that is told."""
-    clean, C_source, C_target = _kinect(rng, n)
+    """Return clouds of two Kinects whose noise is, for the whole cloud, 0.1 to 10 times the stated sigma."""
+    clean, C_source, C_target = kinect_noise(rng, n)
     factor = 10.0 ** rng.uniform(-2.0, 2.0)
     return _told(noisy(rng, clean, factor * C_source, factor * C_target), C_source, C_target)
 
 
 def source_left_out(rng: np.random.Generator, n: int) -> Sample:
-    """Return a Kinect's cloud against a surveyed one (1 mm): the estimators are not told that the source is noisy."""
-    clean, C_source, _ = _kinect(rng, n)
+    """Return a Kinect's cloud against a surveyed one (1 mm); the noise of the source is not stated."""
+    clean, C_source, _ = kinect_noise(rng, n)
     C_target = np.tile(1e-6 * np.eye(3), (n, 1, 1))
     return _told(noisy(rng, clean, C_source, C_target), None, C_target)
 
 
 def biased_axis(rng: np.random.Generator, n: int) -> Sample:
-    """Return both Kinects' noise, and a target whose depth axis reads .5 to 2 % wrong, which nobody is told."""
-    clean, C_source, C_target = _kinect(rng, n)
+    """Return clouds of two Kinects, the depth axis of the target reading .5 to 2 % wrong, which is not stated."""
+    clean, C_source, C_target = kinect_noise(rng, n)
     sample = noisy(rng, clean, C_source, C_target)
     points = sample.told.points_target.copy()
     points[:, 2] *= 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.005, 0.02)
@@ -166,8 +171,8 @@ def biased_axis(rng: np.random.Generator, n: int) -> Sample:
 
 
 def misjudged_axis(rng: np.random.Generator, n: int) -> Sample:
-    """Return both Kinects' noise, and 2 cm more along one axis of the target, which nobody is told."""
-    clean, C_source, C_target = _kinect(rng, n)
+    """Return clouds of two Kinects with 2 cm more noise along one axis of the target, which is not stated."""
+    clean, C_source, C_target = kinect_noise(rng, n)
     more = np.zeros((3, 3))
     more[(axis := rng.integers(3)), axis] = 0.02**2
     return _told(noisy(rng, clean, C_source, C_target + more), C_source, C_target)
@@ -183,14 +188,14 @@ STRESS: dict[str, Callable[[np.random.Generator, int], Sample]] = {
 
 
 def stressed(seed: int, case: str, n: int = 400) -> Sample:
-    """Return cloud `seed` of a case in which the estimators are told wrongly."""
+    """Return cloud `seed` of a case of wrongly stated noise."""
     return STRESS[case](np.random.default_rng([seed, 100 + list(STRESS).index(case)]), n)
 
 
 def with_outliers(seed: int, ratio: float, n: int = 400) -> Sample:
-    """Return cloud `seed` of two Kinects, a share of whose pairs has a target anywhere in the view volume."""
+    """Return cloud `seed` of two Kinects in which a share of the pairs has its target anywhere in the view volume."""
     rng = np.random.default_rng([seed, 200, round(1000 * ratio)])
-    sample = noisy(rng, *_kinect(rng, n))
+    sample = noisy(rng, *kinect_noise(rng, n))
     wrong = rng.permutation(n) < round(ratio * n)
     points, C = sample.told.points_target.copy(), sample.told.covariances_target
     assert C is not None
@@ -202,7 +207,7 @@ def with_outliers(seed: int, ratio: float, n: int = 400) -> Sample:
 
 
 def nearby(seed: int, n: int = 400) -> Sample:
-    """Return cloud `seed` of two Kinects little apart, the target in another order: no pair is right."""
+    """Return cloud `seed` of two Kinects close together, the target in another order: no pair is right."""
     rng = np.random.default_rng([seed, 300])
     clean = clean_clouds(rng, n, angle_rad=np.deg2rad(1.0), distance_m=0.03)
     C_source = covariances(rng, Noise.KINECT, (0.0, 0.0), clean.true.points_source)

@@ -1,86 +1,39 @@
 """Pure functions between arrays and wire messages. Decoders raise WireError, and nothing else, on any bytes."""
 
-from odom.wire.codec.cdr import restamp, schema, stamp_of
-from odom.wire.codec.cloud import decode_cloud, encode_cloud
-from odom.wire.codec.geometry import (
-    StampedPose,
-    decode_odometry,
-    decode_path,
-    decode_points,
-    decode_pose,
-    decode_tf,
-    encode_odometry,
-    encode_path,
-    encode_points,
-    encode_pose,
-    encode_tf,
-    quaternion_from_rotation,
-    rotation_from_quaternion,
-)
-from odom.wire.codec.images import (
-    OPTICAL_FRAME,
-    decode_camera_info,
-    decode_color,
-    decode_color_small,
-    decode_depth,
-    encode_camera_info,
-    encode_color,
-    encode_color_file,
-    encode_color_jpeg,
-    encode_depth,
-    encode_depth_compressed,
-)
-from odom.wire.codec.text import (
-    Loop,
-    Status,
-    decode_loop,
-    decode_numbers,
-    decode_status,
-    decode_text,
-    encode_loop,
-    encode_numbers,
-    encode_status,
-    encode_text,
-)
-
-__all__ = [
-    "OPTICAL_FRAME",
-    "Loop",
-    "StampedPose",
-    "Status",
-    "decode_camera_info",
-    "decode_cloud",
-    "decode_color",
-    "decode_color_small",
-    "decode_depth",
-    "decode_loop",
-    "decode_numbers",
-    "decode_odometry",
-    "decode_path",
-    "decode_points",
-    "decode_pose",
-    "decode_status",
-    "decode_text",
-    "decode_tf",
-    "encode_camera_info",
-    "encode_cloud",
-    "encode_color",
-    "encode_color_file",
-    "encode_color_jpeg",
-    "encode_depth",
-    "encode_depth_compressed",
-    "encode_loop",
-    "encode_numbers",
-    "encode_odometry",
-    "encode_path",
-    "encode_points",
-    "encode_pose",
-    "encode_status",
-    "encode_text",
-    "encode_tf",
-    "quaternion_from_rotation",
-    "restamp",
-    "rotation_from_quaternion",
-    "schema",
-    "stamp_of",
-]
+from odom.wire.codec.camera_info import decode_camera_info as decode_camera_info
+from odom.wire.codec.camera_info import encode_camera_info as encode_camera_info
+from odom.wire.codec.cdr import restamp as restamp
+from odom.wire.codec.cdr import schema as schema
+from odom.wire.codec.cdr import stamp_of as stamp_of
+from odom.wire.codec.diagnostics import Loop as Loop
+from odom.wire.codec.diagnostics import Status as Status
+from odom.wire.codec.diagnostics import decode_loop as decode_loop
+from odom.wire.codec.diagnostics import decode_numbers as decode_numbers
+from odom.wire.codec.diagnostics import decode_status as decode_status
+from odom.wire.codec.diagnostics import decode_text as decode_text
+from odom.wire.codec.diagnostics import encode_loop as encode_loop
+from odom.wire.codec.diagnostics import encode_numbers as encode_numbers
+from odom.wire.codec.diagnostics import encode_status as encode_status
+from odom.wire.codec.diagnostics import encode_text as encode_text
+from odom.wire.codec.image_messages import OPTICAL_FRAME as OPTICAL_FRAME
+from odom.wire.codec.image_messages import decode_color as decode_color
+from odom.wire.codec.image_messages import decode_color_small as decode_color_small
+from odom.wire.codec.image_messages import decode_depth as decode_depth
+from odom.wire.codec.image_messages import encode_color as encode_color
+from odom.wire.codec.image_messages import encode_color_file as encode_color_file
+from odom.wire.codec.image_messages import encode_color_jpeg as encode_color_jpeg
+from odom.wire.codec.image_messages import encode_depth as encode_depth
+from odom.wire.codec.image_messages import encode_depth_compressed as encode_depth_compressed
+from odom.wire.codec.points import decode_cloud as decode_cloud
+from odom.wire.codec.points import decode_points as decode_points
+from odom.wire.codec.points import encode_cloud as encode_cloud
+from odom.wire.codec.points import encode_points as encode_points
+from odom.wire.codec.poses import StampedPose as StampedPose
+from odom.wire.codec.poses import decode_odometry as decode_odometry
+from odom.wire.codec.poses import decode_path as decode_path
+from odom.wire.codec.poses import decode_pose as decode_pose
+from odom.wire.codec.poses import decode_tf as decode_tf
+from odom.wire.codec.poses import encode_odometry as encode_odometry
+from odom.wire.codec.poses import encode_path as encode_path
+from odom.wire.codec.poses import encode_pose as encode_pose
+from odom.wire.codec.poses import encode_tf as encode_tf

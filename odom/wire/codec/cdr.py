@@ -1,6 +1,8 @@
-"""ROS 2 CDR through `rosbags`, behind one error: whatever is wrong with the bytes becomes a WireError."""
+"""ROS 2 messages as CDR bytes, through `rosbags`; whatever is wrong with the bytes becomes a WireError.
 
-from collections.abc import Mapping
+Only the stamp is read and written here, at its fixed place, because `rosbags` would decode the whole message for it.
+"""
+
 from functools import lru_cache
 from struct import Struct
 from typing import Any
@@ -23,18 +25,11 @@ PATH = "nav_msgs/msg/Path"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
-_STAMP_OFFSET: Mapping[str, int] = {
-    IMAGE: 4,
-    COMPRESSED_IMAGE: 4,
-    CAMERA_INFO: 4,
-    POINT_CLOUD: 4,
-    POSE: 4,
-    ODOMETRY: 4,
-    PATH: 4,
-    DIAGNOSTICS: 4,
-    TRANSFORMS: 8,
-}
+_BEGIN_WITH_A_HEADER = (IMAGE, COMPRESSED_IMAGE, CAMERA_INFO, POINT_CLOUD, POSE, ODOMETRY, PATH, DIAGNOSTICS)
+_STAMP_OFFSET = dict.fromkeys(_BEGIN_WITH_A_HEADER, 4) | {TRANSFORMS: 8}
+"""Where the stamp stands: behind the 4 bytes of CDR, in TRANSFORMS also behind the length of its sequence."""
 _TIME = {0: Struct(">iI"), 1: Struct("<iI")}
+"""Layout of a stamp by the second byte of the payload, which says the byte order."""
 
 
 @lru_cache(maxsize=1)
@@ -45,33 +40,26 @@ def typestore() -> Any:
     return get_typestore(Stores.ROS2_HUMBLE)
 
 
-@lru_cache(maxsize=64)
-def ros(type_name: str) -> Any:
-    """Return the class of the message type; raises WireError for a type that ROS 2 does not define."""
-    try:
-        return typestore().types[type_name]
-    except KeyError:
-        raise WireError(f"message type {type_name!r} is not known") from None
+def build(type_name: str, *values: Any, **fields: Any) -> Any:
+    """Return a `rosbags` message object, such as `build("geometry_msgs/msg/Point", x=0.0, y=0.0, z=1.0)`.
+
+    Raises WireError for a type that ROS 2 does not define.
+    """
+    return _message_class(type_name)(*values, **fields)
 
 
 @lru_cache(maxsize=64)
 def schema(type_name: str) -> bytes:
     """Return the message definition (`ros2msg`) that a recording stores beside the messages."""
-    ros(type_name)
+    _message_class(type_name)
     return str(typestore().generate_msgdef(type_name, ros_version=2)[0]).encode()
 
 
-def time(stamp: Stamp) -> Any:
-    """Return builtin_interfaces/Time of the stamp; raises WireError beyond the years 1901 to 2038."""
-    seconds, nanoseconds = divmod(stamp, SECOND)
-    if not -(2**31) <= seconds < 2**31:
-        raise WireError(f"stamp {stamp} does not fit a ROS time: give nanoseconds between 1901 and 2038")
-    return ros("builtin_interfaces/msg/Time")(sec=seconds, nanosec=nanoseconds)
-
-
 def header(stamp: Stamp, frame_id: str) -> Any:
-    """Return std_msgs/Header."""
-    return ros("std_msgs/msg/Header")(stamp=time(stamp), frame_id=frame_id)
+    """Return std_msgs/Header; raises WireError for a stamp beyond the years 1901 to 2038."""
+    seconds, nanoseconds = _seconds(stamp)
+    time = build("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
+    return build("std_msgs/msg/Header", stamp=time, frame_id=frame_id)
 
 
 def stamp_of(type_name: str, payload: bytes) -> Stamp | None:
@@ -92,6 +80,24 @@ def stamp_of(type_name: str, payload: bytes) -> Stamp | None:
     if nanoseconds >= SECOND:
         raise WireError(f"{type_name} carries {nanoseconds} nanoseconds within a second")
     return Stamp(seconds * SECOND + nanoseconds)
+
+
+def restamp(message: Message, stamp: Stamp) -> Message:
+    """Return the message with another capture stamp and all else unchanged.
+
+    Raises WireError for a type without a stamp, malformed bytes and a stamp beyond the years 1901 to 2038.
+    """
+    if stamp_of(message.type_name, message.payload) is None:
+        raise WireError(f"{message.type_name} has no stamp")
+    payload = bytearray(message.payload)
+    _TIME[payload[1]].pack_into(payload, _STAMP_OFFSET[message.type_name], *_seconds(stamp))
+    return Message(message.topic, message.type_name, stamp, bytes(payload))
+
+
+def encode(topic: str, type_name: str, stamp: Stamp, frame_id: str, **fields: Any) -> Message:
+    """Return the wire message of a type that begins with a header; raises WireError as `serialise` does."""
+    message = build(type_name, header=header(stamp, frame_id), **fields)
+    return serialise(topic, type_name, stamp, message)
 
 
 def serialise(topic: str, type_name: str, stamp: Stamp, message: Any) -> Message:
@@ -117,14 +123,17 @@ def deserialise(message: Message, *type_names: str) -> Any:
         raise WireError(f"{message.topic}: malformed {message.type_name}: {error}") from error
 
 
-def restamp(message: Message, stamp: Stamp) -> Message:
-    """Return the message with another capture stamp, all else unchanged; for types that have one in their header.
+@lru_cache(maxsize=64)
+def _message_class(type_name: str) -> Any:
+    try:
+        return typestore().types[type_name]
+    except KeyError:
+        raise WireError(f"message type {type_name!r} is not known") from None
 
-    Raises WireError for other types and malformed bytes.
-    """
-    if stamp_of(message.type_name, message.payload) is None:
-        raise WireError(f"{message.type_name} has no stamp")
-    moment, payload = time(stamp), bytearray(message.payload)
-    offset = _STAMP_OFFSET[message.type_name]
-    _TIME[payload[1]].pack_into(payload, offset, moment.sec, moment.nanosec)
-    return Message(message.topic, message.type_name, stamp, bytes(payload))
+
+def _seconds(stamp: Stamp) -> tuple[int, int]:
+    """Return the seconds and nanoseconds of a ROS time."""
+    seconds, nanoseconds = divmod(stamp, SECOND)
+    if not -(2**31) <= seconds < 2**31:
+        raise WireError(f"stamp {stamp} does not fit a ROS time: give nanoseconds between 1901 and 2038")
+    return seconds, nanoseconds

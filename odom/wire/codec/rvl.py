@@ -1,15 +1,15 @@
 """RVL, lossless run-length and variable-length coding of depth images (A. D. Wilson, 2017).
 
-Runs of zeros and of non-zero values alternate; a run's length and each value's zigzag difference to the previous
-non-zero value are written in groups of three bits, the fourth saying that more follow. Eight such nibbles fill a
-little-endian 32-bit word from its top.
+Runs of zeros and of non-zero values alternate. The length of a run, and the zigzag-coded difference of each value to
+the previous non-zero one, are written in groups of three bits; the fourth bit says that more follow. Eight such nibbles
+fill a little-endian 32-bit word from its top.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from odom.errors import WireError
-from odom.registration.compiled import compiled
+from odom.geometry.compiled import compiled
 
 
 def encode_rvl(values: NDArray[np.uint16]) -> bytes:
@@ -64,7 +64,7 @@ def _encode(values: NDArray[np.uint16], nibbles: NDArray[np.uint8]) -> int:
 
 @compiled
 def _get(words: NDArray[np.uint32], at: int) -> tuple[int, int]:
-    """Return (value, next nibble), (-1, ...) behind the end of the words or for a value beyond 30 bits."""
+    """Return (value, next nibble); the value is -1 after the end of the words or when it has more than 30 bits."""
     value, shift = 0, 0
     while at < 8 * words.size and shift < 30:
         nibble = (int(words[at >> 3]) >> (28 - 4 * (at & 7))) & 15

@@ -2,22 +2,14 @@
 
 from pathlib import Path
 
-from odom.wire.recording.bag import BagReader
-from odom.wire.recording.reader import RecordingReader, Stream, recover
-from odom.wire.recording.roles import ROLES, Roles, assign_roles
-from odom.wire.recording.writer import RecordingWriter
-
-__all__ = [
-    "ROLES",
-    "BagReader",
-    "RecordingReader",
-    "RecordingWriter",
-    "Roles",
-    "Stream",
-    "assign_roles",
-    "open_reader",
-    "recover",
-]
+from odom.wire.recording.bag import BagReader as BagReader
+from odom.wire.recording.reader import RecordedStream as RecordedStream
+from odom.wire.recording.reader import RecordingReader as RecordingReader
+from odom.wire.recording.recovery import recover as recover
+from odom.wire.recording.stream_selection import STREAM_ROLES as STREAM_ROLES
+from odom.wire.recording.stream_selection import SelectedStreams as SelectedStreams
+from odom.wire.recording.stream_selection import select_streams as select_streams
+from odom.wire.recording.writer import RecordingWriter as RecordingWriter
 
 
 def open_reader(path: Path) -> RecordingReader:

@@ -1,6 +1,7 @@
 """Reads a ROS 2 bag folder (`metadata.yaml` beside .mcap or .db3 files) like a single recording."""
 
 import re
+from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,21 +26,18 @@ class BagReader(RecordingReader):
         if not self._parts and not any(path.glob("*.db3")):
             raise RecordingError(f"{path} is no ROS 2 bag: neither .mcap nor .db3 files are in it")
 
-    def counts(self) -> dict[str, int] | None:
-        """Return the number of messages a topic, None when a part has no sound index."""
-        totals: dict[str, int] = {}
+    def counts(self) -> Counter[str] | None:
+        """Return the number of messages by topic, None when a part has no sound index."""
+        totals = Counter[str]()
         if not self._parts:
             with self._database() as bag:
                 for connection in bag.connections:
-                    topic = connection.topic.removeprefix("/")
-                    totals[topic] = totals.get(topic, 0) + connection.msgcount
-            return totals
+                    totals[connection.topic.removeprefix("/")] += connection.msgcount
         for part in self._parts:
             counts = part.counts()
             if counts is None:
                 return None
-            for topic, count in counts.items():
-                totals[topic] = totals.get(topic, 0) + count
+            totals.update(counts)
         return totals
 
     def _in_file_order(self, topics: Collection[str] | None, start: Stamp | None) -> Iterator[Message]:
@@ -70,7 +68,7 @@ class BagReader(RecordingReader):
 
     @contextmanager
     def _database(self) -> Iterator[Any]:
-        """Open the database; whatever goes wrong with it, then or while it is read, becomes a RecordingError."""
+        """Open the database; whatever goes wrong with it, now or while it is read, becomes a RecordingError."""
         from rosbags.rosbag2 import Reader
 
         try:
@@ -81,6 +79,6 @@ class BagReader(RecordingReader):
 
 
 def _number(part: Path) -> tuple[int, str]:
-    """Return what sorts `bag_10` behind `bag_9`."""
+    """Return a sort key that puts `bag_10` behind `bag_9`."""
     digits = re.search(r"\d+\Z", part.stem)
     return (int(digits[0]) if digits else 0, part.name)

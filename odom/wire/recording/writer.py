@@ -1,7 +1,7 @@
 """Writes wire messages into an MCAP file as ROS 2 would: profile ros2, CDR, chunked, indexed, with checksums."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import count
 from pathlib import Path
 from types import TracebackType
@@ -16,9 +16,12 @@ from odom.wire.message import Message
 from odom.wire.settings import Compression
 
 LIBRARY = "rgbd-odom"
-_CHUNK_BYTES, _CHUNK_AGE_S = 8 << 20, 0.25
-"""The index of chunks, some kilobyte each, stays in memory until the end: at this size, age ends most chunks, and an
-hour costs some 15 MB."""
+_CHUNK_BYTES = 8 << 20
+"""Size at which a chunk is written, so large that its age ends it first. Smaller: more chunks, each of which keeps some
+kilobyte of index in memory until the end; larger: writing it stalls (16 MiB: 100 ms, measured)."""
+_CHUNK_AGE_S = 0.25
+"""Age at which a chunk is written, in seconds: what a crash can cost. Smaller: a larger index (at 0.25 s an hour takes
+some 15 MB) and worse compression."""
 _COMPRESSION: Mapping[Compression, CompressionType] = {
     "zstd": CompressionType.ZSTD,
     "lz4": CompressionType.LZ4,
@@ -30,8 +33,8 @@ class RecordingWriter:
     """Writes to `path`; what was given more than a quarter of a second ago survives the death of the process.
 
     A message is logged at its stamp, not at the time of writing: a recording of a replay equals the recording. Raises
-    RecordingError when the file cannot be written; an existing one is replaced only if `overwrite`. With `beside` the
-    next free name is taken instead, `take-2.mcap` beside `take.mcap`; `path` says which.
+    RecordingError when the file cannot be written; an existing one is replaced only with `overwrite`. With `beside` the
+    next free name is used instead, `take-2.mcap` beside `take.mcap`; `path` says which.
     """
 
     def __init__(
@@ -54,9 +57,8 @@ class RecordingWriter:
             raise RecordingError(f"{path} cannot be written: {error.strerror}") from error
         self.path = Path(self._file.name)
         self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, compression=_COMPRESSION[compression])
-        self._channels: dict[tuple[str, str], int] = {}
+        self._channels: dict[tuple[str, str], tuple[int, Iterator[int]]] = {}
         self._schemas: dict[str, int] = {}
-        self._sequences: dict[int, int] = {}
         self._chunk_began: float | None = None
         self._closed = False
         self._writer.start(profile="ros2", library=LIBRARY)
@@ -67,11 +69,9 @@ class RecordingWriter:
     def write(self, message: Message, at: Stamp | None = None) -> None:
         """Append a message, logged at its stamp or at `at`; raises RecordingError when the disk is full or gone."""
         try:
-            channel = self._channels.get((message.topic, message.type_name)) or self._register(message)
-            sequence = self._sequences.get(channel, 0)
-            self._sequences[channel] = sequence + 1
+            channel, sequence = self._channels.get((message.topic, message.type_name)) or self._register(message)
             logged = max(0, message.stamp if at is None else at)
-            self._writer.add_message(channel, logged, message.payload, logged, sequence)
+            self._writer.add_message(channel, logged, message.payload, logged, next(sequence))
             self.count += 1
             if self._chunk_began is None:
                 self._chunk_began = time.monotonic()
@@ -80,7 +80,7 @@ class RecordingWriter:
             raise RecordingError(f"{self.path} cannot be written any more: {error.strerror}") from error
 
     def flush_if_due(self) -> None:
-        """Give the chunk in progress to the system once it is a quarter of a second old; call this when idle."""
+        """Write the chunk in progress once it is a quarter of a second old; call this when idle."""
         if self._chunk_began is not None and time.monotonic() - self._chunk_began >= _CHUNK_AGE_S:
             self._chunk_began = None
             self._writer.flush()  # type: ignore[no-untyped-call]  # mcap gives no type
@@ -102,17 +102,17 @@ class RecordingWriter:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
 
-    def _register(self, message: Message) -> int:
+    def _register(self, message: Message) -> tuple[int, Iterator[int]]:
+        """Return the channel of a topic and type, with its sequence numbers."""
         type_name = message.type_name
         if type_name not in self._schemas:
             self._schemas[type_name] = self._writer.register_schema(type_name, "ros2msg", schema(type_name))
         channel = self._writer.register_channel(f"/{message.topic}", "cdr", self._schemas[type_name])
-        self._channels[message.topic, type_name] = channel
-        return channel
+        return self._channels.setdefault((message.topic, type_name), (channel, count()))
 
 
 def _create(path: Path, beside: bool) -> BinaryIO:
-    """Create the file of a name that nobody has taken, at once: two that start together get two names."""
+    """Create a file that does not exist yet, in one step: two processes that start together get two names."""
     numbers, name = count(2), path
     while True:
         try:

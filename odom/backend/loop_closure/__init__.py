@@ -1,0 +1,1 @@
+"""Places seen again: recognised, verified, held against the chain, and closed."""

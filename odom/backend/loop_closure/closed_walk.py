@@ -1,0 +1,46 @@
+"""The paper's test of a walk that ends where it began: the last frame registered against the first key frame."""
+
+import numpy as np
+
+from odom.backend.estimate import ClosingTest, RelativePose
+from odom.backend.map.map import Map
+from odom.backend.map.pose_covariance import independent_covariance
+from odom.backend.tracking.frame_state import FrameState, Tracked
+from odom.backend.tracking.frame_tracker import FrameTracker
+from odom.backend.tracking.tuning import TUNING
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.geometry import se3
+
+
+def closing_test(
+    map_: Map,
+    tracker: FrameTracker,
+    state: FrameState,
+    last: Tracked,
+    pairwise: RelativePose | None,
+    sensor: SensorModel,
+) -> ClosingTest | None:
+    """Compare the pose of the `last` frame in the trajectory with the one that the first key frame's landmarks give.
+
+    The first key frame is that of its segment; `pairwise` is the last frame registered against the one before. Returns
+    None where the last frame does not show what the first one did, or that one is forgotten.
+    """
+    first = map_.keyframes[map_.keyframes[state.reference].first]
+    if first.number not in map_.remembered:
+        return None
+    tracked = tracker.track(state.view, sensor, state.T_camera_map, last.twist, np.array([first.number]))
+    inliers = tracked.inlier_count
+    if inliers < TUNING.found_again:
+        return None
+    T_direct = first.T_camera_map @ tracked.T_map_camera
+    T_trajectory = first.T_camera_map @ state.T_map_camera
+    away = se3.log(se3.inverse(T_trajectory) @ T_direct)
+    covariance = independent_covariance(tracked.covariance * sensor.noise.covariance_scale)
+    return ClosingTest(
+        RelativePose(first.stamp, T_direct, covariance, inliers),
+        T_trajectory,
+        pairwise,
+        float(np.linalg.norm(away[:3])),
+        float(np.rad2deg(np.linalg.norm(away[3:]))),
+        float(np.sqrt(away @ np.linalg.solve(covariance, away))),
+    )

@@ -1,0 +1,31 @@
+"""Whether a loop closure agrees with the chain of key frames between its ends."""
+
+import numpy as np
+
+from odom.backend.loop_closure.tuning import TUNING
+from odom.backend.map.map import Map
+from odom.backend.map.pose_covariance import calibration_covariance, independent_covariance
+from odom.backend.map.pose_graph import Edge
+from odom.geometry import se3
+
+_CHI2_6_9999 = 27.86
+"""The .9999 quantile of chi-squared with 6 degrees of freedom."""
+
+
+def contradiction(map_: Map, closure: Edge, calibration_error: float) -> str:
+    """Return how a `closure` contradicts the chain of key frames between its two; empty where it does not.
+
+    `calibration_error` is the share of a motion by which the chain may err as a whole.
+    """
+    a, b = map_.keyframes[closure.a], map_.keyframes[closure.b]
+    chain = map_.registrations.covariance_between(closure.a, closure.b)
+    if chain is None:
+        return ""
+    T_a_b = a.T_camera_map @ se3.inverse(b.T_camera_map)
+    away = se3.log(se3.inverse(T_a_b) @ closure.T_a_b)
+    S = chain + calibration_covariance(T_a_b, calibration_error) + independent_covariance(closure.covariance)
+    chi2 = float(away @ np.linalg.solve(S * TUNING.chain_sigma_scale**2 + 1e-12 * np.eye(6), away))
+    if chi2 <= _CHI2_6_9999:
+        return ""
+    metres, degrees = np.linalg.norm(away[:3]), np.rad2deg(np.linalg.norm(away[3:]))
+    return f"contradicts the chain by {metres:.2f} m and {degrees:.1f} deg ({np.sqrt(chi2):.0f} sigma)"

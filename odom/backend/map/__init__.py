@@ -1,0 +1,1 @@
+"""The map: key frames, landmarks and the pose graph of their registrations."""

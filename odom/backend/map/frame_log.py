@@ -1,0 +1,95 @@
+"""Every frame's pose relative to a key frame, kept in arrays: 120 bytes a frame, for the last eight hours."""
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.frame import Stamp
+from odom.geometry.arrays import Array
+
+_BLOCK = 4096
+"""Frames that are allocated, and dropped, together."""
+_MOST = 211 * _BLOCK
+"""Frames that are kept: eight hours at 30 Hz, 104 MB."""
+_LOST = -1
+"""Stands for the key frame of a frame that has none."""
+_ROW = np.dtype(
+    [
+        ("stamp", np.int64),
+        ("delay_s", np.float64),
+        ("segment", np.int32),
+        ("keyframe", np.int32),
+        ("T_keyframe_camera", np.float64, (3, 4)),
+    ]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class LoggedFrame:
+    """One frame: `T_keyframe_camera` and its 6 x 6 covariance (`se3`, camera frame); `keyframe` is None when LOST.
+
+    The pose belongs to `stamp - delay_s`, the middle row's time. `segment` counts only while the frame is LOST:
+    otherwise its key frame's does, which may have been merged with another since.
+    """
+
+    stamp: Stamp
+    segment: int
+    delay_s: float
+    keyframe: int | None = None
+    T_keyframe_camera: Array | None = None
+    covariance: Array | None = None
+
+    def since_s(self, other: "LoggedFrame") -> float:
+        """Return the seconds from the `other` frame's middle row to this one's."""
+        return (self.stamp - other.stamp) * 1e-9 - self.delay_s + other.delay_s
+
+
+class FrameLog:
+    """The newest frames in order, given back to the bit but without covariances; beyond `most` the oldest block goes.
+
+    `count` says how many there ever were, `dropped` how many of them are gone: those are missing in the final
+    trajectory, while their poses as published are wherever they went. Only blocks that are used take memory.
+    """
+
+    def __init__(self, block: int = _BLOCK, most: int = _MOST) -> None:
+        self.count = self.dropped = 0
+        self._size, self._most = block, most // block
+        self._blocks: deque[NDArray[np.void]] = deque()
+
+    def __len__(self) -> int:
+        return self.count - self.dropped
+
+    def __iter__(self) -> Iterator[LoggedFrame]:
+        for i in range(len(self)):
+            yield self._read(i)
+
+    @property
+    def last(self) -> LoggedFrame | None:
+        """The newest frame, None where there is none."""
+        return self._read(len(self) - 1) if self.count else None
+
+    def append(self, frame: LoggedFrame) -> None:
+        """Keep one more frame."""
+        if len(self) == len(self._blocks) * self._size:
+            if len(self._blocks) == self._most:
+                self._blocks.popleft()
+                self.dropped += self._size
+            self._blocks.append(np.zeros(self._size, dtype=_ROW))
+        row = self._blocks[-1][len(self) % self._size]
+        row["stamp"], row["delay_s"], row["segment"] = frame.stamp, frame.delay_s, frame.segment
+        row["keyframe"] = _LOST
+        if frame.keyframe is not None and frame.T_keyframe_camera is not None:
+            row["keyframe"], row["T_keyframe_camera"] = frame.keyframe, frame.T_keyframe_camera[:3]
+        self.count += 1
+
+    def _read(self, index: int) -> LoggedFrame:
+        row = self._blocks[index // self._size][index % self._size]
+        stamp, segment, delay_s = Stamp(int(row["stamp"])), int(row["segment"]), float(row["delay_s"])
+        if row["keyframe"] == _LOST:
+            return LoggedFrame(stamp, segment, delay_s)
+        T = np.eye(4)
+        T[:3] = row["T_keyframe_camera"]
+        return LoggedFrame(stamp, segment, delay_s, int(row["keyframe"]), T)

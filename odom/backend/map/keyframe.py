@@ -1,0 +1,66 @@
+"""Key frames: where they are, and which landmarks they measured."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from odom.backend.map.landmarks import Landmarks
+from odom.frame import Stamp
+from odom.frontend.camera.rolling_shutter import ShutterTiming
+from odom.frontend.features.measurement import Measurements
+from odom.geometry.arrays import Array, Index, Mask
+
+_NO_ROWS, _NO_UV = np.zeros(0, dtype=np.int64), np.zeros((0, 2))
+"""What a key frame without landmarks has; one array for all of them."""
+_NOTHING_MEASURED = Measurements.nothing()
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Landmarks, by their `rows` (n) in the map, that a frame has measured at `uv` (n x 2 px)."""
+
+    rows: Index
+    uv: Array
+    measurements: Measurements
+
+    @classmethod
+    def nothing(cls) -> "Measured":
+        """Return the value for no landmark at all."""
+        return cls(_NO_ROWS, _NO_UV, _NOTHING_MEASURED)
+
+
+@dataclass(eq=False, kw_only=True)
+class Observed:
+    """What a frame measured of landmarks, which `rows` and `identities` (n) name, computed with `timing`."""
+
+    rows: Index
+    identities: Index
+    measurements: Measurements
+    timing: ShutterTiming
+
+    def current(self, landmarks: Landmarks) -> Mask:
+        """Return which of the measured landmarks are still in the map (n)."""
+        return np.asarray(landmarks.identity[self.rows] == self.identities)
+
+
+@dataclass(eq=False, kw_only=True)
+class Keyframe(Observed):
+    """A frame whose measurements are kept, at `uv` (n x 2 px); `T_camera_map` moves as the map is adjusted.
+
+    The pose is that of its middle row, and `T_middle_stamp` the motion from there to its stamp. `first` is the key
+    frame that its segment began with, `covariance_since_start` (6 x 6, `se3`, camera frame) that of the motion since.
+    """
+
+    number: int
+    stamp: Stamp
+    segment: int
+    first: int
+    T_camera_map: Array
+    uv: Array
+    covariance_since_start: Array
+    T_middle_stamp: Array = field(default_factory=lambda: np.eye(4))
+
+    def forget(self) -> None:
+        """Drop what was measured; the empty arrays that remain are shared by all forgotten key frames."""
+        self.rows = self.identities = _NO_ROWS
+        self.uv, self.measurements = _NO_UV, _NOTHING_MEASURED

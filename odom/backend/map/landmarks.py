@@ -1,0 +1,90 @@
+"""The landmarks of the map: arrays that grow, with one row for each landmark; rows of culled ones are used again."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.frontend.features.patches import RADIUS
+from odom.geometry.arrays import Array, Index
+
+_SIDE = 2 * RADIUS + 1
+_FIRST_ROWS = 4096
+"""Rows allocated at first, some 7 MB: a desk fits in."""
+
+
+class Landmarks:
+    """Surface points with the patch of image around them, as first seen by a key frame.
+
+    Rows: `position` (3, m, map frame), `covariance` (3 x 3, m^2, map frame, given its key frame's pose), `keyframe`
+    (number of the key frame it was first seen in), `uv` (2, px) and `plane` (inverse depth and its slope per pixel)
+    there, `patch_full`, `patch_half`; `tried` and `seen` count the tracked frames in which it was looked for and
+    found; `alive` is False for a row that may be used again; `identity` is never used again, so that an old
+    observation of a row can be told from one of the new landmark there.
+    """
+
+    def __init__(self) -> None:
+        self._fields: dict[str, NDArray[Any]] = {
+            "position": np.zeros((0, 3)),
+            "covariance": np.zeros((0, 3, 3)),
+            "keyframe": np.zeros(0, dtype=np.int64),
+            "uv": np.zeros((0, 2)),
+            "plane": np.zeros((0, 3)),
+            "patch_full": np.zeros((0, _SIDE, _SIDE), dtype=np.uint8),
+            "patch_half": np.zeros((0, _SIDE, _SIDE), dtype=np.uint8),
+            "seen": np.zeros(0, dtype=np.int64),
+            "tried": np.zeros(0, dtype=np.int64),
+            "alive": np.zeros(0, dtype=np.bool_),
+            "identity": np.zeros(0, dtype=np.int64),
+        }
+        self._next_identity = 1
+        self._bind()
+
+    def _bind(self) -> None:
+        self.position: Array = self._fields["position"]
+        self.covariance: Array = self._fields["covariance"]
+        self.keyframe: Index = self._fields["keyframe"]
+        self.uv: Array = self._fields["uv"]
+        self.plane: Array = self._fields["plane"]
+        self.patch_full: NDArray[np.uint8] = self._fields["patch_full"]
+        self.patch_half: NDArray[np.uint8] = self._fields["patch_half"]
+        self.seen: Index = self._fields["seen"]
+        self.tried: Index = self._fields["tried"]
+        self.alive: NDArray[np.bool_] = self._fields["alive"]
+        self.identity: Index = self._fields["identity"]
+
+    def add(
+        self,
+        position: Array,
+        covariance: Array,
+        keyframe: int,
+        uv: Array,
+        plane: Array,
+        patch_full: NDArray[np.uint8],
+        patch_half: NDArray[np.uint8],
+    ) -> Index:
+        """Add n landmarks first seen in `keyframe`; return their rows."""
+        n = len(position)
+        rows = np.flatnonzero(~self.alive)[:n]
+        if len(rows) < n:
+            size = len(self.alive)
+            grown = max(2 * size, size + n, _FIRST_ROWS)
+            for name, old in self._fields.items():
+                new = np.zeros((grown, *old.shape[1:]), dtype=old.dtype)
+                new[:size] = old
+                self._fields[name] = new
+            self._bind()
+            rows = np.flatnonzero(~self.alive)[:n]
+        self.position[rows], self.covariance[rows], self.keyframe[rows] = position, covariance, keyframe
+        self.uv[rows], self.plane[rows] = uv, plane
+        self.patch_full[rows], self.patch_half[rows] = patch_full, patch_half
+        self.seen[rows] = self.tried[rows] = 1
+        self.alive[rows] = True
+        self.identity[rows] = self._next_identity + np.arange(n)
+        self._next_identity += n
+        return rows
+
+    def cull(self, rows: Index) -> None:
+        """Remove landmarks; their rows may be used again."""
+        self.alive[rows] = False
+        self.identity[rows] = 0

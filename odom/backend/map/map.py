@@ -1,0 +1,225 @@
+"""The map: key frames, the landmarks they measured, and the places they show."""
+
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from odom.backend.estimate import TrajectoryPose
+from odom.backend.map.keyframe import Keyframe, Measured
+from odom.backend.map.landmarks import Landmarks
+from odom.backend.map.pose_graph import Edge
+from odom.backend.map.registrations import Registrations
+from odom.backend.map.tuning import TUNING
+from odom.frontend.camera.rolling_shutter import ShutterTiming
+from odom.frontend.features.images import FrameImages
+from odom.frontend.features.measurement import Measurements, points_of
+from odom.frontend.features.patches import cut_patches
+from odom.frontend.features.view import View
+from odom.frontend.matching.place_recognition import PlaceIndex
+from odom.geometry import se3
+from odom.geometry.arrays import Array, Index
+
+_MOST_CLOUD_POINTS = 20_000
+"""Points of the published cloud of landmarks (240 kB a message): more are not told apart on a screen."""
+_MOST_FORGOTTEN_IN_PATH = 2_000
+"""Forgotten key frames in the published path, which bounds the message (some 200 kB)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """New corners of a key frame, at `uv` (n x 2 px), with what was measured of them."""
+
+    uv: Array
+    measurements: Measurements
+
+
+@dataclass(eq=False)
+class Map:
+    """Key frames, landmarks, and which key frames are linked: by common landmarks, succession or loop closure.
+
+    `remembered` and `forgotten` are the numbers of key frames that still have their landmarks and of those that were
+    pruned (see `pruning`), each in order; `followers` the forgotten ones that move with a remembered one, by its
+    number. `places` is the index of what the remembered ones look like.
+    """
+
+    landmarks: Landmarks = field(default_factory=Landmarks)
+    keyframes: list[Keyframe] = field(default_factory=list)
+    links: list[set[int]] = field(default_factory=list)
+    remembered: list[int] = field(default_factory=list)
+    forgotten: list[int] = field(default_factory=list)
+    registrations: Registrations = field(default_factory=Registrations)
+    places: PlaceIndex = field(default_factory=PlaceIndex)
+    followers: dict[int, list[int]] = field(default_factory=dict)
+
+    def add_keyframe(
+        self,
+        view: View,
+        T_camera_map: Array,
+        known: Measured,
+        corners: Corners,
+        timing: ShutterTiming,
+        against: int | None,
+        covariance: Array,
+    ) -> Keyframe:
+        """Keep a frame that measured `known` landmarks and new `corners`, which become landmarks.
+
+        `against` is the key frame it was registered against, with that `covariance` (6 x 6); None begins a segment.
+        """
+        number = len(self.keyframes)
+        new_rows = self._add_landmarks(number, T_camera_map, view.images, corners)
+        rows = np.concatenate([known.rows, new_rows])
+        beginning = None if against is None else self.keyframes[against]
+        keyframe = Keyframe(
+            number=number,
+            stamp=view.stamp,
+            segment=self._next_segment() if beginning is None else beginning.segment,
+            first=number if beginning is None else beginning.first,
+            T_camera_map=T_camera_map.copy(),
+            rows=rows,
+            identities=self.landmarks.identity[rows].copy(),
+            uv=np.concatenate([known.uv, corners.uv]),
+            measurements=known.measurements.joined(corners.measurements),
+            timing=timing,
+            covariance_since_start=covariance,
+        )
+        self.keyframes.append(keyframe)
+        self.remembered.append(number)
+        anchors, shared = np.unique(self.landmarks.keyframe[known.rows], return_counts=True)
+        self.links.append(set())
+        for other in anchors[shared >= TUNING.link_landmarks].tolist():
+            self.link(number, other)
+        if against is not None:
+            T_against_keyframe = self.keyframes[against].T_camera_map @ se3.inverse(T_camera_map)
+            self.register(Edge(against, number, T_against_keyframe, covariance))
+        return keyframe
+
+    def _next_segment(self) -> int:
+        return 1 + max((k.segment for k in self.keyframes), default=-1)
+
+    def register(self, edge: Edge) -> None:
+        """Add a registration; unless it closes a loop, `edge.b`'s covariance since the start follows from it."""
+        self.registrations.add(edge)
+        self.link(edge.a, edge.b)
+        if not edge.is_loop:
+            self.propagate_covariance(edge)
+
+    def propagate_covariance(self, edge: Edge) -> None:
+        """Set the covariance since the start of `edge.b` to that of `edge.a` composed with their registration's."""
+        self.keyframes[edge.b].covariance_since_start = se3.compose_covariance(
+            self.keyframes[edge.a].covariance_since_start, edge.T_a_b, edge.covariance
+        )
+
+    def _add_landmarks(self, keyframe: int, T_camera_map: Array, images: FrameImages, corners: Corners) -> Index:
+        """Make landmarks of the `corners` that a key frame measured; return their rows (n)."""
+        measured = corners.measurements
+        points, covariances = points_of(measured, TUNING.anchor_share)
+        T_map_camera = se3.inverse(T_camera_map)
+        R = T_map_camera[:3, :3]
+        return self.landmarks.add(
+            se3.apply(T_map_camera, points),
+            R @ covariances @ R.T,
+            keyframe,
+            corners.uv,
+            np.column_stack([measured.values[:, 2], measured.slope]),
+            cut_patches(images.full, corners.uv),
+            cut_patches(images.half, corners.uv / 2.0),
+        )
+
+    def remeasure(self, keyframe: Keyframe, measured: Measurements, timing: ShutterTiming) -> None:
+        """Replace a key frame's measurements (n, in the order of its rows), and move the landmarks it made.
+
+        Where depth is missing now or was missing before, the old values stay; covariances stay as well.
+        """
+        before = keyframe.measurements
+        values = np.where(np.isnan(measured.values + before.values), before.values, measured.values)
+        keyframe.measurements = replace(measured, values=values, covariance=before.covariance)
+        keyframe.timing = timing
+        L = self.landmarks
+        own = keyframe.current(L) & (L.keyframe[keyframe.rows] == keyframe.number)
+        rows, (x, y, w) = keyframe.rows[own], values[own].T
+        L.position[rows] = se3.apply(
+            se3.inverse(keyframe.T_camera_map), np.column_stack([x, y, np.ones_like(x)]) / w[:, None]
+        )
+        L.plane[rows] = np.column_stack([w, measured.slope[own]])
+
+    def link(self, a: int, b: int) -> None:
+        """Link key frames `a` and `b`: where one is near, the other's landmarks are looked for too."""
+        if a != b:
+            self.links[a].add(b)
+            self.links[b].add(a)
+
+    def linked(self, number: int) -> set[int]:
+        """Return the key frames linked with `number` over two hops, itself included: no loop is closed with them."""
+        near = self.links[number] | {number}
+        return near.union(*(self.links[k] for k in near))
+
+    def members(self, segment: int) -> list[Keyframe]:
+        """Return the key frames of a segment that are remembered."""
+        return [k for n in self.remembered if (k := self.keyframes[n]).segment == segment]
+
+    def path(self) -> tuple[TrajectoryPose, ...]:
+        """Return the key frames' poses at their stamps; of forgotten ones at most 2,000, thinned evenly."""
+        thinned = self.forgotten[:: 1 + len(self.forgotten) // _MOST_FORGOTTEN_IN_PATH]
+        shown = [self.keyframes[n] for n in sorted([*thinned, *self.remembered])]
+        T_map_camera = np.linalg.inv([k.T_camera_map for k in shown]) @ [k.T_middle_stamp for k in shown]
+        return tuple(TrajectoryPose(k.stamp, T, k.segment) for k, T in zip(shown, T_map_camera, strict=True))
+
+    def cloud(self) -> Array:
+        """Return landmarks (n x 3, m, map frame) that were seen more than once, thinned evenly to at most 20,000."""
+        rows = np.flatnonzero(self.landmarks.alive & (self.landmarks.seen > 1))
+        return np.asarray(self.landmarks.position[rows[:: 1 + len(rows) // _MOST_CLOUD_POINTS]])
+
+    def neighbours(self, keyframe: int, T_camera_map: Array, most: int, but: Collection[int] = frozenset()) -> Index:
+        """Return up to `most` key frames linked to `keyframe` over a few hops, nearest to the pose first.
+
+        Those in `but` are left out.
+        """
+        reached, edge = {keyframe}, {keyframe}
+        for _ in range(TUNING.neighbour_hops):
+            edge = set().union(*(self.links[k] for k in edge)) - reached
+            reached |= edge
+            if len(reached) > 4 * most:
+                break
+        return self.nearest(sorted(reached.difference(but)), T_camera_map)[:most]
+
+    def nearest(self, keyframes: list[int], T_camera_map: Array) -> Index:
+        """Return `keyframes` ordered by how near they are to a pose.
+
+        Near is metres plus radians: at a metre's depth, both move a feature about as far.
+        """
+        numbers = np.array(keyframes)
+        T = np.array([self.keyframes[k].T_camera_map for k in numbers])
+        R = T_camera_map[:3, :3] @ T[:, :3, :3].transpose(0, 2, 1)
+        apart_m = np.linalg.norm(T_camera_map[:3, 3] - np.einsum("kij,kj->ki", R, T[:, :3, 3]), axis=1)
+        apart_rad = np.arccos(np.clip((np.trace(R, axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))
+        return np.asarray(numbers[np.argsort(apart_m + apart_rad, kind="stable")])
+
+    def cull(self, keyframes: Index) -> None:
+        """Remove landmarks of `keyframes` that were looked for in several frames and hardly ever found."""
+        L = self.landmarks
+        concerned = np.isin(L.keyframe, keyframes)
+        L.cull(
+            np.flatnonzero(
+                L.alive & concerned & (L.tried >= TUNING.cull_trials) & (L.seen < TUNING.cull_share * L.tried)
+            )
+        )
+
+    def move_keyframes(self, numbers: Index, T_camera_map: Array, adjusted_rows: Index) -> None:
+        """Give key frames new poses; their followers and landmarks move along, except `adjusted_rows`.
+
+        `numbers` (n), `T_camera_map` (n x 4 x 4); `adjusted_rows` are the landmarks that were moved already.
+        """
+        L = self.landmarks
+        follows = L.alive.copy()
+        follows[adjusted_rows] = False
+        for number, T in zip(numbers, T_camera_map, strict=True):
+            keyframe = self.keyframes[number]
+            T_new_old = se3.inverse(T) @ keyframe.T_camera_map
+            rows = np.flatnonzero(follows & (L.keyframe == number))
+            L.position[rows] = se3.apply(T_new_old, L.position[rows])
+            R_new_old = T_new_old[:3, :3]
+            L.covariance[rows] = R_new_old @ L.covariance[rows] @ R_new_old.T
+            keyframe.T_camera_map = se3.orthonormal(T)
+            for follower in (self.keyframes[n] for n in self.followers.get(int(number), ())):
+                follower.T_camera_map = se3.orthonormal(follower.T_camera_map @ se3.inverse(T_new_old))

@@ -1,0 +1,61 @@
+"""How sure the motion between two frames is, by the key frames between them and the errors that frames share."""
+
+import numpy as np
+
+from odom.backend.map.frame_log import LoggedFrame
+from odom.backend.map.keyframe import Keyframe
+from odom.backend.map.map import Map
+from odom.backend.map.tuning import TUNING
+from odom.geometry import se3
+from odom.geometry.arrays import Array
+
+
+def independent_covariance(covariance: Array) -> Array:
+    """Return the 6 x 6 covariance of a frame against one so long ago that they share no errors any more."""
+    return (1.0 + TUNING.shared_error) * covariance
+
+
+def calibration_covariance(T_earlier_current: Array, calibration_error: float) -> Array:
+    """Return the 6 x 6 covariance that a wrong calibration adds to a motion, as the share `calibration_error` of it.
+
+    A wrong focal length takes rotation for translation, at a scene depth of about a metre.
+    """
+    moved = calibration_error * se3.log(T_earlier_current)
+    return np.asarray(float(moved @ moved) * np.eye(6))
+
+
+def relative_covariance(
+    map_: Map, earlier: LoggedFrame, current: LoggedFrame, calibration_error: float
+) -> Array | None:
+    """Return the 6 x 6 covariance (`se3`, current camera frame) of T_earlier_current.
+
+    None where a frame is LOST or the two are in different segments. Each frame's own error is white; the errors that
+    frames share fade exponentially with time (Ornstein-Uhlenbeck).
+    """
+    if earlier.keyframe is None or earlier.T_keyframe_camera is None or earlier.covariance is None:
+        return None
+    if current.keyframe is None or current.T_keyframe_camera is None or current.covariance is None:
+        return None
+    a, b = map_.keyframes[earlier.keyframe], map_.keyframes[current.keyframe]
+    between = map_.registrations.covariance_between(a.number, b.number) if a.segment == b.segment else None
+    if between is None:
+        return None
+    T_current_b = se3.inverse(current.T_keyframe_camera)
+    T_current_earlier = T_current_b @ b.T_camera_map @ se3.inverse(a.T_camera_map) @ earlier.T_keyframe_camera
+    A_b, A_earlier = se3.adjoint(T_current_b), se3.adjoint(T_current_earlier)
+    apart_s = (current.stamp - earlier.stamp) * 1e-9
+    inflation = 1.0 + TUNING.shared_error * (1.0 - np.exp(-apart_s / TUNING.shared_error_s))
+    ends = current.covariance + A_earlier @ earlier.covariance @ A_earlier.T
+    calibration = calibration_covariance(se3.inverse(T_current_earlier), calibration_error)
+    return np.asarray(inflation * ends + A_b @ between @ A_b.T + calibration)
+
+
+def covariance_since_start(keyframes: list[Keyframe], frame: LoggedFrame, calibration_error: float) -> Array | None:
+    """Return the 6 x 6 covariance (`se3`, camera frame) of a pose since its segment began, None where LOST."""
+    if frame.keyframe is None or frame.T_keyframe_camera is None or frame.covariance is None:
+        return None
+    keyframe = keyframes[frame.keyframe]
+    T_first_keyframe = keyframes[keyframe.first].T_camera_map @ se3.inverse(keyframe.T_camera_map)
+    T_first_camera = T_first_keyframe @ frame.T_keyframe_camera
+    own = independent_covariance(frame.covariance) + calibration_covariance(T_first_camera, calibration_error)
+    return se3.compose_covariance(keyframe.covariance_since_start, frame.T_keyframe_camera, own)

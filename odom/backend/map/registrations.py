@@ -1,0 +1,113 @@
+"""Which key frames were registered against which, and the covariance between any two of them that follows."""
+
+import heapq
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from odom.backend.map.keyframe import Keyframe
+from odom.backend.map.pose_graph import Edge
+from odom.geometry import se3
+from odom.geometry.arrays import Array
+
+
+class Registrations:
+    """The graph of registrations: for every key frame its own, by the other one's number.
+
+    A forgotten key frame keeps the one with its heir, which is not in the heir's own list. Covariances that were asked
+    for are cached until something changes.
+    """
+
+    def __init__(self) -> None:
+        self._of: defaultdict[int, dict[int, Edge]] = defaultdict(dict)
+        self._between: dict[tuple[int, int], Array | None] = {}
+
+    def add(self, edge: Edge) -> None:
+        """Add a registration; of two between the same key frames the one of smaller covariance stays.
+
+        It counts as part of the chain if either of the two did.
+        """
+        known = self._of[edge.a].get(edge.b)
+        if known is not None:
+            is_loop = edge.is_loop and known.is_loop
+            edge = replace(min(edge, known, key=lambda e: e.variance), is_loop=is_loop)
+        self._put(edge)
+
+    def _put(self, edge: Edge) -> None:
+        self._between.clear()
+        self._of[edge.a][edge.b] = self._of[edge.b][edge.a] = edge
+
+    def of(self, number: int) -> list[Edge]:
+        """Return the registrations of a key frame, each with its `number` as `a`."""
+        return [edge.seen_from(number) for edge in self._of[number].values()]
+
+    def among(self, numbers: Collection[int]) -> list[Edge]:
+        """Return the registrations between any two of the key frames."""
+        return [edge for n in numbers for m, edge in self._of[n].items() if n < m and m in numbers]
+
+    def adjust(self, numbers: Iterable[int], keyframes: Sequence[Keyframe]) -> None:
+        """Set the registrations of the key frames `numbers` to what their poses are after an adjustment."""
+        for edge in [edge for n in numbers for edge in self._of[n].values()]:
+            T_a_b = keyframes[edge.a].T_camera_map @ se3.inverse(keyframes[edge.b].T_camera_map)
+            self._put(replace(edge, T_a_b=T_a_b))
+
+    def hand_over(self, number: int, heir: int) -> list[int]:
+        """Hand the registrations of a key frame that is forgotten to its `heir`; return the other key frames' numbers.
+
+        Each is composed with the registration of the two, so that no chain's covariance shrinks, and one through both
+        stays as it was.
+        """
+        self._between.clear()
+        known = self._of[number].pop(heir).seen_from(heir)
+        others = self.of(number)
+        for edge in others:
+            del self._of[edge.b][number]
+            self.add(known.then(edge))
+        del self._of[heir][number]
+        self._of[number] = {heir: known}
+        return [edge.b for edge in others]
+
+    def covariance_between(self, a: int, b: int) -> Array | None:
+        """Return the 6 x 6 covariance (`se3`, frame b) of T_a_b along the surest way, None where there is none.
+
+        Of two key frames, only `a` may be forgotten.
+        """
+        if (a, b) not in self._between:
+            self._between[a, b] = self._covariance_of(self._surest_way(a, b))
+        return self._between[a, b]
+
+    @staticmethod
+    def _covariance_of(way: list[Edge] | None) -> Array | None:
+        if way is None:
+            return None
+        total = np.zeros((6, 6))
+        for edge in way:
+            total = se3.compose_covariance(total, edge.T_a_b, edge.covariance)
+        return total
+
+    def _surest_way(self, a: int, b: int) -> list[Edge] | None:
+        """Return the registrations from `a` to `b`, each as seen from where it is left (Dijkstra's algorithm)."""
+        left_from: dict[int, tuple[int, Edge]] = {}
+        variance, waiting, done = {a: 0.0}, [(0.0, a)], set()
+        while waiting:
+            far, at = heapq.heappop(waiting)
+            if at == b:
+                break
+            if at in done:
+                continue
+            done.add(at)
+            for other, edge in self._of[at].items():
+                farther = far + edge.variance
+                if farther < variance.get(other, np.inf):
+                    variance[other], left_from[other] = farther, (at, edge)
+                    heapq.heappush(waiting, (farther, other))
+        else:
+            return None
+        way: list[Edge] = []
+        while b != a:
+            start, edge = left_from[b]
+            way.insert(0, edge.seen_from(start))
+            b = start
+        return way

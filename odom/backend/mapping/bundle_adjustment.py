@@ -1,0 +1,105 @@
+"""Bundle adjustment of key-frame poses, landmarks and the sensor's timing over (x/z, y/z, 1/z) measurements.
+
+Landmarks are eliminated (Schur complement: B. Triggs et al., "Bundle adjustment - a modern synthesis", 2000); the
+reduced system holds 6 unknowns for each free key frame and those of the timing. Cauchy weights for ray and depth apart.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+from odom.backend.mapping.observations import Observations
+from odom.backend.mapping.schur_complement import reduce_to_poses, substitute_landmarks
+from odom.backend.tracking.tuning import TUNING
+from odom.geometry import se3
+from odom.geometry.arrays import Array, Mask
+
+_FIRST_DAMPING, _LEAST_DAMPING = 1e-5, 1e-10
+"""Levenberg-Marquardt's damping. The least is far above what rounding does to a landmark of which only rays are known,
+and far below what a second ray says of it."""
+_CONVERGED = 1e-4
+"""Share of the cost that a step must gain for another one to follow."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bundle:
+    """What is adjusted: T_camera_map (K x 4 x 4), landmarks (L x 3, map frame), change of the timing (t = 3).
+
+    `information_timing` (t x t) is what the observations alone say about the timing, and `covariances` (L x 3 x 3)
+    the landmarks' given the poses; both None before the first adjustment.
+    """
+
+    T_camera_map: Array
+    landmarks: Array
+    timing_change: Array
+    information_timing: Array | None = None
+    covariances: Array | None = None
+
+
+def adjust(
+    start: Bundle,
+    is_fixed: Mask,
+    observations: Observations,
+    timing_information: Array,
+    iterations: int,
+) -> Bundle:
+    """Adjust `start` to its `observations` by Levenberg-Marquardt; poses marked `is_fixed` (K) stay as they are.
+
+    `timing_information` (t x t) is what is known of the timing beforehand: a prior on no change.
+    """
+    free = np.full(len(is_fixed), -1, dtype=np.int64)
+    free[~is_fixed] = np.arange(np.count_nonzero(~is_fixed))
+    poses = 6 * int(np.count_nonzero(~is_fixed))
+    dimension = poses + len(timing_information)
+    o = observations
+    cauchy = TUNING.cauchy_chi2
+    arrays = (o.keyframe, o.landmark, o.values, o.jacobian_timing, o.variances)
+
+    def reduced(bundle: Bundle, damping: float) -> tuple[Array, Array, Array, Array, Array, Array, float]:
+        S, rhs, V_inverse, b_landmark, W_timing, W, cost = reduce_to_poses(
+            bundle.T_camera_map, bundle.landmarks, bundle.timing_change, free, dimension, *arrays, damping, cauchy
+        )
+        change = bundle.timing_change
+        return S, rhs, V_inverse, b_landmark, W_timing, W, cost + float(change @ timing_information @ change)
+
+    def moved(bundle: Bundle, S_damped: Array, gradient: Array) -> Bundle | None:
+        try:
+            factor = cho_factor(S_damped, overwrite_a=True, check_finite=False)
+        except LinAlgError:  # rounding left it indefinite
+            return None
+        step = cho_solve(factor, gradient, check_finite=False)
+        T_camera_map = bundle.T_camera_map.copy()
+        for k in np.flatnonzero(~is_fixed):
+            T_camera_map[k] = se3.orthonormal(se3.exp(step[6 * free[k] : 6 * free[k] + 6]) @ T_camera_map[k])
+        landmarks = substitute_landmarks(
+            bundle.landmarks, free, o.keyframe, o.landmark, V_inverse, b_landmark, W_timing, W, step
+        )
+        return Bundle(T_camera_map, landmarks, bundle.timing_change + step[poses:])
+
+    damping = _FIRST_DAMPING
+    best = start
+    S, rhs, V_inverse, b_landmark, W_timing, W, cost = reduced(best, damping)
+    for _ in range(iterations):
+        S_damped = np.array(S, order="F")  # factorised in place: of some hundred frames, a copy takes 10 MB
+        S_damped.flat[:: dimension + 1] += damping * np.diag(S) + 1e-9
+        S_damped[poses:, poses:] += timing_information
+        gradient = rhs.copy()
+        gradient[poses:] -= timing_information @ best.timing_change
+        trial, less_damping = moved(best, S_damped, gradient), max(0.1 * damping, _LEAST_DAMPING)
+        system = None if trial is None else reduced(trial, less_damping)
+        if trial is not None and system is not None and system[-1] < cost:
+            gained = cost - system[-1]
+            S, rhs, V_inverse, b_landmark, W_timing, W, cost = system
+            best, damping = trial, less_damping
+            if gained < _CONVERGED * cost:
+                break
+        else:
+            damping *= 100.0
+            S, rhs, V_inverse, b_landmark, W_timing, W, cost = reduced(best, damping)
+    if damping > _LEAST_DAMPING:  # the result's information must not depend on the damping that the steps ended with
+        S, _, V_inverse, *_ = reduced(best, _LEAST_DAMPING)
+    S_poses, S_across = S[:poses, :poses].copy(), S[:poses, poses:]
+    S_poses.flat[:: poses + 1] += 1e-9
+    information = S[poses:, poses:] - S_across.T @ np.linalg.solve(S_poses, S_across)
+    return Bundle(best.T_camera_map, best.landmarks, best.timing_change, information, V_inverse)

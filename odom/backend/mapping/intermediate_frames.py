@@ -1,0 +1,100 @@
+"""Frames between key frames: what some of them measured is kept for the final adjustment.
+
+A key frame is made where the view has changed; in between, dozens of frames see the same landmarks from other poses.
+Adjusting one in six of them with the key frames at the end takes a tenth to a third off the trajectory's error; the
+others are moved with them.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from odom.backend.map.frame_log import FrameLog, LoggedFrame
+from odom.backend.map.keyframe import Keyframe, Observed
+from odom.backend.map.landmarks import Landmarks
+from odom.backend.mapping.tuning import TUNING
+from odom.backend.tracking.frame_state import Tracked
+from odom.frontend.camera.rolling_shutter import ShutterTiming
+from odom.geometry import se3
+from odom.geometry.arrays import Array
+
+
+@dataclass(eq=False, kw_only=True)
+class IntermediateFrame(Observed):
+    """What frame `number` (counted from the first) measured; its pose is `T_camera_keyframe` in `keyframe`."""
+
+    number: int
+    keyframe: int
+    T_camera_keyframe: Array
+
+
+class IntermediateFrames:
+    """Every sixth tracked frame; beyond 240 (7 MB) every second of them is dropped, and later half as many kept."""
+
+    def __init__(self, every: int = TUNING.intermediate_every, most: int = TUNING.intermediate_most) -> None:
+        self.kept: list[IntermediateFrame] = []
+        self._every, self._most = every, most
+
+    def wants(self, number: int) -> bool:
+        """Return whether frame `number` is one of those to be kept."""
+        return number % self._every == 0
+
+    def add(
+        self, number: int, tracked: Tracked, keyframes: list[Keyframe], landmarks: Landmarks, timing: ShutterTiming
+    ) -> None:
+        """Keep what the tracked frame `number` measured, once."""
+        if self.kept and self.kept[-1].number == number:
+            return
+        rows = tracked.inlying.rows
+        self.kept.append(
+            IntermediateFrame(
+                rows=rows,
+                identities=landmarks.identity[rows].copy(),
+                measurements=tracked.inlying.measurements,
+                timing=timing,
+                number=number,
+                keyframe=tracked.reference,
+                T_camera_keyframe=tracked.T_camera_map @ se3.inverse(keyframes[tracked.reference].T_camera_map),
+            )
+        )
+        if len(self.kept) > self._most:
+            self._every *= 2
+            self.kept = [s for s in self.kept if self.wants(s.number)]
+
+    def among(self, members: list[Keyframe]) -> list[IntermediateFrame]:
+        """Return the frames placed by the key frames `members`, thinned to as many as may be adjusted with them.
+
+        The newest one is among them wherever there is room.
+        """
+        numbers = {k.number for k in members}
+        mine = [s for s in self.kept if s.keyframe in numbers]
+        room = TUNING.adjusted_most - len(members)
+        return mine[:: -max(1, -(-len(mine) // room))][::-1] if room > 0 else []
+
+
+def corrected(frames: FrameLog, keyframes: list[Keyframe], adjusted: Mapping[int, Array]) -> Iterator[LoggedFrame]:
+    """Yield `frames` moved with those that were adjusted, whose T_camera_map `adjusted` holds by their numbers.
+
+    Between adjusted frames the correction against the same key frame is interpolated; it is none at that key frame.
+    """
+    knots: dict[int, list[tuple[int, Array]]] = {}
+    for number, frame in enumerate(frames, frames.dropped):
+        if frame.keyframe is None or frame.T_keyframe_camera is None:
+            continue
+        mine = knots.setdefault(frame.keyframe, [(number - 1, np.zeros(6))])
+        if number in adjusted:
+            T_map_camera = se3.inverse(keyframes[frame.keyframe].T_camera_map) @ frame.T_keyframe_camera
+            mine.append((number, -se3.log(adjusted[number] @ T_map_camera)))
+    lines = {
+        keyframe: (np.array([at for at, _ in mine]), np.array([moved for _, moved in mine]).T)
+        for keyframe, mine in knots.items()
+        if len(mine) > 1
+    }
+    for number, frame in enumerate(frames, frames.dropped):
+        if frame.keyframe not in lines or frame.T_keyframe_camera is None:
+            yield frame
+            continue
+        at, moved = lines[frame.keyframe]
+        step = np.array([np.interp(number, at, along) for along in moved])
+        yield replace(frame, T_keyframe_camera=frame.T_keyframe_camera @ se3.exp(step))

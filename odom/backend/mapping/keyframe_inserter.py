@@ -1,0 +1,132 @@
+"""When a frame becomes a key frame, and what it adds to the map: too little is left of what the last one saw."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from odom.backend.map.keyframe import Keyframe, Measured
+from odom.backend.map.map import Corners, Map
+from odom.backend.mapping.tuning import TUNING
+from odom.backend.settings import OdometrySettings
+from odom.backend.tracking.frame_state import Tracked
+from odom.backend.tracking.motion_model import AT_REST
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.corners import detect_corners
+from odom.frontend.features.measurement import Measurements, measure
+from odom.frontend.features.view import View
+from odom.geometry import se3
+from odom.geometry.arrays import Array
+
+_CERTAIN = np.zeros((6, 6))
+"""Covariance of a segment's first pose, which is certain by definition."""
+_KEY = np.array([1.0, 1000.0])
+"""Makes one number of a cell's column and row."""
+
+
+@dataclass(frozen=True, eq=False)
+class KeyframeView:
+    """The view of key frame number `keyframe`, while it is worked on, and the `twist` (6, SI) it was measured with."""
+
+    keyframe: int
+    view: View
+    twist: Array
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """What a frame sees: how many `landmarks`, and how many `cells` of the image they lie in."""
+
+    landmarks: int
+    cells: int
+
+    @classmethod
+    def of(cls, uv: Array) -> "Coverage":
+        """Return the coverage by landmarks found at `uv` (n x 2 px)."""
+        return cls(len(uv), len(np.unique(uv // TUNING.coverage_cell_px @ _KEY)))
+
+    def is_worn(self, at_keyframe: "Coverage") -> bool:
+        """Return whether too little is left of what was seen right after the last key frame."""
+        wanted = min(TUNING.coverage_enough, TUNING.coverage_share_landmarks * at_keyframe.landmarks)
+        is_worn_in_part = self.cells < TUNING.coverage_share_cells * at_keyframe.cells
+        return self.landmarks < wanted or self.landmarks < TUNING.coverage_least or is_worn_in_part
+
+
+class KeyframeInserter:
+    """Inserts key frames into `map_`; `undescribed` are the newest ones whose places are not in the index yet."""
+
+    def __init__(self, map_: Map, settings: OdometrySettings) -> None:
+        self._map, self._settings = map_, settings
+        self._newest: KeyframeView | None = None
+        self._coverage_at_keyframe: Coverage | None = None
+        self.undescribed: list[KeyframeView] = []
+
+    def begin_segment(self, view: View, T_camera_map: Array, sensor: SensorModel) -> Keyframe:
+        """Begin a segment with a frame, as if at rest; `remeasure` it once its motion is known."""
+        keyframe = self._insert(view, T_camera_map, AT_REST, Measured.nothing(), sensor, None, _CERTAIN)
+        self._newest = self._coverage_at_keyframe = None
+        return keyframe
+
+    def insert(self, view: View, tracked: Tracked, twist: Array, covariance: Array, sensor: SensorModel) -> Keyframe:
+        """Make a key frame of a tracked frame with motion `twist` (6, SI) and `covariance` (6 x 6) of its pose."""
+        T, seen, reference = tracked.T_camera_map, tracked.inlying, tracked.reference
+        keyframe = self._insert(view, T, twist, seen, sensor, reference, covariance)
+        self._newest, self._coverage_at_keyframe = self.undescribed[-1], None
+        return keyframe
+
+    def is_due(self, tracked: Tracked) -> bool:
+        """Return whether too little is left in a frame of what the last key frame saw, and the camera has moved."""
+        coverage = Coverage.of(tracked.inlying.uv)
+        self._coverage_at_keyframe = self._coverage_at_keyframe or coverage
+        near = self._map.keyframes[tracked.reference]
+        T_camera_keyframe = tracked.T_camera_map @ se3.inverse(near.T_camera_map)
+        return coverage.is_worn(self._coverage_at_keyframe) and _has_moved(T_camera_keyframe)
+
+    def forget_coverage(self) -> None:
+        """Compare later frames with the next one: the camera is at another place than the last key frame's."""
+        self._coverage_at_keyframe = None
+
+    def remeasure_newest(self, twist: Array | None, sensor: SensorModel) -> None:
+        """If the last frame became a key frame, measure it again: `twist` (6, SI) led from it to the next frame.
+
+        None where the next frame did not follow from it: then it stays as it is.
+        """
+        if self._newest is not None and twist is not None:
+            mean = 0.5 * (self._newest.twist + twist)
+            self.remeasure(self._newest.keyframe, self._newest.view, mean, sensor)
+        self._newest = None
+
+    def remeasure(self, number: int, view: View, twist: Array, sensor: SensorModel) -> None:
+        """Measure the features of key frame `number` again, now that its motion `twist` (6, SI) is known better."""
+        keyframe = self._map.keyframes[number]
+        self._map.remeasure(keyframe, _measure_exactly(view, sensor, keyframe.uv, twist), sensor.timing)
+
+    def _insert(
+        self,
+        view: View,
+        T_camera_map: Array,
+        twist: Array,
+        known: Measured,
+        sensor: SensorModel,
+        against: int | None,
+        covariance: Array,
+    ) -> Keyframe:
+        uv = detect_corners(view.images.full, known.uv, self._settings.cell_px)
+        measured = _measure_exactly(view, sensor, uv, twist)
+        usable = measured.values[:, 2] > 1.0 / TUNING.farthest_m
+        corners = Corners(uv[usable], measured.take(usable))
+        keyframe = self._map.add_keyframe(view, T_camera_map, known, corners, sensor.timing, against, covariance)
+        self._map.cull(self._map.neighbours(keyframe.number, T_camera_map, self._settings.local_keyframes))
+        self.undescribed.append(KeyframeView(keyframe.number, view, twist))
+        del self.undescribed[: -self._settings.background_delay_frames]
+        return keyframe
+
+
+def _measure_exactly(view: View, sensor: SensorModel, uv: Array, twist: Array) -> Measurements:
+    """Measure corners at `uv` (n x 2 px) whose positions define their patches, and so have no error of their own."""
+    return measure(view, sensor, uv, np.zeros((len(uv), 3)), twist)
+
+
+def _has_moved(T_camera_keyframe: Array) -> bool:
+    """Return whether a camera is far enough from a key frame for another one: none is added at rest."""
+    away = se3.log(T_camera_keyframe)
+    return bool(np.linalg.norm(away[:3]) > TUNING.moved_m or np.linalg.norm(away[3:]) > TUNING.moved_rad)

@@ -1,0 +1,121 @@
+"""What is adjusted together: the newest key frames while the camera moves, and everything at the end."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from odom.backend.map.keyframe import Keyframe
+from odom.backend.map.map import Map
+from odom.backend.mapping.bundle_adjustment import Bundle, adjust
+from odom.backend.mapping.intermediate_frames import IntermediateFrame, IntermediateFrames
+from odom.backend.mapping.observations import Observations, gather_observations
+from odom.backend.mapping.tuning import TUNING
+from odom.frontend.camera.rolling_shutter import ShutterTiming
+from odom.geometry.arrays import Array, Index, Mask
+
+
+@dataclass(frozen=True, eq=False)
+class Adjustment:
+    """A snapshot of what is to be adjusted; `run` needs nothing else, so that it can work in the background.
+
+    The key frames `numbers` come first, then the intermediate frames, by their numbers `between`.
+    """
+
+    numbers: Index
+    between: Index
+    is_fixed: Mask
+    rows: Index
+    identities: Index
+    bundle: Bundle
+    observations: Observations
+    timing_information: Array
+    iterations: int
+
+    def run(self) -> Bundle:
+        """Return the adjusted bundle."""
+        return adjust(self.bundle, self.is_fixed, self.observations, self.timing_information, self.iterations)
+
+
+def _snapshot(
+    map_: Map,
+    fixed: list[Keyframe],
+    free: list[Keyframe],
+    between: list[IntermediateFrame],
+    timing: ShutterTiming,
+    information: Array,
+    iterations: int,
+) -> Adjustment:
+    keyframes = fixed + free
+    observations, rows = gather_observations([*keyframes, *between], map_.landmarks, timing)
+    is_fixed = np.zeros(len(keyframes) + len(between), dtype=np.bool_)
+    is_fixed[: max(1, len(fixed))] = True
+    T_camera_map = [k.T_camera_map for k in keyframes]
+    T_camera_map += [s.T_camera_keyframe @ map_.keyframes[s.keyframe].T_camera_map for s in between]
+    return Adjustment(
+        np.array([k.number for k in keyframes]),
+        np.array([s.number for s in between], dtype=np.int64),
+        is_fixed,
+        rows,
+        map_.landmarks.identity[rows].copy(),
+        Bundle(np.array(T_camera_map), map_.landmarks.position[rows].copy(), np.zeros_like(timing.vector)),
+        observations,
+        information,
+        iterations,
+    )
+
+
+def _oldest_connected(observations: Observations, frames: int) -> Index:
+    """Return, for each of K frames, the first of those that common landmarks connect it with, itself included."""
+    oldest = np.arange(frames)
+    while True:
+        of_landmark = np.full(int(observations.landmark.max(initial=-1)) + 1, frames)
+        np.minimum.at(of_landmark, observations.landmark, oldest[observations.keyframe])
+        reached = oldest.copy()
+        np.minimum.at(reached, observations.keyframe, of_landmark[observations.landmark])
+        if np.array_equal(reached, oldest):
+            return oldest
+        oldest = reached
+
+
+def newest(map_: Map, window: int, timing: ShutterTiming, timing_information: Array) -> Adjustment:
+    """Return the adjustment of the `window` newest key frames, held by older ones that measured the same landmarks."""
+    free = [map_.keyframes[n] for n in map_.remembered[-window:]]
+    segment = free[-1].segment
+    free = [k for k in free if k.segment == segment]
+    measured = np.concatenate([k.identities for k in free])
+    linked = set().union(*(map_.links[k.number] for k in free)) - {k.number for k in free}
+    shared = [
+        (int(np.isin(map_.keyframes[k].identities, measured).sum()), k)
+        for k in sorted(linked)[-TUNING.adjust_look_back :]
+    ]
+    best = sorted(((n, k) for n, k in shared if n >= TUNING.adjust_shared), reverse=True)[: TUNING.adjust_fixed]
+    fixed = [map_.keyframes[k] for _, k in sorted(best, key=lambda pair: pair[1])]
+    return _snapshot(map_, fixed, free, [], timing, timing_information, TUNING.adjust_iterations)
+
+
+def everything(
+    map_: Map, intermediate: IntermediateFrames, segment: int, timing: ShutterTiming, timing_information: Array
+) -> Adjustment:
+    """Return the adjustment of all remembered key frames of a segment, and of intermediate frames.
+
+    The oldest key frame is held; where forgotten key frames had connected the others, the oldest of each part is.
+    """
+    keyframes = map_.members(segment)
+    between = intermediate.among(keyframes)
+    whole = _snapshot(map_, keyframes[:1], keyframes[1:], between, timing, timing_information, TUNING.finish_iterations)
+    frames = len(whole.is_fixed)
+    is_oldest = _oldest_connected(whole.observations, frames) == np.arange(frames)
+    return replace(whole, is_fixed=whole.is_fixed | is_oldest)
+
+
+def take_over(map_: Map, adjustment: Adjustment, result: Bundle) -> None:
+    """Write an adjustment's result into the map, except for landmarks that were culled meanwhile."""
+    L = map_.landmarks
+    valid = L.identity[adjustment.rows] == adjustment.identities
+    rows = adjustment.rows[valid]
+    L.position[rows] = result.landmarks[valid]
+    if result.covariances is not None:
+        L.covariance[rows] = result.covariances[valid]
+    free = np.flatnonzero(~adjustment.is_fixed[: len(adjustment.numbers)])
+    map_.move_keyframes(adjustment.numbers[free], result.T_camera_map[free], rows)
+    map_.registrations.adjust(adjustment.numbers[free].tolist(), map_.keyframes)

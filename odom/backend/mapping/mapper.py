@@ -1,0 +1,113 @@
+"""Keeping the map adjusted and bounded while it grows."""
+
+import numpy as np
+
+from odom.backend.map.map import Map
+from odom.backend.map.pruning import forget, oldest_beyond
+from odom.backend.mapping import local_adjustment
+from odom.backend.mapping.background import Background, DescribedKeyframe
+from odom.backend.mapping.bundle_adjustment import Bundle
+from odom.backend.mapping.intermediate_frames import IntermediateFrames
+from odom.backend.mapping.keyframe_inserter import KeyframeInserter
+from odom.backend.settings import OdometrySettings
+from odom.backend.tracking.frame_state import FrameState, Tracked
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.place_descriptor import describe_place
+from odom.frontend.matching.place_recognition import recognise
+from odom.geometry.arrays import Array
+
+
+class Mapper:
+    """Adjusts and prunes `map_`; its `inserter` adds key frames, `intermediate` keeps frames for the end."""
+
+    def __init__(self, map_: Map, settings: OdometrySettings) -> None:
+        self._map, self._settings = map_, settings
+        self.inserter = KeyframeInserter(map_, settings)
+        self.intermediate = IntermediateFrames()
+        self._background = Background(settings.background_delay_frames)
+
+    def prune(self, state: FrameState) -> bool:
+        """Forget the oldest key frames beyond `map_keyframes`; return whether there were any.
+
+        Those around the camera and the newest ones, which are still worked on, are kept. Nothing is forgotten while
+        the background works, since it reads the rest too.
+        """
+        map_, most = self._map, self._settings.map_keyframes
+        if self._background.is_busy or len(map_.remembered) <= most:
+            return False
+        around = map_.neighbours(state.reference, state.T_camera_map, self._settings.local_keyframes)
+        newest = max(self._settings.window_keyframes, self._settings.background_delay_frames)
+        needed = np.concatenate([around, [state.reference], map_.remembered[-newest:]])
+        oldest = oldest_beyond(map_, most, needed)
+        for number in oldest:
+            forget(map_, number)
+        return bool(oldest)
+
+    def start_background(self, count: int, sensor: SensorModel) -> None:
+        """Begin to adjust the newest key frames and to describe their places, if idle; frame `count` is the newest."""
+        waiting = self.inserter.undescribed
+        if self._background.is_busy or not waiting:
+            return
+        prior = sensor.timing_information / self._credit(sensor)
+        adjustment = local_adjustment.newest(self._map, self._settings.window_keyframes, sensor.timing, prior)
+        self.inserter.undescribed = []
+        linked = [self._map.linked(seen.keyframe) for seen in waiting]
+        index = self._map.places
+
+        def describe() -> list[DescribedKeyframe]:
+            places = [describe_place(seen.view, sensor, seen.twist) for seen in waiting]
+            return [
+                DescribedKeyframe(seen, place, recognise(index, place, excluded))
+                for seen, place, excluded in zip(waiting, places, linked, strict=True)
+            ]
+
+        self._background.start(count, adjustment, describe)
+
+    def take_background(
+        self, count: int | None, sensor: SensorModel
+    ) -> tuple[SensorModel, list[DescribedKeyframe]] | None:
+        """Write the background's results into the map if they are due at frame `count` (None: at once).
+
+        Returns the sensor with the timing adjusted, and the key frames that can be recognised from now on; None where
+        nothing was due and the map is as it was.
+        """
+        taken = self._background.take(count)
+        if taken is None:
+            return None
+        adjustment, bundle, described = taken
+        sensor = self._take_over(adjustment, bundle, sensor)
+        for one in described:
+            self._map.places.add(one.seen.keyframe, one.place)
+        return sensor, described
+
+    def keep_for_the_end(self, number: int, tracked: Tracked, sensor: SensorModel) -> None:
+        """Keep what the tracked frame `number` measured, for `finish`."""
+        self.intermediate.add(number, tracked, self._map.keyframes, self._map.landmarks, sensor.timing)
+
+    def finish(self, sensor: SensorModel) -> tuple[SensorModel, dict[int, Array]]:
+        """Adjust each segment as a whole, as far as it is remembered.
+
+        Returns the sensor with the timing adjusted, and T_camera_map of the intermediate frames that were adjusted
+        too, by their numbers.
+        """
+        adjusted: dict[int, Array] = {}
+        for segment in sorted({self._map.keyframes[n].segment for n in self._map.remembered}):
+            if len(self._map.members(segment)) >= 2:
+                prior = sensor.timing_information / self._credit(sensor)
+                adjustment = local_adjustment.everything(self._map, self.intermediate, segment, sensor.timing, prior)
+                bundle = adjustment.run()
+                sensor = self._take_over(adjustment, bundle, sensor)
+                poses = bundle.T_camera_map[len(adjustment.numbers) :]
+                adjusted |= zip(adjustment.between.tolist(), poses, strict=True)
+        return sensor, adjusted
+
+    def _take_over(self, adjustment: local_adjustment.Adjustment, bundle: Bundle, sensor: SensorModel) -> SensorModel:
+        local_adjustment.take_over(self._map, adjustment, bundle)
+        return sensor.with_timing_change(bundle.timing_change, bundle.information_timing, self._credit(sensor))
+
+    def _credit(self, sensor: SensorModel) -> float:
+        """Return the share of an adjustment's information on the timing to believe.
+
+        A key frame is adjusted time and again while it is in the window, and errs as the noise monitor says.
+        """
+        return 1.0 / (self._settings.window_keyframes * sensor.noise.covariance_scale)

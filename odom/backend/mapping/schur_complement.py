@@ -1,0 +1,192 @@
+"""The normal equations of a bundle adjustment, with the landmarks eliminated (Schur complement), in compiled loops.
+
+Source: B. Triggs et al., "Bundle adjustment - a modern synthesis", 2000, section 6.1.
+"""
+
+import numpy as np
+
+from odom.backend.tracking.pose_solver import projection_terms
+from odom.geometry.arrays import Array, Index
+from odom.geometry.compiled import compiled
+
+_BEHIND_CAMERA_COST = 100.0
+"""Cost of a landmark behind the camera, more than the robust cost of any residual: such steps are refused."""
+
+
+@compiled
+def _robust_cost(chi2: float, cauchy: float) -> float:
+    """Return Cauchy's cost of a residual, whose derivative is the weight 1 / (1 + chi2 / cauchy)."""
+    return float(cauchy * np.log1p(chi2 / cauchy))
+
+
+@compiled
+def reduce_to_poses(
+    T_camera_map: Array,
+    landmarks: Array,
+    timing_change: Array,
+    free: Index,
+    dimension: int,
+    keyframe: Index,
+    landmark: Index,
+    values: Array,
+    jacobian_timing: Array,
+    variances: Array,
+    damping: float,
+    cauchy: float,
+) -> tuple[Array, Array, Array, Array, Array, Array, float]:
+    """Return the reduced system (S, rhs); for each landmark inv(V), b, W_timing; for each observation W; and the cost.
+
+    With poses' and timing's unknowns x and landmarks' y, the normal equations are [U W; W' V] [x; y] = [a; b], V block
+    diagonal. For each landmark its share of U, W, V, a, b is summed up over its observations, and y is eliminated:
+    S = U - W inv(V) W', rhs = a - W inv(V) b. J, P, K: derivatives of an observation by pose, landmark and timing.
+    """
+    N, L, timings = keyframe.shape[0], landmarks.shape[0], timing_change.shape[0]
+    S = np.zeros((dimension, dimension))
+    rhs = np.zeros(dimension)
+    timing = dimension - timings
+    W = np.zeros((N, 6, 3))
+    W_timing = np.zeros((L, timings, 3))
+    V_inverse = np.zeros((L, 3, 3))
+    b_landmark = np.zeros((L, 3))
+    J = np.zeros((3, 6))
+    P = np.zeros((3, 3))
+    r = np.zeros(3)
+    JI = np.zeros((6, 3))
+    KI = np.zeros((timings, 3))
+    value = np.zeros(3)
+    V = np.zeros((3, 3))
+    cost = 0.0
+    start = 0
+    while start < N:
+        point = landmark[start]
+        stop = start
+        V[:] = 0.0
+        while stop < N and landmark[stop] == point:
+            o = stop
+            stop += 1
+            # the observation carried to the present timing, and its residual r
+            K = jacobian_timing[o]
+            for a in range(3):
+                value[a] = values[o, a]
+                for b in range(timings):
+                    value[a] += K[a, b] * timing_change[b]
+            if not projection_terms(T_camera_map[keyframe[o]], landmarks[point], value, J, P, r):
+                cost += _BEHIND_CAMERA_COST
+                continue
+            # its robust information: ixx, ixy, iyy of the ray, iww of the inverse depth (0 where not measured)
+            sxx, sxy, syy, sww = variances[o, 0], variances[o, 1], variances[o, 2], variances[o, 3]
+            determinant = sxx * syy - sxy * sxy
+            chi2 = (syy * r[0] * r[0] - 2.0 * sxy * r[0] * r[1] + sxx * r[1] * r[1]) / determinant
+            weight = 1.0 / (1.0 + chi2 / cauchy)
+            cost += _robust_cost(chi2, cauchy)
+            ixx, ixy, iyy = syy / determinant * weight, -sxy / determinant * weight, sxx / determinant * weight
+            iww = 0.0
+            if value[2] > 0.0:
+                chi2 = r[2] * r[2] / sww
+                cost += _robust_cost(chi2, cauchy)
+                iww = 1.0 / (1.0 + chi2 / cauchy) / sww
+            # V += P' I P and b += P' I r of the landmark
+            for a in range(3):
+                p0, p1, p2 = ixx * P[0, a] + ixy * P[1, a], ixy * P[0, a] + iyy * P[1, a], iww * P[2, a]
+                b_landmark[point, a] += p0 * r[0] + p1 * r[1] + p2 * r[2]
+                for b in range(3):
+                    V[a, b] += p0 * P[0, b] + p1 * P[1, b] + p2 * P[2, b]
+            # U, W and a of the timing, whose derivative of the residual is -K
+            for a in range(timings):
+                KI[a, 0] = -(ixx * K[0, a] + ixy * K[1, a])
+                KI[a, 1] = -(ixy * K[0, a] + iyy * K[1, a])
+                KI[a, 2] = -iww * K[2, a]
+                rhs[timing + a] += KI[a, 0] * r[0] + KI[a, 1] * r[1] + KI[a, 2] * r[2]
+                for b in range(timings):
+                    S[timing + a, timing + b] -= KI[a, 0] * K[0, b] + KI[a, 1] * K[1, b] + KI[a, 2] * K[2, b]
+                for b in range(3):
+                    W_timing[point, a, b] += KI[a, 0] * P[0, b] + KI[a, 1] * P[1, b] + KI[a, 2] * P[2, b]
+            # U, W and a of the key frame's pose, and its block of U with the timing
+            f = free[keyframe[o]]
+            if f < 0:
+                continue
+            f *= 6
+            for a in range(6):
+                JI[a, 0] = ixx * J[0, a] + ixy * J[1, a]
+                JI[a, 1] = ixy * J[0, a] + iyy * J[1, a]
+                JI[a, 2] = iww * J[2, a]
+                rhs[f + a] += JI[a, 0] * r[0] + JI[a, 1] * r[1] + JI[a, 2] * r[2]
+                for b in range(6):
+                    S[f + a, f + b] += JI[a, 0] * J[0, b] + JI[a, 1] * J[1, b] + JI[a, 2] * J[2, b]
+                for b in range(3):
+                    W[o, a, b] = JI[a, 0] * P[0, b] + JI[a, 1] * P[1, b] + JI[a, 2] * P[2, b]
+                for b in range(timings):
+                    cross = -(JI[a, 0] * K[0, b] + JI[a, 1] * K[1, b] + JI[a, 2] * K[2, b])
+                    S[f + a, timing + b] += cross
+                    S[timing + b, f + a] += cross
+        # inv(V), damped, by cofactors
+        for a in range(3):
+            V[a, a] += damping * V[a, a] + 1e-9
+        c00 = V[1, 1] * V[2, 2] - V[1, 2] * V[2, 1]
+        c01 = V[0, 2] * V[2, 1] - V[0, 1] * V[2, 2]
+        c02 = V[0, 1] * V[1, 2] - V[0, 2] * V[1, 1]
+        determinant = V[0, 0] * c00 + V[1, 0] * c01 + V[2, 0] * c02
+        inverse = V_inverse[point]
+        inverse[0, 0], inverse[0, 1], inverse[0, 2] = c00 / determinant, c01 / determinant, c02 / determinant
+        inverse[1, 1] = (V[0, 0] * V[2, 2] - V[0, 2] * V[0, 2]) / determinant
+        inverse[1, 2] = (V[0, 2] * V[0, 1] - V[0, 0] * V[1, 2]) / determinant
+        inverse[2, 2] = (V[0, 0] * V[1, 1] - V[0, 1] * V[0, 1]) / determinant
+        inverse[1, 0], inverse[2, 0], inverse[2, 1] = inverse[0, 1], inverse[0, 2], inverse[1, 2]
+        b_l = b_landmark[point]
+        # S -= W inv(V) W', rhs -= W inv(V) b over all pairs of blocks: poses (6 x 3), then timing (t x 3)
+        for o in range(start, stop + 1):
+            is_timing = o == stop
+            if is_timing:
+                row, height, left = timing, timings, W_timing[point]
+            else:
+                row = free[keyframe[o]] * 6
+                height, left = 6, W[o]
+                if row < 0:
+                    continue
+            for a in range(height):
+                y0 = left[a, 0] * inverse[0, 0] + left[a, 1] * inverse[1, 0] + left[a, 2] * inverse[2, 0]
+                y1 = left[a, 0] * inverse[0, 1] + left[a, 1] * inverse[1, 1] + left[a, 2] * inverse[2, 1]
+                y2 = left[a, 0] * inverse[0, 2] + left[a, 1] * inverse[1, 2] + left[a, 2] * inverse[2, 2]
+                rhs[row + a] -= y0 * b_l[0] + y1 * b_l[1] + y2 * b_l[2]
+                for q in range(start, stop):
+                    column = free[keyframe[q]] * 6
+                    if column >= 0:
+                        for b in range(6):
+                            S[row + a, column + b] -= y0 * W[q, b, 0] + y1 * W[q, b, 1] + y2 * W[q, b, 2]
+                for b in range(timings):
+                    right = W_timing[point]
+                    S[row + a, timing + b] -= y0 * right[b, 0] + y1 * right[b, 1] + y2 * right[b, 2]
+        start = stop
+    return S, rhs, V_inverse, b_landmark, W_timing, W, cost
+
+
+@compiled
+def substitute_landmarks(
+    landmarks: Array,
+    free: Index,
+    keyframe: Index,
+    landmark: Index,
+    V_inverse: Array,
+    b_landmark: Array,
+    W_timing: Array,
+    W: Array,
+    step: Array,
+) -> Array:
+    """Return the landmarks (L x 3) moved by inv(V) (b - W' step), what the `step` of poses and timing leaves of b."""
+    remainder = b_landmark.copy()
+    timing = step.shape[0] - W_timing.shape[1]
+    for o in range(keyframe.shape[0]):
+        f = free[keyframe[o]] * 6
+        if f >= 0:
+            for b in range(3):
+                for a in range(6):
+                    remainder[landmark[o], b] -= W[o, a, b] * step[f + a]
+    moved = landmarks.copy()
+    for k in range(landmarks.shape[0]):
+        for b in range(3):
+            for a in range(W_timing.shape[1]):
+                remainder[k, b] -= W_timing[k, a, b] * step[timing + a]
+        for a in range(3):
+            for b in range(3):
+                moved[k, a] += V_inverse[k, a, b] * remainder[k, b]
+    return moved

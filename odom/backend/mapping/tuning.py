@@ -1,0 +1,53 @@
+"""The tuned numbers of mapping (see `geometry.tuning`)."""
+
+from dataclasses import dataclass
+
+from odom.geometry.tuning import in_use, tuned
+
+_SWEEP = "trial on TUM fr1_xyz, fr1_rpy and the arena; swept in odom/docs/sensitivity.md"
+
+
+# fmt: off
+@dataclass(frozen=True)
+class Tuning:
+    """Numbers of the insertion of key frames and of their adjustment."""
+
+    # keyframe_inserter
+    coverage_enough: int = tuned(150, unit="landmarks", source=_SWEEP,
+        effect="smaller: fewer key frames, poses from fewer landmarks; larger: more key frames, slower")
+    coverage_share_landmarks: float = tuned(0.85, unit="share of those at the key frame", source=_SWEEP,
+        effect="as coverage_enough, where a key frame itself has few")
+    coverage_least: int = tuned(50, unit="landmarks", source=_SWEEP,
+        effect="a key frame is due below, however few there were; smaller: LOST in poor scenes; "
+        "larger: many key frames")
+    coverage_share_cells: float = tuned(0.55, unit="share of those at the key frame", source=_SWEEP,
+        effect="smaller: half of the image is empty before a key frame comes; larger: more key frames")
+    coverage_cell_px: int = tuned(40, unit="px", source=_SWEEP,
+        effect="side of a cell of the image; smaller: cells wear sooner; larger: later")
+    moved_m: float = tuned(0.015, unit="m", source=_SWEEP,
+        effect="smaller: key frames at rest; larger: near things are covered late")
+    moved_rad: float = tuned(0.02, unit="rad", source=_SWEEP, effect="as moved_m, for rotations")
+    farthest_m: float = tuned(8.0, unit="m", source="range of a Kinect v1; Khoshelham, Elberink, Sensors 12, 2012",
+        effect="smaller: no landmarks in large rooms; larger: depth without information becomes landmarks")
+    # local_adjustment
+    adjust_fixed: int = tuned(10, unit="key frames", source=_SWEEP,
+        effect="older key frames that hold the newest ones; fewer: drift; more: slower")
+    adjust_shared: int = tuned(15, unit="landmarks", source=_SWEEP,
+        effect="shared landmarks that make an older key frame hold; fewer: bad ones hold; more: drift")
+    adjust_look_back: int = tuned(60, unit="key frames", source=_SWEEP,
+        effect="older ones looked at for that; fewer: places come back to are not used; more: slower")
+    adjust_iterations: int = tuned(5, unit="1", source=_SWEEP,
+        effect="steps of the newest key frames' adjustment; fewer: unfinished; more: slower")
+    finish_iterations: int = tuned(15, unit="1", source=_SWEEP,
+        effect="steps of the final adjustment; as adjust_iterations")
+    # intermediate_frames
+    intermediate_every: int = tuned(6, unit="frames", source=_SWEEP,
+        effect="smaller: the final adjustment is slower; larger: frames between key frames gain less")
+    intermediate_most: int = tuned(240, unit="frames", source="memory: 7 MB",
+        effect="smaller: long walks gain less; larger: more memory")
+    adjusted_most: int = tuned(150, unit="frames", source="memory grows with the square; 10 MB a copy of the system",
+        effect="smaller: long walks gain less; larger: slow ends and much memory")
+# fmt: on
+
+
+TUNING = in_use(Tuning)

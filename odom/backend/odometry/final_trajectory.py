@@ -1,0 +1,48 @@
+"""The final trajectory: every frame's pose at its stamp, moved with the map as it was adjusted."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import chain, pairwise
+
+from odom.backend.estimate import TrajectoryPose
+from odom.backend.map.frame_log import LoggedFrame
+from odom.backend.map.keyframe import Keyframe
+from odom.backend.odometry.tuning import TUNING
+from odom.geometry import se3
+from odom.geometry.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Middle:
+    """A frame and its pose in the map at its middle row's time (None: LOST)."""
+
+    frame: LoggedFrame
+    T_map_camera: Array | None
+    segment: int
+
+    @classmethod
+    def of(cls, frame: LoggedFrame, keyframes: list[Keyframe]) -> "_Middle":
+        if frame.keyframe is None or frame.T_keyframe_camera is None:
+            return cls(frame, None, frame.segment)
+        keyframe = keyframes[frame.keyframe]
+        return cls(frame, se3.inverse(keyframe.T_camera_map) @ frame.T_keyframe_camera, keyframe.segment)
+
+
+def trajectory(frames: Iterable[LoggedFrame], keyframes: list[Keyframe]) -> tuple[TrajectoryPose, ...]:
+    """Return every frame's pose at its stamp: carried from the middle row's time along the motion to the next frame."""
+    middles = chain([None], (_Middle.of(frame, keyframes) for frame in frames), [None])
+    around = pairwise(pairwise(middles))
+    return tuple(_at_stamp(here, before, after) for (before, here), (_, after) in around if here is not None)
+
+
+def _at_stamp(here: _Middle, before: _Middle | None, after: _Middle | None) -> TrajectoryPose:
+    frame, T = here.frame, here.T_map_camera
+    T_stamp = T
+    for there, sign in ((after, 1.0), (before, -1.0)):
+        if T is None or not frame.delay_s or there is None or there.segment != here.segment:
+            continue
+        apart_s = abs(there.frame.since_s(frame))
+        if there.T_map_camera is not None and 0.0 < apart_s < TUNING.interpolation_gap_s:
+            T_stamp = T @ se3.exp(sign * frame.delay_s / apart_s * se3.log(se3.inverse(T) @ there.T_map_camera))
+            break
+    return TrajectoryPose(frame.stamp, T_stamp, here.segment)

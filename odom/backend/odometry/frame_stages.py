@@ -1,0 +1,231 @@
+"""One frame on its way to an estimate: predict, track, judge, publish, map; or bridged, LOST, a new segment."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from odom.backend.chain import Chain
+from odom.backend.estimate import Estimate, Features, State
+from odom.backend.map.frame_log import LoggedFrame
+from odom.backend.map.map import Map
+from odom.backend.mapping.mapper import Mapper
+from odom.backend.odometry.published_trajectory import PublishedTrajectory
+from odom.backend.odometry.tuning import TUNING
+from odom.backend.odometry.visibility import Visibility
+from odom.backend.publication import Publication
+from odom.backend.settings import OdometrySettings
+from odom.backend.stopwatch import Stopwatch
+from odom.backend.tracking.frame_state import FrameState, Tracked
+from odom.backend.tracking.frame_tracker import FrameTracker
+from odom.backend.tracking.motion_model import AT_REST
+from odom.backend.tracking.noise_check import is_noise_check_due, observe_noise
+from odom.backend.tracking.quality import judge_pose
+from odom.backend.tracking.relocalizer import relocalise
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.view import View
+from odom.geometry.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """A tracked frame's pose `covariance` (6 x 6), `twist` (6, SI, camera frame), `state` and `reason`.
+
+    `since_previous_s` is the time since the frame before, 0 where the motion since then is not known.
+    """
+
+    tracked: Tracked
+    since_previous_s: float
+    twist: Array
+    covariance: Array
+    state: State
+    reason: str
+
+
+class FrameStages:
+    """The stages of every frame, and what one frame hands to the next.
+
+    `state` is the newest frame with a pose, None before the first; `sensor` what is known of the camera, with the
+    newest frame's stamp in its clock. The map grows by `mapper`; `published` and `chain` are what goes out.
+    """
+
+    def __init__(self, sensor: SensorModel, settings: OdometrySettings) -> None:
+        self.sensor = sensor
+        self.state: FrameState | None = None
+        self.map = Map()
+        self.tracker = FrameTracker(self.map, settings)
+        self.mapper = Mapper(self.map, settings)
+        self.published = PublishedTrajectory(self.map)
+        self.chain = Chain()
+        self._settings = settings
+        self._visibility = Visibility()
+
+    def estimate(self, view: View, T_predicted: Array | None, watch: Stopwatch) -> Estimate:
+        """Return the estimate for the next frame; `T_predicted` is T_camera_map where it was predicted already."""
+        if view.shows_depth:
+            self._visibility = self._visibility.with_depth(view.stamp)
+        period_s, bridge_s = self.sensor.clock.period_s, self._settings.bridge_s
+        is_blind = self._visibility.is_blind(view.stamp, max(bridge_s, TUNING.longest_blind_periods * period_s))
+        is_followable = not (self.published.is_lost or is_blind)
+        tracked = self._track(view, T_predicted, watch) if is_followable else None
+        if tracked is not None:
+            return self._advance(view, self._judge(view, tracked, is_recovered=False), watch)
+        features = 0
+        if not is_blind:
+            tracked, features = relocalise(self.map, self.tracker, self.state, view, self.sensor)
+            watch.lap("relocalise")
+        if tracked is not None:
+            return self._advance(view, self._judge(view, tracked, is_recovered=True), watch)
+        if self.state is not None and is_followable and 0.0 < self.state.since_s(view.steady_stamp) <= bridge_s:
+            return self._bridge(view, self.state)
+        return self._search(view, features, is_blind)
+
+    def _track(self, view: View, T_predicted: Array | None, watch: Stopwatch) -> Tracked | None:
+        """Predict and follow the frame from the newest one; None where that fails."""
+        state, tracker, sensor = self.state, self.tracker, self.sensor
+        longest_s = max(TUNING.longest_gap_s, TUNING.longest_gap_periods * sensor.clock.period_s)
+        if state is None or not 0.0 < state.since_s(view.steady_stamp) < longest_s:
+            return None
+        if T_predicted is None:
+            T_predicted = tracker.predict(state, view.images, view.steady_stamp, sensor)
+        watch.lap("predict")
+        tracked = tracker.follow(state, view, sensor, T_predicted)
+        if tracked is not None and state.tracked is None:
+            # The motion to a segment's second frame tells how the first one's rows are bent. The rows themselves
+            # cannot: landmarks bent in the first frame look straight in the second.
+            prior = state.motion_prior(state.since_s(view.steady_stamp), sensor.noise.covariance_scale)
+            twist = prior.twist_to(tracked.T_camera_map)
+            self.mapper.inserter.remeasure(state.reference, state.view, twist, sensor)
+            T_predicted = tracker.predict(state, view.images, view.steady_stamp, sensor)
+            tracked = tracker.follow(state, view, sensor, T_predicted)
+        watch.lap("track")
+        return tracked
+
+    def _judge(self, view: View, tracked: Tracked, is_recovered: bool) -> _Judged:
+        """Learn the noise from a tracked frame; return its motion, and how far its pose may be trusted."""
+        previous, clock, landmarks = self.state, self.sensor.clock, self.map.landmarks
+        assert previous is not None
+        since_previous_s = 0.0 if is_recovered else previous.since_s(view.steady_stamp)
+        step = previous.step_to(tracked)
+        twist = -step / since_previous_s if since_previous_s else tracked.twist
+        self.mapper.inserter.remeasure_newest(twist if since_previous_s else None, self.sensor)
+        landmarks.tried[tracked.expected] += 1
+        landmarks.seen[tracked.inlying.rows] += 1
+        is_one_period = abs(since_previous_s - clock.period_s) < TUNING.steady_share * clock.period_s
+        noise = self.sensor.noise.with_step(step if since_previous_s and is_one_period else None, tracked.information)
+        self._visibility = self._visibility.with_tracked(view.stamp, tracked.chi2[tracked.inliers, 1])
+        lacks_depth = self._visibility.lacks_depth(view.stamp)
+        if is_noise_check_due(noise, self.published.frames.count):
+            noise = observe_noise(noise, self.map, tracked, view.images.full.shape[1])
+        self.sensor = self.sensor.with_noise(noise)
+        covariance = tracked.covariance * noise.covariance_scale
+        state, reason = judge_pose(tracked, covariance, is_recovered, lacks_depth)
+        return _Judged(tracked, since_previous_s, twist, covariance, state, reason)
+
+    def _advance(self, view: View, judged: _Judged, watch: Stopwatch) -> Estimate:
+        """Publish a judged frame, grow the map by it, and make it the newest one."""
+        watch.lap("judge")
+        published = self._publish(view, judged)
+        watch.lap("publish")
+        tracked, previous = judged.tracked, self.state
+        is_successive = judged.since_previous_s > 0.0 and previous is not None
+        T_previous_map = previous.T_camera_map if previous is not None and is_successive else None
+        pairwise = self.chain.extend(T_previous_map, tracked, published, self.sensor)
+        watch.lap("chain")
+        is_keyframe = self._grow_map(view, judged, published)
+        watch.lap("map")
+        residual = np.where(tracked.inliers, np.sqrt(tracked.chi2[:, 0]), np.nan)
+        return replace(
+            self._describe(view, judged.state, judged.reason, published),
+            inliers=tracked.inlier_count,
+            matches=len(tracked.expected),
+            is_keyframe=is_keyframe,
+            pairwise=pairwise,
+            features=Features(tracked.uv, residual),
+        )
+
+    def _publish(self, view: View, judged: _Judged) -> Publication:
+        """Return a judged frame's published pose, carried from its middle row's time to its stamp."""
+        tracked = judged.tracked
+        reference = self.map.keyframes[tracked.reference]
+        delay_s = view.late_s + self.sensor.timing.readout_s / 2.0
+        T_reference_middle = reference.T_camera_map @ tracked.T_map_camera
+        middle = LoggedFrame(view.stamp, reference.segment, delay_s, reference.number, T_reference_middle)
+        since_s, inliers = judged.since_previous_s, tracked.inlier_count
+        return self.published.advance(middle, tracked.T_map_camera, judged.covariance, since_s, inliers, self.sensor)
+
+    def _grow_map(self, view: View, judged: _Judged, published: Publication) -> bool:
+        """Add a frame to the map as far as it is needed, and make it the newest; return whether it is a key frame."""
+        tracked, mapper, count = judged.tracked, self.mapper, self.published.frames.count
+        if mapper.intermediate.wants(count - 1):
+            mapper.keep_for_the_end(count - 1, tracked, self.sensor)
+        mapper.start_background(count, self.sensor)
+        reference, seen = tracked.reference, tracked.inlying
+        rows, uv, is_keyframe = seen.rows, seen.uv, False
+        if judged.state is State.RECOVERED:
+            # Its motion, which bends what it measured, is not known: the next frame may become a key frame.
+            mapper.inserter.forget_coverage()
+        elif self._visibility.landmark_depth_stamp == view.stamp and mapper.inserter.is_due(tracked):
+            keyframe = mapper.inserter.insert(view, tracked, judged.twist, judged.covariance, self.sensor)
+            keyframe.T_middle_stamp = published.T_middle_stamp
+            reference, rows, uv, is_keyframe = keyframe.number, keyframe.rows, keyframe.uv, True
+        self.state = FrameState(view, tracked, tracked.T_camera_map, judged.twist, reference, rows, uv)
+        return is_keyframe
+
+    def _bridge(self, view: View, state: FrameState) -> Estimate:
+        """Let the motion prediction stand in for a frame that could not be tracked."""
+        self.state = replace(state, is_bridged=True)
+        published = self.published.bridge(view.stamp, state.twist, self.sensor)
+        reason = "not tracked: the motion is predicted"
+        return replace(self._describe(view, State.UNCERTAIN, reason, published), is_predicted=True)
+
+    def _search(self, view: View, features: int, is_blind: bool) -> Estimate:
+        """Say that the frame has no pose, or begin a new segment where none can be hoped for.
+
+        `features` are those with depth. Time in which there is nothing to see does not count as a search.
+        """
+        reason = "no depth" if is_blind else "too little to see"
+        if features >= TUNING.least_corners:
+            reason = "no known place recognised"
+            self._visibility = self._visibility.with_search(self.published.since_last_s(view.stamp))
+            if self._is_unproven or self._visibility.searching_s > self._settings.new_segment_s:
+                return self._begin_segment(view)
+        self.published.lose(view.stamp, self._segment)
+        self.mapper.start_background(self.published.frames.count, self.sensor)
+        return self._describe(view, State.LOST, reason, None)
+
+    @property
+    def _is_unproven(self) -> bool:
+        """Whether there is nothing to be found again: no frame yet, or a single one from which none was followed."""
+        return self.state is None or (len(self.map.keyframes) == 1 and self.state.tracked is None)
+
+    def _begin_segment(self, view: View) -> Estimate:
+        """Begin a new segment of the map at the last known pose."""
+        is_first = self.state is None
+        T_camera_map = np.eye(4) if self.state is None else self.state.T_camera_map
+        keyframe = self.mapper.inserter.begin_segment(view, T_camera_map, self.sensor)
+        self._visibility = self._visibility.with_new_segment(view.stamp)
+        published = self.published.begin(view.stamp, keyframe.segment, keyframe.number, self.sensor)
+        self.chain.begin(published)
+        self.state = FrameState(view, None, T_camera_map, AT_REST, keyframe.number, keyframe.rows, keyframe.uv)
+        state = State.TRACKING if is_first else State.RECOVERED
+        reason = "" if is_first else "new segment: no known place recognised"
+        estimate = self._describe(view, state, reason, published)
+        return replace(estimate, matches=len(keyframe.rows), is_keyframe=True)
+
+    @property
+    def _segment(self) -> int:
+        return -1 if self.state is None else self.map.keyframes[self.state.reference].segment
+
+    def _describe(self, view: View, state: State, reason: str, published: Publication | None) -> Estimate:
+        """Return the estimate for a frame as it was published, without a pose where None."""
+        T_map_odom = self.published.T_map_odom
+        estimate = Estimate(view.sequence, view.stamp, state, reason, max(self._segment, 0), T_map_odom)
+        if published is None:
+            return estimate
+        return replace(
+            estimate,
+            T_odom_camera=published.T_odom_camera,
+            covariance=published.covariance,
+            step=published.step,
+            second=published.second,
+        )

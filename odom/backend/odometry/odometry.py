@@ -1,0 +1,203 @@
+"""Frames in order of time to poses: what needs no depth is done ahead, what can wait is done in the background."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from odom.backend.estimate import ClosingTest, Estimate, LoopCandidate, TrajectoryPose
+from odom.backend.loop_closure.closed_walk import closing_test
+from odom.backend.loop_closure.loop_closure import close_recognised
+from odom.backend.mapping.intermediate_frames import corrected
+from odom.backend.odometry.final_trajectory import trajectory
+from odom.backend.odometry.frame_stages import FrameStages
+from odom.backend.odometry.tuning import TUNING
+from odom.backend.settings import OdometrySettings
+from odom.backend.stopwatch import Stopwatch
+from odom.backend.tracking.frame_state import FrameState, Tracked
+from odom.errors import ConfigError, InputError
+from odom.frame import Camera, RgbdFrame, Stamp
+from odom.frontend.camera.lens import Lens
+from odom.frontend.camera.noise_monitor import FeatureNoise, NoiseMonitor
+from odom.frontend.camera.rolling_shutter import ShutterTiming
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.camera.stamp_clock import StampClock
+from odom.frontend.features.images import FrameImages
+from odom.frontend.features.view import View
+from odom.geometry import se3
+from odom.geometry.arrays import Array, Image
+
+_LEAST_SIDE_PX = 64
+"""Narrower images hold no patches in which landmarks could be searched."""
+_SHORTEST_PERIOD_S = 1e-4
+"""No camera is faster: frames closer together are stamped in microseconds or milliseconds, or were given numbers."""
+_MOST_HURRIED = 3
+"""So many frames in a row may be closer, after a hiccup of the device's clock; the next ones are refused."""
+_INVERSE_DEPTH_KNOTS = np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0])
+"""Inverse depths (1/m) at which the noise of depth is learnt: from 6.7 m to .5 m, the range of a Kinect."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Prepared:
+    """What was computed of a colour image before its depth was there: T_camera_map as predicted from `state`."""
+
+    color: Image
+    images: FrameImages
+    state: FrameState
+    T_predicted: Array
+    laps_ms: dict[str, float]
+
+
+class Odometry:
+    """The odometry of one RGB-D camera: give it frames in order, it returns an estimate for each.
+
+    Deterministic: what runs in the background takes effect at a fixed frame number, never by the clock; time is that
+    of the frames' stamps. A frame that cannot be placed is LOST, a value. Raises ConfigError for a camera of which
+    nothing can be tracked, or whose lens is not known here.
+    """
+
+    def __init__(self, camera: Camera, settings: OdometrySettings | None = None) -> None:
+        if min(camera.width, camera.height) < _LEAST_SIDE_PX:
+            raise ConfigError(f"{camera}: images need {_LEAST_SIDE_PX} pixels each way at least")
+        self.settings = settings or OdometrySettings()
+        self.camera = camera
+        self._frames = FrameStages(_unproven_sensor(camera, self.settings), self.settings)
+        self._prepared: _Prepared | None = None
+        self._hurried = 0
+        self.late_loops: tuple[LoopCandidate, ...] = ()
+        """What the last `finish` judged, after the last frame."""
+
+    @property
+    def timing(self) -> ShutterTiming:
+        """The sensor's timing as estimated so far."""
+        return self._frames.sensor.timing
+
+    @property
+    def forgotten_keyframes(self) -> int:
+        """How many key frames were forgotten, for the map to stay within `map_keyframes`."""
+        return len(self._frames.map.forgotten)
+
+    @property
+    def forgotten_frames(self) -> int:
+        """How many frames were dropped from the final trajectory: those older than the last eight hours."""
+        return self._frames.published.frames.dropped
+
+    def anticipate(self, stamp: Stamp, color: Image) -> None:
+        """Do already what needs no depth, for the frame that will hold this very `color` (grey or RGB) of `stamp`.
+
+        The estimates are the same with and without, but sooner: a Kinect's depth comes milliseconds behind its colour.
+        """
+        frames, state = self._frames, self._frames.state
+        if state is None or frames.published.is_lost or color.shape[:2] != state.view.images.full.shape:
+            return
+        watch = Stopwatch()
+        images, sensor = FrameImages.of(color), frames.sensor.with_stamp(stamp)
+        watch.lap("images")
+        T_predicted = frames.tracker.predict(state, images, sensor.clock.steady, sensor)
+        watch.lap("predict")
+        self._prepared = _Prepared(color, images, state, T_predicted, watch.laps_ms)
+
+    def process(self, frame: RgbdFrame) -> Estimate:
+        """Return the estimate for the next frame.
+
+        Raises InputError for a frame whose size is not the camera's, or whose stamp is the last one's or up to a
+        second before it; a leap further back is a new time, in which the camera has to be found again. Refused, too,
+        are stamps that stay less than 0.1 ms apart: they are in another unit than nanoseconds.
+        """
+        if frame.depth_mm.shape != (self.camera.height, self.camera.width):
+            raise InputError(
+                f"a frame of {frame.depth_mm.shape[::-1]} pixels from {self.camera}: give that camera's own"
+            )
+        frames = self._frames
+        since_last_s = frames.published.since_last_s(frame.stamp)
+        if -TUNING.new_time_s <= since_last_s <= 0.0:
+            raise InputError(f"frame {frame.sequence} is not later than the one before: give frames in order of time")
+        self._hurried = self._hurried + 1 if 0.0 < since_last_s < _SHORTEST_PERIOD_S else 0
+        if self._hurried > _MOST_HURRIED:
+            raise InputError(
+                f"frame {frame.sequence} is stamped {since_last_s:.1e} s after the one before: give stamps in "
+                "nanoseconds; odom.from_seconds(...) makes them of seconds"
+            )
+        frames.sensor = frames.sensor.with_stamp(frame.stamp)
+        prepared, self._prepared = self._prepared, None
+        if prepared is not None and (prepared.color is not frame.color or prepared.state is not frames.state):
+            prepared = None
+        watch = Stopwatch(None if prepared is None else prepared.laps_ms)
+        images = FrameImages.of(frame.color) if prepared is None else prepared.images
+        view = View.of(frame, frames.sensor.clock, images)
+        watch.lap("images")
+        loops, map_moved = self._take_background(frames.published.frames.count)
+        map_moved |= frames.state is not None and frames.mapper.prune(frames.state)
+        watch.lap("background")
+        T_predicted = None if prepared is None or map_moved else prepared.T_predicted
+        estimate = frames.estimate(view, T_predicted, watch)
+        if map_moved or estimate.is_keyframe:
+            estimate = replace(estimate, path=frames.map.path(), landmarks_map=frames.map.cloud())
+        return replace(estimate, loops=loops, timings_ms=watch.laps_ms)
+
+    def _take_background(self, count: int | None) -> tuple[tuple[LoopCandidate, ...], bool]:
+        """Take over what the background has for frame `count` (None: all it has); return loops, and if the map moved.
+
+        The current pose moves with the map; over a closure, the pose in odom stays what it was.
+        """
+        frames, state = self._frames, self._frames.state
+        if state is None:
+            return (), False
+        T_reference_camera = state.T_reference_camera(frames.map)
+        taken = frames.mapper.take_background(count, frames.sensor)
+        if taken is None:
+            return (), False
+        frames.sensor, described = taken
+        reference = frames.map.keyframes[state.reference]
+        T_reference_adjusted = reference.T_camera_map
+        loops = close_recognised(frames.map, frames.tracker, described, frames.sensor)
+        if any(loop.accepted for loop in loops):
+            frames.published.correct(se3.inverse(reference.T_camera_map) @ T_reference_adjusted)
+        frames.state = state.moved_with(frames.map, T_reference_camera)
+        return loops, True
+
+    def finish(self) -> tuple[TrajectoryPose, ...]:
+        """Return the final corrected trajectory after adjusting the whole map once more.
+
+        It holds one pose for each frame of the last eight hours (see `FrameLog`).
+        """
+        frames, log, keyframes = self._frames, self._frames.published.frames, self._frames.map.keyframes
+        self.late_loops = ()
+        if frames.state is None:
+            return trajectory(log, keyframes)
+        newest = log.count - 1
+        tracked = self._newest_tracked
+        if tracked is not None:
+            frames.mapper.keep_for_the_end(newest, tracked, frames.sensor)
+        loops, _ = self._take_background(None)
+        frames.mapper.start_background(log.count, frames.sensor)
+        self.late_loops = loops + self._take_background(None)[0]
+        state = frames.state
+        T_reference_camera = state.T_reference_camera(frames.map)
+        frames.sensor, adjusted = frames.mapper.finish(frames.sensor)
+        frames.state = state.moved_with(frames.map, T_reference_camera)
+        if newest in adjusted:
+            frames.state = replace(frames.state, T_camera_map=adjusted[newest])
+        return trajectory(corrected(log, keyframes, adjusted), keyframes)
+
+    def closing_test(self) -> ClosingTest | None:
+        """Return the paper's test of a closed walk after `finish`, None where it can't be made (see `closing_test`)."""
+        frames, last = self._frames, self._newest_tracked
+        if frames.state is None or last is None:
+            return None
+        return closing_test(frames.map, frames.tracker, frames.state, last, frames.chain.link, frames.sensor)
+
+    @property
+    def _newest_tracked(self) -> Tracked | None:
+        """The last frame's tracking, None where it was not tracked."""
+        state, last = self._frames.state, self._frames.published.frames.last
+        return state.tracked if state and last and last.stamp == state.view.stamp else None
+
+
+def _unproven_sensor(camera: Camera, settings: OdometrySettings) -> SensorModel:
+    """Return what the settings say of a camera that has shown nothing yet."""
+    knots = _INVERSE_DEPTH_KNOTS
+    noise = FeatureNoise(settings.pixel_sigma_px, np.stack([knots, np.full_like(knots, settings.inverse_depth_sigma)]))
+    sigma_s = [settings.readout_prior_sigma_s, settings.depth_lag_prior_sigma_s, settings.depth_readout_prior_sigma_s]
+    timing = ShutterTiming(settings.readout_prior_s, settings.depth_lag_prior_s, settings.depth_readout_prior_s)
+    information = np.diag(np.array(sigma_s) ** -2.0)
+    return SensorModel(Lens.of(camera), timing, information, StampClock(), NoiseMonitor.of(noise))

@@ -1,0 +1,162 @@
+"""The causal trajectory: what is published of each frame, at once and for good, with covariances of its motions."""
+
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+
+from odom.backend.estimate import RelativePose
+from odom.backend.map.frame_log import FrameLog, LoggedFrame
+from odom.backend.map.map import Map
+from odom.backend.map.pose_covariance import covariance_since_start, relative_covariance
+from odom.backend.odometry.tuning import TUNING
+from odom.backend.publication import Publication
+from odom.backend.tracking.motion_model import Agility, MotionFilter
+from odom.frame import Stamp
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.geometry import se3
+from odom.geometry.arrays import Array
+
+_SECOND_S = 1.0
+"""The longer of the two motions that are published goes over this time: RPE and NEES are judged by it."""
+_BRIDGE_SIGMA = np.repeat([TUNING.bridge_sigma_m_s, TUNING.bridge_sigma_rad_s], 3)
+"""How fast a predicted pose gets worse (6, m/s and rad/s)."""
+
+
+class PublishedTrajectory:
+    """The log of all frames (`frames`, for the middle row) and the newest publications.
+
+    The map grows and moves meanwhile: `T_map_odom` takes the corrections, so that what is published is continuous. It
+    does not become surer by them: since the last publication before the newest correction its covariance only grows.
+    """
+
+    def __init__(self, map_: Map) -> None:
+        self.frames = FrameLog()
+        self.T_map_odom = np.eye(4)
+        self._map = map_
+        self._recent: deque[Publication] = deque(maxlen=TUNING.recent)
+        self._newest: Publication | None = None
+        self._corrected: Publication | None = None
+        self._agility = Agility()
+        self._filter: MotionFilter | None = None
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the last frame has no pose, or there is none yet."""
+        last = self.frames.last
+        return last is None or last.keyframe is None
+
+    def since_last_s(self, stamp: Stamp) -> float:
+        """Return the seconds from the last frame to `stamp`, infinite where there is none."""
+        last = self.frames.last
+        return np.inf if last is None else (stamp - last.stamp) * 1e-9
+
+    def correct(self, T_new_old: Array) -> None:
+        """Keep odom continuous: a closure has moved the map around the camera by `T_new_old`."""
+        self.T_map_odom = T_new_old @ self.T_map_odom
+        self._corrected = self._newest
+
+    def begin(self, stamp: Stamp, segment: int, keyframe: int, sensor: SensorModel) -> Publication:
+        """Publish the first pose of a segment, which is its key frame's by definition."""
+        frame = LoggedFrame(stamp, segment, 0.0, keyframe, np.eye(4), np.zeros((6, 6)))
+        self.frames.append(frame)
+        self._filter = None
+        self._recent.clear()
+        T_odom_camera = se3.inverse(self.T_map_odom) @ se3.inverse(self._map.keyframes[keyframe].T_camera_map)
+        return self._keep(Publication(frame, T_odom_camera, self._since_start(frame, T_odom_camera, sensor)))
+
+    def advance(
+        self,
+        middle: LoggedFrame,
+        T_map_middle: Array,
+        covariance: Array,
+        since_previous_s: float,
+        inliers: int,
+        sensor: SensorModel,
+    ) -> Publication:
+        """Publish a tracked frame, found at `T_map_middle` with `covariance` (6 x 6) at its middle row's time.
+
+        The pose is smoothed and carried to the stamp. Since the image's time is known to the clock's sigma only, the
+        distance that the camera covers in that time adds to the covariance. `since_previous_s` is 0 where the motion
+        since the frame before is not known.
+        """
+        assert middle.T_keyframe_camera is not None
+        self.frames.append(middle)
+        T_odom_middle = se3.inverse(self.T_map_odom) @ T_map_middle
+        if since_previous_s and self._filter is not None:
+            self._filter = self._filter.tracked(T_odom_middle, covariance, since_previous_s)
+        else:
+            self._filter = MotionFilter.begun(T_odom_middle, covariance, self._agility)
+        self._agility = self._filter.agility
+        motion = self._filter.motion
+        carried = motion.after(middle.delay_s, self._agility)
+        frame = replace(
+            middle,
+            T_keyframe_camera=middle.T_keyframe_camera @ se3.inverse(T_odom_middle) @ carried.T_fixed_camera,
+            covariance=carried.covariance + np.outer(motion.twist, motion.twist) * sensor.clock.sigma_s**2,
+            delay_s=0.0,
+        )
+        T_middle_stamp = se3.inverse(motion.T_fixed_camera) @ carried.T_fixed_camera
+        going = motion.covariance_of_going(middle.delay_s)
+        since_start = self._since_start(frame, carried.T_fixed_camera, sensor)
+        current = Publication(frame, carried.T_fixed_camera, since_start, T_middle_stamp, going)
+        if self._recent and since_previous_s:
+            current = replace(current, step=self._motion_since(self._recent[-1], current, inliers, sensor))
+        around = [p for p in self._recent if _from_a_second(p, frame.stamp) < TUNING.near_a_second_s]
+        if around:
+            then = min(around, key=lambda p: _from_a_second(p, frame.stamp))
+            current = replace(current, second=self._motion_since(then, current, inliers, sensor))
+        return self._keep(current)
+
+    def bridge(self, stamp: Stamp, twist: Array, sensor: SensorModel) -> Publication:
+        """Publish what the motion `twist` (6, SI, camera frame) predicts for a frame that could not be tracked."""
+        last = self._recent[-1]
+        assert last.frame.T_keyframe_camera is not None
+        assert last.frame.covariance is not None
+        dt = (stamp - last.frame.stamp) * 1e-9
+        step = se3.exp(twist * dt)
+        frame = replace(
+            last.frame,
+            stamp=stamp,
+            T_keyframe_camera=last.frame.T_keyframe_camera @ step,
+            covariance=last.frame.covariance + np.diag((_BRIDGE_SIGMA * dt) ** 2),
+        )
+        self.frames.append(frame)
+        T_odom_camera = last.T_odom_camera @ step
+        return self._keep(Publication(frame, T_odom_camera, self._since_start(frame, T_odom_camera, sensor)))
+
+    def lose(self, stamp: Stamp, segment: int) -> None:
+        """Log a frame without a pose; no motion is published over it."""
+        self.frames.append(LoggedFrame(stamp, segment, 0.0))
+        self._recent.clear()
+        self._filter = None
+
+    def _keep(self, current: Publication) -> Publication:
+        self._recent.append(current)
+        self._newest = current
+        return current
+
+    def _motion_since(
+        self, earlier: Publication, current: Publication, inliers: int, sensor: SensorModel
+    ) -> RelativePose | None:
+        error = sensor.noise.calibration_error
+        covariance = relative_covariance(self._map, earlier.frame, current.frame, error)
+        if covariance is None:
+            return None
+        T_earlier_current = se3.inverse(earlier.T_odom_camera) @ current.T_odom_camera
+        return RelativePose(earlier.frame.stamp, T_earlier_current, covariance, inliers)
+
+    def _since_start(self, frame: LoggedFrame, T_odom_camera: Array, sensor: SensorModel) -> Array | None:
+        """Return the 6 x 6 covariance of a pose in odom since its segment began."""
+        since, error = self._corrected, sensor.noise.calibration_error
+        if since is not None and since.covariance is not None:
+            moved = relative_covariance(self._map, since.frame, frame, error)
+            if moved is not None:
+                T_since_camera = se3.inverse(since.T_odom_camera) @ T_odom_camera
+                return se3.compose_covariance(since.covariance, T_since_camera, moved)
+        return covariance_since_start(self._map.keyframes, frame, error)
+
+
+def _from_a_second(earlier: Publication, stamp: Stamp) -> float:
+    """Return how far from a second the time between a publication and `stamp` is, in seconds."""
+    return abs((stamp - earlier.frame.stamp) * 1e-9 - _SECOND_S)

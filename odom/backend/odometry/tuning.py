@@ -1,0 +1,45 @@
+"""The tuned numbers of the odometry (see `geometry.tuning`)."""
+
+from dataclasses import dataclass
+
+from odom.geometry.tuning import in_use, tuned
+
+_SWEEP = "trial on TUM fr1_xyz, fr1_rpy and the arena; swept in odom/docs/sensitivity.md"
+
+
+# fmt: off
+@dataclass(frozen=True)
+class Tuning:
+    """Numbers of frames in order: gaps, losses, and what is published."""
+
+    longest_gap_s: float = tuned(0.2, unit="s", source=_SWEEP,
+        effect="longest gap over which the camera is followed; smaller: LOST after two lost frames; "
+        "larger: wrong motions")
+    longest_gap_periods: float = tuned(2.5, unit="periods", source=_SWEEP, effect="the same for slow streams")
+    longest_blind_periods: float = tuned(1.5, unit="periods", source="one lost depth image",
+        effect="smaller: one lost depth image is LOST; larger: frames without depth are searched in vain")
+    least_corners: int = tuned(50, unit="features with depth", source=_SWEEP,
+        effect="fewer: segments begin at bare walls; more: LOST for longer in poor scenes")
+    least_deep: float = tuned(0.05, unit="share of landmarks", source=_SWEEP,
+        effect="smaller: a frame hardly any depth is taken for one with; larger: far scenes count as without depth")
+    longest_shallow_s: float = tuned(0.15, unit="s", source="four frames at 30 Hz",
+        effect="smaller: UNCERTAIN after two frames without depth; larger: TRACKING on landmarks alone")
+    new_time_s: float = tuned(1.0, unit="s", source="no stream delays frames by so much",
+        effect="a step of the stamps so far back is a new time; smaller: late frames begin one; "
+        "larger: loops are refused")
+    recent: int = tuned(64, unit="frames", source="two seconds at 30 Hz",
+        effect="frames among which that of a second ago is searched; fewer: none at high rates; more: memory")
+    near_a_second_s: float = tuned(0.075, unit="s", source="two periods at 30 Hz, rounded up",
+        effect="smaller: no motion over a second after a lost frame; larger: the second is inexact")
+    bridge_sigma_m_s: float = tuned(0.5, unit="m/s", source="predictions against truth over 1 to 4 frames, fr1",
+        effect="how fast a predicted pose gets worse; smaller: too sure; larger: too unsure")
+    bridge_sigma_rad_s: float = tuned(1.0, unit="rad/s", source="as bridge_sigma_m_s", effect="as bridge_sigma_m_s")
+    interpolation_gap_s: float = tuned(0.2, unit="s", source="as longest_gap_s",
+        effect="longest gap over which a final pose is carried to its stamp; larger: motion is guessed")
+    steady_share: float = tuned(0.2, unit="share of a period", source=_SWEEP,
+        effect="steps that count as one period long; smaller: jittery streams show no jumps; "
+        "larger: gaps count as jumps")
+# fmt: on
+
+
+TUNING = in_use(Tuning)

@@ -1,0 +1,27 @@
+"""A pose as it is published, once and for good, with the motions since earlier ones."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from odom.backend.estimate import RelativePose
+from odom.backend.map.frame_log import LoggedFrame
+from odom.geometry.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Publication:
+    """The `frame` at the stamp itself, its published pose `T_odom_camera`, and the motions since earlier frames.
+
+    `covariance` (6 x 6, `se3`, camera frame) is that of the pose since its segment began. `T_middle_stamp` is the
+    motion from the time of the image's middle row to the stamp, with its 6 x 6 covariance. `step` is the motion since
+    the frame before, `second` the one over a second.
+    """
+
+    frame: LoggedFrame
+    T_odom_camera: Array
+    covariance: Array | None
+    T_middle_stamp: Array = field(default_factory=lambda: np.eye(4))
+    covariance_middle_stamp: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    step: RelativePose | None = None
+    second: RelativePose | None = None

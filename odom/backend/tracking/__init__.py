@@ -1,0 +1,1 @@
+"""The pose of one frame against the map, and how far to trust it."""

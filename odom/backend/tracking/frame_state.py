@@ -1,0 +1,125 @@
+"""The newest frame with a pose: where the camera was, how it moved, and what it saw."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from odom.backend.map.keyframe import Measured
+from odom.backend.map.map import Map
+from odom.backend.tracking.motion_model import Motion, Velocity
+from odom.backend.tracking.tuning import TUNING
+from odom.frontend.camera.stamp_clock import SteadyStamp
+from odom.frontend.features.measurement import Measurements
+from odom.frontend.features.view import View
+from odom.geometry import se3
+from odom.geometry.arrays import Array, Index, Mask
+
+
+@dataclass(frozen=True, eq=False)
+class Tracked:
+    """A frame's pose `T_camera_map` for its middle row, with the information of the fit (6 x 6, camera frame).
+
+    `rows` (n) are the landmarks found, at `uv` (n x 2 px), with their `measurements`, `chi2` (n x 2: ray, depth) and
+    `inliers` (n); `expected` are the rows of all that were looked for, `reference` the key frame nearest in pose,
+    `twist` (6, SI, camera frame) the velocity that the measurements were carried with, `velocity` what the rows of the
+    image showed of it.
+    """
+
+    T_camera_map: Array
+    information: Array
+    rows: Index
+    uv: Array
+    measurements: Measurements
+    chi2: Array
+    inliers: Mask
+    expected: Index
+    reference: int
+    twist: Array
+    velocity: Velocity
+
+    @cached_property
+    def T_map_camera(self) -> Array:
+        """The pose the other way round."""
+        return se3.inverse(self.T_camera_map)
+
+    @cached_property
+    def inlying(self) -> Measured:
+        """The landmarks found where the pose predicts them."""
+        return Measured(self.rows[self.inliers], self.uv[self.inliers], self.measurements.take(self.inliers))
+
+    @cached_property
+    def inlier_count(self) -> int:
+        """How many landmarks were found where the pose predicts them."""
+        return int(np.count_nonzero(self.inliers))
+
+    @property
+    def found_again(self) -> int:
+        """How many landmarks were found where the pose predicts them, at the predicted depth where it was measured."""
+        return int(np.count_nonzero(self.inliers & (self.chi2[:, 1] < TUNING.inlier_chi2)))
+
+    @property
+    def covariance(self) -> Array:
+        """The pose's 6 x 6 covariance (`se3`, camera frame) that follows from those of the measurements."""
+        return np.asarray(np.linalg.inv(self.information), dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class MotionPrior:
+    """The camera's `motion` in the map `since_s` seconds ago; `scale` multiplies the covariances of measurements."""
+
+    motion: Motion
+    since_s: float
+    scale: float
+
+    def twist_to(self, T_camera_map: Array) -> Array:
+        """Return the mean velocity (6, SI, the camera's own frame) that led to the pose `T_camera_map`."""
+        return np.asarray(-se3.log(T_camera_map @ self.motion.T_fixed_camera) / self.since_s)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameState:
+    """The newest frame that was tracked or began a segment (`tracked` is None), and the camera's motion there.
+
+    `T_camera_map` and `twist` (6, SI, camera frame) are those of its middle row, near key frame `reference`. The next
+    frame is followed from the landmarks `rows` (n), which this one showed at `uv` (n x 2 px). `is_bridged`: frames
+    since could not be tracked, and a prediction stood in for them.
+    """
+
+    view: View
+    tracked: Tracked | None
+    T_camera_map: Array
+    twist: Array
+    reference: int
+    rows: Index
+    uv: Array
+    is_bridged: bool = False
+
+    def since_s(self, stamp: SteadyStamp) -> float:
+        """Return the time from this frame to `stamp`, in seconds."""
+        return (stamp - self.view.steady_stamp) * 1e-9
+
+    @cached_property
+    def T_map_camera(self) -> Array:
+        """The pose the other way round."""
+        return se3.inverse(self.T_camera_map)
+
+    def step_to(self, tracked: Tracked) -> Array:
+        """Return the motion (6, `se3`) from this frame's pose to a tracked one's, as a change of T_camera_map."""
+        return se3.log(tracked.T_camera_map @ self.T_map_camera)
+
+    def motion_prior(self, since_s: float, scale: float) -> MotionPrior:
+        """Return the camera's motion here, `since_s` seconds ago; `scale` is the sensor's covariance scale."""
+        motion = Motion.of(self.T_map_camera, np.zeros((6, 6)))
+        if self.tracked is not None:
+            motion = Motion.of(motion.T_fixed_camera, self.tracked.covariance * scale, self.tracked.velocity)
+        return MotionPrior(motion, since_s, scale)
+
+    def T_reference_camera(self, map_: Map) -> Array:
+        """Return the pose relative to the reference key frame."""
+        return np.asarray(map_.keyframes[self.reference].T_camera_map @ self.T_map_camera)
+
+    def moved_with(self, map_: Map, T_reference_camera: Array) -> "FrameState":
+        """Return this state after the map has moved: its pose relative to the reference key frame stays the same."""
+        T_camera_map = se3.inverse(T_reference_camera) @ map_.keyframes[self.reference].T_camera_map
+        return replace(self, T_camera_map=T_camera_map)

@@ -1,0 +1,144 @@
+"""One frame against the map: followed from the previous image, searched in key frames' patches, and fitted."""
+
+from collections.abc import Collection
+
+import numpy as np
+
+from odom.backend.map.map import Map
+from odom.backend.settings import OdometrySettings
+from odom.backend.tracking.frame_state import FrameState, MotionPrior, Tracked
+from odom.backend.tracking.motion_model import ANY_VELOCITY, Agility
+from odom.backend.tracking.pose_solver import PoseFit, fit_pose
+from odom.backend.tracking.quality import has_enough_inliers, is_known_place, is_plausible_motion, is_same_view
+from odom.backend.tracking.row_velocity import fit_velocity
+from odom.backend.tracking.tuning import TUNING
+from odom.frontend.camera.lens import project, rays_at
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.camera.stamp_clock import SteadyStamp
+from odom.frontend.features.images import FrameImages
+from odom.frontend.features.measurement import Measurements, measure
+from odom.frontend.features.view import View
+from odom.frontend.matching.landmark_search import Candidates, find_landmarks
+from odom.frontend.matching.optical_flow import follow_features
+from odom.geometry import se3
+from odom.geometry.arrays import Array, Index
+
+_WHITE = Agility(steady_s=0.0)
+_BORDER_PX = 2.0
+"""Followed features are predicted up to so close to the image's border."""
+
+
+class FrameTracker:
+    """Tracks frames of one camera against `map_`, which it reads only."""
+
+    def __init__(self, map_: Map, settings: OdometrySettings) -> None:
+        self._map, self._settings = map_, settings
+
+    def predict(self, state: FrameState, images: FrameImages, stamp: SteadyStamp, sensor: SensorModel) -> Array:
+        """Return T_camera_map of the `images` taken at `stamp`: by constant velocity, improved by optical flow.
+
+        The fit's gate closes step by step (graduated non-convexity), so that a wrong constant velocity does no harm.
+        Where too few features are followed the constant velocity stands.
+        """
+        L, lens = self._map.landmarks, sensor.lens
+        T_predicted = se3.exp(-state.twist * state.since_s(stamp)) @ state.T_camera_map
+        alive = L.alive[state.rows]
+        rows, uv_previous = state.rows[alive], state.uv[alive]
+        if len(rows) > TUNING.followed:
+            chosen = np.linspace(0, len(rows) - 1, TUNING.followed).astype(np.int64)
+            rows, uv_previous = rows[chosen], uv_previous[chosen]
+        height, width = images.full.shape
+        points, covariances = L.position[rows], L.covariance[rows]
+        seen = project(points, T_predicted, lens.intrinsics, lens.distortion, width, height, _BORDER_PX)
+        guess = np.where(np.isnan(seen[:, :2]), uv_previous, seen[:, :2])
+        uv, found = follow_features(state.view.images.full, images.full, uv_previous, guess)
+        values = np.full((len(rows), 3), np.nan)
+        values[:, :2] = rays_at(lens.rays, np.where(found[:, None], uv, 0.0))
+        pixel = np.array([lens.intrinsics[0] ** -2, 0.0, lens.intrinsics[1] ** -2, 1.0])
+        T = T_predicted
+        for sigma_px in (TUNING.coarse_gate_px, TUNING.middle_gate_px, TUNING.last_gate_px):
+            variances = np.tile(pixel * sigma_px**2, (len(rows), 1))
+            fit = fit_pose(points, covariances, values, variances, T, found, cauchy=TUNING.coarse_cauchy)
+            T = fit.T_camera_map
+        agreed = np.count_nonzero(found & (fit.chi2[:, 0] < TUNING.coarse_chi2))
+        return T if agreed >= TUNING.followed_least else T_predicted
+
+    def follow(self, state: FrameState, view: View, sensor: SensorModel, T_predicted: Array) -> Tracked | None:
+        """Return the frame tracked from `T_predicted` (T_camera_map), None where what is found cannot be it.
+
+        It must be a motion that a carried camera can make, and the place that the frame before showed, not one that
+        looks alike.
+        """
+        prior = state.motion_prior(state.since_s(view.steady_stamp), sensor.noise.covariance_scale)
+        local = self.around(state.reference, T_predicted)
+        tracked = self.track(view, sensor, T_predicted, prior.twist_to(T_predicted), local, prior)
+        if not (is_plausible_motion(prior.twist_to(tracked.T_camera_map)) and has_enough_inliers(tracked)):
+            return None
+        is_continuous = is_same_view(tracked, state.tracked) and not state.is_bridged
+        return tracked if is_continuous or is_known_place(tracked) else None
+
+    def around(self, reference: int, T_camera_map: Array, but: Collection[int] = frozenset()) -> Index:
+        """Return the key frames around a pose near key frame `reference`, nearest first, without those in `but`."""
+        return self._map.neighbours(reference, T_camera_map, self._settings.local_keyframes, but)
+
+    def track(
+        self,
+        view: View,
+        sensor: SensorModel,
+        T_start: Array,
+        twist: Array,
+        local: Index,
+        prior: MotionPrior | None = None,
+    ) -> Tracked:
+        """Find the landmarks of the key frames `local` where `T_start` (T_camera_map) predicts them, and fit the pose.
+
+        The first of `local` is the reference: its landmarks come first where there are more than are looked for. With
+        the motion `prior` the velocity is measured from the image's rows, and the features are carried to the middle
+        row and fitted once more with that: with a noisy velocity the shutter would seem faster than it is.
+        """
+        L = self._map.landmarks
+        found = find_landmarks(
+            L, self._candidates(local, T_start), T_start, view.images, sensor, self._settings.max_features
+        )
+        covariance_uv = found.covariance_uv * TUNING.image_noise**2
+        points, covariances = L.position[found.rows], L.covariance[found.rows]
+
+        def fitted(twist: Array, T: Array) -> tuple[Measurements, PoseFit]:
+            m = measure(view, sensor, found.uv, covariance_uv, twist, found.inverse_depth)
+            return m, fit_pose(points, covariances, m.values, m.covariance, T)
+
+        measured, fit = fitted(twist, T_start)
+        velocity = ANY_VELOCITY
+        if prior is not None:
+            row_s = (found.uv[:, 1] / view.images.full.shape[0] - 0.5) * sensor.timing.readout_s
+            expected = prior.motion.after(prior.since_s, _WHITE)
+            velocity = fit_velocity(
+                points, covariances, measured, row_s, fit.T_camera_map, twist, expected, prior.scale
+            )
+            twist = velocity.twist
+            measured, fit = fitted(twist, fit.T_camera_map)
+        return Tracked(
+            fit.T_camera_map,
+            fit.information,
+            found.rows,
+            found.uv,
+            measured,
+            fit.chi2,
+            fit.chi2[:, 0] < TUNING.inlier_chi2,
+            found.looked_for,
+            int(local[0]),
+            twist,
+            velocity,
+        )
+
+    def _candidates(self, local: Index, T_camera_map: Array) -> Candidates:
+        """Return the landmarks of the key frames `local`, of which the first is the reference."""
+        L, all_keyframes = self._map.landmarks, self._map.keyframes
+        T_map_camera = se3.inverse(T_camera_map)
+        keyframes = np.sort(local)
+        T_camera_keyframe = np.array([se3.inverse(all_keyframes[k].T_camera_map @ T_map_camera) for k in keyframes])
+        is_local = np.zeros(len(all_keyframes), dtype=np.bool_)
+        is_local[keyframes] = True
+        rows = np.flatnonzero(L.alive & is_local[L.keyframe])
+        priority = L.seen[rows] + TUNING.reference_rank * (L.keyframe[rows] == int(local[0]))
+        return Candidates(rows, priority, keyframes, T_camera_keyframe)

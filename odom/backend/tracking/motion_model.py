@@ -1,0 +1,132 @@
+"""How a hand-held camera moves: a Kalman filter of constant velocity in the tangent space.
+
+Its process noise is the acceleration of about the last second. It smooths the published poses and carries them to the
+image's stamp; where the fits are much better than the motion is predictable, it passes them on as they are.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from odom.backend.tracking.tuning import TUNING
+from odom.geometry import se3
+from odom.geometry.arrays import Array
+
+AT_REST: Array = np.zeros(6)
+"""The twist (6, SI) of a camera that does not move."""
+_TWIST_SIGMA = np.repeat([TUNING.velocity_sigma_m_s, TUNING.velocity_sigma_rad_s], 3)
+"""One sigma of the velocity (6, m/s and rad/s) of a camera of which nothing is known yet."""
+
+
+@dataclass(frozen=True, eq=False)
+class Velocity:
+    """The camera's `twist` (6, m/s and rad/s, its own frame), with its 6 x 6 `covariance`."""
+
+    twist: Array
+    covariance: Array
+
+
+ANY_VELOCITY = Velocity(np.zeros(6), np.diag(_TWIST_SIGMA**2))
+"""The velocity of a camera of which nothing is known yet."""
+
+
+@dataclass(frozen=True)
+class Agility:
+    """How quickly a camera's velocity changes: root mean squares of its acceleration, m/s^2 and rad/s^2 an axis.
+
+    An acceleration lasts for some `steady_s` (R. Singer, "Estimating optimal tracking filter performance for manned
+    maneuvering targets", 1970); 0: the acceleration is white noise.
+    """
+
+    linear: float = TUNING.agility_linear
+    angular: float = TUNING.agility_angular
+    steady_s: float = TUNING.agility_steady_s
+
+    def noise(self, dt: float) -> Array:
+        """Return what unknown acceleration adds to the covariance (12 x 12) of pose and twist in `dt` seconds."""
+        variance = np.repeat([self.linear**2, self.angular**2], 3)
+        Q = np.zeros((12, 12))
+        if dt == 0.0:
+            return Q
+        unsteady = dt * dt / (dt * dt + self.steady_s**2) / 12.0
+        Q[:6, :6] = np.diag((0.25 + unsteady) * dt**4 * variance)
+        Q[:6, 6:] = Q[6:, :6] = np.diag(0.5 * dt**3 * variance)
+        Q[6:, 6:] = np.diag(dt**2 * variance)
+        return Q
+
+    def after(self, acceleration: Array, dt: float) -> "Agility":
+        """Return the agility after `acceleration` (6, SI) was seen for `dt` seconds."""
+        new = np.square(acceleration).reshape(2, 3).mean(axis=1)
+        old = np.square([self.linear, self.angular])
+        linear, angular = np.sqrt(old + min(1.0, dt / TUNING.agility_memory_s) * (new - old)).tolist()
+        linear, angular = max(linear, TUNING.agility_least_linear), max(angular, TUNING.agility_least_angular)
+        return Agility(linear, angular, self.steady_s)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Pose `T_fixed_camera` and `twist` (6, SI, camera frame), with their joint covariance `P` (12 x 12)."""
+
+    T_fixed_camera: Array
+    twist: Array
+    P: Array
+
+    @classmethod
+    def of(cls, T_fixed_camera: Array, covariance: Array, velocity: Velocity = ANY_VELOCITY) -> "Motion":
+        """Return the motion of a camera at `T_fixed_camera` (`covariance` 6 x 6) whose velocity errs independently."""
+        P = np.zeros((12, 12))
+        P[:6, :6], P[6:, 6:] = covariance, velocity.covariance
+        return cls(T_fixed_camera, velocity.twist, P)
+
+    @property
+    def covariance(self) -> Array:
+        """The pose's 6 x 6 covariance (`se3`, camera frame)."""
+        return self.P[:6, :6]
+
+    def covariance_of_going(self, dt: float) -> Array:
+        """Return the 6 x 6 covariance of how far the camera goes in `dt` seconds."""
+        return np.asarray(self.P[6:, 6:] * dt * dt)
+
+    def after(self, dt: float, agility: Agility) -> "Motion":
+        """Return the motion predicted `dt` seconds later, of a camera as agile as that."""
+        F = np.eye(12)
+        F[:6, 6:] = dt * np.eye(6)
+        return Motion(self.T_fixed_camera @ se3.exp(self.twist * dt), self.twist, F @ self.P @ F.T + agility.noise(dt))
+
+    def corrected(self, T_fixed_camera: Array, covariance: Array) -> "Motion":
+        """Return the motion after the pose has been measured with `covariance` (6 x 6)."""
+        away = se3.log(se3.inverse(self.T_fixed_camera) @ T_fixed_camera)
+        K = np.linalg.solve(self.P[:6, :6] + covariance, self.P[:6]).T
+        step = K @ away
+        P = self.P - K @ self.P[:6]
+        T = se3.orthonormal(self.T_fixed_camera @ se3.exp(step[:6]))
+        return Motion(T, self.twist + step[6:], 0.5 * (P + P.T))
+
+
+@dataclass(frozen=True, eq=False)
+class MotionFilter:
+    """The filtered `motion` of a tracked camera, and its `agility`.
+
+    `T_fitted` is the last pose as measured, and `twist` the mean velocity (6, SI) over the `dt` seconds before that,
+    None where it is not known.
+    """
+
+    motion: Motion
+    agility: Agility
+    T_fitted: Array
+    twist: Array | None = None
+    dt: float = 0.0
+
+    @classmethod
+    def begun(cls, T_fixed_camera: Array, covariance: Array, agility: Agility) -> "MotionFilter":
+        """Return the filter of a camera of which only the pose is known, with its 6 x 6 covariance."""
+        return cls(Motion.of(T_fixed_camera, covariance), agility, T_fixed_camera)
+
+    def tracked(self, T_fixed_camera: Array, covariance: Array, dt: float) -> "MotionFilter":
+        """Return the filter after the pose was measured `dt` seconds later, with `covariance` (6 x 6)."""
+        twist = se3.log(se3.inverse(self.T_fitted) @ T_fixed_camera) / dt
+        agility = self.agility
+        if self.twist is not None:
+            agility = agility.after((twist - self.twist) / (0.5 * (dt + self.dt)), dt)
+        motion = self.motion.after(dt, agility).corrected(T_fixed_camera, covariance)
+        return MotionFilter(motion, agility, T_fixed_camera, twist, dt)

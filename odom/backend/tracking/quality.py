@@ -1,0 +1,51 @@
+"""Whether to trust the pose of a frame: a plausible motion, enough landmarks, the place it should be."""
+
+import numpy as np
+
+from odom.backend.estimate import State
+from odom.backend.tracking.frame_state import Tracked
+from odom.backend.tracking.tuning import TUNING
+from odom.geometry.arrays import Array
+
+
+def is_plausible_motion(twist: Array) -> bool:
+    """Return whether something carried by a person, or driving, can move with `twist` (6, m/s and rad/s)."""
+    return bool(np.linalg.norm(twist[:3]) < TUNING.fastest_m_s and np.linalg.norm(twist[3:]) < TUNING.fastest_rad_s)
+
+
+def has_enough_inliers(tracked: Tracked) -> bool:
+    """Return whether a pose fitted to so few landmarks may be one at all."""
+    return tracked.inlier_count >= TUNING.least_inliers
+
+
+def is_same_view(tracked: Tracked, previous: Tracked | None) -> bool:
+    """Return whether enough is left of what the `previous` frame saw (None: it began a segment).
+
+    Landmarks do not vanish all at once: where few are left, the view has jumped.
+    """
+    return tracked.inlier_count >= TUNING.least_share_left * (0 if previous is None else previous.inlier_count)
+
+
+def is_known_place(tracked: Tracked, must_agree_with_chain: bool = False) -> bool:
+    """Return whether a frame shows what its key frames saw; fewer landmarks do where the chain has to agree as well."""
+    share = TUNING.share_in_chain if must_agree_with_chain else TUNING.share_without_chain
+    return tracked.found_again >= max(TUNING.found_again, share * len(tracked.expected))
+
+
+def judge_pose(tracked: Tracked, covariance: Array, is_recovered: bool, lacks_depth: bool) -> tuple[State, str]:
+    """Return the state of a tracked frame, and the reason where it is not TRACKING.
+
+    `covariance` (6 x 6, `se3`) is the pose's; `is_recovered`: it was LOST before; `lacks_depth`: no landmark's depth
+    has been measured for a while.
+    """
+    inliers = tracked.inlier_count
+    if is_recovered:
+        return State.RECOVERED, f"place recognised: {inliers} landmarks found again"
+    if inliers < TUNING.sure_inliers:
+        return State.UNCERTAIN, f"only {inliers} landmarks found again"
+    sigma_m, sigma_rad = (float(np.sqrt(np.linalg.eigvalsh(C)[-1])) for C in (covariance[:3, :3], covariance[3:, 3:]))
+    if sigma_m > TUNING.unsure_m or sigma_rad > TUNING.unsure_rad:
+        return State.UNCERTAIN, f"known to {100.0 * sigma_m:.0f} cm and {np.rad2deg(sigma_rad):.1f} deg only"
+    if lacks_depth:
+        return State.UNCERTAIN, "hardly any depth: tracked by known landmarks alone"
+    return State.TRACKING, ""

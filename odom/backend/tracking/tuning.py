@@ -1,0 +1,92 @@
+"""The tuned numbers of tracking (see `geometry.tuning`)."""
+
+import math
+from dataclasses import dataclass
+
+from odom.geometry.tuning import in_use, tuned
+
+_SWEEP = "trial on TUM fr1_xyz, fr1_rpy and the arena; swept in odom/docs/sensitivity.md"
+_HAND = "walks with a hand-held Kinect, fr1 and arena; swept in odom/docs/sensitivity.md"
+
+
+# fmt: off
+@dataclass(frozen=True)
+class Tuning:
+    """Numbers of a frame's prediction, search, fit, and of the judgement of its pose."""
+
+    # frame_tracker
+    followed: int = tuned(150, unit="features", source=_SWEEP,
+        effect="followed by optical flow for the prediction; fewer: fast turns are lost; more: slower without gain")
+    followed_least: int = tuned(15, unit="features", source=_SWEEP,
+        effect="fewer: a prediction from chance matches; more: the constant velocity is used too often")
+    coarse_gate_px: float = tuned(30.0, unit="px", source=_SWEEP,
+        effect="first sigma of graduated non-convexity; smaller: surprises are not followed; larger: hardly anything")
+    middle_gate_px: float = tuned(6.0, unit="px", source=_SWEEP, effect="second sigma; as coarse_gate_px")
+    last_gate_px: float = tuned(1.5, unit="px", source=_SWEEP,
+        effect="last sigma; smaller: good features fall out; larger: the coarse pose is pulled by outliers")
+    coarse_cauchy: float = tuned(4.0, unit="chi-squared", source=_SWEEP,
+        effect="where the coarse fit's weight is one half; smaller: slow to converge; larger: outliers pull")
+    coarse_chi2: float = tuned(16.0, unit="chi-squared", source="four sigma",
+        effect="features that agree with the coarse pose; smaller: fewer agree; larger: chance agrees")
+    inlier_chi2: float = tuned(12.0, unit="chi-squared", source=".9975 quantile with 2 degrees of freedom",
+        effect="smaller: good landmarks are dropped; larger: wrong ones count")
+    image_noise: float = tuned(3.0, unit="grey levels", source="noise of a Kinect's image, JPEG included",
+        effect="smaller: aligned positions seem too exact; larger: too rough")
+    reference_rank: float = tuned(3.0, unit="sightings", source=_SWEEP,
+        effect="head start of the nearest key frame's landmarks; smaller: drift at rest; "
+        "larger: old landmarks are left out")
+    # pose_solver and row_velocity
+    cauchy_chi2: float = tuned(9.0, unit="chi-squared", source="three sigma",
+        effect="where a residual's weight is one half; smaller: less information is used; larger: outliers pull")
+    row_information: float = tuned(4.0, unit="variance ratio", source="velocities of rows against truth, fr1 and arena",
+        effect="how much less rows tell of the velocity than independent errors would; smaller: velocities "
+        "tremble; larger: lag")
+    # motion_model
+    agility_memory_s: float = tuned(1.0, unit="s", source=_HAND,
+        effect="smaller: the noise of the motion jumps; larger: a start or stop is smoothed away")
+    agility_least_linear: float = tuned(0.1, unit="m/s^2", source=_HAND,
+        effect="smaller: a camera at rest is taken up late; larger: it trembles at rest")
+    agility_least_angular: float = tuned(0.6, unit="rad/s^2", source=_HAND, effect="as agility_least_linear")
+    agility_linear: float = tuned(1.0, unit="m/s^2", source=_HAND,
+        effect="acceleration expected at the start; smaller: too smooth; larger: too rough for a second")
+    agility_angular: float = tuned(6.0, unit="rad/s^2", source=_HAND, effect="as agility_linear")
+    agility_steady_s: float = tuned(0.1, unit="s", source=_HAND,
+        effect="how long an acceleration lasts; smaller: white noise; "
+        "larger: poses overshoot when the hand turns round")
+    velocity_sigma_m_s: float = tuned(1.0, unit="m/s", source=_HAND,
+        effect="velocity expected of a camera of which nothing is known; smaller: fast starts are lost; "
+        "larger: slow to settle")
+    velocity_sigma_rad_s: float = tuned(2.0, unit="rad/s", source=_HAND, effect="as velocity_sigma_m_s")
+    # quality
+    least_inliers: int = tuned(15, unit="landmarks", source=_SWEEP,
+        effect="fewer: poses by chance; more: LOST in poor scenes")
+    sure_inliers: int = tuned(30, unit="landmarks", source=_SWEEP,
+        effect="fewer: TRACKING on little; more: UNCERTAIN in poor scenes")
+    least_share_left: float = tuned(0.25, unit="share of the last frame's landmarks", source=_SWEEP,
+        effect="smaller: a jump to a look-alike view passes; larger: fast turns are LOST")
+    unsure_m: float = tuned(0.05, unit="m", source="a robot's half width of a doorway's margin",
+        effect="one sigma of a pose beyond which it is UNCERTAIN; a promise to users, no effect on poses")
+    unsure_rad: float = tuned(math.radians(2.0), unit="rad", source="2 degrees", effect="as unsure_m")
+    found_again: int = tuned(30, unit="landmarks", source="false recognitions in look-alike rooms of the arena",
+        effect="fewer: look-alike places are taken for known ones; more: places are not recognised")
+    share_in_chain: float = tuned(0.2, unit="share of those looked for", source="as found_again",
+        effect="for closures, where the chain must agree as well; smaller: false closures; larger: true ones refused")
+    share_without_chain: float = tuned(0.35, unit="share of those looked for", source="as found_again",
+        effect="for relocalisation; as share_in_chain")
+    fastest_m_s: float = tuned(5.0, unit="m/s", source="a running person",
+        effect="smaller: fast motions are LOST; larger: jumps pass for motion")
+    fastest_rad_s: float = tuned(12.0, unit="rad/s", source="a flick of the wrist",
+        effect="as fastest_m_s")
+    place_sigma: float = tuned(0.1, unit="m and rad", source="registrations of recognised places against truth",
+        effect="how well a place alone shows where the camera is; smaller: the rows' velocity is biased; larger: noisy")
+    # noise_check
+    noise_half_landmarks: int = tuned(40, unit="landmarks", source=_SWEEP,
+        effect="fewer: halves compared by poor fits; more: calibration errors are never noticed in poor scenes")
+    noise_checked_all: int = tuned(20, unit="frames", source=_SWEEP,
+        effect="frames at the start that are all looked at; fewer: noise is known later; more: slower start")
+    noise_check_every: int = tuned(4, unit="frames", source=_SWEEP,
+        effect="smaller: slower; larger: noise is followed later")
+# fmt: on
+
+
+TUNING = in_use(Tuning)

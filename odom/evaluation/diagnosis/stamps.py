@@ -1,0 +1,106 @@
+"""Rates, missing frames and the distance of colour and depth stamps, from the stamps alone."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from odom.evaluation.diagnosis.finding import Finding, Verdict
+from odom.evaluation.trajectory import Stamps, nearest
+
+_SHORT_QUANTILE, _SHORT_SPREAD = 0.15, 1.6
+"""Intervals up to so many times this quantile are one period long: even when half of the frames are missing, a
+seventh of the intervals is, and two periods are beyond the spread."""
+_PAIR_PERIODS = 0.75
+"""Stamps of a pair lie at most so many periods apart; without synchronisation half a period is usual."""
+_SLOWEST_HZ = 18.0
+"""Lowest frame rate for a camera in the hand: at fewer frames a second fast turns leave too little overlap."""
+_MISSING_SHARE = 0.15
+"""Largest share of missing frames; a larger limit misses faults."""
+_UNMATCHED_SHARE = 0.15
+"""Largest share of colour frames without depth that missing frames do not explain."""
+
+
+@dataclass(frozen=True)
+class Rhythm:
+    """How a stream's stamps follow each other.
+
+    `period_s` is that of the sensor (a low quantile of the intervals, so that missing frames do not stretch it),
+    `rate_hz` what really came, `jitter_s` the median absolute deviation of whole periods, `missing` the share of
+    frames that should have come by the sensor's period and did not, `longest_s` the longest hole.
+    """
+
+    count: int
+    rate_hz: float
+    period_s: float
+    jitter_s: float
+    missing: float
+    longest_s: float
+
+
+def rhythm(stamps: Stamps) -> Rhythm | None:
+    """Return the rhythm of a stream of increasing stamps (ns), or None for fewer than five."""
+    if len(stamps) < 5:
+        return None
+    intervals = np.diff(stamps) * 1e-9
+    short = intervals[intervals <= _SHORT_SPREAD * np.quantile(intervals, _SHORT_QUANTILE)]
+    period = float(short.mean())
+    steps = np.maximum(np.rint(intervals / period), 1.0)
+    jitter = float(np.median(np.abs(intervals / steps - period)))
+    duration = float(intervals.sum())
+    return Rhythm(
+        count=len(stamps),
+        rate_hz=(len(stamps) - 1) / duration,
+        period_s=period,
+        jitter_s=jitter,
+        missing=float(1.0 - len(intervals) / steps.sum()),
+        longest_s=float(intervals.max()),
+    )
+
+
+def judge_rhythm(name: str, stamps: Stamps) -> Finding:
+    """Judge the rate and the holes of the stream called `name`."""
+    found = rhythm(stamps)
+    key = f"{name} frames"
+    if found is None:
+        return Finding(key, f"{len(stamps)} came", Verdict.BAD, f"no {name} arrives: check the cable, driver and topic")
+    value = (
+        f"{found.rate_hz:.1f} a second (sensor {1 / found.period_s:.1f}), {found.missing:.0%} missing, "
+        f"jitter {1e3 * found.jitter_s:.1f} ms, longest hole {1e3 * found.longest_s:.0f} ms"
+    )
+    if found.missing > _MISSING_SHARE:
+        advice = (
+            "frames are lost before they get here: plug the sensor into a USB port of its own, record raw without "
+            "compression or to a faster disk, and look for a busy CPU"
+        )
+        return Finding(key, value, Verdict.BAD, advice)
+    advice = (
+        "too slow for a camera in the hand: set the sensor to 30 frames a second (a dark room makes some "
+        "cameras expose longer: turn the light on)"
+    )
+    return Finding.judged(key, value, found.rate_hz < _SLOWEST_HZ, advice)
+
+
+def judge_pairs(color: Stamps, depth: Stamps, pairs: int) -> Finding:
+    """Judge how many colour frames have depth, and how far apart in time the nearest stamps are.
+
+    Colour frames without depth are no fault of their own where missing frames explain them.
+    """
+    key = "pairs"
+    streams = rhythm(color), rhythm(depth)
+    if streams[0] is None or streams[1] is None:
+        return Finding(key, "nothing to pair", Verdict.UNKNOWN)
+    offsets = (depth[nearest(depth, color)] - color) * 1e-9
+    period = max(stream.period_s for stream in streams if stream)
+    within = np.abs(offsets) <= _PAIR_PERIODS * period
+    value = (
+        f"{pairs} of {len(color)} colour frames have depth, stamps "
+        f"{1e3 * float(np.median(offsets)):+.1f} ms apart (95 %: {1e3 * float(np.quantile(np.abs(offsets), 0.95)):.0f})"
+    )
+    missing = max(stream.missing for stream in streams if stream)
+    explained = missing > _MISSING_SHARE or 1 - pairs / len(color) <= 2 * missing
+    is_bad = (1 - pairs / len(color) > _UNMATCHED_SHARE and not explained) or bool(within.mean() < 0.5)
+    advice = (
+        "colour and depth do not belong together: switch on frame synchronisation in the driver, or check that "
+        "both are stamped by the same clock"
+    )
+    return Finding.judged(key, value, is_bad, advice)

@@ -1,0 +1,172 @@
+"""The truth fields of `report.json`, from the files that `odom run --out` leaves."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from odom.errors import InputError
+from odom.evaluation.files import read_run, read_tum
+from odom.evaluation.mocap_calibration import Calibration, CalibrationOptions, calibrate
+from odom.evaluation.relative import RelativePoses, read_relative, relative_errors_of, relative_nees
+from odom.evaluation.report import EvaluationOptions, Report, evaluate
+from odom.evaluation.trajectory import Trajectory
+from odom.evaluation.trajectory_plot import ClaimedError, plot
+from odom.evaluation.truth_noise import truth_noise, widened
+
+CAMERA = "camera"
+"""Body whose truth is that of the colour camera's optical frame itself, on the camera's own clock."""
+
+_ERRORS = ("ate_m", "ate_online_m", "rpe_frame_m", "rpe_frame_deg", "rpe_1s_m", "rpe_1s_deg")
+_NEES = ("nees_mean", "nees_inside_95")
+_CALIBRATION = ("time_offset_s", "hand_eye")
+
+
+def report_with_truth(
+    out_dir: Path,
+    *,
+    body: str | None = None,
+    total_frames: int | None = None,
+    calibration_options: CalibrationOptions | None = None,
+    title: str = "",
+) -> dict[str, Any]:
+    """Judge the run in `out_dir`, draw `plot.png` there, and return the truth fields of `report.json`.
+
+    Reads `trajectory.txt` and the parts beside it, which count as not matched, `odometry.txt`, `relative_step.txt`,
+    `relative_second.txt` and `truth.txt`. `body` is the one whose truth it is (None: as `truth.txt` says, see
+    `body_of`): unless it is `camera`, clock offset and hand-eye transformation are estimated, or imposed by
+    `calibration_options`, and used for every figure. A figure that cannot be computed is None, and `truth_notes` say
+    why. NEES allows for the truth's own noise where its samples show it (see `noise`), `..._exact_truth` does not.
+
+    Raises SourceError when `trajectory.txt` or `truth.txt` cannot be read.
+    """
+    truth = read_tum(out_dir / "truth.txt")
+    body = body or body_of(out_dir / "truth.txt")
+    estimate = read_run(out_dir)
+    options = EvaluationOptions(total_frames=total_frames)
+    try:
+        calibration = None
+        if calibration_options or body != CAMERA:
+            calibration = calibrate(estimate, truth, calibration_options)
+            truth = calibration.camera_truth(truth)
+        final = evaluate(estimate, truth, options)
+    except InputError as error:
+        nothing = dict.fromkeys(_ERRORS + _NEES + _CALIBRATION)
+        return {**nothing, "matched": 0, "total": max(total_frames or 0, len(estimate)), "truth_notes": [str(error)]}
+    online = _online(out_dir / "odometry.txt", estimate, truth, options)
+    files = (out_dir / "relative_step.txt", out_dir / "relative_second.txt")
+    step, second = (read_relative(path) if path.is_file() else None for path in files)
+    plot(out_dir / "plot.png", final, online, _claimed(second, truth, final), title, remarks(calibration))
+    fields = {
+        **error_fields(final),
+        "ate_online_m": online.ate_m if online else None,
+        **_nees_fields(second, truth, "nees"),
+        **_nees_fields(step, truth, "nees_step"),
+        **calibration_fields(calibration, body),
+        "truth_notes": [*final.notes, *(calibration.notes if calibration else ())],
+    }
+    return {key: _finite(value) for key, value in fields.items()}
+
+
+def ate_and_nees(
+    estimate: Trajectory, second: RelativePoses, truth: Trajectory, body: str
+) -> tuple[float, float | None]:
+    """Return `ate_m` and `nees_mean` of the report, from the values instead of files; None for no relative poses.
+
+    Raises InputError when estimate and truth cannot be brought together.
+    """
+    if body != CAMERA:
+        truth = calibrate(estimate, truth).camera_truth(truth)
+    return evaluate(estimate, truth).ate_m, _finite(_nees_fields(second, truth, "nees")["nees_mean"])
+
+
+def body_of(path: Path) -> str:
+    """Return the body that a truth file is of: the name in its first line, `# body NAME`, else `camera`."""
+    with path.open() as file:
+        words = file.readline().split()
+    return words[2] if len(words) == 3 and words[:2] == ["#", "body"] else CAMERA
+
+
+def error_fields(report: Report) -> dict[str, Any]:
+    """Return a report's errors under the names of the contract."""
+    return {
+        "ate_m": report.ate_m,
+        "rpe_frame_m": report.rpe_frame.rmse_m,
+        "rpe_frame_deg": report.rpe_frame.rmse_deg,
+        "rpe_1s_m": report.rpe_1s.rmse_m,
+        "rpe_1s_deg": report.rpe_1s.rmse_deg,
+        "matched": report.matched,
+        "total": report.total,
+    }
+
+
+def calibration_fields(calibration: Calibration | None, body: str) -> dict[str, Any]:
+    """Return clock offset and hand-eye with their standard deviations, None for both without a calibration."""
+    if calibration is None:
+        return dict.fromkeys(_CALIBRATION)
+    sigma = calibration.hand_eye_sigma
+    return {
+        "time_offset_s": calibration.offset_s,
+        "time_offset_sigma_s": calibration.offset_sigma_s,
+        "hand_eye": {
+            "parent": body,
+            "child": "camera_optical_frame",
+            "translation_m": calibration.T_body_camera[:3, 3].tolist(),
+            "quaternion_xyzw": Rotation.from_matrix(calibration.T_body_camera[:3, :3]).as_quat().tolist(),
+            "sigma_m": sigma[:3].tolist(),
+            "sigma_deg": np.degrees(sigma[3:]).tolist(),
+        },
+    }
+
+
+def remarks(calibration: Calibration | None) -> tuple[str, ...]:
+    """Return the calibration in one sentence for the foot of the plot, none without one."""
+    if calibration is None:
+        return ()
+    t, sigma = 1e3 * calibration.T_body_camera[:3, 3], calibration.hand_eye_sigma
+    turn = np.degrees(Rotation.from_matrix(calibration.T_body_camera[:3, :3]).magnitude())
+    return (
+        f"Estimated with the alignment: clock offset {1e3 * calibration.offset_s:.1f} ± "
+        f"{1e3 * calibration.offset_sigma_s:.1f} ms; camera in marker body ({t[0]:.0f}, {t[1]:.0f}, {t[2]:.0f}) mm "
+        f"± {1e3 * sigma[:3].max():.1f}, turned {turn:.1f}° ± {np.degrees(sigma[3:].max()):.2f}.",
+    )
+
+
+def _finite(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _online(path: Path, final: Trajectory, truth: Trajectory, options: EvaluationOptions) -> Report | None:
+    """Return the report of the trajectory in `path`, its segments being those of the `final` one."""
+    if not path.is_file():
+        return None
+    try:
+        return evaluate(read_tum(path).in_segments_of(final), truth, options)
+    except InputError:
+        return None
+
+
+def _nees_fields(poses: RelativePoses | None, truth: Trajectory, name: str) -> dict[str, Any]:
+    if not poses:
+        return dict.fromkeys((f"{name}_mean", f"{name}_inside_95"))
+    exact, noise = relative_nees(poses, truth), truth_noise(truth)
+    judged = relative_nees(widened(poses, noise), truth) if noise else exact
+    return {
+        f"{name}_mean": judged.mean,
+        f"{name}_inside_95": judged.inside_95,
+        f"{name}_mean_exact_truth": exact.mean,
+        f"{name}_inside_95_exact_truth": exact.inside_95,
+    }
+
+
+def _claimed(poses: RelativePoses | None, truth: Trajectory, final: Report) -> ClaimedError | None:
+    if not poses:
+        return None
+    errors, valid = relative_errors_of(poses, truth)
+    if not len(errors):
+        return None
+    largest = np.linalg.eigvalsh(poses.covariances[valid][:, :3, :3])[:, -1]
+    seconds = (poses.stamps_current[valid] - final.truth.stamps[0]) * 1e-9
+    return ClaimedError(seconds, np.linalg.norm(errors[:, :3], axis=1), 3 * np.sqrt(np.maximum(largest, 0)))

@@ -1,0 +1,190 @@
+"""What halving and doubling each tuned number does to accuracy (ATE) and to the honesty of the covariance (NEES)."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import Enum, unique
+from fnmatch import fnmatch
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from odom.geometry.tuning import documented
+
+PACKAGES = ("registration", "frontend", "backend")
+"""Packages of the algorithms: their `tuning` modules hold the numbers."""
+
+_FEWER_POSES = 0.98
+"""A run with a smaller share of the usual number of poses is remarked on; it does not change the order of the table."""
+
+
+@unique
+class Level(Enum):
+    """How a number is set: as it is, or halved or doubled."""
+
+    HALF = "half"
+    AS_IS = "as is"
+    DOUBLE = "double"
+
+
+@dataclass(frozen=True)
+class TunedNumber:
+    """A field of a package's `Tuning`; `key` is its `package.name`, as `odom.geometry.tuning.OVERRIDES` has it."""
+
+    key: str
+    value: float | int
+    unit: str
+
+    def at(self, level: Level) -> float | int | None:
+        """Return the number at a level, None where that is the same number; whole ones stay whole and at least 1."""
+        if level is Level.AS_IS:
+            return self.value
+        if isinstance(self.value, int):
+            changed: float | int = max(1, self.value // 2) if level is Level.HALF else 2 * self.value
+        else:
+            changed = self.value * (0.5 if level is Level.HALF else 2.0)
+        return None if changed == self.value else changed
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one run over a source gave: ATE, mean NEES over one second (6 is ideal), frames and how many have a pose.
+
+    `error` says why figures are missing.
+    """
+
+    ate_m: float | None = None
+    nees: float | None = None
+    poses: int = 0
+    frames: int = 0
+    error: str = ""
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """The outcomes of one number, by source and level; a level that was not run is missing."""
+
+    number: TunedNumber
+    outcomes: dict[str, dict[Level, Outcome]]
+
+    @property
+    def largest_change(self) -> float:
+        """The largest factor (>= 1) between an ATE or NEES and the usual one; infinite where a run failed."""
+        return max(
+            (
+                _change(getattr(levels[Level.AS_IS], figure), getattr(outcome, figure))
+                for levels in self.outcomes.values()
+                for level, outcome in levels.items()
+                for figure in ("ate_m", "nees")
+                if level is not Level.AS_IS
+            ),
+            default=1.0,
+        )
+
+
+def tuned_numbers(only: str = "*") -> list[TunedNumber]:
+    """Return the numbers of every `Tuning` class whose `package.name` matches the pattern `only`."""
+    root = Path(__file__).parents[1]
+    folders = [path.parent for package in PACKAGES for path in sorted((root / package).rglob("tuning.py"))]
+    found = []
+    for folder in folders:
+        place = ".".join(folder.relative_to(root).parts)
+        if folder.name != "paper":  # no number of the paper's tables touches the odometry
+            found += numbers_of(place, import_module(f"odom.{place}.tuning").Tuning)
+    return [number for number in found if fnmatch(number.key, only)]
+
+
+def numbers_of(package: str, tuning: type[Any]) -> list[TunedNumber]:
+    """Return the numbers of one `Tuning` class; switches are left out, they have no half."""
+    return [
+        TunedNumber(f"{package}.{name}", value, provenance.unit)
+        for name, (value, provenance) in documented(tuning).items()
+        if isinstance(value, int | float) and not isinstance(value, bool)
+    ]
+
+
+def changes(number: TunedNumber) -> dict[Level, float | int]:
+    """Return the values other than the usual one that are to be tried."""
+    values = {level: number.at(level) for level in (Level.HALF, Level.DOUBLE)}
+    return {level: value for level, value in values.items() if value is not None}
+
+
+def by_effect(found: Iterable[Sensitivity]) -> list[Sensitivity]:
+    """Return the numbers sorted by their largest change, failures first, equal ones by name."""
+    return sorted(found, key=lambda one: (-one.largest_change, one.number.key))
+
+
+COLUMNS = (
+    "number", "value", "unit", "largest change", "source",
+    "ATE mm: half", "as is", "double", "NEES: half", "as is", "double", "remarks",
+)  # fmt: skip
+
+
+def cells(found: Sequence[Sensitivity]) -> list[tuple[str, ...]]:
+    """Return the rows of the table as text, under COLUMNS: one row per number and source, ratios in brackets."""
+    rows = []
+    for one in found:
+        first = (one.number.key, f"{one.number.value:.6g}", one.number.unit, _size(one.largest_change))
+        names = {source: Path(source).name for source in one.outcomes}
+        is_clear = len(set(names.values())) == len(names)
+        for source, levels in one.outcomes.items():
+            ate = tuple(_figure(levels, level, "ate_m", 1e3) for level in Level)
+            nees = tuple(_figure(levels, level, "nees", 1.0) for level in Level)
+            rows.append((*first, names[source] if is_clear else source, *ate, *nees, _remarks(levels)))
+            first = ("", "", "", "")
+    return rows
+
+
+def markdown(found: Sequence[Sensitivity]) -> str:
+    """Return the table as Markdown."""
+    lines = [COLUMNS, ("---",) * len(COLUMNS), *cells(found)]
+    return "".join(f"| {' | '.join(cell.replace('|', '/') for cell in line)} |\n" for line in lines)
+
+
+def as_json(found: Sequence[Sensitivity]) -> list[dict[str, Any]]:
+    """Return everything that was found, as plain values for JSON; a change that is no number is None."""
+    return [
+        {
+            "number": one.number.key,
+            "unit": one.number.unit,
+            "values": {level.value: one.number.at(level) for level in Level},
+            "largest_change": one.largest_change if math.isfinite(one.largest_change) else None,
+            "outcomes": {
+                source: {level.value: vars(outcome) for level, outcome in levels.items()}
+                for source, levels in one.outcomes.items()
+            },
+        }
+        for one in found
+    ]
+
+
+def _change(usual: float | None, changed: float | None) -> float:
+    if not usual:  # nothing to compare with: no truth, or a run too short
+        return 1.0
+    if not changed:
+        return math.inf
+    return max(usual / changed, changed / usual)
+
+
+def _size(change: float) -> str:
+    if math.isinf(change):
+        return "failed"
+    return "none" if change == 1.0 else f"x{change:.3g}"
+
+
+def _figure(levels: dict[Level, Outcome], level: Level, name: str, scale: float) -> str:
+    usual, value = (getattr(levels.get(which, Outcome()), name) for which in (Level.AS_IS, level))
+    if value is None:
+        return "failed" if level in levels and levels[level].error else "-"
+    text = f"{scale * value:.4g}"
+    return text if level is Level.AS_IS or not usual else f"{text} ({value / usual:.2f})"
+
+
+def _remarks(levels: dict[Level, Outcome]) -> str:
+    said = []
+    for level, outcome in levels.items():
+        if outcome.error:
+            said.append(f"{level.value}: {outcome.error}")
+        elif outcome.poses < _FEWER_POSES * levels[Level.AS_IS].poses:
+            said.append(f"{level.value}: only {outcome.poses} of {outcome.frames} frames have a pose")
+    return "; ".join(said)

@@ -1,0 +1,51 @@
+"""The noise of the truth itself, estimated from its samples, and what it adds to a relative pose's covariance."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from odom.evaluation.relative import RelativePoses
+from odom.evaluation.trajectory import Trajectory, inverse_all
+from odom.geometry import se3
+
+_LONGEST_PERIOD_S = 0.0125
+"""At less than 80 Hz a hand's own jerk hides the noise in third differences."""
+_LEAST_POSES = 100
+"""Fewer make the median rough: 100 give the standard deviation to 12 %."""
+_THIRD_DIFFERENCE_GAIN = np.sqrt(20.0)
+"""Standard deviation of the third difference (1, -3, 3, -1) of white noise of unit variance."""
+NORMAL_MAD = 1.4826
+"""Standard deviation of a normal variable over its median absolute deviation."""
+_INTERPOLATED = 2.0 / 3.0
+"""Mean variance of a value interpolated half-way at random between two samples of unit variance."""
+
+
+@dataclass(frozen=True)
+class TruthNoise:
+    """Standard deviation of the truth's white noise along each axis: metres and radians."""
+
+    sigma_m: float
+    sigma_rad: float
+
+
+def truth_noise(truth: Trajectory) -> TruthNoise | None:
+    """Return the white noise of densely sampled truth, or None where motion and noise cannot be told apart.
+
+    Third differences of a hand's motion over samples 10 ms apart are some .05 mm; of white noise they are sqrt(20)
+    times its sigma. The median absolute deviation is used, so spikes do not count. Noise that the capture system
+    has already smoothed is underestimated: it is a floor. Truth sampled at less than 80 Hz gives None.
+    """
+    if len(truth) < _LEAST_POSES or np.median(np.diff(truth.stamps)) > _LONGEST_PERIOD_S * 1e9:
+        return None
+    turns = Rotation.from_matrix((inverse_all(truth.T_world_body[:-1]) @ truth.T_world_body[1:])[:, :3, :3])
+    third = (np.diff(truth.positions, n=3, axis=0), np.diff(turns.as_rotvec(), n=2, axis=0))
+    metres, radians = (float(NORMAL_MAD * np.median(np.abs(d)) / _THIRD_DIFFERENCE_GAIN) for d in third)
+    return TruthNoise(metres, radians)
+
+
+def widened(poses: RelativePoses, noise: TruthNoise) -> RelativePoses:
+    """Return the relative poses with the truth's noise at both stamps added to their covariances."""
+    at_one = _INTERPOLATED * np.diag([noise.sigma_m**2] * 3 + [noise.sigma_rad**2] * 3)
+    added = np.array([se3.compose_covariance(at_one, T, at_one) for T in poses.T_earlier_current]).reshape(-1, 6, 6)
+    return RelativePoses(poses.stamps_earlier, poses.stamps_current, poses.T_earlier_current, poses.covariances + added)

@@ -1,0 +1,105 @@
+"""The colour camera's lens: pixels to rays and camera coordinates to pixels, distortion included."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.errors import ConfigError
+from odom.frame import Camera
+from odom.geometry.arrays import Array
+from odom.geometry.compiled import compiled
+
+_NEAREST_M, _WIDEST = 0.1, 1.5
+"""Points nearer, or farther from the axis than this tangent (56 degrees), are in no image: distortion folds there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lens:
+    """The lens of one camera: a table of rays, and the coefficients of its model.
+
+    `rays` is H x W x 2: the normalised coordinates (x/z, y/z) seen by each pixel. `intrinsics` is
+    (fx, fy, cx, cy) and `distortion` the 8 coefficients (k1, k2, p1, p2, k3, k4, k5, k6), zeros where unused.
+    """
+
+    rays: NDArray[np.float32]
+    intrinsics: Array
+    distortion: Array
+
+    @classmethod
+    def of(cls, camera: Camera) -> "Lens":
+        """Return the lens of `camera`; the inverse distortion is solved once for every pixel (OpenCV).
+
+        Raises ConfigError for coefficients beyond the rational model's eight (thin prism, tilt) that are not 0.
+        """
+        if any(camera.distortion[8:]):
+            raise ConfigError(f"distortion {camera.distortion}: only the first 8 coefficients may differ from 0")
+        grid = np.stack(np.meshgrid(np.arange(camera.width), np.arange(camera.height)), axis=-1)
+        pixels = grid.reshape(-1, 1, 2).astype(np.float64)
+        coefficients = np.array(camera.distortion or (0.0,) * 5)
+        criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-9)
+        rays = cv2.undistortPoints(pixels, camera.matrix, coefficients, None, None, None, criteria)
+        padded = np.zeros(8)
+        padded[: min(8, len(camera.distortion))] = camera.distortion[:8]
+        return cls(
+            rays.reshape(camera.height, camera.width, 2).astype(np.float32),
+            np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
+            padded,
+        )
+
+
+@compiled
+def ray_at(rays: NDArray[np.float32], u: float, v: float) -> tuple[float, float]:
+    """Return (x/z, y/z) seen at the sub-pixel position (u, v), bilinear between pixels and clamped to the image."""
+    height, width = rays.shape[0], rays.shape[1]
+    j = min(max(int(u), 0), width - 2)
+    i = min(max(int(v), 0), height - 2)
+    a, b = u - j, v - i
+    x = (1 - b) * ((1 - a) * rays[i, j, 0] + a * rays[i, j + 1, 0]) + b * (
+        (1 - a) * rays[i + 1, j, 0] + a * rays[i + 1, j + 1, 0]
+    )
+    y = (1 - b) * ((1 - a) * rays[i, j, 1] + a * rays[i, j + 1, 1]) + b * (
+        (1 - a) * rays[i + 1, j, 1] + a * rays[i + 1, j + 1, 1]
+    )
+    return x, y
+
+
+@compiled
+def pixel_of(x: float, y: float, intrinsics: Array, k: Array) -> tuple[float, float]:
+    """Return the pixel (u, v) of the normalised coordinates (x/z, y/z): OpenCV's rational model."""
+    r2 = x * x + y * y
+    radial = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])))
+    xd = x * radial + 2 * k[2] * x * y + k[3] * (r2 + 2 * x * x)
+    yd = y * radial + k[2] * (r2 + 2 * y * y) + 2 * k[3] * x * y
+    return intrinsics[0] * xd + intrinsics[2], intrinsics[1] * yd + intrinsics[3]
+
+
+@compiled
+def rays_at(rays: NDArray[np.float32], uv: Array) -> Array:
+    """Return the normalised coordinates (n x 2) seen at the sub-pixel positions `uv` (n x 2)."""
+    out = np.empty((uv.shape[0], 2))
+    for k in range(uv.shape[0]):
+        x, y = ray_at(rays, uv[k, 0], uv[k, 1])
+        out[k, 0] = x
+        out[k, 1] = y
+    return out
+
+
+@compiled
+def project(
+    points: Array, T_camera_points: Array, intrinsics: Array, distortion: Array, width: int, height: int, margin: float
+) -> Array:
+    """Return (n x 3): pixel u, v and depth z of `points` (n x 3), NaN where not in the image less `margin` pixels."""
+    T = T_camera_points
+    out = np.full((points.shape[0], 3), np.nan)
+    for k in range(points.shape[0]):
+        X = T[0, 0] * points[k, 0] + T[0, 1] * points[k, 1] + T[0, 2] * points[k, 2] + T[0, 3]
+        Y = T[1, 0] * points[k, 0] + T[1, 1] * points[k, 1] + T[1, 2] * points[k, 2] + T[1, 3]
+        Z = T[2, 0] * points[k, 0] + T[2, 1] * points[k, 1] + T[2, 2] * points[k, 2] + T[2, 3]
+        if Z < _NEAREST_M or abs(X) > _WIDEST * Z or abs(Y) > _WIDEST * Z:
+            continue
+        u, v = pixel_of(X / Z, Y / Z, intrinsics, distortion)
+        if margin <= u <= width - 1 - margin and margin <= v <= height - 1 - margin:
+            out[k, 0], out[k, 1], out[k, 2] = u, v, Z
+    return out

@@ -1,0 +1,123 @@
+"""The noise of the camera, learnt from the stream's own residuals; the covariance of every pose follows it.
+
+Four slow averages: the sigma of a feature's pixel, the sigma of inverse depth at several distances, and two inflations
+of pose covariances. The first inflation compares the poses that the left and the right half of an image give; the
+second looks at how much poses jump from frame to frame. Errors that neighbouring features share (lens, depth
+calibration) do not average out and show only in these two. Neither sees everything: the halves miss what both share,
+and a camera that is shaken really jumps. So their mean counts.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from odom.frontend.tuning import TUNING
+from odom.geometry.arrays import Array
+
+_MEDIAN_CHI2_1, _MEDIAN_CHI2_2 = 0.4549, 1.3863
+"""Medians of the chi-squared distributions with one and two degrees of freedom."""
+_MEAN_TO_GEOMETRIC_CHI2_6 = 1.1922
+"""Mean of chi-squared with six degrees of freedom over its geometric mean."""
+_THIRD_DIFFERENCE_VARIANCE = 20.0
+"""Variance of the third difference (1, -3, 3, -1) of independent errors of variance 1."""
+_SMALLEST_RATIO = 0.1
+"""Least that one frame may say of an inflation; it only keeps the geometric mean from zero."""
+
+
+@dataclass(frozen=True)
+class FeatureNoise:
+    """Standard deviations of a feature's measurement.
+
+    `pixel_sigma` (px) is the localisation's; `inverse_depth_sigma` (2 x k) a table of inverse depth (1/m, ascending)
+    and its sigma (1/m).
+    """
+
+    pixel_sigma: float
+    inverse_depth_sigma: Array
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseMonitor:
+    """The `noise` as it now seems, what was assumed at the `start`, and the inflations of pose covariances.
+
+    `halves` is the inflation by halves of the image after `halves_seen` comparisons, `jumps` the one by jumps of the
+    pose after `jumps_seen`, of which `steps` holds the last ones. `residuals_seen` counts frames.
+    """
+
+    noise: FeatureNoise
+    start: FeatureNoise
+    halves: float = TUNING.noise_unproven
+    halves_seen: int = 0
+    residuals_seen: int = 0
+    jumps: float = TUNING.noise_unproven
+    jumps_seen: int = 0
+    steps: tuple[Array, ...] = ()
+
+    @classmethod
+    def of(cls, noise: FeatureNoise) -> "NoiseMonitor":
+        """Return the monitor that starts from `noise`."""
+        return cls(noise, noise)
+
+    def with_residuals(self, chi2: Array, inverse_depth: Array) -> "NoiseMonitor":
+        """Return the monitor after one more frame's inliers.
+
+        `chi2` (n x 2) holds the squared normalised residuals of ray and depth (0: not measured), `inverse_depth` (n,
+        1/m) tells the distance. The median residual should be that of chi-squared; each sigma moves towards it.
+        """
+        if len(chi2) < TUNING.noise_least:
+            return self
+        gain = max(TUNING.noise_gain, 1.0 / (self.residuals_seen + 2.0))
+        pixel = self.noise.pixel_sigma * (float(np.median(chi2[:, 0])) / _MEDIAN_CHI2_2) ** (gain / 2)
+        largest = TUNING.noise_range
+        pixel = min(max(pixel, self.start.pixel_sigma / largest), self.start.pixel_sigma * largest)
+        knots, sigma = self.noise.inverse_depth_sigma
+        sigma = sigma.copy()
+        nearest = np.abs(inverse_depth[:, None] - knots[None, :]).argmin(axis=1)
+        has_depth = chi2[:, 1] > 0.0
+        for k in range(len(knots)):
+            at_knot = has_depth & (nearest == k)
+            if np.count_nonzero(at_knot) >= TUNING.noise_least:
+                sigma[k] *= (np.median(chi2[at_knot, 1]) / _MEDIAN_CHI2_1) ** (gain / 2)
+        first = self.start.inverse_depth_sigma[1]
+        table = np.stack([knots, np.clip(sigma, first / largest, first * largest)])
+        return replace(self, noise=FeatureNoise(pixel, table), residuals_seen=self.residuals_seen + 1)
+
+    def with_halves(self, nees: float) -> "NoiseMonitor":
+        """Return the monitor after comparing the poses of the image's halves: their difference's NEES (6 expected)."""
+        seen = min(max(nees / 6.0, _SMALLEST_RATIO), TUNING.noise_most)
+        gain = max(TUNING.noise_gain, 1.0 / (self.halves_seen + 2.0))
+        halves = self.halves + gain * (seen - self.halves)
+        return replace(self, halves=halves, halves_seen=self.halves_seen + 1)
+
+    def with_step(self, step: Array | None, information: Array) -> "NoiseMonitor":
+        """Return the monitor after one more `step` (6, `se3`) to a pose of this 6 x 6 `information`.
+
+        `step` is None where the frames are not equally far apart in time. The third difference of four poses in a row
+        is noise but for the jerk of a hand; the average over such is geometric, so that one jerk counts little.
+        """
+        if step is None:
+            return replace(self, steps=())
+        steps = (*self.steps[-2:], step)
+        if len(steps) < 3:
+            return replace(self, steps=steps)
+        third = steps[2] - 2.0 * steps[1] + steps[0]
+        nees = float(third @ information @ third) / _THIRD_DIFFERENCE_VARIANCE
+        seen = min(max(nees / 6.0, _SMALLEST_RATIO), TUNING.noise_most_jump) * _MEAN_TO_GEOMETRIC_CHI2_6
+        gain = max(TUNING.noise_gain, 1.0 / (self.jumps_seen + 2.0))
+        jumps = self.jumps ** (1.0 - gain) * seen**gain
+        return replace(self, steps=steps, jumps=jumps, jumps_seen=self.jumps_seen + 1)
+
+    @property
+    def covariance_scale(self) -> float:
+        """The factor by which to multiply the covariance of a pose."""
+        return max(1.0, 0.5 * (self.halves + self.jumps))
+
+    @property
+    def calibration_error(self) -> float:
+        """The share of a motion by which it may be wrong because of the calibration.
+
+        A wrong focal length or lens errs in proportion to the motion, and makes the halves of the image disagree: the
+        share is `noise_calibration_error` where all of their disagreement comes from calibration, 0 where noise
+        explains it.
+        """
+        return TUNING.noise_calibration_error * max(0.0, 1.0 - TUNING.noise_explained / max(self.halves, 1e-9))

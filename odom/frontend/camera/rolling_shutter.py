@@ -1,0 +1,68 @@
+"""When each pixel was really seen: rolling shutters of both cameras, and the lag of the depth image.
+
+A Kinect's colour sensor is read out row by row, and its depth image shows the scene some milliseconds away from its
+stamp, all at once or row by row too. At 60 degrees a second the top of such an image is more than a degree away from
+its bottom; at walking speed the floor's depth is a centimetre older than the wall's. The three numbers are constants
+of a device; the back-end estimates them from the stream itself.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from odom.geometry.arrays import Array
+from odom.geometry.compiled import compiled
+
+
+@dataclass(frozen=True)
+class ShutterTiming:
+    """The timing of a device, constant over a stream.
+
+    `readout_s`: from the first row of a colour image to the last. Poses are estimated for the middle row; an image is
+    stamped when it is complete, so its stamp is `readout_s / 2` later.
+
+    `depth_lag_s`: what must be added to a depth image's stamp to get the time that its middle row shows.
+
+    `depth_readout_s`: from the first row of a depth image to the last; 0 for a global shutter.
+    """
+
+    readout_s: float = 0.0
+    depth_lag_s: float = 0.0
+    depth_readout_s: float = 0.0
+
+    @property
+    def vector(self) -> Array:
+        """The three numbers as an array, in this order."""
+        return np.array([self.readout_s, self.depth_lag_s, self.depth_readout_s])
+
+    def changed(self, change: Array) -> "ShutterTiming":
+        """Return the timing with `change` (3, s) added to its vector."""
+        return ShutterTiming(*(self.vector + change).tolist())
+
+
+@compiled
+def interaction_matrix(x: float, y: float, w: float, J: Array) -> None:
+    """Fill `J` (3 x 6), the derivative of (x/z, y/z, 1/z) of a point by a motion (translation, rotation) of the point.
+
+    Source: F. Chaumette, S. Hutchinson, "Visual servo control", IEEE Robotics & Automation Magazine 13, 2006, where the
+    camera moves instead, so that the sign is the other.
+    """
+    J[0, 0], J[0, 1], J[0, 2], J[0, 3], J[0, 4], J[0, 5] = w, 0.0, -x * w, -x * y, 1.0 + x * x, -y
+    J[1, 0], J[1, 1], J[1, 2], J[1, 3], J[1, 4], J[1, 5] = 0.0, w, -y * w, -1.0 - y * y, x * y, x
+    J[2, 0], J[2, 1], J[2, 2], J[2, 3], J[2, 4], J[2, 5] = 0.0, 0.0, -w * w, -y * w, x * w, 0.0
+
+
+@compiled
+def point_flow(x: float, y: float, w: float, twist: Array) -> tuple[float, float, float]:
+    """Return the rates (1/s) of (x/z, y/z, 1/z) of a resting point seen by a camera that moves with `twist`.
+
+    `twist` (6) is the camera's velocity (m/s, rad/s) in its own frame.
+    """
+    J = np.empty((3, 6))
+    interaction_matrix(x, y, w, J)
+    xd = yd = wd = 0.0
+    for k in range(6):
+        xd -= J[0, k] * twist[k]
+        yd -= J[1, k] * twist[k]
+        wd -= J[2, k] * twist[k]
+    return xd, yd, wd

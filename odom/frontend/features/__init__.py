@@ -1,0 +1,1 @@
+"""Features of one frame: corners, patches, depth planes, measurements, and descriptors of places."""

@@ -1,0 +1,45 @@
+"""What a place looks like: a frame's ORB features with their 3-D points."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.measurement import measure, points_of
+from odom.frontend.features.view import View
+from odom.frontend.tuning import TUNING
+from odom.geometry.arrays import Array
+
+Descriptors = NDArray[np.uint8]
+
+_ORB_PATCH_PX = 31.0
+"""Side of an ORB patch at full scale (E. Rublee et al., 2011); a feature of a coarser scale is that much less exact."""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """n features of one frame: ORB descriptors (n x 32), points (n x 3, m, camera frame), covariances (n x 3 x 3)."""
+
+    descriptors: Descriptors
+    points: Array
+    covariances: Array
+
+
+def describe_place(view: View, sensor: SensorModel, twist: Array) -> Place:
+    """Return the place that a view shows, seen while moving with `twist` (6, SI, camera frame).
+
+    Features without depth are left out. ORB: E. Rublee et al., ICCV 2011.
+    """
+    orb = cv2.ORB.create(nfeatures=TUNING.place_features, fastThreshold=TUNING.place_fast_threshold)
+    keypoints, descriptors = orb.detectAndCompute(view.images.full, None)
+    if descriptors is None:
+        return Place(np.zeros((0, 32), np.uint8), np.zeros((0, 3)), np.zeros((0, 3, 3)))
+    uv = np.array([k.pt for k in keypoints], dtype=np.float64)
+    variance = np.array([k.size / _ORB_PATCH_PX for k in keypoints]) ** 2
+    covariance_uv = np.stack([variance, np.zeros_like(variance), variance], axis=1)
+    measured = measure(view, sensor, uv, covariance_uv, twist)
+    deep = measured.values[:, 2] > 0.0
+    points, covariances = points_of(measured.take(deep))
+    return Place(np.asarray(descriptors, dtype=np.uint8)[deep], points, covariances)

@@ -1,0 +1,47 @@
+"""One frame as the odometry sees it: in the camera's steady time, with the images in which features are searched."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.frame import RgbdFrame, Stamp
+from odom.frontend.camera.stamp_clock import StampClock, SteadyStamp
+from odom.frontend.features.depth_plane import has_depth
+from odom.frontend.features.images import FrameImages
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Frame `sequence`, whose colour image was stamped `stamp` and really taken at `steady_stamp` (see `StampClock`).
+
+    `images` are the colour image's, `depth_mm` (H x W uint16, mm, 0: none) is the depth image stamped `depth_stamp`.
+    """
+
+    sequence: int
+    stamp: Stamp
+    steady_stamp: SteadyStamp
+    images: FrameImages
+    depth_stamp: Stamp
+    depth_mm: NDArray[np.uint16]
+
+    @classmethod
+    def of(cls, frame: RgbdFrame, clock: StampClock, images: FrameImages) -> "View":
+        """Return the view of a frame whose stamp is the newest of `clock`; `images` are those of its colour."""
+        return cls(frame.sequence, frame.stamp, clock.steady, images, frame.depth_stamp, frame.depth_mm)
+
+    @cached_property
+    def shows_depth(self) -> bool:
+        """Whether the depth image shows anything at all."""
+        return has_depth(self.depth_mm)
+
+    @property
+    def late_s(self) -> float:
+        """How much later than the steady time the stamp is, in seconds."""
+        return (self.stamp - self.steady_stamp) * 1e-9
+
+    @property
+    def depth_delay_s(self) -> float:
+        """How much later than the colour image's steady time the depth image was stamped, in seconds."""
+        return (self.depth_stamp - self.steady_stamp) * 1e-9

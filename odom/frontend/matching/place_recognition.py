@@ -1,0 +1,115 @@
+"""Places seen before: an index by what they look like, matching by descriptors, and registration by the points."""
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from odom.frontend.features.place_descriptor import Descriptors, Place
+from odom.frontend.tuning import TUNING
+from odom.geometry.arrays import Index
+from odom.registration import Pairs, Registration, register
+
+_TABLES, _BITS = 6, 20
+"""Hash tables, and bits of a descriptor that each samples: a 1-in-a-million chance that unlike features share a key."""
+_NUMBER_BITS = 32
+"""Lower bits of a table's entry, which hold the place's number."""
+_NUMBERS = (1 << _NUMBER_BITS) - 1
+
+
+@dataclass(eq=False)
+class PlaceIndex:
+    """Places by number, found by sampled bits of their descriptors (locality-sensitive hashing, A. Gionis, 1999).
+
+    A table holds one entry, sampled bits and number, for each feature of each place, sorted. Of the places that share
+    a feature's bits only the newest ones count, so that a place seen often hardly makes a look-up slower.
+    """
+
+    places: dict[int, Place] = field(default_factory=dict)
+    _tables: list[Index] = field(default_factory=lambda: [np.zeros(0, dtype=np.int64) for _ in range(_TABLES)])
+    _sampled: Index = field(
+        default_factory=lambda: np.array(
+            [np.random.default_rng(t).choice(256, _BITS, replace=False) for t in range(_TABLES)]
+        )
+    )
+
+    def _keys(self, descriptors: Descriptors) -> Index:
+        bits = np.unpackbits(descriptors, axis=1)[:, self._sampled].astype(np.int64)
+        return np.asarray(bits @ (1 << np.arange(_BITS)))
+
+    def add(self, number: int, place: Place) -> None:
+        """Remember `place` under `number`."""
+        self.places[number] = place
+        for t, keys in enumerate(self._keys(place.descriptors).T):
+            entries = np.unique(keys) << _NUMBER_BITS | number
+            self._tables[t] = np.insert(self._tables[t], np.searchsorted(self._tables[t], entries), entries)
+
+    def forget(self, number: int) -> None:
+        """Forget the place of this `number`, if there is one."""
+        if self.places.pop(number, None) is not None:
+            self._tables = [table[table & _NUMBERS != number] for table in self._tables]
+
+    def look_up(self, place: Place, excluded: set[int], most: int) -> list[int]:
+        """Return up to `most` places that look most like `place`, best first, without the `excluded`."""
+        found = [
+            _newest(table, keys) for table, keys in zip(self._tables, self._keys(place.descriptors).T, strict=True)
+        ]
+        numbers, votes = np.unique(np.concatenate(found), return_counts=True)
+        ranked = numbers[np.argsort(-votes, kind="stable")]
+        return [number for number in ranked.tolist() if number not in excluded][:most]
+
+
+def _newest(table: Index, keys: Index) -> Index:
+    """Return the numbers that `table` holds under each of the `keys`, of each key only the highest few."""
+    stop = np.searchsorted(table, (keys + 1) << _NUMBER_BITS)
+    start = np.maximum(np.searchsorted(table, keys << _NUMBER_BITS), stop - TUNING.place_bucket)
+    count = stop - start
+    within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    return np.asarray(table[np.repeat(start, count) + within] & _NUMBERS)
+
+
+def match_places(source: Place, target: Place) -> Pairs | None:
+    """Return the pairs of features that look alike in both and unlike any other, None when there are fewer than 3."""
+    if min(len(source.points), len(target.points)) < 3:
+        return None
+    matches = cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(source.descriptors, target.descriptors, k=2)
+    good = [
+        (m.queryIdx, m.trainIdx)
+        for m, second in matches
+        if m.distance < min(TUNING.place_ratio * second.distance, TUNING.place_most_different)
+    ]
+    if len(good) < 3:
+        return None
+    s, t = np.array(good).T
+    return Pairs(source.points[s], target.points[t], source.covariances[s], target.covariances[t])
+
+
+@dataclass(frozen=True, eq=False)
+class Recognition:
+    """Place number `candidate`, which looks like another place, and the registration of the two (None: no matches)."""
+
+    candidate: int
+    registration: Registration | None
+
+    @property
+    def refusal(self) -> str:
+        """Why the geometry refuses it; empty where it does not."""
+        if self.registration is None:
+            return "looks alike, but no features match"
+        if not self.registration.ok:
+            return f"looks alike, but {self.registration.reason}"
+        inliers = int(self.registration.inliers.sum())
+        is_enough = inliers >= TUNING.place_least_inliers
+        return "" if is_enough else f"only {inliers} of {len(self.registration.inliers)} matches agree"
+
+
+def recognise(index: PlaceIndex, place: Place, excluded: set[int]) -> list[Recognition]:
+    """Return the places of `index`, without the `excluded` ones, that look most like `place`, each registered.
+
+    The registration is `T_candidate_place`.
+    """
+    candidates = []
+    for number in index.look_up(place, excluded, TUNING.place_candidates):
+        pairs = match_places(place, index.places[number])
+        candidates.append(Recognition(number, None if pairs is None else register(pairs)))
+    return candidates

@@ -1,0 +1,126 @@
+"""The tuned numbers of the front-end (see `geometry.tuning`)."""
+
+from dataclasses import dataclass
+
+from odom.geometry.tuning import in_use, tuned
+
+_SWEEP = "trial on TUM fr1_xyz, fr1_rpy and the arena; swept in odom/docs/sensitivity.md"
+_KINECT = "what Kinect v1 streams show; swept in odom/docs/sensitivity.md"
+
+
+# fmt: off
+@dataclass(frozen=True)
+class Tuning:
+    """Numbers of camera model, features and matching."""
+
+    # stamp_clock
+    clock_window: int = tuned(30, unit="stamps", source=_KINECT,
+        effect="fewer: more jitter is left in the steady time; more: a clock that drifts is followed late")
+    clock_least: int = tuned(6, unit="stamps", source=_KINECT,
+        effect="fewer: a line through too little; more: the first frames keep their jitter for longer")
+    clock_longest_gap_s: float = tuned(0.5, unit="s", source=_KINECT,
+        effect="smaller: the line begins anew after a few lost frames; larger: periods over a gap are miscounted")
+    clock_gain: float = tuned(0.2, unit="1", source=_KINECT,
+        effect="share of a stamp's error taken over while periods are counted; too small or large: a period is "
+        "miscounted")
+    clock_most_unsteady: float = tuned(0.25, unit="share of a period", source=_KINECT,
+        effect="smaller: jittery clocks are not smoothed; larger: a line is drawn through stamps that have no period")
+    clock_outlier: float = tuned(3.0, unit="sigma", source="three sigma of a normal distribution",
+        effect="smaller: good stamps are dropped from the line; larger: late ones bend it")
+    clock_unknown: float = tuned(0.05, unit="share of a period", source=_KINECT,
+        effect="one sigma of a stamp at the start; smaller: too sure of the first seconds; larger: too unsure")
+    # noise_monitor
+    noise_gain: float = tuned(0.05, unit="1 a frame", source=_SWEEP,
+        effect="smaller: noise is learnt late; larger: the covariance trembles with each frame")
+    noise_least: int = tuned(15, unit="residuals", source=_SWEEP,
+        effect="fewer: medians of too few; more: depth noise far away is never learnt")
+    noise_range: float = tuned(8.0, unit="1", source="bounds far beyond any camera met so far",
+        effect="how far the noise may go from the prior; smaller: other cameras misjudged; larger: slower to come back")
+    noise_unproven: float = tuned(5.0, unit="variance ratio", source=_SWEEP,
+        effect="inflation before anything was seen; smaller: too sure at the start; larger: too unsure")
+    noise_most: float = tuned(50.0, unit="variance ratio", source=_SWEEP,
+        effect="most that one frame's halves may say; smaller: calibration errors underrated; "
+        "larger: one bad frame counts long")
+    noise_most_jump: float = tuned(100.0, unit="variance ratio", source=_SWEEP,
+        effect="most that one jump of poses may say; as above")
+    noise_calibration_error: float = tuned(0.025, unit="share of a motion",
+        source="default Kinect intrinsics against calibrated",
+        effect="error of long motions when calibration is wrong; smaller: too sure of them; "
+        "larger: loop closures are taken wrongly")
+    noise_explained: float = tuned(3.0, unit="variance ratio", source=_SWEEP,
+        effect="inflation that noise alone explains; smaller: calibration blamed too soon; larger: too late")
+    timing_memory: float = tuned(0.95, unit="1 an adjustment", source=_SWEEP,
+        effect="smaller: shutter and lag stay noisy; larger: changes are followed late")
+    # corners
+    corner_border_px: int = tuned(14, unit="px", source="radius of a patch (12 px) and 2 px",
+        effect="smaller: patches reach beyond the image; "
+        "larger: features at the border, which tell rotation best, are lost")
+    corner_apart_px: int = tuned(10, unit="px", source=_SWEEP,
+        effect="smaller: new corners repeat old ones; larger: gaps are not filled")
+    corner_weakest: float = tuned(4e-5, unit="grey^2 of OpenCV's cornerMinEigenVal", source=_SWEEP,
+        effect="smaller: corners in noise; larger: poor scenes have too few")
+    # depth_plane
+    depth_share_valid: float = tuned(0.5, unit="share of 7 x 7 pixels", source=_SWEEP,
+        effect="smaller: planes through too little; larger: depth with holes is not used")
+    depth_share_on_surface: float = tuned(0.85, unit="share of measured pixels", source=_SWEEP,
+        effect="smaller: mixed pixels at depth edges are used; larger: rough surfaces are not")
+    depth_step: float = tuned(0.03, unit="share of the depth", source=_SWEEP,
+        effect="smaller: steep surfaces count as edges; larger: edges count as surfaces")
+    depth_least_share: float = tuned(0.01, unit="share of the image",
+        source="a Kinect close to a wall still shows some per cent",
+        effect="smaller: noise counts as depth; larger: a view into the distance counts as blind")
+    # images: pyramidal Lucas-Kanade
+    flow_window_px: int = tuned(15, unit="px", source=_SWEEP,
+        effect="smaller: blurred features are lost; larger: slower, and depth edges mix")
+    flow_levels: int = tuned(3, unit="pyramid levels", source=_SWEEP,
+        effect="fewer: quick turns are lost; more: slower without gain")
+    flow_iterations: int = tuned(12, unit="1", source=_SWEEP,
+        effect="fewer: coarse pose is rough; more: slower without gain")
+    # patches
+    patch_least_contrast: float = tuned(5.0, unit="grey^2 (variance)",
+        source="noise of a Kinect's image, about 2 grey levels",
+        effect="smaller: patches of noise are aligned; larger: dark scenes lose landmarks")
+    patch_least_gain: float = tuned(0.2, unit="1", source=_SWEEP,
+        effect="smaller: wrong matches of faint texture; larger: exposure changes lose landmarks")
+    patch_converged_px: float = tuned(0.02, unit="px", source="a twentieth of the noise",
+        effect="smaller: slower; larger: rougher positions")
+    warp_step_px: float = tuned(4.0, unit="px", source="a third of a patch's radius",
+        effect="step of the numerical derivative of the warp; smaller or larger: hardly anything")
+    warp_smallest_area: float = tuned(0.15, unit="ratio of areas", source=_SWEEP,
+        effect="smaller: patches are shrunk to a blur; larger: landmarks are lost when the camera backs off")
+    warp_largest_area: float = tuned(6.0, unit="ratio of areas", source=_SWEEP,
+        effect="smaller: landmarks are lost when the camera comes near; larger: magnified blur is matched")
+    # landmark_search
+    search_margin_px: float = tuned(8.0, unit="px", source="half of an 11 x 11 patch and the search's reach",
+        effect="smaller: patches are cut by the border; larger: landmarks at the border are not used")
+    search_cell_px: int = tuned(40, unit="px", source=_SWEEP,
+        effect="smaller: crowds of landmarks are all looked for; larger: bare regions are left out")
+    search_coarse_limit_px: float = tuned(4.0, unit="px of the half-size image", source=_SWEEP,
+        effect="smaller: a poor prediction loses landmarks; larger: wrong matches")
+    search_coarse_score: float = tuned(0.6, unit="correlation", source=_SWEEP,
+        effect="smaller: wrong matches cost time; larger: blurred landmarks are lost")
+    search_fine_limit_px: float = tuned(2.5, unit="px", source=_SWEEP,
+        effect="smaller: coarse errors are not mended; larger: wrong matches")
+    search_fine_score: float = tuned(0.75, unit="correlation", source=_SWEEP,
+        effect="smaller: wrong matches; larger: blurred and slanted landmarks are lost")
+    search_iterations: int = tuned(8, unit="1", source=_SWEEP,
+        effect="fewer: alignments end early; more: slower without gain")
+    # place_recognition
+    place_features: int = tuned(700, unit="1", source=_SWEEP,
+        effect="fewer: places are not recognised; more: slower in the background")
+    place_fast_threshold: int = tuned(12, unit="grey levels", source=_SWEEP,
+        effect="smaller: features in noise; larger: none in the dark")
+    place_ratio: float = tuned(0.8, unit="1", source="D. Lowe, IJCV 60, 2004",
+        effect="smaller: true matches are dropped; larger: ambiguous ones are kept")
+    place_most_different: int = tuned(64, unit="bits of 256", source="E. Rublee et al., ICCV 2011, fig. 7",
+        effect="smaller: matches over a change of view are lost; larger: chance matches")
+    place_candidates: int = tuned(3, unit="places", source=_SWEEP,
+        effect="fewer: the true place is not among them; more: slower in the background")
+    place_least_inliers: int = tuned(25, unit="matches", source=_SWEEP,
+        effect="fewer: look-alike places pass; more: places seen from elsewhere are not recognised")
+    place_bucket: int = tuned(24, unit="places", source=_SWEEP,
+        effect="newest places that count for each feature; fewer: old ones are forgotten; more: slower")
+# fmt: on
+
+
+TUNING = in_use(Tuning)

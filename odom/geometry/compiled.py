@@ -1,0 +1,83 @@
+"""How numerical loops are compiled: on their first call, cached on disk, without the GIL.
+
+numba notices when the file of a loop changes, but not when a file that the loop calls into does. So the compiled code
+of a package is kept in a folder named after a hash of its sources and of those of the packages below it. If nothing
+can be written beside this file, the folder is in the user's cache or in a private temporary one.
+
+Arithmetic is rounded as written (IEEE 754), without fused multiply-adds: the compiler would find other ones where it
+inlines other calls, which depends on whether a loop was compiled or loaded, and a replay would differ in the last bits.
+"""
+
+import hashlib
+import os
+import shutil
+import stat
+import tempfile
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+from numba.core import config
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_FLOORS = ("geometry", "registration", "frontend", "backend")
+"""The packages that hold compiled loops; each calls only those before it."""
+
+
+def _digest(package: str) -> str:
+    """Return a hash of the sources of a package and of those below it (of all of them for any other package)."""
+    state = hashlib.sha256()
+    floors = _FLOORS[: _FLOORS.index(package) + 1] if package in _FLOORS else _FLOORS
+    for floor in floors:
+        for source in sorted((Path(__file__).parents[1] / floor).rglob("*.py")):
+            state.update(source.read_bytes())
+    return state.hexdigest()[:16]
+
+
+def _places() -> Iterator[Path]:
+    """Yield folders for compiled code, best first. It will be executed, so nobody else may be able to write there."""
+    if "NUMBA_CACHE_DIR" in os.environ:
+        yield Path(os.environ["NUMBA_CACHE_DIR"])
+    yield Path(__file__).parent / "__pycache__"
+    yield Path.home() / ".cache" / "odom"
+    own = Path(tempfile.gettempdir()) / f"odom-{os.getuid()}"
+    own.mkdir(mode=0o700, exist_ok=True)
+    status = own.lstat()
+    if stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o077:
+        yield own
+    yield Path(tempfile.mkdtemp(prefix="odom-"))
+
+
+@cache
+def _cache_folder(package: str = "") -> str:
+    """Return the first folder that can be written; code compiled from other sources of the package is deleted."""
+    name = f"numba-{package}-{_digest(package)}"
+    for place in _places():
+        try:
+            (place / name).mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(place / name, os.W_OK):
+            for other in place.glob(f"numba-{package}-*"):
+                if other.name != name:
+                    shutil.rmtree(other, ignore_errors=True)
+            return str(place / name)
+    raise AssertionError("a temporary folder was made, so one was returned")
+
+
+def compiled(function: F) -> F:
+    """Compile `function` on its first call: numba, cached, without the GIL, division by zero gives inf as in numpy.
+
+    The cache is below NUMBA_CACHE_DIR if that is set.
+    """
+    settings = vars(config)
+    before = settings["CACHE_DIR"]
+    settings["CACHE_DIR"] = _cache_folder(*function.__module__.split(".")[1:2])  # read when a function is decorated
+    try:
+        jitted: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    finally:
+        settings["CACHE_DIR"] = before
+    return cast(F, jitted)

@@ -1,0 +1,56 @@
+"""The arrays of point pairs, checked, as the compiled loops take them."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from odom.errors import InputError
+from odom.geometry.arrays import Array
+from odom.geometry.compiled import compiled
+from odom.registration.pairs import Pairs
+
+NO_COVARIANCES = np.empty((0, 3, 3))
+"""Points without noise."""
+
+
+class Arrays(NamedTuple):
+    """The checked arrays of n pairs: points (n x 3, m), covariances (n x 3 x 3, or of length 0) and weights (n)."""
+
+    q: Array
+    p: Array
+    Sq: Array
+    Sp: Array
+    weights: Array
+
+
+@compiled
+def unusable(q: Array, p: Array, weights: Array) -> int:
+    """Return 0, or 1 when points are not all finite, 2 when weights are not all finite and at least 0."""
+    points = total = 0.0
+    for k in range(len(q)):  # 0 times a number is 0, unless it is infinite or no number
+        points += 0.0 * (q[k, 0] + q[k, 1] + q[k, 2] + p[k, 0] + p[k, 1] + p[k, 2])
+        total += 0.0 * np.sqrt(weights[k])
+    return 1 if points != 0.0 else 2 if total != 0.0 else 0
+
+
+def finite(pairs: Pairs) -> Arrays:
+    """Return the arrays of `pairs`; raises InputError unless all points and weights can be used."""
+    if not isinstance(pairs, Pairs):
+        raise InputError(f"{type(pairs).__name__} given: give Pairs(source, target, their covariances or None)")
+    weights = np.ones(len(pairs)) if pairs.weights is None else pairs.weights
+    match unusable(pairs.points_source, pairs.points_target, weights):
+        case 1:
+            raise InputError("points are not all finite: leave out pairs without a measurement")
+        case 2:
+            raise InputError("weights must be finite and not negative")
+    Sq = NO_COVARIANCES if pairs.covariances_source is None else pairs.covariances_source
+    Sp = NO_COVARIANCES if pairs.covariances_target is None else pairs.covariances_target
+    return Arrays(pairs.points_source, pairs.points_target, Sq, Sp, weights)
+
+
+def checked(pairs: Pairs) -> Arrays:
+    """Return the arrays of `pairs` as `finite` does; raises InputError too when there are no covariances at all."""
+    arrays = finite(pairs)
+    if pairs.covariances_source is None and pairs.covariances_target is None:
+        raise InputError("the pairs have no covariances: give those of a noise model for at least one side")
+    return arrays

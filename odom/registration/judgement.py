@@ -1,0 +1,55 @@
+"""From a solution to a result: its covariance, or the reason why the pairs do not give a motion."""
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from odom.geometry.arrays import Mask
+from odom.registration.checked_arrays import Arrays
+from odom.registration.conditioning import assess
+from odom.registration.pairs import Prior, Registration, Verdict, degenerate
+from odom.registration.solution import Solution
+from odom.registration.tuning import TUNING
+
+
+class Judgement(NamedTuple):
+    """What is known beside the solution: how the covariance grows, the observed variance factor, what was used."""
+
+    inflation: float = 1.0
+    variance_factor: float = 1.0
+    details: Mapping[str, float] = MappingProxyType({})
+
+
+def judged(arrays: Arrays, prior: Prior | None, solution: Solution, judgement: Judgement) -> Registration:
+    """Return the registration that a solution stands for; DEGENERATE where pairs and prior do not fix the motion."""
+    n = len(arrays.q)
+    inliers: Mask = solution.weights > 0.0
+    used = int(solution.sums[0]) if solution.determined else int(np.count_nonzero(inliers))
+    covariance, numbers = np.empty((6, 6)), np.empty(3)
+    reason = ""
+    if used < 3 and (prior is None or prior.covariance is None):
+        reason = f"{used} pairs of {n} can be used: at least 3 are needed"
+    elif not solution.determined or not assess(arrays.q, solution.W, solution.weights, solution.H, covariance, numbers):
+        reason = f"{used} pairs do not determine the motion"
+    elif prior is None or prior.covariance is None:
+        sigma = math.sqrt(judgement.inflation * max(covariance[3, 3], covariance[4, 4], covariance[5, 5]))
+        noise = min(judgement.inflation, max(1.0, judgement.variance_factor))
+        if numbers[1] < TUNING.min_scatter_sigmas**2 * noise or numbers[2] < 1e-9:
+            reason = f"{used} points lie on a line or in one place, within their noise"
+        elif sigma > TUNING.max_rotation_sigma_rad:
+            reason = f"the rotation is uncertain by {math.degrees(sigma):.0f} degrees"
+    if reason:
+        return degenerate(n, reason, solution.chi2, inliers)
+    return Registration(
+        solution.T,
+        covariance if judgement.inflation == 1.0 else judgement.inflation * covariance,
+        inliers,
+        solution.chi2,
+        float(numbers[0]),
+        Verdict.OK,
+        variance_factor=judgement.variance_factor,
+        details=dict(judgement.details),
+    )

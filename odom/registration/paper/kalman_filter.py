@@ -1,0 +1,39 @@
+"""KF: the paper's Algorithm 1, corrected, on the joint state [R | t]; it takes the covariances at their word."""
+
+import numpy as np
+
+from odom.registration.checked_arrays import Arrays, checked
+from odom.registration.judgement import Judgement, judged
+from odom.registration.measurement_covariance import bad_covariance, precisions
+from odom.registration.pairs import Pairs, Prior, Registration, degenerate
+from odom.registration.solution import Solution, solve
+from odom.registration.weighted_horn import weighted_horn
+
+
+def kalman(pairs: Pairs, prior: Prior | None = None) -> Registration:
+    """Return the motion of `pairs` by the Kalman filter (eqs. 11-16) in information form.
+
+    Corrected against the paper: H is built from q, R holds variances (`S_k = Sp + R Sq R'`), the joint state needs no
+    centroids, there is no false prior on the identity, and the projection onto SE(3) is weighted by the information.
+    Errors and verdicts as for `register`.
+    """
+    arrays = checked(pairs)
+    n = len(arrays.q)
+    if n < 3:
+        return degenerate(n, f"{n} pairs: at least 3 are needed")
+    solution = solve_ungated(arrays, prior)
+    return judged(arrays, prior, solution, Judgement(variance_factor=solution.variance_factor))
+
+
+def solve_ungated(arrays: Arrays, prior: Prior | None, alpha: float = 0.0) -> Solution:
+    """Return the solution of all pairs, S_k linearised first at the prior, without one at Horn's weighted motion."""
+    if prior is not None:
+        return solve(arrays, prior, prior.T_target_source, arrays.weights, alpha=alpha)
+    T = np.eye(4)
+    if len(arrays.Sq) > 0:
+        W = np.empty((len(arrays.q), 8))
+        bad = precisions(arrays.Sq, arrays.Sp, T, 0.0, W)
+        if bad >= 0:
+            raise bad_covariance(bad)
+        weighted_horn(arrays.q, arrays.p, W, arrays.weights, T)
+    return solve(arrays, prior, T, arrays.weights, alpha=alpha)

@@ -1,0 +1,92 @@
+"""RF: the robust H-infinity filter, for pairs whose noise is known and for those whose noise is not as stated."""
+
+import math
+
+from odom.registration.checked_arrays import Arrays, checked
+from odom.registration.judgement import Judgement, judged
+from odom.registration.pairs import Pairs, Prior, Registration, degenerate
+from odom.registration.paper.axis_bias import bias_information, possible_biases, source_noise, unbiased
+from odom.registration.paper.hinfinity import affine_misfit, discount
+from odom.registration.paper.kalman_filter import solve_ungated
+from odom.registration.paper.noise_adaptation import CovarianceVerdict, adapt, judge_covariances
+from odom.registration.paper.tuning import TUNING
+from odom.registration.solution import Solution, solve
+
+_MISFIT = 33.1
+"""The .99999 quantile of chi-square with 6 degrees of freedom."""
+
+
+def robust(
+    pairs: Pairs, prior: Prior | None = None, *, theta: float = TUNING.theta, alpha: float = 0.0, adaptive: bool = True
+) -> Registration:
+    """Return the motion of `pairs` by the robust H-infinity filter (eqs. 22-28) on the joint state [R | t].
+
+    `theta` = 1 / gamma discounts the information (`Y - n theta^2 I`), halved until the filter exists. The source's
+    noise makes the measurement matrix uncertain (eq. 25): by its exact second moment, `S_k = Sp + R Sq R'`, or with
+    `alpha` > 0 by the norm-bounded `S_k = Sp + alpha tr(Sq) I` (eqs. 26-27). `adaptive`: where the residuals contradict
+    the covariances, what is wrong is learnt: a biased axis (see `axis_bias`), a common factor, other covariances (see
+    `noise_adaptation`); and the result's covariance grows where the twelve states are no rigid motion still. `details`
+    holds theta, gamma, alpha as used, halvings, the distance (misfit, chi-square 6) of the twelve states from the
+    motion, and what was learnt. Errors and verdicts as for `register`.
+    """
+    arrays = checked(pairs)
+    n = len(arrays.q)
+    if n < 3:
+        return degenerate(n, f"{n} pairs: at least 3 are needed")
+    solution = solve_ungated(arrays, prior, alpha)
+    details: dict[str, float] = {"alpha": alpha, "factor": 1.0, "nu": math.inf, "axis_scale": 1.0}
+    judgement = Judgement(1.0, solution.variance_factor, details)
+    if solution.determined and adaptive:
+        arrays, solution, judgement = _learnt(arrays, prior, solution, judgement)
+    if solution.determined:
+        used, halvings = discount(solution.Y, solution.y, solution.H, int(solution.sums[0]), theta)
+        gamma = 1.0 / used if used > 0.0 else math.inf
+        details |= judgement.details
+        details |= {"theta": used, "gamma": gamma, "halvings": float(halvings)}
+        judgement = judgement._replace(details=details)
+    return judged(arrays, prior, solution, judgement)
+
+
+def _learnt(
+    arrays: Arrays, prior: Prior | None, first: Solution, judgement: Judgement
+) -> tuple[Arrays, Solution, Judgement]:
+    """Return pairs, solution and judgement after learning what is wrong: noise, then an axis, then noise again."""
+    solution, judgement = _noise_learnt(arrays, prior, first, judgement)
+    seen = solution
+    misfit = affine_misfit(solution.Y, solution.y, solution.T)
+    if misfit > _MISFIT * judgement.inflation and len(arrays.Sq):
+        factor = float(judgement.details["factor"])
+        seen = solution._replace(Y=solution.Y - factor * source_noise(arrays.Sq, solution))
+        misfit = affine_misfit(seen.Y, solution.y, solution.T) or misfit
+    best = arrays, solution, judgement
+    if misfit > _MISFIT * judgement.inflation:
+        for bias in possible_biases(seen, judgement.inflation):
+            corrected = unbiased(arrays, bias)
+            again = solve(corrected, prior, solution.T, first.weights)
+            again, verdict = _noise_learnt(corrected, prior, again, judgement._replace(inflation=1.0))
+            rest = affine_misfit(again.Y, again.y, again.T)
+            if rest / verdict.inflation < misfit / best[2].inflation:
+                misfit = rest
+                found = {"axis_scale": bias.scale, "axis": float(bias.axis)}
+                verdict = verdict._replace(details={**verdict.details, **found})
+                best = corrected, again._replace(H=bias_information(again, bias)), verdict
+    arrays, solution, judgement = best
+    grown = misfit / 6.0 if misfit > _MISFIT * judgement.inflation else judgement.inflation
+    return arrays, solution, judgement._replace(inflation=grown, details={**judgement.details, "misfit": misfit})
+
+
+def _noise_learnt(
+    arrays: Arrays, prior: Prior | None, solution: Solution, judgement: Judgement
+) -> tuple[Solution, Judgement]:
+    """Return solution and judgement after learning the noise, if the residuals contradict the covariances given."""
+    match judge_covariances(solution):
+        case CovarianceVerdict.HOLDS:
+            return solution, judgement
+        case CovarianceVerdict.SCALED:
+            factor = solution.variance_factor
+            return solution, judgement._replace(inflation=factor, details={**judgement.details, "factor": factor})
+        case CovarianceVerdict.WRONG:
+            learnt = adapt(arrays, prior, solution)
+            seen = {"factor": learnt.factor, "nu": learnt.nu, "added": float(learnt.added.mean())}
+            inflation = (learnt.nu + 5.0) / (learnt.nu + 3.0) if learnt.nu < math.inf else 1.0
+            return learnt.solution, judgement._replace(inflation=inflation, details={**judgement.details, **seen})

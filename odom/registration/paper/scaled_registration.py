@@ -1,0 +1,63 @@
+"""Scale on request: eq. (4), around any estimator."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from odom.geometry.arrays import Array
+from odom.registration.pairs import Estimator, Pairs, Prior, Registration
+
+_MAX_ROUNDS = 20
+"""Bound of the iterations; half as many do for a scale to ten digits."""
+
+
+def with_scale(estimator: Estimator) -> Estimator:
+    """Return the estimator that also finds the scale s of `p = s R q + t`, as `Registration.scale`.
+
+    Eq. (4) sums ratios, which noise near the centroid ruins; here it is the ratio of sums, `s = sum w p' R q / sum w
+    |R q|^2` about the (weighted) centroids. `T_target_source` and its covariance are of the source points times the
+    scale.
+    """
+
+    def estimate(pairs: Pairs, prior: Prior | None = None) -> Registration:
+        scale = _spread(pairs.points_target) / max(_spread(pairs.points_source), 1e-300)
+        if not 0.0 < scale < np.inf:
+            scale = 1.0  # the estimator says what is wrong
+        for _ in range(_MAX_ROUNDS):
+            C = pairs.covariances_source
+            points, covariances = scale * pairs.points_source, None if C is None else scale**2 * C
+            scaled = replace(pairs, points_source=points, covariances_source=covariances)
+            result = estimator(scaled, prior)
+            if not result.ok:
+                return result
+            used = result.inliers
+            w = _weights(scaled)[used]
+            w /= w.sum()
+            q = scaled.points_source[used] @ result.T_target_source[:3, :3].T
+            p = scaled.points_target[used]
+            q, p = q - w @ q, p - w @ p
+            step = float(np.einsum("n,ni,ni->", w, p, q) / np.einsum("n,ni,ni->", w, q, q))  # eq. (4)
+            result = replace(result, scale=scale)
+            if abs(step - 1.0) < 1e-10:
+                break
+            scale *= step
+        return result
+
+    return estimate
+
+
+def _spread(points: Array) -> float:
+    """Return the median distance of points from their median: a guess of scale that wrong pairs do not spoil."""
+    if len(points) == 0:
+        return 0.0
+    return float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
+
+
+def _weights(pairs: Pairs) -> Array:
+    """Return the weight of each pair: the given one over its mean variance, where that is known."""
+    given = np.ones(len(pairs)) if pairs.weights is None else pairs.weights.copy()
+    variance = np.zeros(len(pairs))
+    for C in (pairs.covariances_source, pairs.covariances_target):
+        if C is not None:
+            variance += np.einsum("nii->n", C) / 3.0
+    return np.asarray(given / variance if variance.any() else given)

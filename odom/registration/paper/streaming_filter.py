@@ -1,0 +1,198 @@
+"""The filter that takes pairs as they come: one by one or in blocks, asked at any time, merged with others.
+
+Its state is the information Y and y of x = vec[R | t] (the paper's nine states of eq. 10, extended by the translation):
+every pair adds `Y += C'inv(S) C`, `y += C'inv(S) p`, so the order of the pairs does not matter, and filters that saw
+different pairs add up to one that saw all. The H-infinity term `theta^2 L'L` of each step is taken out when the filter
+is asked, not before.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from odom.errors import InputError
+from odom.geometry.arrays import Array
+from odom.geometry.se3 import hat, so3_exp
+from odom.registration.checked_arrays import checked
+from odom.registration.linear_algebra import cholesky_solve
+from odom.registration.measurement_covariance import bad_covariance, precisions
+from odom.registration.pair_information import accumulate, information_matrix
+from odom.registration.pairs import Pairs, Prior, Registration, Verdict, degenerate
+from odom.registration.paper.hinfinity import discount
+from odom.registration.paper.tuning import TUNING
+from odom.registration.solution import prior_information
+from odom.registration.tuning import TUNING as ENGINE
+from odom.registration.weighted_projection import project_onto_se3
+
+_NINE = np.array([0, 1, 2, 4, 5, 6, 8, 9, 10])
+"""Which of the twelve states are the paper's nine, the rotation."""
+
+
+@dataclass(frozen=True, eq=False)
+class Centroids:
+    """The means (3) of the source and target points, which the rotation-only filter must know beforehand: eq. (4)."""
+
+    source: Array
+    target: Array
+
+
+@dataclass(frozen=True, eq=False)
+class RecursiveFilter:
+    """A robust H-infinity filter for one rigid motion; a frozen value, `absorb` and `merge` return the next one.
+
+    `prior` is a motion prediction: where S_k is linearised and, with a covariance, evidence. `centroids` makes it the
+    rotation-only filter of the paper's nine states. `theta` = 1 / gamma (0: Kalman), `alpha` > 0 the norm-bounded form
+    of the source's noise, else its second moment. Without a prior S_k is linearised at the estimate so far, so filters
+    to be merged should share a prior.
+    """
+
+    prior: Prior | None = None
+    centroids: Centroids | None = None
+    theta: float = TUNING.theta
+    alpha: float = 0.0
+    count: int = 0
+    A: Array = field(default_factory=lambda: np.zeros((6, 10)))
+    y: Array = field(default_factory=lambda: np.zeros(12))
+    summed_noise: Array = field(default_factory=lambda: np.zeros((3, 3)))
+
+    def __post_init__(self) -> None:
+        if not (self.theta >= 0.0 and self.alpha >= 0.0 and np.isfinite(self.theta + self.alpha)):
+            raise InputError(f"theta = {self.theta}, alpha = {self.alpha}: give finite values, not negative")
+
+    @property
+    def information(self) -> Array:
+        """Y (12 x 12) of vec[R | t], or (9 x 9) of vec R; without prior and H-infinity term."""
+        Y = np.empty((12, 12))
+        information_matrix(self.A, Y)
+        return Y if self.centroids is None else Y[np.ix_(_NINE, _NINE)]
+
+    @property
+    def states(self) -> Array | None:
+        """The linear estimate x (12 or 9), no rigid motion yet; None while some direction has not been seen."""
+        y = self.y if self.centroids is None else self.y[_NINE]
+        x = np.empty(len(y))
+        return x if cholesky_solve(self.information.copy(), y, x) else None
+
+    def absorb(self, pairs: Pairs) -> "RecursiveFilter":
+        """Return the filter that has seen `pairs` (one or many) too.
+
+        Raises InputError for values that are not finite, covariances that are not positive definite, or missing.
+        """
+        arrays = checked(pairs)
+        q, p = arrays.q, arrays.p
+        if self.centroids is not None:
+            q, p = q - self.centroids.source, p - self.centroids.target
+        W = np.empty((len(arrays.q), 8))
+        R = self._linearised_at()
+        bad = precisions(arrays.Sq, arrays.Sp, R, self.alpha, W)
+        if bad >= 0:
+            raise bad_covariance(bad)
+        A, y = self.A.copy(), self.y.copy()
+        accumulate(q, p, W, arrays.weights, A, y)
+        noise = self.summed_noise + arrays.Sp.sum(axis=0) + R[:3, :3] @ arrays.Sq.sum(axis=0) @ R[:3, :3].T
+        return replace(self, A=A, y=y, summed_noise=noise, count=self.count + int(np.count_nonzero(arrays.weights)))
+
+    def merge(self, other: "RecursiveFilter") -> "RecursiveFilter":
+        """Return the filter that has seen what both have; the prior that they share counts once.
+
+        Raises InputError when the two do not share prior, centroids, theta and alpha (as the same values).
+        """
+        for name in ("prior", "centroids", "theta", "alpha"):
+            if not _same(getattr(self, name), getattr(other, name)):
+                raise InputError(f"filters with different {name} cannot be merged: start both from the same {name}")
+        return replace(
+            self,
+            A=self.A + other.A,
+            y=self.y + other.y,
+            summed_noise=self.summed_noise + other.summed_noise,
+            count=self.count + other.count,
+        )
+
+    def estimate(self) -> Registration:
+        """Return the motion so far; `inliers` and `chi2` are empty, since pairs are not kept.
+
+        `details`: count, theta and gamma as used (theta is halved until the filter exists), halvings, alpha.
+        """
+        Y, y = np.empty((12, 12)), self.y.copy()
+        information_matrix(self.A, Y)
+        H = np.zeros((6, 6))
+        T = self._linearised_at()
+        if self.centroids is not None:
+            return self._rotation(Y[np.ix_(_NINE, _NINE)], y[_NINE], Y[_NINE][:, 3::4], self.centroids)
+        Y0, T0 = prior_information(self.prior)
+        if project_onto_se3(Y, y, Y0, T0, T, H) == 0:
+            return degenerate(0, f"{self.count} pairs do not determine the motion")
+        theta, halvings = discount(Y, y, H, self.count, self.theta)
+        covariance = np.asarray(np.linalg.inv(H), dtype=np.float64)
+        sigma = float(np.sqrt(covariance[3:, 3:].diagonal().max()))
+        if (self.count < 3 and len(Y0) == 0) or not sigma < ENGINE.max_rotation_sigma_rad:
+            reason = f"after {self.count} pairs the rotation is uncertain by {np.degrees(sigma):.0f} degrees"
+            return degenerate(0, reason)
+        w = np.linalg.eigvalsh(H)
+        return self._result(T, covariance, float(w[0] / w[-1]), theta, halvings)
+
+    def _rotation(self, Y: Array, y: Array, G: Array, centroids: Centroids) -> Registration:
+        """Return the nine-state estimate: the nearest rotation, and the translation by eq. (4).
+
+        `G` (9 x 3) is what the noise of the centroids, common to all pairs, does to `y`: its share is in the
+        covariance.
+        """
+        w = np.linalg.eigvalsh(Y)
+        if not w[0] > 1e-12 * w[-1]:
+            return degenerate(0, f"{self.count} pairs do not determine nine states: points in a plane, or too few")
+        theta, halvings = self.theta, 0
+        while self.count * theta**2 >= 0.5 * w[0]:
+            theta, halvings = 0.5 * theta, halvings + 1
+        information = Y - self.count * theta**2 * np.eye(9)
+        R = nearest_rotation(np.asarray(np.linalg.solve(Y, y)), information)
+        B = np.stack([(R @ hat(e)).ravel() for e in np.eye(3)], axis=1)
+        rotation = np.linalg.inv(B.T @ information @ B)
+        T = np.eye(4)
+        T[:3, :3] = R
+        T[:3, 3] = centroids.target - R @ centroids.source  # eq. (4)
+        J = np.concatenate([hat(centroids.source), np.eye(3)])  # d (rho, phi) / d phi: the centroids stay together
+        common = J @ rotation @ B.T @ G  # d (rho, phi) / d (p' - R q'), the centroids' noise
+        common[:3] -= R.T
+        covariance = J @ rotation @ J.T + common @ self.summed_noise @ common.T / max(self.count, 1) ** 2
+        return self._result(T, np.asarray(covariance), float(w[0] / w[-1]), theta, halvings)
+
+    def _result(self, T: Array, covariance: Array, conditioning: float, theta: float, halvings: int) -> Registration:
+        gamma = 1.0 / theta if theta > 0.0 else float("inf")
+        details = {"count": float(self.count), "theta": theta, "gamma": gamma}
+        details |= {"halvings": float(halvings), "alpha": self.alpha}
+        none = np.zeros(0)
+        return Registration(T, covariance, none > 0.0, none, conditioning, Verdict.OK, details=details)
+
+    def _linearised_at(self) -> Array:
+        """Return a copy of where S_k and the projection begin: the prior, else the estimate so far."""
+        T = np.eye(4)
+        if self.prior is not None:
+            return self.prior.T_target_source.copy()
+        x = self.states
+        if x is not None:
+            rows = x.reshape(3, -1)
+            T[:3, :3] = nearest_rotation(np.ascontiguousarray(rows[:, :3]).ravel())
+            T[:3, 3] = rows[:, 3] if rows.shape[1] == 4 else 0.0
+        return T
+
+
+def nearest_rotation(x: Array, information: Array | None = None) -> Array:
+    """Return the rotation (3 x 3) nearest to nine states: in the metric of their information, or Frobenius' without."""
+    U, _, Vt = np.linalg.svd(x.reshape(3, 3))
+    R: Array = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+    if information is None:
+        return R
+    for _ in range(20):
+        B = np.stack([(R @ hat(e)).ravel() for e in np.eye(3)], axis=1)
+        step: Array = np.asarray(np.linalg.solve(B.T @ information @ B, B.T @ information @ (x - R.ravel())))
+        R = np.asarray(R @ so3_exp(step))
+        if float(step @ step) < 1e-24:
+            break
+    return R
+
+
+def _same(a: object, b: object) -> bool:
+    """Return whether two settings of a filter are equal, arrays by value."""
+    if isinstance(a, Prior | Centroids) and type(a) is type(b):
+        return all(_same(x, y) for x, y in zip(vars(a).values(), vars(b).values(), strict=True))
+    return bool(np.array_equal(np.asarray(a), np.asarray(b)))

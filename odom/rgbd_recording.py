@@ -1,0 +1,85 @@
+"""Frames and truth of a recording, for programs that use the odometry without its processes."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from odom.errors import RecordingError, SourceError
+from odom.evaluation.files import read_tum
+from odom.evaluation.trajectory import Trajectory
+from odom.frame import Camera, RgbdFrame
+from odom.wire import Topics, truth_body
+from odom.wire.assembler import FrameAssembler
+from odom.wire.codec import decode_pose
+from odom.wire.recording import open_reader
+from sensors.catalogue import open_source
+from sensors.source import SourceOptions
+
+_CAMERA_TRUTH = "camera"
+"""What a TUM folder's ground truth is of: the colour camera itself."""
+
+
+@dataclass(frozen=True)
+class RgbdRecording:
+    """A recording's calibrated `camera` and its frames; each iteration reads them from the file again, in order.
+
+    Made by `read_recording`. An image that cannot be decoded is logged and left out, as by `odom run`.
+    """
+
+    path: Path
+    camera: Camera
+    options: SourceOptions = field(repr=False)
+
+    def __iter__(self) -> Iterator[RgbdFrame]:
+        assembler = FrameAssembler(Topics())
+        source = open_source(str(self.path), self.options)
+        try:
+            for message in source.messages():
+                yield from assembler.feed(message)
+            yield from assembler.finish()
+        finally:
+            source.close()
+
+    def truth(self) -> dict[str, Trajectory]:
+        """Return the motion capture's trajectory of each body by its name; `camera` is the camera itself.
+
+        Other bodies are markers on the camera, on a clock of their own: see `odom.calibrate`.
+        """
+        if (self.path / "rgb.txt").is_file():
+            file = self.path / "groundtruth.txt"
+            return {_CAMERA_TRUTH: read_tum(file)} if file.is_file() else {}
+        reader = open_reader(self.path)
+        topics = {stream.topic for stream in reader.streams() if truth_body(stream.topic)}
+        poses: dict[str, dict[int, np.ndarray]] = {}
+        for message in reader.messages(topics):
+            pose = decode_pose(message)
+            poses.setdefault(truth_body(message.topic) or "", {})[pose.stamp] = pose.T_parent_child
+        return {
+            body: Trajectory(np.array(sorted(found)), np.array([found[stamp] for stamp in sorted(found)]))
+            for body, found in poses.items()
+        }
+
+
+def read_recording(
+    path: str | Path, camera: str | Path | None = None, *, start: float = 0.0, end: float | None = None
+) -> RgbdRecording:
+    """Open an .mcap recording, a ROS 2 bag folder or a TUM RGB-D folder; `start` and `end` in seconds from its start.
+
+    `camera` is a calibration file (ROS's YAML) that replaces the recording's own; a TUM folder has none unless it
+    holds a camera.yaml. Raises SourceError when it cannot be opened, ConfigError when it lacks a calibration.
+    """
+    if not Path(path).exists():
+        raise SourceError(f"{path}: no such file or folder; give an .mcap file, a ROS 2 bag or a TUM RGB-D folder")
+    options = SourceOptions(camera=None if camera is None else Path(camera), start=start, end=end)
+    source = open_source(str(path), options)
+    assembler = FrameAssembler(Topics())
+    try:
+        for message in source.messages():
+            assembler.feed(message)
+            if assembler.camera is not None:
+                return RgbdRecording(Path(path), assembler.camera, options)
+    finally:
+        source.close()
+    raise RecordingError(f"{path} holds no frame with a calibration: look at it with `odom info {path}`")

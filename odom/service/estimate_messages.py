@@ -1,0 +1,65 @@
+"""An estimate as the messages that other processes see. Pure."""
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from odom.backend import Estimate, LoopCandidate
+from odom.frame import Camera, RgbdFrame
+from odom.viewer.keyframe_clouds import back_project
+from odom.wire import Message, Topics, codec
+
+_COLOR_WIDTH = 160
+"""Pixels to which a key frame's image is reduced before it colours a cloud: a quarter of a Kinect's, which JPEG decodes
+in a fraction of the time; at 3,000 points more would not be seen."""
+
+
+def pose_messages(topics: Topics, estimate: Estimate) -> Iterator[Message]:
+    """Yield odom, pose and tf of a frame that has a pose, nothing for a LOST one: no stale pose is ever repeated."""
+    T_odom_camera, covariance, stamp = estimate.T_odom_camera, estimate.covariance, estimate.stamp
+    if T_odom_camera is None:
+        return
+    if covariance is not None:
+        yield codec.encode_odometry(
+            topics.odom, stamp, T_odom_camera, covariance, topics.frame_odom, topics.frame_camera
+        )
+    yield codec.encode_pose(topics.pose, stamp, estimate.T_map_odom @ T_odom_camera, topics.frame_map)
+    yield codec.encode_tf(
+        stamp,
+        (
+            (topics.frame_map, topics.frame_odom, estimate.T_map_odom),
+            (topics.frame_odom, topics.frame_camera, T_odom_camera),
+        ),
+    )
+
+
+def loop_messages(topics: Topics, loops: Iterable[LoopCandidate]) -> Iterator[Message]:
+    """Yield one message a loop candidate."""
+    for loop in loops:
+        values = codec.Loop(loop.stamp, loop.candidate_stamp, loop.inliers, loop.accepted, loop.reason)
+        yield codec.encode_loop(topics.loops, values)
+
+
+def feature_message(topics: Topics, estimate: Estimate) -> Message | None:
+    """Return the tracked features (u, v, residual_sigma), None when the estimate shows none."""
+    if estimate.features is None:
+        return None
+    points = np.column_stack([estimate.features.uv, estimate.features.residual_sigma])
+    fields = ("u", "v", "residual_sigma")
+    return codec.encode_points(topics.features, estimate.stamp, points, topics.frame_camera, fields)
+
+
+def landmark_message(topics: Topics, estimate: Estimate) -> Message | None:
+    """Return the landmarks of the map, None when the estimate does not bring them."""
+    if estimate.landmarks_map is None:
+        return None
+    return codec.encode_points(topics.landmarks, estimate.stamp, estimate.landmarks_map, topics.frame_map)
+
+
+def keyframe_message(topics: Topics, frame: RgbdFrame, camera: Camera, color: Message, points: int) -> Message:
+    """Return the cloud of a key frame, at most about `points`, with the colours of its image message `color`.
+
+    Raises WireError when the image cannot be decoded.
+    """
+    cloud = back_project(camera, codec.decode_color_small(color, _COLOR_WIDTH), frame.depth_mm, points)
+    return codec.encode_cloud(topics.keyframes, frame.stamp, cloud.points, cloud.colors, topics.frame_camera)

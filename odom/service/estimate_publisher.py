@@ -1,0 +1,101 @@
+"""Publishes the odometry's results: poses with every frame, status and pictures as often as the settings say."""
+
+import time
+from collections.abc import Callable, Collection, Mapping
+
+from odom.backend import Estimate, LoopCandidate, State
+from odom.frame import Stamp
+from odom.service.estimate_messages import feature_message, landmark_message, loop_messages, pose_messages
+from odom.service.history import History
+from odom.service.path_topics import PathTopics
+from odom.service.settings import ServiceSettings
+from odom.wire import Message, Topics, codec
+from odom.wire.session import WireSession
+
+_LEVEL = {State.TRACKING: 0, State.RECOVERED: 0, State.UNCERTAIN: 1, State.LOST: 2}
+"""diagnostic_msgs/DiagnosticStatus: OK, WARN, ERROR."""
+_STALE = 3
+"""STALE, the level of a status without a frame."""
+
+
+class EstimatePublisher:
+    """Owns the publishers of one odometry process.
+
+    Each message is remembered for late viewers before it is published: one that joins in between may get it twice, but
+    does not miss it.
+    """
+
+    def __init__(self, session: WireSession, topics: Topics, settings: ServiceSettings) -> None:
+        self._topics = topics
+        self._settings = settings
+        self._publisher = session.publisher(urgent=True)
+        self._bulky = session.publisher()
+        self._state: State | None = None
+        self._status_due = 0.0
+        self._features_due = 0.0
+        self._map_due = 0.0
+        self._map: dict[str, Message] = {}
+        self._paths = PathTopics(topics)
+        self._history = History(session, topics)
+
+    def poses(self, estimate: Estimate) -> None:
+        """Publish odom, pose and tf at once, and the loop candidates."""
+        self._history.add(estimate)
+        for message in pose_messages(self._topics, estimate):
+            self._publisher.put(message)
+        self.loops(estimate.loops)
+
+    def loops(self, loops: Collection[LoopCandidate]) -> None:
+        """Publish the loop candidates with their verdicts."""
+        for message in loop_messages(self._topics, loops):
+            self._history.keep_loop(message)
+            self._publisher.put(message)
+
+    def truth(self, body: str, pose: codec.StampedPose) -> None:
+        """Remember a true pose for late viewers; its sender has published it."""
+        self._history.add_truth(body, pose.stamp, pose.T_parent_child)
+
+    def pictures(self, estimate: Estimate) -> None:
+        """Publish features, and paths and landmarks when they have changed, as often as the settings allow."""
+        now = time.monotonic()
+        if now >= self._features_due and (features := feature_message(self._topics, estimate)) is not None:
+            self._features_due = now + self._settings.features_period_s
+            self._publisher.put(features)
+        for message in (*self._paths.messages(estimate), landmark_message(self._topics, estimate)):
+            if message is not None:
+                self._map.pop(message.topic, None)  # to the end: in the order in which they belong together
+                self._map[message.topic] = message
+        if self._map and now >= self._map_due:
+            self.flush()
+            self._map_due = now + self._settings.map_period_s
+
+    def keyframe(self, cloud: Callable[[], Message]) -> None:
+        """Publish the cloud of a key frame, which is only computed if it is one of those that are shown."""
+        if self._history.wants_keyframe():
+            message = cloud()
+            self._history.keep_keyframe(message)
+            self._bulky.put(message)
+
+    def flush(self) -> None:
+        """Publish the paths and the landmarks that were held back."""
+        for message in self._map.values():
+            if message.topic == self._topics.landmarks or self._paths.holds(message.topic):
+                self._history.keep(message)
+            else:
+                self._history.forget(message.topic)
+            self._publisher.put(message)
+        self._map.clear()
+
+    def status_is_due(self, state: State | None) -> bool:
+        """Whether the state has changed or the settings' period is over."""
+        return state is not self._state or time.monotonic() >= self._status_due
+
+    def status(self, state: State | None, reason: str, values: Mapping[str, str]) -> None:
+        """Publish the state (None: no frame yet, or none for long) with its reason and values."""
+        self._state = state
+        self._status_due = time.monotonic() + self._settings.status_period_s
+        level = _STALE if state is None else _LEVEL[state]
+        text = reason or (state.value if state is not None else "")
+        stamp = Stamp(time.time_ns())
+        status = codec.Status(stamp, f"{self._topics.namespace}/odometry", level, text, values)
+        self._publisher.put(codec.encode_status(self._topics.status, status))

@@ -1,0 +1,200 @@
+"""Receives messages and decodes frames in a thread of its own, beside the odometry.
+
+Frame i + 1 is decoded while frame i is processed: Zenoh and OpenCV release the interpreter's lock.
+"""
+
+import logging
+import threading
+
+from odom.errors import WireError
+from odom.frame import Camera, RgbdFrame, Stamp
+from odom.service.arrival_queue import (
+    MOST_TRUTH,
+    ArrivalQueue,
+    CameraArrival,
+    ColorArrival,
+    EndArrival,
+    FrameArrival,
+    TruthArrival,
+)
+from odom.wire import TRUTH, Message, Topics, codec, truth_body
+from odom.wire.assembler import FrameAssembler
+from odom.wire.consumer import Consumer
+from odom.wire.session import Delivery, WireSession
+
+_LOG = logging.getLogger(__name__)
+_LIVE_DEPTH = 3
+"""Messages of a live key that wait to be decoded: more add 33 ms of latency each, fewer are lost to short delays."""
+_POLL_S = 0.2
+"""Longest wait for a message; so late `close` may be noticed."""
+_COLORS = 32
+"""Colour messages kept until their depth comes, one second: fewer, and key frames lose their coloured clouds."""
+_MOST_BODIES = 16
+"""Motion capture bodies, each with an open file of its own; a rig has one to three."""
+_LIVE_CLOCK_NS = 10_000_000_000
+"""A capture stamp nearer than this to the time of sending is by the host's clock: latency counts from the capture.
+Recordings are days old, clocks of hosts are off by less."""
+
+
+class FrameReceiver:
+    """Receives, pairs and decodes from `start` to `close`; results are taken from `arrivals`."""
+
+    def __init__(self, session: WireSession, topics: Topics, live_room: int) -> None:
+        keys = (
+            topics.color,
+            topics.color_compressed,
+            topics.depth,
+            topics.depth_compressed,
+            topics.camera_info,
+            TRUTH,
+        )
+        self.uncalibrated = 0
+        self.source_ended = False
+        self.refused_cameras = 0
+        self._color_keys = keys[:2]
+        self._colors: dict[Stamp, Message] = {}
+        self._bodies: set[str] = set()
+        self._consumer = Consumer(session, topics, "odometry", keys, depth=_LIVE_DEPTH)
+        self.assembler = FrameAssembler(topics, grey=True, malformed=self._consumer.malformed)
+        self._camera: Camera | None = None
+        self._unusable: Camera | None = None
+        self.arrivals = ArrivalQueue(live_room)
+        self._thread = threading.Thread(target=self._run, name="intake", daemon=True)
+
+    def start(self) -> None:
+        """Begin to receive."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop receiving; the arrivals that wait can still be taken."""
+        self.arrivals.close()
+        self._thread.join(timeout=2.0)
+
+    def refuse(self, camera: Camera) -> None:
+        """Note that the odometry refused this calibration: the next one that differs is handed on."""
+        self._unusable = camera
+
+    @property
+    def lost_frames(self) -> int:
+        """Colour images that were sent but lost on the way, or dropped for newer ones."""
+        counters = [self._consumer.counters.get(key) for key in self._color_keys]
+        return self.arrivals.overtaken + sum(c.lost + c.dropped for c in counters if c is not None)
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """Count of refused input by its kind, without zeros."""
+        pairing = self.assembler.pairing
+        counts = {f"malformed {key}": n for key, n in self._consumer.malformed.counts.copy().items()}
+        counts |= {
+            "duplicate stamp": pairing.duplicate,
+            "backward stamp": pairing.backward,
+            "stray stamp": pairing.stray,
+            "stamp leap": pairing.leaps,
+            "colour without depth": pairing.color_single,
+            "depth without colour": pairing.depth_single,
+            "refused calibration": self.refused_cameras,
+            "frame before calibration": self.uncalibrated,
+        }
+        return {kind: n for kind, n in sorted(counts.items()) if n}
+
+    def _run(self) -> None:
+        try:
+            self._receive()
+        except BaseException as error:  # `take` raises it in the other thread
+            self.arrivals.fail(error)
+
+    def _receive(self) -> None:
+        while not self.arrivals.is_closed:
+            delivery = self._consumer.receive(timeout=_POLL_S)
+            if delivery is not None:
+                self._take_message(delivery)
+            elif self._consumer.ended is not None:
+                self.source_ended = True
+                for frame in self.assembler.finish():
+                    self._put_frame(frame, None)
+                self.arrivals.put(EndArrival(self._consumer.ended))
+                self._consumer.restart()
+
+    def _take_message(self, delivery: Delivery) -> None:
+        self.source_ended = False
+        message = delivery.message
+        if message.topic.startswith("truth/"):
+            self._take_truth(message)
+            return
+        if message.topic in self._color_keys:
+            self._colors[message.stamp] = message
+            if len(self._colors) > _COLORS:
+                del self._colors[next(iter(self._colors))]
+        for frame in self.assembler.feed(message):
+            self._put_frame(frame, delivery)
+        if message.topic in self._color_keys and not delivery.lossless:
+            self._put_color()
+        self._check_camera()
+
+    def _take_truth(self, message: Message) -> None:
+        """Hand on a true pose, of at most 16 bodies; a body's name must be fit for a file's name."""
+        malformed, body = self._consumer.malformed, truth_body(message.topic)
+        if body is None:
+            malformed.add(TRUTH, f"{message.topic!r}: a body's name is 1 to 64 letters, digits and underscores")
+            return
+        if body not in self._bodies and len(self._bodies) >= _MOST_BODIES:
+            malformed.add(TRUTH, f"{message.topic}: more than {_MOST_BODIES} bodies")
+            return
+        try:
+            arrival = TruthArrival(body, codec.decode_pose(message))
+        except WireError as error:
+            malformed.add(message.topic, str(error))
+            return
+        self._bodies.add(body)
+        if not self.arrivals.put(arrival):
+            malformed.add(TRUTH, f"more than {MOST_TRUTH} poses wait")
+
+    def _check_camera(self) -> None:
+        """Keep the calibration in use: with another one the poses would silently no longer fit those before."""
+        camera = self.assembler.camera
+        if self._camera == self._unusable:
+            self._camera = None
+        is_another = self._camera is not None and camera != self._camera
+        if camera is None or not (is_another or camera == self._unusable):
+            return
+        if is_another and not self.refused_cameras:
+            _LOG.error("the calibration has changed to %s: refused; restart to use it", camera)
+        self.refused_cameras += 1
+        self.assembler.camera = self._camera
+
+    def _settle_camera(self) -> bool:
+        """Hand on the calibration before the first frame; return whether there is one."""
+        if self._camera is None and self.assembler.camera is not None:
+            self._camera = self.assembler.camera
+            _LOG.info("calibration: %s", self._camera)
+            self.arrivals.put(CameraArrival(self._camera))
+        return self._camera is not None
+
+    def _color_of(self, frame: RgbdFrame) -> Message | None:
+        """Return the message of a frame's colour image; forget it and older ones, whose depth never came."""
+        for stamp in list(self._colors):
+            message = self._colors.pop(stamp)
+            if stamp == frame.stamp:
+                return message
+        return None
+
+    def _put_frame(self, frame: RgbdFrame, delivery: Delivery | None) -> None:
+        color = self._color_of(frame)
+        if not self._settle_camera():
+            self.uncalibrated += 1
+            return
+        live = delivery is not None and not delivery.lossless
+        origin = _origin(frame, delivery) if live else None
+        self.arrivals.put_frame(FrameArrival(frame, origin, color), live)
+
+    def _put_color(self) -> None:
+        waiting = self.assembler.newest_color
+        if waiting is not None and self._camera is not None:
+            self.arrivals.put_color(ColorArrival(*waiting))
+
+
+def _origin(frame: RgbdFrame, delivery: Delivery | None) -> Stamp:
+    sent = delivery.sent if delivery is not None else None
+    if sent is None or abs(sent - frame.stamp) < _LIVE_CLOCK_NS:
+        return frame.stamp
+    return sent

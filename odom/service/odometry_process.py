@@ -1,0 +1,247 @@
+"""The odometry process: frames in, poses out, every pose on disk before the next frame begins."""
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+
+from odom.backend import Estimate, Odometry, State
+from odom.errors import OdomError, WireError
+from odom.frame import Camera
+from odom.service.arrival_queue import Arrival, CameraArrival, ColorArrival, EndArrival, FrameArrival, TruthArrival
+from odom.service.estimate_messages import keyframe_message
+from odom.service.estimate_publisher import EstimatePublisher
+from odom.service.frame_receiver import FrameReceiver
+from odom.service.result_files import RunFiles, write_json
+from odom.service.run_statistics import RunStatistics, closing_fields
+from odom.service.settings import Settings
+from odom.service.startup import notify_service_manager, warm_up
+from odom.wire import Topics
+from odom.wire.session import WireSession, open_session
+
+_LOG = logging.getLogger(__name__)
+_POLL_S = 0.05
+"""Longest wait for an arrival; so late a due status or the request to stop is noticed."""
+_SILENCE_S = 1.0
+"""Without a frame for longer the state is WAITING: the sensor, not the odometry, is to be looked at."""
+_LOST_AFTER_S, _LOST_AFTER_PERIODS = 0.12, 2.5
+"""A live source that is silent for the longer of the two is reported LOST: two frames were missed. Shorter would report
+every delay of the network."""
+
+
+def serve(settings: Settings, files: RunFiles | None, stop: threading.Event, until_end: bool) -> None:
+    """Estimate the pose of every frame of one device until `stop` is set, or with `until_end` until its source ends.
+
+    Leaves trajectory.txt and the odometry's part of report.json in the folder of `files` at each end of a source. What
+    cannot be written is counted, and poses are published all the same. Raises OdomError when the session cannot be
+    opened and, with `until_end`, when something went unwritten; OSError when the results cannot be saved at the end.
+    """
+    topics = Topics(settings.wire.namespace)
+    started = time.monotonic()
+    warm_up(settings.odometry, topics)
+    with open_session(settings.wire) as session:
+        process = OdometryProcess(session, topics, settings, files)
+        session.announce(topics.alive_of("odometry"))
+        notify_service_manager("READY=1")
+        _LOG.info("ready after %.1f s, listening on %s", time.monotonic() - started, topics.namespace)
+        try:
+            process.run(stop, until_end)
+        finally:
+            notify_service_manager("STOPPING=1")
+            process.close()
+        if until_end and (unwritten := process.statistics.unwritten):
+            raise OdomError(f"{unwritten} lines or files could not be written: make room, then run it again")
+
+
+class OdometryProcess:
+    """One device's odometry, from the receiver's frames to published and written poses."""
+
+    def __init__(self, session: WireSession, topics: Topics, settings: Settings, files: RunFiles | None) -> None:
+        self._topics = topics
+        self._settings = settings
+        self._files = files
+        self._publisher = EstimatePublisher(session, topics, settings.service)
+        self._receiver = FrameReceiver(session, topics, settings.service.live_frames)
+        self.statistics = RunStatistics()
+        self._odometry: Odometry | None = None
+        self._last: Estimate | None = None
+        self._last_at = time.monotonic()
+        self._unsaved = False
+        self._is_live = False
+        self._refused = 0
+        self._anticipated_ms = 0.0
+        self._sensor = ""
+        self._alive = topics.alive
+        session.watch(f"{topics.alive}/**", self._watch)
+
+    def run(self, stop: threading.Event, until_end: bool) -> None:
+        """Process what arrives until `stop` is set or, with `until_end`, the source has ended."""
+        self._receiver.start()
+        while not stop.is_set():
+            arrival = self._receiver.arrivals.take(_POLL_S)
+            if arrival is not None:
+                self._handle(arrival)
+                if until_end and isinstance(arrival, EndArrival):
+                    return
+            elif self._publisher.status_is_due(self._state):
+                self._publish_status()
+
+    def close(self) -> None:
+        """Process what has arrived and still waits, then save everything."""
+        self._receiver.close()
+        try:
+            for arrival in self._receiver.arrivals.drain():
+                self._handle(arrival)
+        finally:
+            self._publish_rest()
+            if self._files is not None:
+                self._save(self._files)
+                self._files.close()
+
+    def _handle(self, arrival: Arrival) -> None:
+        if isinstance(arrival, FrameArrival):
+            self._process(arrival)
+        elif isinstance(arrival, CameraArrival):
+            self._calibrate(arrival.camera)
+        elif isinstance(arrival, ColorArrival):
+            self._anticipate(arrival)
+        elif isinstance(arrival, TruthArrival):
+            body, pose = arrival.body, arrival.pose
+            self._publisher.truth(body, pose)
+            self._write(lambda files: files.append_truth(body, pose.stamp, pose.T_parent_child))
+        else:
+            _LOG.info("the source has ended: %s", arrival.reason)
+            self._publish_rest()
+            self._write(self._save)
+
+    def _write(self, write: Callable[[RunFiles], None]) -> None:
+        """Write to the files, if there are any; a full or missing disk must not hold back the poses."""
+        if self._files is None:
+            return
+        try:
+            write(self._files)
+        except OSError as error:
+            if not self.statistics.unwritten:
+                _LOG.error("%s cannot be written (tried again; failures are counted): %s", self._files.folder, error)
+            self.statistics.unwritten += 1
+
+    def _calibrate(self, camera: Camera) -> None:
+        try:
+            self._odometry = Odometry(camera, self._settings.odometry)
+        except OdomError as error:
+            _LOG.error("the calibration is refused, another one may follow: %s", error)
+            self._receiver.refuse(camera)
+
+    def _anticipate(self, arrival: ColorArrival) -> None:
+        if self._odometry is not None:
+            begun = time.perf_counter()
+            self._odometry.anticipate(arrival.stamp, arrival.color)
+            self._anticipated_ms = 1e3 * (time.perf_counter() - begun)
+
+    def _process(self, arrival: FrameArrival) -> None:
+        frame, origin = arrival.frame, arrival.origin
+        if self._odometry is None:  # its calibration was refused
+            self._refused += 1
+            return
+        self.statistics.begin()
+        begun = time.perf_counter()
+        try:
+            estimate = self._odometry.process(frame)
+        except OdomError as error:
+            if not self._refused:
+                _LOG.warning("a frame was refused by the odometry (further ones are counted): %s", error)
+            self._refused += 1
+            return
+        processing_ms = 1e3 * (time.perf_counter() - begun) + self._anticipated_ms
+        self._anticipated_ms = 0.0
+        self._write(lambda files: files.append(estimate))
+        self._publisher.poses(estimate)
+        latency_ms = None if origin is None else (time.time_ns() - origin) * 1e-6
+        self.statistics.add(estimate, frame, processing_ms, latency_ms)
+        self._log_changes(estimate)
+        self._last, self._last_at, self._unsaved = estimate, time.monotonic(), True
+        self._is_live = origin is not None
+        self._publisher.pictures(estimate)
+        if estimate.is_keyframe:
+            self._show_keyframe(arrival)
+        if self._publisher.status_is_due(self._state):
+            self._publish_status()
+
+    def _show_keyframe(self, arrival: FrameArrival) -> None:
+        color = arrival.color
+        if color is None or self._odometry is None:
+            return
+        camera = self._odometry.camera
+        points = self._settings.service.keyframe_points
+        try:
+            self._publisher.keyframe(lambda: keyframe_message(self._topics, arrival.frame, camera, color, points))
+        except WireError as error:
+            _LOG.warning("frame %d: no cloud of this key frame: %s", arrival.frame.sequence, error)
+
+    @property
+    def _state(self) -> State | None:
+        silent_s = time.monotonic() - self._last_at
+        if self._last is None or silent_s > _SILENCE_S:
+            return None
+        period_s = 1.0 / max(self.statistics.recent_fps, 1.0)
+        is_missed = self._is_live and silent_s > max(_LOST_AFTER_S, _LOST_AFTER_PERIODS * period_s)
+        return State.LOST if is_missed else self._last.state
+
+    def _log_changes(self, estimate: Estimate) -> None:
+        before = self._last.state if self._last is not None else None
+        if estimate.state is not before and State.LOST in (estimate.state, before):
+            _LOG.info("frame %d: %s: %s", estimate.sequence, estimate.state.value, estimate.reason)
+
+    def _publish_status(self) -> None:
+        self._update_counts()
+        last, state = self._last, self._state
+        silent = f"no frame for {time.monotonic() - self._last_at:.1f} s"
+        reason = last.reason if last is not None and state is last.state else silent
+        values = {"state": state.value if state is not None else "WAITING", "reason": reason, "sensor": self._sensor}
+        if last is not None:
+            values |= {"segment": str(last.segment), "inliers": str(last.inliers), "matches": str(last.matches)}
+        self._publisher.status(state, reason, values | self.statistics.status())
+
+    def _update_counts(self) -> None:
+        counts = self.statistics
+        counts.lost_frames = self._receiver.lost_frames
+        counts.unmatched_frames = self._receiver.assembler.pairing.color_single
+        counts.dropped = self._receiver.dropped | ({"refused by the odometry": self._refused} if self._refused else {})
+        if self._odometry is None:
+            return
+        if self._odometry.forgotten_keyframes and not counts.forgotten_keyframes:
+            most = self._settings.odometry.map_keyframes
+            _LOG.info("the map holds %d key frames: from now on the oldest are forgotten, and counted", most)
+        if self._odometry.forgotten_frames and not counts.forgotten_frames:
+            _LOG.warning("too long for one trajectory.txt: the oldest frames are dropped from it, and counted")
+        counts.forgotten_keyframes = self._odometry.forgotten_keyframes
+        counts.forgotten_frames = self._odometry.forgotten_frames
+
+    def _watch(self, key: str, alive: bool) -> None:
+        role = key.removeprefix(self._alive).strip("/") or "sensor"
+        if role == "odometry":
+            return
+        expected = alive or self._receiver.source_ended
+        _LOG.log(logging.INFO if expected else logging.WARNING, "%s is %s", role, "here" if alive else "gone")
+        if role == "sensor":
+            self._sensor = "here" if alive else "gone"
+
+    def _publish_rest(self) -> None:
+        self._publisher.flush()
+        self._publish_status()
+
+    def _save(self, files: RunFiles) -> None:
+        """Write the final trajectory and the report, unless nothing came since they were last written."""
+        if not self._unsaved or self._odometry is None:
+            return
+        begun = time.perf_counter()
+        parts = files.write_trajectory(self._odometry.finish())
+        self.statistics.add_loops(self._odometry.late_loops)
+        self._publisher.loops(self._odometry.late_loops)
+        report = self.statistics.report() | {
+            "segments": parts,
+            "finish_s": round(time.perf_counter() - begun, 3),
+            "closing": closing_fields(self._odometry.closing_test()),
+        }
+        write_json(files.folder / "report.json", report)
+        self._unsaved = False

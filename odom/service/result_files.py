@@ -1,0 +1,217 @@
+"""The files of a run, written pose by pose so that kill -9 loses at most the last line."""
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from odom.backend import Estimate, RelativePose, TrajectoryPose
+from odom.frame import Stamp
+from odom.geometry.arrays import Array
+from odom.geometry.quaternion import quaternion_from_rotation
+from odom.service import previous_results
+
+_UPPER = np.triu_indices(6)
+_FULL_BYTES = 1 << 30
+"""A service begins new files after so many bytes, some six hours: larger ones no longer fit into a reader's memory."""
+
+
+def pose_line(stamp: Stamp, T: Array) -> str:
+    """Return the TUM line `stamp tx ty tz qx qy qz qw` (seconds, metres)."""
+    values = (*T[:3, 3], *quaternion_from_rotation(T[:3, :3]))
+    return f"{_seconds(stamp)} " + " ".join(f"{value:.9f}" for value in values) + "\n"
+
+
+def relative_line(stamp: Stamp, relative: RelativePose) -> str:
+    """Return `stamp_earlier stamp_current tx ty tz qx qy qz qw c00 c01 .. c55`: the covariance's upper triangle."""
+    covariance = " ".join(f"{value:.9e}" for value in relative.covariance[_UPPER])
+    pose = pose_line(stamp, relative.T_earlier_current).rstrip("\n")
+    return f"{_seconds(relative.stamp_earlier)} {pose} {covariance}\n"
+
+
+class Continuity:
+    """Numbers the stretches of causal poses that share one coordinate system, and says where continuity ends.
+
+    The odometry's own numbers do not serve: when two segments are joined, the poses published before stay as they are.
+    """
+
+    def __init__(self) -> None:
+        self._segment: int | None = None
+        self._numbers: dict[int, int] = {}
+        self._begun = 0
+        self._is_lost = False
+
+    def comment(self, estimate: Estimate) -> str:
+        """Return the comment lines to stand before a frame's pose, empty where it continues the one before."""
+        if estimate.T_odom_camera is None:
+            self._is_lost = self._segment is not None
+            return ""
+        was, is_lost = self._segment, self._is_lost
+        self._segment, self._is_lost = estimate.segment, False
+        if estimate.segment not in self._numbers:
+            self._numbers[estimate.segment] = self._begun
+            self._begun += 1
+            if was is None:
+                return ""
+            why = "a new segment begins at the last known pose"
+        elif is_lost:
+            why = "LOST before; found again in the map"
+        else:
+            if was is not None and was != estimate.segment:  # joined: poses go on as they were
+                self._numbers[estimate.segment] = self._numbers.pop(was)
+            return ""
+        return f"# continuity ends: {why}\n# segment {self._numbers[estimate.segment]}\n"
+
+
+class LineFile:
+    """A file of whole lines: each is handed to the system when `write` returns, and left out when it raises."""
+
+    def __init__(self, path: Path, first: str = "") -> None:
+        self.size = 0
+        self._file = path.open("wb", buffering=0)
+        self.write(first)
+
+    def write(self, line: str) -> None:
+        """Append a line; raises OSError when it finds no room, the file being then as it was before."""
+        left = line.encode("ascii")
+        try:
+            while left:
+                left = left[self._file.write(left) :]
+        except OSError:
+            self._file.seek(self.size)
+            self._file.truncate()
+            raise
+        self.size += len(line)
+
+    def close(self) -> None:
+        """Close the file; safe to call twice."""
+        self._file.close()
+
+
+class RunFiles:
+    """The text files in the folder of a run; every line is handed to the system when `append` returns.
+
+    Raises OSError when the folder cannot be written; what is in the files by then are whole lines. With `chain` the
+    paper's pairwise poses go to `chain.txt`, chained from the first frame on; a frame without one leaves a comment
+    there, and the chain continues after it.
+    Results of an earlier run in the folder are removed, or with `keep_earlier` set aside (see `previous_results`): a
+    service that is started again after a crash keeps what it wrote before. At each GiB it sets its own aside, too.
+    """
+
+    def __init__(self, folder: Path, chain: bool = False, keep_earlier: bool = False) -> None:
+        self.folder = folder
+        self._keep_earlier = keep_earlier
+        folder.mkdir(parents=True, exist_ok=True)
+        if keep_earlier:
+            previous_results.set_aside(folder)
+        else:
+            previous_results.remove(folder)
+        names = ("odometry.txt", "relative_step.txt", "relative_second.txt", *(("chain.txt",) if chain else ()))
+        self._files = {name: LineFile(folder / name) for name in names}
+        self._T_chain: Array = np.eye(4)
+        self._truth: dict[str, str] = {}
+        self._continuity = Continuity()
+        self._comment = ""  # until a pose could be written behind it
+
+    def append(self, estimate: Estimate) -> None:
+        """Write a frame's poses; a LOST frame leaves no line."""
+        if estimate.pairwise is not None:
+            self._T_chain = self._T_chain @ estimate.pairwise.T_earlier_current
+        self._begin_anew_if_full()
+        self._comment = self._continuity.comment(estimate) or self._comment
+        if estimate.T_odom_camera is not None:
+            self._files["odometry.txt"].write(self._comment + pose_line(estimate.stamp, estimate.T_odom_camera))
+            self._comment = ""
+        if estimate.step is not None:
+            self._files["relative_step.txt"].write(relative_line(estimate.stamp, estimate.step))
+        if estimate.second is not None:
+            self._files["relative_second.txt"].write(relative_line(estimate.stamp, estimate.second))
+        if "chain.txt" in self._files:
+            broken = estimate.pairwise is None and estimate.sequence
+            comment = f"# {_seconds(estimate.stamp)}: no pairwise pose\n" if broken else ""
+            self._files["chain.txt"].write(comment + pose_line(estimate.stamp, self._T_chain))
+
+    def append_truth(self, body: str, stamp: Stamp, T_world_body: Array) -> None:
+        """Write a motion capture pose: the first body seen to `truth.txt`, others to `truth_<body>.txt`."""
+        self._begin_anew_if_full()
+        name = self._truth.get(body)
+        if name is None:
+            name = f"truth_{body}.txt" if self._truth else "truth.txt"
+            self._files[name] = LineFile(self.folder / name, _truth_mark(body))
+            self._truth[body] = name
+        self._files[name].write(pose_line(stamp, T_world_body))
+
+    def write_trajectory(self, poses: Iterable[TrajectoryPose]) -> list[dict[str, object]]:
+        """Write the final corrected trajectory, each file replaced at once; return its parts, the largest first.
+
+        A part is what was joined by recognised places: the one with most frames goes to `trajectory.txt`, every other
+        one to `trajectory-segment-N.txt`, in a coordinate system of its own.
+        """
+        lines: dict[int, list[str]] = {}
+        for pose in poses:
+            if pose.T_map_camera is not None:
+                lines.setdefault(pose.segment, []).append(pose_line(pose.stamp, pose.T_map_camera))
+        parts = sorted(lines, key=lambda segment: (-len(lines[segment]), segment))
+        names = ["trajectory.txt", *(f"trajectory-segment-{segment}.txt" for segment in parts[1:])]
+        remark = (
+            f"# the largest of {len(parts)} parts that were never joined, {len(lines[parts[0]])} of "
+            f"{sum(map(len, lines.values()))} poses; the others are in trajectory-segment-N.txt\n"
+            if len(parts) > 1
+            else ""
+        )
+        for stale in set(self.folder.glob(previous_results.OTHER_PARTS)) - {self.folder / name for name in names}:
+            stale.unlink()
+        for name, segment in zip(names, parts or [0], strict=True):
+            with _whole(self.folder / name) as file:
+                file.write(f"# segment {segment}\n" if parts else "")
+                file.write(remark if name == names[0] else "# never joined to trajectory.txt\n")
+                file.writelines(lines.get(segment, ()))
+        return [
+            {"segment": segment, "frames": len(lines[segment]), "file": name}
+            for segment, name in zip(parts, names, strict=False)
+        ]
+
+    def close(self) -> None:
+        """Close the files; safe to call twice."""
+        for file in self._files.values():
+            file.close()
+
+    def _begin_anew_if_full(self) -> None:
+        """Set the files of a service aside and begin new ones when they are full."""
+        if not self._keep_earlier or sum(file.size for file in self._files.values()) < _FULL_BYTES:
+            return
+        marks = {name: _truth_mark(body) for body, name in self._truth.items()}
+        previous_results.set_aside(self.folder)
+        fresh = {name: LineFile(self.folder / name, marks.get(name, "")) for name in self._files}
+        self.close()
+        self._files = fresh
+
+
+def write_json(path: Path, content: Mapping[str, object]) -> None:
+    """Write a JSON file that is either whole or as it was before; raises OSError when it cannot be written."""
+    with _whole(path) as file:
+        file.write(json.dumps(content, indent=2) + "\n")
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[TextIO]:
+    """Open a file that replaces `path` once all is written."""
+    partial = path.with_name(f"{path.name}.part")
+    try:
+        with partial.open("w", encoding="ascii") as file:
+            yield file
+        partial.replace(path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+
+
+def _truth_mark(body: str) -> str:
+    return f"{previous_results.TRUTH_MARK}{body}\n"
+
+
+def _seconds(stamp: Stamp) -> str:
+    return f"{stamp // 1_000_000_000}.{stamp % 1_000_000_000:09d}"

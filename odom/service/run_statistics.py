@@ -1,0 +1,207 @@
+"""Counters and measurements of a run, in memory that does not grow with its length."""
+
+import math
+import time
+from collections import Counter, deque
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import psutil
+from numpy.typing import NDArray
+
+from odom.backend import ClosingTest, Estimate, LoopCandidate, State
+from odom.frame import RgbdFrame
+from odom.geometry.se3 import so3_log
+
+_LOWEST_MS = 0.01
+"""Lower edge of the histogram of durations; what is shorter counts as this."""
+_STEP = math.log(1.01)
+"""Width of a bin: quantiles are right to 1 %. Half as wide takes twice the bins."""
+_BINS = 1700
+"""Up to 200 s; longer durations count in the last bin."""
+_RECENT = 60
+"""Frames that the rate and the offset of the stamps are measured over, 2 s: fewer jump about, more lag behind."""
+_COUNTERS = (
+    "keyframes", "forgotten_keyframes", "forgotten_frames", "loop_candidates", "loop_closures", "lost_frames",
+    "unmatched_frames", "unwritten",
+)  # fmt: skip
+"""Fields that a status and the report hold under their own names."""
+
+
+class Durations:
+    """Mean, quantiles (to 1 %) and number of durations between 10 microseconds and 200 s."""
+
+    def __init__(self) -> None:
+        self._counts = np.zeros(_BINS, dtype=np.int64)
+        self._sum = 0.0
+
+    def add(self, milliseconds: float) -> None:
+        """Count one duration."""
+        index = int(math.log(max(milliseconds, _LOWEST_MS) / _LOWEST_MS) / _STEP)
+        self._counts[min(index, _BINS - 1)] += 1
+        self._sum += milliseconds
+
+    def __len__(self) -> int:
+        return int(self._counts.sum())
+
+    @property
+    def mean(self) -> float | None:
+        """Mean in milliseconds, None without any."""
+        return self._sum / len(self) if len(self) else None
+
+    def quantile(self, share: float) -> float | None:
+        """Return the duration (ms) below which `share` of them lie, None without any."""
+        if not len(self):
+            return None
+        index = int(np.searchsorted(np.cumsum(self._counts), share * len(self)))
+        return _LOWEST_MS * math.exp(_STEP * (index + 0.5))
+
+    def summary(self, with_mean: bool) -> dict[str, float | None]:
+        """Return the entries of the report: p50, p95, p99 and the mean if asked for."""
+        out = {"mean": _rounded(self.mean)} if with_mean else {}
+        return out | {f"p{share}": _rounded(self.quantile(share / 100)) for share in (50, 95, 99)}
+
+
+@dataclass
+class RunStatistics:
+    """Counters of one odometry process.
+
+    `dropped` counts bad input by its kind, `forgotten_*` what the odometry gave up to stay within its memory,
+    `unwritten` lines and files that could not be written.
+    """
+
+    processing: Durations = field(default_factory=Durations)
+    latency: Durations = field(default_factory=Durations)
+    stages_ms: dict[str, float] = field(default_factory=dict)
+    states: Counter[State] = field(default_factory=Counter)
+    dropped: Mapping[str, int] = field(default_factory=dict)
+    offset_ms: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
+    ends: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
+    frames: int = 0
+    keyframes: int = 0
+    forgotten_keyframes: int = 0
+    forgotten_frames: int = 0
+    loop_candidates: int = 0
+    loop_closures: int = 0
+    segments_begun: int = 0
+    lost_frames: int = 0
+    unmatched_frames: int = 0
+    unwritten: int = 0
+    _begun: tuple[float, float] | None = None
+    _ended: tuple[float, float] = (0.0, 0.0)
+
+    def begin(self) -> None:
+        """Start the clocks with the first frame received."""
+        if self._begun is None:
+            self._begun = (time.perf_counter(), time.process_time())
+
+    def add_loops(self, loops: Collection[LoopCandidate]) -> None:
+        """Count loop candidates."""
+        self.loop_candidates += len(loops)
+        self.loop_closures += sum(loop.accepted for loop in loops)
+
+    def add(self, estimate: Estimate, frame: RgbdFrame, processing_ms: float, latency_ms: float | None) -> None:
+        """Count one processed frame."""
+        self.frames += 1
+        self.offset_ms.append((frame.depth_stamp - frame.stamp) * 1e-6)
+        self.states[estimate.state] += 1
+        self.keyframes += estimate.is_keyframe
+        self.add_loops(estimate.loops)
+        if estimate.T_odom_camera is not None:
+            self.segments_begun = max(self.segments_begun, estimate.segment + 1)
+        self.processing.add(processing_ms)
+        for stage, milliseconds in estimate.timings_ms.items():
+            self.stages_ms[stage] = self.stages_ms.get(stage, 0.0) + milliseconds
+        if latency_ms is not None:
+            self.latency.add(latency_ms)
+        self._ended = (time.perf_counter(), time.process_time())
+        self.ends.append(self._ended[0])
+
+    @property
+    def tracked(self) -> int:
+        """Frames with a pose that may be trusted."""
+        return self.states[State.TRACKING] + self.states[State.RECOVERED]
+
+    @property
+    def wall_s(self) -> float:
+        """Seconds from the first frame received to the last one processed."""
+        return max(self._ended[0] - self._begun[0], 0.0) if self._begun and self.frames else 0.0
+
+    @property
+    def cpu_ms_per_frame(self) -> float | None:
+        """CPU time of all threads of the process over the same span, per processed frame."""
+        return 1e3 * (self._ended[1] - self._begun[1]) / self.frames if self._begun and self.frames else None
+
+    @property
+    def recent_fps(self) -> float:
+        """Frames per second over the last 60 frames."""
+        span = self.ends[-1] - self.ends[0] if len(self.ends) > 1 else 0.0
+        return (len(self.ends) - 1) / span if span else 0.0
+
+    def status(self) -> dict[str, str]:
+        """Return the values of a status message."""
+        values: dict[str, float | int | None] = {
+            "frames": self.frames,
+            "tracked": self.tracked,
+            "fps": round(self.recent_fps, 1),
+            "processing_ms": _rounded(self.processing.quantile(0.5)),
+            "processing_p99_ms": _rounded(self.processing.quantile(0.99)),
+            "latency_ms": _rounded(self.latency.quantile(0.5)),
+            "latency_p99_ms": _rounded(self.latency.quantile(0.99)),
+            "cpu_ms_per_frame": _rounded(self.cpu_ms_per_frame),
+            "rss_mb": round(psutil.Process().memory_info().rss / 2**20, 1),
+            "sync_offset_ms": _rounded(float(np.median(self.offset_ms)) if self.offset_ms else None),
+            "sync_spread_ms": _rounded(float(np.ptp(self.offset_ms)) if self.offset_ms else None),
+            "dropped": sum(self.dropped.values()),
+        }
+        values |= {name: getattr(self, name) for name in _COUNTERS}
+        return {name: str(value) for name, value in values.items() if value is not None}
+
+    def report(self) -> dict[str, object]:
+        """Return the odometry's entries of report.json; what was not measured is None."""
+        offered = self.frames + self.lost_frames
+        return {
+            "frames": self.frames,
+            "tracked": self.tracked,
+            "completeness": _rounded(self.tracked / offered if offered else None),
+            "segments_begun": self.segments_begun,
+            **{name: getattr(self, name) for name in _COUNTERS},
+            "processing_ms": self.processing.summary(with_mean=True),
+            "latency_ms": self.latency.summary(with_mean=False),
+            "cpu_ms_per_frame": _rounded(self.cpu_ms_per_frame),
+            "wall_s": _rounded(self.wall_s),
+            "fps": _rounded(self.frames / self.wall_s if self.wall_s else None),
+            "states": {state.value: self.states[state] for state in State},
+            "stages_ms": {stage: _rounded(total / self.frames) for stage, total in self.stages_ms.items()},
+            "dropped": dict(self.dropped),
+        }
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 4)
+
+
+def closing_fields(test: ClosingTest | None) -> dict[str, object] | None:
+    """Return the paper's test of a closed walk for the report: the last frame against the first and its predecessor.
+
+    Translations in metres and rotation vectors in degrees of the last frame in the other's camera; None where the
+    last frame does not show what the first one did.
+    """
+    if test is None:
+        return None
+    sigma = np.sqrt(np.diag(test.direct.covariance))
+    return {
+        "first_last": _motion(test.direct.T_earlier_current),
+        "first_last_sigma": {"m": sigma[:3].tolist(), "deg": np.degrees(sigma[3:]).tolist()},
+        "first_last_inliers": test.direct.inliers,
+        "first_last_trajectory": _motion(test.T_first_last_trajectory),
+        "previous_last": None if test.pairwise is None else _motion(test.pairwise.T_earlier_current),
+        "disagreement_m": test.disagreement_m,
+        "disagreement_deg": test.disagreement_deg,
+        "disagreement_sigma": test.disagreement_sigma,
+    }
+
+
+def _motion(T: NDArray[np.float64]) -> dict[str, list[float]]:
+    return {"m": T[:3, 3].tolist(), "deg": np.degrees(so3_log(T[:3, :3])).tolist()}

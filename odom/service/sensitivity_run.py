@@ -1,0 +1,106 @@
+"""One run of the sensitivity bench: a program that is given changed tuned numbers, and prints one outcome per source.
+
+Nothing of the algorithms is imported before the change is in place. It reads one JSON argument and writes one line per
+source, `[source, outcome]`, as soon as it is known, so that a crash loses no earlier one.
+"""
+
+import json
+import logging
+import sys
+from collections.abc import Iterable
+from dataclasses import asdict
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from odom.errors import OdomError
+from odom.evaluation.sensitivity import Outcome
+from odom.geometry.tuning import OVERRIDES
+
+if TYPE_CHECKING:
+    from odom.backend import Estimate, OdometrySettings
+    from odom.frame import RgbdFrame
+    from odom.geometry.arrays import Array
+    from sensors.source import Source, SourceOptions
+
+
+def main(argument: str) -> None:
+    """Run the odometry with `overrides` over every source of `runs`; a failing one is an outcome that says so."""
+    task = json.loads(argument)
+    put_in_place(task["overrides"])
+    logging.disable()
+
+    from odom.service.settings import load_settings
+    from sensors.catalogue import open_source
+    from sensors.source import SourceOptions
+
+    runs = task["runs"]
+    settings = load_settings(runs["config"] and Path(runs["config"])).odometry
+    camera, seconds = runs["camera"] and Path(runs["camera"]), runs["seconds"]
+    for source in runs["sources"]:
+        options = SourceOptions(camera=camera, end=seconds, seconds=seconds)
+        try:
+            outcome = run(open_source(source, options), options, settings)
+        except Exception as error:  # whatever a value of a number makes of it is its outcome
+            outcome = Outcome(error=f"{type(error).__name__}: {error}")
+        print(json.dumps([source, asdict(outcome)]), flush=True)
+
+
+def put_in_place(overrides: dict[str, float]) -> None:
+    """Change tuned numbers before their packages read them; raises OdomError when one is read already, or unknown."""
+    OVERRIDES.update(overrides)
+    for key, value in overrides.items():
+        package, _, name = key.rpartition(".")
+        if getattr(import_module(f"odom.{package}.tuning").TUNING, name, None) != value:
+            raise OdomError(f"{key} cannot be changed: it was read before, or there is no such number")
+
+
+def run(source: "Source", options: "SourceOptions", settings: "OdometrySettings") -> Outcome:
+    """Run the odometry over a source and judge it against its truth as `odom run` does."""
+    from odom.backend import Odometry
+    from odom.evaluation.relative import RelativePoses
+    from odom.evaluation.run_report import ate_and_nees
+    from odom.evaluation.trajectory import Trajectory
+    from odom.wire import truth_body
+    from odom.wire.assembler import FrameAssembler
+    from odom.wire.codec import decode_pose
+
+    assembler = FrameAssembler(options.topics, grey=True)
+    odometry: Odometry | None = None
+    estimates: list[Estimate] = []
+    truth: dict[str, dict[int, Array]] = {}
+
+    def process(frames: "Iterable[RgbdFrame]") -> None:
+        nonlocal odometry
+        if assembler.camera is not None:
+            odometry = odometry or Odometry(assembler.camera, settings)
+            estimates.extend(map(odometry.process, frames))
+
+    try:
+        for message in source.messages():
+            if body := truth_body(message.topic):
+                pose = decode_pose(message)
+                truth.setdefault(body, {}).setdefault(pose.stamp, pose.T_parent_child)
+            process(assembler.feed(message))
+        process(assembler.finish())
+    finally:
+        source.close()
+    if odometry is None:
+        return Outcome(error="no frame with a calibration")
+    trajectory = Trajectory.of(odometry.finish())
+    if not truth:
+        return Outcome(poses=len(trajectory), frames=len(estimates), error="no truth")
+    body, true = next(iter(truth.items()))  # the first one seen is that of the camera, as in `odom run`
+    ate_m, nees = ate_and_nees(
+        trajectory,
+        RelativePoses.of((estimate.stamp, estimate.second) for estimate in estimates if estimate.second),
+        Trajectory(np.array(sorted(true), dtype=np.int64), np.array([true[stamp] for stamp in sorted(true)])),
+        body,
+    )
+    return Outcome(ate_m, nees, len(trajectory), len(estimates))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,0 +1,87 @@
+"""A trajectory that grows for ever in bounded memory."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.frame import Stamp
+from odom.geometry.arrays import Array
+
+if TYPE_CHECKING:
+    from odom.evaluation import Trajectory
+
+
+class BoundedTrajectory:
+    """Stamped poses (4 x 4), at most `limit`: when full, every second one goes and half as many are taken from then on.
+
+    A strip is a stretch without interruption; a line is drawn within strips only. Stamps must increase: a pose that
+    is not newer than the last is ignored. The newest pose is always there.
+    """
+
+    def __init__(self, limit: int) -> None:
+        self._stamps = np.zeros(limit + 1, dtype=np.int64)
+        self._T = np.zeros((limit + 1, 4, 4))
+        self._strips = np.zeros(limit + 1, dtype=np.int64)
+        self._size = 0
+        self._stride = 1
+        self._count = 0
+        self._provisional = False  # the last pose is there only for being the newest
+
+    def __len__(self) -> int:
+        return self._size
+
+    @property
+    def newest(self) -> Stamp | None:
+        """Stamp of the last pose."""
+        return Stamp(int(self._stamps[self._size - 1])) if self._size else None
+
+    def add(self, stamp: Stamp, T: Array, interrupted: bool = False) -> None:
+        """Append a pose; `interrupted` begins a new strip."""
+        newest = self.newest
+        if newest is not None and stamp <= newest:
+            return
+        strip = (self._strips[self._size - 1] + interrupted) if self._size else 0
+        if not self._provisional or interrupted:
+            if self._size == len(self._stamps):
+                self._thin()
+            self._size += 1
+        at = self._size - 1
+        self._stamps[at], self._T[at], self._strips[at] = stamp, T, strip
+        self._count += 1
+        self._provisional = self._count % self._stride != 0
+
+    def prepend(self, earlier: "Trajectory") -> None:
+        """Put what happened before the first pose in front of it, thinned to half the limit, as a strip of its own."""
+        if self._size:
+            earlier = earlier.take(earlier.stamps < self._stamps[0])
+        room = len(self._stamps) // 2
+        earlier = earlier.take(np.arange(len(earlier))[:: max(1, -(-len(earlier) // room))])
+        while self._size + len(earlier) > len(self._stamps):
+            self._thin()
+        n, size = len(earlier), self._size
+        for kept, new in ((self._stamps, earlier.stamps), (self._T, earlier.T_world_body), (self._strips, -1)):
+            kept[n : n + size] = kept[:size].copy()
+            kept[:n] = new
+        self._size += n
+
+    def poses(self) -> list[tuple[Stamp, Array]]:
+        """Return the stamps and poses (4 x 4) kept."""
+        return [(Stamp(int(self._stamps[i])), self._T[i].copy()) for i in range(self._size)]
+
+    def trajectory(self) -> "Trajectory":
+        """Return the poses kept."""
+        from odom.evaluation import Trajectory  # 9 MB, of which the odometry, which keeps trails too, needs nothing
+
+        return Trajectory(self._stamps[: self._size].copy(), self._T[: self._size].copy())
+
+    def strips(self) -> NDArray[np.int64]:
+        """Return the number of the strip of each pose of `trajectory`."""
+        return self._strips[: self._size].copy()
+
+    def _thin(self) -> None:
+        kept = np.unique(np.append(np.arange(0, self._size, 2), self._size - 1))
+        for values in (self._stamps, self._T, self._strips):
+            values[: len(kept)] = values[kept]
+        self._size = len(kept)
+        self._stride *= 2

@@ -1,0 +1,157 @@
+"""The viewer's process: passes messages from Zenoh to Rerun. It acknowledges none, so that it delays no sender."""
+
+import logging
+import os
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+import zenoh
+
+from odom.errors import WireError
+from odom.viewer.entities import EntityUpdate, log_to
+from odom.viewer.image_rate import ImageRateLimit
+from odom.viewer.outputs import Outputs, Shown, open_outputs
+from odom.viewer.scene import Scene
+from odom.viewer.settings import ViewerSettings
+from odom.wire import TRUTH, Topics, WireSettings
+from odom.wire.delivery import delivery_of
+from odom.wire.session import Subscriber, WireSession, open_session
+
+_LOG = logging.getLogger(__name__)
+_NICE = 10
+"""Niceness: on a busy machine the odometry goes first."""
+_WAIT_S = 0.01
+"""Longest wait for an image, in which small messages wait too."""
+_SMALL_AT_ONCE = 200
+"""Small messages shown before the next image: fewer lag behind motion capture at 240 Hz, more starve the images."""
+_SMALL_WAITING = 512
+"""Small messages that wait, two seconds of them; then the oldest go."""
+_HISTORY_S = 2.0
+"""For answers about what happened before; when no odometry answers, the viewer opens so much later."""
+_REPEAT_S = 20.0
+"""Between two drawings of everything for browsers that open late, when Rerun's server has forgotten the first."""
+_GRACE_S = 2.0
+"""Behind the end of the source, for the odometry's last words, before a viewer that only writes a file ends."""
+
+
+def view(
+    wire: WireSettings,
+    settings: ViewerSettings,
+    outputs: Outputs,
+    stop: threading.Event,
+    tell_address: Callable[[str], None],
+) -> None:
+    """Show one device until `stop` is set or the window is closed; with a file alone until the source has ended.
+
+    Raises OdomError when an output, the window or the session cannot be opened.
+    """
+    if hasattr(os, "nice"):
+        os.nice(_NICE)
+    topics = Topics(wire.namespace)
+    with open_outputs(outputs, settings, wire.namespace) as shown, open_session(wire.as_guest()) as session:
+        if shown.address is not None:
+            tell_address(shown.address)
+        viewer = Viewer(session, topics, settings, shown)
+        viewer.start()
+        session.announce(topics.alive_of("viewer"))
+        while not (stop.is_set() or shown.window_closed):
+            viewer.step(repeat=outputs.served)
+            if not outputs.served and viewer.ended_s is not None and time.monotonic() - viewer.ended_s > _GRACE_S:
+                break
+        viewer.finish()
+        _LOG.info(
+            "%d messages shown, %d images thinned out, %d messages dropped or lost, %d malformed", *viewer.counts()
+        )
+
+
+@dataclass
+class Viewer:
+    """Two subscriptions: images, of which only the newest waits, and all small messages."""
+
+    session: WireSession
+    topics: Topics
+    settings: ViewerSettings
+    shown: Shown
+    ended_s: float | None = None
+
+    def __post_init__(self) -> None:
+        self._scene = Scene(self.topics, self.settings)
+        self._rate_limit = ImageRateLimit(self.settings.image_rate_hz)
+        self._shown = 0
+        self._repeat_due = time.monotonic() + _REPEAT_S
+        t = self.topics
+        small = (t.camera_info, t.odom, t.pose, t.path, t.loops, t.status, t.features, t.landmarks, t.keyframes, t.end)
+        self._small = self.session.subscriber((*small, f"{t.path}/*", TRUTH), depth=_SMALL_WAITING)
+        self._images = self.session.subscriber((t.color, t.color_compressed, t.depth, t.depth_compressed), depth=1)
+
+    def start(self) -> None:
+        """Show what is static, and what happened before this viewer started."""
+        self._draw(self._scene.setup())
+        count = 0
+        for sample in self._past():
+            count += 1
+            try:
+                message = delivery_of(str(sample.key_expr), None, sample).message
+                if message.topic == self.topics.odom_history or message.topic.endswith("/history"):
+                    self._scene.history(message)
+                else:
+                    self._draw(self._scene.handle(message))
+            except WireError as error:
+                _LOG.warning("the history has a malformed message: %s", error)
+        self._draw(self._scene.everything())
+        _LOG.info("showing %s, with %d messages of what happened before", self.topics.namespace, count)
+
+    def step(self, repeat: bool) -> None:
+        """Show the small messages that wait, then one image; with `repeat` everything again every 20 s."""
+        for _ in range(_SMALL_AT_ONCE):
+            if not self._next(self._small, 0.0):
+                break
+        self._next(self._images, _WAIT_S)
+        if repeat and time.monotonic() >= self._repeat_due:
+            self._repeat_due = time.monotonic() + _REPEAT_S
+            self._draw(self._scene.everything())
+
+    def finish(self) -> None:
+        """Show up to 200 small messages and an image that still wait, then everything once more."""
+        self.step(repeat=False)
+        self._draw(self._scene.everything())
+
+    def counts(self) -> tuple[int, int, int, int]:
+        """Return messages shown, images thinned out, messages dropped here or lost on the way, and malformed ones."""
+        small, images = self._small.total(), self._images.total()
+        dropped = small.dropped + small.lost + images.dropped + images.lost
+        malformed = self._small.malformed.counts.total() + self._images.malformed.counts.total()
+        return self._shown, self._rate_limit.thinned, dropped, malformed
+
+    def _next(self, subscriber: Subscriber, timeout: float) -> bool:
+        delivery = subscriber.receive(timeout)
+        if delivery is None:
+            return False
+        message = delivery.message
+        if subscriber is self._images:
+            kind = "depth" if message.topic in (self.topics.depth, self.topics.depth_compressed) else "color"
+            if not self._rate_limit.takes(kind, message.stamp, time.monotonic()):
+                return True
+        try:
+            self._draw(self._scene.handle(message))
+            self._shown += 1
+        except WireError as error:
+            subscriber.malformed.add(message.topic, str(error))
+        if message.topic == self.topics.end:
+            self.ended_s = self._repeat_due = time.monotonic()
+        elif message.topic == self.topics.odom:
+            self.ended_s = None
+        return True
+
+    def _draw(self, items: Iterable[EntityUpdate]) -> None:
+        for item in items:
+            log_to(self.shown.recording, item)
+
+    def _past(self) -> Iterator[zenoh.Sample]:
+        keys = (self.topics.history, self.topics.path, self.topics.landmarks, self.topics.keyframes)
+        for key in keys:
+            every = zenoh.ConsolidationMode.NONE  # otherwise only the last message of a key would come
+            replies = list(self.session.zenoh.get(f"{key}?_anyke", timeout=_HISTORY_S, consolidation=every))
+            yield from (reply.ok for reply in replies if reply.ok is not None)

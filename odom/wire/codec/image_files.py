@@ -1,0 +1,104 @@
+"""JPEG and PNG files in memory: decoded only after their size and completeness are known."""
+
+import zlib
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.errors import WireError
+
+MAX_PIXELS = 16_777_216
+"""Pixels beyond which an image is refused (4096 x 4096). Larger: a message with a false size may take more memory."""
+
+_JPEG_BEGIN, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
+_PNG_BEGIN, _PNG_LAST = b"\x89PNG\r\n\x1a\n", b"IEND"
+_NO_LENGTH = frozenset((0x01, *range(0xD0, 0xD9)))
+_FRAME = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+"""Markers of JPEG (ITU-T T.81, table B.1): those without a length, and those whose segment holds the image's size."""
+_PADDING = 64
+"""Bytes behind the end mark of a JPEG file that are still accepted: some cameras pad their files."""
+_REDUCED = {8: cv2.IMREAD_REDUCED_COLOR_8, 4: cv2.IMREAD_REDUCED_COLOR_4, 2: cv2.IMREAD_REDUCED_COLOR_2}
+"""By what a JPEG can be scaled down while it is decoded, and OpenCV's flag for it; the largest first."""
+
+
+def file_size(data: bytes | memoryview) -> tuple[int, int]:
+    """Return (width, height) from the header of a JPEG or PNG file.
+
+    Raises WireError when it is neither, is cut or damaged, or holds more than `MAX_PIXELS` pixels.
+    """
+    view = memoryview(data)
+    begin = bytes(view[:8])
+    if begin == _PNG_BEGIN and len(view) >= 33:
+        width, height = int.from_bytes(view[16:20], "big"), int.from_bytes(view[20:24], "big")
+        complete = _png_is_sound(view)
+    elif begin.startswith(_JPEG_BEGIN):
+        width, height = _jpeg_size(view)
+        complete = _JPEG_END in bytes(view[-len(_JPEG_END) - _PADDING :])
+    else:
+        raise WireError("image data is neither a JPEG nor a PNG file")
+    if not 0 < width * height <= MAX_PIXELS:
+        raise WireError(f"image of {width} x {height} pixels is not plausible")
+    if not complete:
+        raise WireError(f"image file of {len(view)} bytes is cut or damaged")
+    return width, height
+
+
+def decode_file(data: NDArray[np.uint8], flags: int) -> NDArray[Any]:
+    """Return the image of a JPEG or PNG file (`cv2.imdecode` with `flags`, EXIF orientation ignored).
+
+    Raises WireError when the file is cut, too large or malformed.
+    """
+    return _decode(data, file_size(data.data), flags)
+
+
+def decode_file_small(data: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
+    """Return H x W x 3 BGR at the smallest of full, 1/2, 1/4 or 1/8 size that is at least `width` wide.
+
+    Raises WireError as `decode_file` does.
+    """
+    size = file_size(data.data)
+    reduction = next((by for by in _REDUCED if size[0] // by >= width), 1)
+    reduced = -(-size[0] // reduction), -(-size[1] // reduction)
+    return np.asarray(_decode(data, reduced, _REDUCED.get(reduction, cv2.IMREAD_COLOR)), dtype=np.uint8)
+
+
+def _decode(data: NDArray[np.uint8], size: tuple[int, int], flags: int) -> NDArray[Any]:
+    try:
+        image = cv2.imdecode(data, flags | cv2.IMREAD_IGNORE_ORIENTATION)
+    except cv2.error as error:
+        raise WireError(f"image file cannot be decoded: {error}") from error
+    if image is None or image.shape[1::-1] != size:
+        raise WireError(f"image file of {data.size} bytes cannot be decoded")
+    return np.asarray(image)
+
+
+def _png_is_sound(view: memoryview) -> bool:
+    """Whether the chunks up to the last are whole; checked here since libpng reports damage only on stderr."""
+    at = len(_PNG_BEGIN)
+    while at + 12 <= len(view):
+        after = at + 12 + int.from_bytes(view[at : at + 4], "big")
+        if after > len(view) or zlib.crc32(view[at + 4 : after - 4]) != int.from_bytes(view[after - 4 : after], "big"):
+            return False
+        if view[at + 4 : at + 8] == _PNG_LAST:
+            return True
+        at = after
+    return False
+
+
+def _jpeg_size(view: memoryview) -> tuple[int, int]:
+    at = 2
+    while at + 9 < len(view):
+        if view[at] != 0xFF:
+            break
+        marker = view[at + 1]
+        if marker == 0xFF:
+            at += 1
+        elif marker in _NO_LENGTH:
+            at += 2
+        elif marker in _FRAME:
+            return int.from_bytes(view[at + 7 : at + 9], "big"), int.from_bytes(view[at + 5 : at + 7], "big")
+        else:
+            at += 2 + max(2, int.from_bytes(view[at + 2 : at + 4], "big"))
+    raise WireError("JPEG file without a frame header")

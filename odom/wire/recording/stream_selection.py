@@ -1,0 +1,162 @@
+"""Which of a recording's topics are colour, depth and calibration, whatever they are called."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+from typing import Any
+
+from numpy.typing import NDArray
+
+from odom.errors import ConfigError, RecordingError, WireError
+from odom.frame import Camera
+from odom.wire.codec import cdr, decode_camera_info, decode_color, decode_depth
+from odom.wire.message import Message
+from odom.wire.recording.reader import RecordedStream
+
+STREAM_ROLES = ("color", "depth", "camera_info")
+
+_DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
+_COLOR_WORDS, _OTHER_WORDS = ("color", "colour", "rgb"), ("ir", "infra", "depth", "thermal", "mask", "fisheye")
+_REGISTERED_WORDS = ("aligned", "registered", "depth_to_color", "depth_to_rgb", "depth_to_colour")
+"""Words that drivers put into the names of topics: for colour, for what is not colour, for depth registered to it."""
+
+
+@dataclass(frozen=True)
+class SelectedStreams:
+    """The topics that are colour, depth and calibration; `rectified` when colour has been undistorted."""
+
+    color: RecordedStream
+    depth: RecordedStream
+    camera_info: RecordedStream | None
+    rectified: bool
+
+    def camera(self) -> Camera | None:
+        """Return the recorded calibration, None without one.
+
+        Raises RecordingError when its lens model is not supported, a value is malformed or its size is not colour's.
+        """
+        if self.camera_info is None:
+            return None
+        try:
+            camera = decode_camera_info(self.camera_info.first, self.rectified)
+        except WireError as error:
+            raise RecordingError(f"no usable calibration: {error}; or give --camera camera.yaml") from error
+        height, width = _size(self.color, decode_color)
+        if (camera.height, camera.width) != (height, width):
+            raise RecordingError(
+                f"camera_info /{self.camera_info.topic} is of {camera.width} x {camera.height} pixels and colour "
+                f"/{self.color.topic} of {width} x {height}: name another topic or give --camera camera.yaml"
+            )
+        return camera
+
+
+def select_streams(
+    streams: Sequence[RecordedStream], named: Mapping[str, str], need_calibration: bool = True
+) -> SelectedStreams:
+    """Choose the streams; `named` (role to topic) decides where the types leave a choice.
+
+    Among several, colour prefers names that say so, depth the one registered to colour, and both the one with the
+    most messages. Raises ConfigError for a name that is not there, RecordingError when a stream is missing, when the
+    calibration cannot be used, or when depth has another size than colour and so cannot be registered to it.
+    """
+    unknown = set(named) - set(STREAM_ROLES)
+    if unknown:
+        raise ConfigError(f"--topic {', '.join(sorted(unknown))}: give {', '.join(STREAM_ROLES)}")
+    color = _choose("color", streams, named, lambda stream: _image_kind(stream) == "color", _color_rank)
+    depth = _choose("depth", streams, named, lambda stream: _image_kind(stream) == "depth", _depth_rank)
+    if color is None or depth is None:
+        missing = "colour" if color is None else "depth"
+        raise RecordingError(f"no {missing} images; the recording holds {_listing(streams)}; name a topic with --topic")
+    size, depth_size = _size(color, decode_color), _size(depth, decode_depth)
+    if size != depth_size:
+        raise RecordingError(
+            f"depth /{depth.topic} is {depth_size[1]} x {depth_size[0]} and colour /{color.topic} is "
+            f"{size[1]} x {size[0]}: depth must be registered to colour; record a registered "
+            "topic, or name one with --topic depth=/name"
+        )
+
+    def fits(stream: RecordedStream) -> bool:
+        return stream.type_name == cdr.CAMERA_INFO and _info_size(stream) in (size, None)
+
+    info = _choose("camera_info", streams, named, fits, lambda stream: _info_rank(stream, color))
+    if info is None and need_calibration:
+        raise RecordingError(
+            f"no camera_info of {size[1]} x {size[0]} pixels; the recording holds {_listing(streams)}: "
+            "give --camera camera.yaml"
+        )
+    selected = SelectedStreams(color, depth, info, "image_rect" in color.topic)
+    if info is not None and need_calibration:
+        selected.camera()
+    return selected
+
+
+def _choose(
+    role: str,
+    streams: Iterable[RecordedStream],
+    named: Mapping[str, str],
+    fits: Callable[[RecordedStream], bool],
+    rank: Callable[[RecordedStream], tuple[int, ...]],
+) -> RecordedStream | None:
+    """Return the stream that is named for a role, else the one of highest rank among those that fit, if any."""
+    if role in named:
+        wanted = named[role].removeprefix("/")
+        for stream in streams:
+            if stream.topic == wanted:
+                return stream
+        raise ConfigError(f"--topic {role}={named[role]}: not in the recording, which holds {_listing(streams)}")
+    return max((stream for stream in streams if fits(stream)), key=rank, default=None)
+
+
+def _image_kind(stream: RecordedStream) -> str | None:
+    """Return `color` or `depth` by the stream's first message, None when it is no image."""
+    try:
+        if stream.type_name == cdr.IMAGE:
+            encoding = cdr.deserialise(stream.first, cdr.IMAGE).encoding
+            return "depth" if encoding in _DEPTH_ENCODINGS else "color"
+        if stream.type_name == cdr.COMPRESSED_IMAGE:
+            image_format = cdr.deserialise(stream.first, cdr.COMPRESSED_IMAGE).format
+            deep = "compresseddepth" in image_format.lower() or image_format.split(";")[0] in _DEPTH_ENCODINGS
+            return "depth" if deep else "color"
+    except WireError:
+        return None
+    return None
+
+
+def _color_rank(stream: RecordedStream) -> tuple[int, ...]:
+    words = set(stream.topic.lower().replace("/", "_").split("_"))
+    says_color = any(word in words for word in _COLOR_WORDS)
+    says_other = not words.isdisjoint(word + number for word in _OTHER_WORDS for number in ("", "1", "2"))
+    return (says_color - says_other, stream.count, stream.type_name == cdr.IMAGE)
+
+
+def _depth_rank(stream: RecordedStream) -> tuple[int, ...]:
+    name = stream.topic.lower()
+    return (any(word in name for word in _REGISTERED_WORDS), stream.count, stream.type_name == cdr.IMAGE)
+
+
+def _info_rank(stream: RecordedStream, color: RecordedStream) -> tuple[int, ...]:
+    """Rank a calibration by how much of its path is colour's: one in the same folder or above comes first."""
+    own, other = stream.topic.split("/")[:-1], color.topic.split("/")
+    shared = len(list(takewhile(lambda pair: pair[0] == pair[1], zip(own, other, strict=False))))
+    return (shared - len(own) if shared < len(own) else 1, shared, *_color_rank(stream))
+
+
+def _info_size(stream: RecordedStream) -> tuple[int, int] | None:
+    try:
+        camera = decode_camera_info(stream.first)
+    except WireError:
+        return None
+    return camera.height, camera.width
+
+
+def _size(stream: RecordedStream, decode: Callable[[Message], NDArray[Any]]) -> tuple[int, int]:
+    """Return height and width of a stream's first image."""
+    try:
+        height, width = decode(stream.first).shape[:2]
+    except WireError as error:
+        raise RecordingError(f"/{stream.topic} cannot be decoded: {error}") from error
+    return height, width
+
+
+def _listing(streams: Iterable[RecordedStream]) -> str:
+    return ", ".join(f"/{stream.topic} ({stream.type_name})" for stream in streams) or "no ROS 2 messages"

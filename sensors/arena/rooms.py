@@ -1,0 +1,72 @@
+"""The rooms from a seed: the laboratory of the default walk, and a corridor of identical rooms."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from odom.geometry.arrays import Image
+from sensors.arena.array_types import Float32
+from sensors.arena.atlas import pack
+from sensors.arena.lighting import bake, lit
+from sensors.arena.rasteriser import Surfaces
+from sensors.arena.renderer import Renderer
+from sensors.arena.scene_builder import Lamps, Panel, moved
+from sensors.arena.scene_file import SceneBuilder
+
+BAY_M = 3.2
+"""Length of one of the corridor's rooms, metres: that of its walls and floor; shorter, its furniture overlaps."""
+BAYS = 9
+"""Rooms of the corridor: the default walk of 60 s passes six of them."""
+
+
+def laboratory(seed: int) -> Renderer:
+    """Return the room of the default walk, its middle at the origin, z up."""
+    builder = SceneBuilder(np.random.default_rng([seed, 1]))
+    builder.add("laboratory", np.eye(4))
+    scene = builder.scene
+    return draw([scene.panels], bake(scene.panels, [], join(scene.lamps), seed))
+
+
+def corridor(seed: int) -> Renderer:
+    """Return a row of rooms, open to a corridor along x and identical to the last book; the first one's middle is 0."""
+    builder = SceneBuilder(np.random.default_rng([seed, 2]))
+    builder.add("bay", np.eye(4), length=BAY_M)
+    panels, (light,) = builder.scene.panels, builder.scene.lamps
+    shifts = [(k * BAY_M, 0.0, 0.0) for k in (-2, -1, 1, 2)]
+    neighbours = [panel for shift in shifts for panel in moved(panels, shift)]
+    lamps = join([light, *(Lamps(light.points + shift, light.normals, light.power) for shift in shifts)])
+    rooms = [moved(panels, (k * BAY_M, 0.0, 0.0)) for k in range(-1, BAYS - 1)]
+    return draw(rooms, bake(panels, neighbours, lamps, seed))
+
+
+def join(lamps: list[Lamps]) -> Lamps:
+    """Return all lamps in one."""
+    return Lamps(*(np.concatenate([getattr(lamp, name) for lamp in lamps]) for name in ("points", "normals", "power")))
+
+
+def draw(rooms: list[list[Panel]], light: list[Float32]) -> Renderer:
+    """Return what draws rooms that are the first one repeated; `light` (see `bake`) is that of the first's panels."""
+    tones: list[float] = []
+
+    def pictures() -> Iterator[Image]:
+        for panel, on_it in zip(rooms[0], light, strict=True):
+            image = panel.paint()
+            tones.append(panel.material.infrared * _tone(image))
+            yield lit(image, on_it)
+
+    atlas = pack(pictures())
+    panels = [panel for one in rooms for panel in one]
+    surfaces = Surfaces(
+        np.array([p.origin for p in panels]),
+        np.array([p.u for p in panels]),
+        np.array([p.v for p in panels]),
+        np.array([p.material.two_sided for p in panels]),
+        np.tile(np.array(tones, np.float32), len(rooms)),
+        np.tile(np.arange(len(rooms[0]), dtype=np.int32), len(rooms)),
+    )
+    return Renderer(surfaces, atlas)
+
+
+def _tone(image: Image) -> float:
+    """Return how bright a picture is in near infrared: less contrast than to the eye."""
+    return 0.35 + 0.65 * float(image.mean()) / 255

@@ -1,0 +1,61 @@
+"""Calibration files: the YAML that ROS's camera_calibration writes, plus the unit of a folder's depth images."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from odom.errors import ConfigError
+from odom.frame import Camera
+
+TUM_DEPTH_SCALE = 5000.0
+"""Units per metre of the depth images of the TUM RGB-D benchmark."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A camera, and `depth_scale`: units of the depth image per metre."""
+
+    camera: Camera
+    depth_scale: float = TUM_DEPTH_SCALE
+
+
+def load_calibration(path: Path) -> Calibration:
+    """Read a ROS camera-calibration YAML; raises ConfigError naming the field that is missing or unusable."""
+    try:
+        content = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ConfigError(f"calibration {path} cannot be read: {error}") from error
+    if not isinstance(content, dict):
+        raise ConfigError(f"calibration {path} is not a ROS camera-calibration YAML")
+    camera = read_camera(content, f"calibration {path}")
+    try:
+        scale = float(content.get("depth_scale", TUM_DEPTH_SCALE))
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ConfigError(f"calibration {path}: depth_scale is not a number: {error}") from error
+    if not 1 <= scale <= 1e6:
+        raise ConfigError(f"calibration {path}: depth_scale {scale} units per metre is not plausible")
+    return Calibration(camera, scale)
+
+
+def read_camera(content: Any, place: str) -> Camera:
+    """Return the camera under ROS's keys; raises ConfigError naming `place` and the field that is unusable."""
+    try:
+        model = content.get("distortion_model", "plumb_bob")
+        if model not in ("plumb_bob", "rational_polynomial"):
+            raise ConfigError(f"distortion model {model!r}: give plumb_bob or rational_polynomial")
+        matrix = _numbers(content["camera_matrix"]["data"])
+        if len(matrix) != 9:
+            raise ConfigError(f"camera_matrix has {len(matrix)} values: give 9")
+        distortion = _numbers(content.get("distortion_coefficients", {}).get("data", []))
+        size = int(content["image_width"]), int(content["image_height"])
+        return Camera(*size, matrix[0], matrix[4], matrix[2], matrix[5], distortion if any(distortion) else ())
+    except ConfigError as error:
+        raise ConfigError(f"{place}: {error}") from error
+    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
+        raise ConfigError(f"{place}: missing or not a number: {error}") from error
+
+
+def _numbers(values: Any) -> tuple[float, ...]:
+    return tuple(float(value) for value in values)

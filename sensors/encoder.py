@@ -1,0 +1,41 @@
+"""Turns a live sensor's images into messages, as the options of the source ask."""
+
+from odom.frame import Camera, Stamp
+from odom.geometry.arrays import Image
+from odom.wire import Message
+from odom.wire.codec import (
+    encode_camera_info,
+    encode_color,
+    encode_color_jpeg,
+    encode_depth,
+    encode_depth_compressed,
+)
+from odom.wire.codec.compressed_depth import Depth
+from sensors.source import SourceOptions
+
+
+class ImageEncoder:
+    """Encodes calibration, colour (JPEG or raw) and depth (raw, RVL or PNG) on the keys of the options."""
+
+    def __init__(self, options: SourceOptions, jpeg_quality: int = 90) -> None:
+        self._options = options
+        self._frame_id = options.topics.frame_camera
+        self._jpeg_quality = jpeg_quality
+
+    def info(self, stamp: Stamp, camera: Camera) -> Message:
+        """Return the calibration message."""
+        return encode_camera_info(self._options.topics.camera_info, stamp, camera, self._frame_id)
+
+    def color(self, stamp: Stamp, rgb: Image) -> Message:
+        """Return the message of a colour image (H x W x 3)."""
+        topics = self._options.topics
+        if self._options.color == "raw":
+            return encode_color(topics.color, stamp, rgb, self._frame_id)
+        return encode_color_jpeg(topics.color_compressed, stamp, rgb, self._frame_id, self._jpeg_quality)
+
+    def depth(self, stamp: Stamp, depth_mm: Depth) -> Message:
+        """Return the message of a depth image (H x W uint16, mm)."""
+        topics, codec = self._options.topics, self._options.depth
+        if codec == "raw":
+            return encode_depth(topics.depth, stamp, depth_mm, self._frame_id)
+        return encode_depth_compressed(topics.depth_compressed, stamp, depth_mm, self._frame_id, codec)

@@ -1,0 +1,77 @@
+"""The frames' places: given back exactly, at a known price, and no more of them than the bound."""
+
+import tracemalloc
+
+import numpy as np
+from made_up_scene import bare_keyframe
+
+from odom.backend.map.frame_log import FrameLog, LoggedFrame
+from odom.backend.odometry.final_trajectory import trajectory
+from odom.frame import Stamp
+from odom.geometry import se3
+
+BYTES_A_FRAME = 150
+
+
+def placed(k, lost=False):
+    stamp, rng = Stamp(1_700_000_000_000_000_000 + 33_333_333 * k), np.random.default_rng(k)
+    if lost:
+        return LoggedFrame(stamp, k % 5 - 1, 0.0)
+    return LoggedFrame(stamp, k % 5, float(rng.normal()), int(rng.integers(1 << 20)), se3.exp(rng.normal(size=6)))
+
+
+def assert_same(a, b):
+    assert (a.stamp, a.segment, a.delay_s, a.keyframe) == (b.stamp, b.segment, b.delay_s, b.keyframe)
+    assert type(a.stamp) is type(b.stamp) is int
+    assert (a.T_keyframe_camera is None) == (b.T_keyframe_camera is None)
+    if a.T_keyframe_camera is not None:
+        assert a.T_keyframe_camera.tobytes() == b.T_keyframe_camera.tobytes()
+
+
+def test_frames_come_back_exactly_as_they_were_given():
+    given = [placed(k, lost=k % 7 == 3) for k in range(50)]
+    frames = FrameLog(block=8, most=64)
+    assert frames.last is None
+    for k, frame in enumerate(given):
+        frames.append(frame)
+        assert_same(frames.last, frame)
+        assert frames.count == len(frames) == k + 1
+    for kept, frame in zip(frames, given, strict=True):
+        assert_same(kept, frame)
+    assert frames.dropped == 0
+
+
+def test_the_oldest_block_is_dropped_at_the_bound_and_counted():
+    given = [placed(k) for k in range(100)]
+    frames = FrameLog(block=8, most=32)
+    for frame in given:
+        frames.append(frame)
+        assert len(frames) <= 32
+        assert frames.dropped % 8 == 0
+        assert frames.dropped + len(frames) == frames.count
+    assert frames.count == 100
+    for kept, frame in zip(frames, given[frames.dropped :], strict=True):
+        assert_same(kept, frame)
+
+
+def test_a_frame_costs_less_than_150_bytes():
+    frames, given, many = FrameLog(), [placed(k) for k in range(64)], 20_000
+    tracemalloc.start()
+    before = tracemalloc.get_traced_memory()[0]
+    for k in range(many):
+        frames.append(given[k % 64])
+    cost = (tracemalloc.get_traced_memory()[0] - before) / many
+    tracemalloc.stop()
+    assert cost < BYTES_A_FRAME
+
+
+def test_the_trajectory_goes_on_from_what_is_left():
+    keyframes = [bare_keyframe(0, np.eye(4))]
+    given = [LoggedFrame(Stamp(k * 33_333_333), 0, 0.004, 0, se3.exp(np.full(6, 0.01 * k))) for k in range(40)]
+    frames = FrameLog(block=8, most=16)
+    for frame in given:
+        frames.append(frame)
+    whole, left = trajectory(given, keyframes), trajectory(frames, keyframes)
+    assert [p.stamp for p in left] == [p.stamp for p in whole[frames.dropped :]]
+    for a, b in zip(left, whole[frames.dropped :], strict=True):
+        assert a.T_map_camera.tobytes() == b.T_map_camera.tobytes()

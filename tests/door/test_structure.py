@@ -1,0 +1,57 @@
+"""Modules stay short, calls stay readable, and the rooms of front-end and back-end stand in one order."""
+
+import ast
+
+import import_graph
+import pytest
+
+LONGEST_MODULE = 250
+MOST_PARAMETERS = 8
+ROOMS = {
+    "frontend": ("camera", "features", "matching"),
+    "backend": ("map", "tracking", "mapping", "loop_closure", "odometry"),
+}
+SOURCES = sorted(p for top in ("odom", "sensors") for p in (import_graph.PROJECT / top).rglob("*.py"))
+
+
+def decorators(function: ast.FunctionDef) -> list[str]:
+    return [ast.unparse(d) for d in function.decorator_list]
+
+
+def is_command(function: ast.FunctionDef) -> bool:
+    """Whether the parameters are a command's options: annotated with typer's."""
+    return any("typer." in ast.unparse(a.annotation) for a in function.args.args if a.annotation is not None)
+
+
+def test_no_module_is_longer_than_can_be_read_at_once():
+    lengths = {str(p.relative_to(import_graph.PROJECT)): len(p.read_text().splitlines()) for p in SOURCES}
+    assert {name: n for name, n in lengths.items() if n > LONGEST_MODULE} == {}
+
+
+def test_only_compiled_kernels_and_commands_take_more_than_eight_parameters():
+    long = []
+    for path in SOURCES:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef) and "compiled" not in decorators(node) and not is_command(node):
+                names = [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+                if len([n for n in names if n not in ("self", "cls")]) > MOST_PARAMETERS:
+                    long.append(f"{path.name}: {node.name}({', '.join(names)})")
+    assert long == []
+
+
+@pytest.mark.parametrize("package", ROOMS)
+def test_rooms_import_only_rooms_below_them(package):
+    rooms = ROOMS[package]
+
+    def room_of(module: str) -> str | None:
+        parts = module.split(".")
+        return parts[2] if parts[1:2] == [package] and len(parts) > 2 and parts[2] in rooms else None
+
+    wrong = [
+        f"{module} imports {name}"
+        for module in import_graph.modules()
+        if (room := room_of(module)) is not None
+        for name in import_graph.imports_of(module)
+        if (other := room_of(name)) is not None and rooms.index(other) > rooms.index(room)
+    ]
+    assert wrong == []

@@ -1,0 +1,131 @@
+import json
+import math
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from odom.cli import app
+from odom.evaluation.sensitivity import (
+    Level,
+    Outcome,
+    Sensitivity,
+    TunedNumber,
+    as_json,
+    by_effect,
+    cells,
+    changes,
+    markdown,
+    numbers_of,
+    tuned_numbers,
+)
+from odom.geometry.tuning import tuned
+from odom.service.sensitivity_bench import Runs, measure_sensitivity
+
+ARENA = str(Path(__file__).parents[2] / "recordings" / "arena.mcap")
+
+
+@dataclass(frozen=True)
+class Tuning:
+    gate_px: float = tuned(6.0, unit="px", effect="-", source="-")
+    rounds: int = tuned(5, unit="1", effect="-", source="-")
+    least: int = tuned(1, unit="1", effect="-", source="-")
+    is_quick: bool = tuned(True, unit="1", effect="-", source="-")
+
+
+def test_numbers_are_halved_and_doubled_and_whole_ones_stay_whole_and_at_least_one() -> None:
+    gate, rounds, least = numbers_of("made.up", Tuning)
+    assert gate == TunedNumber("made.up.gate_px", 6.0, "px")
+    assert changes(gate) == {Level.HALF: 3.0, Level.DOUBLE: 12.0}
+    assert changes(rounds) == {Level.HALF: 2, Level.DOUBLE: 10}
+    assert changes(least) == {Level.DOUBLE: 2}
+    assert all(isinstance(value, int) for value in changes(rounds).values())
+
+
+USUAL = Outcome(0.010, 6.0, 100, 100)
+
+
+def found(key: str, half: Outcome, double: Outcome) -> Sensitivity:
+    usual = Outcome(0.010, 6.0, 100, 100)
+    return Sensitivity(
+        TunedNumber(key, 2.0, "px"), {"walk": {Level.HALF: half, Level.AS_IS: usual, Level.DOUBLE: double}}
+    )
+
+
+CALM = found("a.calm", Outcome(0.011, 6.0, 100, 100), Outcome(0.010, 6.3, 100, 100))
+STRONG = found("a.strong", Outcome(0.010, 2.0, 100, 100), Outcome(0.010, 6.0, 60, 100))
+FAILING = found("a.failing", Outcome(error="ValueError: no"), Outcome(0.010, 6.0, 100, 100))
+
+
+def test_the_strongest_comes_first_and_a_failure_before_it() -> None:
+    assert by_effect([CALM, STRONG, FAILING]) == [FAILING, STRONG, CALM]
+    assert STRONG.largest_change == pytest.approx(3.0)
+    assert CALM.largest_change == pytest.approx(1.1)
+    assert math.isinf(FAILING.largest_change)
+
+
+def test_the_table_has_figures_with_ratios_and_says_what_failed() -> None:
+    failing, strong, calm = cells([FAILING, STRONG, CALM])
+    assert calm == (
+        "a.calm",
+        "2",
+        "px",
+        "x1.1",
+        "walk",
+        "11 (1.10)",
+        "10",
+        "10 (1.00)",
+        "6 (1.00)",
+        "6",
+        "6.3 (1.05)",
+        "",
+    )
+    assert strong[-1] == "double: only 60 of 100 frames have a pose"
+    assert failing[3] == failing[5] == "failed"
+    assert failing[-1] == "half: ValueError: no"
+    assert markdown([CALM]).splitlines()[2].startswith("| a.calm | 2 | px | x1.1 | walk | 11 (1.10) |")
+    assert cells([found("a.idle", USUAL, USUAL)])[0][3] == "none"
+    assert json.loads(json.dumps(as_json([FAILING])))[0]["largest_change"] is None
+
+
+@pytest.mark.process
+def test_a_value_that_fails_is_a_row_that_says_so() -> None:
+    number = TunedNumber("frontend.no_such_number", 2.0, "px")
+    (row,) = measure_sensitivity([number], Runs((ARENA,), seconds=4.0))
+    levels = row.outcomes[ARENA]
+    assert levels[Level.AS_IS].ate_m
+    assert levels[Level.HALF].error
+    assert math.isinf(row.largest_change)
+
+
+@pytest.mark.process
+def test_one_number_of_the_odometry_is_tried_on_a_few_seconds(tmp_path: Path) -> None:
+    numbers = tuned_numbers("backend.tracking.inlier_chi2")
+    files = ["--json", str(tmp_path / "s.json"), "--markdown", str(tmp_path / "s.md")]
+    chosen = ["--only", numbers[0].key, "--seconds", "4", "--jobs", "2"]
+    result = CliRunner().invoke(app, ["bench", "sensitivity", ARENA, *chosen, *files])
+    assert result.exit_code == 0, result.output
+    (row,) = json.loads((tmp_path / "s.json").read_text())
+    levels = row["outcomes"][ARENA]
+    assert set(levels) == {"half", "as is", "double"}
+    assert all(outcome["ate_m"] > 0 and outcome["nees"] > 0 for outcome in levels.values())
+    assert len({outcome["ate_m"] for outcome in levels.values()}) == 3
+    assert numbers[0].key in (tmp_path / "s.md").read_text()
+
+
+def test_a_pattern_that_no_number_has_is_refused() -> None:
+    result = CliRunner().invoke(app, ["bench", "sensitivity", ARENA, "--only", "nothing.*"])
+    assert "no tuned number is called nothing.*" in str(result.exception)
+
+
+def test_every_number_of_the_algorithms_can_be_changed_from_outside() -> None:
+    """In one process that changes all of them at once: a name that does not reach its package is refused."""
+    doubled = {number.key: changes(number)[Level.DOUBLE] for number in tuned_numbers() if changes(number)}
+    assert len(doubled) > 100
+    program = "import json, sys, odom.service.sensitivity_run as run; run.put_in_place(json.load(sys.stdin))"
+    command = [sys.executable, "-c", program]
+    run = subprocess.run(command, input=json.dumps(doubled), capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr

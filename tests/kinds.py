@@ -1,0 +1,81 @@
+"""What a test needs, read off its code: marks by which the tests of a kind are run together or left out."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import CodeType, FunctionType
+from typing import Any
+
+import pytest
+
+KINDS = {
+    "fast": "no process, no network, no walk drawn or recorded",
+    "process": "starts processes or opens sessions, sockets or devices",
+    "rendered": "works through frames that are drawn for it or recorded",
+    "wallclock": "compares times, or plays in real time: run it alone, without xdist (-n 0)",
+    "slow": "minutes long, by hand",
+}
+"""The marks; each test has at least one of them."""
+
+FOLDERS = {"arena": "rendered"}
+"""The kind of all tests of a folder."""
+REAL_TIME_FOLDERS = ("field",)
+"""Of these, whatever starts processes or plays a device is `wallclock`."""
+
+_HERE = Path(__file__).parent
+_PROCESS = ("subprocess", "socket", "zenoh", "open_session", "SensorProcess")
+_RENDERED = ("drawn", "painted_room", "shared_data", "RECORDING")
+"""Modules, functions and fixtures: a test that uses one, itself or through helpers and fixtures, is of the kind."""
+
+
+def mark(item: pytest.Item) -> None:
+    """Give a test the marks of what it needs, beside those that it has."""
+    if not isinstance(item, pytest.Function):
+        return
+    reached = _reached(item)
+    for kind, names in (("process", _PROCESS), ("rendered", _RENDERED)):
+        if not reached.isdisjoint(names):
+            item.add_marker(kind)
+    folder = item.path.parent.name
+    if folder in FOLDERS:
+        item.add_marker(FOLDERS[folder])
+    if folder in REAL_TIME_FOLDERS and item.get_closest_marker("process"):
+        item.add_marker("wallclock")
+    if not any(item.get_closest_marker(kind) for kind in KINDS):
+        item.add_marker("fast")
+
+
+def _reached(item: pytest.Function) -> set[str]:
+    """Return the names of what a test, its fixtures and the helpers of both refer to."""
+    names: set[str] = set()
+    seen: set[int] = set()
+    waiting: list[Any] = [item.function]
+    for name in item.fixturenames:
+        names.add(name)
+        waiting += [definition.func for definition in item._fixtureinfo.name2fixturedefs.get(name, ())]
+    while waiting:
+        thing = waiting.pop()
+        if id(thing) in seen:
+            continue
+        seen.add(id(thing))
+        if isinstance(thing, type):
+            waiting += [member for member in vars(thing).values() if isinstance(member, FunctionType)]
+            continue
+        for name in _names(thing.__code__):
+            value = thing.__globals__.get(name)
+            names |= {name, getattr(value, "__module__", name)}
+            if isinstance(value, FunctionType | type) and _is_of_the_tests(value):
+                waiting.append(value)
+    return names
+
+
+def _names(code: CodeType) -> Iterator[str]:
+    yield from code.co_names
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _names(constant)
+
+
+def _is_of_the_tests(thing: FunctionType | type) -> bool:
+    module = sys.modules.get(thing.__module__)
+    return _HERE in Path(getattr(module, "__file__", None) or "/").parents

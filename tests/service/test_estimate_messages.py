@@ -1,0 +1,80 @@
+"""What two devices publish about their poses can stand side by side."""
+
+import numpy as np
+
+from odom.backend import Estimate, State, TrajectoryPose
+from odom.frame import Stamp
+from odom.geometry import se3
+from odom.service.estimate_messages import pose_messages
+from odom.service.path_topics import PathTopics
+from odom.wire import TF, Topics, codec
+
+STAMP = Stamp(1_700_000_000_000_000_000)
+
+
+def edges(namespace: str, x: float) -> list[tuple[str, str]]:
+    """The transforms, parent and child, of a device that is `x` metres along its way."""
+    T = se3.exp(np.array([x, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    estimate = Estimate(
+        sequence=0, stamp=STAMP, state=State.TRACKING, reason="", segment=0, T_odom_camera=T, covariance=np.eye(6),
+        T_map_odom=T, inliers=10, matches=20,
+    )  # fmt: skip
+    (tf,) = [message for message in pose_messages(Topics(namespace), estimate) if message.topic == TF]
+    return [(edge.parent, edge.child) for edge in codec.decode_tf(tf)]
+
+
+def test_the_default_device_has_the_frames_of_the_contract() -> None:
+    assert edges("cam0", 1.0) == [("map", "odom"), ("odom", "cam0_color_optical_frame")]
+
+
+def test_two_devices_share_no_frame_of_the_one_tree_of_transforms() -> None:
+    first, second = edges("cam0", 1.0), edges("cam1", 2.0)
+    assert second == [("cam1/map", "cam1/odom"), ("cam1/odom", "cam1/color_optical_frame")]
+    assert not {frame for edge in first for frame in edge} & {frame for edge in second for frame in edge}
+
+
+def test_namespaces_of_several_parts_share_none_either() -> None:
+    names = ("rig/left", "rig_left", "rig/right")
+    assert len({frame for name in names for edge in edges(name, 1.0) for frame in edge}) == 3 * len(names)
+
+
+def estimate_of(i: int, segment: int, path: tuple[tuple[int, int], ...] | None) -> Estimate:
+    """An estimate in a segment, with a path of (frame, segment)."""
+    poses = None if path is None else tuple(TrajectoryPose(Stamp(STAMP + at), np.eye(4), part) for at, part in path)
+    return Estimate(i, Stamp(STAMP + i), State.TRACKING, "", segment, np.eye(4), path=poses)
+
+
+def test_a_path_holds_one_joined_part_and_each_other_part_has_a_topic_and_a_frame_of_its_own() -> None:
+    paths, said = PathTopics(Topics("cam0")), []
+    for i, (segment, path) in enumerate(
+        [
+            (0, ((0, 0),)),
+            (0, ((0, 0), (1, 0))),
+            (1, ((0, 0), (1, 0), (2, 1))),  # lost, and begun anew
+            (1, ((0, 0), (1, 0), (2, 1), (3, 1))),
+            (0, None),  # back in the first segment
+            (0, ((0, 0), (1, 0), (2, 0), (3, 0), (4, 0))),  # joined
+        ]
+    ):
+        decoded = [(m.topic, codec.decode_path(m)) for m in paths.messages(estimate_of(i, segment, path))]
+        said.append({topic: [pose.stamp - STAMP for pose in poses] for topic, poses in decoded})
+        for topic, poses in decoded:
+            assert {pose.parent for pose in poses} <= {topic.replace("cam0/path", "map").replace("/", "_")}
+    assert said == [
+        {"cam0/path": [0]},
+        {"cam0/path": [0, 1]},
+        {"cam0/path/segment_0": [0, 1], "cam0/path": [2]},
+        {"cam0/path": [2, 3]},
+        {"cam0/path/segment_1": [2, 3], "cam0/path/segment_0": [], "cam0/path": [0, 1]},
+        {"cam0/path/segment_1": [], "cam0/path": [0, 1, 2, 3, 4]},
+    ]
+    assert paths.holds("cam0/path")
+    assert not paths.holds("cam0/path/segment_1")
+
+
+def test_of_thousands_of_parts_the_largest_are_published() -> None:
+    paths = PathTopics(Topics("cam0"))
+    parts = tuple((at, at // 2 if at < 10 else at) for at in range(1000))
+    topics = {message.topic for message in paths.messages(estimate_of(0, 999, parts))}
+    assert topics >= {"cam0/path", *(f"cam0/path/segment_{n}" for n in range(5))}
+    assert len(topics) == 33

@@ -111,7 +111,11 @@ def open_recording(path: Path, options: SourceOptions) -> ReplaySource:
     reader = open_reader(path)
     streams, counts = reader.streams(limit=_PEEK_BYTES), reader.counts()
     if counts is None:
-        log.warning("%s was cut off: what is complete is played (repair it: odom recover %s OUT.mcap)", path, path)
+        log.warning(
+            "%s was cut off or its index is damaged: what is whole is played (mend it with: odom recover %s OUT.mcap)",
+            path,
+            path,
+        )
     if not streams:
         raise RecordingError("; ".join((f"{path} holds no ROS 2 messages", *reader.damage)))
     return ReplaySource(reader, streams, counts or {}, options)

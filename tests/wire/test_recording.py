@@ -203,8 +203,9 @@ def test_recover_mends_a_cut_recording(tmp_path: Path, recording: Path) -> None:
     assert reader.complete
     with pytest.raises(RecordingError, match="exists"):
         recover(cut_file, mended)
-    with pytest.raises(RecordingError, match="exists"):
-        recover(mended, mended, overwrite=True)
+    for overwrite in (False, True):
+        with pytest.raises(RecordingError, match="choose another name"):
+            recover(cut_file, cut_file, overwrite=overwrite)
 
 
 def test_an_existing_recording_is_not_overwritten_unasked(tmp_path: Path) -> None:

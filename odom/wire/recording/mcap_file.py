@@ -1,40 +1,42 @@
-"""Reads an MCAP file from its beginning and yields every message that is whole, however the file ends.
+"""Reads an MCAP file from its beginning and yields every message that is whole, whatever befell the file.
 
-The `mcap` package parses the records. Beyond what its readers do, a length that points past the end of the file
-counts as damage, a damaged chunk is passed over, and of a chunk that is cut the messages before the cut are given.
+The `mcap` package parses the records. Beyond what its readers do, damage costs only what it hit: records are found
+again by the index, or by looking for the next chunk, and each loss is told by topic and time.
 """
 
+import struct
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
-import zstandard
-from lz4 import frame as lz4  # type: ignore[import-untyped]  # has no types
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.reader import SeekingReader
-from mcap.records import Channel, Chunk, Header, Metadata, Schema
+from mcap.records import Channel, Header, Metadata, Schema
 from mcap.records import Message as McapMessage
-from mcap.stream_reader import get_chunk_data_stream
-from mcap.summary import Summary
 
 from odom.errors import RecordingError
-
-MAGIC = b"\x89MCAP0\r\n"
-
-_RECORD_HEADER = 9
-_MAX_CHUNK = 1 << 30
-"""Bytes that a chunk may say to have when unpacked; a larger one counts as damaged. Writers make some MB. Smaller:
-sound files of other writers are refused; larger: a damaged length may take the memory."""
+from odom.wire.recording.mcap_chunk import (
+    LARGEST_BYTES,
+    RECORD_HEADER,
+    ChunkHead,
+    DamagedChunkError,
+    read_chunk,
+    readings,
+    records_inside,
+    unpack_cut,
+)
+from odom.wire.recording.mcap_index import MAGIC, McapIndex, read_index
+from odom.wire.recording.mcap_walk import INDEX_ENTRY, McapRecord, walk
 
 
 @dataclass
 class McapFile:
     """An MCAP file and what was read of it so far.
 
-    `complete` says that the file ends as it should, `damage` lists in words what is wrong with it.
+    `complete` says that the file ends as it should, `damage` lists in words what is wrong with it and what is missing.
     """
 
     path: Path
@@ -44,114 +46,126 @@ class McapFile:
     metadata: list[Metadata] = field(default_factory=list)
     complete: bool = False
     damage: list[str] = field(default_factory=list)
+    _unannounced: Counter[int] = field(default_factory=Counter)
 
     def messages(self, not_before: int = 0) -> Iterator[tuple[Channel, McapMessage]]:
         """Yield the messages in the order of the file; chunks that end before `not_before` (log time, ns) are skipped.
 
         Raises RecordingError when the file cannot be opened or is no MCAP file at all.
         """
-        try:
-            file = self.path.open("rb")
-        except OSError as error:
-            raise RecordingError(f"{self.path} cannot be opened: {error.strerror}") from error
-        with file:
-            begin = file.read(len(MAGIC))
-            if begin != MAGIC:
-                if MAGIC.startswith(begin) and begin:
-                    self.damage.append(f"cut after {len(begin)} bytes: nothing is left")
-                    return
-                raise RecordingError(f"{self.path} is not an MCAP file")
-            if not self._read_channels_of_index():
+        with _open(self.path) as file:
+            size = self.path.stat().st_size
+            if not self._is_mcap(file, size):
+                return
+            index = read_index(file, size)
+            if index is not None:
+                self.schemas.update(index.schemas)
+                self.channels.update(index.channels)
+            if index is None or not index.channels:
                 not_before = 0  # a skipped chunk could have announced a channel
-            yield from self._records(file, self.path.stat().st_size, not_before)
+            yield from self._read(file, size, index, not_before)
 
-    def summary(self) -> Summary | None:
-        """Return the file's index, None when it has none or an unsound one (cut, damaged)."""
-        try:
-            with self.path.open("rb") as file:
-                return SeekingReader(file).get_summary()
-        except _MALFORMED:
+    def counts(self) -> Counter[str] | None:
+        """Return the number of messages by topic from the file's index, None when it has none (cut, damaged)."""
+        with _open(self.path) as file:
+            index = read_index(file, self.path.stat().st_size)
+        if index is None or index.counts is None:
             return None
+        totals = Counter[str]()
+        for channel in index.channels.values():
+            totals[channel.topic.removeprefix("/")] += index.counts.get(channel.id, 0)
+        return totals
 
-    def _read_channels_of_index(self) -> bool:
-        summary = self.summary()
-        if summary is None:
+    def _is_mcap(self, file: BinaryIO, size: int) -> bool:
+        """Look at the first mark, note what is wrong with it, and return whether anything comes behind it."""
+        begin = file.read(len(MAGIC))
+        if begin == MAGIC:
+            return True
+        if begin and MAGIC.startswith(begin):
+            self.damage.append(f"cut after {len(begin)} bytes: nothing is left")
             return False
-        self.schemas.update(summary.schemas)
-        self.channels.update(summary.channels)
-        return bool(summary.channels)
+        head = file.read(RECORD_HEADER)
+        length = int.from_bytes(head[1:], "little")
+        begins = head[:1] == bytes([Opcode.HEADER]) and 8 <= length < size
+        file.seek(max(0, size - len(MAGIC)))
+        if not begins and file.read() != MAGIC:
+            raise RecordingError(f"{self.path} is not an MCAP file")
+        self.damage.append("its first mark is damaged")
+        return True
 
-    def _records(self, file: BinaryIO, size: int, not_before: int) -> Iterator[tuple[Channel, McapMessage]]:
-        finished = False
-        while True:
-            offset = file.tell()
-            head = file.read(_RECORD_HEADER)
-            if finished and head.startswith(MAGIC):
-                self.complete = not self.damage
+    def _read(
+        self, file: BinaryIO, size: int, index: McapIndex | None, not_before: int
+    ) -> Iterator[tuple[Channel, McapMessage]]:
+        lost: _LostChunk | None = None
+        for record in walk(file, size, index):
+            if lost is not None and record.opcode == Opcode.MESSAGE_INDEX:
+                lost.add(file.read(_COUNTED.size))
+                continue
+            if lost is not None:
+                self.damage.append(lost.told(self.channels))
+                lost = None
+            if record.wrong:
+                self.damage.append(f"record at byte {record.offset}: {record.wrong}")
+            if record.cut:
+                self._note_unannounced()
+                self.damage.append(record.cut)
+                if record.opcode == Opcode.CHUNK:
+                    yield from self._cut_chunk(file, size, readings(file, record.offset, size))
                 return
-            opcode, length = (head[0], int.from_bytes(head[1:], "little")) if len(head) == _RECORD_HEADER else (0, 0)
-            if opcode == 0 or length > size - file.tell():
-                what = "only its closing mark is missing" if finished else "its index and what came later are missing"
-                self.damage.append(f"cut at byte {size} (last whole record ends at {offset}): {what}")
-                if opcode == Opcode.CHUNK:
-                    yield from self._cut_chunk(file.read())
-                return
-            after = file.tell() + length
-            try:
-                if opcode == Opcode.CHUNK:
-                    yield from self._chunk(file, length, not_before)
-                elif opcode == Opcode.FOOTER:
-                    finished = True
-                elif opcode in (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.METADATA):
-                    yield from self._record(opcode, file.read(length))
-            except _MALFORMED as error:
-                self.damage.append(f"record at byte {offset} is damaged: {error}")
-            file.seek(after)
+            if record.opcode == Opcode.CHUNK:
+                if record.end_ns is not None and record.end_ns < not_before:
+                    continue
+                heads = readings(file, record.offset, size, record.end)
+                try:
+                    yield from self._inside(read_chunk(file, heads))
+                except DamagedChunkError as error:
+                    lost = _LostChunk(record.offset, heads[0] if heads else None, str(error))
+            else:
+                yield from self._loose(file, record)
+        if lost is not None:
+            self.damage.append(lost.told(self.channels))
+        self._note_unannounced()
+        self.complete = not self.damage
 
-    def _chunk(self, file: BinaryIO, length: int, not_before: int) -> Iterator[tuple[Channel, McapMessage]]:
-        times = file.read(16)
-        if int.from_bytes(times[8:], "little") < not_before:
-            return
-        chunk = Chunk.read(ReadDataStream(BytesIO(times + file.read(length - 16))))
-        if chunk.uncompressed_size > _MAX_CHUNK:
-            raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes")
-        if chunk.compression not in ("", "zstd", "lz4"):
-            raise ValueError(f"compression {chunk.compression!r} is not known")
-        stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-        yield from self._inside(stream.read(size))
-
-    def _cut_chunk(self, body: bytes) -> Iterator[tuple[Channel, McapMessage]]:
-        """Yield the messages of a chunk that the end of the file has cut."""
+    def _cut_chunk(self, file: BinaryIO, size: int, heads: list[ChunkHead]) -> Iterator[tuple[Channel, McapMessage]]:
+        """Yield the messages of a chunk that the end of the file has cut, or that only seems to be."""
         try:
-            chunk = Chunk.read(ReadDataStream(BytesIO(body)))
-            data = chunk.data
-            if chunk.compression == "zstd":
-                data = zstandard.ZstdDecompressor().decompressobj().decompress(data)
-            elif chunk.compression == "lz4":
-                data = lz4.LZ4FrameDecompressor().decompress(data, max_length=_MAX_CHUNK)
-            yield from self._inside(data)
-        except _MALFORMED:
+            yield from self._inside(read_chunk(file, [head for head in heads if head.end < size]))
+        except DamagedChunkError:
+            for head in heads[:1]:
+                yield from self._inside(unpack_cut(file, head))
+
+    def _loose(self, file: BinaryIO, record: McapRecord) -> Iterator[tuple[Channel, McapMessage]]:
+        """Yield the message of a record that is in no chunk, if it is one."""
+        if record.opcode not in _READ:
             return
+        if record.length > LARGEST_BYTES:
+            self.damage.append(f"record at byte {record.offset} is damaged: it says that it has {record.length} bytes")
+            return
+        try:
+            yield from self._record(record.opcode, memoryview(file.read(record.length)))
+        except _MALFORMED as error:
+            self.damage.append(f"record at byte {record.offset} is damaged: {error}")
 
-    def _inside(self, data: bytes) -> Iterator[tuple[Channel, McapMessage]]:
+    def _inside(self, data: memoryview) -> Iterator[tuple[Channel, McapMessage]]:
         """Yield the messages of an unpacked chunk, up to the first record that is not whole."""
-        at = 0
-        while at + _RECORD_HEADER <= len(data):
-            opcode, length = data[at], int.from_bytes(data[at + 1 : at + _RECORD_HEADER], "little")
-            at += _RECORD_HEADER
-            if length > len(data) - at:
-                return
-            yield from self._record(opcode, data[at : at + length])
-            at += length
+        for opcode, body in records_inside(data):
+            try:
+                yield from self._record(opcode, body)
+            except _MALFORMED as error:
+                self.damage.append(f"a record inside a chunk cannot be read: {error}")
 
-    def _record(self, opcode: int, body: bytes) -> Iterator[tuple[Channel, McapMessage]]:
+    def _record(self, opcode: int, body: memoryview) -> Iterator[tuple[Channel, McapMessage]]:
+        if opcode not in _READ:
+            return
         stream = ReadDataStream(BytesIO(body))
         if opcode == Opcode.MESSAGE:
             message = McapMessage.read(stream, len(body))
             channel = self.channels.get(message.channel_id)
             if channel is None:
-                raise ValueError(f"a message of channel {message.channel_id}, which was not announced")
-            yield channel, message
+                self._unannounced[message.channel_id] += 1
+            else:
+                yield channel, message
         elif opcode == Opcode.SCHEMA:
             schema = Schema.read(stream)
             self.schemas[schema.id] = schema
@@ -163,6 +177,52 @@ class McapFile:
         elif opcode == Opcode.HEADER:
             self.header = Header.read(stream)
 
+    def _note_unannounced(self) -> None:
+        for channel, count in sorted(self._unannounced.items()):
+            self.damage.append(f"{count} messages of channel {channel} cannot be named: what announced it is lost")
 
-# what parsing arbitrary bytes raises in `mcap`, struct, zstandard and lz4
+
+@dataclass
+class _LostChunk:
+    """A chunk that cannot be read, and what the message index behind it says that it held."""
+
+    offset: int
+    head: ChunkHead | None
+    why: str
+    counts: Counter[int] = field(default_factory=Counter)
+
+    def add(self, body: bytes) -> None:
+        """Take the beginning of a message index."""
+        if len(body) == _COUNTED.size:
+            channel, entries = _COUNTED.unpack(body)
+            self.counts[channel] += entries // INDEX_ENTRY
+
+    def told(self, channels: dict[int, Channel]) -> str:
+        """Return in words what is missing."""
+        parts = [
+            f"{count} of {channels[channel].topic if channel in channels else f'channel {channel}'}"
+            for channel, count in sorted(self.counts.items())
+        ]
+        what = ", ".join(parts) or "its messages"
+        when = ""
+        if self.head is not None and self.head.start_ns <= self.head.end_ns:
+            when = f" from {self.head.start_ns * 1e-9:.3f} to {self.head.end_ns * 1e-9:.3f} s"
+        return f"chunk at byte {self.offset} is damaged ({self.why}); missing: {what}{when}"
+
+
+_COUNTED = struct.Struct("<HI")
+"""Beginning of a message index: channel, and bytes of its entries."""
+_READ = (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.METADATA)
+
+# what parsing arbitrary bytes raises in `mcap` and struct
 _MALFORMED = (Exception,)
+
+
+def _open(path: Path) -> BinaryIO:
+    """Open a file for reading; raises RecordingError when it cannot be, also for a pipe, which would block."""
+    try:
+        if path.exists() and not path.is_file():
+            raise RecordingError(f"{path} is no regular file: a recording is read from its end too, so save it first")
+        return path.open("rb")
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be opened: {error.strerror}") from error

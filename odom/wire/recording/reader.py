@@ -88,13 +88,7 @@ class RecordingReader:
 
     def counts(self) -> Counter[str] | None:
         """Return the number of messages by topic from the file's index, None when it has none (cut, damaged)."""
-        summary = McapFile(self.path).summary()
-        if summary is None or summary.statistics is None:
-            return None
-        totals = Counter[str]()
-        for channel in summary.channels.values():
-            totals[channel.topic.removeprefix("/")] += summary.statistics.channel_message_counts.get(channel.id, 0)
-        return totals
+        return McapFile(self.path).counts()
 
     def _in_file_order(self, topics: Collection[str] | None, start: Stamp | None) -> Iterator[Message]:
         file = McapFile(self.path)

@@ -27,8 +27,10 @@ def recover(
     exists and may not be replaced.
     """
     damaged, count = McapFile(source), 0
-    if target.exists() and (not overwrite or target.samefile(source)):
-        raise RecordingError(f"{target} exists already: choose another name or say that it may be replaced")
+    if target.exists() and source.exists() and target.samefile(source):
+        raise RecordingError(f"{target} is the recording that is to be mended: choose another name")
+    if target.exists() and not overwrite:
+        raise RecordingError(f"{target} exists already: choose another name or replace it with --overwrite")
     messages = damaged.messages()
     first = next(messages, None)
     if first is None:

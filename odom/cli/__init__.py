@@ -10,6 +10,7 @@ import typer
 
 import odom
 from odom.cli import logs
+from odom.cli.batch import batch
 from odom.cli.bench import bench
 from odom.cli.config import config
 from odom.cli.doctor import doctor
@@ -42,6 +43,7 @@ app.command("doctor")(doctor)
 app.command("sensor")(sensor)
 app.command("record")(record)
 app.command("import")(import_)
+app.command("batch")(batch)
 app.command("recover")(recover)
 app.command("info")(info)
 app.command("router")(router)

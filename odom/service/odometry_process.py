@@ -111,6 +111,7 @@ class OdometryProcess:
             self._write(lambda files: files.append_truth(body, pose.stamp, pose.T_parent_child))
         else:
             _LOG.info("the source has ended: %s", arrival.reason)
+            self.statistics.source_end = arrival.reason
             self._publish_rest()
             self._write(self._save)
 

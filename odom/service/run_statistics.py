@@ -68,7 +68,7 @@ class RunStatistics:
     """Counters of one odometry process.
 
     `dropped` counts bad input by its kind, `forgotten_*` what the odometry gave up to stay within its memory,
-    `unwritten` lines and files that could not be written.
+    `unwritten` lines and files that could not be written; `source_end` is what the source said when it ended.
     """
 
     processing: Durations = field(default_factory=Durations)
@@ -88,6 +88,7 @@ class RunStatistics:
     lost_frames: int = 0
     unmatched_frames: int = 0
     unwritten: int = 0
+    source_end: str | None = None
     _begun: tuple[float, float] | None = None
     _ended: tuple[float, float] = (0.0, 0.0)
 
@@ -166,6 +167,7 @@ class RunStatistics:
             "tracked": self.tracked,
             "completeness": _rounded(self.tracked / offered if offered else None),
             "segments_begun": self.segments_begun,
+            "source_end": self.source_end,
             **{name: getattr(self, name) for name in _COUNTERS},
             "processing_ms": self.processing.summary(with_mean=True),
             "latency_ms": self.latency.summary(with_mean=False),

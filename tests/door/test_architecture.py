@@ -24,7 +24,9 @@ def test_no_package_imports_one_above_it(package):
     assert wrong == []
 
 
-@pytest.mark.parametrize("package", [*import_graph.ORDER[:-4], "odom.cli"])
+@pytest.mark.parametrize(
+    "package", [p for p in import_graph.ORDER if p not in ("odom.rgbd_recording", "odom", "odom.examples")]
+)
 def test_no_room_of_a_package_imports_round(package):
     graph = import_graph.room_imports(package)
     assert len(tuple(TopologicalSorter(graph).static_order())) == len(graph)

@@ -1,0 +1,110 @@
+"""The recordings that a batch is asked for, by name, and the hash of what is in them."""
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from odom.errors import ConfigError, SourceError
+from odom.service.result_files import write_json
+
+_HASHES = "hashes.json"
+_DIGEST_BYTES = 16
+"""Of every hash here: 128 bits, so that no two recordings ever share one."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A file or folder that `odom run` takes for a SOURCE, under the `name` that it has in the table."""
+
+    name: str
+    path: Path
+
+
+def find_recordings(paths: Iterable[Path]) -> tuple[Recording, ...]:
+    """Return the recordings among `paths` and in folders among them, however deep, sorted by name.
+
+    A recording is an .mcap file, a ROS 2 bag folder (metadata.yaml) or a TUM RGB-D folder (rgb.txt). Its name is the
+    way to it from the folder that was given, or that of the file. Raises SourceError for what is not there or holds
+    none, ConfigError for two of one name.
+    """
+    found: dict[str, Recording] = {}
+    for given in paths:
+        if not given.exists():
+            raise SourceError(f"{given}: no such file or folder")
+        inside = sorted(_below(given))
+        if not inside:
+            raise SourceError(f"{given} holds no recording: an .mcap file, a ROS 2 bag or a TUM RGB-D folder")
+        for path in inside:
+            name = path.name if path == given else path.relative_to(given).as_posix()
+            recording = Recording(name.removesuffix(".mcap"), path.resolve())
+            if found.setdefault(recording.name, recording) != recording:
+                raise ConfigError(f"two recordings are called {recording.name}: give the folder that holds both")
+    return tuple(found[name] for name in sorted(found))
+
+
+def _below(path: Path) -> Iterator[Path]:
+    if path.is_file():
+        if path.suffix == ".mcap":
+            yield path
+    elif (path / "rgb.txt").is_file() or (path / "metadata.yaml").is_file():
+        yield path
+    else:
+        for child in path.iterdir():
+            yield from _below(child)
+
+
+class ContentHashes:
+    """Hashes of recordings' contents, remembered in `folder` as long as sizes and times of change stay as they are."""
+
+    def __init__(self, folder: Path) -> None:
+        self._file = folder / _HASHES
+        try:
+            content = json.loads(self._file.read_text())
+        except (OSError, ValueError):
+            content = {}
+        self._known: dict[str, list[str]] = content if isinstance(content, dict) else {}
+        self._changed = False
+
+    def of(self, path: Path) -> str:
+        """Return the hash of a file's bytes, or of the names and bytes of all files in a folder.
+
+        Raises SourceError when a file cannot be read.
+        """
+        try:
+            signature = _signature(path)
+            known = self._known.get(str(path))
+            if not isinstance(known, list) or known[:1] != [signature]:
+                known = self._known[str(path)] = [signature, _digest(path)]
+                self._changed = True
+        except OSError as error:
+            raise SourceError(f"{path} cannot be read: {error}") from error
+        return known[1]
+
+    def save(self) -> None:
+        """Write what became known, without recordings that are gone."""
+        if self._changed:
+            write_json(self._file, {path: known for path, known in self._known.items() if Path(path).exists()})
+            self._changed = False
+
+
+def _files(path: Path) -> list[Path]:
+    return [path] if path.is_file() else sorted(file for file in path.rglob("*") if file.is_file())
+
+
+def _signature(path: Path) -> str:
+    state = hashlib.blake2b(digest_size=_DIGEST_BYTES)
+    for file in _files(path):
+        seen = file.stat()
+        state.update(f"{file.relative_to(path)}\0{seen.st_size}\0{seen.st_mtime_ns}\0".encode())
+    return state.hexdigest()
+
+
+def _digest(path: Path) -> str:
+    state = hashlib.blake2b(digest_size=_DIGEST_BYTES)
+    for file in _files(path):
+        with file.open("rb") as stream:
+            content = hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=_DIGEST_BYTES))
+        state.update(f"{file.relative_to(path)}\0{content.hexdigest()}\0".encode())
+    return state.hexdigest()

@@ -1,0 +1,76 @@
+"""The table of a batch: what each recording's report says, and what got better or worse since a baseline."""
+
+import json
+import statistics
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from odom.batch.job import Job
+from odom.errors import SourceError
+
+FIGURES = (
+    "frames", "tracked", "completeness", "parts", "keyframes", "loop_closures", "matched", "ate_m", "ate_online_m",
+    "rpe_1s_m", "rpe_1s_deg", "nees_mean", "nees_inside_95",
+)  # fmt: skip
+"""What a replay always gives alike; times and memory are in each recording's own report.json."""
+JUDGED = {"completeness": 1, "ate_m": -1, "rpe_1s_m": -1}
+"""Figures by which a recording got better (1: by growing, -1: by shrinking) or worse."""
+_SAME = 0.01
+"""A smaller share of change counts as none. Smaller: rounding of another library's version is reported; larger: what
+was worked for is not."""
+DONE, MISSING = "done", "not done"
+
+Row = dict[str, Any]
+
+
+def rows_of(jobs: Sequence[Job], failures: Mapping[str, str], baseline: Sequence[Row]) -> list[Row]:
+    """Return a row for each job: name, state, change and figures, and those of the baseline's row of the same content.
+
+    `failures` says by the jobs' names why some have failed; figures that a report lacks are None.
+    """
+    before = {row["content"]: row for row in baseline}
+    rows = []
+    for job in jobs:
+        figures = _figures(job.folder / "report.json") if job.is_done else dict.fromkeys(FIGURES)
+        state = DONE if job.is_done else (failures.get(job.name) or MISSING)
+        old = before.get(job.content)
+        row: Row = {"name": job.name, "state": state, "change": "", **figures}
+        if baseline:
+            row["change"] = "new" if old is None else change_of(old, row)
+            row |= {f"baseline_{name}": None if old is None else old.get(name) for name in JUDGED}
+        rows.append(row | {"content": job.content, "key": job.key})
+    return rows
+
+
+def change_of(old: Row, new: Row) -> str:
+    """Return `better`, `worse`, `mixed` or `same`; a recording that fails is worse than one that does not."""
+    if (old["state"] == DONE) != (new["state"] == DONE):
+        return "better" if new["state"] == DONE else "worse"
+    directions = set()
+    for name, good in JUDGED.items():
+        before, now = old.get(name), new.get(name)
+        if before is not None and now is not None and abs(now - before) > _SAME * abs(before):
+            directions.add("better" if (now - before) * good > 0 else "worse")
+    return directions.pop() if len(directions) == 1 else ("mixed" if directions else "same")
+
+
+def _figures(path: Path) -> Row:
+    try:
+        report = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise SourceError(f"{path} cannot be read: {error}; remove its folder to have it made again") from error
+    report["parts"] = len(report.get("segments", ()))
+    return {name: report.get(name) for name in FIGURES}
+
+
+def totals_of(rows: Sequence[Row]) -> dict[str, Any]:
+    """Return how many recordings are done, how many changed and how, and the medians of the judged figures."""
+    totals: dict[str, Any] = {"recordings": len(rows), "done": sum(row["state"] == DONE for row in rows)}
+    for word in ("better", "worse", "mixed", "same", "new"):
+        if any(row["change"] for row in rows):
+            totals[word] = sum(row["change"] == word for row in rows)
+    for name in JUDGED:
+        values = [row[name] for row in rows if row[name] is not None]
+        totals[f"median_{name}"] = statistics.median(values) if values else None
+    return totals

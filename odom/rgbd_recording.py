@@ -67,8 +67,9 @@ def read_recording(
 ) -> RgbdRecording:
     """Open an .mcap recording, a ROS 2 bag folder or a TUM RGB-D folder; `start` and `end` in seconds from its start.
 
-    `camera` is a calibration file (ROS's YAML) that replaces the recording's own; a TUM folder has none unless it
-    holds a camera.yaml. Raises SourceError when it cannot be opened, ConfigError when it lacks a calibration.
+    `camera` is a calibration file (ROS's YAML) that replaces the recording's own; that of a TUM folder without
+    camera.yaml is told by the folder's name, or an average Kinect's with a warning. Raises SourceError when the path
+    cannot be opened, ConfigError when a recording lacks a calibration.
     """
     if not Path(path).exists():
         raise SourceError(f"{path}: no such file or folder; give an .mcap file, a ROS 2 bag or a TUM RGB-D folder")

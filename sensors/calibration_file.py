@@ -24,7 +24,7 @@ class Calibration:
 def load_calibration(path: Path) -> Calibration:
     """Read a ROS camera-calibration YAML; raises ConfigError naming the field that is missing or unusable."""
     try:
-        content = yaml.safe_load(path.read_text())
+        content = yaml.safe_load(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise ConfigError(f"calibration {path} cannot be read: {error}") from error
     if not isinstance(content, dict):

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.errors import ConfigError, SourceError, WireError
+from odom.errors import SourceError, WireError
 from odom.frame import Stamp, from_seconds
 from odom.geometry.quaternion import rotation_from_quaternion
 from odom.wire import Message, Topics, truth
@@ -26,6 +26,7 @@ from odom.wire.codec import (
 )
 from odom.wire.codec.image_files import decode_file
 from sensors.calibration_file import Calibration, load_calibration
+from sensors.default_camera import assumed_camera
 from sensors.source import SourceOptions
 
 log = logging.getLogger(__name__)
@@ -49,7 +50,7 @@ def read_list(path: Path, columns: int) -> list[TumEntry]:
     Raises SourceError naming file and line for one with fewer columns behind the stamp or a stamp that is no number.
     """
     try:
-        lines = path.read_text().splitlines()
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise SourceError(f"{path} cannot be read: {error}") from error
     entries = []
@@ -147,15 +148,16 @@ class TumSource:
 def open_tum(path: Path, options: SourceOptions) -> TumSource:
     """Open a TUM RGB-D folder.
 
-    Raises ConfigError when there is no usable calibration, SourceError when the folder's lists are missing or damaged.
+    Without a calibration, in options or folder, the camera is assumed (see `assumed_camera`). Raises ConfigError when
+    the calibration cannot be used, SourceError when the folder's lists are missing or damaged.
     """
-    calibration = options.camera or path / "camera.yaml"
-    if not calibration.is_file():
-        raise ConfigError(
-            f"{path} has no calibration: give --camera camera.yaml (ROS camera-calibration YAML, plus depth_scale in "
-            f"units per metre, default 5000) or put camera.yaml into the folder"
-        )
-    return TumSource(path, load_calibration(calibration), options)
+    file = options.camera or path / "camera.yaml"
+    if options.camera is None and not file.is_file():
+        images = read_list(path / "rgb.txt", 1)
+        calibration = Calibration(assumed_camera(path, path / images[0].values[0] if images else path))
+    else:
+        calibration = load_calibration(file)
+    return TumSource(path, calibration, options)
 
 
 def _between(entries: list[TumEntry], begin: int, end: int | None) -> list[TumEntry]:

@@ -126,6 +126,6 @@ def write_tum(path: Path, trajectory: Trajectory) -> None:
 def text_of(path: Path) -> str:
     """Return the content of a text file; raises SourceError when it cannot be read."""
     try:
-        return path.read_text()
+        return path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise SourceError(f"{path} cannot be read: {error}") from error

@@ -1,8 +1,8 @@
 """Rigid bodies from a CSV file that OptiTrack's Motive has exported.
 
-One line of keys and values, then rows that name each column's type, body, and quantity, then `Frame,Time (Seconds)`
-and the data, quaternions as x, y, z, w. Motive's world has y up; here z is up, as everywhere else (REP-103). The
-times count from the start of the take, so the clock offset has to be estimated.
+One line of keys and values, then rows that name each column's type, body, and quantity (format 1.21: without labels),
+then `Frame,Time (Seconds)` and the data, quaternions as x, y, z, w. Motive's world has y up; here z is up, as
+everywhere else (REP-103). The times count from the start of the take, so the clock offset has to be estimated.
 """
 
 import csv
@@ -18,6 +18,7 @@ from odom.frame import from_seconds
 from odom.geometry.arrays import Array
 
 T_ZUP_YUP: Array = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+_BODY = "Rigid Body"
 _METRES = {"meters": 1.0, "centimeters": 0.01, "millimeters": 0.001}
 _NEEDED = tuple(("Position", axis) for axis in "XYZ") + tuple(("Rotation", axis) for axis in "XYZW")
 
@@ -38,17 +39,15 @@ def read_motive(path: Path, body: str | None = None, y_up: bool = True) -> Traje
     unit = header.get("Length Units", "Meters").lower()
     if unit not in _METRES:
         raise SourceError(f"{path}: lengths in {unit!r}: export metres or millimetres")
-    named = {row[1].strip(): row for row in rows[1:start] if len(row) > 1}
-    if "Type" not in named or "Name" not in named:
-        raise SourceError(f"{path} is no Motive export: its rows Type and Name are missing")
-    labels = (named["Type"], named["Name"], rows[start - 1], rows[start])
+    types, names = _types_and_names(path, rows[1:start])
+    labels = (types, names, rows[start - 1], rows[start])
     columns = [tuple(field.strip() for field in column) for column in zip_longest(*labels, fillvalue="")]
-    bodies = sorted({name for kind, name, _, _ in columns if kind == "Rigid Body"})
+    bodies = sorted({name for kind, name, _, _ in columns if kind == _BODY})
     if body is None and len(bodies) == 1:
         body = bodies[0]
     if body not in bodies:
         raise SourceError(f"{path} has the rigid bodies {', '.join(bodies) or 'none'}: name the one on the camera")
-    needed = [("Rigid Body", body, quantity, axis) for quantity, axis in _NEEDED]
+    needed = [(_BODY, body, quantity, axis) for quantity, axis in _NEEDED]
     if missing := [column for column in needed if column not in columns]:
         raise SourceError(f"{path}: rigid body {body} has no column {' '.join(missing[0][2:])}")
     where = [columns.index(column) for column in needed]
@@ -65,6 +64,16 @@ def read_motive(path: Path, body: str | None = None, y_up: bool = True) -> Traje
     t_q = np.array(values).reshape(-1, 7) * np.repeat([_METRES[unit], 1.0], [3, 4])
     trajectory = trajectory_of(path, np.array(stamps, dtype=np.int64), t_q)
     return trajectory.moved(T_ZUP_YUP) if y_up else trajectory
+
+
+def _types_and_names(path: Path, head: list[list[str]]) -> tuple[list[str], list[str]]:
+    """Return the rows that say what each column is of; up to format 1.21 they have no label and come first."""
+    labelled = {row[1].strip(): row for row in head if len(row) > 1}
+    if "Type" in labelled and "Name" in labelled:
+        return labelled["Type"], labelled["Name"]
+    if len(head) < 2 or _BODY not in (field.strip() for field in head[0]):
+        raise SourceError(f"{path} is no Motive export of rigid bodies: no row says which columns are of one")
+    return head[0], head[1]
 
 
 def _rows(path: Path) -> list[list[str]]:

@@ -7,6 +7,7 @@ from odom.frame import Camera, Stamp
 from odom.wire import Message
 from odom.wire.codec import Status, encode_status
 from sensors.calibration_file import load_calibration
+from sensors.default_camera import kinect_camera
 from sensors.depth_registration import DepthRegistration, load_depth_registration
 from sensors.encoder import ImageEncoder
 from sensors.openni2.device import RawFrame
@@ -19,8 +20,8 @@ _log = logging.getLogger(__name__)
 class DeviceEncoder:
     """Turns images into messages, depth registered in software where that is asked.
 
-    `camera` is the calibration file's or, without one, `factory`. Raises ConfigError when there is neither, or when
-    software registration lacks its extrinsic.
+    `camera` is the calibration file's or, without one, `factory`, or a Kinect's where the driver says none. Raises
+    ConfigError when the file's is of another size, or when software registration lacks its extrinsic.
     """
 
     def __init__(
@@ -28,7 +29,12 @@ class DeviceEncoder:
     ) -> None:
         camera = load_calibration(options.camera).camera if options.camera else factory
         if camera is None:
-            raise ConfigError("the driver does not say the field of view: give --camera CALIBRATION.yaml")
+            camera = kinect_camera(*settings.width_height)
+            _log.warning(
+                "the driver does not say the field of view: an average Kinect's is taken (fx = fy = %.1f px, no "
+                "distortion), which is wrong for other devices: give --camera FILE",
+                camera.fx,
+            )
         self.camera = camera
         if (camera.width, camera.height) != settings.width_height:
             raise ConfigError(f"the calibration is for {camera.width}x{camera.height}, the images are {settings.size}")

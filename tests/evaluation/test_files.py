@@ -79,6 +79,24 @@ def test_motive_comes_out_in_metres_with_z_up_and_lost_frames_left_out(tmp_path,
     np.testing.assert_allclose(read.stamps, (walk.stamps - walk.stamps[0])[kept], atol=1000)
 
 
+def test_motives_format_1_21_is_read_rows_without_labels_and_markers_beside_the_body(shared_data):
+    read = read_motive(shared_data / "motive_1.21_sample.csv")
+    assert len(read) == 250
+    np.testing.assert_allclose(read.positions[0], [0.060002, -0.076611, 0.019150], atol=1e-9)
+    assert np.ptp(read.positions, axis=0).max() < 1e-3
+    assert np.diff(read.stamps).mean() == pytest.approx(1e9 / 120, rel=1e-3)
+
+
+def test_motive_rows_without_labels_are_told_by_their_place(tmp_path, walk):
+    motive_csv(tmp_path / "m.csv", walk)
+    text = (tmp_path / "m.csv").read_text()
+    (tmp_path / "old.csv").write_text(text.replace(",Type,", ",,").replace(",Name,", ",,").replace(",ID,", ",,"))
+    assert_same(read_motive(tmp_path / "old.csv"), read_motive(tmp_path / "m.csv"))
+    (tmp_path / "markers.csv").write_text(text.replace(",Type,", ",,").replace("Rigid Body", "Marker"))
+    with pytest.raises(SourceError, match="no row says"):
+        read_motive(tmp_path / "markers.csv")
+
+
 def test_motive_names_the_bodies_when_asked_for_another(tmp_path, walk):
     motive_csv(tmp_path / "m.csv", walk)
     with pytest.raises(SourceError, match="rig"):

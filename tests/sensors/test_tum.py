@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from odom.errors import ConfigError, SourceError
-from odom.frame import Stamp
+from odom.frame import Camera, Stamp
 from odom.wire import Topics, truth
 from odom.wire.assembler import FrameAssembler
-from odom.wire.codec import cdr, decode_depth, decode_pose
+from odom.wire.codec import cdr, decode_camera_info, decode_depth, decode_pose
 from odom.wire.pairing import Pairer
 from sensors.calibration_file import load_calibration
 from sensors.catalogue import open_source
+from sensors.default_camera import tum_camera
 from sensors.source import SourceOptions
 from sensors.tum import depth_table, read_list
 
@@ -25,14 +26,16 @@ distortion_coefficients: {rows: 1, cols: 5, data: [0.1, 0, 0, 0, 0.2]}
 FRAMES = 4
 
 
-def write_folder(folder: Path, extension: str = "jpg", scale: float | None = None) -> Path:
+def write_folder(
+    folder: Path, extension: str = "jpg", scale: float | None = None, size: tuple[int, int] = (32, 24)
+) -> Path:
     (folder / "rgb").mkdir(parents=True)
     (folder / "depth").mkdir()
     rgb, depth = ["# colour"], ["# depth"]
     for i in range(FRAMES):
-        color = np.full((24, 32, 3), (10 * i, 100, 200), dtype=np.uint8)
+        color = np.full((*size[::-1], 3), (10 * i, 100, 200), dtype=np.uint8)
         cv2.imwrite(str(folder / "rgb" / f"{i}.{extension}"), color)
-        cv2.imwrite(str(folder / "depth" / f"{i}.png"), np.full((24, 32), 5003 + i, dtype=np.uint16))
+        cv2.imwrite(str(folder / "depth" / f"{i}.png"), np.full(size[::-1], 5003 + i, dtype=np.uint16))
         rgb.append(f"100.{i}00000123 rgb/{i}.{extension}")
         depth.append(f"100.{i}10000 depth/{i}.png")
     (folder / "rgb.txt").write_text("\n".join(rgb) + "\n")
@@ -46,6 +49,10 @@ def write_folder(folder: Path, extension: str = "jpg", scale: float | None = Non
 
 def keys(folder: Path, options: SourceOptions | None = None) -> Counter[str]:
     return Counter(message.topic for message in open_source(str(folder), options or SourceOptions()).messages())
+
+
+def camera_of(folder: Path) -> Camera:
+    return decode_camera_info(next(iter(open_source(str(folder), SourceOptions()).messages())))
 
 
 @pytest.mark.parametrize("extension", ["jpg", "png"])
@@ -155,13 +162,57 @@ def test_what_is_wrong_with_a_folder_is_named(
         open_source(str(folder), SourceOptions())
 
 
-def test_a_folder_without_calibration_asks_for_one(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "fx"),
+    [
+        ("rgbd_dataset_freiburg1_xyz", 517.306408),
+        ("rgbd_dataset_freiburg2_desk_secret", 520.908620),
+        ("fr3_office", 535.4),
+        ("tum_fr1_rpy_part", 517.306408),
+    ],
+)
+def test_a_tum_folder_as_downloaded_has_the_published_calibration(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, name: str, fx: float
+) -> None:
+    folder = write_folder(tmp_path / name, size=(640, 480))
+    (folder / "camera.yaml").unlink()
+    assert camera_of(folder) == tum_camera(folder, (640, 480))
+    assert camera_of(folder).fx == fx
+    assert not [record for record in caplog.records if record.levelname == "WARNING"]
+
+
+def test_the_published_calibration_is_that_of_a_real_recording(shared_data: Path) -> None:
+    folder = shared_data / "tum_fr1_xyz"
+    assert tum_camera(folder, (640, 480)) == load_calibration(folder / "camera.yaml").camera
+
+
+@pytest.mark.parametrize("name", ["my_room", "fr4_x", "fr12", "afr1", "freiburg1_small"])
+def test_any_other_folder_without_calibration_gets_a_kinects_and_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, name: str
+) -> None:
+    folder = write_folder(tmp_path / name)
+    (folder / "camera.yaml").unlink()
+    assert camera_of(folder) == Camera(32, 24, 26.25, 26.25, 15.5, 11.5)
+    assert {record.levelname for record in caplog.records} == {"WARNING"}
+    assert all(remedy in caplog.text for remedy in ("camera.yaml", "--camera", "no calibration"))
+
+
+def test_a_named_calibration_takes_the_place_of_the_folders(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "tum")
     elsewhere = tmp_path / "elsewhere.yaml"
     (folder / "camera.yaml").rename(elsewhere)
-    with pytest.raises(ConfigError, match="--camera"):
-        open_source(str(folder), SourceOptions())
     assert keys(folder, SourceOptions(camera=elsewhere))["cam0/depth/image_raw"] == FRAMES
+    with pytest.raises(ConfigError, match="cannot be read"):
+        open_source(str(folder), SourceOptions(camera=tmp_path / "nothing.yaml"))
+
+
+def test_lists_and_calibration_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / "tum")
+    expected = keys(folder)
+    for name in ("rgb.txt", "depth.txt", "groundtruth.txt", "camera.yaml"):
+        file = folder / name
+        file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
+    assert keys(folder) == expected
 
 
 def test_what_is_no_source_is_said(tmp_path: Path) -> None:

@@ -1,0 +1,66 @@
+"""The camera of a folder or file that says none: a TUM sequence's by the folder's name, else any Kinect's."""
+
+import logging
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from odom.errors import WireError
+from odom.frame import Camera
+from odom.wire.codec.image_files import decode_file
+
+log = logging.getLogger(__name__)
+
+_SIZE = (640, 480)
+_TUM = {
+    "1": Camera(*_SIZE, 517.306408, 516.469215, 318.643040, 255.313989,
+                (0.262383, -0.953104, -0.005358, 0.002628, 1.163314)),
+    "2": Camera(*_SIZE, 520.908620, 521.007327, 325.141442, 249.701764,
+                (0.231222, -0.784899, -0.003257, -0.000105, 0.917205)),
+    "3": Camera(*_SIZE, 535.4, 539.2, 320.1, 247.6),
+}  # fmt: skip
+"""Intrinsics of the colour cameras freiburg1, 2 and 3, as the TUM RGB-D benchmark publishes them; the third's images
+are undistorted already."""
+_TUM_NAME = re.compile(r"(?:^|[^a-z])(?:freiburg|fr)([123])(?![0-9])", re.IGNORECASE)
+_KINECT_FX = 525.0
+"""Focal length of a Kinect v1 at 640 pixels width, as its driver gives it; a device's own is within 3 %."""
+
+
+def kinect_camera(width: int, height: int) -> Camera:
+    """Return the camera of an average Kinect v1 for images of this size: square pixels, no distortion."""
+    focal = _KINECT_FX * width / _SIZE[0]
+    return Camera(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2)
+
+
+def tum_camera(folder: Path, size: tuple[int, int] | None) -> Camera | None:
+    """Return the camera of a TUM sequence by its folder's name, None when that or the images' size is another."""
+    found = _TUM_NAME.search(folder.absolute().name) or _TUM_NAME.search(folder.resolve().name)
+    return _TUM[found[1]] if found and size in (_SIZE, None) else None
+
+
+def assumed_camera(folder: Path, first_image: Path) -> Camera:
+    """Return the camera of a folder without calibration, and log which was taken and how to do better."""
+    size = _size(first_image)
+    known = tum_camera(folder, size)
+    if known is not None:
+        log.info("%s: no camera.yaml; by the folder's name it is TUM's, whose published calibration is taken", folder)
+        return known
+    camera = kinect_camera(*(size or _SIZE))
+    log.warning(
+        "%s has no calibration: an average Kinect's is taken (fx = fy = %.1f px, no distortion, 5000 depth units a "
+        "metre), which costs accuracy and is wrong for other cameras: put camera.yaml into the folder, or give "
+        "--camera FILE (README has an example)",
+        folder, camera.fx,
+    )  # fmt: skip
+    return camera
+
+
+def _size(file: Path) -> tuple[int, int] | None:
+    """Return width and height of an image file, None when it cannot be read."""
+    try:
+        image = decode_file(np.fromfile(file, dtype=np.uint8), cv2.IMREAD_GRAYSCALE)
+    except (WireError, OSError):
+        return None
+    return image.shape[1], image.shape[0]

@@ -10,7 +10,7 @@ from sensors.source import Source, SourceOptions
 def open_source(spec: str, options: SourceOptions) -> Source:
     """Open the SOURCE `spec`.
 
-    It is `arena`, `kinect[:URI]`, `kinect:FILE.oni`, an .mcap recording, a ROS 2 bag folder or a TUM RGB-D folder;
+    It is `arena`, `kinect[:URI]`, `kinect:FILE.oni`, an .mcap recording, a ROS bag or a TUM RGB-D folder;
     for truth alone `optitrack:SERVER` or a CSV file exported from Motive.
 
     Raises ConfigError when `spec` is none of these or is live and to be looped, SourceError when it cannot be opened.
@@ -40,13 +40,15 @@ def open_source(spec: str, options: SourceOptions) -> Source:
         from sensors.tum import open_tum
 
         return open_tum(path, options)
-    if (path.suffix == ".mcap" and path.is_file()) or (path / "metadata.yaml").is_file():
+    from odom.wire.recording import is_recording
+
+    if path.exists() and is_recording(path):
         from sensors.replay import open_recording
 
         return open_recording(path, options)
     if path.exists():
         raise ConfigError(
-            f"{spec} is neither an .mcap recording, a ROS 2 bag folder (with metadata.yaml) nor a TUM RGB-D folder "
-            "(with rgb.txt and depth.txt)"
+            f"{spec} is neither an .mcap recording, a ROS bag (.bag, .db3, or a folder of .db3 files or with "
+            "metadata.yaml) nor a TUM RGB-D folder (with rgb.txt and depth.txt)"
         )
     raise SourceError(f"{spec}: no such file or folder; a SOURCE is arena, kinect, an .mcap file or a TUM RGB-D folder")

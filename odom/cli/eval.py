@@ -14,13 +14,11 @@ AUTO, OFF = "auto", "off"
 def evaluate(
     estimate: Annotated[
         Path,
-        typer.Argument(
-            help="Estimate: TUM or KITTI text, .mcap, the folder of a ROS 2 bag, or one that `odom run` left."
-        ),
+        typer.Argument(help="Estimate: TUM or KITTI text, .mcap, a ROS bag, or a folder that `odom run` left."),
     ],
     truth: Annotated[
         Path | None,
-        typer.Argument(help="Truth: the same, or Motive's CSV. May be left out for a folder with truth.txt."),
+        typer.Argument(help="Truth: the same, or Motive's CSV. May be left out where ESTIMATE holds it."),
     ] = None,
     mocap: Annotated[
         bool, typer.Option("--mocap", help="Truth is of markers on the camera rig, by another clock: estimate both.")

@@ -69,5 +69,5 @@ def import_(
 
 def _is_read(source: Path, output: Path) -> bool:
     """Whether `output` is the recording that is read, or a part of the bag."""
-    parts = source.glob("*.mcap") if (source / "metadata.yaml").is_file() else [source]
+    parts = source.glob("*.*") if source.is_dir() else [source]
     return output.exists() and any(part.samefile(output) for part in parts if part.exists())

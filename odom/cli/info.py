@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 
-def info(file: Annotated[Path, typer.Argument(help="An .mcap recording or a ROS 2 bag folder.")]) -> None:
+def info(file: Annotated[Path, typer.Argument(help="An .mcap recording or a ROS bag.")]) -> None:
     """Say what a recording holds, which of it would be colour, depth and calibration, and what it lacks.
 
     Reads the whole file. Exit status 1 when nothing can be read.

@@ -13,6 +13,7 @@ from odom.evaluation.motive import read_motive
 from odom.evaluation.run_report import CAMERA, body_of
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Stamp
+from odom.wire.recording import is_recording
 
 if TYPE_CHECKING:
     from odom.wire import Message
@@ -25,7 +26,7 @@ def read_estimate(path: Path, *, times: Path | None, topic: str) -> Trajectory:
     """Return the estimate in a TUM or KITTI file, a recording's topic, or a folder that `odom run` left."""
     if path.is_dir() and (path / "trajectory.txt").is_file():
         return read_run(path)
-    if _is_recording(path):
+    if is_recording(path):
         return _from_recording(path, topic)[0]
     return read_kitti(path, times) if times and _columns(path) == 12 else _text(path)
 
@@ -37,11 +38,11 @@ def read_truth(
     if path.is_dir() and (path / "truth.txt").is_file():
         path = path / "truth.txt"
         return read_tum(path), body_of(path) != CAMERA
-    if of_run:
+    if of_run and not is_recording(path):
         raise SourceError(f"{path} holds no truth.txt: give the truth as second argument")
     if path.suffix.lower() == ".csv" and _columns(path) != 8:
         return read_motive(path, body, y_up), True
-    if _is_recording(path):
+    if is_recording(path):
         trajectory, found = _from_recording(path, topic)
         return trajectory, found.startswith(_TRUTH) and found != f"{_TRUTH}{CAMERA}/pose"
     return (read_kitti(path, times) if times and _columns(path) == 12 else _text(path)), False
@@ -64,12 +65,6 @@ def _columns(path: Path) -> int:
     except (OSError, UnicodeDecodeError) as error:
         raise SourceError(f"{path} cannot be read: {error}") from error
     return 0
-
-
-def _is_recording(path: Path) -> bool:
-    if path.suffix.lower() in (".db3", ".bag"):
-        raise SourceError(f"{path}: give the folder of a ROS 2 bag, not a file in it; a ROS 1 bag has to be converted")
-    return path.suffix.lower() == ".mcap" or (path.is_dir() and (path / "metadata.yaml").is_file())
 
 
 def _from_recording(path: Path, topic: str | None) -> tuple[Trajectory, str]:

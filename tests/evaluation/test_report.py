@@ -14,7 +14,10 @@ from odom.errors import InputError
 from odom.evaluation import EvaluationOptions, Trajectory, align, evaluate
 from odom.evaluation.files import write_tum
 from odom.evaluation.run_report import report_with_truth
+from odom.frame import Stamp
 from odom.geometry import se3
+from odom.wire.codec import encode_pose
+from odom.wire.recording import RecordingWriter
 
 FIELDS = {
     "ate_m", "ate_online_m", "rpe_frame_m", "rpe_frame_deg", "rpe_1s_m", "rpe_1s_deg", "nees_mean", "nees_inside_95",
@@ -187,11 +190,23 @@ def test_the_command_fails_with_the_contracts_status(arguments, status):
 
 
 @pytest.mark.parametrize("name", ["take_0.db3", "take.bag"])
-def test_a_single_file_of_a_bag_is_refused_with_what_to_give_instead(tmp_path, name):
+def test_a_single_file_of_a_bag_that_cannot_be_read_is_named(tmp_path, name):
     (tmp_path / name).write_bytes(b"SQLite format 3\0")
     done = odom("eval", tmp_path / name, "truth.txt")
     assert done.returncode == 1
-    assert "folder of a ROS 2 bag" in done.stderr
+    assert name in done.stderr
+    assert "bag that can be read" in done.stderr
+
+
+def test_a_recording_with_truth_inside_is_judged_by_it(tmp_path, scene):
+    _, true, estimate, _ = scene
+    with RecordingWriter(tmp_path / "session.mcap") as writer:
+        for key, trajectory in (("cam0/pose", estimate), ("truth/camera/pose", true)):
+            for stamp, T in zip(trajectory.stamps, trajectory.T_world_body, strict=True):
+                writer.write(encode_pose(key, Stamp(int(stamp)), T, "map"))
+    done = odom("eval", tmp_path / "session.mcap")
+    assert done.returncode == 0, done.stderr
+    assert f"matched        {len(estimate)} / {len(estimate)}" in done.stdout
 
 
 def test_total_counts_frames_without_a_pose(scene):

@@ -9,7 +9,10 @@ import cv2
 import numpy as np
 import pytest
 from made_up_messages import BEGIN, PERIOD_NS, kinect_depth, textured
+from rosbags.convert.converter import migrate_bytes
+from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 
 from odom.cli.info import info
 from odom.errors import ConfigError, RecordingError
@@ -122,6 +125,53 @@ def test_database_bags_read_alike(tmp_path: Path) -> None:
     assert open_source(str(bag), SourceOptions()).length == FRAMES
 
 
+def test_a_database_is_read_without_its_metadata_and_as_a_file(tmp_path: Path) -> None:
+    bag = record(tmp_path / "bag", realsense(), StoragePlugin.SQLITE3)
+    (bag / "metadata.yaml").unlink()
+    for spec in (bag, *bag.glob("*.db3")):
+        frames, assembler = frames_of(spec)
+        assert len(frames) == FRAMES
+        assert assembler.camera == CAMERA
+
+
+def test_a_bag_of_ros_1_is_read_alike(tmp_path: Path) -> None:
+    ros1, ros2 = get_typestore(Stores.ROS1_NOETIC), cdr.typestore()
+    path = tmp_path / "take.bag"
+    with Ros1Writer(path) as writer:
+        connections = {}
+        for message in realsense():
+            name = message.type_name
+            if message.topic not in connections:
+                connections[message.topic] = writer.add_connection(f"/{message.topic}", name, typestore=ros1)
+            raw = migrate_bytes(ros2, ros1, name, name, {}, message.payload, src_is2=True, dst_is2=False)
+            writer.write(connections[message.topic], message.stamp + 80_000_000, raw)
+    frames, assembler = frames_of(path)
+    assert assembler.camera == CAMERA
+    assert len(frames) == FRAMES
+    for i, (rgb, mm) in enumerate(frames):
+        assert np.array_equal(mm, kinect_depth(seed=i))
+        assert np.array_equal(rgb, textured(seed=i))
+    assert open_source(str(path), SourceOptions()).length == FRAMES
+    path.write_bytes(path.read_bytes()[:3000])
+    with pytest.raises(RecordingError, match="ROS 1 bag"):
+        open_source(str(path), SourceOptions())
+
+
+@pytest.mark.parametrize("big", [0, 1])
+def test_colour_in_16_bits_of_grey_is_colour_by_its_name(tmp_path: Path, big: int) -> None:
+    def mono16(topic: str, stamp: Stamp, color: np.ndarray) -> Message:
+        grey = color[..., 0].astype(np.uint16) * 256 + 17
+        pixels = grey.astype(">u2" if big else "<u2").view(np.uint8)
+        return cdr.encode(
+            topic, cdr.IMAGE, stamp, "camera", height=grey.shape[0], width=grey.shape[1], encoding="mono16",
+            is_bigendian=big, step=pixels.strides[0], data=pixels.reshape(-1),
+        )  # fmt: skip
+
+    frames, _ = frames_of(record(tmp_path / "bag", realsense(mono16)))
+    assert len(frames) == FRAMES
+    assert np.array_equal(frames[3][0], textured(seed=3)[..., 0])
+
+
 def test_the_parts_of_a_bag_are_read_in_the_order_of_their_numbers(tmp_path: Path) -> None:
     stamps = [Stamp(BEGIN + i * PERIOD_NS) for i in range(12 * 60)]
     for part in range(12):
@@ -149,7 +199,6 @@ BREAK: dict[str, Callable[[Path], object]] = {
         bag, "compression_format: ''", "compression_format: lz4\n  compression_mode: message"
     ),
     "whose metadata is no YAML": lambda bag: (bag / "metadata.yaml").write_bytes(b"\xff{"),
-    "without metadata": lambda bag: (bag / "metadata.yaml").unlink(),
     "whose database is another": lambda bag: next(bag.glob("*.db3")).rename(bag / "other.db3"),
     "cut in its first page": lambda bag: cut(bag, 60),
     "cut in the middle": lambda bag: cut(bag, 10**9),

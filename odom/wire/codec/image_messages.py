@@ -88,8 +88,8 @@ def encode_depth_compressed(
 def decode_color(message: Message, grey: bool = False) -> Image:
     """Return H x W x 3 RGB, or H x W grey if asked for (cheaper for JPEG) or if the image has no colour.
 
-    Takes sensor_msgs/Image of every common 8-bit encoding and CompressedImage of JPEG or PNG files. Raises WireError
-    for anything else, cut or malformed.
+    Takes sensor_msgs/Image of every common 8-bit encoding and of mono16 (its upper eight bits), and CompressedImage of
+    JPEG or PNG files. Raises WireError for anything else, cut or malformed.
     """
     if message.type_name == cdr.COMPRESSED_IMAGE:
         decoded = cdr.deserialise(message, cdr.COMPRESSED_IMAGE)
@@ -98,6 +98,9 @@ def decode_color(message: Message, grey: bool = False) -> Image:
             raise WireError(f"{message.topic}: colour of type {image.dtype}")
         return np.asarray(image, dtype=np.uint8)
     decoded = cdr.deserialise(message, cdr.IMAGE)
+    if decoded.encoding == "mono16":
+        high_byte = 0 if decoded.is_bigendian else 1
+        return np.ascontiguousarray(_pixels(message.topic, decoded, 2)[..., high_byte])
     if decoded.encoding not in _COLOR_ENCODINGS:
         raise WireError(f"{message.topic}: colour encoding {decoded.encoding!r} is not known")
     pixel_bytes, to_rgb = _COLOR_ENCODINGS[decoded.encoding]

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from odom.wire.recording.bag import DATABASE_SUFFIX, ROS1_SUFFIX, RosbagsReader
 from odom.wire.recording.bag import BagReader as BagReader
 from odom.wire.recording.reader import RecordedStream as RecordedStream
 from odom.wire.recording.reader import RecordingReader as RecordingReader
@@ -12,6 +13,15 @@ from odom.wire.recording.stream_selection import select_streams as select_stream
 from odom.wire.recording.writer import RecordingWriter as RecordingWriter
 
 
+def is_recording(path: Path) -> bool:
+    """Return whether `path` is that of a recording: an .mcap, .db3 or .bag file, or the folder of a ROS 2 bag."""
+    if path.is_dir():
+        return (path / "metadata.yaml").is_file() or any(path.glob(f"*{DATABASE_SUFFIX}"))
+    return path.suffix.lower() in (".mcap", DATABASE_SUFFIX, ROS1_SUFFIX)
+
+
 def open_reader(path: Path) -> RecordingReader:
-    """Return the reader of an .mcap file or of a ROS 2 bag folder; raises RecordingError when it is neither."""
-    return BagReader(path) if path.is_dir() else RecordingReader(path)
+    """Return the reader of an .mcap file or a ROS bag, file or folder; raises RecordingError when it is neither."""
+    if path.is_dir():
+        return BagReader(path)
+    return RosbagsReader(path) if path.suffix.lower() in (DATABASE_SUFFIX, ROS1_SUFFIX) else RecordingReader(path)

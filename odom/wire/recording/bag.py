@@ -1,38 +1,45 @@
-"""Reads a ROS 2 bag folder (`metadata.yaml` beside .mcap or .db3 files) like a single recording."""
+"""Reads ROS bags like recordings of this project: folders of .mcap or .db3 files, single .db3 files, ROS 1's .bag."""
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from odom.errors import RecordingError, WireError
 from odom.frame import Stamp
 from odom.wire.codec import stamp_of
+from odom.wire.codec.cdr import typestore
 from odom.wire.message import Message
 from odom.wire.recording.reader import RecordingReader
+
+ROS1_SUFFIX, DATABASE_SUFFIX = ".bag", ".db3"
 
 
 class BagReader(RecordingReader):
     """Reads the folder `path`: its .mcap files one after the other, even cut ones, or its .db3 files.
 
-    Raises RecordingError when it holds neither or they cannot be read.
+    `metadata.yaml` may be missing. Raises RecordingError when it holds neither or they cannot be read.
     """
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._parts = [RecordingReader(part) for part in sorted(path.glob("*.mcap"), key=_number)]
-        if not self._parts and not any(path.glob("*.db3")):
+        databases = sorted(path.glob(f"*{DATABASE_SUFFIX}"), key=_number)
+        self._parts: list[RecordingReader] = [
+            RecordingReader(part) for part in sorted(path.glob("*.mcap"), key=_number)
+        ]
+        if not self._parts and not databases:
             raise RecordingError(f"{path} is no ROS 2 bag: neither .mcap nor .db3 files are in it")
+        if not self._parts and (path / "metadata.yaml").is_file():
+            self._parts = [RosbagsReader(path)]
+        elif not self._parts:
+            self._parts = [RosbagsReader(part) for part in databases]
 
     def counts(self) -> Counter[str] | None:
         """Return the number of messages by topic, None when a part has no sound index."""
         totals = Counter[str]()
-        if not self._parts:
-            with self._database() as bag:
-                for connection in bag.connections:
-                    totals[connection.topic.removeprefix("/")] += connection.msgcount
         for part in self._parts:
             counts = part.counts()
             if counts is None:
@@ -41,9 +48,6 @@ class BagReader(RecordingReader):
         return totals
 
     def _in_file_order(self, topics: Collection[str] | None, start: Stamp | None) -> Iterator[Message]:
-        if not self._parts:
-            yield from self._from_database(topics, start)
-            return
         self.damage, self.complete, self.skipped = (), True, 0
         for part in self._parts:
             yield from part._in_file_order(topics, start)
@@ -51,31 +55,76 @@ class BagReader(RecordingReader):
             self.complete &= part.complete
             self.skipped += part.skipped
 
-    def _from_database(self, topics: Collection[str] | None, start: Stamp | None) -> Iterator[Message]:
+
+class RosbagsReader(RecordingReader):
+    """Reads what `rosbags` opens: a folder with metadata.yaml, a .db3 file, or a ROS 1 bag, whose messages become CDR.
+
+    Messages whose type ROS 2 does not define are counted in `skipped`.
+    """
+
+    def counts(self) -> Counter[str] | None:
+        """Return the number of messages by topic."""
+        totals = Counter[str]()
+        with self._opened() as bag:
+            for connection in bag.connections:
+                totals[connection.topic.removeprefix("/")] += connection.msgcount
+        return totals
+
+    def _in_file_order(self, topics: Collection[str] | None, start: Stamp | None) -> Iterator[Message]:
         self.complete, self.skipped = False, 0
-        with self._database() as bag:
+        as_cdr: Callable[[str, bytes], bytes] = _cdr_of_ros1 if self._is_ros1 else lambda _, payload: bytes(payload)
+        with self._opened() as bag:
             wanted = [c for c in bag.connections if topics is None or c.topic.removeprefix("/") in topics]
-            for connection, time, payload in bag.messages(connections=wanted) if wanted else ():
+            for connection, time, raw in bag.messages(connections=wanted) if wanted else ():
                 try:
+                    payload = as_cdr(connection.msgtype, raw)
                     stamp = stamp_of(connection.msgtype, payload)
                 except WireError:
                     self.skipped += 1
                     continue
                 at = Stamp(time) if stamp is None else stamp
                 if start is None or at >= start:
-                    yield Message(connection.topic.removeprefix("/"), connection.msgtype, at, bytes(payload))
+                    yield Message(connection.topic.removeprefix("/"), connection.msgtype, at, payload)
         self.complete = True
 
+    @property
+    def _is_ros1(self) -> bool:
+        return self.path.suffix.lower() == ROS1_SUFFIX
+
     @contextmanager
-    def _database(self) -> Iterator[Any]:
-        """Open the database; whatever goes wrong with it, now or while it is read, becomes a RecordingError."""
-        from rosbags.rosbag2 import Reader
+    def _opened(self) -> Iterator[Any]:
+        """Open the bag; whatever goes wrong with it, now or while it is read, becomes a RecordingError."""
+        from rosbags import rosbag1, rosbag2
 
         try:
-            with Reader(self.path) as bag:
+            with rosbag1.Reader(self.path) if self._is_ros1 else rosbag2.Reader(self.path) as bag:
                 yield bag
         except Exception as error:  # what rosbags, YAML, zstd and the database raise for arbitrary bytes
-            raise RecordingError(f"{self.path} is no ROS 2 bag that can be read: {error}") from error
+            kind = "ROS 1 bag" if self._is_ros1 else "ROS 2 bag"
+            raise RecordingError(f"{self.path} is no {kind} that can be read: {error}") from error
+
+
+def _cdr_of_ros1(type_name: str, raw: bytes) -> bytes:
+    """Return a ROS 1 message as ROS 2's; raises WireError for types that it does not define, and malformed bytes."""
+    from rosbags.convert.converter import migrate_bytes
+
+    try:
+        return bytes(
+            migrate_bytes(_ros1(), typestore(), type_name, type_name, _MIGRATIONS, raw, src_is2=False, dst_is2=True)
+        )
+    except Exception as error:  # the generated code meets arbitrary bytes and types
+        raise WireError(f"{type_name} of ROS 1 cannot be read: {error}") from error
+
+
+_MIGRATIONS: dict[str, object] = {}
+"""What `rosbags` keeps between messages: how the fields of each type are moved."""
+
+
+@lru_cache(maxsize=1)
+def _ros1() -> Any:
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS1_NOETIC)
 
 
 def _number(part: Path) -> tuple[int, str]:

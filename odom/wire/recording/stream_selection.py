@@ -112,7 +112,8 @@ def _image_kind(stream: RecordedStream) -> str | None:
     try:
         if stream.type_name == cdr.IMAGE:
             encoding = cdr.deserialise(stream.first, cdr.IMAGE).encoding
-            return "depth" if encoding in _DEPTH_ENCODINGS else "color"
+            is_grey = encoding == "mono16" and _says(stream, _COLOR_WORDS)
+            return "depth" if encoding in _DEPTH_ENCODINGS and not is_grey else "color"
         if stream.type_name == cdr.COMPRESSED_IMAGE:
             image_format = cdr.deserialise(stream.first, cdr.COMPRESSED_IMAGE).format
             deep = "compresseddepth" in image_format.lower() or image_format.split(";")[0] in _DEPTH_ENCODINGS
@@ -122,11 +123,14 @@ def _image_kind(stream: RecordedStream) -> str | None:
     return None
 
 
+def _says(stream: RecordedStream, words: Iterable[str]) -> bool:
+    """Return whether one of the words is a word of the topic's name."""
+    return not set(stream.topic.lower().replace("/", "_").split("_")).isdisjoint(words)
+
+
 def _color_rank(stream: RecordedStream) -> tuple[int, ...]:
-    words = set(stream.topic.lower().replace("/", "_").split("_"))
-    says_color = any(word in words for word in _COLOR_WORDS)
-    says_other = not words.isdisjoint(word + number for word in _OTHER_WORDS for number in ("", "1", "2"))
-    return (says_color - says_other, stream.count, stream.type_name == cdr.IMAGE)
+    says_other = _says(stream, (word + number for word in _OTHER_WORDS for number in ("", "1", "2")))
+    return (_says(stream, _COLOR_WORDS) - says_other, stream.count, stream.type_name == cdr.IMAGE)
 
 
 def _depth_rank(stream: RecordedStream) -> tuple[int, ...]:

@@ -1,5 +1,7 @@
 """The `odom` command. One module a command; heavy packages are imported inside the commands."""
 
+import atexit
+import gc
 import logging
 import os
 import sys
@@ -92,6 +94,7 @@ def main() -> None:
     for name in _ONE_THREAD:
         os.environ.setdefault(name, "1")
     end_with_parent()
+    atexit.register(gc.freeze)  # else the interpreter looks through all it has loaded, for seconds on a busy machine
     try:
         app(prog_name="odom")
     except ConfigError as error:

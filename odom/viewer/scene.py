@@ -114,6 +114,11 @@ class Scene:
             yield from self._map.all_points(self._newest)
             yield from self._refresh(self._newest)
 
+    def trajectories(self) -> Iterator[EntityUpdate]:
+        """Yield the whole trajectories and the summary as they are by now, at once: nothing is calibrated for it."""
+        if self._newest is not None:
+            yield from self._refresh(self._newest, calibrates=False)
+
     def _color(self, message: Message) -> Iterator[EntityUpdate]:
         if self._newest is None:
             self._newest = message.stamp
@@ -202,15 +207,11 @@ class Scene:
             self._truth[body] = BoundedTrajectory(4 * self._settings.path_poses)
         return self._truth.get(body)
 
-    def _judged(self) -> BoundedTrajectory | None:
-        """Return the truth that the estimate is compared with, that of the first body."""
-        return next(iter(self._truth.values()), None)
-
-    def _refresh(self, stamp: Stamp) -> Iterator[EntityUpdate]:
+    def _refresh(self, stamp: Stamp, calibrates: bool = True) -> Iterator[EntityUpdate]:
         corrected = self._map.corrected()
         yield from self._map.refresh(stamp, corrected)
-        truth = self._judged()
-        if truth is not None and (fit := self._align(corrected, truth.trajectory())):
+        truth = next(iter(self._truth.values()), None)
+        if truth is not None and (fit := self._align(corrected, truth.trajectory(), calibrates)):
             yield from self._log.truth(stamp, fit, first=self._fit is None)
             self._fit = fit
         if self._fit is not None:
@@ -223,11 +224,12 @@ class Scene:
         """Whether the first body is `camera`: its truth is the camera's own, other bodies carry markers."""
         return next(iter(self._truth), "") == _CAMERA_BODY
 
-    def _align(self, corrected: Trajectory, truth: Trajectory) -> TruthInMap | None:
+    def _align(self, corrected: Trajectory, truth: Trajectory, calibrates: bool) -> TruthInMap | None:
         joined = corrected.segment == 0 if corrected.segment is not None else True
         corrected = corrected.take((corrected.stamps >= self._segment[1]) & joined)
-        calibrated = None if self._truth_is_the_cameras else self._calibration.update(corrected, truth)
-        return align_truth(corrected, truth, calibrated)
+        if calibrates and not self._truth_is_the_cameras:
+            self._calibration.update(corrected, truth)
+        return align_truth(corrected, truth, self._calibration.found)
 
     def _errors(self) -> Iterator[EntityUpdate]:
         """Yield the errors of poses that truth has come for; with a marker body only once it is calibrated."""

@@ -116,19 +116,18 @@ class ProgressiveCalibration:
         self._due_s = _CALIBRATE_FROM_S
         self.found: Calibrated | None = None
 
-    def update(self, estimate: Trajectory, truth: Trajectory) -> Calibrated | None:
-        """Return the newest calibration, None while the motion does not determine it."""
+    def update(self, estimate: Trajectory, truth: Trajectory) -> None:
+        """Calibrate when it is due; `found` stays None while the motion does not determine it."""
         if estimate.duration_s < self._due_s:
-            return self.found
+            return
         self._due_s = _CALIBRATE_GROWTH * estimate.duration_s
         stride = max(1, -(-len(estimate) // _CALIBRATE_POSES))
         try:
             result = calibrate(estimate.take(np.arange(0, len(estimate), stride)), truth)
         except InputError:
-            return self.found
+            return
         if not result.notes:
             self.found = Calibrated(result.T_body_camera, result.offset_s)
-        return self.found
 
 
 class Comparison:

@@ -32,6 +32,8 @@ _HISTORY_S = 2.0
 """For answers about what happened before; when no odometry answers, the viewer opens so much later."""
 _REPEAT_S = 20.0
 """Between two drawings of everything for browsers that open late, when Rerun's server has forgotten the first."""
+_LAST_WORDS_S = 1.0
+"""For messages that still wait when the viewer is asked to end: on a busy machine they would take half a minute."""
 _GRACE_S = 2.0
 """Behind the end of the source, for the odometry's last words, before a viewer that only writes a file ends."""
 
@@ -57,7 +59,7 @@ def view(
         viewer.start()
         session.announce(topics.alive_of("viewer"))
         while not (stop.is_set() or shown.window_closed):
-            viewer.step(repeat=outputs.served)
+            viewer.step(stop.is_set, repeat=outputs.served)
             if not outputs.served and viewer.ended_s is not None and time.monotonic() - viewer.ended_s > _GRACE_S:
                 break
         viewer.finish()
@@ -103,20 +105,28 @@ class Viewer:
         self._draw(self._scene.everything())
         _LOG.info("showing %s, with %d messages of what happened before", self.topics.namespace, count)
 
-    def step(self, repeat: bool) -> None:
-        """Show the small messages that wait, then one image; with `repeat` everything again every 20 s."""
+    def step(self, is_asked_to_end: Callable[[], bool], repeat: bool) -> None:
+        """Show the small messages that wait, then one image; with `repeat` everything again every 20 s.
+
+        It returns between two messages when it is asked to end.
+        """
         for _ in range(_SMALL_AT_ONCE):
-            if not self._next(self._small, 0.0):
+            if is_asked_to_end() or not self._next(self._small, 0.0):
                 break
+        if is_asked_to_end():
+            return
         self._next(self._images, _WAIT_S)
         if repeat and time.monotonic() >= self._repeat_due:
             self._repeat_due = time.monotonic() + _REPEAT_S
             self._draw(self._scene.everything())
 
     def finish(self) -> None:
-        """Show up to 200 small messages and an image that still wait, then everything once more."""
-        self.step(repeat=False)
-        self._draw(self._scene.everything())
+        """Take no new messages; show for at most a second what still waits, then the trajectories as they now are."""
+        self._small.close()
+        self._images.close()
+        deadline = time.monotonic() + _LAST_WORDS_S
+        self.step(lambda: time.monotonic() > deadline, repeat=False)
+        self._draw(self._scene.trajectories())
 
     def counts(self) -> tuple[int, int, int, int]:
         """Return messages shown, images thinned out, messages dropped here or lost on the way, and malformed ones."""

@@ -27,6 +27,9 @@ interpreter's time. Chosen with tests/wire/test_bulk_receiver.py, which counts w
 _MOST_SAMPLES = 1024
 """Samples after which a fetch ends even if lossless ones keep coming. Larger: a flood delays the rest; smaller: an
 ordinary burst is split, and messages of a lossless sender may change order. Four full channels."""
+_ENDED_S = 2.0
+"""For all listening threads together to end, which they do at once unless the machine is busy. Longer delays the end of
+the process; shorter lets threads wait beyond `close`, which find nothing more to fetch. Chosen by hand."""
 _LATE_S = 0.001
 """How long to wait for a sample whose bell has rung before it is in its channel. Chosen by hand; longer only delays."""
 
@@ -58,6 +61,7 @@ class BulkReceiver:
         self._malformed = malformed
         self._take = take
         self._lock = threading.Lock()
+        self._closed = False
         keys = tuple(keys)
         self._subscribers = [session.declare_subscriber(k, zenoh.handlers.FifoChannel(_CHANNEL_SAMPLES)) for k in keys]
         names = [None if "*" in key else key for key in keys]
@@ -71,7 +75,7 @@ class BulkReceiver:
             thread.start()
 
     def fetch(self) -> int:
-        """Hand over what has come; return how many samples there were."""
+        """Hand over what has come; return how many samples there were, none after `close`."""
         with self._lock:
             arrivals, ignored = self._look()
             if arrivals:
@@ -85,16 +89,20 @@ class BulkReceiver:
 
     def close(self) -> None:
         """Stop; samples that have not been fetched are lost."""
+        self._closed = True  # before the lock, for which a flood would let it wait
         with self._lock:
             self._channels.clear()
         for subscriber in self._subscribers:
             subscriber.undeclare()  # type: ignore[no-untyped-call]  # zenoh gives no type
         self._subscribers.clear()
+        deadline = time.monotonic() + _ENDED_S
         for thread in self._threads:
-            thread.join(timeout=2.0)  # it ends with its channel, at once
+            thread.join(timeout=max(0.0, deadline - time.monotonic()))  # it ends with its channel, at once
 
     def _listen(self, bell: "zenoh.handlers.Handler[zenoh.Sample]") -> None:
         for _ in bell:
+            if self._closed:
+                return
             if not self.fetch():  # another thread has fetched it, or it is not in the channel yet
                 time.sleep(_LATE_S)
                 self.fetch()
@@ -108,7 +116,7 @@ class BulkReceiver:
         arrivals, ignored = list[ReceivedSample](), Counter[str]()
         flooded = self._malformed.flooded()
         found = True
-        while found and len(arrivals) < _MOST_SAMPLES:
+        while found and len(arrivals) < _MOST_SAMPLES and not self._closed:
             found = False
             for key, channel in self._channels:
                 for _ in range(_CHANNEL_SAMPLES):

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from contextlib import suppress
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -15,9 +16,12 @@ from odom.geometry import se3
 from odom.viewer import ViewerSettings, entities, palette
 from odom.viewer.entities import EntityUpdate
 from odom.viewer.keyframe_clouds import KeyframeClouds, back_project
+from odom.viewer.outputs import Shown
 from odom.viewer.scene import Scene
 from odom.viewer.truth_alignment import in_map
+from odom.viewer.viewer_process import Viewer
 from odom.wire import Message, Topics, codec
+from odom.wire.delivery import Delivery
 
 TOPICS = Topics("cam0")
 
@@ -46,6 +50,24 @@ def _last(drawn: list[EntityUpdate], path: str) -> EntityUpdate:
 def played() -> tuple[Scene, list[EntityUpdate]]:
     scene = _scene()
     return scene, _play(scene, MadeUp(frames=600, drift_m=0.1))
+
+
+def test_the_last_drawing_has_the_trajectories_and_nothing_slow(played: tuple[Scene, list[EntityUpdate]]) -> None:
+    paths = {item.path for item in played[0].trajectories()}
+    assert {entities.ONLINE, entities.CORRECTED, f"{entities.TRUTH}/camera", entities.SUMMARY} <= paths
+    assert not any(path.startswith((entities.CLOUDS, entities.LANDMARKS)) for path in paths)
+
+
+def test_a_viewer_that_is_asked_to_end_looks_at_no_further_message() -> None:
+    """On a crowded machine the messages that wait, and those that come meanwhile, would take half a minute."""
+    session, asked = MagicMock(), iter([False, False, True, True])
+    waiting = session.subscriber.return_value
+    waiting.receive.return_value = Delivery(codec.encode_text(TOPICS.end, BEGIN, ""))
+    viewer = Viewer(session, TOPICS, ViewerSettings(), Shown(MagicMock(), None, None))
+    viewer.step(lambda: next(asked), repeat=True)
+    assert waiting.receive.call_count == 2
+    viewer.finish()
+    assert waiting.close.call_count == 2
 
 
 def test_everything_that_is_promised_is_drawn(played: tuple[Scene, list[EntityUpdate]]) -> None:

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import repeat
 from types import SimpleNamespace
 from typing import cast
 from unittest.mock import MagicMock
@@ -19,10 +20,11 @@ from private_network import OpenSession
 
 from odom.frame import Stamp
 from odom.wire import Message, Topics
-from odom.wire.bulk_receiver import ReceivedSample, in_order
+from odom.wire.bulk_receiver import BulkReceiver, ReceivedSample, in_order
 from odom.wire.codec import encode_text
 from odom.wire.consumer import Consumer
 from odom.wire.delivery import Attachment, encoding_of
+from odom.wire.malformed_counter import MalformedCounter
 from odom.wire.session import Subscriber, WireSession
 
 _FLOOD = """
@@ -108,6 +110,25 @@ def test_the_end_of_a_live_source_does_not_overtake_an_image_that_comes_during_t
     while consumer.ended is None:
         deliveries.append(consumer.receive(0.0))
     assert [delivery.message.topic for delivery in deliveries if delivery is not None] == [topics.depth]
+
+
+def test_a_receiver_that_is_closed_in_a_flood_fetches_nothing_more() -> None:
+    """Otherwise the flood keeps a process on a crowded machine from its end."""
+    flooded = Channel()
+    sample = live_sample(encode_text("key", Stamp(0), "x"), 0)
+
+    def subscribe(key: str, handler: object) -> SimpleNamespace:
+        is_bell = isinstance(handler, zenoh.handlers.RingChannel)
+        return SimpleNamespace(handler=repeat(sample) if is_bell else flooded, undeclare=lambda: None)
+
+    taken: list[ReceivedSample] = []
+    session = cast(zenoh.Session, MagicMock(declare_subscriber=subscribe))
+    receiver = BulkReceiver(session, ("key",), MalformedCounter(), taken.extend)
+    receiver.close()
+    assert "bell of key" not in {thread.name for thread in threading.enumerate()}
+    flooded.samples.append(sample)
+    assert receiver.fetch() == 0
+    assert not taken
 
 
 def test_messages_of_many_keys_arrive_in_the_order_of_sending(open_peer: OpenSession) -> None:

@@ -1,10 +1,27 @@
-"""How a SOURCE on the command line is found; an adapter is imported when it is chosen."""
+"""How a SOURCE on the command line is found, and what may be said about it; an adapter is imported when chosen."""
 
-from dataclasses import replace
+import math
+from dataclasses import fields, replace
 from pathlib import Path
 
-from odom.errors import ConfigError, SourceError
+from odom.errors import ConfigError
 from sensors.source import Source, SourceOptions
+from sensors.source_options import read_options
+
+_PLAYED = {"start", "end", "realtime", "rate", "loop"}
+_SENT = {"color", "depth"}
+_TAKES = {
+    "arena": {"sensor", "seed", "seconds", "live", "extra"} | _PLAYED | _SENT,
+    "a live camera": {"camera", "seconds", "extra"} | _SENT,
+    "an .oni file": {"camera", "extra"} | _PLAYED | _SENT,
+    "a motion capture server": {"seconds", "extra"},
+    "a Motive export": {"extra", "realtime", "rate", "loop"},
+    "a TUM folder": {"camera"} | _PLAYED,
+    "a recording": {"camera", "topics_from"} | _PLAYED,
+}
+"""Which fields of SourceOptions each kind of source has a use for."""
+_OPTIONS = {"topics_from": "--topic", "extra": "--option"}
+"""What a field is called on the command line, where that is not its name."""
 
 
 def open_source(spec: str, options: SourceOptions) -> Source:
@@ -13,8 +30,11 @@ def open_source(spec: str, options: SourceOptions) -> Source:
     It is `arena`, `kinect[:URI]`, `kinect:FILE.oni`, an .mcap recording, a ROS bag or a TUM RGB-D folder;
     for truth alone `optitrack:SERVER` or a CSV file exported from Motive.
 
-    Raises ConfigError when `spec` is none of these or is live and to be looped, SourceError when it cannot be opened.
+    Raises ConfigError when `spec` is none of these, or is told what it has no use for; SourceError when it cannot be
+    opened.
     """
+    kind = _kind(spec)
+    _check_options(spec, kind, options)
     if options.loop:
         from sensors.loop import LoopedSource
 
@@ -23,32 +43,94 @@ def open_source(spec: str, options: SourceOptions) -> Source:
             source.close()
             raise ConfigError(f"{spec} is live and cannot begin again: --loop is for recordings")
         return LoopedSource(source)
-    if spec == "arena":
+    if kind == "arena":
         from sensors.arena import open_arena
 
         return open_arena(options)
-    if spec == "kinect" or spec.startswith("kinect:"):
+    if kind in ("a live camera", "an .oni file"):
         from sensors.openni2 import open_kinect
 
         return open_kinect(spec, options)
-    if spec.startswith("optitrack:") or spec.endswith(".csv"):
+    if kind in ("a motion capture server", "a Motive export"):
         from sensors.optitrack import open_optitrack
 
         return open_optitrack(spec, options)
-    path = Path(spec)
-    if (path / "rgb.txt").is_file():
+    if kind == "a TUM folder":
         from sensors.tum import open_tum
 
-        return open_tum(path, options)
+        return open_tum(Path(spec), options)
+    from sensors.replay import open_recording
+
+    return open_recording(Path(spec), options)
+
+
+def check_source(spec: str, options: SourceOptions) -> None:
+    """Raise what `open_source` would for a wrong call; no device is touched, nothing is drawn, nothing stays open."""
+    kind = _kind(spec)
+    _check_options(spec, kind, options)
+    if options.camera is not None:
+        from sensors.calibration_file import load_calibration
+
+        load_calibration(options.camera)
+    if kind == "arena":
+        from sensors.arena.source import arena_options
+
+        arena_options(options)
+    elif kind == "a live camera":
+        from sensors.openni2.settings import KinectSettings
+
+        read_options("kinect", KinectSettings, dict(options.extra))
+    elif kind == "a motion capture server":
+        from sensors.optitrack.settings import OptiTrackSettings
+
+        read_options("optitrack", OptiTrackSettings, dict(options.extra))
+    else:
+        open_source(spec, options).close()
+
+
+def _kind(spec: str) -> str:
+    if spec == "arena":
+        return "arena"
+    if spec == "kinect" or spec.startswith("kinect:"):
+        return "an .oni file" if spec.endswith(".oni") else "a live camera"
+    if spec.startswith("optitrack:"):
+        return "a motion capture server"
+    path = Path(spec)
+    if (path / "rgb.txt").is_file():
+        return "a TUM folder"
+    if spec.endswith(".csv") and path.is_file():
+        return "a Motive export"
     from odom.wire.recording import is_recording
 
     if path.exists() and is_recording(path):
-        from sensors.replay import open_recording
-
-        return open_recording(path, options)
+        return "a recording"
     if path.exists():
         raise ConfigError(
             f"{spec} is neither an .mcap recording, a ROS bag (.bag, .db3, or a folder of .db3 files or with "
             "metadata.yaml) nor a TUM RGB-D folder (with rgb.txt and depth.txt)"
         )
-    raise SourceError(f"{spec}: no such file or folder; a SOURCE is arena, kinect, an .mcap file or a TUM RGB-D folder")
+    raise ConfigError(f"{spec}: no such file or folder; a SOURCE is arena, kinect, an .mcap file or a TUM RGB-D folder")
+
+
+def _check_options(spec: str, kind: str, options: SourceOptions) -> None:
+    """Raise ConfigError for what the source has no use for, and for times that contradict each other."""
+    given = {field.name: getattr(options, field.name) for field in fields(options) if field.name != "topics"}
+    unset = SourceOptions()
+    useless = [name for name in given if name not in _TAKES[kind] and given[name] != getattr(unset, name)]
+    if useless:
+        names = ", ".join(map(_option, useless))
+        known = ", ".join(_option(name) for name in given if name in _TAKES[kind])
+        raise ConfigError(f"{spec} is {kind} and has no use for {names}: it takes {known}")
+    for name, value in given.items():
+        if isinstance(value, float) and not math.isfinite(value):
+            raise ConfigError(f"{_option(name)} {value}: give a number of seconds")
+    if options.end is not None and options.end <= options.start:
+        raise ConfigError(
+            f"--end {options.end:g} is not behind --start {options.start:g}, and both count from the beginning"
+        )
+    if options.rate != unset.rate and not options.realtime:
+        raise ConfigError(f"--rate {options.rate:g} is the speed of --realtime: give both or none")
+
+
+def _option(name: str) -> str:
+    return _OPTIONS.get(name, f"--{name}")

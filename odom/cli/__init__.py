@@ -26,6 +26,7 @@ from odom.cli.router import router
 from odom.cli.run import run
 from odom.cli.sensor import sensor
 from odom.cli.serve import serve
+from odom.cli.streams import outlive_readers
 from odom.cli.view import view
 from odom.errors import ConfigError, OdomError
 from odom.service.child_process import end_with_parent
@@ -91,6 +92,7 @@ def root(
 
 def main() -> None:
     """Run the command line: exit status 0 done, 1 ran but failed, 2 called wrongly."""
+    outlive_readers()
     for name in _ONE_THREAD:
         os.environ.setdefault(name, "1")
     end_with_parent()

@@ -1,5 +1,6 @@
 """`odom run SOURCE`: the main job."""
 
+import os
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -7,6 +8,9 @@ from typing import Annotated, Any
 import typer
 
 from odom.cli import logs, options, signals
+from odom.cli.sensor import sensor as sensor_command
+from odom.cli.summary import summary
+from odom.errors import ConfigError, OdomError
 
 
 def run(
@@ -42,11 +46,10 @@ def run(
 
     Example: odom run recordings/arena.mcap --headless --out out/first
     """
-    import os
-
     stop = signals.stop_event()
-    from odom.service.local_run import RunPlan
     from odom.service.local_run import run as run_all
+    from odom.service.run_folder import new_folder
+    from odom.service.run_processes import RunPlan
     from odom.service.settings import load_settings
     from odom.service.settings_sources import CONFIG_ENVIRONMENT
 
@@ -55,7 +58,6 @@ def run(
     settings = load_settings(config)
     if namespace is not None:
         settings = settings.model_copy(update={"wire": settings.wire.model_copy(update={"namespace": namespace})})
-    folder = out or Path("out") / f"{_stem(source)}-{time.strftime('%Y%m%d-%H%M%S')}"
     sensor = [f"--start={start}", f"--rate={rate}", f"--seed={seed}", f"--sensor={kind}"]
     sensor += [f"--topic={one}" for one in topic or ()]
     sensor += [f"--option={one}" for one in option or ()]
@@ -65,6 +67,12 @@ def run(
     sensor += ["--realtime"] if realtime else []
     sensor += ["--live"] if live else []
     sensor += sensor_option or ()
+    if headless and web:
+        raise ConfigError("--headless and --web contradict each other: give one of them")
+    _check_sensor(source, sensor)
+    if record is not None:
+        _check_record(record)
+    folder = out or new_folder(Path("out") / f"{_stem(source)}-{time.strftime('%Y%m%d-%H%M%S')}")
     viewer = [*(["--web"] if web else []), *(["--headless"] if headless else [])]
     viewer += [f"--rrd={folder / 'session.rrd'}"] if rrd else []
     plan = RunPlan(
@@ -77,39 +85,33 @@ def run(
         stay=stay,
         log_json=logs.as_json(),
     )
-    summarise(run_all(plan, settings, stop), folder)
+
+    def tell(report: dict[str, Any]) -> None:
+        for line in summary(report, folder):
+            typer.echo(line)
+
+    run_all(plan, settings, stop, tell)
+
+
+def _check_sensor(source: str, arguments: list[str]) -> None:
+    """Refuse, before anything is touched, what `odom sensor` would refuse."""
+    alone = typer.Typer(add_completion=False)
+    alone.command()(sensor_command)
+    try:
+        typer.main.get_command(alone).main(
+            ["--check", *arguments, "--", source], prog_name="odom sensor", standalone_mode=False
+        )
+    except OdomError as error:
+        raise ConfigError(str(error)) from error
+
+
+def _check_record(path: Path) -> None:
+    if path.exists():
+        raise ConfigError(f"--record {path} exists already: give another name, or {{time}} in it for that of the start")
+    folder = next(parent for parent in path.absolute().parents if parent.exists())
+    if not (folder.is_dir() and os.access(folder, os.W_OK)):
+        raise ConfigError(f"--record {path}: nothing can be written in {folder}; give another place")
 
 
 def _stem(source: str) -> str:
     return "".join(c if c.isalnum() else "-" for c in Path(source).stem).strip("-") or "run"
-
-
-def summarise(report: dict[str, Any], folder: Path) -> None:
-    """Print what a person wants to know of a report."""
-    processing = report["processing_ms"]
-    typer.echo(
-        f"{report['tracked']} of {report['frames']} frames tracked ({report['completeness']:.1%}), "
-        f"{len(report['segments'])} segment(s), {report['loop_closures']} loop closure(s)"
-    )
-    if len(report["segments"]) > 1:
-        poses = [part["frames"] for part in report["segments"]]
-        typer.echo(
-            f"trajectory.txt is the largest of {len(poses)} parts never joined: {poses[0]} of {sum(poses)} poses"
-        )
-    typer.echo(
-        f"{report['fps']:.0f} frames/s, {processing['p50']:.1f} ms a frame (p99 {processing['p99']:.1f}), "
-        f"{report['cpu_ms_per_frame']:.1f} ms CPU"
-    )
-    bad = [f"{report[name]} {name.split('_')[0]}" for name in ("lost_frames", "unmatched_frames") if report[name]]
-    if bad:
-        typer.echo(f"frames not used: {', '.join(bad)}")
-    if report.get("ate_m") is not None:
-        typer.echo(
-            f"against truth ({report['matched']}/{report['total']} poses): ATE {_figure(report['ate_m'], 4)} m, "
-            f"drift {_figure(report['rpe_1s_m'], 4)} m and {_figure(report['rpe_1s_deg'], 2)} deg over 1 s"
-        )
-    typer.echo(f"files: {folder}")
-
-
-def _figure(value: float | None, digits: int) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"

@@ -1,10 +1,15 @@
 """`odom sensor SOURCE`: one sensor, folder or recording on the wire."""
 
-from typing import Annotated, Literal
+import threading
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from odom.cli import options, signals
+from odom.wire.settings import WireSettings
+
+if TYPE_CHECKING:
+    from sensors.source import SourceOptions
 
 
 def sensor(
@@ -27,6 +32,7 @@ def sensor(
     consumers: Annotated[
         int | None, typer.Option(min=0, help="Wait for so many consumers first (recorded: 1, live: 0).")
     ] = None,
+    check: Annotated[bool, typer.Option("--check", help="Only say whether SOURCE and options can be used.")] = False,
     connect: options.Connect = None,
     listen: options.Listen = None,
     mode: options.Mode = None,
@@ -38,17 +44,11 @@ def sensor(
 
     Example: odom sensor session.mcap --start 5 --end 20
     """
-    import cv2
-
-    from odom.service.progress import counting
+    stop = None if check else signals.stop_event()
     from odom.wire import Topics
-    from odom.wire.session import open_session
-    from sensors.catalogue import open_source
-    from sensors.process import SensorProcess
+    from sensors.catalogue import check_source
     from sensors.source import SourceOptions
 
-    cv2.setNumThreads(1)
-    stop = signals.stop_event()
     settings = options.wire_settings(config, connect, listen, mode, namespace)
     selected = SourceOptions(
         topics=Topics(settings.namespace),
@@ -67,6 +67,23 @@ def sensor(
         live=live,
         extra=options.pairs("--option", option),
     )
+    if stop is None:
+        check_source(source, selected)
+    else:
+        _publish(source, selected, settings, consumers, stop)
+
+
+def _publish(
+    source: str, selected: "SourceOptions", settings: WireSettings, consumers: int | None, stop: threading.Event
+) -> None:
+    import cv2
+
+    from odom.service.progress import counting
+    from odom.wire.session import open_session
+    from sensors.catalogue import open_source
+    from sensors.process import SensorProcess
+
+    cv2.setNumThreads(1)
     opened = open_source(source, selected)
     try:
         wanted = consumers if consumers is not None else int(opened.lossless)

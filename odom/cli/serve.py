@@ -26,11 +26,18 @@ def serve(
     Example: odom serve --namespace cam0 --connect tcp/router.local:7447 --out today
     """
     stop = signals.stop_event()
+    from contextlib import ExitStack
+
     from odom.service.odometry_process import serve as run_odometry
     from odom.service.result_files import RunFiles
+    from odom.service.run_folder import held
     from odom.service.settings import load_settings
 
     wire = wire_settings(config, connect, listen, mode, namespace)
     settings = load_settings(config).model_copy(update={"wire": wire})
-    files = RunFiles(out, chain, keep_earlier=not until_end) if out is not None else None
-    run_odometry(settings, files, stop, until_end)
+    with ExitStack() as stack:
+        files = None
+        if out is not None:
+            stack.enter_context(held(out))
+            files = RunFiles(out, chain, endless=not until_end)
+        run_odometry(settings, files, stop, until_end)

@@ -22,15 +22,27 @@ _EXIT_POLL_S = 0.02
 """Between two looks whether a child has ended; longer delays the end of a run, shorter costs CPU."""
 _KILLED_S = 5.0
 """After SIGKILL; only a process in an uninterruptible system call takes longer."""
+_LONGEST_LINE = 1 << 16
+"""Characters of a line that are passed on together: a child that never ends one must not fill the memory."""
 
 Say = Callable[[str, str], None]
 """Called with the name of a child and one line of its output."""
 
 
 class ChildProcess:
-    """One `python -m odom ...` process in a session of its own: Ctrl-C does not reach it, `odom run` ends it."""
+    """One `python -m odom ...` process in a session of its own: Ctrl-C does not reach it, `odom run` ends it.
 
-    def __init__(self, name: str, arguments: Sequence[str], environment: Mapping[str, str], say: Say) -> None:
+    It inherits the open files `descriptors`.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        arguments: Sequence[str],
+        environment: Mapping[str, str],
+        say: Say,
+        descriptors: Sequence[int] = (),
+    ) -> None:
         self.name = name
         self.peak_rss_mb = 0.0
         self.cpu_s = 0.0
@@ -43,6 +55,7 @@ class ChildProcess:
             stderr=subprocess.STDOUT,
             env={**os.environ, **environment, _PARENT_ENVIRONMENT: str(os.getpid())},
             start_new_session=True,
+            pass_fds=descriptors,
             text=True,
             errors="replace",
         )
@@ -114,7 +127,7 @@ class ChildProcess:
 
     def _pass_on(self, say: Say) -> None:
         assert self._process.stdout is not None
-        for line in self._process.stdout:
+        while line := self._process.stdout.readline(_LONGEST_LINE):
             say(self.name, line.rstrip("\n"))
 
 

@@ -12,6 +12,7 @@ from odom.service.arrival_queue import Arrival, CameraArrival, ColorArrival, End
 from odom.service.estimate_messages import keyframe_message
 from odom.service.estimate_publisher import EstimatePublisher
 from odom.service.frame_receiver import FrameReceiver
+from odom.service.progress import hand_up
 from odom.service.result_files import RunFiles, write_json
 from odom.service.run_statistics import RunStatistics, closing_fields
 from odom.service.settings import Settings
@@ -236,13 +237,14 @@ class OdometryProcess:
         if not self._unsaved or self._odometry is None:
             return
         begun = time.perf_counter()
-        parts = files.write_trajectory(self._odometry.finish())
+        poses = self._odometry.finish()
         self.statistics.add_loops(self._odometry.late_loops)
         self._publisher.loops(self._odometry.late_loops)
-        report = self.statistics.report() | {
-            "segments": parts,
-            "finish_s": round(time.perf_counter() - begun, 3),
-            "closing": closing_fields(self._odometry.closing_test()),
-        }
+        report = self.statistics.report() | {"closing": closing_fields(self._odometry.closing_test())}
+        try:
+            report["segments"] = files.write_trajectory(poses)
+        finally:
+            hand_up(report)
+        report["finish_s"] = round(time.perf_counter() - begun, 3)
         write_json(files.folder / "report.json", report)
         self._unsaved = False

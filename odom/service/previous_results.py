@@ -1,8 +1,8 @@
-"""Results of an earlier run in the folder of a new one: removed, or set aside in a subfolder, within bounds."""
+"""Results of an earlier run in the folder of a new one: set aside in a subfolder, for a service within bounds."""
 
 import logging
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -29,32 +29,41 @@ MOST_BYTES, _MOST_FOLDERS = 8 << 30, 500
 fill the disk, fewer lose what led up to a crash."""
 
 
-def remove(folder: Path) -> None:
-    """Remove the results in `folder`, and nothing else."""
-    for path in list(_results(folder)):
-        path.unlink()
+def set_aside(folder: Path, shown: bool = False) -> Path | None:
+    """Move the results in `folder` into a subfolder named for the time of their end, and return that.
 
-
-def remove_shown(folder: Path) -> None:
-    """Remove what an earlier run's viewer has written, before that of the next one begins to."""
-    (folder / _SHOWN).unlink(missing_ok=True)
-
-
-def set_aside(folder: Path) -> None:
-    """Move the results in `folder` into a subfolder named for the time of their end, unless all are empty.
-
-    Of all such subfolders the newest 500 keep their results, 8 GiB at most; those that are dropped are logged.
+    Nothing is deleted but files that are empty when all of them are; None is returned then. With `shown` what a viewer
+    has written goes too: ask for it before the next viewer begins to write.
     """
-    results = list(_results(folder))
+    results = [*_results(folder), *([folder / _SHOWN] if shown and (folder / _SHOWN).is_file() else [])]
     if not any(path.stat().st_size for path in results):
-        remove(folder)
-        return
+        _remove(results)
+        return None
     written = max(path.stat().st_mtime for path in results)
     place = _free_place(folder / datetime.fromtimestamp(written, UTC).strftime("until-%Y%m%dT%H%M%SZ"))
     place.mkdir()
     for path in results:
         path.rename(place / path.name)
-    _drop_oldest(folder)
+    return place
+
+
+def drop_oldest(folder: Path) -> None:
+    """Drop the oldest of what was set aside beyond 500 starts or 8 GiB, and log it."""
+    places = [path for path in folder.iterdir() if _SET_ASIDE.match(path.name) and any(_results(path))]
+    places.sort(key=lambda path: (path.stat().st_mtime_ns, path.name), reverse=True)
+    size = 0
+    for number, place in enumerate(places):
+        size += sum(path.stat().st_size for path in _results(place))
+        if number and (size > MOST_BYTES or number >= _MOST_FOLDERS):
+            _LOG.warning("%s is dropped: older results than 8 GiB or %d starts hold", place, _MOST_FOLDERS)
+            _remove(_results(place))
+            if not any(place.iterdir()):
+                place.rmdir()
+
+
+def _remove(results: Iterable[Path]) -> None:
+    for path in list(results):
+        path.unlink()
 
 
 def _results(folder: Path) -> Iterator[Path]:
@@ -73,16 +82,3 @@ def _free_place(wanted: Path) -> Path:
         number += 1
         place = wanted.with_name(f"{wanted.name}-{number}")
     return place
-
-
-def _drop_oldest(folder: Path) -> None:
-    places = [path for path in folder.iterdir() if _SET_ASIDE.match(path.name) and any(_results(path))]
-    places.sort(key=lambda path: (path.stat().st_mtime_ns, path.name), reverse=True)
-    size = 0
-    for number, place in enumerate(places):
-        size += sum(path.stat().st_size for path in _results(place))
-        if number and (size > MOST_BYTES or number >= _MOST_FOLDERS):
-            _LOG.warning("%s is dropped: older results than 8 GiB or %d starts hold", place, _MOST_FOLDERS)
-            remove(place)
-            if not any(place.iterdir()):
-                place.rmdir()

@@ -1,24 +1,25 @@
 """Progress of a command: a bar on a terminal, a line every few seconds elsewhere, counts for a parent `odom run`."""
 
+import json
 import logging
 import os
 import sys
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 COUNT_ENVIRONMENT = "ODOM_COUNT"
-"""Set by `odom run` for its children, which then print counts to stdout for `parse_count`."""
+"""Set by `odom run` for its children, which then print counts and reports to stdout, to be parsed there."""
 
 _LOG = logging.getLogger(__name__)
-_COUNT = "@count"
+_COUNT, _REPORT = "@count", "@report"
 _COUNT_PERIOD_S = 0.5
 """Between two counts for the `odom run` above: longer makes its bar jerky, shorter only costs lines."""
 _LINE_PERIOD_S = 5.0
@@ -123,11 +124,17 @@ class Lines(Display):
         if self._logged:
             _LOG.info(text)
         else:
-            print(text, file=sys.stderr, flush=True)
+            _put_line(text)
 
     def say(self, name: str, line: str) -> None:
         """Show a line that the child `name` wrote."""
-        print(line if self._logged else f"[{name}] {line}", file=sys.stderr, flush=True)
+        _put_line(line if self._logged else f"[{name}] {line}")
+
+
+def _put_line(text: str) -> None:
+    """Write a line to stderr in one piece: others write there at the same time."""
+    sys.stderr.write(f"{text}\n")
+    sys.stderr.flush()
 
 
 @contextmanager
@@ -154,7 +161,8 @@ class CountLines:
         now = time.monotonic()
         if now >= self._due:
             self._due = now + _COUNT_PERIOD_S
-            print(_COUNT, done, self._total, flush=True)
+            sys.stdout.write(f"{_COUNT} {done} {self._total}\n")
+            sys.stdout.flush()
 
 
 def parse_count(line: str) -> tuple[int, int | None] | None:
@@ -166,3 +174,21 @@ def parse_count(line: str) -> tuple[int, int | None] | None:
         return int(numbers[0]), int(numbers[1]) if numbers[1] != "-" else None
     except ValueError:
         return None
+
+
+def hand_up(report: Mapping[str, object]) -> None:
+    """Write a report to stdout for the parent `odom run`, if there is one: it then has it even if the disk is full."""
+    if os.environ.get(COUNT_ENVIRONMENT) == "1":
+        sys.stdout.write(f"{_REPORT} {json.dumps(report)}\n")
+        sys.stdout.flush()
+
+
+def parse_report(line: str) -> dict[str, Any] | None:
+    """Return the report in a line of `hand_up`, None for any other line."""
+    if not line.startswith(f"{_REPORT} "):
+        return None
+    try:
+        report = json.loads(line.removeprefix(_REPORT))
+    except ValueError:
+        return None
+    return report if isinstance(report, dict) else None

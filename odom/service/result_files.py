@@ -97,18 +97,15 @@ class RunFiles:
     Raises OSError when the folder cannot be written; what is in the files by then are whole lines. With `chain` the
     paper's pairwise poses go to `chain.txt`, chained from the first frame on; a frame without one leaves a comment
     there, and the chain continues after it.
-    Results of an earlier run in the folder are removed, or with `keep_earlier` set aside (see `previous_results`): a
-    service that is started again after a crash keeps what it wrote before. At each GiB it sets its own aside, too.
+    Results of an earlier run in the folder are set aside (see `previous_results`). An `endless` service does so
+    with its own at each GiB, too, and drops the oldest in the end.
     """
 
-    def __init__(self, folder: Path, chain: bool = False, keep_earlier: bool = False) -> None:
+    def __init__(self, folder: Path, chain: bool = False, endless: bool = False) -> None:
         self.folder = folder
-        self._keep_earlier = keep_earlier
+        self._endless = endless
         folder.mkdir(parents=True, exist_ok=True)
-        if keep_earlier:
-            previous_results.set_aside(folder)
-        else:
-            previous_results.remove(folder)
+        self._set_aside()
         names = ("odometry.txt", "relative_step.txt", "relative_second.txt", *(("chain.txt",) if chain else ()))
         self._files = {name: LineFile(folder / name) for name in names}
         self._T_chain: Array = np.eye(4)
@@ -181,13 +178,18 @@ class RunFiles:
 
     def _begin_anew_if_full(self) -> None:
         """Set the files of a service aside and begin new ones when they are full."""
-        if not self._keep_earlier or sum(file.size for file in self._files.values()) < _FULL_BYTES:
+        if not self._endless or sum(file.size for file in self._files.values()) < _FULL_BYTES:
             return
         marks = {name: _truth_mark(body) for body, name in self._truth.items()}
-        previous_results.set_aside(self.folder)
+        self._set_aside()
         fresh = {name: LineFile(self.folder / name, marks.get(name, "")) for name in self._files}
         self.close()
         self._files = fresh
+
+    def _set_aside(self) -> None:
+        previous_results.set_aside(self.folder)
+        if self._endless:
+            previous_results.drop_oldest(self.folder)
 
 
 def write_json(path: Path, content: Mapping[str, object]) -> None:

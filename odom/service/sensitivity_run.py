@@ -40,7 +40,7 @@ def main(argument: str) -> None:
     settings = load_settings(runs["config"] and Path(runs["config"])).odometry
     camera, seconds = runs["camera"] and Path(runs["camera"]), runs["seconds"]
     for source in runs["sources"]:
-        options = SourceOptions(camera=camera, end=seconds, seconds=seconds)
+        options = SourceOptions(camera=camera, end=seconds)
         try:
             outcome = run(open_source(source, options), options, settings)
         except Exception as error:  # whatever a value of a number makes of it is its outcome

@@ -27,7 +27,7 @@ START = Stamp(1_700_000_000_000_000_000)
 Count = Annotated[int, Field(ge=1)]
 
 
-@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+@dataclass(frozen=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
 class ArenaOptions:
     """Everything about a session; equal options give equal bytes. Raises pydantic's ValidationError, a ValueError.
 

@@ -15,7 +15,7 @@ class Registration(Enum):
     OFF = "off"
 
 
-class KinectSettings(BaseModel, frozen=True, extra="forbid"):
+class KinectSettings(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """Options of `odom sensor kinect`, given as `--option name=value`."""
 
     size: str = Field(

@@ -6,7 +6,7 @@ NATNET_VERSION = (4, 1)
 """Protocol asked of a unicast server (Motive 3.1); a multicast server streams what Motive was set to."""
 
 
-class OptiTrackSettings(BaseModel, frozen=True, extra="forbid"):
+class OptiTrackSettings(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """Options of `odom sensor optitrack:SERVER`, given as `--option name=value`."""
 
     local: str = Field(

@@ -216,7 +216,7 @@ def test_lists_and_calibration_may_begin_with_a_byte_order_mark(tmp_path: Path) 
 
 
 def test_what_is_no_source_is_said(tmp_path: Path) -> None:
-    with pytest.raises(SourceError, match="no such file"):
+    with pytest.raises(ConfigError, match="no such file"):
         open_source(str(tmp_path / "nothing"), SourceOptions())
     with pytest.raises(ConfigError, match="neither"):
         open_source(str(tmp_path), SourceOptions())

@@ -198,11 +198,12 @@ def test_a_killed_child_is_named_within_two_seconds_and_the_files_miss_next_to_n
     assert victim is not None
     killed = time.monotonic()
     victim.kill()
-    if role == "viewer":
+    if role in ("viewer", "recorder"):
         eventually(lambda: "the run goes on" in heard.words, 60, "the run goes on")
-        eventually(lambda: lines(poses) > len(safe) + 60, 60, "further poses without the viewer")
+        eventually(lambda: lines(poses) > len(safe) + 60, 60, "further poses without it")
         run.send_signal(signal.SIGINT)
     assert heard.end(60) == 1, heard.words
+    assert "frames tracked" in heard.words
     took = {"run": heard.seconds_until(f"the {role} was killed by SIGKILL", killed)}
     if role != "odometry":
         took["odometry"] = heard.seconds_until(f"{role} is gone", killed)
@@ -214,6 +215,7 @@ def test_a_killed_child_is_named_within_two_seconds_and_the_files_miss_next_to_n
     with recording.open("rb") as stream:
         assert role == "recorder" or make_reader(stream).get_summary() is not None
     recorded = [message.stamp for message in RecordingReader(recording).messages() if message.topic == "cam0/odom"]
+    assert json.loads((tmp_path / "report.json").read_text())["failed"] == {role: "was killed by SIGKILL"}
     assert len(set(recorded) - set(written)) <= 1  # published, so in the file
     assert set(safe) <= set(recorded)  # half a second old, so in the recording
     assert recorded == sorted(recorded)
@@ -236,6 +238,21 @@ def test_what_cannot_be_saved_at_the_end_is_a_failure(
     words, _ = run.communicate(timeout=60)
     assert run.returncode == 1, words
     assert f"odom: the {role} ended with status 1" in words
+
+
+def test_a_recorder_that_dies_before_the_first_frame_costs_no_pose(
+    odom: Start, eventually: Eventually, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    run = odom("run", RECORDING, "--end", "2", "--headless", "--record", tmp_path / "new.mcap", "--out", out)
+    eventually(lambda: child(run, "recorder"), 60, "the recorder")
+    recorder = child(run, "recorder")
+    assert recorder is not None
+    recorder.kill()
+    words, _ = run.communicate(timeout=120)
+    assert run.returncode == 1, words
+    assert "odom: the recorder was killed by SIGKILL" in words
+    assert lines(out / "odometry.txt") == json.loads((out / "report.json").read_text())["tracked"] == 15
 
 
 def test_a_child_that_hangs_at_its_end_is_a_failure(odom: Start, eventually: Eventually, tmp_path: Path) -> None:
@@ -321,7 +338,7 @@ def test_the_arena_simulates_the_sensor_that_a_run_asks_for(odom: Start, tmp_pat
     assert decode_camera_info(camera) != ArenaOptions.from_texts({}).camera
 
 
-@pytest.mark.parametrize(("name", "content", "status"), [("nothing.mcap", None, 1), ("notes.txt", "words", 2)])
+@pytest.mark.parametrize(("name", "content", "status"), [("nothing.mcap", None, 2), ("notes.txt", "words", 2)])
 def test_a_source_that_is_none_is_refused_by_name(
     odom: Start, tmp_path: Path, name: str, content: str | None, status: int
 ) -> None:

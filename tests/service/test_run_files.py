@@ -14,6 +14,7 @@ from odom.evaluation.files import read_run, read_tum
 from odom.evaluation.relative import read_relative
 from odom.frame import Stamp
 from odom.geometry import se3
+from odom.service.previous_results import set_aside
 from odom.service.result_files import RunFiles
 
 STEP = np.array([0.01, -0.02, 0.03, 0.001, 0.002, -0.003])
@@ -166,8 +167,8 @@ def test_a_trajectory_that_finds_no_room_leaves_the_one_before(tmp_path: Path) -
 
 def test_truth_of_every_body_of_an_earlier_run_goes_too(tmp_path: Path) -> None:
     (tmp_path / "truth_of_mine.txt").write_text("notes")
-    for keep in (False, True, False):
-        files = RunFiles(tmp_path, keep_earlier=keep)
+    for _ in range(2):
+        files = RunFiles(tmp_path)
         assert sorted(path.name for path in tmp_path.glob("truth*")) == ["truth_of_mine.txt"]
         for body in ("camera", "robot"):
             files.append_truth(body, stamp(0), np.eye(4))
@@ -175,23 +176,23 @@ def test_truth_of_every_body_of_an_earlier_run_goes_too(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.glob("until-*/truth*")) == ["truth.txt", "truth_robot.txt"]
 
 
-@pytest.mark.parametrize("keep", [False, True])
-def test_what_a_viewer_beside_it_has_begun_to_write_stays(tmp_path: Path, keep: bool) -> None:
+@pytest.mark.parametrize("endless", [False, True])
+def test_what_a_viewer_beside_it_has_begun_to_write_stays(tmp_path: Path, endless: bool) -> None:
     (tmp_path / "session.rrd").write_bytes(b"begun")
-    RunFiles(tmp_path, keep_earlier=keep)
+    RunFiles(tmp_path, endless=endless)
     assert (tmp_path / "session.rrd").exists()
 
 
 def test_starts_that_wrote_nothing_leave_nothing(tmp_path: Path) -> None:
     for _ in range(5):
-        RunFiles(tmp_path, keep_earlier=True)
+        RunFiles(tmp_path, endless=True)
     assert not list(tmp_path.glob("until-*"))
 
 
 def test_a_service_sets_full_files_aside_and_drops_the_oldest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("odom.service.result_files._FULL_BYTES", 20_000)
     monkeypatch.setattr("odom.service.previous_results.MOST_BYTES", 100_000)
-    files = RunFiles(tmp_path, keep_earlier=True)
+    files = RunFiles(tmp_path, endless=True)
     for i in range(1000):
         files.append(estimate(i))
         files.append_truth("robot", stamp(i), np.eye(4))
@@ -207,16 +208,24 @@ def test_a_service_sets_full_files_aside_and_drops_the_oldest(tmp_path: Path, mo
     assert sum(path.stat().st_size for path in tmp_path.rglob("*.txt")) < 100_000 + 2 * 21_000
 
 
-@pytest.mark.parametrize("keep", [False, True])
-def test_results_of_an_earlier_run_are_removed_or_kept_aside_and_nothing_else_is_touched(
-    tmp_path: Path, keep: bool
-) -> None:
+@pytest.mark.parametrize("endless", [False, True])
+def test_results_of_an_earlier_run_are_set_aside_and_nothing_else_is_touched(tmp_path: Path, endless: bool) -> None:
     for name in ("trajectory.txt", "trajectory-segment-2.txt", "report.json", "odometry.txt", "groundtruth.txt"):
         (tmp_path / name).write_text("old")
-    RunFiles(tmp_path, keep_earlier=keep).append(estimate(0))
+    RunFiles(tmp_path, endless=endless).append(estimate(0))
     assert (tmp_path / "groundtruth.txt").read_text() == "old"
     assert not (tmp_path / "report.json").exists()
     assert len((tmp_path / "odometry.txt").read_text().splitlines()) == 1
-    assert sorted(path.name for path in tmp_path.glob("until-*/*")) == (
-        ["odometry.txt", "report.json", "trajectory-segment-2.txt", "trajectory.txt"] if keep else []
-    )
+    aside = {path.name: path.read_text() for path in tmp_path.glob("until-*/*")}
+    names = ("odometry.txt", "report.json", "trajectory-segment-2.txt", "trajectory.txt")
+    assert aside == dict.fromkeys(names, "old")
+
+
+def test_a_run_drops_nothing_of_what_was_set_aside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("odom.service.previous_results.MOST_BYTES", 100)
+    for i in range(4):
+        (tmp_path / "plot.png").write_bytes(bytes([i]) * 200)
+        (tmp_path / "session.rrd").write_bytes(b"shown")
+        set_aside(tmp_path, shown=True)
+    assert sorted(path.read_bytes()[0] for path in tmp_path.glob("until-*/plot.png")) == [0, 1, 2, 3]
+    assert len(list(tmp_path.glob("until-*/session.rrd"))) == 4

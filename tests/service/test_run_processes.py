@@ -1,9 +1,11 @@
 """The order in which the processes of one run come and go, with children that only pretend."""
 
+import errno
 import json
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import nullcontext
 from itertools import count, repeat
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,9 +14,11 @@ from unittest.mock import MagicMock
 
 import pytest
 
+from odom.cli.summary import summary
 from odom.errors import OdomError
 from odom.frame import Stamp
-from odom.service.local_run import RunPlan, RunProcesses, run
+from odom.service.local_run import run
+from odom.service.run_processes import RunPlan, RunProcesses, StandIn
 from odom.service.settings import Settings
 from odom.wire import Topics
 from odom.wire.codec import Status, encode_status
@@ -28,7 +32,7 @@ class PretendedChild:
 
     peak_rss_mb, cpu_s = 1.0, 0.1
 
-    def __init__(self, name: str, arguments: object, environment: object, say: Says) -> None:
+    def __init__(self, name: str, arguments: object, environment: object, say: Says, held: object) -> None:
         self.name = name
         self.status: int | None = None
         self.failed = False
@@ -47,17 +51,98 @@ class PretendedChild:
 def test_a_run_stopped_at_once_does_not_pass_off_the_results_before_it_as_its_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("odom.service.local_run.ChildProcess", PretendedChild)
+    monkeypatch.setattr("odom.service.run_processes.ChildProcess", PretendedChild)
     (tmp_path / "report.json").write_text(json.dumps({"frames": 5}))
     (tmp_path / "notes.txt").write_text("mine")
     (tmp_path / "session.rrd").write_bytes(b"shown then")
     stop = threading.Event()
     stop.set()
     with pytest.raises(OdomError, match="stopped before the first"):
-        run(RunPlan("arena", tmp_path), Settings(), stop)
-    assert "frames" not in json.loads((tmp_path / "report.json").read_text())
+        run(RunPlan("arena", tmp_path), Settings(), stop, print)
+    assert json.loads((tmp_path / "report.json").read_text())["frames"] == 0
     assert (tmp_path / "notes.txt").exists()
     assert not (tmp_path / "session.rrd").exists()
+    assert [path.read_bytes() for path in tmp_path.glob("until-*/session.rrd")] == [b"shown then"]
+
+
+class DoneChild(PretendedChild):
+    """An odometry that has done five frames and ended; all others end when asked to."""
+
+    def __init__(self, name: str, arguments: object, environment: object, say: Says, held: object) -> None:
+        super().__init__(name, arguments, environment, say, held)
+        if name == "odometry":
+            say(name, '@report {"frames": 5, "tracked": 4}')
+            self.status = 0
+
+
+class KilledViewer(DoneChild):
+    """Beside it a viewer that was killed."""
+
+    def __init__(self, name: str, arguments: object, environment: object, say: Says, held: object) -> None:
+        super().__init__(name, arguments, environment, say, held)
+        if name == "viewer":
+            self.failed, self.status = True, -9
+
+    def ending(self) -> str:
+        return "was killed by SIGKILL"
+
+
+@pytest.mark.process
+def test_the_report_is_told_before_a_viewer_that_stays_is_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("odom.service.run_processes.ChildProcess", DoneChild)
+    stop, told = threading.Event(), []
+
+    def tell(report: dict[str, Any]) -> None:
+        told.append(report)
+        stop.set()  # which ends the waiting for the viewer
+
+    run(RunPlan("arena", tmp_path, viewer_arguments=["--web"], stay=True), Settings(), stop, tell)
+    assert [report["tracked"] for report in told] == [4]
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(("arguments", "is_failure"), [(["--web"], False), (["--rrd=session.rrd"], True)])
+def test_a_killed_viewer_fails_a_run_only_when_it_was_to_write_a_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], is_failure: bool
+) -> None:
+    monkeypatch.setattr("odom.service.run_processes.ChildProcess", KilledViewer)
+    told: list[dict[str, Any]] = []
+    with pytest.raises(OdomError, match="viewer was killed") if is_failure else nullcontext():
+        run(RunPlan("arena", tmp_path, viewer_arguments=arguments), Settings(), threading.Event(), told.append)
+    assert "the viewer was killed by SIGKILL; the run went on without it" in list(summary(told[0], tmp_path))
+
+
+@pytest.mark.process
+def test_the_report_is_told_when_the_disk_is_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("odom.service.run_processes.ChildProcess", DoneChild)
+
+    def full(path: Path, content: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("odom.service.local_run.write_json", full)
+    told: list[dict[str, Any]] = []
+    with pytest.raises(OdomError, match="make room"):
+        run(RunPlan("arena", tmp_path), Settings(), threading.Event(), told.append)
+    assert next(iter(summary(told[0], tmp_path))).startswith("4 of 5 frames tracked")
+
+
+def test_a_recorder_that_died_early_is_stood_in_for_until_the_source_has_seen_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("odom.service.run_processes._SEEN_S", 0.0)
+    session = MagicMock()
+    token = session.zenoh.liveliness().declare_token.return_value
+    stand_in = StandIn(session, "cam0/ack/recorder")
+    for _ in range(3):
+        stand_in.step(both_are_here=False)
+    session.zenoh.liveliness().declare_token.assert_called_once_with("cam0/ack/recorder")
+    token.undeclare.assert_not_called()
+    for _ in range(3):
+        stand_in.step(both_are_here=True)
+    stand_in.leave()
+    token.undeclare.assert_called_once()
 
 
 class Statuses:
@@ -87,7 +172,7 @@ def processes_at_work(
 
 
 def test_a_sensor_whose_end_was_lost_ends_the_run_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("odom.service.local_run.ChildProcess", PretendedChild)
+    monkeypatch.setattr("odom.service.run_processes.ChildProcess", PretendedChild)
     monkeypatch.setattr("odom.wire.idle_detector._IDLE_AFTER_S", 0.3)
     stop = threading.Event()
     processes, display, thread = processes_at_work(repeat(7), stop)
@@ -105,7 +190,7 @@ def test_a_sensor_whose_end_was_lost_ends_the_run_all_the_same(monkeypatch: pyte
 def test_an_odometry_at_work_is_waited_for_behind_its_sensor(
     monkeypatch: pytest.MonkeyPatch, frames: Iterable[int | None]
 ) -> None:
-    monkeypatch.setattr("odom.service.local_run.ChildProcess", PretendedChild)
+    monkeypatch.setattr("odom.service.run_processes.ChildProcess", PretendedChild)
     monkeypatch.setattr("odom.wire.idle_detector._IDLE_AFTER_S", 0.3)
     stop = threading.Event()
     processes, _, thread = processes_at_work(frames, stop)

@@ -1,0 +1,47 @@
+"""What a person wants to know of the report of a run, in a few lines."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+Report = dict[str, Any]
+
+
+def summary(report: Report, folder: Path) -> Iterator[str]:
+    """Yield the lines; of a report that lacks fields, since a process died or the disk was full, those that it has."""
+    yield _tracking(report)
+    segments = report.get("segments") or []
+    if len(segments) > 1:
+        poses = [part["frames"] for part in segments]
+        yield f"trajectory.txt is the largest of {len(poses)} parts never joined: {poses[0]} of {sum(poses)} poses"
+    if report.get("fps") is not None:
+        processing = report["processing_ms"]
+        yield (
+            f"{report['fps']:.0f} frames/s, {processing['p50']:.1f} ms a frame (p99 {processing['p99']:.1f}), "
+            f"{report['cpu_ms_per_frame']:.1f} ms CPU"
+        )
+    bad = [f"{report[name]} {name.split('_')[0]}" for name in ("lost_frames", "unmatched_frames") if report.get(name)]
+    if bad:
+        yield f"frames not used: {', '.join(bad)}"
+    if report.get("unwritten"):
+        yield f"{report['unwritten']} lines or files could not be written: make room, then run it again"
+    if report.get("ate_m") is not None:
+        yield (
+            f"against truth ({report['matched']}/{report['total']} poses): ATE {_figure(report['ate_m'], 4)} m, "
+            f"drift {_figure(report['rpe_1s_m'], 4)} m and {_figure(report['rpe_1s_deg'], 2)} deg over 1 s"
+        )
+    for name, ending in report.get("failed", {}).items():
+        yield f"the {name} {ending}" + ("; the run went on without it" if name in ("viewer", "recorder") else "")
+    yield f"files: {folder}"
+
+
+def _tracking(report: Report) -> str:
+    tracked, share = f"{report['tracked']} of {report['frames']} frames tracked", report.get("completeness")
+    if share is None:
+        return tracked
+    parts, closures = len(report.get("segments") or ()), report["loop_closures"]
+    return f"{tracked} ({share:.1%}), {parts} segment(s), {closures} loop closure(s)"
+
+
+def _figure(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"

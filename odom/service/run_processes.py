@@ -1,0 +1,242 @@
+"""The child processes of one `odom run`: in which order they start and end, and which the run can do without."""
+
+import json
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from odom.errors import WireError
+from odom.service.child_process import ChildProcess
+from odom.service.progress import COUNT_ENVIRONMENT, Display, Reading, parse_count, parse_report
+from odom.service.run_folder import HELD_ENVIRONMENT
+from odom.service.settings import Settings
+from odom.wire import Topics, codec
+from odom.wire.idle_detector import IdleDetector
+from odom.wire.session import Delivery, WireSession
+from odom.wire.settings import ANY_LOCAL_PORT
+
+_POLL_S = 0.1
+"""Longest wait for a status: so late a failed process or Ctrl-C is noticed."""
+_LAST_WORDS_S = 3.0
+"""For sensor and recorder to end by themselves behind the last frame; shorter would cut off their last messages."""
+_VIEWER_PATIENCE_S = 10.0
+"""A viewer that hangs must not hold the end back; what it writes, it has written by then."""
+_SEEN_S = 2.0
+"""For a sender to find a consumer that has come: shorter, and it waits for ever; longer delays the run."""
+_SPARED = ("viewer", "recorder")
+"""Children without which poses go on."""
+
+
+@dataclass(frozen=True)
+class RunPlan:
+    """What to start: arguments of sensor, odometry and viewer (None: no viewer), and where files go.
+
+    With `stay` the viewer is kept open after the end of the source; with `log_json` progress is logged as JSON.
+    """
+
+    source: str
+    out: Path
+    sensor_arguments: Sequence[str] = ()
+    odometry_arguments: Sequence[str] = ()
+    record: Path | None = None
+    viewer_arguments: Sequence[str] | None = None
+    stay: bool = False
+    log_json: bool = False
+
+    @property
+    def viewer_writes(self) -> bool:
+        """Whether the viewer is to write a file."""
+        return any(argument.startswith("--rrd") for argument in self.viewer_arguments or ())
+
+
+class RunProcesses:
+    """The child processes of one run, and the order in which they are started and ended.
+
+    `total` is how many colour images the sensor says its source has, `report` what the odometry handed up at its end,
+    `counts` the frames of its last status. `folder_lock` is the descriptor of the lock that the odometry shares.
+    """
+
+    def __init__(
+        self,
+        plan: RunPlan,
+        settings: Settings,
+        endpoint: str,
+        session: WireSession,
+        display: Display,
+        folder_lock: int | None = None,
+    ) -> None:
+        topics = Topics(settings.wire.namespace)
+        self.total: int | None = None
+        self.report: dict[str, Any] | None = None
+        self.counts = {"frames": 0, "tracked": 0}
+        self._plan = plan
+        self._display = display
+        self._reported: set[str] = set()
+        self._frames = -1
+        self._sensor_is_here = False
+        self._odometry_idles = IdleDetector()
+        self._patience_s = settings.service.stop_timeout_s
+        self._status = session.subscriber((topics.status,), depth=1)
+        self._stand_in = StandIn(session, topics.ack_of("recorder"))
+        environment = {
+            "ODOM_WIRE__MODE": "peer",
+            "ODOM_WIRE__CONNECT": json.dumps([endpoint]),
+            "ODOM_WIRE__LISTEN": json.dumps([ANY_LOCAL_PORT]),
+            "ODOM_WIRE__NAMESPACE": settings.wire.namespace,
+            COUNT_ENVIRONMENT: "1",
+        }
+        shared = {} if folder_lock is None else {HELD_ENVIRONMENT: str(folder_lock)}
+        self.children: dict[str, ChildProcess] = {}
+        for name, arguments in _commands(plan):
+            extra, given = (shared, (folder_lock,)) if name == "odometry" and folder_lock is not None else ({}, ())
+            self.children[name] = ChildProcess(name, arguments, environment | extra, self._read_line, given)
+
+    @property
+    def failed(self) -> list[ChildProcess]:
+        """The children that have ended otherwise than they should."""
+        return [child for child in self.children.values() if child.failed]
+
+    @property
+    def failures(self) -> list[ChildProcess]:
+        """Those of them that leave something undone; a viewer does so only when it was to write a file."""
+        return [child for child in self.failed if child.name != "viewer" or self._plan.viewer_writes]
+
+    def work(self, stop: threading.Event) -> None:
+        """Wait for the end of the source or until `stop` is set.
+
+        A failed sensor or odometry ends the work; without viewer and recorder it goes on. An odometry that has missed
+        the end of a live source, and has reported no new frame for five seconds, is asked to end.
+        """
+        sensor, odometry = self.children["sensor"], self.children["odometry"]
+        while odometry.poll() is None and not stop.is_set() and all(c.name in _SPARED for c in self.failed):
+            self._show_progress()
+            self._report_failures()
+            if self._end_is_lost():
+                self._display.say("run", "the odometry has not heard that the sensor has ended; saving what was done")
+                odometry.stop(self._patience_s)
+        self._report_failures()
+        if stop.is_set():
+            sensor.stop(self._patience_s)
+            odometry.stop(self._patience_s)
+        elif odometry.status == 0:
+            sensor.wait(_LAST_WORDS_S)
+
+    def keep_viewer(self, stop: threading.Event) -> None:
+        """Wait until `stop` is set or the viewer is closed."""
+        viewer = self.children.get("viewer")
+        if viewer is not None and viewer.poll() is None:
+            self._display.say("run", "the source has ended; Ctrl-C closes the viewer")
+            while viewer.poll() is None and not stop.wait(_POLL_S):
+                continue
+
+    def end_work(self) -> None:
+        """End all but the viewer, those first for whose end others wait; the recorder ends after the last pose."""
+        for name in ("sensor", "odometry", "recorder"):
+            child = self.children.get(name)
+            if child is not None and not (name == "recorder" and child.wait(_LAST_WORDS_S)):
+                child.stop(self._patience_s)
+        self._stand_in.leave()
+
+    def end_viewer(self) -> None:
+        """End the viewer."""
+        if (viewer := self.children.get("viewer")) is not None:
+            viewer.stop(min(self._patience_s, _VIEWER_PATIENCE_S))
+        self._report_failures()
+
+    def _report_failures(self) -> None:
+        recorder = self.children.get("recorder")
+        if recorder is not None and recorder.failed:
+            self._stand_in.step(both_are_here=self._sensor_is_here and self._frames >= 0)
+        for child in self.failed:
+            if child.name not in self._reported:
+                self._reported.add(child.name)
+                then = "the run goes on without it" if child.name in _SPARED else "saving what was done so far"
+                self._display.say("run", f"the {child.name} {child.ending()}; {then}")
+
+    def _read_line(self, name: str, line: str) -> None:
+        count, report = parse_count(line), parse_report(line)
+        if report is not None and name == "odometry":
+            self.report = report
+        elif count is None:
+            self._display.say(name, line)
+        elif name == "sensor":
+            self._sensor_is_here, self.total = True, count[1]
+
+    def _show_progress(self) -> None:
+        delivery = self._status.receive(timeout=_POLL_S)
+        reading = self._reading(delivery) if delivery is not None else None
+        if reading is not None:
+            self._display.show(reading)
+            self._count_report(reading.frames)
+
+    def _count_report(self, frames: int) -> None:
+        """Count status messages without a new frame after the sensor's end; while the odometry saves it sends none."""
+        if frames != self._frames or self.children["sensor"].status is None:
+            self._odometry_idles.note_work()
+        self._frames = frames
+        self._odometry_idles.note_report()
+
+    def _end_is_lost(self) -> bool:
+        return self._odometry_idles.is_idle and self.children["sensor"].status == 0
+
+    def _reading(self, delivery: Delivery) -> Reading | None:
+        try:
+            values = codec.decode_status(delivery.message)[0].values
+            self.counts = {name: int(values.get(name, 0)) for name in ("frames", "tracked")}
+            return Reading(
+                self.counts["frames"],
+                self.total,
+                float(values.get("fps", 0.0)),
+                values["state"],
+                values.get("reason", ""),
+            )
+        except (WireError, LookupError, ValueError) as error:
+            self._status.malformed.add(delivery.message.topic, repr(error))
+            return None
+
+
+def _commands(plan: RunPlan) -> list[tuple[str, Sequence[str]]]:
+    consumers = 1 + (plan.record is not None)
+    odometry = ["serve", "--out", str(plan.out), "--until-end", *plan.odometry_arguments]
+    commands: list[tuple[str, Sequence[str]]] = [("odometry", odometry)]
+    if plan.record is not None:
+        commands.append(("recorder", ["record", str(plan.record)]))
+    if plan.viewer_arguments is not None:
+        commands.append(("viewer", ["view", *plan.viewer_arguments]))
+    sensor = ["sensor", plan.source, "--consumers", str(consumers), *plan.sensor_arguments]
+    return [*commands, ("sensor", sensor)]
+
+
+class StandIn:
+    """Takes the place of a recorder that died early: a source that was told to wait for two consumers finds both.
+
+    It acknowledges nothing, so it leaves again once the sender has had the time to see it.
+    """
+
+    def __init__(self, session: WireSession, key: str) -> None:
+        self._session = session
+        self._key = key
+        self._token: Any = None
+        self._leaves_at: float | None = None
+        self._has_left = False
+
+    def step(self, both_are_here: bool) -> None:
+        """Come at the first call; leave two seconds after the first one by which sender and odometry are there."""
+        if self._has_left:
+            return
+        if self._token is None:
+            self._token = self._session.zenoh.liveliness().declare_token(self._key)
+        if both_are_here and self._leaves_at is None:
+            self._leaves_at = time.monotonic() + _SEEN_S
+        if self._leaves_at is not None and time.monotonic() >= self._leaves_at:
+            self.leave()
+
+    def leave(self) -> None:
+        """Leave; safe to call twice."""
+        self._has_left = True
+        token, self._token = self._token, None
+        if token is not None:
+            token.undeclare()

@@ -1,0 +1,129 @@
+"""A wrong call is refused before anything is started or touched, with the reason and status 2."""
+
+import logging
+import os
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from odom.cli import app
+from odom.errors import ConfigError
+from odom.service.run_folder import held, new_folder
+
+CAMERA = """
+image_width: 640
+image_height: 480
+camera_matrix: {data: [525, 0, 319.5, 0, 525, 239.5, 0, 0, 1]}
+"""
+RESULTS = ("trajectory.txt", "odometry.txt", "report.json", "plot.png", "session.rrd", "notes.txt")
+
+
+@pytest.fixture(autouse=True)
+def process_as_it_was(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
+    """No signal handler, environment or log of a command outlives its test."""
+    before, handlers = dict(os.environ), logging.getLogger().handlers[:]
+    monkeypatch.setattr("odom.cli.signals.stop_event", threading.Event)
+    monkeypatch.chdir(tmp_path)
+    yield
+    os.environ.clear()
+    os.environ.update(before)
+    logging.getLogger().handlers[:] = handlers
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A TUM folder with everything but pictures."""
+    path = tmp_path / "desk"
+    path.mkdir()
+    for name in ("rgb", "depth"):
+        (path / f"{name}.txt").write_text(f"100.0 {name}/100.0.png\n")
+    (path / "camera.yaml").write_text(CAMERA)
+    return path
+
+
+def refusal(*arguments: str | Path) -> str:
+    """The words with which `odom ARGUMENTS` is refused; anything but a refusal with status 2 is a failure."""
+    done = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    if isinstance(done.exception, ConfigError):
+        return str(done.exception)
+    assert done.exit_code == 2, (done.output, done.exception)
+    return " ".join(line.strip("│ ") for line in done.output.splitlines())
+
+
+WRONG = [
+    (("typo.mcap",), "typo.mcap: no such file"),
+    (("desk/camera.yaml",), "neither an .mcap recording"),
+    (("desk", "--camera", "typo.yaml"), "typo.yaml cannot be read"),
+    (("desk", "--option", "foo=1"), "has no use for --option"),
+    (("desk", "--option", "foo"), "give name=value"),
+    (("desk", "--topic", "color=/camera"), "has no use for --topic"),
+    (("desk", "--seconds", "5"), "has no use for --seconds"),
+    (("desk", "--sensor", "kinect2"), "has no use for --sensor"),
+    (("desk", "--live"), "has no use for --live"),
+    (("desk", "--sensor-option=--depth=rvl"), "has no use for --depth"),
+    (("desk", "--sensor-option=--nonsense"), "No such option: --nonsense"),
+    (("desk", "--rate", "2"), "speed of --realtime"),
+    (("desk", "--start", "2", "--end", "1"), "--end 1 is not behind --start 2"),
+    (("desk", "--start", "nan"), "--start"),
+    (("desk", "--end", "inf"), "--end inf"),
+    (("desk", "--headless", "--web"), "contradict"),
+    (("desk", "--record", "desk/rgb.txt"), "exists already"),
+    (("desk", "--record", "desk/rgb.txt/new.mcap"), "nothing can be written"),
+    (("desk", "--config", "typo.yaml"), "typo.yaml"),
+    (("arena", "--camera", "desk/camera.yaml"), "has no use for --camera"),
+    (("arena", "--option", "walls=7"), "walls"),
+    (("arena", "--option", "mocap_offset_s=inf"), "mocap_offset_s"),
+    (("kinect", "--start", "1"), "has no use for --start"),
+    (("kinect", "--option", "fps=0"), "fps"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "named"), WRONG, ids=[" ".join(arguments) for arguments, _ in WRONG])
+def test_a_refused_run_starts_nothing_and_touches_nothing(
+    tmp_path: Path, folder: Path, arguments: tuple[str, ...], named: str
+) -> None:
+    out = tmp_path / "good"
+    out.mkdir()
+    for name in RESULTS:
+        (out / name).write_text(f"{name} of the run before")
+    before = sorted(tmp_path.rglob("*"))
+    assert named in refusal("run", *arguments, *([] if "--web" in arguments else ["--headless"]), "--out", out)
+    assert sorted(tmp_path.rglob("*")) == before
+    assert all((out / name).read_text() == f"{name} of the run before" for name in RESULTS)
+    assert named in refusal("run", *arguments, "--headless")  # nor is a folder of the default name left
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("command", ["sensor", "import", "doctor"])
+def test_every_command_refuses_what_its_source_has_no_use_for(folder: Path, command: str) -> None:
+    output = ["new.mcap"] if command == "import" else []
+    assert "has no use for --option" in refusal(command, folder, *output, "--option", "foo=1")
+    assert "has no use for --topic" in refusal(command, folder, *output, "--topic", "color=/camera")
+    assert "no such file" in refusal(command, "typo.mcap", *output)
+
+
+def test_a_check_of_a_source_says_nothing_of_a_good_one(folder: Path) -> None:
+    done = CliRunner().invoke(app, ["sensor", str(folder), "--check"])
+    assert (done.exit_code, done.output) == (0, "")
+
+
+def test_a_second_run_into_a_folder_is_refused_by_the_name_of_its_holder(folder: Path, tmp_path: Path) -> None:
+    with held(tmp_path / "out"):
+        for command in (("run", folder, "--headless"), ("serve",)):
+            words = refusal(*command, "--out", tmp_path / "out")
+            assert f"is being written by process {os.getpid()}" in words
+    with held(tmp_path / "out"):
+        pass
+    assert not any((tmp_path / "out").iterdir())
+
+
+def test_a_folder_that_cannot_be_written_is_refused(folder: Path) -> None:
+    assert "cannot be written" in refusal("run", folder, "--headless", "--out", folder / "camera.yaml")
+
+
+def test_runs_that_start_together_get_folders_of_their_own(tmp_path: Path) -> None:
+    wanted = tmp_path / "out" / "arena-20260101-000000"
+    assert [new_folder(wanted).name for _ in range(3)] == [wanted.name, f"{wanted.name}-2", f"{wanted.name}-3"]

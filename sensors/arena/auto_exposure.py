@@ -9,7 +9,7 @@ from odom.geometry.se3 import inverse
 from sensors.arena.array_types import Float32
 from sensors.arena.camera_path import LAP_S, Infinity, Walk
 from sensors.arena.color_chip import unpack
-from sensors.arena.renderer import JITTER, Renderer
+from sensors.arena.renderer import JITTER, Moments, Renderer
 
 STEP_S = 0.2
 """Time between two gains, seconds; between them it is interpolated. Shorter takes longer to prepare."""
@@ -34,7 +34,7 @@ def _gains(scene: Renderer, walk: Walk, seconds: float) -> Array:
     means = []
     for t in np.arange(0.0, length, STEP_S):
         T = inverse(walk.T_world_camera(float(t)))
-        light, _ = scene.color(np.stack([T] * len(JITTER)), K, SHAPE)
+        light, _ = scene.color(np.stack([T] * len(JITTER)), K, SHAPE, Moments(np.full(len(JITTER), t)))
         means.append(unpack(light).reshape(-1, 3).mean(axis=0))
     mean = np.array(means)
     level = np.clip((AIM / mean.mean(axis=1)) ** STRENGTH, *LIMITS)

@@ -6,11 +6,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from odom.frame import RgbdFrame, Stamp
-from odom.geometry.arrays import Array, Image
+from odom.frame import Camera, RgbdFrame, Stamp
+from odom.geometry.arrays import Array, Image, Mask
 from odom.geometry.se3 import inverse
 from sensors.arena import kinect1, kinect2, rooms
-from sensors.arena.array_types import DepthImage, Light
+from sensors.arena.array_types import DepthImage, Float32, Light
 from sensors.arena.auto_exposure import exposure_gain
 from sensors.arena.camera_path import Joined, Walk, make_walk
 from sensors.arena.color_chip import picture, unpack
@@ -18,7 +18,7 @@ from sensors.arena.depth_to_color import intrinsics, to_color
 from sensors.arena.lens_distortion import lookup, straight
 from sensors.arena.noise_tiles import Tiles, frame_random, make_tiles
 from sensors.arena.options import RATE_HZ, ArenaOptions, halved
-from sensors.arena.renderer import JITTER, Renderer
+from sensors.arena.renderer import JITTER, Moments, Renderer
 from sensors.arena.row_readout import READOUT_S, look_up, no_motion, row_motion
 
 EXPOSURE_S = 0.012
@@ -54,8 +54,8 @@ class ArenaFrame:
 
 
 @lru_cache(maxsize=2)
-def _scene(name: str, seed: int) -> Renderer:
-    return rooms.corridor(seed) if name == "corridor" else rooms.laboratory(seed)
+def _scene(name: str, seed: int, people: int = 0) -> Renderer:
+    return rooms.corridor(seed) if name == "corridor" else rooms.laboratory(seed, people)
 
 
 @lru_cache(maxsize=2)
@@ -67,7 +67,7 @@ def prepare(options: ArenaOptions) -> None:
     """Furnish and light the rooms of a session, and compile what draws them, now instead of at its first frame."""
     frame(replace(options, blackout=""), 0)
     if options.walk == "joined":
-        _scene("laboratory", options.seed + 1)
+        _scene("laboratory", options.seed + 1, options.people)
 
 
 def color_time(options: ArenaOptions, index: int) -> float:
@@ -114,8 +114,8 @@ def frame(options: ArenaOptions, index: int) -> ArenaFrame:
 def _place(options: ArenaOptions, walk: Walk, t: float) -> tuple[Renderer, Walk, float]:
     """Return the scene that is seen at `t`, and the walk and time in the scene's own world."""
     if isinstance(walk, Joined) and t >= walk.change_s:
-        return _scene("laboratory", options.seed + 1), walk.second, t - walk.change_s
-    scene = _scene("corridor" if options.walk == "corridor" else "laboratory", options.seed)
+        return _scene("laboratory", options.seed + 1, options.people), walk.second, t - walk.change_s
+    scene = _scene("corridor" if options.walk == "corridor" else "laboratory", options.seed, options.people)
     return scene, walk.first if isinstance(walk, Joined) else walk, t
 
 
@@ -135,18 +135,49 @@ def _color(options: ArenaOptions, walk: Walk, index: int, t: float, dark: bool) 
 def _light(options: ArenaOptions, scene: Renderer, walk: Walk, t: float) -> Light:
     """Return the light on the chip, whose middle row is exposed around `t`."""
     camera, faults = options.camera, options.faults
-    is_plain = not (faults or camera.distortion)
-    drawn = camera if is_plain else straight(camera)
+    drawn = _drawn_camera(options)
     steps = (np.arange(len(JITTER)) + 0.5) / len(JITTER) - 0.5
     blur = EXPOSURE_S if faults else 0.0
     poses = np.stack([inverse(walk.T_world_camera(t + blur * float(step))) for step in steps])
-    light, inverse_depth = scene.color(poses, intrinsics(drawn), (drawn.height, drawn.width))
-    if is_plain:
-        return light
-    motion = row_motion(walk, t, drawn, camera.height) if faults else no_motion(camera.height)
+    moments = Moments(t + blur * steps, READOUT_S if faults else 0.0, camera.height)
+    light, inverse_depth = scene.color(poses, intrinsics(drawn), (drawn.height, drawn.width), moments)
+    return _through_the_lens(options, walk, t, light, inverse_depth) if _is_bent(options) else light
+
+
+def _drawn_camera(options: ArenaOptions) -> Camera:
+    """Return the camera whose picture is drawn: the chip's own where that is straight and read out at once."""
+    return straight(options.camera) if _is_bent(options) else options.camera
+
+
+def _is_bent(options: ArenaOptions) -> bool:
+    return options.faults or options.distortion
+
+
+def _through_the_lens(options: ArenaOptions, walk: Walk, t: float, light: Light, inverse_depth: Float32) -> Light:
+    """Return what of the drawn picture reaches the chip, its rows read out one by one around `t`."""
+    camera = options.camera
+    still = no_motion(camera.height)
+    motion = row_motion(walk, t, straight(camera), camera.height) if options.faults else still
     out = np.empty((camera.height, camera.width), np.uint64)
     look_up(light, inverse_depth, lookup(camera), motion, out)
     return out
+
+
+def moving_mask(options: ArenaOptions, index: int) -> Mask:
+    """Return which pixels of colour frame `index` (H x W) show a person, or the carton while it is being carried.
+
+    For tests of what an odometry makes of them: no message tells it.
+    """
+    walk, drawn = make_walk(options), _drawn_camera(options)
+    t = color_time(options, index) - (READOUT_S / 2 if options.faults else 0.0)
+    scene, walk, t = _place(options, walk, t)
+    moments = Moments(np.array([t]), READOUT_S if options.faults else 0.0, options.camera.height)
+    T_camera_world = inverse(walk.T_world_camera(t))
+    mask, inverse_depth = scene.moving(T_camera_world, intrinsics(drawn), (drawn.height, drawn.width), moments)
+    if not _is_bent(options):
+        return mask
+    light = _through_the_lens(options, walk, t, mask.astype(np.uint64) << np.uint64(8), inverse_depth)
+    return np.asarray(light >= np.uint64(128))
 
 
 def _depth(options: ArenaOptions, walk: Walk, index: int, t: float, dark: bool) -> DepthImage:
@@ -160,7 +191,7 @@ def _depth(options: ArenaOptions, walk: Walk, index: int, t: float, dark: bool) 
     infrared, K = sensor.INFRARED, intrinsics(sensor.INFRARED)
     T_infrared_world = inverse(walk.T_world_camera(t) @ sensor.T_COLOR_INFRARED)
     rng = frame_random(options.seed, index, 14)
-    seen = scene.depth(T_infrared_world, K, sensor.SHAPE)
+    seen = scene.depth(T_infrared_world, K, sensor.SHAPE, t)
     if not options.faults:
         w = seen.inverse_depth
         depth_m = np.where(w > 0, 1 / np.maximum(w, 1e-6), 0).astype(np.float32)
@@ -168,7 +199,7 @@ def _depth(options: ArenaOptions, walk: Walk, index: int, t: float, dark: bool) 
         depth_m = kinect1.measured_depth(seen, scene.infrared, _tiles(options.seed), rng)
     else:
         shifted = [K - np.array([0.0, 0.0, *jitter]) for jitter in JITTER]
-        samples = [scene.depth(T_infrared_world, K_k, sensor.SHAPE) for K_k in shifted]
+        samples = [scene.depth(T_infrared_world, K_k, sensor.SHAPE, t) for K_k in shifted]
         depth_m = kinect2.measured_depth(seen.inverse_depth, samples, scene.infrared, _tiles(options.seed), rng)
     if options.half:
         depth_m, infrared = depth_m[::2, ::2], halved(infrared, 0.0)

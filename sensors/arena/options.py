@@ -38,6 +38,7 @@ class ArenaOptions:
     `faults=False` gives perfect images. `blackout` names what is missing (`frames`, `color`, `depth`) from
     `blackout_start_s` for `blackout_s`. `distortion` bends the colour lens. `mocap_offset_s` is the motion capture's
     clock minus the camera's; `marker_m` and `marker_deg` are how far the marker `body` is from the camera.
+    `people` (0 to 4) walk about, sit down, carry a carton: in the laboratory, not in the corridor.
     `exact_truth` adds the camera's own exact pose. `start` is the first stamp (nanoseconds).
     """
 
@@ -48,6 +49,7 @@ class ArenaOptions:
     seconds: Annotated[float, Field(ge=0)] = 0.0
     every: Count = 1
     half: bool = False
+    people: Annotated[int, Field(ge=0, le=4)] = 0
     jpeg_quality: Annotated[int, Field(ge=1, le=100)] = 90
     faults: bool = True
     distortion: bool = False
@@ -61,6 +63,10 @@ class ArenaOptions:
     exact_truth: bool = False
     body: str = "kinect"
     start: Stamp = START
+
+    def __post_init__(self) -> None:
+        if self.people and self.walk == "corridor":
+            raise ValueError("people are in the laboratory only: choose another walk than corridor, or people=0")
 
     @classmethod
     def from_texts(cls, texts: dict[str, str]) -> Self:

@@ -1,6 +1,6 @@
 """The rooms from a seed: the laboratory of the default walk, and a corridor of identical rooms."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from odom.geometry.arrays import Image
 from sensors.arena.array_types import Float32
 from sensors.arena.atlas import pack
 from sensors.arena.lighting import bake, lit
+from sensors.arena.people import People, seats
 from sensors.arena.rasteriser import Surfaces
 from sensors.arena.renderer import Renderer
 from sensors.arena.scene_builder import Lamps, Panel, moved
@@ -19,12 +20,18 @@ BAYS = 9
 """Rooms of the corridor: the default walk of 60 s passes six of them."""
 
 
-def laboratory(seed: int) -> Renderer:
-    """Return the room of the default walk, its middle at the origin, z up."""
+def laboratory(seed: int, people: int = 0) -> Renderer:
+    """Return the room of the default walk, its middle at the origin, z up, and so many people in it."""
     builder = SceneBuilder(np.random.default_rng([seed, 1]))
     builder.add("laboratory", np.eye(4))
-    scene = builder.scene
-    return draw([scene.panels], bake(scene.panels, [], join(scene.lamps), seed))
+    scene, lamps = builder.scene, join(builder.scene.lamps)
+    if not people:
+        return draw([scene.panels], bake(scene.panels, [], lamps, seed))
+    panels = scene.panels + seats(seed)
+    crowd = People.of(seed, people)
+    # who moves takes along the light of the middle of the room, and casts no shadow
+    light = [on_it for one in crowd.in_the_middle() for on_it in bake(one, [], lamps, seed)]
+    return draw([panels], bake(panels, [], lamps, seed), crowd, light)
 
 
 def corridor(seed: int) -> Renderer:
@@ -44,27 +51,34 @@ def join(lamps: list[Lamps]) -> Lamps:
     return Lamps(*(np.concatenate([getattr(lamp, name) for lamp in lamps]) for name in ("points", "normals", "power")))
 
 
-def draw(rooms: list[list[Panel]], light: list[Float32]) -> Renderer:
+def draw(
+    rooms: list[list[Panel]],
+    light: list[Float32],
+    people: People | None = None,
+    light_on_people: Sequence[Float32] = (),
+) -> Renderer:
     """Return what draws rooms that are the first one repeated; `light` (see `bake`) is that of the first's panels."""
     tones: list[float] = []
+    moving = list(people.panels) if people else []
 
     def pictures() -> Iterator[Image]:
-        for panel, on_it in zip(rooms[0], light, strict=True):
+        for panel, on_it in zip([*rooms[0], *moving], [*light, *light_on_people], strict=True):
             image = panel.paint()
             tones.append(panel.material.infrared * _tone(image))
             yield lit(image, on_it)
 
     atlas = pack(pictures())
-    panels = [panel for one in rooms for panel in one]
+    still = len(rooms[0])
+    panels = [*(panel for one in rooms for panel in one), *moving]
     surfaces = Surfaces(
         np.array([p.origin for p in panels]),
         np.array([p.u for p in panels]),
         np.array([p.v for p in panels]),
         np.array([p.material.two_sided for p in panels]),
-        np.tile(np.array(tones, np.float32), len(rooms)),
-        np.tile(np.arange(len(rooms[0]), dtype=np.int32), len(rooms)),
+        np.array([*tones[:still] * len(rooms), *tones[still:]], np.float32),
+        np.array([*list(range(still)) * len(rooms), *range(still, still + len(moving))], np.int32),
     )
-    return Renderer(surfaces, atlas)
+    return Renderer(surfaces, atlas, people)
 
 
 def _tone(image: Image) -> float:

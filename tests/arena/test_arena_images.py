@@ -6,6 +6,7 @@ from odom.geometry.se3 import apply, inverse
 from sensors.arena import ArenaFrame, ArenaOptions, frame, render_walk
 from sensors.arena import frames as session
 from sensors.arena.camera_path import make_walk
+from sensors.arena.renderer import Moments
 from sensors.arena.row_readout import READOUT_S
 
 
@@ -136,8 +137,8 @@ def test_the_corridor_repeats_itself_to_the_last_pixel() -> None:
     T = session.make_walk(options).T_world_camera(7.0)
     further = T.copy()
     further[0, 3] += BAY_M
-    K = intrinsics(options.camera)
-    views = [scene.color(np.stack([inverse(t)] * 4), K, (480, 640))[0] for t in (T, further)]
+    K, moments = intrinsics(options.camera), Moments(np.zeros(4))
+    views = [scene.color(np.stack([inverse(t)] * 4), K, (480, 640), moments)[0] for t in (T, further)]
     pictures = [session.unpack(v).astype(int) for v in views]
     assert np.percentile(np.abs(pictures[0] - pictures[1]), 99.5) <= 2
     assert pictures[0].std() > 25

@@ -17,6 +17,7 @@ from odom.cli.bench import bench
 from odom.cli.config import config
 from odom.cli.doctor import doctor
 from odom.cli.eval import evaluate
+from odom.cli.export import export
 from odom.cli.import_ import import_
 from odom.cli.info import info
 from odom.cli.keys import keys
@@ -47,6 +48,7 @@ app.command("sensor")(sensor)
 app.command("record")(record)
 app.command("import")(import_)
 app.command("batch")(batch)
+app.command("export")(export)
 app.command("recover")(recover)
 app.command("info")(info)
 app.command("router")(router)

@@ -28,6 +28,7 @@ ORDER = (
     "odom.service",
     "odom.rgbd_recording",
     "odom",
+    "odom.export",
     "odom.batch",
     "odom.cli",
     "odom.examples",

@@ -7,6 +7,7 @@ import numpy as np
 from odom.backend.estimate import ClosingTest, Estimate, LoopCandidate, TrajectoryPose
 from odom.backend.loop_closure.closed_walk import closing_test
 from odom.backend.loop_closure.loop_closure import close_recognised
+from odom.backend.map.map import Map
 from odom.backend.mapping.intermediate_frames import corrected
 from odom.backend.odometry.final_trajectory import trajectory
 from odom.backend.odometry.frame_stages import FrameStages
@@ -70,6 +71,11 @@ class Odometry:
     def timing(self) -> ShutterTiming:
         """The sensor's timing as estimated so far."""
         return self._frames.sensor.timing
+
+    @property
+    def map(self) -> Map:
+        """The map so far: to be read, not changed."""
+        return self._frames.map
 
     @property
     def forgotten_keyframes(self) -> int:

@@ -1,0 +1,115 @@
+"""`odom export RUN_OR_MCAP... --to FORMAT`: results in the formats of other tools."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from odom.cli import options, signals
+
+if TYPE_CHECKING:
+    import threading
+
+    from odom.export.writing import ExportOptions
+
+Format = Literal["colmap", "nerfstudio", "ply", "mesh", "g2o", "kitti", "euroc", "tum"]
+_TRAJECTORIES = ("kitti", "euroc", "tum")
+
+
+def export(
+    sources: Annotated[list[Path], typer.Argument(help="Recordings; for tum, kitti and euroc folders of runs, too.")],
+    to: Annotated[Format, typer.Option(help="What to write.")],
+    out: Annotated[Path, typer.Option(help="Folder to write, new or empty; of several sources one below it each.")],
+    neighbours: Annotated[
+        int, typer.Option(min=0, help="Frames on each side of a key frame of which the sharpest is taken.")
+    ] = 2,
+    unroll: Annotated[
+        bool, typer.Option(help="Undo the rolling shutter; else images stay, posed at their middle rows.")
+    ] = True,
+    voxel: Annotated[float, typer.Option(min=0.001, help="Side of a cube of ply and mesh, m.")] = 0.01,
+    farthest: Annotated[float, typer.Option(min=0.1, help="Depth beyond is left out of ply and mesh, m.")] = 4.0,
+    memory: Annotated[float, typer.Option(min=1, help="The most that a mesh may take, MB.")] = 1500.0,
+    camera: options.Calibration = None,
+    start: options.Start = 0.0,
+    end: options.End = None,
+    config: options.Config = None,
+) -> None:
+    """Run the odometry over recordings and write trajectory, key frames or map for other tools.
+
+    Everything is in the frame `map`: the first camera's, z forward, y down. Of parts that were never joined the largest
+    is written.
+
+    Example: odom export recordings/arena.mcap --to colmap --out out/colmap
+
+    Example: odom export recordings/arena.mcap --to mesh --voxel 0.02 --out out/mesh
+    """
+    stop = signals.stop_event()
+    from odom.errors import ConfigError, SourceError
+    from odom.evaluation.files import read_run
+    from odom.export.mesh import open3d
+    from odom.export.writing import ExportOptions, write_trajectory
+    from odom.rgbd_recording import read_recording
+
+    for source in sources:
+        if not source.exists():
+            raise SourceError(f"{source}: no such file or folder")
+        if (source / "trajectory.txt").is_file() and to not in _TRAJECTORIES:
+            raise ConfigError(f"{source} holds poses alone: give the recording that they are of for --to {to}")
+    if to == "mesh":
+        open3d()
+    names = [source.resolve().stem for source in sources]
+    if len(set(names)) < len(names):
+        raise ConfigError(f"two sources have one name: {', '.join(names)}; export them one by one")
+    folders = [out / name if len(names) > 1 else out for name in names]
+    for folder in folders:
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise ConfigError(f"{folder} is there already: give a new or empty folder")
+    wanted = ExportOptions(neighbours, unroll, voxel, farthest, memory)
+    for source, folder in zip(sources, folders, strict=True):
+        if (source / "trajectory.txt").is_file():
+            folder.mkdir(parents=True, exist_ok=True)
+            write_trajectory(folder, to, read_run(source).longest_segment())
+        else:
+            recording = read_recording(source, camera, start=start, end=end)
+            _export_recording(recording, to, folder, wanted, (config, stop))
+        ended = " (of what was read until the interruption)" if stop.is_set() else ""
+        typer.echo(f"{source}: {to} in {folder}{ended}")
+        if stop.is_set():
+            return
+
+
+def _export_recording(
+    recording: Any, to: str, folder: Path, wanted: "ExportOptions", run: "tuple[Path | None, threading.Event]"
+) -> None:
+    """Run the odometry over a recording and write what is wanted; `run` are the settings' file and the stop event."""
+    import cv2
+
+    from odom.backend.settings import OdometrySettings
+    from odom.export import writing
+    from odom.export.views import survey
+    from odom.service.progress import counting
+    from odom.service.settings_sources import part_settings
+
+    cv2.setNumThreads(1)
+    config, stop = run
+    settings = part_settings("odometry", OdometrySettings, config, {})
+    with counting("odometry", None) as progress:
+        surveyed = survey(recording, settings, progress, stop.is_set)
+    scene = surveyed.scene
+    typer.echo(f"{len(surveyed.stamps)} frames, {len(scene.keyframes)} key frames, {len(scene.points)} landmarks")
+    folder.mkdir(parents=True, exist_ok=True)
+    if to in _TRAJECTORIES:
+        writing.write_trajectory(folder, to, scene.trajectory)
+        return
+    with counting(to, len(scene.keyframes), unit="key frames") as progress:
+        if to == "mesh":
+            writing.write_mesh(folder, surveyed, recording, wanted, progress, typer.echo)
+            return
+        writers: dict[str, Callable[..., None]] = {
+            "colmap": writing.write_colmap,
+            "nerfstudio": writing.write_nerfstudio,
+            "ply": writing.write_ply,
+            "g2o": writing.write_g2o,
+        }
+        writers[to](folder, surveyed, recording, wanted, progress)

@@ -1,0 +1,128 @@
+"""A recording read for export: once for its trajectory and map, and again for the images that are wanted."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.backend import Odometry, OdometrySettings
+from odom.errors import InputError
+from odom.export.rectify import Rectifier
+from odom.export.scene import Scene, SceneKeyframe, scene_of
+from odom.export.selection import carried, sharpest, sharpness
+from odom.frame import RgbdFrame, Stamp
+from odom.geometry import se3
+from odom.geometry.arrays import Array, Image, Index
+from odom.rgbd_recording import RgbdRecording
+
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """A recording's scene, and the stamp and sharpness of every frame."""
+
+    scene: Scene
+    stamps: tuple[Stamp, ...]
+    sharpness: tuple[float, ...]
+
+    def chosen(self, neighbours: int) -> dict[Stamp, Stamp]:
+        """Return for each key frame's stamp that of the sharpest image within so many frames of it."""
+        number = {stamp: i for i, stamp in enumerate(self.stamps)}
+        keyframes = [number[keyframe.stamp] for keyframe in self.scene.keyframes]
+        best = sharpest(keyframes, self.sharpness, neighbours)
+        return {self.stamps[k]: self.stamps[b] for k, b in zip(keyframes, best, strict=True)}
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """An image for export with its depth, as a pinhole camera with pose `T_map_camera` (4 x 4) took them.
+
+    `landmarks` (n) are rows of the scene's points, seen at `uv` (n x 2 px); `T_map_depth` is the camera's pose when
+    the depth image was taken; `covariance` (6 x 6, `se3`, camera frame) that of the key frame's pose.
+    """
+
+    name: str
+    stamp: Stamp
+    T_map_camera: Array
+    T_map_depth: Array
+    color: Image
+    depth_mm: NDArray[np.uint16]
+    landmarks: Index
+    uv: Array
+    covariance: Array
+
+
+def survey(
+    recording: RgbdRecording, settings: OdometrySettings, progress: Progress, is_stopped: Callable[[], bool]
+) -> Survey:
+    """Run the odometry over a recording; `progress` is told the frames done, `is_stopped` may end it early.
+
+    Raises InputError when no frame has a pose.
+    """
+    odometry = Odometry(recording.camera, settings)
+    stamps, values = [], []
+    for frame in recording:
+        try:
+            odometry.process(frame)
+        except InputError:
+            continue
+        stamps.append(frame.stamp)
+        values.append(sharpness(frame.color))
+        progress(len(stamps))
+        if is_stopped():
+            break
+    poses = odometry.finish()
+    return Survey(scene_of(recording.camera, odometry.timing, poses, odometry.map), tuple(stamps), tuple(values))
+
+
+def views(survey: Survey, recording: RgbdRecording, neighbours: int = 0, unroll: bool = False) -> Iterator[View]:
+    """Yield an image for each key frame, in order of time: the sharpest within `neighbours` frames of it.
+
+    Lens distortion is undone, with `unroll` the rolling shutter too.
+    """
+    scene = survey.scene
+    rectifier = Rectifier(recording.camera, scene.timing.readout_s if unroll else 0.0)
+    chosen = survey.chosen(neighbours)
+    wanted = chosen.keys() | chosen.values()
+    waiting = {keyframe.stamp: keyframe for keyframe in scene.keyframes}
+    held: dict[Stamp, RgbdFrame] = {}
+    for frame in recording:
+        if frame.stamp not in wanted:
+            continue
+        held[frame.stamp] = frame
+        ready = [stamp for stamp in waiting if stamp in held and chosen[stamp] in held]
+        for stamp in ready:
+            keyframe = waiting.pop(stamp)
+            yield _view(scene, keyframe, held[stamp], held[chosen[stamp]], rectifier)
+        still = {one for stamp in waiting for one in (stamp, chosen[stamp])}
+        held = {stamp: kept for stamp, kept in held.items() if stamp in still}
+
+
+def _view(scene: Scene, keyframe: SceneKeyframe, own: RgbdFrame, best: RgbdFrame, rectifier: Rectifier) -> View:
+    uv, landmarks = keyframe.uv, keyframe.landmarks
+    T = keyframe.T_map_camera if own is best else scene.pose_of_color(best.stamp)
+    if own is not best:
+        uv, is_found = carried(uv, _grey(own.color), _grey(best.color))
+        uv, landmarks = uv[is_found], landmarks[is_found]
+    twist = scene.twist_of_color(best.stamp)
+    sources = rectifier.sources(best.depth_mm, twist)
+    depth_m = se3.apply(se3.inverse(T), scene.points[landmarks])[:, 2]
+    rgb = best.color if best.color.ndim == 3 else np.repeat(best.color[..., None], 3, axis=2)
+    return View(
+        name=f"{best.stamp}",
+        stamp=best.stamp,
+        T_map_camera=T,
+        T_map_depth=scene.pose_of_depth(best.depth_stamp),
+        color=rectifier.color(rgb, sources),
+        depth_mm=rectifier.depth(best.depth_mm, sources),
+        landmarks=landmarks,
+        uv=rectifier.points(uv, depth_m, twist),
+        covariance=keyframe.covariance,
+    )
+
+
+def _grey(color: Image) -> NDArray[np.uint8]:
+    return np.asarray(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY) if color.ndim == 3 else color)

@@ -1,0 +1,134 @@
+"""`odom export` as its users meet it, on recordings."""
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from odom.backend import OdometrySettings
+from odom.evaluation.alignment import align
+from odom.export import writing
+from odom.export.rectify import pinhole_of
+from odom.export.views import survey
+from odom.export.writing import ExportOptions
+from odom.geometry import se3
+from odom.rgbd_recording import read_recording
+
+PROJECT = Path(__file__).parents[2]
+RECORDING = PROJECT / "recordings" / "arena.mcap"
+
+
+def export(*arguments, status=0):
+    words = [sys.executable, "-m", "odom", "export", *map(str, arguments)]
+    done = subprocess.run(words, capture_output=True, text=True, cwd=PROJECT, timeout=500)
+    assert done.returncode == status, done.stderr
+    return done.stdout + done.stderr
+
+
+def surveyed(recording):
+    return survey(recording, OdometrySettings(), lambda done: None, lambda: False)
+
+
+def test_a_recording_becomes_images_with_poses(tmp_path):
+    words = export(RECORDING, "--end", "3", "--to", "nerfstudio", "--out", tmp_path / "out")
+    frames = json.loads((tmp_path / "out" / "transforms.json").read_text())["frames"]
+    assert f"{len(frames)} key frames" in words
+    assert len(frames) > 5
+    for frame in frames:
+        assert (tmp_path / "out" / frame["file_path"]).is_file()
+        assert (tmp_path / "out" / frame["depth_file_path"]).is_file()
+    refused = export(RECORDING, "--to", "tum", "--out", tmp_path / "out", status=2)
+    assert "new or empty folder" in refused
+
+
+def test_a_folder_of_a_run_becomes_a_trajectory_and_nothing_else(tmp_path):
+    run = tmp_path / "run"
+    run.mkdir()
+    (run / "trajectory.txt").write_text("1.0 0 0 0 0 0 0 1\n2.0 1 0 0 0 0 0 1\n")
+    export(run, "--to", "kitti", "--out", tmp_path / "out")
+    assert np.loadtxt(tmp_path / "out" / "poses.txt")[1].tolist() == [1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0]
+    assert "give the recording" in export(run, "--to", "ply", "--out", tmp_path / "other", status=2)
+    assert not (tmp_path / "other").exists()
+
+
+def distance_to(surfaces, points):
+    """Distances (n, m) of points to the nearest of the parallelograms of a scene."""
+    nearest = np.full(len(points), np.inf)
+    for origin, u, v in zip(surfaces.origin, surfaces.u, surfaces.v, strict=True):
+        across, down = (np.clip((points - origin) @ side / (side @ side), 0, 1) for side in (u, v))
+        apart = points - origin - across[:, None] * u - down[:, None] * v
+        nearest = np.minimum(nearest, np.linalg.norm(apart, axis=1))
+    return nearest
+
+
+@pytest.mark.slow
+def test_the_arenas_mesh_lies_on_its_surfaces(tmp_path):
+    open3d = pytest.importorskip("open3d", reason="pip install 'rgbd-odom[dense]'")
+    from sensors.arena import rooms
+    from sensors.arena.camera_path import make_walk
+    from sensors.arena.options import ArenaOptions
+
+    recording = read_recording(RECORDING)
+    found = surveyed(recording)
+    writing.write_mesh(tmp_path, found, recording, ExportOptions(), lambda done: None, print)
+    trajectory, options = found.scene.trajectory, ArenaOptions(seed=1)
+    walk = make_walk(options)
+    true = np.array([walk.T_world_camera((stamp - options.start) * 1e-9)[:3, 3] for stamp in trajectory.stamps])
+    T_world_map = align(trajectory.positions, true).T_truth_estimate
+    mesh = open3d.io.read_triangle_mesh(str(tmp_path / "mesh.ply"))
+    vertices = np.asarray(mesh.vertices)
+    some = np.random.default_rng(0).choice(len(vertices), 20_000, replace=False)
+    off = distance_to(rooms.laboratory(1)._surfaces, se3.apply(T_world_map, vertices[some]))
+    print(f"{len(vertices)} vertices, {(off < 0.02).mean():.1%} within 2 cm, median {1e3 * np.median(off):.1f} mm")
+    assert (off < 0.02).mean() >= 0.95
+
+
+@pytest.mark.slow
+def test_colmap_finds_the_desks_landmarks_where_they_were_seen(tmp_path, shared_data):
+    pycolmap = pytest.importorskip("pycolmap", reason="pip install pycolmap")
+    recording = read_recording(shared_data / "tum_fr1_xyz")
+    found = surveyed(recording)
+    for unroll in (False, True):
+        folder = tmp_path / f"unroll-{unroll}"
+        folder.mkdir()
+        writing.write_colmap(folder, found, recording, ExportOptions(unroll=unroll), lambda done: None)
+        read = pycolmap.Reconstruction(folder / "sparse" / "0")
+        read.update_point_3d_errors()
+        error_px = read.compute_mean_reprojection_error()
+        print(f"unroll {unroll}: {read.num_images()} images, {read.num_points3D()} points, {error_px:.3f} px")
+        assert read.num_images() == len(found.scene.keyframes) > 20
+        assert read.num_points3D() > 1000
+        assert error_px <= 1.2
+
+
+@pytest.mark.slow
+def test_a_hundred_and_fifty_key_frames_become_a_mesh_in_time_and_memory(shared_data):
+    pytest.importorskip("open3d", reason="pip install 'rgbd-odom[dense]'")
+    from odom.export.mesh import Volume
+    from odom.export.surface import surface_depth
+
+    recording = read_recording(shared_data / "tum_fr1_xyz")
+    poses = surveyed(recording).scene
+    every = len(poses.trajectory) // 150
+    frames = [frame for k, frame in enumerate(recording) if k % every == 0][:150]
+    shots = [
+        (surface_depth(frame.depth_mm, 4.0), frame.color, poses.pose_of_depth(frame.depth_stamp)) for frame in frames
+    ]
+    process = psutil.Process()
+    before = process.memory_info().rss
+    begun = time.perf_counter()
+    volume = Volume(pinhole_of(recording.camera), 0.01, 4.0)
+    for depth_mm, _, T in shots:
+        volume.look(depth_mm, T)
+    made = volume.mesh(iter(shots))
+    took_s, more_mb = time.perf_counter() - begun, (process.memory_info().rss - before) / 2**20
+    print(f"{len(shots)} key frames: {took_s:.1f} s, {more_mb:.0f} MB, estimated {volume.memory_mb:.0f} MB")
+    assert len(shots) == 150
+    assert len(made.triangles) > 10_000
+    assert took_s <= 12
+    assert more_mb <= 1500

@@ -106,10 +106,13 @@ class Tuning:
     search_iterations: int = tuned(8, unit="1", source=_SWEEP,
         effect="fewer: alignments end early; more: slower without gain")
     # place_recognition
-    place_features: int = tuned(700, unit="1", source=_SWEEP,
+    place_features: int = tuned(1000, unit="1", source=_SWEEP,
         effect="fewer: places are not recognised; more: slower in the background")
-    place_fast_threshold: int = tuned(12, unit="grey levels", source=_SWEEP,
+    place_fast_threshold: int = tuned(5, unit="grey levels", source=_SWEEP,
         effect="smaller: features in noise; larger: none in the dark")
+    place_scale: float = tuned(1.4, unit="ratio of sides",
+        source="frames .1 to .5 s apart of fr1_rpy and a head-worn camera; at 1.2 blurred ones do not match",
+        effect="from each of ORB's 8 scales to the next; smaller: blurred places are not matched; larger: less exact")
     place_ratio: float = tuned(0.8, unit="1", source="D. Lowe, IJCV 60, 2004",
         effect="smaller: true matches are dropped; larger: ambiguous ones are kept")
     place_most_different: int = tuned(64, unit="bits of 256", source="E. Rublee et al., ICCV 2011, fig. 7",

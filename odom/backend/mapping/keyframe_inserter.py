@@ -58,6 +58,7 @@ class KeyframeInserter:
         self._map, self._settings = map_, settings
         self._newest: KeyframeView | None = None
         self._coverage_at_keyframe: Coverage | None = None
+        self._is_worn_out = False
         self.undescribed: list[KeyframeView] = []
 
     def begin_segment(self, view: View, T_camera_map: Array, sensor: SensorModel) -> Keyframe:
@@ -77,9 +78,14 @@ class KeyframeInserter:
         """Return whether too little is left in a frame of what the last key frame saw, and the camera has moved."""
         coverage = Coverage.of(tracked.inlying.uv)
         self._coverage_at_keyframe = self._coverage_at_keyframe or coverage
+        is_worn, self._is_worn_out = self._is_worn_out or coverage.is_worn(self._coverage_at_keyframe), False
         near = self._map.keyframes[tracked.reference]
         T_camera_keyframe = tracked.T_camera_map @ se3.inverse(near.T_camera_map)
-        return coverage.is_worn(self._coverage_at_keyframe) and _has_moved(T_camera_keyframe)
+        return is_worn and _has_moved(T_camera_keyframe)
+
+    def wear_out(self) -> None:
+        """Make the next frame a key frame if the camera has moved: it could not be followed from the one before."""
+        self._is_worn_out = True
 
     def forget_coverage(self) -> None:
         """Compare later frames with the next one: the camera is at another place than the last key frame's."""

@@ -20,8 +20,9 @@ from odom.backend.tracking.frame_tracker import FrameTracker
 from odom.backend.tracking.motion_model import AT_REST
 from odom.backend.tracking.noise_check import is_noise_check_due, observe_noise
 from odom.backend.tracking.quality import judge_pose
-from odom.backend.tracking.relocalizer import relocalise
+from odom.backend.tracking.relocalizer import follow_wide_step, relocalise
 from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.place_descriptor import Place, describe_place
 from odom.frontend.features.view import View
 from odom.geometry.arrays import Array
 
@@ -71,10 +72,17 @@ class FrameStages:
             return self._advance(view, self._judge(view, tracked, is_recovered=False), watch)
         features = 0
         if not is_blind:
-            tracked, features = relocalise(self.map, self.tracker, self.state, view, self.sensor)
+            place = describe_place(view, self.sensor, AT_REST)
+            features = len(place.points)
+            tracked = self._follow_wide_step(view, place)
+            if tracked is not None:
+                self.mapper.inserter.wear_out()
+            is_recovered = tracked is None or self.published.is_lost
+            if tracked is None:
+                tracked = relocalise(self.map, self.tracker, self.state, view, place, self.sensor)
             watch.lap("relocalise")
         if tracked is not None:
-            return self._advance(view, self._judge(view, tracked, is_recovered=True), watch)
+            return self._advance(view, self._judge(view, tracked, is_recovered), watch)
         if self.state is not None and is_followable and 0.0 < self.state.since_s(view.steady_stamp) <= bridge_s:
             return self._bridge(view, self.state)
         return self._search(view, features, is_blind)
@@ -89,7 +97,7 @@ class FrameStages:
             T_predicted = tracker.predict(state, view.images, view.steady_stamp, sensor)
         watch.lap("predict")
         tracked = tracker.follow(state, view, sensor, T_predicted)
-        if tracked is not None and state.tracked is None:
+        if tracked is not None and state.tracked is None and state.since_s(view.steady_stamp) < TUNING.longest_gap_s:
             # The motion to a segment's second frame tells how the first one's rows are bent. The rows themselves
             # cannot: landmarks bent in the first frame look straight in the second.
             prior = state.motion_prior(state.since_s(view.steady_stamp), sensor.noise.covariance_scale)
@@ -100,13 +108,19 @@ class FrameStages:
         watch.lap("track")
         return tracked
 
+    def _follow_wide_step(self, view: View, place: Place) -> Tracked | None:
+        """Follow the frame, which shows `place`, from the newest one by descriptors; None where that fails."""
+        if self.state is None or self.state.since_s(view.steady_stamp) <= 0.0:
+            return None
+        return follow_wide_step(self.tracker, self.state, view, place, self.sensor)
+
     def _judge(self, view: View, tracked: Tracked, is_recovered: bool) -> _Judged:
         """Learn the noise from a tracked frame; return its motion, and how far its pose may be trusted."""
         previous, clock, landmarks = self.state, self.sensor.clock, self.map.landmarks
         assert previous is not None
         since_previous_s = 0.0 if is_recovered else previous.since_s(view.steady_stamp)
         step = previous.step_to(tracked)
-        twist = -step / since_previous_s if since_previous_s else tracked.twist
+        twist = -step / since_previous_s if 0.0 < since_previous_s < TUNING.longest_gap_s else tracked.twist
         self.mapper.inserter.remeasure_newest(twist if since_previous_s else None, self.sensor)
         landmarks.tried[tracked.expected] += 1
         landmarks.seen[tracked.inlying.rows] += 1

@@ -82,6 +82,9 @@ class PublishedTrajectory:
         """
         assert middle.T_keyframe_camera is not None
         self.frames.append(middle)
+        last = self._recent[-1].frame.keyframe if self._recent else None
+        if last is not None and self._map.keyframes[last].segment != middle.segment:
+            self._recent.clear()
         T_odom_middle = se3.inverse(self.T_map_odom) @ T_map_middle
         if since_previous_s and self._filter is not None:
             self._filter = self._filter.tracked(T_odom_middle, covariance, since_previous_s)

@@ -131,6 +131,16 @@ class FrameTracker:
             velocity,
         )
 
+    def track_twice(
+        self, view: View, sensor: SensorModel, T_start: Array, twist: Array, near: int, prior: MotionPrior
+    ) -> Tracked:
+        """Track a frame from a rough `T_start` near key frame `near`, and again from where that led.
+
+        Descriptors place a camera to some degrees, which are more pixels than patches can be moved by.
+        """
+        T = self.track(view, sensor, T_start, twist, self.around(near, T_start), prior).T_camera_map
+        return self.track(view, sensor, T, twist, self.around(near, T), prior)
+
     def _candidates(self, local: Index, T_camera_map: Array) -> Candidates:
         """Return the landmarks of the key frames `local`, of which the first is the reference."""
         L, all_keyframes = self._map.landmarks, self._map.keyframes

@@ -77,6 +77,10 @@ class Tuning:
         effect="smaller: fast motions are LOST; larger: jumps pass for motion")
     fastest_rad_s: float = tuned(12.0, unit="rad/s", source="a flick of the wrist",
         effect="as fastest_m_s")
+    wide_away_m: float = tuned(0.1, unit="m", source="registrations of frames a quarter second apart against truth",
+        effect="how far landmarks may move a pose from where descriptors put it; smaller: wide steps are LOST; "
+        "larger: chance landmarks count")
+    wide_away_rad: float = tuned(0.1, unit="rad", source="as wide_away_m", effect="as wide_away_m")
     place_sigma: float = tuned(0.1, unit="m and rad", source="registrations of recognised places against truth",
         effect="how well a place alone shows where the camera is; smaller: the rows' velocity is biased; larger: noisy")
     # noise_check

@@ -32,7 +32,9 @@ def describe_place(view: View, sensor: SensorModel, twist: Array) -> Place:
 
     Features without depth are left out. ORB: E. Rublee et al., ICCV 2011.
     """
-    orb = cv2.ORB.create(nfeatures=TUNING.place_features, fastThreshold=TUNING.place_fast_threshold)
+    orb = cv2.ORB.create(
+        nfeatures=TUNING.place_features, scaleFactor=TUNING.place_scale, fastThreshold=TUNING.place_fast_threshold
+    )
     keypoints, descriptors = orb.detectAndCompute(view.images.full, None)
     if descriptors is None:
         return Place(np.zeros((0, 32), np.uint8), np.zeros((0, 3)), np.zeros((0, 3, 3)))

@@ -98,9 +98,14 @@ class Recognition:
             return "looks alike, but no features match"
         if not self.registration.ok:
             return f"looks alike, but {self.registration.reason}"
-        inliers = int(self.registration.inliers.sum())
-        is_enough = inliers >= TUNING.place_least_inliers
-        return "" if is_enough else f"only {inliers} of {len(self.registration.inliers)} matches agree"
+        if believable(self.registration):
+            return ""
+        return f"only {self.registration.inliers.sum()} of {len(self.registration.inliers)} matches agree"
+
+
+def believable(registration: Registration) -> bool:
+    """Return whether so many matches agree on the registration that look-alike places do not explain it."""
+    return registration.ok and int(registration.inliers.sum()) >= TUNING.place_least_inliers
 
 
 def recognise(index: PlaceIndex, place: Place, excluded: set[int]) -> list[Recognition]:

@@ -1,0 +1,29 @@
+"""Frames far apart: one in sixteen of a recording at 30 Hz, and a head-worn camera that turns between its frames."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from odom import read_recording
+from odom.backend import Odometry, State
+from odom.evaluation.report import evaluate
+from odom.evaluation.trajectory import Trajectory
+
+
+@pytest.mark.parametrize(
+    ("name", "every", "least_complete", "most_ate_m"),
+    [("tum_fr1_xyz", 16, 0.95, 0.0085), ("tum_fr1_rpy_part", 4, 0.95, 0.018), ("hololens_part", 1, 0.98, 0.06)],
+)
+def test_wide_steps_make_one_segment_with_hardly_a_frame_lost(
+    shared_data: Path, name: str, every: int, least_complete: float, most_ate_m: float
+) -> None:
+    recording = read_recording(shared_data / name)
+    odometry = Odometry(recording.camera)
+    estimates = [odometry.process(frame) for frame in list(recording)[::every]]
+    trajectory = Trajectory.of(odometry.finish())
+    report = evaluate(trajectory, recording.truth()["camera"])
+    assert np.mean([e.state is not State.LOST for e in estimates]) >= least_complete
+    assert trajectory.segment is not None
+    assert len(set(trajectory.segment.tolist())) == 1
+    assert report.ate_m <= most_ate_m

@@ -6,6 +6,7 @@ becomes `truth/camera/pose`.
 
 import heapq
 import logging
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -77,12 +78,16 @@ def depth_table(depth_scale: float) -> NDArray[np.uint16] | None:
 
 
 class TumSource:
-    """The folder as a stream; a file that is missing or damaged is logged, counted in `damaged` and left out."""
+    """The folder as a stream; a file that is missing or damaged is logged, counted in `damaged` and left out.
+
+    `refused` counts the images among these by stream and reason.
+    """
 
     lossless = True
 
     def __init__(self, folder: Path, calibration: Calibration, options: SourceOptions) -> None:
         self.damaged = 0
+        self.refused: Counter[tuple[str, str]] = Counter()
         self._folder = folder
         self._calibration = calibration
         self._topics: Topics = options.topics
@@ -117,6 +122,8 @@ class TumSource:
                 yield encode(entry)
             except (WireError, OSError, ValueError) as error:
                 self.damaged += 1
+                if encode != self._pose:
+                    self.refused["colour" if encode == self._color_image else "depth", _why(error)] += 1
                 log.warning("%s: left out %s: %s", self._folder, entry.values[0], error)
 
     def close(self) -> None:
@@ -133,7 +140,7 @@ class TumSource:
         file = np.fromfile(self._folder / entry.values[0], dtype=np.uint8)
         depth = decode_file(file, cv2.IMREAD_UNCHANGED)
         if depth.dtype != np.uint16 or depth.ndim != 2:
-            raise WireError(f"depth image of type {depth.dtype} and shape {depth.shape}: expected 16-bit grey")
+            raise _NotDepthError(f"depth image of type {depth.dtype} and shape {depth.shape}: expected 16-bit grey")
         mm = depth if self._table is None else np.take(self._table, depth)
         return encode_depth(self._topics.depth, entry.stamp, mm, self._topics.frame_camera)
 
@@ -143,6 +150,19 @@ class TumSource:
         T_world_camera[:3, :3] = rotation_from_quaternion(values[3:])
         T_world_camera[:3, 3] = values[:3]
         return encode_pose(truth(BODY), entry.stamp, T_world_camera, "mocap")
+
+
+class _NotDepthError(WireError):
+    """An image that holds no distances."""
+
+
+def _why(error: Exception) -> str:
+    """Return in few words why an image could not be used, the same for all of a kind."""
+    from odom.evaluation.diagnosis.recording import NO_FILE, NOT_DEPTH
+
+    if isinstance(error, FileNotFoundError):
+        return NO_FILE
+    return NOT_DEPTH if isinstance(error, _NotDepthError) else "damaged file"
 
 
 def open_tum(path: Path, options: SourceOptions) -> TumSource:

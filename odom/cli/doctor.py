@@ -10,12 +10,10 @@ from odom.cli import signals
 from odom.cli.options import Calibration, OwnTopics, Seed, SimulatedSensor, SourceName, SourceOption, Start, pairs
 
 if TYPE_CHECKING:
-    from odom.evaluation.diagnosis import Finding, Recording
+    from odom.evaluation.diagnosis import Finding
     from odom.frame import Camera, RgbdFrame
-    from odom.wire import Message, Topics
+    from odom.wire import Message
 
-_MOST_FRAMES = 900
-"""Frames kept in memory, 0.9 MB each: 30 s at 30 Hz, the longest that may be asked for."""
 _WARM_UP, _TIMED = 20, 90
 """Frames before the clock counts (compiling, loading) and frames timed, 3 s: their median stands still by then."""
 _BUSIEST = 0.8
@@ -41,11 +39,13 @@ def doctor(
     Example: odom doctor kinect
     """
     import json
+    from dataclasses import replace
 
     import cv2
 
     from odom.evaluation.diagnosis import Verdict, examine
     from odom.service.progress import counting
+    from odom.service.source_sample import collect
     from sensors.catalogue import open_source
     from sensors.source import SourceOptions
 
@@ -59,12 +59,13 @@ def doctor(
     try:
         with counting("looking", round(30 * seconds)) as progress:
             messages = _until(opened.messages(), stop.is_set)
-            recording = collect(messages, options.topics, seconds, progress)
+            recording = collect(messages, options.topics, seconds, progress, opened.lossless)
+        recording = replace(recording, refused={**recording.refused, **getattr(opened, "refused", {})})
     finally:
         opened.close()
     findings = examine(recording)
     if recording.camera and recording.frames:
-        findings.append(judge_speed(recording.frames, recording.camera))
+        findings += judge_odometry(recording.frames, recording.camera)
     for finding in findings:
         typer.echo(f"{finding.verdict.value:>10}  {finding.key:<18}  {finding.value}")
         if finding.advice:
@@ -77,73 +78,47 @@ def doctor(
         raise typer.Exit(1)
 
 
-def collect(
-    messages: "Iterable[Message]", topics: "Topics", seconds: float, progress: Callable[[int], None]
-) -> "Recording":
-    """Return the first `seconds` of colour, depth, calibration and truth from the messages of a source."""
-    import numpy as np
-
-    from odom.errors import WireError
-    from odom.evaluation.diagnosis import Recording
-    from odom.evaluation.trajectory import Trajectory
-    from odom.wire.assembler import FrameAssembler
-    from odom.wire.codec import decode_pose
-
-    assembler = FrameAssembler(topics, grey=True)
-    frames: list[RgbdFrame] = []
-    color: list[int] = []
-    depth: list[int] = []
-    truth: dict[str, dict[int, np.ndarray[tuple[int, ...], np.dtype[np.float64]]]] = {}
-    for message in messages:
-        if message.topic in (topics.color, topics.color_compressed):
-            color.append(message.stamp)
-            progress(len(color))
-        elif message.topic in (topics.depth, topics.depth_compressed):
-            depth.append(message.stamp)
-        elif message.topic.startswith("truth/"):
-            try:
-                truth.setdefault(message.topic.split("/")[1], {})[message.stamp] = decode_pose(message).T_parent_child
-            except WireError:
-                continue
-        frames += assembler.feed(message)
-        if (color and color[-1] - color[0] > seconds * 1e9) or len(frames) >= _MOST_FRAMES:
-            break
-    frames += assembler.finish()
-    trajectories = {
-        body: Trajectory(np.array(sorted(poses), dtype=np.int64), np.array([poses[stamp] for stamp in sorted(poses)]))
-        for body, poses in truth.items()
-    }
-    stamps = (np.unique(np.array(values, dtype=np.int64)) for values in (color, depth))
-    return Recording(next(stamps), next(stamps), tuple(frames), assembler.camera, trajectories)
-
-
-def judge_speed(frames: "tuple[RgbdFrame, ...]", camera: "Camera") -> "Finding":
-    """Measure the odometry itself on the first frames, by wall clock and CPU, against the time between two frames."""
+def judge_odometry(frames: "tuple[RgbdFrame, ...]", camera: "Camera") -> "list[Finding]":
+    """Judge by the odometry itself, on the first frames, whether it keeps track and how much of the time it takes."""
     import time
 
     import numpy as np
 
-    from odom.backend import Odometry, OdometrySettings
-    from odom.evaluation.diagnosis import Finding, Verdict
+    from odom.backend import Odometry, OdometrySettings, State
+    from odom.evaluation.diagnosis import judge_tracking
 
     odometry = Odometry(camera, OdometrySettings())
-    spent = []
+    spent, reasons, inliers = [], [], []
     for frame in frames[: _WARM_UP + _TIMED]:
         begin = time.perf_counter(), time.process_time()
-        odometry.process(frame)
+        estimate = odometry.process(frame)
         spent.append((time.perf_counter() - begin[0], time.process_time() - begin[1]))
+        has_pose = estimate.state in (State.TRACKING, State.RECOVERED)
+        reasons.append(None if has_pose else estimate.reason or estimate.state.value)
+        inliers.append(estimate.inliers)
     odometry.finish()
-    if len(spent) <= _WARM_UP:
+    period_s = float(np.median(np.diff([frame.stamp for frame in frames]))) * 1e-9 if len(frames) > 1 else 0.0
+    return [judge_tracking(reasons, inliers), _judge_speed(spent[_WARM_UP:], period_s)]
+
+
+def _judge_speed(spent_s: "list[tuple[float, float]]", period_s: float) -> "Finding":
+    """Judge the time a frame by wall clock and CPU against the time between two frames."""
+    import numpy as np
+
+    from odom.evaluation.diagnosis import Finding, Verdict
+
+    if not spent_s or not period_s:
         return Finding("speed", "too few frames to time", Verdict.UNKNOWN)
-    wall, cpu = np.median(spent[_WARM_UP:], axis=0)
-    period = float(np.median(np.diff([frame.stamp for frame in frames]))) * 1e-9
-    value = f"{1e3 * wall:.0f} ms a frame ({1e3 * cpu:.0f} ms CPU) of {1e3 * period:.0f} ms: {wall / period:.0%} busy"
-    if cpu > _BUSIEST * period:
+    wall, cpu = np.median(spent_s, axis=0)
+    busy = (
+        f"{1e3 * wall:.0f} ms a frame ({1e3 * cpu:.0f} ms CPU) of {1e3 * period_s:.0f} ms: {wall / period_s:.0%} busy"
+    )
+    if cpu > _BUSIEST * period_s:
         advice = "this computer is too slow for the rate: send fewer frames a second"
-        return Finding("speed", value, Verdict.BAD, advice)
-    if wall > _BUSIEST * period:
-        return Finding("speed", value, Verdict.UNKNOWN, "other programs take the CPU: stop them and look again")
-    return Finding("speed", value, Verdict.GOOD)
+        return Finding("speed", busy, Verdict.BAD, advice)
+    if wall > _BUSIEST * period_s:
+        return Finding("speed", busy, Verdict.UNKNOWN, "other programs take the CPU: stop them and look again")
+    return Finding("speed", busy, Verdict.GOOD)
 
 
 def _until(messages: "Iterable[Message]", stopped: Callable[[], bool]) -> "Iterable[Message]":

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 import yaml
 
-from odom.cli.doctor import collect
 from odom.evaluation import Trajectory
 from odom.evaluation.diagnosis import Recording, Verdict, examine
 from odom.evaluation.diagnosis.stamps import judge_rhythm, rhythm
 from odom.frame import RgbdFrame
+from odom.service.source_sample import collect
 from odom.wire import Topics
 from sensors.catalogue import open_source
 from sensors.source import SourceOptions
@@ -148,10 +148,16 @@ def test_nothing_is_good_about_an_empty_source():
 
 
 def test_a_still_camera_is_not_judged_where_motion_is_needed():
-    image = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 255, (480, 640), dtype=np.uint8), (0, 0), 3)
+    rng = np.random.default_rng(0)
+    image = cv2.GaussianBlur(rng.integers(0, 255, (480, 640), dtype=np.uint8), (0, 0), 3)
     stamps = np.arange(60, dtype=np.int64) * 33_333_333
-    depth = np.full((480, 640), 1500, dtype=np.uint16)
-    frames = tuple(RgbdFrame(k, stamp, image, stamp, depth) for k, stamp in enumerate(stamps))
+    frames = tuple(
+        RgbdFrame(
+            k, stamp, image + rng.integers(0, 3, image.shape, dtype=np.uint8), stamp,
+            np.rint(rng.normal(1500, 3, image.shape)).astype(np.uint16),
+        )
+        for k, stamp in enumerate(stamps)
+    )  # fmt: skip
     from odom.frame import Camera
 
     truth = {"camera": Trajectory(stamps, np.tile(np.eye(4), (60, 1, 1)))}

@@ -5,7 +5,9 @@ tests/evaluation/test_doctor.py is found there and a good recording passes. A sm
 a larger one misses faults, unless the limit says otherwise.
 """
 
-from odom.evaluation.diagnosis.examine import Recording, examine
+from odom.evaluation.diagnosis.examine import examine
 from odom.evaluation.diagnosis.finding import Finding, Verdict
+from odom.evaluation.diagnosis.recording import NO_FILE, NOT_DEPTH, Recording
+from odom.evaluation.diagnosis.tracking import judge_tracking
 
-__all__ = ["Finding", "Recording", "Verdict", "examine"]
+__all__ = ["NOT_DEPTH", "NO_FILE", "Finding", "Recording", "Verdict", "examine", "judge_tracking"]

@@ -22,6 +22,8 @@ _SMOOTHEST = 0.25
 """Quantile of the patches' noise that counts as that of smooth surfaces: cloth and clutter are rougher."""
 _OCCURS = 0.2
 """A depth value occurs when it is counted so many times as often as the mean: stray values are rarer."""
+_MISSED = 1.6
+"""A gap of so many usual ones is where a value does not occur."""
 _TOO_NOISY = 3.0
 """Scatter on smooth surfaces over the sensor model's sigma."""
 
@@ -70,8 +72,9 @@ def step_at(frames: Sequence[RgbdFrame], depth_m: float) -> float:
     for frame in frames:
         values = frame.depth_mm[(frame.depth_mm >= low) & (frame.depth_mm <= high)]
         counts += np.bincount(values - low, minlength=len(counts))
-    used = np.flatnonzero(counts > _OCCURS * counts.mean())
-    return float(np.median(np.diff(used))) * 1e-3 if len(used) > 2 else float("nan")
+    gaps = np.diff(np.flatnonzero(counts > _OCCURS * counts.mean()))
+    # the mean is finer than a millimetre; across values that do not occur the gap is twice as wide
+    return float(gaps[gaps < _MISSED * np.median(gaps)].mean()) * 1e-3 if len(gaps) > 1 else float("nan")
 
 
 def judge_noise(frames: Sequence[RgbdFrame]) -> Finding:
@@ -81,10 +84,9 @@ def judge_noise(frames: Sequence[RgbdFrame]) -> Finding:
         return Finding("depth noise", "too few smooth surfaces", Verdict.UNKNOWN, "look at a wall or a table once")
     typical = float(np.quantile(ratios, _SMOOTHEST))
     middle = float(np.median(np.concatenate([f.depth_mm[::8, ::8][f.depth_mm[::8, ::8] > 0] for f in frames]))) * 1e-3
-    value = (
-        f"{typical:.1f} times the Kinect model on smooth surfaces, "
-        f"steps of {1e3 * step_at(frames, middle):.0f} mm at {middle:.1f} m"
-    )
+    step = step_at(frames, middle)
+    steps = f"steps of {1e3 * step:.0f} mm" if np.isfinite(step) else "no steps"
+    value = f"{typical:.1f} times the Kinect model on smooth surfaces, {steps} at {middle:.1f} m"
     advice = (
         "depth is far noisier than the sensor's model: switch off interpolation, look for a second projector, "
         "sunlight or vibration, or check the depth unit"

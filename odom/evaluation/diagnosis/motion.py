@@ -24,8 +24,9 @@ _CAUCHY = 9.0
 """Squared residual (3 on average) that halves a corner's weight: smaller wastes corners, larger lets slips in."""
 _LEAST_POINTS = 25
 """Corners that a motion needs: fewer give wrong motions, a higher bound leaves pairs out."""
-_FARTHEST_M = 4.0
-"""Depth beyond which a structured-light sensor is too rough to help."""
+_FARTHEST_M, _FARTHEST_SHARE = 4.0, 1.5
+"""Depth beyond which a structured-light sensor is too rough to help; where half of the corners lie farther, as by a
+wrong depth unit, those up to this multiple of the usual depth are used."""
 _NEAREST_M = 0.1
 """No point may come nearer to the camera in an iteration, where its projection would explode."""
 _LEAST_WEIGHT, _LEAST_INLIERS = 0.4, 0.4
@@ -77,7 +78,10 @@ def pair_motion(tracks: Sequence[Tracks], earlier: int, later: int, focal_px: Ar
     a, b = tracks[earlier], tracks[later]
     _, in_a, in_b = np.intersect1d(a.ids, b.ids, assume_unique=True, return_indices=True)
     z_a, z_b = a.depth_m[in_a], b.depth_m[in_b]
-    good = np.isfinite(z_a) & np.isfinite(z_b) & (z_a < _FARTHEST_M) & (z_b < _FARTHEST_M)
+    good = np.isfinite(z_a) & np.isfinite(z_b)
+    if good.any():
+        farthest = max(_FARTHEST_M, _FARTHEST_SHARE * float(np.median(z_a[good])))
+        good &= (z_a < farthest) & (z_b < farthest)
     if good.sum() < _LEAST_POINTS:
         return None
     rays_a, rays_b, z_a, z_b = a.rays[in_a][good], b.rays[in_b][good], z_a[good], z_b[good]

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.errors import InputError
+from odom.evaluation.diagnosis.depth_unit import unit_advice
+from odom.evaluation.diagnosis.finding import Finding, Verdict
 from odom.evaluation.diagnosis.motion import PairMotion, pair_motion
 from odom.evaluation.diagnosis.tracks import Tracks
 from odom.evaluation.mocap_calibration import calibrate
@@ -26,6 +28,15 @@ _LEAST_CORRELATION, _MOST_TURN_SIGMA = 0.6, np.radians(3.0)
 """A marker body's calibration is used from this correlation on, and up to this uncertainty (rad) of its rotation."""
 _DISPLACEMENT_SIGMA_M, _SCALE_SIGMA, _LEVER_SIGMA_M = 0.01, 10.0, 0.3
 """Noise of a measured displacement, and weak priors of scale (1) and lever arm, which keep the system solvable."""
+_SHARE, _SIGMAS, _UNSURE = 0.025, 2.5, 0.012
+"""Largest error of the depth scale, as a share and in sigmas; and the scatter, as a share of the ratio, above which it
+is judged only when it is off by far more."""
+_GROSS, _USABLE = 4.0, 0.1
+"""Sigmas by which an unsure ratio is off without doubt, and the scatter above which it says nothing at all."""
+_SYSTEMATIC = 0.01
+"""What the scatter of the ratio does not show, as a share (sigma). Measured where the truth is 1: .975 to .990 in the
+arena, .994 and 1.005 on fr1_xyz."""
+_WITHIN_95 = 1.96
 _OUTLIER_SIGMAS = 3.0
 """Pairs beyond this are left out."""
 
@@ -117,3 +128,23 @@ def _solve(A: Array, m: Array) -> Array:
     flat, right = A.reshape(-1, A.shape[2]), m.ravel()
     sigma = _DISPLACEMENT_SIGMA_M / np.array([_SCALE_SIGMA, *[_LEVER_SIGMA_M] * 3])[: A.shape[2]]
     return np.linalg.solve(flat.T @ flat + np.diag(np.square(sigma)), flat.T @ right)
+
+
+def judge_scale(fit: ScaleFit | None, body: str) -> Finding:
+    """Judge the depth scale by the truth of `body`; its scatter is taken relative to the ratio."""
+    key = "depth scale"
+    scatter = fit.sigma / fit.ratio if fit is not None and fit.ratio > 0 else np.inf
+    if fit is None or scatter > _USABLE:
+        advice = "move the camera farther, and turn it, in view of the mocap"
+        return Finding(key, "not measured", Verdict.UNKNOWN, advice)
+    sigma = float(np.hypot(scatter, _SYSTEMATIC))
+    off = abs(float(np.log(fit.ratio)))
+    value = (
+        f"{fit.ratio:.3f} ± {_WITHIN_95 * sigma * fit.ratio:.3f} (95 %) of the truth's ({body}), over moves of "
+        f"{fit.usual_m:.2f} m"
+    )
+    if off > max(_SHARE, (_GROSS if scatter > _UNSURE else _SIGMAS) * sigma):
+        return Finding(key, value, Verdict.BAD, unit_advice(fit.ratio))
+    if scatter > _UNSURE:
+        return Finding(key, value, Verdict.UNKNOWN, "too unsure: move the camera farther, and turn it")
+    return Finding(key, value, Verdict.GOOD)

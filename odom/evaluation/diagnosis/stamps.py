@@ -18,6 +18,8 @@ _MISSING_SHARE = 0.15
 """Largest share of missing frames; a larger limit misses faults."""
 _UNMATCHED_SHARE = 0.15
 """Largest share of colour frames without depth that missing frames do not explain."""
+_OTHER_CLOCK_S = 1.0
+"""Distance of the stamps from which no lack of synchronisation explains it."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,13 @@ def judge_pairs(color: Stamps, depth: Stamps, pairs: int) -> Finding:
     missing = max(stream.missing for stream in streams if stream)
     explained = missing > _MISSING_SHARE or 1 - pairs / len(color) <= 2 * missing
     is_bad = (1 - pairs / len(color) > _UNMATCHED_SHARE and not explained) or bool(within.mean() < 0.5)
+    apart = float(depth[0] - color[0]) * 1e-9  # of streams that do not overlap, the beginnings belong together
+    if abs(float(np.median(offsets))) > _OTHER_CLOCK_S:
+        advice = (
+            f"colour and depth are of different times or clocks: add {-apart:.3f} s to the stamps of depth, or check "
+            "that both lists are of the same recording"
+        )
+        return Finding(key, value, Verdict.BAD, advice)
     advice = (
         "colour and depth do not belong together: switch on frame synchronisation in the driver, or check that "
         "both are stamped by the same clock"

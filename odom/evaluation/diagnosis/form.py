@@ -1,0 +1,107 @@
+"""Whether images and calibration are what they should be at all: sizes, files, repeated images, the lens's formula."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.evaluation.diagnosis.finding import Finding, Verdict
+from odom.evaluation.diagnosis.recording import NO_FILE, NOT_DEPTH, Recording
+from odom.frame import Camera, RgbdFrame
+
+_REFUSED_SHARE = 0.03
+"""Share of a stream's images that may be unusable: single damaged files do not spoil a recording."""
+_REPEATED_SHARE = 0.3
+"""Share of images equal to the one before from which a stream counts as stuck: noise changes every true image."""
+_ONE_VALUE_SHARE = 0.9
+"""Share of a depth image's pixels of the same value: a sensor's noise spreads even a wall over several."""
+_ROUND_TRIP_PX, _BENT_SHARE, _FARTHEST_SHIFT = 1.0, 0.02, 0.35
+"""A lens's formula must lead back to the pixel it came from, but for a share of the image; and may shift a pixel by
+this share of the image's width. The lenses of Kinects shift by 3 %, wide ones by 20 %."""
+_GRID = 24
+_ADVICE = {
+    NO_FILE: "the list names files that are not there: copy them too, or take their lines out of the list",
+    NOT_DEPTH: "such images hold no distances: export depth as 16-bit PNG; or rgb.txt and depth.txt are swapped",
+}
+
+
+def judge_sizes(recording: Recording) -> list[Finding]:
+    """Return what is wrong with the sizes of images and calibration; empty when they agree."""
+    color, depth, camera = recording.color_size, recording.depth_size, recording.camera
+    found = []
+    if color and camera and (camera.width, camera.height) != color:
+        value = f"for {camera.width} x {camera.height} pixels, colour has {color[0]} x {color[1]}"
+        advice = "give the calibration of this image size, or scale its size, fx, fy, cx and cy by the same factor"
+        found.append(Finding("calibration size", value, Verdict.BAD, advice))
+    if color and depth and depth != color:
+        value = f"{depth[0]} x {depth[1]} pixels, colour has {color[0]} x {color[1]}"
+        advice = "depth must be registered to colour, pixel by pixel: record the registered depth at colour's size"
+        found.append(Finding("depth size", value, Verdict.BAD, advice))
+    return found
+
+
+def judge_refused(recording: Recording) -> list[Finding]:
+    """Return which images could not be used, and why; empty when hardly any."""
+    came = {"colour": len(recording.color_stamps), "depth": len(recording.depth_stamps)}
+    found = []
+    for (stream, why), count in recording.refused.items():
+        if count > _REFUSED_SHARE * max(count, came.get(stream, 0)):
+            advice = _ADVICE.get(why, "the images are damaged or of a kind that is not read: make them again")
+            value = f"{count} cannot be used: {why}"
+            found.append(Finding(f"{stream} images", value, Verdict.BAD, advice))
+    return found
+
+
+def judge_change(frames: Sequence[RgbdFrame]) -> list[Finding]:
+    """Return which streams send the same image again and again, or the same depth everywhere."""
+    found = []
+    depth_mm = [frame.depth_mm[::8, ::8] for frame in frames]
+    if value_mm := _one_value(depth_mm):
+        advice = "no sensor measures that: it is a test image, or the conversion lost the values"
+        found.append(Finding("depth images", f"every pixel has {value_mm} mm", Verdict.BAD, advice))
+        depth_mm = []
+    for name, repeats in (("colour", _repeats([f.color[::8, ::8] for f in frames])), ("depth", _repeats(depth_mm))):
+        if repeats.any() and float(repeats.mean()) > _REPEATED_SHARE:
+            value = f"{repeats.sum()} of {len(repeats)} are the same as the one before"
+            advice = f"the driver repeats its {name} image: start it again, and look for a busy USB port or CPU"
+            found.append(Finding(f"{name} images", value, Verdict.BAD, advice))
+    return found
+
+
+def _repeats(images: Sequence[NDArray[Any]]) -> NDArray[np.bool_]:
+    """Return which images, from the second on, equal the one before; black ones are another fault."""
+    return np.array([image.any() and np.array_equal(before, image) for before, image in pairwise(images)], dtype=bool)
+
+
+def _one_value(depths_mm: Sequence[NDArray[np.uint16]]) -> int:
+    """Return the depth that nearly every pixel of the usual image has, 0 without one."""
+    shares = [float(np.bincount(depth.ravel()).max()) / depth.size for depth in depths_mm]
+    return int(np.median(np.concatenate(depths_mm))) if float(np.median(shares)) > _ONE_VALUE_SHARE else 0
+
+
+def judge_lens(camera: Camera) -> Finding:
+    """Judge whether the distortion formula can be undone within the image: a wild one bends it over itself."""
+    key = "distortion"
+    if not camera.distortion:
+        return Finding(key, "none", Verdict.GOOD)
+    x, y = np.meshgrid(np.linspace(0, camera.width - 1, _GRID), np.linspace(0, camera.height - 1, _GRID))
+    pixels = np.column_stack([x.ravel(), y.ravel()])
+    coefficients = np.array(camera.distortion)
+    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-9)
+    rays = cv2.undistortPoints(pixels[:, None], camera.matrix, coefficients, criteria=criteria).reshape(-1, 2)
+    points = np.column_stack([rays, np.ones(len(rays))])
+    back = cv2.projectPoints(points, np.zeros(3), np.zeros(3), camera.matrix, coefficients)[0].reshape(-1, 2)
+    straight = rays * (camera.fx, camera.fy) + (camera.cx, camera.cy)
+    lost = ~(np.linalg.norm(back - pixels, axis=1) < _ROUND_TRIP_PX)
+    shift = float(np.max(np.linalg.norm(straight - pixels, axis=1)[~lost], initial=0.0))
+    value = f"shifts pixels by up to {shift:.0f} px"
+    if lost.mean() > _BENT_SHARE:
+        value = f"cannot be undone in {lost.mean():.0%} of the image"
+    advice = (
+        "the distortion coefficients are not this lens's: check their order (k1 k2 p1 p2 k3), calibrate again, or "
+        "leave them out"
+    )
+    return Finding.judged(key, value, lost.mean() > _BENT_SHARE or shift > _FARTHEST_SHIFT * camera.width, advice)

@@ -1,0 +1,44 @@
+"""The focal lengths of the calibration: plausible by themselves, and against those that the motion fits."""
+
+import numpy as np
+
+from odom.evaluation.diagnosis.finding import Finding, Verdict
+from odom.evaluation.diagnosis.motion import FocalFit
+from odom.frame import Camera
+
+_FOCAL_SHARE, _FOCAL_UNSURE = 0.09, 0.05
+"""Largest error of a focal length as a share of it, beside two sigma; and the scatter above which it is not judged."""
+_SYSTEMATIC = 0.03
+"""What the scatter of the fit does not show, as a share (sigma): rolling shutter, unequal noise in image and depth.
+Measured on fr1_xyz, fr1_rpy and the arena, where it is up to 5 %, mostly in y."""
+_WITHIN_95 = 1.96
+_ASPECT, _CENTRE, _VIEW_DEG = 0.06, 0.12, (30.0, 110.0)
+"""What a calibration may be without any motion: fx / fy off one, centre off the middle (shares), and view."""
+
+
+def judge_intrinsics(camera: Camera, focal: FocalFit | None, trusted: bool) -> Finding:
+    """Judge the focal lengths; `focal` is what the motion fits, `trusted` that depth is registered."""
+    key = "focal length"
+    view = np.degrees(2 * np.arctan([camera.width / 2 / camera.fx, camera.height / 2 / camera.fy]))
+    value = f"fx {camera.fx:.1f}, fy {camera.fy:.1f} px, view {view[0]:.0f} x {view[1]:.0f} deg"
+    centre = np.abs([camera.cx / camera.width - 0.5, camera.cy / camera.height - 0.5]).max()
+    advice = (
+        "calibrate the colour camera (chessboard) at this image size: these intrinsics belong to another camera, "
+        "size or crop"
+    )
+    if focal is not None and focal.sigma.max() >= _FOCAL_UNSURE:
+        focal = None
+    if focal is not None:
+        sigma = np.hypot(focal.sigma, _SYSTEMATIC)
+        fitted = zip(np.array([camera.fx, camera.fy]) / focal.ratio, sigma, strict=True)
+        value += (
+            "; the motion fits " + " and ".join(f"{f:.0f} ± {_WITHIN_95 * f * s:.0f}" for f, s in fitted) + " (95 %)"
+        )
+        if (np.abs(np.log(focal.ratio)) > _FOCAL_SHARE + 2 * focal.sigma).any():
+            return Finding(key, value, Verdict.BAD, advice)
+    if not _VIEW_DEG[0] < view.max() < _VIEW_DEG[1] or centre > _CENTRE or abs(camera.fx / camera.fy - 1) > _ASPECT:
+        return Finding(key, f"{value}; centre {camera.cx:.0f}, {camera.cy:.0f}", Verdict.BAD, advice)
+    if focal is None:
+        why = "turn the camera more to have it measured" if trusted else "mend the registration first"
+        return Finding(key, f"{value}: plausible, not measured", Verdict.UNKNOWN, why)
+    return Finding(key, value, Verdict.GOOD)

@@ -1,0 +1,37 @@
+"""What is looked at: a stretch of a source as it came, with what could not be used of it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from odom.evaluation.trajectory import Stamps, Trajectory
+from odom.frame import Camera, RgbdFrame
+
+NO_FILE, NOT_DEPTH = "no such file", "not 16-bit grey"
+"""Why an image could not be used, where a source knows more than a decoder's words."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A stretch of a source: all stamps of both streams (ns), the frames made from them, calibration and truth.
+
+    `truth` maps the name of each body of the motion capture to its trajectory. `color_size` and `depth_size` are those
+    of the first images, width and height, None when not known. `refused` counts images that could not be used by
+    stream (`colour`, `depth`) and reason.
+    """
+
+    color_stamps: Stamps
+    depth_stamps: Stamps
+    frames: tuple[RgbdFrame, ...]
+    camera: Camera | None
+    truth: Mapping[str, Trajectory]
+    color_size: tuple[int, int] | None = None
+    depth_size: tuple[int, int] | None = None
+    refused: Mapping[tuple[str, str], int] = field(default_factory=dict)
+
+    @property
+    def paired(self) -> tuple[RgbdFrame, ...]:
+        """The frames that have a depth image: a colour image without one is a frame too, stamped alike in both."""
+        came = np.isin([frame.depth_stamp for frame in self.frames], self.depth_stamps)
+        return tuple(frame for frame, has_depth in zip(self.frames, came, strict=True) if has_depth)

@@ -1,0 +1,114 @@
+"""A stretch of a source as it came, with what could not be used of it: what `odom doctor` looks at."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from itertools import islice
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.errors import WireError
+from odom.evaluation.diagnosis import Recording
+from odom.evaluation.trajectory import Trajectory
+from odom.frame import RgbdFrame
+from odom.wire import Message, Topics
+from odom.wire.assembler import FrameAssembler
+from odom.wire.codec import decode_color, decode_depth, decode_pose
+from odom.wire.malformed_counter import MalformedCounter
+
+_MOST_FRAMES = 900
+"""Frames kept in memory, 0.9 MB each: 30 s at 30 Hz, the longest that may be asked for."""
+_SEARCHED, _ENOUGH_STAMPS = 20_000, 30
+"""Messages through which a stream that has not come is searched for, some minutes, and stamps of it that are enough."""
+
+
+def collect(
+    messages: Iterable[Message],
+    topics: Topics,
+    seconds: float,
+    progress: Callable[[int], None],
+    is_recorded: bool = False,
+) -> Recording:
+    """Return the first `seconds` of colour, depth, calibration and truth from the messages of a source.
+
+    Where only one of both streams has come by then, a recorded source is searched on for the stamps of the other.
+    """
+    messages = iter(messages)
+    reasons = _Reasons()
+    assembler = FrameAssembler(topics, grey=True, malformed=reasons)
+    streams = {
+        "colour": _Stream((topics.color, topics.color_compressed), decode_color),
+        "depth": _Stream((topics.depth, topics.depth_compressed), decode_depth),
+    }
+    color = streams["colour"].stamps
+    frames: list[RgbdFrame] = []
+    truth: dict[str, dict[int, NDArray[np.float64]]] = {}
+    for message in messages:
+        for stream in streams.values():
+            stream.take(message)
+        if message.topic.startswith("truth/"):
+            try:
+                truth.setdefault(message.topic.split("/")[1], {})[message.stamp] = decode_pose(message).T_parent_child
+            except WireError:
+                continue
+        frames += assembler.feed(message)
+        progress(len(color))
+        if (color and color[-1] - color[0] > seconds * 1e9) or len(frames) >= _MOST_FRAMES:
+            break
+    frames += assembler.finish()
+    missing = [stream for stream in streams.values() if not stream.stamps]
+    if is_recorded and len(missing) == 1:
+        for message in islice(messages, _SEARCHED):
+            missing[0].take(message)
+            if len(missing[0].stamps) >= _ENOUGH_STAMPS:
+                break
+    refused = Counter(
+        {(name, why): n for (key, why), n in reasons.why.items() for name in streams if key in streams[name].keys}
+    )
+    camera, sizes = assembler.camera, {name: stream.size for name, stream in streams.items()}
+    if len({*sizes.values(), *([(camera.width, camera.height)] if camera else [])} - {None}) > 1:
+        refused.clear()  # images of another size than the others are no bad images
+    color_stamps, depth_stamps = (np.unique(np.array(s.stamps, dtype=np.int64)) for s in streams.values())
+    trajectories = {body: _trajectory(poses) for body, poses in truth.items()}
+    return Recording(
+        color_stamps, depth_stamps, tuple(frames), camera, trajectories, sizes["colour"], sizes["depth"], refused
+    )
+
+
+class _Stream:
+    """Stamps of a stream, and width and height of its first image that can be decoded."""
+
+    def __init__(self, keys: tuple[str, ...], decode: Callable[[Message], NDArray[Any]]) -> None:
+        self.keys = keys
+        self.stamps: list[int] = []
+        self.size: tuple[int, int] | None = None
+        self._decode = decode
+
+    def take(self, message: Message) -> None:
+        if message.topic not in self.keys:
+            return
+        self.stamps.append(message.stamp)
+        if self.size is None:
+            try:
+                height, width = self._decode(message).shape[:2]
+            except WireError:
+                return
+            self.size = width, height
+
+
+class _Reasons(MalformedCounter):
+    """Counts refused messages by key and reason."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.why: Counter[tuple[str, str]] = Counter()
+
+    def add(self, key: str, why: str) -> None:
+        super().add(key, why)
+        self.why[key, why.removeprefix(f"{key}: ")] += 1
+
+
+def _trajectory(poses: dict[int, NDArray[np.float64]]) -> Trajectory:
+    stamps = sorted(poses)
+    return Trajectory(np.array(stamps, dtype=np.int64), np.array([poses[stamp] for stamp in stamps]))

@@ -3,13 +3,15 @@
 import json
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from odom.evaluation.files import read_run, read_tum
+from odom.evaluation.files import read_run, read_tum, write_tum
 from odom.evaluation.trajectory import Trajectory
 
 FIRST, SECOND = slice(0, 60), slice(150, 210)
@@ -17,17 +19,42 @@ WITHIN_DEG, BETWEEN_DEG = 5.0, 20.0
 """Truth shakes by a degree or two in this fast rotation; poses of two places glued together are off by thirty."""
 
 
+MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
+
+
 @pytest.fixture
 def two_places(shared_data: Path, tmp_path: Path) -> Path:
-    """Two seconds of a camera that is turned fast, and two of another side of the room, where nothing is the same."""
+    """Two seconds of a camera that is turned fast, and two in the mirrored room, where nothing is the same."""
     whole, cut = shared_data / "tum_fr1_rpy_part", tmp_path / "two-places"
     cut.mkdir()
-    for path in whole.iterdir():
-        if path.name != "rgb.txt":
-            (cut / path.name).symlink_to(path)
-    lines = [line for line in (whole / "rgb.txt").read_text().splitlines() if not line.startswith("#")]
-    (cut / "rgb.txt").write_text("\n".join(lines[FIRST] + lines[SECOND]) + "\n")
+    (cut / "camera.yaml").symlink_to(whole / "camera.yaml")
+    turn: float = stamp_of(rows_of(whole / "rgb.txt")[SECOND.start])
+    for stream in ("rgb", "depth"):
+        (cut / stream).mkdir()
+        rows = rows_of(whole / f"{stream}.txt")
+        if stream == "rgb":
+            rows = rows[FIRST] + rows[SECOND]
+        for row in rows:
+            name = row.split()[1]
+            if stamp_of(row) < turn:
+                (cut / name).symlink_to(whole / name)
+            else:
+                cv2.imwrite(str(cut / name), cv2.flip(cv2.imread(str(whole / name), cv2.IMREAD_UNCHANGED), 1))
+        (cut / f"{stream}.txt").write_text("\n".join(rows) + "\n")
+    truth = read_tum(whole / "groundtruth.txt")
+    mirrored = np.where(
+        truth.stamps[:, None, None] < turn * 1e9, truth.T_world_body, MIRROR @ truth.T_world_body @ MIRROR
+    )
+    write_tum(cut / "groundtruth.txt", replace(truth, T_world_body=mirrored))
     return cut
+
+
+def rows_of(path: Path) -> list[str]:
+    return [line for line in path.read_text().splitlines() if not line.startswith("#")]
+
+
+def stamp_of(row: str) -> float:
+    return float(row.split()[0])
 
 
 def turned_wrongly_deg(part: Trajectory, truth: Trajectory) -> float:

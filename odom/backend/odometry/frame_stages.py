@@ -77,7 +77,7 @@ class FrameStages:
             tracked = self._follow_wide_step(view, place)
             if tracked is not None:
                 self.mapper.inserter.wear_out()
-            is_recovered = tracked is None or self.published.is_lost
+            is_recovered = tracked is None or self.published.is_lost or not self._is_soon(view)
             if tracked is None:
                 tracked = relocalise(self.map, self.tracker, self.state, view, place, self.sensor)
             watch.lap("relocalise")
@@ -90,8 +90,7 @@ class FrameStages:
     def _track(self, view: View, T_predicted: Array | None, watch: Stopwatch) -> Tracked | None:
         """Predict and follow the frame from the newest one; None where that fails."""
         state, tracker, sensor = self.state, self.tracker, self.sensor
-        longest_s = max(TUNING.longest_gap_s, TUNING.longest_gap_periods * sensor.clock.period_s)
-        if state is None or not 0.0 < state.since_s(view.steady_stamp) < longest_s:
+        if state is None or not self._is_soon(view):
             return None
         if T_predicted is None:
             T_predicted = tracker.predict(state, view.images, view.steady_stamp, sensor)
@@ -107,6 +106,11 @@ class FrameStages:
             tracked = tracker.follow(state, view, sensor, T_predicted)
         watch.lap("track")
         return tracked
+
+    def _is_soon(self, view: View) -> bool:
+        """Return whether the newest frame with a pose was taken so recently that its motion tells of this one's."""
+        longest_s = max(TUNING.longest_gap_s, TUNING.longest_gap_periods * self.sensor.clock.period_s)
+        return self.state is not None and 0.0 < self.state.since_s(view.steady_stamp) < longest_s
 
     def _follow_wide_step(self, view: View, place: Place) -> Tracked | None:
         """Follow the frame, which shows `place`, from the newest one by descriptors; None where that fails."""

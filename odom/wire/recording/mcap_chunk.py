@@ -31,8 +31,9 @@ _MAGICS = {b"\x28\xb5\x2f\xfd": "zstd", b"\x04\x22\x4d\x18": "lz4"}
 _LARGEST_WINDOW = 64 << 20
 """Bytes of zstd's window: its highest ordinary level needs 8 MiB, a long one only takes memory."""
 _PIECE = 1 << 20
+"""Bytes that are unpacked at a time: more takes memory, less is slower."""
 _SCAN = 4 << 20
-"""Bytes that are unpacked, and that are searched for the next chunk, at a time."""
+"""Bytes that are searched for the next chunk at a time: more takes memory, less is slower."""
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,11 @@ from odom.wire.recording.mcap_chunk import RECORD_HEADER
 MAGIC = b"\x89MCAP0\r\n"
 
 _FOOTER_BODY = 20
+"""Bytes of the footer's content, which the format prescribes."""
 _LARGEST_BYTES = 256 << 20
+"""Bytes of an index beyond which it counts as damaged: a day of recording makes 100 MB."""
 _LARGEST_RECORD = 16 << 20
-"""Bytes of an index, and of a record in it, beyond which it counts as damaged: a day of recording makes 100 MB."""
+"""Bytes of a record of the index beyond which it counts as damaged."""
 
 
 @dataclass(frozen=True, slots=True)

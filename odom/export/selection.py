@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from odom.frontend.features.images import grey_of
 from odom.geometry.arrays import Array, Image, Mask
 
 _GAIN = 1.1
@@ -18,8 +19,7 @@ _THERE_AND_BACK_PX = 0.5
 
 def sharpness(color: Image) -> float:
     """Return how sharp an image (H x W x 3 or H x W) is: the variance of its Laplacian."""
-    grey = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY) if color.ndim == 3 else color
-    return float(cv2.Laplacian(grey, cv2.CV_16S).var())
+    return float(cv2.Laplacian(grey_of(color), cv2.CV_16S).var())
 
 
 def sharpest(keyframes: Sequence[int], values: Sequence[float], neighbours: int) -> list[int]:

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +12,7 @@ from odom.export.rectify import Rectifier
 from odom.export.scene import Scene, SceneKeyframe, scene_of
 from odom.export.selection import carried, sharpest, sharpness
 from odom.frame import RgbdFrame, Stamp
+from odom.frontend.features.images import grey_of
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Image, Index
 from odom.rgbd_recording import RgbdRecording
@@ -105,7 +105,7 @@ def _view(scene: Scene, keyframe: SceneKeyframe, own: RgbdFrame, best: RgbdFrame
     uv, landmarks = keyframe.uv, keyframe.landmarks
     T = keyframe.T_map_camera if own is best else scene.pose_of_color(best.stamp)
     if own is not best:
-        uv, is_found = carried(uv, _grey(own.color), _grey(best.color))
+        uv, is_found = carried(uv, grey_of(own.color), grey_of(best.color))
         uv, landmarks = uv[is_found], landmarks[is_found]
     twist = scene.twist_of_color(best.stamp)
     sources = rectifier.sources(best.depth_mm, twist)
@@ -122,7 +122,3 @@ def _view(scene: Scene, keyframe: SceneKeyframe, own: RgbdFrame, best: RgbdFrame
         uv=rectifier.points(uv, depth_m, twist),
         covariance=keyframe.covariance,
     )
-
-
-def _grey(color: Image) -> NDArray[np.uint8]:
-    return np.asarray(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY) if color.ndim == 3 else color)

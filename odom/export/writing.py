@@ -60,9 +60,7 @@ def write_colmap(
     folder: Path, survey: Survey, recording: RgbdRecording, options: ExportOptions, done: Progress
 ) -> None:
     """Write images/, depth/, the model in sparse/0 (binary) and sparse/text, and covariances.json."""
-    seen = views(survey, recording, options.neighbours, options.unroll)
-    sightings = [colmap.Sighting.of(view) for view in _written(folder, seen, done)]
-    model = colmap.model_of(pinhole_of(recording.camera), sightings, survey.scene.points)
+    model = _model(_sightings(folder, survey, recording, options, done), survey, recording)
     binary, text = folder / "sparse" / "0", folder / "sparse" / "text"
     for place in (binary, text):
         place.mkdir(parents=True)
@@ -76,13 +74,13 @@ def write_nerfstudio(
     folder: Path, survey: Survey, recording: RgbdRecording, options: ExportOptions, done: Progress
 ) -> None:
     """Write images/, depth/, transforms.json, points.ply (the landmarks, with colours) and covariances.json."""
-    seen = views(survey, recording, options.neighbours, options.unroll)
-    camera = pinhole_of(recording.camera)
-    sightings = [colmap.Sighting.of(view) for view in _written(folder, seen, done)]
-    model = colmap.model_of(camera, sightings, survey.scene.points)
+    sightings = _sightings(folder, survey, recording, options, done)
+    model = _model(sightings, survey, recording)
     _write_points(folder, model.points, model.colors)
     images = [(Path(one.name).stem, one.T_map_camera) for one in sightings]
-    (folder / "transforms.json").write_text(json.dumps(nerfstudio.transforms(camera, images), indent=1) + "\n")
+    (folder / "transforms.json").write_text(
+        json.dumps(nerfstudio.transforms(pinhole_of(recording.camera), images), indent=1) + "\n"
+    )
 
 
 def write_ply(folder: Path, survey: Survey, recording: RgbdRecording, options: ExportOptions, done: Progress) -> None:
@@ -111,6 +109,18 @@ def write_mesh(
     made = volume.mesh(_shots(survey, recording, options), done)
     (folder / "mesh.ply").write_bytes(mesh_ply(made))
     (folder / "mesh.glb").write_bytes(glb(made))
+
+
+def _sightings(
+    folder: Path, survey: Survey, recording: RgbdRecording, options: ExportOptions, done: Progress
+) -> list[colmap.Sighting]:
+    """Write the key frames' images, depths and covariances; return what each shows of the landmarks."""
+    seen = views(survey, recording, options.neighbours, options.unroll)
+    return [colmap.Sighting.of(view) for view in _written(folder, seen, done)]
+
+
+def _model(sightings: list[colmap.Sighting], survey: Survey, recording: RgbdRecording) -> colmap.ColmapModel:
+    return colmap.model_of(pinhole_of(recording.camera), sightings, survey.scene.points)
 
 
 def _write_points(folder: Path, points: Array, colors: NDArray[np.uint8]) -> None:

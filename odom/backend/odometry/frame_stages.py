@@ -22,7 +22,7 @@ from odom.backend.tracking.noise_check import is_noise_check_due, observe_noise
 from odom.backend.tracking.quality import judge_pose
 from odom.backend.tracking.relocalizer import follow_wide_step, relocalise
 from odom.frontend.camera.sensor_model import SensorModel
-from odom.frontend.features.place_descriptor import Place, describe_place
+from odom.frontend.features.place_descriptor import describe_place
 from odom.frontend.features.view import View
 from odom.geometry.arrays import Array
 
@@ -74,7 +74,7 @@ class FrameStages:
         if not is_blind:
             place = describe_place(view, self.sensor, AT_REST)
             features = len(place.points)
-            tracked = self._follow_wide_step(view, place)
+            tracked = follow_wide_step(self.tracker, self.state, view, place, self.sensor)
             if tracked is not None:
                 self.mapper.inserter.wear_out()
             is_recovered = tracked is None or self.published.is_lost or not self._is_soon(view)
@@ -111,12 +111,6 @@ class FrameStages:
         """Return whether the newest frame with a pose was taken so recently that its motion tells of this one's."""
         longest_s = max(TUNING.longest_gap_s, TUNING.longest_gap_periods * self.sensor.clock.period_s)
         return self.state is not None and 0.0 < self.state.since_s(view.steady_stamp) < longest_s
-
-    def _follow_wide_step(self, view: View, place: Place) -> Tracked | None:
-        """Follow the frame, which shows `place`, from the newest one by descriptors; None where that fails."""
-        if self.state is None or self.state.since_s(view.steady_stamp) <= 0.0:
-            return None
-        return follow_wide_step(self.tracker, self.state, view, place, self.sensor)
 
     def _judge(self, view: View, tracked: Tracked, is_recovered: bool) -> _Judged:
         """Learn the noise from a tracked frame; return its motion, and how far its pose may be trusted."""

@@ -17,15 +17,17 @@ from odom.registration import register
 
 
 def follow_wide_step(
-    tracker: FrameTracker, state: FrameState, view: View, place: Place, sensor: SensorModel
+    tracker: FrameTracker, state: FrameState | None, view: View, place: Place, sensor: SensorModel
 ) -> Tracked | None:
     """Return the frame that shows `place` tracked from where its descriptors put it relative to the newest frame.
 
-    None where the two do not match, or where the camera could not have moved so.
+    `state` is the newest frame with a pose. None where the two do not match, or where the camera could not have moved
+    so.
     """
-    since_s = state.since_s(view.steady_stamp)
+    if state is None or (since_s := state.since_s(view.steady_stamp)) <= 0.0:
+        return None
     pairs = match_places(place, describe_place(state.view, sensor, state.twist))
-    if since_s <= 0.0 or pairs is None:
+    if pairs is None:
         return None
     registration = register(pairs)
     if not registration.ok:

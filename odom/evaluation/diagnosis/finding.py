@@ -3,6 +3,9 @@
 from dataclasses import dataclass
 from enum import Enum, unique
 
+WITHIN_95 = 1.96
+"""Sigmas of a normal distribution between which 95 % lie: so findings give how sure they are."""
+
 
 @unique
 class Verdict(Enum):

@@ -7,6 +7,7 @@ import numpy as np
 
 from odom.evaluation.diagnosis.finding import Finding
 from odom.frame import RgbdFrame
+from odom.frontend.features.images import grey_of
 from odom.geometry.arrays import Image
 
 _TOO_BLURRED = 0.75
@@ -57,5 +58,4 @@ def judge_blur(frames: Sequence[RgbdFrame]) -> Finding:
 
 def grey(frame: RgbdFrame) -> Image:
     """Return the frame's colour image in grey."""
-    color = frame.color
-    return color if color.ndim == 2 else np.asarray(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+    return grey_of(frame.color)

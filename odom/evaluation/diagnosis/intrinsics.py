@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from odom.evaluation.diagnosis.finding import Finding, Verdict
+from odom.evaluation.diagnosis.finding import WITHIN_95, Finding, Verdict
 from odom.evaluation.diagnosis.motion import FocalFit
 from odom.frame import Camera
 
@@ -11,7 +11,6 @@ _FOCAL_SHARE, _FOCAL_UNSURE = 0.09, 0.05
 _SYSTEMATIC = 0.03
 """What the scatter of the fit does not show, as a share (sigma): rolling shutter, unequal noise in image and depth.
 Measured on fr1_xyz, fr1_rpy and the arena, where it is up to 5 %, mostly in y."""
-_WITHIN_95 = 1.96
 _ASPECT, _CENTRE, _VIEW_DEG = 0.06, 0.12, (30.0, 110.0)
 """What a calibration may be without any motion: fx / fy off one, centre off the middle (shares), and view."""
 
@@ -32,7 +31,7 @@ def judge_intrinsics(camera: Camera, focal: FocalFit | None, trusted: bool) -> F
         sigma = np.hypot(focal.sigma, _SYSTEMATIC)
         fitted = zip(np.array([camera.fx, camera.fy]) / focal.ratio, sigma, strict=True)
         value += (
-            "; the motion fits " + " and ".join(f"{f:.0f} ± {_WITHIN_95 * f * s:.0f}" for f, s in fitted) + " (95 %)"
+            "; the motion fits " + " and ".join(f"{f:.0f} ± {WITHIN_95 * f * s:.0f}" for f, s in fitted) + " (95 %)"
         )
         if (np.abs(np.log(focal.ratio)) > _FOCAL_SHARE + 2 * focal.sigma).any():
             return Finding(key, value, Verdict.BAD, advice)

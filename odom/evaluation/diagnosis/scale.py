@@ -7,7 +7,7 @@ import numpy as np
 
 from odom.errors import InputError
 from odom.evaluation.diagnosis.depth_unit import unit_advice
-from odom.evaluation.diagnosis.finding import Finding, Verdict
+from odom.evaluation.diagnosis.finding import WITHIN_95, Finding, Verdict
 from odom.evaluation.diagnosis.motion import PairMotion, pair_motion
 from odom.evaluation.diagnosis.tracks import Tracks
 from odom.evaluation.mocap_calibration import calibrate
@@ -36,7 +36,6 @@ _GROSS, _USABLE = 4.0, 0.1
 _SYSTEMATIC = 0.01
 """What the scatter of the ratio does not show, as a share (sigma). Measured where the truth is 1: .975 to .990 in the
 arena, .994 and 1.005 on fr1_xyz."""
-_WITHIN_95 = 1.96
 _OUTLIER_SIGMAS = 3.0
 """Pairs beyond this are left out."""
 
@@ -140,7 +139,7 @@ def judge_scale(fit: ScaleFit | None, body: str) -> Finding:
     sigma = float(np.hypot(scatter, _SYSTEMATIC))
     off = abs(float(np.log(fit.ratio)))
     value = (
-        f"{fit.ratio:.3f} ± {_WITHIN_95 * sigma * fit.ratio:.3f} (95 %) of the truth's ({body}), over moves of "
+        f"{fit.ratio:.3f} ± {WITHIN_95 * sigma * fit.ratio:.3f} (95 %) of the truth's ({body}), over moves of "
         f"{fit.usual_m:.2f} m"
     )
     if off > max(_SHARE, (_GROSS if scatter > _UNSURE else _SIGMAS) * sigma):

@@ -8,6 +8,11 @@ import numpy as np
 from odom.geometry.arrays import Image
 
 
+def grey_of(color: Image) -> Image:
+    """Return a colour image (H x W x 3 RGB) in grey (H x W); a grey one as it is."""
+    return color if color.ndim == 2 else np.asarray(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+
+
 @dataclass(frozen=True, eq=False)
 class FrameImages:
     """`full` (H x W) and `half` (H/2 x W/2) grey images; pixel (u, v) of `full` is (u/2, v/2) of `half`."""
@@ -18,5 +23,5 @@ class FrameImages:
     @classmethod
     def of(cls, color: Image) -> "FrameImages":
         """Return the images of `color`, H x W x 3 RGB or H x W grey."""
-        grey = color if color.ndim == 2 else np.asarray(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+        grey = grey_of(color)
         return cls(grey, np.asarray(cv2.pyrDown(grey), dtype=np.uint8))

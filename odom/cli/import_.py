@@ -8,6 +8,7 @@ import typer
 
 from odom.cli import signals
 from odom.cli.options import Calibration, OwnTopics, SourceOption, pairs
+from odom.cli.outputs import check_not_read
 from odom.wire.settings import Compression
 
 
@@ -51,8 +52,7 @@ def import_(
     with closing(open_source(source, options)) as opened:
         if not opened.lossless:
             raise RecordingError(f"{source} is live: record it with `odom sensor {source}` and `odom record {output}`")
-        if _is_read(Path(source), output):
-            raise RecordingError(f"{output} is what would be read: give another OUTPUT")
+        check_not_read(source, output)
         with (
             RecordingWriter(output, compression, overwrite, {"source": Path(source).name}) as writer,
             counting("import", opened.length) as progress,
@@ -63,11 +63,7 @@ def import_(
                 progress(frames)
                 if stop.is_set():
                     break
+            if stop.is_set() and output.exists():
+                raise RecordingError(f"interrupted: {output} stays as it was")
     ended = " (interrupted)" if stop.is_set() else ""
     typer.echo(f"{output}: {frames} frames, {writer.count} messages, {output.stat().st_size / 1e6:.1f} MB{ended}")
-
-
-def _is_read(source: Path, output: Path) -> bool:
-    """Whether `output` is the recording that is read, or a part of the bag."""
-    parts = source.glob("*.*") if source.is_dir() else [source]
-    return output.exists() and any(part.samefile(output) for part in parts if part.exists())

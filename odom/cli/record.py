@@ -1,5 +1,6 @@
 """`odom record OUT.mcap`: everything of a device, from the wire into a file."""
 
+import logging
 import time
 from pathlib import Path
 from typing import Annotated
@@ -9,6 +10,8 @@ import typer
 from odom.cli import signals
 from odom.cli.options import Config, Connect, Listen, Mode, Namespace, wire_settings
 from odom.wire.settings import Compression
+
+_LOG = logging.getLogger(__name__)
 
 
 def record(
@@ -32,8 +35,9 @@ def record(
     Behind the end of the source it waits for the odometry's last words: until that is gone, or has had nothing to do
     for five seconds. A source that is started again by then goes on in the same file. Motion capture may go on without.
     The bytes of the wire go into the file as they are. A recorded source waits for this recorder: nothing is lost.
-    After a crash the file lacks at most the last half second; with {time} in its name a supervisor may start it again,
-    even within the same second.
+    It grows as OUTPUT.part, which becomes OUTPUT at the end. After a crash it lacks at most the last half second:
+    `odom recover OUTPUT.part OUT.mcap`. With {time} in its name a supervisor may start it again, even within the same
+    second.
 
     Example: odom record session.mcap
     """
@@ -55,6 +59,7 @@ def record(
         open_session(settings) as session,
         counting("record", None) as progress,
     ):
+        _LOG.info("recording to %s, which becomes %s at the end", writer.part, writer.path)
         report = Recorder(session, topics, writer, estimates).run(stop, progress)
     missing = f", {report.lost} lost on the way" if report.lost else ""
     typer.echo(

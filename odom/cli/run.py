@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from odom.cli import logs, options, signals
+from odom.cli.outputs import check_recording
 from odom.cli.sensor import sensor as sensor_command
 from odom.cli.summary import summary
 from odom.errors import ConfigError, OdomError
@@ -24,6 +25,7 @@ def run(
     rrd: Annotated[bool, typer.Option("--rrd", help="Write session.rrd for Rerun; no window opens.")] = False,
     stay: Annotated[bool, typer.Option("--stay", help="Keep the viewer open until Ctrl-C.")] = False,
     record: Annotated[Path | None, typer.Option(help="Record the session to this .mcap file meanwhile.")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file of --record if it exists.")] = False,
     chain: Annotated[bool, typer.Option("--chain", help="Also write the paper's pairwise chain to chain.txt.")] = False,
     camera: options.Calibration = None,
     start: options.Start = 0.0,
@@ -71,7 +73,7 @@ def run(
         raise ConfigError("--headless and --web contradict each other: give one of them")
     _check_sensor(source, sensor)
     if record is not None:
-        _check_record(record)
+        check_recording(source, record, overwrite)
     folder = out or new_folder(Path("out") / f"{_stem(source)}-{time.strftime('%Y%m%d-%H%M%S')}")
     viewer = [*(["--web"] if web else []), *(["--headless"] if headless else [])]
     viewer += [f"--rrd={folder / 'session.rrd'}"] if rrd else []
@@ -81,6 +83,7 @@ def run(
         sensor_arguments=sensor,
         odometry_arguments=["--chain"] if chain else [],
         record=record,
+        overwrite=overwrite,
         viewer_arguments=viewer if rrd or not headless else None,
         stay=stay,
         log_json=logs.as_json(),
@@ -103,14 +106,6 @@ def _check_sensor(source: str, arguments: list[str]) -> None:
         )
     except OdomError as error:
         raise ConfigError(str(error)) from error
-
-
-def _check_record(path: Path) -> None:
-    if path.exists():
-        raise ConfigError(f"--record {path} exists already: give another name, or {{time}} in it for that of the start")
-    folder = next(parent for parent in path.absolute().parents if parent.exists())
-    if not (folder.is_dir() and os.access(folder, os.W_OK)):
-        raise ConfigError(f"--record {path}: nothing can be written in {folder}; give another place")
 
 
 def _stem(source: str) -> str:

@@ -15,6 +15,7 @@ from odom.service.run_folder import HELD_ENVIRONMENT
 from odom.service.settings import Settings
 from odom.wire import Topics, codec
 from odom.wire.idle_detector import IdleDetector
+from odom.wire.recording.part_file import how_to_save, newest_part
 from odom.wire.session import Delivery, WireSession
 from odom.wire.settings import ANY_LOCAL_PORT
 
@@ -34,7 +35,8 @@ _SPARED = ("viewer", "recorder")
 class RunPlan:
     """What to start: arguments of sensor, odometry and viewer (None: no viewer), and where files go.
 
-    With `stay` the viewer is kept open after the end of the source; with `log_json` progress is logged as JSON.
+    With `overwrite` the file of `record` may be replaced. With `stay` the viewer is kept open after the end of the
+    source; with `log_json` progress is logged as JSON.
     """
 
     source: str
@@ -42,6 +44,7 @@ class RunPlan:
     sensor_arguments: Sequence[str] = ()
     odometry_arguments: Sequence[str] = ()
     record: Path | None = None
+    overwrite: bool = False
     viewer_arguments: Sequence[str] | None = None
     stay: bool = False
     log_json: bool = False
@@ -155,6 +158,8 @@ class RunProcesses:
                 self._reported.add(child.name)
                 then = "the run goes on without it" if child.name in _SPARED else "saving what was done so far"
                 self._display.say("run", f"the {child.name} {child.ending()}; {then}")
+                if child is recorder and self._plan.record and (part := newest_part(self._plan.record)) is not None:
+                    self._display.say("run", how_to_save(part))
 
     def _read_line(self, name: str, line: str) -> None:
         count, report = parse_count(line), parse_report(line)
@@ -203,7 +208,7 @@ def _commands(plan: RunPlan) -> list[tuple[str, Sequence[str]]]:
     odometry = ["serve", "--out", str(plan.out), "--until-end", *plan.odometry_arguments]
     commands: list[tuple[str, Sequence[str]]] = [("odometry", odometry)]
     if plan.record is not None:
-        commands.append(("recorder", ["record", str(plan.record)]))
+        commands.append(("recorder", ["record", str(plan.record), *(["--overwrite"] if plan.overwrite else [])]))
     if plan.viewer_arguments is not None:
         commands.append(("viewer", ["view", *plan.viewer_arguments]))
     sensor = ["sensor", plan.source, "--consumers", str(consumers), *plan.sensor_arguments]

@@ -44,7 +44,7 @@ class Watch:
             now = time.monotonic()
             if delivery is not None:
                 self.heard["odometry" if delivery.message.topic == TOPICS.odom else "sensor"] = now
-            size = sum(file.stat().st_size for file in self._recordings.glob("*.mcap"))
+            size = sum(file.stat().st_size for file in self._recordings.glob("*.mcap*"))
             if size > self._size:
                 self.heard["recorder"] = now
             self._size = size
@@ -146,7 +146,7 @@ def wait_until_whole(watch: Watch, seconds: float) -> None:
 
 def check_what_was_left(folder: Path, outages: list[Outage]) -> None:
     """Every recording opens, cut or not; every trajectory's lines are whole and in order; holes have their reason."""
-    recordings = sorted((folder / "recordings").glob("*.mcap"))
+    recordings = sorted((folder / "recordings").glob("*.mcap*"))
     kept = [m.stamp * 1e-9 for file in recordings for m in RecordingReader(file).messages() if m.topic == TOPICS.depth]
     assert len(kept) > 100
     check_holes(kept, outages)

@@ -127,7 +127,7 @@ def test_an_import_never_overwrites_what_it_reads(tmp_path: Path, network: Netwo
     (bag / "a_0.mcap").hardlink_to(recording)
     whole = recording.read_bytes()
     for source, output in ((recording, recording), (recording, link), (bag, bag / "a_0.mcap")):
-        assert "another OUTPUT" in network.run("import", str(source), str(output), "--overwrite", status=1)
+        assert "is what would be read" in network.run("import", str(source), str(output), "--overwrite", status=2)
         assert recording.read_bytes() == whole
     network.run("import", str(recording), str(tmp_path / "b.mcap"))
     network.run("import", str(recording), str(tmp_path / "b.mcap"), "--overwrite")

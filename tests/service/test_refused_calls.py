@@ -6,12 +6,16 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from odom.cli import app
 from odom.errors import ConfigError
+from odom.frame import Camera, Stamp
 from odom.service.run_folder import held, new_folder
+from odom.wire import Topics, codec
+from odom.wire.recording import RecordingWriter
 
 CAMERA = """
 image_width: 640
@@ -44,6 +48,15 @@ def folder(tmp_path: Path) -> Path:
     return path
 
 
+def record(path: Path) -> None:
+    """A recording of a single frame."""
+    topics, stamp = Topics(), Stamp(10**18)
+    with RecordingWriter(path) as writer:
+        writer.write(codec.encode_camera_info(topics.camera_info, stamp, Camera(64, 48, 50.0, 50.0, 32.0, 24.0)))
+        writer.write(codec.encode_color(topics.color, stamp, np.zeros((48, 64, 3), np.uint8)))
+        writer.write(codec.encode_depth(topics.depth, stamp, np.zeros((48, 64), np.uint16)))
+
+
 def refusal(*arguments: str | Path) -> str:
     """The words with which `odom ARGUMENTS` is refused; anything but a refusal with status 2 is a failure."""
     done = CliRunner().invoke(app, [str(argument) for argument in arguments])
@@ -70,8 +83,13 @@ WRONG = [
     (("desk", "--start", "nan"), "--start"),
     (("desk", "--end", "inf"), "--end inf"),
     (("desk", "--headless", "--web"), "contradict"),
-    (("desk", "--record", "desk/rgb.txt"), "exists already"),
+    (("desk", "--record", "desk/rgb.txt"), "is what would be read"),
     (("desk", "--record", "desk/rgb.txt/new.mcap"), "nothing can be written"),
+    (("desk", "--record", "desk/rgb.txt", "--overwrite"), "is what would be read"),
+    (("old.mcap", "--record", "old.mcap"), "is what would be read"),
+    (("old.mcap", "--record", "old.mcap", "--overwrite"), "is what would be read"),
+    (("desk", "--record", "old.mcap"), "replace it with --overwrite"),
+    (("desk", "--record", "left.mcap", "--overwrite"), "`odom recover left.mcap.part OUT.mcap` saves it"),
     (("desk", "--config", "typo.yaml"), "typo.yaml"),
     (("arena", "--camera", "desk/camera.yaml"), "has no use for --camera"),
     (("arena", "--option", "walls=7"), "walls"),
@@ -85,6 +103,8 @@ WRONG = [
 def test_a_refused_run_starts_nothing_and_touches_nothing(
     tmp_path: Path, folder: Path, arguments: tuple[str, ...], named: str
 ) -> None:
+    record(tmp_path / "old.mcap")
+    (tmp_path / "left.mcap.part").write_bytes(b"what a recorder that was killed has left")
     out = tmp_path / "good"
     out.mkdir()
     for name in RESULTS:

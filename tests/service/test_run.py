@@ -212,6 +212,9 @@ def test_a_killed_child_is_named_within_two_seconds_and_the_files_miss_next_to_n
     assert (tmp_path / "report.json").exists()
     assert (tmp_path / "trajectory.txt").exists() == (role != "odometry")
     written = stamps(poses)
+    if role == "recorder":
+        recording = tmp_path / "session.mcap.part"
+        assert f"odom recover {recording} OUT.mcap" in heard.words
     with recording.open("rb") as stream:
         assert role == "recorder" or make_reader(stream).get_summary() is not None
     recorded = [message.stamp for message in RecordingReader(recording).messages() if message.topic == "cam0/odom"]

@@ -4,6 +4,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,7 +18,8 @@ from odom.errors import RecordingError
 from odom.frame import Stamp
 from odom.wire import Message, Topics, truth
 from odom.wire.codec import encode_odometry, encode_pose, encode_tf
-from odom.wire.recording import RecordingReader, RecordingWriter, recover
+from odom.wire.recording import RecordingReader, RecordingWriter, is_recording, recover
+from odom.wire.recording.part_file import newest_part
 
 CODECS = ("zstd", "lz4", "none")
 
@@ -214,6 +216,58 @@ def test_an_existing_recording_is_not_overwritten_unasked(tmp_path: Path) -> Non
         RecordingWriter(path)
 
 
+def test_a_recording_may_be_recorded_onto_itself(tmp_path: Path) -> None:
+    """As by `odom sensor a.mcap` beside `odom record a.mcap --overwrite`."""
+    messages = session_messages(20)
+    path = write(tmp_path / "a.mcap", messages)
+    with RecordingWriter(path, overwrite=True) as writer:
+        for message in RecordingReader(path).messages():
+            writer.write(message)
+    assert read(path)[0] == messages
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("end", ["killed", "failed", "without a message"])
+def test_a_recording_is_replaced_only_by_a_whole_one(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, end: str
+) -> None:
+    path = write(tmp_path / "a.mcap", session_messages(3))
+    before, part = path.read_bytes(), tmp_path / "a.mcap.part"
+    if end == "killed":
+        command = [sys.executable, "-c", _KILLED_WRITER, str(path), str(Path(__file__).parent), "overwrite"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            while int(process.stdout.readline()) < BEGIN + 30 * PERIOD_NS:
+                assert path.read_bytes() == before
+            process.send_signal(signal.SIGKILL)
+        with pytest.raises(RecordingError, match=f"odom recover {part}"):
+            RecordingWriter(path, overwrite=True)
+    elif end == "failed":
+        with suppress(ZeroDivisionError), RecordingWriter(path, overwrite=True) as writer:
+            for message in session_messages(20):
+                writer.write(message)
+            _ = 1 // 0
+        assert f"odom recover {part}" in caplog.text
+    else:
+        with RecordingWriter(path, overwrite=True):
+            pass
+        assert "stays as it was" in caplog.text
+    assert path.read_bytes() == before
+    assert part.exists() == (end != "without a message")
+    if part.exists():
+        assert is_recording(part)
+        assert recover(part, path, overwrite=True)[0] > 10
+
+
+def test_the_newest_of_the_parts_that_recorders_left_is_found(tmp_path: Path) -> None:
+    for second, name in enumerate(("take-1.mcap.part", "take-2.mcap.part", "other.mcap.part", "take-3.mcap")):
+        (tmp_path / name).write_bytes(b"")
+        os.utime(tmp_path / name, (second, second))
+    assert newest_part(tmp_path / "take-{time}.mcap") == tmp_path / "take-2.mcap.part"
+    assert newest_part(tmp_path / "other.mcap") == tmp_path / "other.mcap.part"
+    assert newest_part(tmp_path / "take-3.mcap") is None
+
+
 @pytest.mark.parametrize("content", [b"", b"not a recording" * 10])
 def test_other_files_are_named_for_what_they_are_not(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.mcap"
@@ -230,7 +284,7 @@ from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from made_up_messages import session_messages
 from odom.wire.recording import RecordingWriter
-writer = RecordingWriter(Path(sys.argv[1]))
+writer = RecordingWriter(Path(sys.argv[1]), overwrite="overwrite" in sys.argv)
 for message in session_messages(200):
     if message.topic.startswith("truth"):
         print(message.stamp, flush=True)
@@ -251,7 +305,8 @@ def test_kill_9_costs_the_recording_half_a_second_at_most(tmp_path: Path) -> Non
             written.append((time.monotonic(), int(process.stdout.readline())))
         killed = time.monotonic()
         process.send_signal(signal.SIGKILL)
-    back, reader = read(path)
+    assert not path.exists()
+    back, reader = read(tmp_path / "killed.mcap.part")
     assert not reader.complete
     last = max(message.stamp for message in back if message.topic.startswith("truth"))
     assert max(at for at, stamp in written if stamp <= last) > killed - 0.5

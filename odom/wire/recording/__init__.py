@@ -4,6 +4,7 @@ from pathlib import Path
 
 from odom.wire.recording.bag import DATABASE_SUFFIX, ROS1_SUFFIX, RosbagsReader
 from odom.wire.recording.bag import BagReader as BagReader
+from odom.wire.recording.part_file import PART
 from odom.wire.recording.reader import RecordedStream as RecordedStream
 from odom.wire.recording.reader import RecordingReader as RecordingReader
 from odom.wire.recording.recovery import recover as recover
@@ -14,10 +15,13 @@ from odom.wire.recording.writer import RecordingWriter as RecordingWriter
 
 
 def is_recording(path: Path) -> bool:
-    """Return whether `path` is that of a recording: an .mcap, .db3 or .bag file, or the folder of a ROS 2 bag."""
+    """Return whether `path` is that of a recording: an .mcap, .db3 or .bag file, or the folder of a ROS 2 bag.
+
+    An `.mcap.part`, left by a recorder that was killed, is one too.
+    """
     if path.is_dir():
         return (path / "metadata.yaml").is_file() or any(path.glob(f"*{DATABASE_SUFFIX}"))
-    return path.suffix.lower() in (".mcap", DATABASE_SUFFIX, ROS1_SUFFIX)
+    return Path(path.name.removesuffix(PART)).suffix.lower() in (".mcap", DATABASE_SUFFIX, ROS1_SUFFIX)
 
 
 def open_reader(path: Path) -> RecordingReader:

@@ -1,5 +1,6 @@
 """Mends a damaged MCAP recording: every message that is whole goes into a sound file."""
 
+import os
 from collections.abc import Callable
 from itertools import chain
 from pathlib import Path
@@ -8,6 +9,7 @@ from mcap.writer import CompressionType, Writer
 
 from odom.errors import RecordingError
 from odom.wire.recording.mcap_file import McapFile
+from odom.wire.recording.part_file import PART
 
 _CHUNK_BYTES = 1 << 20
 """Size of the chunks of the mended file. Larger: a viewer reads more for one message; smaller: a larger index."""
@@ -24,7 +26,7 @@ def recover(
 
     `progress` is called with the number of messages copied so far; once `stopped` returns True, no more are copied.
     Returns the number of messages and what was wrong. Raises RecordingError when nothing can be saved or `target`
-    exists and may not be replaced.
+    exists and may not be replaced; it is replaced by all that can be saved, or not at all.
     """
     damaged, count = McapFile(source), 0
     if target.exists() and source.exists() and target.samefile(source):
@@ -35,8 +37,9 @@ def recover(
     first = next(messages, None)
     if first is None:
         raise RecordingError(f"{source}: no message can be saved ({'; '.join(damaged.damage) or 'there is none'})")
+    growing = target.with_name(f"{target.name}.{os.getpid()}{PART}")
     try:
-        with target.open("wb") as file:
+        with growing.open("xb") as file:
             writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
             header = damaged.header
             writer.start(profile=header.profile if header else "ros2", library=header.library if header else "")
@@ -60,6 +63,11 @@ def recover(
             for entry in damaged.metadata:
                 writer.add_metadata(entry.name, entry.metadata)
             writer.finish()  # type: ignore[no-untyped-call]  # mcap gives no type
+        if stopped() and target.exists():
+            raise RecordingError(f"interrupted: {target} stays as it was")
+        growing.replace(target)
     except OSError as error:
         raise RecordingError(f"{target} cannot be written: {error.strerror}") from error
+    finally:
+        growing.unlink(missing_ok=True)
     return count, tuple(damaged.damage)

@@ -1,11 +1,13 @@
 """Writes wire messages into an MCAP file as ROS 2 would: profile ros2, CDR, chunked, indexed, with checksums."""
 
+import logging
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from itertools import count
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, Self
+from typing import Self
 
 from mcap.writer import CompressionType, Writer
 
@@ -13,7 +15,10 @@ from odom.errors import RecordingError
 from odom.frame import Stamp
 from odom.wire.codec import schema
 from odom.wire.message import Message
+from odom.wire.recording.part_file import PartFile, how_to_save
 from odom.wire.settings import Compression
+
+log = logging.getLogger(__name__)
 
 LIBRARY = "rgbd-odom"
 _CHUNK_BYTES = 8 << 20
@@ -30,11 +35,12 @@ _COMPRESSION: Mapping[Compression, CompressionType] = {
 
 
 class RecordingWriter:
-    """Writes to `path`; what was given more than a quarter of a second ago survives the death of the process.
+    """Writes to `part`, which becomes `path` when it is closed; what is a quarter of a second old outlives the process.
 
     A message is logged at its stamp, not at the time of writing: a recording of a replay equals the recording. Raises
-    RecordingError when the file cannot be written; an existing one is replaced only with `overwrite`. With `beside` the
-    next free name is used instead, `take-2.mcap` beside `take.mcap`; `path` says which.
+    RecordingError when the file cannot be written; an existing one is replaced only with `overwrite`, and by a whole
+    one that holds messages. With `beside` the next free name is used, `take-2.mcap` beside `take.mcap`; `path` says
+    which. At the end of a `with` that fails, the part stays as it is.
     """
 
     def __init__(
@@ -46,17 +52,9 @@ class RecordingWriter:
         beside: bool = False,
     ) -> None:
         self.count = 0
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = path.open("wb") if overwrite else _create(path, beside)
-        except FileExistsError as error:
-            raise RecordingError(
-                f"{path} exists already: choose another name or say that it may be replaced"
-            ) from error
-        except OSError as error:
-            raise RecordingError(f"{path} cannot be written: {error.strerror}") from error
-        self.path = Path(self._file.name)
-        self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, compression=_COMPRESSION[compression])
+        self._file = PartFile(path, overwrite, beside)
+        self.path, self.part = self._file.target, self._file.path
+        self._writer = Writer(self._file.file, chunk_size=_CHUNK_BYTES, compression=_COMPRESSION[compression])
         self._channels: dict[tuple[str, str], tuple[int, Iterator[int]]] = {}
         self._schemas: dict[str, int] = {}
         self._chunk_began: float | None = None
@@ -64,7 +62,7 @@ class RecordingWriter:
         self._writer.start(profile="ros2", library=LIBRARY)
         if metadata:
             self._writer.add_metadata(LIBRARY, dict(metadata))
-        self._file.flush()
+        self._file.file.flush()
 
     def write(self, message: Message, at: Stamp | None = None) -> None:
         """Append a message, logged at its stamp or at `at`; raises RecordingError when the disk is full or gone."""
@@ -86,21 +84,39 @@ class RecordingWriter:
             self._writer.flush()  # type: ignore[no-untyped-call]  # mcap gives no type
 
     def close(self) -> None:
-        """Write the index and close the file; safe to call twice."""
+        """Write the index and give the file its name; safe to call twice."""
         if self._closed:
             return
         self._closed = True
         try:
             self._writer.finish()  # type: ignore[no-untyped-call]  # mcap gives no type
-            self._file.close()
+            if not self.count and self.path.exists():
+                self._file.drop()
+                log.warning("%s stays as it was: no message came", self.path)
+            else:
+                self._file.keep()
         except OSError as error:
-            raise RecordingError(f"{self.path} cannot be finished: {error.strerror}") from error
+            saved = how_to_save(self.part)
+            raise RecordingError(f"{self.path} cannot be finished: {error.strerror}; {saved}") from error
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self.close()
+        if error is None:
+            self.close()
+        elif not self._closed:
+            self._closed = True
+            self._leave()
+
+    def _leave(self) -> None:
+        """Leave what was written beside the recording's name, unless it is nothing."""
+        if not self.count:
+            self._file.drop()
+            return
+        with suppress(OSError):
+            self._writer.finish()  # type: ignore[no-untyped-call]  # mcap gives no type
+        self._file.leave()
 
     def _register(self, message: Message) -> tuple[int, Iterator[int]]:
         """Return the channel of a topic and type, with its sequence numbers."""
@@ -109,15 +125,3 @@ class RecordingWriter:
             self._schemas[type_name] = self._writer.register_schema(type_name, "ros2msg", schema(type_name))
         channel = self._writer.register_channel(f"/{message.topic}", "cdr", self._schemas[type_name])
         return self._channels.setdefault((message.topic, type_name), (channel, count()))
-
-
-def _create(path: Path, beside: bool) -> BinaryIO:
-    """Create a file that does not exist yet, in one step: two processes that start together get two names."""
-    numbers, name = count(2), path
-    while True:
-        try:
-            return name.open("xb")
-        except FileExistsError:
-            if not beside:
-                raise
-        name = path.with_stem(f"{path.stem}-{next(numbers)}")

@@ -38,10 +38,11 @@ class SensorReport:
 
 
 class SensorProcess:
-    """Runs one source on one session until it ends or `stop` is set."""
+    """Runs one source on one session until it ends or `stop` is set; `ended` says how it did."""
 
     def __init__(self, session: WireSession, source: Source, options: SourceOptions, consumers: int) -> None:
         self.frames = 0
+        self.ended: str | None = None
         self._topics: Topics = options.topics
         self._source = source
         self._consumers = consumers
@@ -78,6 +79,7 @@ class SensorProcess:
         finally:
             self._source.close()
             ahead.close()
+            self.ended = reason
             self._announce_end(reason, stop)
         return SensorReport(self.frames, self._publisher.serial, self._window.lost, reason)
 

@@ -1,6 +1,6 @@
 """What every sensor, folder and recording looks like to the sensor process."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -54,3 +54,9 @@ class SourceOptions:
     seconds: float | None = None
     live: bool = False
     extra: tuple[tuple[str, str], ...] = ()
+
+
+def refused_images(source: Source) -> Mapping[tuple[str, str], int]:
+    """Return how many images a source left out, by stream (`colour`, `depth`) and reason; most leave out none."""
+    refused: Mapping[tuple[str, str], int] = getattr(source, "refused", {})
+    return {key: count for key, count in refused.items() if key[0] in ("colour", "depth")}

@@ -33,6 +33,7 @@ from sensors.source import SourceOptions
 log = logging.getLogger(__name__)
 
 BODY = "camera"
+_NO_POSE = "no pose"
 _TRUTH_MARGIN = 500_000_000
 """Nanoseconds by which ground truth begins before the first image and ends after the last: enough to interpolate."""
 
@@ -78,15 +79,14 @@ def depth_table(depth_scale: float) -> NDArray[np.uint16] | None:
 
 
 class TumSource:
-    """The folder as a stream; a file that is missing or damaged is logged, counted in `damaged` and left out.
+    """The folder as a stream; a file that is missing or damaged is left out, and the first of a kind is logged.
 
-    `refused` counts the images among these by stream and reason.
+    `refused` counts these by stream (`colour`, `depth`, `truth`) and reason. Truth that cannot be read is done without.
     """
 
     lossless = True
 
     def __init__(self, folder: Path, calibration: Calibration, options: SourceOptions) -> None:
-        self.damaged = 0
         self.refused: Counter[tuple[str, str]] = Counter()
         self._folder = folder
         self._calibration = calibration
@@ -99,7 +99,7 @@ class TumSource:
         end = None if options.end is None else zero + from_seconds(options.end)
         self._color, self._depth = _between(color, begin, end), _between(depth, begin, end)
         truth_file = folder / "groundtruth.txt"
-        self._truth = read_list(truth_file, 7) if truth_file.is_file() else []
+        self._truth = _read_truth(truth_file) if truth_file.is_file() else []
         if self._color:
             first, last = self._color[0].stamp - _TRUTH_MARGIN, self._color[-1].stamp + _TRUTH_MARGIN
             self._truth = _between(self._truth, first, last)
@@ -113,24 +113,33 @@ class TumSource:
             yield encode_camera_info(
                 self._topics.camera_info, self._color[0].stamp, self._calibration.camera, self._topics.frame_camera
             )
-        streams = ((self._truth, self._pose), (self._depth, self._depth_image), (self._color, self._color_image))
-        tagged = ([(entry, encode) for entry in entries] for entries, encode in streams)
-        for entry, encode in heapq.merge(*tagged, key=lambda item: item[0].stamp):
+        streams = (
+            ("truth", self._truth, self._pose),
+            ("depth", self._depth, self._depth_image),
+            ("colour", self._color, self._color_image),
+        )
+        tagged = ([(entry, name, encode) for entry in entries] for name, entries, encode in streams)
+        for entry, name, encode in heapq.merge(*tagged, key=lambda item: item[0].stamp):
             if self._closed:
                 return
             try:
                 yield encode(entry)
             except (WireError, OSError, ValueError) as error:
-                self.damaged += 1
-                if encode != self._pose:
-                    self.refused["colour" if encode == self._color_image else "depth", _why(error)] += 1
-                log.warning("%s: left out %s: %s", self._folder, entry.values[0], error)
+                self._leave_out(name, entry, error)
 
     def close(self) -> None:
-        """End `messages` at the next message, and say how many files were left out."""
-        if self.damaged and not self._closed:
-            log.warning("%s: %d files were left out", self._folder, self.damaged)
+        """End `messages` at the next message, and say what was left out."""
+        if self.refused and not self._closed:
+            counts = ", ".join(f"{n} of {stream} ({why})" for (stream, why), n in sorted(self.refused.items()))
+            log.warning("%s: left out %s", self._folder, counts)
         self._closed = True
+
+    def _leave_out(self, stream: str, entry: TumEntry, error: Exception) -> None:
+        kind = stream, _NO_POSE if stream == "truth" else _why(error)
+        if not self.refused[kind]:
+            what = f"{entry.stamp / 1e9:.6f}" if stream == "truth" else entry.values[0]
+            log.warning("%s: left out of %s: %s: %s (more are only counted)", self._folder, stream, what, error)
+        self.refused[kind] += 1
 
     def _color_image(self, entry: TumEntry) -> Message:
         file = (self._folder / entry.values[0]).read_bytes()
@@ -154,6 +163,15 @@ class TumSource:
 
 class _NotDepthError(WireError):
     """An image that holds no distances."""
+
+
+def _read_truth(path: Path) -> list[TumEntry]:
+    """Return the true poses of a file, none of one that cannot be read, which is logged: images do not need them."""
+    try:
+        return read_list(path, 7)
+    except SourceError as error:
+        log.warning("%s; it goes on without truth", error)
+        return []
 
 
 def _why(error: Exception) -> str:

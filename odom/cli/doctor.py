@@ -47,7 +47,7 @@ def doctor(
     from odom.service.progress import counting
     from odom.service.source_sample import collect
     from sensors.catalogue import open_source
-    from sensors.source import SourceOptions
+    from sensors.source import SourceOptions, refused_images
 
     cv2.setNumThreads(1)
     stop = signals.stop_event()
@@ -60,7 +60,7 @@ def doctor(
         with counting("looking", round(30 * seconds)) as progress:
             messages = _until(opened.messages(), stop.is_set)
             recording = collect(messages, options.topics, seconds, progress, opened.lossless)
-        recording = replace(recording, refused={**recording.refused, **getattr(opened, "refused", {})})
+        recording = replace(recording, refused={**recording.refused, **refused_images(opened)})
     finally:
         opened.close()
     findings = examine(recording)

@@ -78,17 +78,24 @@ def _publish(
 ) -> None:
     import cv2
 
-    from odom.service.progress import counting
+    from odom.service.input_report import source_report
+    from odom.service.progress import counting, hand_up
     from odom.wire.session import open_session
     from sensors.catalogue import open_source
-    from sensors.process import SensorProcess
+    from sensors.process import END_OF_SOURCE, SensorProcess
+    from sensors.source import refused_images
 
     cv2.setNumThreads(1)
     opened = open_source(source, selected)
     try:
         wanted = consumers if consumers is not None else int(opened.lossless)
         with open_session(settings) as session, counting("sensor", opened.length) as progress:
-            report = SensorProcess(session, opened, selected, wanted).run(stop, progress)
+            process = SensorProcess(session, opened, selected, wanted)
+            try:
+                report = process.run(stop, progress)
+            finally:
+                has_ended = process.ended == END_OF_SOURCE
+                hand_up(source_report(process.frames, opened.length, has_ended, refused_images(opened)))
     finally:
         opened.close()
     lost = f", {report.lost} messages lost by consumers" if report.lost else ""

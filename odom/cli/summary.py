@@ -20,9 +20,9 @@ def summary(report: Report, folder: Path) -> Iterator[str]:
             f"{report['fps']:.0f} frames/s, {processing['p50']:.1f} ms a frame (p99 {processing['p99']:.1f}), "
             f"{report['cpu_ms_per_frame']:.1f} ms CPU"
         )
-    bad = [f"{report[name]} {name.split('_')[0]}" for name in ("lost_frames", "unmatched_frames") if report.get(name)]
-    if bad:
-        yield f"frames not used: {', '.join(bad)}"
+    yield from _refused(report)
+    if report.get("unmatched_frames"):
+        yield f"{report['unmatched_frames']} frames had no depth image beside them; they are used all the same"
     if report.get("unwritten"):
         yield f"{report['unwritten']} lines or files could not be written: make room, then run it again"
     if report.get("ate_m") is not None:
@@ -36,11 +36,20 @@ def summary(report: Report, folder: Path) -> Iterator[str]:
 
 
 def _tracking(report: Report) -> str:
-    tracked, share = f"{report['tracked']} of {report['frames']} frames tracked", report.get("completeness")
-    if share is None:
+    given = report.get("colour", {}).get("given", report["frames"])
+    tracked, share = f"{report['tracked']} of {given} frames tracked", report.get("completeness")
+    if share is None or "loop_closures" not in report:
         return tracked
     parts, closures = len(report.get("segments") or ()), report["loop_closures"]
     return f"{tracked} ({share:.1%}), {parts} segment(s), {closures} loop closure(s)"
+
+
+def _refused(report: Report) -> Iterator[str]:
+    for stream in ("colour", "depth"):
+        images = report.get(stream, {})
+        if refused := images.get("refused"):
+            reasons = ", ".join(f"{count} {why}" for why, count in refused.items())
+            yield f"{stream} images: {images['used']} of {images['given']} used; not used: {reasons}"
 
 
 def _figure(value: float | None, digits: int) -> str:

@@ -5,6 +5,8 @@ Frame i + 1 is decoded while frame i is processed: Zenoh and OpenCV release the 
 
 import logging
 import threading
+from collections import Counter
+from dataclasses import replace
 
 from odom.errors import WireError
 from odom.frame import Camera, RgbdFrame, Stamp
@@ -20,6 +22,7 @@ from odom.service.arrival_queue import (
 from odom.wire import TRUTH, Message, Topics, codec, truth_body
 from odom.wire.assembler import FrameAssembler
 from odom.wire.consumer import Consumer
+from odom.wire.image_counts import LOST, NOT_CALIBRATED, OTHER_SIZE, OVERTAKEN, UNREADABLE, ImageCounts
 from odom.wire.session import Delivery, WireSession
 
 _LOG = logging.getLogger(__name__)
@@ -51,7 +54,7 @@ class FrameReceiver:
         self.uncalibrated = 0
         self.source_ended = False
         self.refused_cameras = 0
-        self._color_keys = keys[:2]
+        self._color_keys, self._depth_keys = keys[:2], keys[2:4]
         self._colors: dict[Stamp, Message] = {}
         self._bodies: set[str] = set()
         self._consumer = Consumer(session, topics, "odometry", keys, depth=_LIVE_DEPTH)
@@ -77,25 +80,39 @@ class FrameReceiver:
     @property
     def lost_frames(self) -> int:
         """Colour images that were sent but lost on the way, or dropped for newer ones."""
-        counters = [self._consumer.counters.get(key) for key in self._color_keys]
-        return self.arrivals.overtaken + sum(c.lost + c.dropped for c in counters if c is not None)
+        return self.arrivals.overtaken + self._lost(self._color_keys)
+
+    @property
+    def unmatched_frames(self) -> int:
+        """Frames whose colour image had no depth image beside it."""
+        return self.assembler.pairing.color_single
+
+    @property
+    def color(self) -> ImageCounts:
+        """What became of the colour images; those that wait for the odometry count as used."""
+        counts = self.assembler.pairing.color.plus({LOST: self._lost(self._color_keys)})
+        late = {OVERTAKEN: self.arrivals.overtaken, NOT_CALIBRATED: self.uncalibrated}
+        return replace(counts, used=counts.used - sum(late.values()), refused=counts.refused + Counter(late))
+
+    @property
+    def depth(self) -> ImageCounts:
+        """What became of the depth images."""
+        return self.assembler.pairing.depth.plus({LOST: self._lost(self._depth_keys)})
 
     @property
     def dropped(self) -> dict[str, int]:
         """Count of refused input by its kind, without zeros."""
-        pairing = self.assembler.pairing
         counts = {f"malformed {key}": n for key, n in self._consumer.malformed.counts.copy().items()}
-        counts |= {
-            "duplicate stamp": pairing.duplicate,
-            "backward stamp": pairing.backward,
-            "stray stamp": pairing.stray,
-            "stamp leap": pairing.leaps,
-            "colour without depth": pairing.color_single,
-            "depth without colour": pairing.depth_single,
-            "refused calibration": self.refused_cameras,
-            "frame before calibration": self.uncalibrated,
-        }
+        for stream, images in (("colour", self.color), ("depth", self.depth)):
+            counts |= {
+                f"{stream}: {why}": n for why, n in images.refused.items() if why not in (UNREADABLE, OTHER_SIZE)
+            }
+        counts["refused calibration"] = self.refused_cameras
         return {kind: n for kind, n in sorted(counts.items()) if n}
+
+    def _lost(self, keys: tuple[str, ...]) -> int:
+        counters = [self._consumer.counters.get(key) for key in keys]
+        return sum(c.lost + c.dropped for c in counters if c is not None)
 
     def _run(self) -> None:
         try:
@@ -114,6 +131,8 @@ class FrameReceiver:
                     self._put_frame(frame, None)
                 self.arrivals.put(EndArrival(self._consumer.ended))
                 self._consumer.restart()
+        for frame in self.assembler.finish():  # what waits for a nearer partner when the run is stopped
+            self._put_frame(frame, None)
 
     def _take_message(self, delivery: Delivery) -> None:
         self.source_ended = False

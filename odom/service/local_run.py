@@ -11,6 +11,7 @@ from typing import Any
 
 from odom.errors import ConfigError, OdomError
 from odom.service import previous_results
+from odom.service.input_report import with_source
 from odom.service.progress import open_display
 from odom.service.result_files import write_json
 from odom.service.run_folder import held
@@ -89,12 +90,14 @@ def free_endpoint() -> str:
 
 
 def complete_report(out: Path, processes: RunProcesses) -> Report:
-    """Return the odometry's report with the failures of the others and the errors against truth, and write it.
+    """Return the odometry's report with what the others say and the errors against truth, and write it.
 
     Where the odometry could not write its report it is what was handed up; where it died, what its last status said.
     """
     path = out / "report.json"
-    report: Report = json.loads(path.read_text()) if path.is_file() else processes.report or dict(processes.counts)
+    handed_up = processes.reports["odometry"] or dict(processes.counts)
+    report: Report = json.loads(path.read_text()) if path.is_file() else handed_up
+    report = with_source(report, processes.reports["sensor"])
     report["failed"] = {child.name: child.ending() for child in processes.failed}
     if (out / "truth.txt").is_file() and (out / "trajectory.txt").is_file():
         from odom.evaluation.run_report import report_with_truth

@@ -18,6 +18,7 @@ from odom.service.run_statistics import RunStatistics, closing_fields
 from odom.service.settings import Settings
 from odom.service.startup import notify_service_manager, warm_up
 from odom.wire import Topics
+from odom.wire.image_counts import NOT_TRACKABLE
 from odom.wire.session import WireSession, open_session
 
 _LOG = logging.getLogger(__name__)
@@ -69,7 +70,6 @@ class OdometryProcess:
         self._last_at = time.monotonic()
         self._unsaved = False
         self._is_live = False
-        self._refused = 0
         self._anticipated_ms = 0.0
         self._sensor = ""
         self._alive = topics.alive
@@ -143,16 +143,16 @@ class OdometryProcess:
     def _process(self, arrival: FrameArrival) -> None:
         frame, origin = arrival.frame, arrival.origin
         if self._odometry is None:  # its calibration was refused
-            self._refused += 1
+            self.statistics.refused += 1
             return
         self.statistics.begin()
         begun = time.perf_counter()
         try:
             estimate = self._odometry.process(frame)
         except OdomError as error:
-            if not self._refused:
+            if not self.statistics.refused:
                 _LOG.warning("a frame was refused by the odometry (further ones are counted): %s", error)
-            self._refused += 1
+            self.statistics.refused += 1
             return
         processing_ms = 1e3 * (time.perf_counter() - begun) + self._anticipated_ms
         self._anticipated_ms = 0.0
@@ -206,9 +206,9 @@ class OdometryProcess:
 
     def _update_counts(self) -> None:
         counts = self.statistics
-        counts.lost_frames = self._receiver.lost_frames
-        counts.unmatched_frames = self._receiver.assembler.pairing.color_single
-        counts.dropped = self._receiver.dropped | ({"refused by the odometry": self._refused} if self._refused else {})
+        counts.lost_frames, counts.unmatched_frames = self._receiver.lost_frames, self._receiver.unmatched_frames
+        counts.color, counts.depth = self._receiver.color, self._receiver.depth
+        counts.dropped = self._receiver.dropped | ({NOT_TRACKABLE: counts.refused} if counts.refused else {})
         if self._odometry is None:
             return
         if self._odometry.forgotten_keyframes and not counts.forgotten_keyframes:

@@ -58,8 +58,9 @@ class RunPlan:
 class RunProcesses:
     """The child processes of one run, and the order in which they are started and ended.
 
-    `total` is how many colour images the sensor says its source has, `report` what the odometry handed up at its end,
-    `counts` the frames of its last status. `folder_lock` is the descriptor of the lock that the odometry shares.
+    `total` is how many colour images the sensor says its source has, `reports` what sensor (see `input_report`) and
+    odometry handed up at their ends, `counts` the frames of the odometry's last status. `folder_lock` is the descriptor
+    of the lock that the odometry shares.
     """
 
     def __init__(
@@ -73,7 +74,7 @@ class RunProcesses:
     ) -> None:
         topics = Topics(settings.wire.namespace)
         self.total: int | None = None
-        self.report: dict[str, Any] | None = None
+        self.reports: dict[str, dict[str, Any] | None] = {"sensor": None, "odometry": None}
         self.counts = {"frames": 0, "tracked": 0}
         self._plan = plan
         self._display = display
@@ -163,8 +164,8 @@ class RunProcesses:
 
     def _read_line(self, name: str, line: str) -> None:
         count, report = parse_count(line), parse_report(line)
-        if report is not None and name == "odometry":
-            self.report = report
+        if report is not None and name in self.reports:
+            self.reports[name] = report
         elif count is None:
             self._display.say(name, line)
         elif name == "sensor":

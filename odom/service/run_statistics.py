@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from odom.backend import ClosingTest, Estimate, LoopCandidate, State
 from odom.frame import RgbdFrame
 from odom.geometry.se3 import so3_log
+from odom.wire.image_counts import NOT_TRACKABLE, ImageCounts
 
 _LOWEST_MS = 0.01
 """Lower edge of the histogram of durations; what is shorter counts as this."""
@@ -67,8 +68,9 @@ class Durations:
 class RunStatistics:
     """Counters of one odometry process.
 
-    `dropped` counts bad input by its kind, `forgotten_*` what the odometry gave up to stay within its memory,
-    `unwritten` lines and files that could not be written; `source_end` is what the source said when it ended.
+    `color` and `depth` say what became of the images until the odometry had them, `refused` counts the frames that it
+    did not take; `dropped` counts all bad input by its kind, `forgotten_*` what the odometry gave up to stay within its
+    memory, `unwritten` lines and files that could not be written; `source_end` is what the source said when it ended.
     """
 
     processing: Durations = field(default_factory=Durations)
@@ -76,6 +78,8 @@ class RunStatistics:
     stages_ms: dict[str, float] = field(default_factory=dict)
     states: Counter[State] = field(default_factory=Counter)
     dropped: Mapping[str, int] = field(default_factory=dict)
+    color: ImageCounts = field(default_factory=ImageCounts)
+    depth: ImageCounts = field(default_factory=ImageCounts)
     offset_ms: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
     ends: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
     frames: int = 0
@@ -85,6 +89,7 @@ class RunStatistics:
     loop_candidates: int = 0
     loop_closures: int = 0
     segments_begun: int = 0
+    refused: int = 0
     lost_frames: int = 0
     unmatched_frames: int = 0
     unwritten: int = 0
@@ -159,13 +164,18 @@ class RunStatistics:
         values |= {name: getattr(self, name) for name in _COUNTERS}
         return {name: str(value) for name, value in values.items() if value is not None}
 
+    def _color_used(self) -> ImageCounts:
+        refused = Counter({NOT_TRACKABLE: self.refused} if self.refused else {})
+        return ImageCounts(self.color.given, self.frames, self.color.refused + refused)
+
     def report(self) -> dict[str, object]:
         """Return the odometry's entries of report.json; what was not measured is None."""
-        offered = self.frames + self.lost_frames
         return {
             "frames": self.frames,
             "tracked": self.tracked,
-            "completeness": _rounded(self.tracked / offered if offered else None),
+            "completeness": completeness(self.tracked, self.color.given),
+            "colour": self._color_used().report(),
+            "depth": self.depth.report(),
             "segments_begun": self.segments_begun,
             "source_end": self.source_end,
             **{name: getattr(self, name) for name in _COUNTERS},
@@ -178,6 +188,11 @@ class RunStatistics:
             "stages_ms": {stage: _rounded(total / self.frames) for stage, total in self.stages_ms.items()},
             "dropped": dict(self.dropped),
         }
+
+
+def completeness(tracked: int, given: int) -> float | None:
+    """Return the share of the colour images given that were tracked, None without any."""
+    return _rounded(tracked / given if given else None)
 
 
 def _rounded(value: float | None) -> float | None:

@@ -7,6 +7,7 @@ from odom.frame import Camera, RgbdFrame, Stamp
 from odom.geometry.arrays import Image
 from odom.wire.codec import decode_camera_info, decode_color, decode_depth
 from odom.wire.codec.compressed_depth import Depth
+from odom.wire.image_counts import OTHER_SIZE, UNREADABLE, ImageCounts
 from odom.wire.malformed_counter import MalformedCounter
 from odom.wire.message import Message
 from odom.wire.pairing import Pair, Pairer
@@ -17,7 +18,7 @@ class FrameAssembler:
     """Turns one device's messages into frames; its result depends only on the messages and their order.
 
     Every colour image becomes a frame, with an empty depth image if it has none. What cannot be used is counted in
-    `malformed`, which may be the receiver's own; `pairing` counts images that are in no frame; `camera` is the latest
+    `malformed`, which may be the receiver's own; `pairing` counts what became of the images; `camera` is the latest
     calibration.
     """
 
@@ -50,6 +51,9 @@ class FrameAssembler:
                 self.camera = decode_camera_info(message)
         except WireError as error:
             self.malformed.add(key, str(error))
+            if key != topics.camera_info:
+                self._counts(key).given += 1
+                self._counts(key).refuse(UNREADABLE)
         return ()
 
     def finish(self) -> tuple[RgbdFrame, ...]:
@@ -63,10 +67,21 @@ class FrameAssembler:
             depth = np.zeros(size, dtype=np.uint16) if pair.depth is None else pair.depth
             if depth.shape != size:
                 self.malformed.add(self._topics.depth, f"depth of {depth.shape} is not registered to colour of {size}")
+                self._withdraw(pair)
                 continue
             if camera is not None and (camera.height, camera.width) != size:
                 self.malformed.add(self._topics.camera_info, f"calibration is not that of colour of {size}: {camera}")
+                self._withdraw(pair)
                 continue
             frames.append(RgbdFrame(self._sequence, pair.color_stamp, pair.color, pair.depth_stamp, depth))
             self._sequence += 1
         return tuple(frames)
+
+    def _counts(self, key: str) -> ImageCounts:
+        is_color = key in (self._topics.color, self._topics.color_compressed)
+        return self.pairing.color if is_color else self.pairing.depth
+
+    def _withdraw(self, pair: Pair[Image, Depth]) -> None:
+        self.pairing.color.withdraw(OTHER_SIZE)
+        if pair.depth is not None:
+            self.pairing.depth.withdraw(OTHER_SIZE)

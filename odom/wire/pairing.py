@@ -7,14 +7,15 @@ message arrives, as long as neither stream is more than `capacity` images ahead 
 Bad stamps are counted and treated as follows. One equal to the stream's last is a duplicate and dropped. One before
 it, by up to a second, goes backward and is dropped. One more than a second away in either direction is a leap, which
 is held until the next image of its stream: if that follows it, both are taken (after a leap back the images that wait
-in either stream stay single); if not, it is dropped as a stray.
+in either stream are given up); if not, it is dropped as a stray.
 """
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from odom.frame import Stamp
+from odom.wire.image_counts import BACKWARD, DUPLICATE, NO_COLOR, NO_DEPTH, SET_BACK, STRAY, ImageCounts
 
 C = TypeVar("C")
 D = TypeVar("D")
@@ -49,15 +50,21 @@ class Pair(Generic[C, D]):
 
 @dataclass
 class PairingCounters:
-    """What became of the images that are not in a pair, and how often the stamps leapt."""
+    """What became of the images of both streams, how many came out in pairs, and how often the stamps leapt.
 
+    `color_single` counts the colour images that came out alone, or would have if they had been asked for.
+    """
+
+    color: ImageCounts = field(default_factory=ImageCounts)
+    depth: ImageCounts = field(default_factory=ImageCounts)
     pairs: int = 0
     color_single: int = 0
-    depth_single: int = 0
-    duplicate: int = 0
-    backward: int = 0
-    stray: int = 0
     leaps: int = 0
+
+    @property
+    def depth_single(self) -> int:
+        """Depth images that no colour image had beside it."""
+        return self.depth.refused[NO_COLOR]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,41 +80,52 @@ class _WaitingImage(Generic[T]):
 class _ImageStream(Generic[T]):
     """One stream of images, without those of bad stamps."""
 
-    def __init__(self, counters: PairingCounters) -> None:
+    def __init__(self, counts: ImageCounts) -> None:
         self.waiting: deque[_WaitingImage[T]] = deque()
-        self.single = 0
+        self.counts = counts
         self.went_back = False
-        self._counters = counters
+        self.leaps = 0
         self._last: Stamp | None = None
         self._held: tuple[Stamp, T] | None = None
         self._intervals: deque[int] = deque(maxlen=_INTERVALS)
 
     def feed(self, stamp: Stamp, item: T) -> None:
         """Take an image, hold it, or count and drop it."""
+        self.counts.given += 1
         if self._held is not None:
             held, self._held = self._held, None
             if 0 < stamp - held[0] <= LEAP_NS:
                 self.went_back = self._last is not None and held[0] < self._last
-                self._counters.leaps += 1
+                self.leaps += 1
                 self._accept(*held)
                 self._accept(stamp, item)
                 return
-            self._counters.stray += 1
+            self.counts.refuse(STRAY)
         step = 1 if self._last is None else stamp - self._last
         if step == 0:
-            self._counters.duplicate += 1
+            self.counts.refuse(DUPLICATE)
         elif -LEAP_NS <= step < 0:
-            self._counters.backward += 1
+            self.counts.refuse(BACKWARD)
         elif abs(step) > LEAP_NS:
             self._held = (stamp, item)
         else:
             self._accept(stamp, item)
 
-    def drop(self, count: int = 1) -> None:
-        """Count the oldest waiting images as single."""
-        for _ in range(count):
-            self.waiting.popleft()
-            self.single += 1
+    def finish(self) -> None:
+        """Count an image that is still held: nothing follows it."""
+        if self._held is not None:
+            self._held = None
+            self.counts.refuse(STRAY)
+
+    def take(self) -> _WaitingImage[T]:
+        """Return the oldest waiting image, which is used."""
+        self.counts.used += 1
+        return self.waiting.popleft()
+
+    def drop(self, reason: str) -> None:
+        """Count the oldest waiting image as refused."""
+        self.counts.refuse(reason)
+        self.waiting.popleft()
 
     def _accept(self, stamp: Stamp, item: T) -> None:
         if self._last is not None and 0 < stamp - self._last <= LEAP_NS:
@@ -132,8 +150,8 @@ class Pairer(Generic[C, D]):
         self.counters = PairingCounters()
         self._singles = singles
         self._capacity = capacity
-        self._color: _ImageStream[C] = _ImageStream(self.counters)
-        self._depth: _ImageStream[D] = _ImageStream(self.counters)
+        self._color: _ImageStream[C] = _ImageStream(self.counters.color)
+        self._depth: _ImageStream[D] = _ImageStream(self.counters.depth)
 
     @property
     def newest_color(self) -> tuple[Stamp, C] | None:
@@ -153,6 +171,8 @@ class Pairer(Generic[C, D]):
 
     def finish(self) -> list[Pair[C, D]]:
         """Return the last pairs when no more images come; what remains is single."""
+        self._color.finish()
+        self._depth.finish()
         return self._match(final=True)
 
     def _match(self, final: bool) -> list[Pair[C, D]]:
@@ -174,23 +194,29 @@ class Pairer(Generic[C, D]):
                 if len(early.waiting) >= 2 and abs(early.waiting[1].stamp - max(color.stamp, depth.stamp)) < apart:
                     self._leave_single(early, pairs)
                     continue
-            colors.popleft()
-            depths.popleft()
+            self._color.take()
+            self._depth.take()
             self.counters.pairs += 1
             pairs.append(Pair(color.stamp, color.item, depth.stamp, depth.item))
         capacity = 0 if final else self._capacity
         while len(colors) > capacity:
             self._leave_single(self._color, pairs)
-        self._depth.drop(len(depths) - capacity)
-        self.counters.color_single, self.counters.depth_single = self._color.single, self._depth.single
+        while len(depths) > capacity:
+            self._leave_single(self._depth, pairs)
+        self.counters.leaps = self._color.leaps + self._depth.leaps
         return pairs
 
     def _leave_single(self, stream: _ImageStream[C] | _ImageStream[D], pairs: list[Pair[C, D]]) -> None:
         """Give up the oldest waiting image of a stream; a colour image is returned alone, if asked for."""
-        if self._singles and stream is self._color:
-            color = self._color.waiting[0]
+        if stream is not self._color:
+            stream.drop(NO_COLOR)
+            return
+        self.counters.color_single += 1
+        if self._singles:
+            color = self._color.take()
             pairs.append(Pair(color.stamp, color.item, color.stamp, None))
-        stream.drop()
+        else:
+            stream.drop(NO_DEPTH)
 
     def _give_up_what_waits_from_before_a_leap_back(self) -> None:
         for leapt in (self._color, self._depth):
@@ -200,4 +226,4 @@ class Pairer(Generic[C, D]):
             limit = leapt.waiting[-1].stamp + LEAP_NS
             for stream in (self._color, self._depth):
                 while stream.waiting and stream.waiting[0].stamp > limit:
-                    stream.drop()
+                    stream.drop(SET_BACK)

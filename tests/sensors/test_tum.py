@@ -14,7 +14,7 @@ from odom.wire.pairing import Pairer
 from sensors.calibration_file import load_calibration
 from sensors.catalogue import open_source
 from sensors.default_camera import tum_camera
-from sensors.source import SourceOptions
+from sensors.source import SourceOptions, refused_images
 from sensors.tum import depth_table, read_list
 
 CAMERA = """image_width: 32
@@ -135,8 +135,40 @@ def test_a_missing_or_damaged_image_is_left_out_and_said(tmp_path: Path, caplog:
     source.close()
     assert counted["cam0/color/image_raw/compressed"] == FRAMES - 2
     assert counted["cam0/depth/image_raw"] == FRAMES - 1
-    assert [record.getMessage().count("left out") for record in caplog.records] == [1, 1, 1, 1]
-    assert "3 files" in caplog.records[-1].getMessage()
+    told = [record.getMessage() for record in caplog.records]
+    assert [words.count("left out") for words in told] == [1, 1, 1, 1]
+    assert told[-1].endswith(
+        "left out 1 of colour (damaged file), 1 of colour (no such file), 1 of depth (damaged file)"
+    )
+
+
+def test_of_each_kind_that_is_left_out_one_is_told_and_the_others_counted(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = write_folder(tmp_path / "tum")
+    for picture in (folder / "depth").iterdir():
+        picture.unlink()
+    truth = folder / "groundtruth.txt"
+    truth.write_text("".join(f"{100 + i / 30} nan 0 0 0 0 0 1\n" for i in range(FRAMES)))
+    source = open_source(str(folder), SourceOptions())
+    counted = Counter(message.topic for message in source.messages())
+    source.close()
+    assert counted == {"cam0/color/camera_info": 1, "cam0/color/image_raw/compressed": FRAMES}
+    assert len(caplog.records) == 3
+    assert f"left out {FRAMES} of depth (no such file), {FRAMES} of truth (no pose)" in caplog.records[-1].getMessage()
+    assert refused_images(source) == {("depth", "no such file"): FRAMES}
+
+
+@pytest.mark.parametrize("content", ["1.0 2.0\n", "first line\n", "100.0 0 0 0 0 0 0 1\n100.1 0 0", b"\xff\xfe\x00"])
+def test_truth_that_cannot_be_read_is_said_and_done_without(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, content: str | bytes
+) -> None:
+    folder = write_folder(tmp_path / "tum")
+    (folder / "groundtruth.txt").write_bytes(content if isinstance(content, bytes) else content.encode())
+    counted = keys(folder)
+    assert counted["cam0/color/image_raw/compressed"] == FRAMES
+    assert not any(key.startswith("truth") for key in counted)
+    assert ["it goes on without truth" in record.getMessage() for record in caplog.records] == [True]
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,14 @@
 import itertools
 import random
+from collections import Counter
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from odom.frame import Stamp
-from odom.wire.pairing import LEAP_NS, Pair, Pairer, PairingCounters
+from odom.wire.image_counts import BACKWARD, DUPLICATE, STRAY, ImageCounts
+from odom.wire.pairing import LEAP_NS, Pair, Pairer
 
 MS = 1_000_000
 PERIOD = 33_333_333
@@ -81,6 +83,36 @@ def test_with_singles_every_colour_image_comes_out_once_in_order(two: tuple[Stam
     assert set(run(*two)[0]) <= set(everything)
 
 
+@st.composite
+def broken_streams(draw: st.DrawFn) -> tuple[Stamps, Stamps]:
+    """Two streams with stamps that stand still, step back, stray, leap and go on from there."""
+
+    def stream() -> Stamps:
+        at, stamps = 10**18 + draw(st.integers(-PERIOD, PERIOD)), []
+        for _ in range(draw(st.integers(0, 60))):
+            fate = draw(st.sampled_from(["good"] * 6 + ["missing", "again", "back", "stray", "leap"]))
+            step = draw(st.sampled_from([-5, -2, 2, 5])) * LEAP_NS
+            at += PERIOD + (step if fate == "leap" else 0)
+            if fate != "missing":
+                stamps.append(at - {"again": PERIOD, "back": 3 * PERIOD, "stray": step}.get(fate, 0))
+        return stamps
+
+    return stream(), stream()
+
+
+@given(broken_streams(), st.integers(0, 2**32), st.booleans())
+def test_every_image_that_is_given_is_used_or_refused_for_a_reason(
+    two: tuple[Stamps, Stamps], seed: int, singles: bool
+) -> None:
+    found, pairer = run(*two, random.Random(seed), singles)
+    counters = pairer.counters
+    for counts, given_stamps in ((counters.color, two[0]), (counters.depth, two[1])):
+        assert counts.given == len(given_stamps) == counts.used + counts.refused.total()
+        assert min(counts.refused.values(), default=1) > 0
+    assert counters.color.used == len(found)
+    assert counters.depth.used == counters.pairs == len(found) - (counters.color_single if singles else 0)
+
+
 @given(streams())
 def test_no_two_would_rather_have_each_other(two: tuple[Stamps, Stamps]) -> None:
     pairs = run(*two)[0]
@@ -117,7 +149,8 @@ def test_duplicates_and_short_steps_back_are_dropped_and_counted() -> None:
     bad = [*color[:5], color[4], color[2], *color[5:]]
     pairs, pairer = run(bad, regular(10))
     assert len(pairs) == 10
-    assert pairer.counters == PairingCounters(pairs=10, duplicate=1, backward=1)
+    assert pairer.counters.color == ImageCounts(12, 10, Counter({DUPLICATE: 1, BACKWARD: 1}))
+    assert pairer.counters.depth == ImageCounts(10, 10)
 
 
 @pytest.mark.parametrize("hours", [-1, 1])
@@ -126,7 +159,7 @@ def test_one_stray_stamp_costs_one_image(hours: int) -> None:
     bad = [*color[:10], color[10] + hours * 3600 * LEAP_NS, *color[11:]]
     pairs, pairer = run(bad, regular(20))
     assert len(pairs) == 19
-    assert pairer.counters.stray == 1
+    assert pairer.counters.color.refused == {STRAY: 1}
     assert pairer.counters.leaps == 0
 
 

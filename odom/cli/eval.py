@@ -46,7 +46,9 @@ def evaluate(
 ) -> None:
     """Print ATE, RPE, coverage and calibration of ESTIMATE against TRUTH.
 
-    Alignment is rigid, never scaled; truth is interpolated at the frames' stamps, never extrapolated.
+    Alignment is rigid, never scaled; truth is interpolated at the frames' stamps, never extrapolated. ATE is after
+    alignment by positions, as evo computes it. The line `by poses` is after alignment by positions and orientations,
+    each weighted by its covariance: for a camera that hardly moves, only this one finds the orientation.
 
     Example: odom eval out/trajectory.txt groundtruth.txt --plot plot.png
 
@@ -55,7 +57,8 @@ def evaluate(
     import json
     from math import degrees
 
-    from odom.cli.trajectories import read_estimate, read_truth
+    from odom.cli.pose_figures import print_pose_figures
+    from odom.cli.trajectories import read_claims, read_estimate, read_truth
     from odom.evaluation import EvaluationOptions
     from odom.evaluation import evaluate as judge
     from odom.evaluation.mocap_calibration import calibrate
@@ -82,6 +85,7 @@ def evaluate(
     noise = truth_noise(true)
     if noise:
         print(f"truth's noise  {1e3 * noise.sigma_m:.2f} mm  {degrees(noise.sigma_rad):.3f} deg an axis, at least")
+    fields["pose_alignment"] = print_pose_figures(report, read_claims(estimate, topic=topic), calibration, noise)
     for path in relative or []:
         poses = read_relative(path)
         values = relative_nees(poses, true, max_gap)

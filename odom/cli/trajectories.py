@@ -48,6 +48,28 @@ def read_truth(
     return (read_kitti(path, times) if times and _columns(path) == 12 else _text(path)), False
 
 
+def read_claims(path: Path, *, topic: str) -> "dict[Stamp, NDArray[np.float64]]":
+    """Return the 6 x 6 covariance of each pose that a recording's odometry gives: of `topic`, or of the one beside it.
+
+    Nothing where ESTIMATE is no recording, or where its odometry claims none. A pose that is exact by definition, as
+    the first of a segment, is left out.
+    """
+    if path.is_dir() or not is_recording(path):
+        return {}
+    from odom.wire.codec import decode_odometry
+    from odom.wire.recording import open_reader
+
+    reader, wanted = open_reader(path), topic.removeprefix("/")
+    names = {stream.topic for stream in reader.streams() if stream.type_name == "nav_msgs/msg/Odometry"}
+    name = wanted if wanted in names else f"{wanted.rpartition('/')[0]}/odom"
+    found = (decode_odometry(message) for message in (reader.messages({name}) if name in names else ()))
+    return {
+        pose.stamp: pose.covariance
+        for pose in found
+        if pose.covariance is not None and np.linalg.eigvalsh(pose.covariance)[0] > 0.0
+    }
+
+
 def _text(path: Path) -> Trajectory:
     if _columns(path) == 12:
         raise SourceError(f"{path} looks like KITTI poses, which have no stamps: give --times")

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from odom.evaluation.relative import RelativePoses
 from odom.evaluation.trajectory import Trajectory, inverse_all
 from odom.geometry import se3
+from odom.geometry.arrays import Array
 
 _LONGEST_PERIOD_S = 0.0125
 """At less than 80 Hz a hand's own jerk hides the noise in third differences."""
@@ -28,6 +29,11 @@ class TruthNoise:
     sigma_m: float
     sigma_rad: float
 
+    @property
+    def interpolated_covariance(self) -> Array:
+        """The 6 x 6 covariance of truth that was interpolated between two samples."""
+        return _INTERPOLATED * np.diag([self.sigma_m**2] * 3 + [self.sigma_rad**2] * 3)
+
 
 def truth_noise(truth: Trajectory) -> TruthNoise | None:
     """Return the white noise of densely sampled truth, or None where motion and noise cannot be told apart.
@@ -46,6 +52,6 @@ def truth_noise(truth: Trajectory) -> TruthNoise | None:
 
 def widened(poses: RelativePoses, noise: TruthNoise) -> RelativePoses:
     """Return the relative poses with the truth's noise at both stamps added to their covariances."""
-    at_one = _INTERPOLATED * np.diag([noise.sigma_m**2] * 3 + [noise.sigma_rad**2] * 3)
+    at_one = noise.interpolated_covariance
     added = np.array([se3.compose_covariance(at_one, T, at_one) for T in poses.T_earlier_current]).reshape(-1, 6, 6)
     return RelativePoses(poses.stamps_earlier, poses.stamps_current, poses.T_earlier_current, poses.covariances + added)

@@ -103,13 +103,15 @@ class EventLog:
         """Remember the newest error."""
         self._error = error
 
-    def summary(self, stamp: Stamp, fit: TruthInMap | None, length_m: float) -> EntityUpdate:
-        """Return the table of the present state."""
+    def summary(self, stamp: Stamp, fit: TruthInMap | None, has_truth: bool, length_m: float) -> EntityUpdate:
+        """Return the table of the present state; `fit` is None while truth, if there is some, is not aligned yet."""
         state, reason = self._state
         began = self._began if self._began is not None else stamp
         rows = [("way", f"{length_m:.2f} m in {to_seconds(Stamp(stamp - began)):.1f} s")]
         if fit is not None:
-            rows.append(("off truth", f"**{1e3 * fit.ate_m:.1f} mm** (RMS)"))
+            rows.append(("off truth (ATE so far)", f"**{1e3 * fit.ate_m:.1f} mm**"))
+        elif has_truth:
+            rows.append(("off truth", "not aligned yet: move and turn the camera"))
         if self._error is not None:
             rows.append(("off truth now", f"{1e3 * self._error.position_m:.1f} mm, {self._error.rotation_deg:.2f} deg"))
         rows.append(("loops", f"{self._accepted} closed, {self._refused} refused"))

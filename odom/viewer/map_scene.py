@@ -1,6 +1,6 @@
 """The 3-D view: trajectories, key frames with clouds and covariance, loop closures, truth."""
 
-from collections import OrderedDict, deque
+from collections import deque
 from collections.abc import Iterator
 
 import numpy as np
@@ -14,6 +14,7 @@ from odom.frame import Stamp
 from odom.geometry.arrays import Array
 from odom.viewer import entities, palette
 from odom.viewer.bounded_trajectory import BoundedTrajectory
+from odom.viewer.claimed_covariances import ClaimedCovariances
 from odom.viewer.entities import EntityUpdate, transform, update
 from odom.viewer.keyframe_clouds import Cloud, KeyframeClouds
 from odom.viewer.line_strips import DASH, ONLINE_PHASE, dashes, lines, strips_entity
@@ -24,8 +25,6 @@ GAP_NS = 300_000_000
 """Poses further apart are not joined by a line: nine frames were lost, or the markers were hidden."""
 _MAX_GAP_S = 1.0
 """A key frame's causal pose is interpolated over at most this gap, which a thinned trajectory of hours has."""
-_RECENT = 900
-"""Poses whose covariance waits for the path to say which of them were key frames: 30 s at 30 Hz."""
 _ELLIPSOIDS = 150
 """Ellipsoids drawn at most, evenly chosen: more hide each other and slow a browser down."""
 _STANDS = 1e-3
@@ -44,7 +43,7 @@ class MapScene:
         self.online = BoundedTrajectory(settings.path_poses)
         self.clouds: KeyframeClouds[Cloud] = KeyframeClouds(settings.cloud_keyframes)
         self._most_loops = settings.loops
-        self._recent: OrderedDict[Stamp, Array] = OrderedDict()
+        self.claimed = ClaimedCovariances()
         self._paths: dict[str, tuple[StampedPose, ...]] = {}
         self._keyframes: tuple[StampedPose, ...] = ()
         self._part_of: dict[Stamp, str] = {}
@@ -63,9 +62,7 @@ class MapScene:
             self._online_tail.clear()
         self.online.add(pose.stamp, pose.T_parent_child, interrupted)
         if pose.covariance is not None:
-            self._recent[pose.stamp] = pose.covariance
-            if len(self._recent) > _RECENT:
-                self._recent.popitem(last=False)
+            self.claimed.add(pose.stamp, pose.covariance)
         self._online_tail.append(pose.T_parent_child[:3, 3])
         yield strips_entity(f"{entities.ONLINE}/tail", pose.stamp, [np.array(self._online_tail)], palette.ONLINE)
 
@@ -91,7 +88,7 @@ class MapScene:
         for pose in self._keyframes:
             if pose.stamp > self._seen_keyframe:
                 self._seen_keyframe = pose.stamp
-                if (covariance := self._recent.get(pose.stamp)) is not None:
+                if (covariance := self.claimed.get(pose.stamp)) is not None:
                     self._covariances[pose.stamp] = covariance
         yield from self._clouds(stamp)
 
@@ -143,6 +140,7 @@ class MapScene:
         online, strips = self.online.trajectory(), self.online.strips()
         if not len(online):
             return
+        self.claimed.keep(online.stamps)
         dashed = dashes(lines(online.positions, strips), ONLINE_PHASE)
         yield strips_entity(entities.ONLINE, stamp, dashed, palette.ONLINE, DASH)
         yield from self._parts(stamp, corrected, strips)

@@ -5,18 +5,15 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 import rerun as rr
 
-from odom.evaluation import Trajectory
 from odom.frame import Stamp
 from odom.viewer import entities, palette
-from odom.viewer.bounded_trajectory import BoundedTrajectory
 from odom.viewer.camera_images import CameraImages
 from odom.viewer.entities import EntityUpdate, update
 from odom.viewer.event_log import INFO, EventLog, log_line
 from odom.viewer.keyframe_clouds import Cloud
-from odom.viewer.line_strips import truth_line
-from odom.viewer.map_scene import GAP_NS, MapScene, trajectory
+from odom.viewer.map_scene import MapScene, trajectory
 from odom.viewer.settings import ViewerSettings
-from odom.viewer.truth_alignment import Comparison, ProgressiveCalibration, TruthInMap, align_truth, in_map, three_sigma
+from odom.viewer.truth_scene import TruthScene
 from odom.wire import Message, Topics, codec, truth_body
 
 _REFRESH_NS = 1_000_000_000
@@ -25,9 +22,6 @@ _JUDGE_NS = 200_000_000
 """Between two comparisons with truth, of all poses since the one before."""
 _RESTART_NS = 5_000_000_000
 """Stamps that go back by more begin a new run (a recording played again); out of order they are by milliseconds."""
-_TRUTH_BODIES = 8
-"""Bodies whose truth is drawn, the first heard of: each takes 2 MB."""
-_CAMERA_BODY = "camera"
 
 _SERIES: tuple[tuple[str, tuple[str, ...], tuple[tuple[int, ...], ...]], ...] = (
     (entities.POSITION_ERROR, ("error", "3 sigma"), (palette.CORRECTED, palette.BOUND)),
@@ -69,12 +63,8 @@ class Scene:
         self._images = CameraImages(self._settings.jpeg_quality)
         self._map = MapScene(self._settings)
         self._log = EventLog()
-        self._truth: dict[str, BoundedTrajectory] = {}
-        self._comparison = Comparison()
-        self._calibration = ProgressiveCalibration()
-        self._fit: TruthInMap | None = None
-        self._segment: tuple[str | None, Stamp] = (None, Stamp(0))
-        self._bounds: tuple[Stamp, float, float] = (Stamp(0), np.nan, np.nan)
+        self._truth = TruthScene(4 * self._settings.path_poses)
+        self._segment: str | None = None
         self._newest: Stamp | None = None
         self._refreshed: Stamp | None = None
         self._judged_at: Stamp | None = None
@@ -93,7 +83,7 @@ class Scene:
         elif topic.startswith(f"{self._topics.path}/"):
             yield from self._path(message)
         elif (body := truth_body(topic)) is not None:
-            self._add_truth(body, message)
+            self._truth.add(body, codec.decode_pose(message))
 
     def history(self, message: Message) -> None:
         """Take a path of the time before this viewer started: `<ns>/history/odom` or `truth/<body>/history`."""
@@ -101,7 +91,7 @@ class Scene:
         if not poses:
             return
         if (body := truth_body(message.topic)) is not None:
-            way = self._truth_of(body)
+            way = self._truth.way_of(body)
         else:
             way = self._map.online
             self._newest = max(self._newest or poses[-1].stamp, poses[-1].stamp)
@@ -138,8 +128,6 @@ class Scene:
             yield log_line(pose.stamp, INFO, "The time went back: a new run begins")
         self._newest = pose.stamp
         self._log.frame(pose.stamp)
-        if pose.covariance is not None:
-            self._bounds = (pose.stamp, *three_sigma(pose.covariance))
         yield from self._map.odometry(pose)
         if self._refreshed is None or pose.stamp - self._refreshed >= _REFRESH_NS:
             self._refreshed = pose.stamp
@@ -150,8 +138,7 @@ class Scene:
 
     def _pose(self, message: Message) -> Iterator[EntityUpdate]:
         pose = codec.decode_pose(message)
-        bounds = self._bounds[1:] if self._bounds[0] == pose.stamp else (np.nan, np.nan)
-        self._comparison.add(pose.stamp, pose.T_parent_child, *bounds)
+        self._truth.compare(pose.stamp, pose.T_parent_child, self._map.claimed.get(pose.stamp))
         yield from self._map.pose(pose)
 
     def _path(self, message: Message) -> Iterator[EntityUpdate]:
@@ -181,11 +168,11 @@ class Scene:
 
     def _begin_segment(self, segment: str | None, stamp: Stamp) -> None:
         """Forget the alignment with truth when the odometry is in another segment."""
-        if segment is None or segment == self._segment[0]:
+        if segment is None or segment == self._segment:
             return
-        if self._segment[0] is not None:
-            self._fit = None
-        self._segment = segment, stamp if self._segment[0] is not None else Stamp(0)
+        if self._segment is not None:
+            self._truth.begin_segment(stamp)
+        self._segment = segment
 
     def _end(self, message: Message) -> Iterator[EntityUpdate]:
         if self._newest is None:
@@ -193,49 +180,17 @@ class Scene:
         yield from self._refresh(self._newest)
         yield log_line(self._newest, INFO, f"The source has ended: {codec.decode_text(message) or 'complete'}")
 
-    def _add_truth(self, body: str, message: Message) -> None:
-        pose = codec.decode_pose(message)
-        way = self._truth_of(body)
-        if way is not None:
-            interrupted = way.newest is not None and pose.stamp - way.newest > GAP_NS
-            way.add(pose.stamp, pose.T_parent_child, interrupted)
-            if body == next(iter(self._truth)):
-                self._comparison.add_truth(pose.stamp, pose.T_parent_child)
-
-    def _truth_of(self, body: str) -> BoundedTrajectory | None:
-        if body not in self._truth and len(self._truth) < _TRUTH_BODIES:
-            self._truth[body] = BoundedTrajectory(4 * self._settings.path_poses)
-        return self._truth.get(body)
-
     def _refresh(self, stamp: Stamp, calibrates: bool = True) -> Iterator[EntityUpdate]:
         corrected = self._map.corrected()
         yield from self._map.refresh(stamp, corrected)
-        truth = next(iter(self._truth.values()), None)
-        if truth is not None and (fit := self._align(corrected, truth.trajectory(), calibrates)):
-            yield from self._log.truth(stamp, fit, first=self._fit is None)
-            self._fit = fit
-        if self._fit is not None:
-            for body, way in self._truth.items():
-                yield truth_line(body, stamp, in_map(way.trajectory(), self._fit).positions, way.strips())
-        yield self._log.summary(stamp, self._fit, corrected.length_m)
-
-    @property
-    def _truth_is_the_cameras(self) -> bool:
-        """Whether the first body is `camera`: its truth is the camera's own, other bodies carry markers."""
-        return next(iter(self._truth), "") == _CAMERA_BODY
-
-    def _align(self, corrected: Trajectory, truth: Trajectory, calibrates: bool) -> TruthInMap | None:
-        joined = corrected.segment == 0 if corrected.segment is not None else True
-        corrected = corrected.take((corrected.stamps >= self._segment[1]) & joined)
-        if calibrates and not self._truth_is_the_cameras:
-            self._calibration.update(corrected, truth)
-        return align_truth(corrected, truth, self._calibration.found)
+        was_aligned = self._truth.fit is not None
+        if fit := self._truth.align(corrected, self._map.claimed, calibrates):
+            yield from self._log.truth(stamp, fit, first=not was_aligned)
+        yield from self._truth.lines(stamp)
+        yield self._log.summary(stamp, self._truth.fit, bool(self._truth.ways), corrected.length_m)
 
     def _errors(self) -> Iterator[EntityUpdate]:
-        """Yield the errors of poses that truth has come for; with a marker body only once it is calibrated."""
-        if self._fit is None or (self._fit.calibrated is None and not self._truth_is_the_cameras):
-            return
-        for error in self._comparison.errors(self._fit):
+        for error in self._truth.errors():
             self._log.error(error)
             millimetres = [1e3 * error.position_m, 1e3 * error.bound_m]
             yield update(entities.POSITION_ERROR, error.stamp, rr.Scalars(millimetres))

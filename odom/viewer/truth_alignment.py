@@ -1,4 +1,4 @@
-"""Aligns truth with the estimate while both still grow, as the evaluation does at the end.
+"""Aligns truth with the estimate while both still grow, by positions and orientations.
 
 The marker body is not the camera, and its clock is not the camera's: as soon as the motion determines them, clock
 offset and hand-eye transform are estimated too (`odom.evaluation`).
@@ -15,10 +15,13 @@ from odom.errors import InputError
 from odom.evaluation import Trajectory, align
 from odom.evaluation.metrics import rmse
 from odom.evaluation.mocap_calibration import calibrate
+from odom.evaluation.pose_alignment import PoseAlignment, PoseErrors, align_poses, align_poses_alike
 from odom.evaluation.trajectory import inverse_all
+from odom.evaluation.truth_noise import truth_noise
 from odom.frame import Stamp
 from odom.geometry import se3
-from odom.geometry.arrays import Array
+from odom.geometry.arrays import Array, Mask
+from odom.viewer.claimed_covariances import ClaimedCovariances
 
 MAX_GAP_S = 0.1
 """Truth is interpolated over at most this gap, as in the evaluation."""
@@ -26,8 +29,13 @@ _MAX_THINNED_GAP_S = 1.0
 """The same of a trajectory of hours, which has been thinned."""
 _MIN_POSES = 10
 """Poses that an alignment needs; it has six unknowns."""
-_MIN_SPREAD_M = 0.03
-"""The walk must spread so far (RMS, along its second direction) to fix all axes: less, and noise turns the truth."""
+_SURE_RAD = np.radians(3.0)
+"""Standard deviation of the alignment's rotation from which on truth is shown: more, and it hangs askew for all to see;
+less lets a short walk with motion capture wait for long."""
+_MARKERS_ALONE = np.diag(np.square([0.01, 0.01, 0.01, np.inf, np.inf, np.inf]))
+"""Before the marker body is calibrated its orientation says nothing, and its position (1 cm) only ..."""
+_LEVER = np.diag(np.square([0.1, 0.1, 0.1, 0.0, 0.0, 0.0]))
+"""... as far as the camera is from the markers: a hand's breadth (m)."""
 _MAX_PENDING = 2000
 """Poses, and true poses, that wait for the other to come: a minute of frames, eight seconds of motion capture."""
 _CALIBRATE_FROM_S, _CALIBRATE_GROWTH, _CALIBRATE_POSES = 8.0, 1.25, 1000
@@ -37,29 +45,49 @@ estimate has grown by this factor (searching is slow), on at most so many of its
 
 @dataclass(frozen=True, eq=False)
 class Calibrated:
-    """The marker body's camera (`T_body_camera`), and the clock offset that is added to a camera stamp (seconds)."""
+    """The marker body's camera (`T_body_camera`), and the clock offset that is added to a camera stamp (seconds).
+
+    `covariance` (6 x 6) is that of `T_body_camera`.
+    """
 
     T_body_camera: Array
     offset_s: float
+    covariance: Array
 
 
 @dataclass(frozen=True, eq=False)
 class TruthInMap:
-    """The transform of truth into the map, and how far off the estimate then is.
+    """How truth lies in the map, and how far off the estimate then is.
 
     The true camera pose in the map at t is `T_map_truth @ T_truth_body(t + offset) @ T_body_camera`, the last two as
-    `calibrated` says, where that is known.
+    `calibrated` says, where that is known. `truth_covariance` (6 x 6) is that of a true camera pose. `ate_m` is as the
+    evaluation computes it: after the alignment of the positions alone.
     """
 
-    T_map_truth: Array
+    alignment: PoseAlignment
+    truth_covariance: Array
     calibrated: Calibrated | None
     matched: int
     ate_m: float
 
+    @property
+    def T_map_truth(self) -> Array:
+        """The pose of the truth's world in the map."""
+        return se3.inverse(self.alignment.T_truth_estimate)
+
+    def bounds(self, T_map_camera: Array, covariance: Array | None) -> tuple[float, float]:
+        """Return the 3-sigma bounds (m, deg) of the error against truth of a pose with this covariance (6 x 6).
+
+        Truth and alignment are not certain either: they widen the bounds. NaN where there is no covariance.
+        """
+        if covariance is None:
+            return np.nan, np.nan
+        return three_sigma(covariance + self.truth_covariance + self.alignment.at(T_map_camera))
+
 
 @dataclass(frozen=True)
 class PoseError:
-    """How far one pose is from truth, and the 3-sigma bounds that its covariance promises (NaN when not known)."""
+    """How far one pose is from truth, and the 3-sigma bounds that are promised (NaN when not known)."""
 
     stamp: Stamp
     position_m: float
@@ -88,19 +116,42 @@ def in_map(truth: Trajectory, fit: TruthInMap) -> Trajectory:
     return camera_truth(truth, fit.calibrated).moved(fit.T_map_truth)
 
 
-def align_truth(estimate: Trajectory, truth: Trajectory, calibrated: Calibrated | None) -> TruthInMap | None:
-    """Return truth aligned with the estimate (map frame), None while the motion does not determine it."""
+def align_truth(
+    estimate: Trajectory, claimed: ClaimedCovariances, truth: Trajectory, calibrated: Calibrated | None, markers: bool
+) -> TruthInMap | None:
+    """Return truth aligned with the estimate (map frame), None while too little is known to show it.
+
+    `markers` says that truth is of a marker body, not of the camera itself.
+    """
     if len(estimate) < _MIN_POSES or len(truth) < _MIN_POSES:
         return None
     T_truth, valid = camera_truth(truth, calibrated).at(estimate.stamps, _gap_s(truth))
     if valid.sum() < _MIN_POSES:
         return None
-    points_truth, points = T_truth[valid, :3, 3], estimate.positions[valid]
-    alignment = align(points_truth, points)
-    if alignment.spread_m[1] < _MIN_SPREAD_M:
+    matched, T_truth = estimate.take(valid), T_truth[valid]
+    T, noise = matched.T_world_body, truth_noise(truth)
+    own = np.zeros((6, 6)) if noise is None else noise.interpolated_covariance
+    hand_eye = calibrated.covariance if calibrated else _LEVER if markers else np.zeros((6, 6))
+    try:
+        if markers and calibrated is None:
+            alignment = align_poses(T, T_truth, PoseErrors(np.tile(_MARKERS_ALONE, (len(T), 1, 1)), hand_eye=hand_eye))
+        else:
+            alignment = _by_claims(T, T_truth, *claimed.of(matched.stamps), own, hand_eye)
+    except InputError:
         return None
-    errors = np.linalg.norm(se3.apply(alignment.T_truth_estimate, points_truth) - points, axis=1)
-    return TruthInMap(alignment.T_truth_estimate, calibrated, int(valid.sum()), rmse(errors))
+    if alignment.sigma_rad > _SURE_RAD:
+        return None
+    by_positions = align(matched.positions, T_truth[:, :3, 3]).T_truth_estimate
+    off = np.linalg.norm(se3.apply(by_positions, matched.positions) - T_truth[:, :3, 3], axis=1)
+    return TruthInMap(alignment, own + hand_eye, calibrated, len(T), rmse(off))
+
+
+def _by_claims(T: Array, T_truth: Array, claimed: Array, is_known: Mask, own: Array, hand_eye: Array) -> PoseAlignment:
+    """Return the alignment of the poses whose covariance is known; of all, where hardly any is."""
+    if is_known.sum() < _MIN_POSES:
+        return align_poses_alike(T, T_truth, hand_eye)
+    independent = np.tile(own, (int(is_known.sum()), 1, 1))
+    return align_poses(T[is_known], T_truth[is_known], PoseErrors(independent, claimed[is_known], hand_eye))
 
 
 def _gap_s(truth: Trajectory) -> float:
@@ -127,19 +178,19 @@ class ProgressiveCalibration:
         except InputError:
             return
         if not result.notes:
-            self.found = Calibrated(result.T_body_camera, result.offset_s)
+            self.found = Calibrated(result.T_body_camera, result.offset_s, np.diag(np.square(result.hand_eye_sigma)))
 
 
 class Comparison:
     """Compares each published pose with truth once both are there; at most 2000 of each wait for the other."""
 
     def __init__(self) -> None:
-        self._pending: deque[tuple[Stamp, Array, float, float]] = deque(maxlen=_MAX_PENDING)
+        self._pending: deque[tuple[Stamp, Array, Array | None]] = deque(maxlen=_MAX_PENDING)
         self._truth: deque[tuple[Stamp, Array]] = deque(maxlen=_MAX_PENDING)
 
-    def add(self, stamp: Stamp, T_map_camera: Array, bound_m: float, bound_deg: float) -> None:
-        """Remember a published pose and its 3-sigma bounds."""
-        self._pending.append((stamp, T_map_camera, bound_m, bound_deg))
+    def add(self, stamp: Stamp, T_map_camera: Array, covariance: Array | None) -> None:
+        """Remember a published pose and its 6 x 6 covariance, None where that is not known."""
+        self._pending.append((stamp, T_map_camera, covariance))
 
     def add_truth(self, stamp: Stamp, T_truth_body: Array) -> None:
         """Remember a true pose; one that is not newer than the last is ignored."""
@@ -169,4 +220,4 @@ class Comparison:
         degrees = np.degrees(Rotation.from_matrix(E[:, :3, :3]).magnitude())
         for entry, ok, m, deg in zip(judged, valid, metres, degrees, strict=True):
             if ok:
-                yield PoseError(entry[0], float(m), float(deg), entry[2], entry[3])
+                yield PoseError(entry[0], float(m), float(deg), *fit.bounds(entry[1], entry[2]))

@@ -3,7 +3,7 @@
 import os
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,6 +12,9 @@ from odom.cli.outputs import check_recording
 from odom.cli.sensor import sensor as sensor_command
 from odom.cli.summary import summary
 from odom.errors import ConfigError, OdomError
+
+if TYPE_CHECKING:
+    from sensors.source import Source
 
 
 def run(
@@ -54,6 +57,8 @@ def run(
     from odom.service.run_processes import RunPlan
     from odom.service.settings import load_settings
     from odom.service.settings_sources import CONFIG_ENVIRONMENT
+    from sensors.catalogue import open_source
+    from sensors.source import SourceOptions
 
     if config is not None:
         os.environ[CONFIG_ENVIRONMENT] = str(config.resolve())
@@ -93,7 +98,14 @@ def run(
         for line in summary(report, folder):
             typer.echo(line)
 
-    run_all(plan, settings, stop, tell)
+    def open_again() -> "Source":
+        options_again = SourceOptions(
+            camera=camera, start=start, end=end, topics_from=options.pairs("--topic", topic),
+            extra=options.pairs("--option", option),
+        )  # fmt: skip
+        return open_source(source, options_again)
+
+    run_all(plan, settings, stop, tell, open_again if Path(source).exists() else None)
 
 
 def _check_sensor(source: str, arguments: list[str]) -> None:

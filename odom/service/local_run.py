@@ -11,6 +11,7 @@ from typing import Any
 
 from odom.errors import ConfigError, OdomError
 from odom.service import previous_results
+from odom.service.failed_tracking import why_not_tracked
 from odom.service.input_report import with_source
 from odom.service.progress import open_display
 from odom.service.result_files import write_json
@@ -19,6 +20,7 @@ from odom.service.run_processes import RunPlan, RunProcesses
 from odom.service.settings import Settings
 from odom.wire import Topics
 from odom.wire.session import open_session
+from sensors.source import Source
 
 _LOG = logging.getLogger(__name__)
 _CALLED_WRONGLY = 2
@@ -27,24 +29,42 @@ _CALLED_WRONGLY = 2
 Report = dict[str, Any]
 
 
-def run(plan: RunPlan, settings: Settings, stop: threading.Event, tell: Callable[[Report], None]) -> None:
+def run(
+    plan: RunPlan,
+    settings: Settings,
+    stop: threading.Event,
+    tell: Callable[[Report], None],
+    open_again: Callable[[], Source] | None = None,
+) -> None:
     """Run the source to its end, or until `stop` is set, and `tell` the report that was written to `plan.out`.
 
     It is told before a viewer that stays open is waited for, and whatever has failed, if there was a frame. Results of
     an earlier run there are set aside first: when this one ends at once, they would be taken for its own.
 
     Raises ConfigError when another run writes there; at the end OdomError naming the processes that failed, ConfigError
-    when the first of them was called wrongly; OdomError, too, when no frame was processed. What was done is saved then.
+    when the first of them was called wrongly; OdomError, too, when no frame was tracked, with the reason: a recorded
+    source is opened again to look for it. What was done is saved then.
     """
     with held(plan.out) as lock:
         if (aside := previous_results.set_aside(plan.out, shown=True)) is not None:
             _LOG.info("the results of an earlier run are in %s", aside)
-        _run(plan, settings, stop, tell, lock)
+        report = _run(plan, settings, stop, tell, lock)
+    if not report.get("tracked"):
+        none = (
+            f"none of the {report['frames']} frames was tracked" if report.get("frames") else "no frame was processed"
+        )
+        why = (
+            "the run was stopped before the first"
+            if stop.is_set()
+            else why_not_tracked(report, plan.source, open_again)
+        )
+        raise OdomError(f"{none}: {why}")
 
 
 def _run(
     plan: RunPlan, settings: Settings, stop: threading.Event, tell: Callable[[Report], None], folder_lock: int
-) -> None:
+) -> Report:
+    """Run, and return the report; raises OdomError when a process failed or the report could not be written."""
     endpoint = free_endpoint()
     wire = settings.wire.model_copy(update={"mode": "peer", "connect": (), "listen": (endpoint,)})
     begun = time.monotonic()
@@ -69,11 +89,9 @@ def _run(
         error = ConfigError if failed[0].status == _CALLED_WRONGLY else OdomError
         endings = ", ".join(f"the {child.name} {child.ending()}" for child in failed)
         raise error(f"{endings}; what was done so far is in {plan.out}")
-    if not report.get("frames"):
-        why = "the run was stopped before the first" if stop.is_set() else f"`odom doctor {plan.source}` may say why"
-        raise OdomError(f"no frame was processed: {why}")
     if not written:
         raise OdomError(f"{plan.out} holds no report.json, since it could not be written: make room, then run it again")
+    return report
 
 
 def watching(endpoint: str, namespace: str) -> str:

@@ -69,14 +69,16 @@ class RunStatistics:
     """Counters of one odometry process.
 
     `color` and `depth` say what became of the images until the odometry had them, `refused` counts the frames that it
-    did not take; `dropped` counts all bad input by its kind, `forgotten_*` what the odometry gave up to stay within its
-    memory, `unwritten` lines and files that could not be written; `source_end` is what the source said when it ended.
+    did not take, `lost_for` those that are LOST, by reason; `dropped` counts all bad input by its kind, `forgotten_*`
+    what the odometry gave up to stay within its memory, `unwritten` lines and files that could not be written;
+    `source_end` is what the source said when it ended.
     """
 
     processing: Durations = field(default_factory=Durations)
     latency: Durations = field(default_factory=Durations)
     stages_ms: dict[str, float] = field(default_factory=dict)
     states: Counter[State] = field(default_factory=Counter)
+    lost_for: Counter[str] = field(default_factory=Counter)
     dropped: Mapping[str, int] = field(default_factory=dict)
     color: ImageCounts = field(default_factory=ImageCounts)
     depth: ImageCounts = field(default_factory=ImageCounts)
@@ -112,6 +114,8 @@ class RunStatistics:
         self.frames += 1
         self.offset_ms.append((frame.depth_stamp - frame.stamp) * 1e-6)
         self.states[estimate.state] += 1
+        if estimate.state is State.LOST:
+            self.lost_for[estimate.reason] += 1
         self.keyframes += estimate.is_keyframe
         self.add_loops(estimate.loops)
         if estimate.T_odom_camera is not None:
@@ -184,6 +188,7 @@ class RunStatistics:
             "cpu_ms_per_frame": _rounded(self.cpu_ms_per_frame),
             "wall_s": _rounded(self.wall_s),
             "fps": _rounded(self.frames / self.wall_s if self.wall_s else None),
+            "lost_for": dict(self.lost_for),
             "states": {state.value: self.states[state] for state in State},
             "stages_ms": {stage: _rounded(total / self.frames) for stage, total in self.stages_ms.items()},
             "dropped": dict(self.dropped),

@@ -1,0 +1,66 @@
+"""A run of which no frame is tracked fails, and says in one line why and what to do."""
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from painted_wall import CAMERA, SIZE, write_wall
+
+from odom.service.failed_tracking import why_not_tracked
+
+Start = Callable[..., "subprocess.Popen[str]"]
+WIDTH, HEIGHT = SIZE
+
+
+def replace_all(folder: Path, image: np.ndarray) -> None:
+    for file in folder.iterdir():
+        cv2.imwrite(str(file), image)
+
+
+def swap(folder: Path) -> None:
+    (folder / "rgb.txt").rename(folder / "was")
+    (folder / "depth.txt").rename(folder / "rgb.txt")
+    (folder / "was").rename(folder / "depth.txt")
+
+
+SPOILT: dict[str, tuple[Callable[[Path], object], str]] = {
+    "black depth": (
+        lambda folder: replace_all(folder / "depth", np.zeros((HEIGHT, WIDTH), np.uint16)),
+        "valid depth: no pixel has depth: the depth stream is empty",
+    ),
+    "depth of 8 bits": (
+        lambda folder: replace_all(folder / "depth", np.full((HEIGHT, WIDTH), 80, np.uint8)),
+        "export depth as 16-bit PNG",
+    ),
+    "white images": (
+        lambda folder: replace_all(folder / "rgb", np.full((HEIGHT, WIDTH, 3), 255, np.uint8)),
+        "set the exposure",
+    ),
+    "swapped lists": (swap, "rgb.txt and depth.txt are swapped"),
+}
+
+
+@pytest.mark.parametrize("fault", SPOILT)
+def test_a_run_that_tracks_nothing_fails_with_the_reason_and_the_remedy(
+    odom: Start, tmp_path: Path, fault: str
+) -> None:
+    folder, out = write_wall(tmp_path / "wall", frames=60), tmp_path / "out"
+    (folder / "camera.yaml").write_text(CAMERA)
+    spoil, remedy = SPOILT[fault]
+    spoil(folder)
+    run = odom("run", folder, "--headless", "--out", out)
+    words, _ = run.communicate(timeout=120)
+    assert run.returncode == 1, words
+    last = words.splitlines()[-1]
+    assert last.startswith("odom: no"), words
+    assert remedy in last
+    assert "0 of 60 frames tracked" in words or "no frame was processed" in last
+    assert "Traceback" not in words
+
+
+def test_of_a_source_that_cannot_be_opened_again_the_odometrys_reasons_are_told() -> None:
+    said = why_not_tracked({"lost_for": {"no depth": 50, "too little to see": 10}}, "kinect", None)
+    assert said == "50 frames: no depth; `odom doctor kinect` looks for the cause"

@@ -4,23 +4,14 @@ A package reads its tuned numbers when it is first imported, so a changed one ne
 `odom.service.sensitivity_run`.
 """
 
-import json
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 
 from odom.errors import OdomError
 from odom.evaluation.sensitivity import Level, Outcome, Sensitivity, TunedNumber, by_effect, changes
-
-_PATIENCE, _PATIENCE_S = 10.0, 60.0
-"""A run is given up after so many times what the usual one took, and a minute: a value may keep a loop from ending."""
-
-_POLL_S = 0.2
-"""How often a waiting thread looks whether the bench is to stop: shorter costs CPU, longer delays Ctrl-C."""
+from odom.service.bench_child import patience_s, run_child
 
 
 @dataclass(frozen=True)
@@ -46,7 +37,7 @@ def measure_sensitivity(
     """
     begun = time.monotonic()
     usual = _outcomes(runs, {}, None, stopped)
-    limit_s = _PATIENCE * (time.monotonic() - begun) + _PATIENCE_S
+    limit_s = patience_s(time.monotonic() - begun)
     progress(1)
     for source, outcome in usual.items():
         if outcome.error and not stopped():
@@ -78,29 +69,7 @@ def _outcomes(
     """Return the outcome of each source, from a process of its own."""
     if stopped():
         return {}
-    task = json.dumps({"runs": asdict(runs), "overrides": overrides})
-    begun, why = time.monotonic(), ""
-    with subprocess.Popen(
-        [sys.executable, "-m", "odom.service.sensitivity_run", task],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as child:
-        while True:
-            with suppress(subprocess.TimeoutExpired):
-                out, err = child.communicate(timeout=_POLL_S)
-                break
-            if limit_s is not None and time.monotonic() - begun > limit_s:
-                why = f"given up after {limit_s:.0f} s"
-                child.kill()
-            if stopped():
-                child.kill()
-    found = {}
-    for line in out.splitlines():
-        if not line.startswith("["):  # a library's own words
-            continue
-        source, outcome = json.loads(line)
-        found[source] = Outcome(**outcome)
-    last_words = err.strip().splitlines()[-1:] or [""]
-    why = why or f"the process ended with status {child.returncode}: {last_words[0]}"
-    return {source: found.get(source, Outcome(error=why)) for source in runs.sources}
+    task = {"runs": asdict(runs), "overrides": overrides}
+    child = run_child("odom.service.sensitivity_run", task, limit_s, stopped)
+    found = {source: Outcome(**outcome) for source, outcome in child.values}
+    return {source: found.get(source, Outcome(error=child.why)) for source in runs.sources}

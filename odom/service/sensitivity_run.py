@@ -7,22 +7,17 @@ source, `[source, outcome]`, as soon as it is known, so that a crash loses no ea
 import json
 import logging
 import sys
-from collections.abc import Iterable
 from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from odom.errors import OdomError
 from odom.evaluation.sensitivity import Outcome
 from odom.geometry.tuning import OVERRIDES
 
 if TYPE_CHECKING:
-    from odom.backend import Estimate, OdometrySettings
-    from odom.frame import RgbdFrame
-    from odom.geometry.arrays import Array
+    from odom.backend import OdometrySettings
     from sensors.source import Source, SourceOptions
 
 
@@ -59,47 +54,18 @@ def put_in_place(overrides: dict[str, float]) -> None:
 
 def run(source: "Source", options: "SourceOptions", settings: "OdometrySettings") -> Outcome:
     """Run the odometry over a source and judge it against its truth as `odom run` does."""
-    from odom.backend import Odometry
     from odom.evaluation.relative import RelativePoses
     from odom.evaluation.run_report import ate_and_nees
-    from odom.evaluation.trajectory import Trajectory
-    from odom.wire import truth_body
-    from odom.wire.assembler import FrameAssembler
-    from odom.wire.codec import decode_pose
+    from odom.service.replayed import replay
 
-    assembler = FrameAssembler(options.topics, grey=True)
-    odometry: Odometry | None = None
-    estimates: list[Estimate] = []
-    truth: dict[str, dict[int, Array]] = {}
-
-    def process(frames: "Iterable[RgbdFrame]") -> None:
-        nonlocal odometry
-        if assembler.camera is not None:
-            odometry = odometry or Odometry(assembler.camera, settings)
-            estimates.extend(map(odometry.process, frames))
-
-    try:
-        for message in source.messages():
-            if body := truth_body(message.topic):
-                pose = decode_pose(message)
-                truth.setdefault(body, {}).setdefault(pose.stamp, pose.T_parent_child)
-            process(assembler.feed(message))
-        process(assembler.finish())
-    finally:
-        source.close()
-    if odometry is None:
-        return Outcome(error="no frame with a calibration")
-    trajectory = Trajectory.of(odometry.finish())
-    if not truth:
-        return Outcome(poses=len(trajectory), frames=len(estimates), error="no truth")
-    body, true = next(iter(truth.items()))  # the first one seen is that of the camera, as in `odom run`
-    ate_m, nees = ate_and_nees(
-        trajectory,
-        RelativePoses.of((estimate.stamp, estimate.second) for estimate in estimates if estimate.second),
-        Trajectory(np.array(sorted(true), dtype=np.int64), np.array([true[stamp] for stamp in sorted(true)])),
-        body,
-    )
-    return Outcome(ate_m, nees, len(trajectory), len(estimates))
+    found = replay(source, options.topics, settings)
+    poses, frames = len(found.trajectory), len(found.estimates)
+    if not found.truth:
+        return Outcome(poses=poses, frames=frames, error="no truth")
+    body, truth = next(iter(found.truth.items()))
+    seconds = ((estimate.stamp, estimate.second) for estimate in found.estimates if estimate.second)
+    ate_m, nees = ate_and_nees(found.trajectory, RelativePoses.of(seconds), truth, body)
+    return Outcome(ate_m, nees, poses, frames)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,1 @@
+"""How far a recording may be spoilt before an odometry fails, and whether it says so: axes, levels, verdicts."""

@@ -1,0 +1,137 @@
+"""The outcomes of all runs of the bench, as rows of a table, Markdown and JSON."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from odom.evaluation.robustness.axes import Axis, Level
+from odom.evaluation.robustness.verdict import Verdict
+
+_DOUBLE = 2.0
+_LEAST_SHARE = 0.5
+"""An ATE over a smaller share of the frames is no figure of the recording: the odometry has failed on it."""
+
+
+@dataclass(frozen=True)
+class AxisOutcome:
+    """The verdicts of an axis by its levels, mild to hard; levels that were not run are missing."""
+
+    axis: Axis
+    verdicts: tuple[tuple[Level, Verdict], ...]
+
+    def doubles_at(self, unspoilt: Verdict) -> str | None:
+        """Return the label of the first level whose ATE is twice the unspoilt one, None where there is none.
+
+        A level fails as well when half of the frames have no part in its ATE.
+        """
+        for level, verdict in self.verdicts:
+            if ratio(verdict, unspoilt) >= _DOUBLE or is_partial(verdict):
+                return level.label
+        return None
+
+
+@dataclass(frozen=True)
+class Outcomes:
+    """What the bench found on one source."""
+
+    source: str
+    seed: int
+    unspoilt: Verdict
+    axes: tuple[AxisOutcome, ...]
+    wall_s: float
+
+    @property
+    def runs(self) -> int:
+        """How many runs there were, the unspoilt one included."""
+        return 1 + sum(len(found.verdicts) for found in self.axes)
+
+
+def ratio(verdict: Verdict, unspoilt: Verdict) -> float:
+    """Return the ATE over the unspoilt one; infinite without one."""
+    return verdict.ate_m / unspoilt.ate_m if verdict.ate_m is not None and unspoilt.ate_m else math.inf
+
+
+def is_partial(verdict: Verdict) -> bool:
+    """Return whether the ATE is that of less than half of the frames, or there is none."""
+    return verdict.ate_m is None or verdict.ate_share < _LEAST_SHARE
+
+
+COLUMNS = (
+    "spoilt by", "level", "ATE mm", "of unspoilt", "over", "tracked", "LOST", "TRACKING and wrong", "NEES 1 s",
+    "recovery s", "segments", "ATE doubles at",
+)  # fmt: skip
+
+
+def rows(outcomes: Outcomes) -> list[tuple[str, ...]]:
+    """Return the rows of the table as text, under COLUMNS: the unspoilt run, then each axis with its levels."""
+    found = [("nothing", "", *_figures(outcomes.unspoilt, outcomes.unspoilt), "")]
+    for axis in outcomes.axes:
+        doubles = axis.doubles_at(outcomes.unspoilt) or ("no level" if axis.verdicts else "")
+        first = (axis.axis.title, doubles)
+        for level, verdict in axis.verdicts:
+            found.append((first[0], level.label, *_figures(verdict, outcomes.unspoilt), first[1]))
+            first = ("", "")
+    return found
+
+
+def _figures(verdict: Verdict, unspoilt: Verdict) -> tuple[str, ...]:
+    if verdict.error:
+        return (verdict.error, *("-",) * 8)
+    seconds = verdict.recovery_s
+    return (
+        "-" if verdict.ate_m is None else f"{1e3 * verdict.ate_m:.3g}",
+        "-" if verdict.ate_m is None else f"x{ratio(verdict, unspoilt):.2f}",
+        "-" if verdict.ate_m is None else _percent(verdict.ate_share),
+        _percent(verdict.tracked),
+        _percent(verdict.lost),
+        _percent(verdict.wrong) if verdict.judged else "-",
+        "-" if verdict.nees is None else f"{verdict.nees:.3g}",
+        "-" if seconds is None else f"{'> ' if verdict.unrecovered else ''}{seconds:.2f}",
+        str(verdict.segments),
+    )
+
+
+def _percent(share: float) -> str:
+    """Return a share so that neither nothing nor everything is said of what is only nearly so."""
+    text = f"{100.0 * share:.1f} %"
+    return text if 0.0005 <= share <= 0.9995 else "0" if share == 0 else "100 %" if share == 1 else f"{share:.3%}"
+
+
+def markdown(outcomes: Outcomes) -> str:
+    """Return the table as Markdown."""
+    lines = [COLUMNS, ("---",) * len(COLUMNS), *rows(outcomes)]
+    return "".join(f"| {' | '.join(cell.replace('|', '/') for cell in line)} |\n" for line in lines)
+
+
+def as_json(outcomes: Outcomes) -> dict[str, Any]:
+    """Return everything that was found, as plain values for JSON."""
+    return {
+        "source": outcomes.source,
+        "seed": outcomes.seed,
+        "wall_s": outcomes.wall_s,
+        "unspoilt": asdict(outcomes.unspoilt),
+        "axes": {
+            found.axis.name: {
+                "title": found.axis.title,
+                "ate_doubles_at": found.doubles_at(outcomes.unspoilt),
+                "levels": {level.label: asdict(verdict) for level, verdict in found.verdicts},
+            }
+            for found in outcomes.axes
+        },
+    }
+
+
+def by_axis(axes: Sequence[Axis], verdicts: dict[tuple[str, int], Verdict]) -> tuple[AxisOutcome, ...]:
+    """Return the outcomes of axes whose verdicts are given by name and number of the level."""
+    return tuple(
+        AxisOutcome(
+            axis,
+            tuple(
+                (level, verdicts[axis.name, number])
+                for number, level in enumerate(axis.levels)
+                if (axis.name, number) in verdicts
+            ),
+        )
+        for axis in axes
+    )

@@ -1,0 +1,70 @@
+"""What is done to a recording to spoil it: pure functions of its calibration, its stamps and its frames."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum, unique
+
+import numpy as np
+
+from odom.evaluation.trajectory import Trajectory
+from odom.frame import Camera, RgbdFrame, Stamp
+
+
+@unique
+class Stream(Enum):
+    """The two streams of images, each with stamps of its own."""
+
+    COLOR = 0
+    DEPTH = 1
+
+
+def _same_camera(camera: Camera) -> Camera:
+    return camera
+
+
+def _same_stamp(stream: Stream, stamp: Stamp) -> Stamp:
+    return stamp
+
+
+def _same_frame(frame: RgbdFrame) -> RgbdFrame | None:
+    return frame
+
+
+def _in_light(stamp: Stamp) -> Stamp:
+    return stamp
+
+
+@dataclass(frozen=True)
+class Spoiler:
+    """Changes of the calibration, of each image's stamp (before images are paired) and of each frame (None: dropped).
+
+    They depend on what they are given alone, so equal frames are spoilt equally in any order. `light_returns` says
+    from which stamp on a frame could be seen again: the end of the black-out around it, else its own stamp.
+    """
+
+    camera: Callable[[Camera], Camera] = _same_camera
+    stamp: Callable[[Stream, Stamp], Stamp] = _same_stamp
+    frame: Callable[[RgbdFrame], RgbdFrame | None] = _same_frame
+    light_returns: Callable[[Stamp], Stamp] = _in_light
+
+
+UNSPOILT = Spoiler()
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What a spoiler may know of a recording: calibration, first stamp, and the camera's true path (for passers-by).
+
+    Most of what is seen lies beyond `near_m`. All chance comes from `seed`.
+    """
+
+    seed: int
+    begin: Stamp
+    camera: Camera
+    path: Trajectory
+    near_m: float
+
+
+def chance(seed: int, stamp: Stamp, stream: Stream = Stream.COLOR) -> np.random.Generator:
+    """Return the source of chance for one image, by its stamp."""
+    return np.random.default_rng([seed, stream.value, abs(stamp)])

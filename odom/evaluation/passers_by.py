@@ -18,6 +18,7 @@ from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.camera.lens import Lens
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Image, Mask
+from odom.geometry.compiled import compiled
 from odom.registration import KinectV1
 
 _TEXELS_A_PIXEL = 1.3
@@ -126,18 +127,23 @@ class Painter:
     def paint(self, frame: RgbdFrame) -> tuple[RgbdFrame, Mask]:
         """Return the frame with the bodies in it, and which pixels of its colour image (H x W) show one."""
         color, brightness = frame.color.copy(), float(frame.color.mean()) / 120.0
-        scene_m = frame.depth_mm * 1e-3
+        scene_m = np.asarray(frame.depth_mm * 1e-3, dtype=np.float64)
         scene_m[frame.depth_mm == 0] = np.inf
         nearest, mask = scene_m.copy(), np.zeros(scene_m.shape, bool)
         for body, (z, x, y) in zip(self.bodies, self._seen(frame.stamp), strict=True):
             hides = z < nearest
+            if not hides.any():
+                continue
             nearest[hides] = z[hides]
             mask |= hides
-            painted = cv2.remap(body.front, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-            painted = np.clip(painted * min(brightness, 1.3), 0, 255).astype(np.uint8)
-            color[hides] = (painted if color.ndim == 3 else cv2.cvtColor(painted, cv2.COLOR_RGB2GRAY))[hides]
-        measured = np.min([scene_m, *(z for z, _, _ in self._seen(frame.depth_stamp))], axis=0)
-        depth_mm = np.where(measured < scene_m, self._noisy_mm(measured, frame.depth_stamp), frame.depth_mm)
+            printed = cv2.remap(body.front, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[hides]
+            painted = np.clip(printed * min(brightness, 1.3), 0, 255).astype(np.uint8)
+            color[hides] = painted if color.ndim == 3 else cv2.cvtColor(painted[None], cv2.COLOR_RGB2GRAY)[0]
+        measured, depth_mm = scene_m.copy(), frame.depth_mm.copy()
+        for z, _, _ in self._seen(frame.depth_stamp):
+            np.minimum(measured, z, out=measured)
+        is_body = measured < scene_m
+        depth_mm[is_body] = self._noisy_mm(measured[is_body], frame.depth_stamp)
         return replace(frame, color=color, depth_mm=depth_mm), mask
 
     def _seen(self, stamp: Stamp) -> list[Seen]:
@@ -146,46 +152,42 @@ class Painter:
 
     def _noisy_mm(self, depth_m: Array, stamp: Stamp) -> NDArray[np.uint16]:
         rng = np.random.default_rng([self.seed, stamp])
-        z = np.where(np.isfinite(depth_m), depth_m, 0.0)
-        noisy = z + KinectV1().sigmas(z)[1] * rng.standard_normal(z.shape, np.float32)
+        noisy = depth_m + KinectV1().sigmas(depth_m)[1] * rng.standard_normal(len(depth_m))
         return np.clip(np.rint(1000.0 * noisy), 0, 65535).astype(np.uint16)
 
 
 def seen(body: PasserBy, T_camera_body: Array, lens: Lens) -> Seen:
     """Return what each pixel sees of a body (see Seen)."""
-    R, t = T_camera_body[:3, :3], T_camera_body[:3, 3]
-    height, width = lens.rays.shape[:2]
-    depth, texture = np.full((height, width), np.inf), np.zeros((2, height, width), np.float32)
-    columns = _columns(body, T_camera_body, lens)
-    rays = lens.rays[:, columns].astype(np.float64)
-    direction = rays @ R[:2] + R[2]
-    origin = -R.T @ t
-    a, b = 0.5 * body.width_m, 0.5 * body.thickness_m
-    d, o = direction[..., [0, 2]] / (a, b), origin[[0, 2]] / (a, b)
-    dd, do = (d * d).sum(axis=-1), d @ o
-    root = do * do - dd * (o @ o - 1.0)
-    with np.errstate(invalid="ignore"):
-        z = (-do - np.sqrt(root)) / dd
-    point = origin + z[..., None] * direction
-    with np.errstate(invalid="ignore"):
-        hit = (root > 0) & (z > _KEEP_AWAY_M) & (np.abs(point[..., 1]) < 0.5 * body.height_m)
-    depth[:, columns] = np.where(hit, z, np.inf)
-    size = np.array(body.front.shape[1::-1])
-    at = (point[..., :2] / (body.width_m, body.height_m) + 0.5) * size - 0.5
-    texture[:, :, columns] = np.where(hit, np.moveaxis(at, -1, 0), 0.0)
-    return depth, texture[0], texture[1]
+    half_m = 0.5 * np.array([body.width_m, body.height_m, body.thickness_m])
+    rows, columns = body.front.shape[:2]
+    texels_m = np.array([columns / body.width_m, rows / body.height_m])
+    return _cast(lens.rays, se3.inverse(T_camera_body), half_m, texels_m)
 
 
-def _columns(body: PasserBy, T_camera_body: Array, lens: Lens) -> slice:
-    """Return the columns in which a body may be seen, by the ball around it; all of them when it is near."""
-    x, _, z = T_camera_body[:3, 3]
-    reach = 0.5 * float(np.hypot(np.hypot(body.width_m, body.thickness_m), body.height_m))
-    if z <= 1.5 * reach:
-        return slice(None)
-    tangent = lens.rays[..., 0]
-    spread = 1.5 * reach / (z - reach) + 0.2
-    inside = np.flatnonzero((np.abs(tangent - x / z) < spread).any(axis=0))
-    return slice(inside[0], inside[-1] + 1) if len(inside) else slice(0, 0)
+@compiled
+def _cast(rays: NDArray[np.float32], T_body_camera: Array, half_m: Array, texels_m: Array) -> Seen:
+    """Meet each pixel's ray with an elliptic cylinder of half axes `half_m` (x, y, z); `texels_m` are a metre's."""
+    height, width = rays.shape[:2]
+    depth, x_texel = np.full((height, width), np.inf), np.zeros((height, width), np.float32)
+    y_texel = np.zeros((height, width), np.float32)
+    R = T_body_camera
+    ox, oz = R[0, 3] / half_m[0], R[2, 3] / half_m[2]
+    for i in range(height):
+        for j in range(width):
+            u, v = np.float64(rays[i, j, 0]), np.float64(rays[i, j, 1])
+            dx = (u * R[0, 0] + v * R[0, 1] + R[0, 2]) / half_m[0]
+            dz = (u * R[2, 0] + v * R[2, 1] + R[2, 2]) / half_m[2]
+            dd, do = dx * dx + dz * dz, dx * ox + dz * oz
+            root = do * do - dd * (ox * ox + oz * oz - 1.0)
+            if root <= 0.0:
+                continue
+            z = (-do - np.sqrt(root)) / dd
+            y = R[1, 3] + z * (u * R[1, 0] + v * R[1, 1] + R[1, 2])
+            if z > _KEEP_AWAY_M and abs(y) < half_m[1]:
+                depth[i, j] = z
+                x_texel[i, j] = ((ox + z * dx) * half_m[0] + half_m[0]) * texels_m[0] - 0.5
+                y_texel[i, j] = (y + half_m[1]) * texels_m[1] - 0.5
+    return depth, x_texel, y_texel
 
 
 def anchor_in_world(truth: Trajectory) -> Callable[[Stamp], Array]:

@@ -113,6 +113,14 @@ def test_a_grey_image_stays_grey_and_no_bodies_leave_the_frame_as_it_is():
     assert (untouched.depth_mm == frame.depth_mm).all()
 
 
+def test_a_body_that_nobody_sees_changes_nothing():
+    hidden = replace(wall(400), color=np.full((120, 160), 128, np.uint8))
+    painted, mask = painter().paint(hidden)
+    assert not mask.any()
+    assert (painted.color == hidden.color).all()
+    assert (painted.depth_mm == 400).all()
+
+
 @pytest.mark.parametrize("wrong", [{"share": 0.0}, {"speed_m_s": -1.0}, {"count": -1}])
 def test_a_body_that_cannot_be_is_refused(wrong):
     with pytest.raises(InputError):

@@ -31,6 +31,7 @@ from odom.cli.streams import outlive_readers
 from odom.cli.view import view
 from odom.errors import ConfigError, OdomError
 from odom.service.child_process import end_with_parent
+from odom.service.settings_errors import names, nearest, stray_variables, variable
 
 app = typer.Typer(
     help="RGB-D odometry as a streaming service.",
@@ -64,6 +65,22 @@ def _print_version(is_asked: bool) -> None:
         raise typer.Exit
 
 
+def _tell_stray_variables() -> None:
+    """Warn of variables that begin like settings and are none; the children of `odom run` have its environment."""
+    stray = stray_variables(os.environ)
+    if not stray:
+        return
+    from odom.service.progress import COUNT_ENVIRONMENT
+    from odom.service.settings import Settings
+
+    if os.environ.get(COUNT_ENVIRONMENT) == "1":
+        return
+    known = [variable(name) for name in names(Settings)]
+    for name in stray:
+        words = "%s is no setting and has no effect%s; see `odom config`"
+        logging.getLogger(__name__).warning(words, name, nearest(name.upper(), known))
+
+
 @app.callback()
 def root(
     version: Annotated[
@@ -84,6 +101,7 @@ def root(
 ) -> None:
     """RGB-D odometry as a streaming service."""
     logs.configure(log_level, log_json)
+    _tell_stray_variables()
     certificate, key, ca = tls or (None, None, None)
     given = {"CERTIFICATE": certificate, "KEY": key, "CA": ca, "USER": user, "PASSWORD_FILE": password_file}
     # As settings, so that the processes that `odom run` starts have them too.

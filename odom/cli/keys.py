@@ -17,7 +17,7 @@ def keys(
     host: Annotated[
         list[str] | None, typer.Option(help="Name or address under which the router is reached; may be repeated.")
     ] = None,
-    days: Annotated[int, typer.Option(min=1, help="How long the certificates are good for.")] = 365,
+    days: Annotated[int, typer.Option(min=1, max=36500, help="How long the certificates are good for.")] = 365,
 ) -> None:
     """Make the certificates with which the processes of a rig know each other.
 

@@ -2,26 +2,31 @@
 
 from pathlib import Path
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field
 
 from odom.backend import OdometrySettings
-from odom.errors import ConfigError
-from odom.service.settings_sources import Sourced, read_file, refusal
+from odom.service.settings_sources import Sourced, load, read_file
 from odom.viewer import ViewerSettings
 from odom.wire import WireSettings
 
 
-class ServiceSettings(BaseModel, frozen=True, extra="forbid"):
+class ServiceSettings(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """What the odometry process and `odom run` do beside the odometry itself."""
 
-    status_period_s: float = Field(0.2, gt=0, description="between two status messages of an unchanged state")
-    features_period_s: float = Field(0.066, gt=0, description="between two feature clouds for the viewer")
-    map_period_s: float = Field(0.5, gt=0, description="between two paths with landmarks for the viewer")
-    keyframe_points: int = Field(3000, ge=100, description="points of the coloured cloud of a key frame for the viewer")
-    live_frames: int = Field(
-        3, ge=1, description="frames of a live source that may wait, after its first second; the newest win"
+    status_period_s: float = Field(
+        0.2, ge=0.001, le=60, description="between two status messages of an unchanged state"
     )
-    stop_timeout_s: float = Field(60.0, gt=0, description="a child may take this long to save its results and end")
+    features_period_s: float = Field(0.066, ge=0.001, le=60, description="between two feature clouds for the viewer")
+    map_period_s: float = Field(0.5, ge=0.001, le=60, description="between two paths with landmarks for the viewer")
+    keyframe_points: int = Field(
+        3000, ge=100, le=300_000, description="points of the coloured cloud of a key frame for the viewer"
+    )
+    live_frames: int = Field(
+        3, ge=1, le=1000, description="frames of a live source that may wait, after its first second; the newest win"
+    )
+    stop_timeout_s: float = Field(
+        60.0, ge=0.001, le=3600, description="a child may take this long to save its results and end"
+    )
 
 
 class Settings(Sourced):
@@ -38,10 +43,4 @@ def load_settings(config: Path | None = None) -> Settings:
 
     Raises ConfigError naming each setting that is unknown or out of range.
     """
-    content = read_file(config)
-    if unknown := content.keys() - Settings.model_fields.keys():
-        raise ConfigError(f"no sections {', '.join(map(str, unknown))}: there are {', '.join(Settings.model_fields)}")
-    try:
-        return Settings(**content)
-    except ValidationError as error:
-        raise refusal(error) from error
+    return load(Settings, read_file(config))

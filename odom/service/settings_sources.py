@@ -1,5 +1,6 @@
 """Where settings come from: the environment, then a YAML file, then the defaults. Loads no part of the project."""
 
+import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,20 +8,35 @@ from typing import Any, TypeVar
 
 import yaml
 from pydantic import BaseModel, ValidationError, create_model
-from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SettingsConfigDict
+from pydantic.fields import FieldInfo
+from pydantic_settings import BaseSettings, EnvSettingsSource, PydanticBaseSettingsSource, SettingsConfigDict
 
 from odom.errors import ConfigError
+from odom.service.settings_errors import nearest, refusal
 
 Part = TypeVar("Part", bound=BaseModel)
 
+PREFIX, NESTED = "ODOM_", "__"
+"""How the environment's variable of a setting begins, and what stands between its parts."""
 CONFIG_ENVIRONMENT = "ODOM_CONFIG"
 """Environment variable with the YAML file, if the command line names none."""
+
+
+class _Environment(EnvSettingsSource):
+    """The environment; what is no JSON where a list may stand is taken as the text that it is."""
+
+    def decode_complex_value(self, field_name: str, field: FieldInfo, value: Any) -> Any:
+        """Return the value of a JSON text, or the text."""
+        try:
+            return json.loads(value)
+        except (ValueError, RecursionError):
+            return value
 
 
 class Sourced(BaseSettings):
     """Settings whose fields are the parts; `ODOM_WIRE__NAMESPACE` in the environment sets `wire.namespace`."""
 
-    model_config = SettingsConfigDict(env_prefix="ODOM_", env_nested_delimiter="__", extra="ignore", frozen=True)
+    model_config = SettingsConfigDict(env_prefix=PREFIX, env_nested_delimiter=NESTED, extra="ignore", frozen=True)
 
     @classmethod
     def settings_customise_sources(
@@ -32,11 +48,11 @@ class Sourced(BaseSettings):
         file_secret_settings: PydanticBaseSettingsSource,
     ) -> tuple[PydanticBaseSettingsSource, ...]:
         """Return the sources of values, the first one winning: environment, then file."""
-        return env_settings, init_settings
+        return _Environment(settings_cls), init_settings
 
 
 def read_file(config: Path | None) -> dict[str, Any]:
-    """Return the sections of the YAML file `config` or `$ODOM_CONFIG`, none without either.
+    """Return the sections of the YAML file `config` or `$ODOM_CONFIG`, none without either; empty ones are left out.
 
     Raises ConfigError when it cannot be read or is no mapping.
     """
@@ -46,17 +62,29 @@ def read_file(config: Path | None) -> dict[str, Any]:
         return {}
     try:
         content = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"{path} cannot be read as YAML: {error}") from error
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise ConfigError(f"{path} cannot be read as YAML: {' '.join(str(error).split())}") from error
+    except RecursionError as error:
+        raise ConfigError(f"{path} cannot be read as YAML: it is nested too deeply") from error
     if content is not None and not isinstance(content, dict):
         raise ConfigError(f"{path} has no sections: see `odom config --yaml`")
-    return content or {}
+    return {name: section for name, section in (content or {}).items() if section is not None}
 
 
-def refusal(error: ValidationError) -> ConfigError:
-    """Return the error that names each setting that is unknown or out of range."""
-    problems = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
-    return ConfigError(f"settings: {problems} (see `odom config`)")
+def load(model: type[Part], content: Mapping[Any, Any]) -> Part:
+    """Return the settings of a `Sourced` model by the environment, the sections of a file, and the defaults.
+
+    Raises ConfigError naming each setting that is unknown or does not fit.
+    """
+    if unknown := [name for name in content if name not in model.model_fields]:
+        told = ", ".join(f"{name!r:.60}{nearest(str(name), model.model_fields)}" for name in unknown[:5])
+        raise ConfigError(f"no sections {told}: there are {', '.join(model.model_fields)}")
+    try:
+        return model(**content)
+    except ValidationError as error:
+        raise refusal(error, model) from error
+    except RecursionError as error:
+        raise ConfigError("settings: nested too deeply (see `odom config`)") from error
 
 
 def part_settings(part: str, model: type[Part], config: Path | None, given: Mapping[str, Any]) -> Part:
@@ -66,10 +94,10 @@ def part_settings(part: str, model: type[Part], config: Path | None, given: Mapp
     ConfigError for a value that cannot be used.
     """
     fields: dict[str, Any] = {part: (model, model())}
-    section = read_file(config).get(part)
+    content = read_file(config)
+    section = {part: content[part]} if part in content else {}
+    settings: Part = getattr(load(create_model("Part", __base__=Sourced, **fields), section), part)
     try:
-        parts = create_model("Part", __base__=Sourced, **fields)(**({part: section} if section else {}))
-        settings = getattr(parts, part)
         return model.model_validate({**settings.model_dump(), **{k: v for k, v in given.items() if v is not None}})
     except ValidationError as error:
-        raise refusal(error) from error
+        raise refusal(error, model) from error

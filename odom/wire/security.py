@@ -12,6 +12,7 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from odom.errors import ConfigError
+from odom.wire.text_list import TextList
 from odom.wire.topics import TF, TRUTH_HISTORY
 
 ROLES = ("router", "sensor", "odometry", "recorder", "viewer", "mocap")
@@ -37,7 +38,7 @@ class SecuritySettings(BaseModel, frozen=True, extra="forbid"):
     user: str = Field("", description="user name to present")
     password_file: Path | None = Field(None, description="file that holds the user's password in its first line")
     users_file: Path | None = Field(None, description="a listening process: who may come in, lines of user:password")
-    access: tuple[str, ...] = Field(
+    access: TextList = Field(
         (),
         description="a listening process: who has rights, such as sensor.cam0, odometry.cam0, viewer; empty: no rules",
     )

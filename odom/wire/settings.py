@@ -5,6 +5,7 @@ from typing import Literal, Self
 from pydantic import BaseModel, Field, JsonValue
 
 from odom.wire.security import SecuritySettings
+from odom.wire.text_list import TextList
 
 LOCAL = "tcp/127.0.0.1:7447"
 ANY_LOCAL_PORT = "tcp/127.0.0.1:0"
@@ -21,15 +22,15 @@ class WireSettings(BaseModel, frozen=True, extra="forbid"):
     """
 
     mode: Literal["peer", "client", "router"] = Field("peer", description="role of this process in the Zenoh network")
-    connect: tuple[str, ...] = Field((LOCAL,), description="Zenoh endpoints to connect to, tried until they answer")
-    listen: tuple[str, ...] = Field(
+    connect: TextList = Field((LOCAL,), description="Zenoh endpoints to connect to, tried until they answer")
+    listen: TextList = Field(
         (LOCAL, ANY_LOCAL_PORT),
         description="Zenoh endpoints to listen on; a default or a meeting point may be taken, any other must be free",
     )
     namespace: str = Field("cam0", description="name of the device, first part of its keys")
-    lease_ms: int = Field(2000, ge=200, description="a process silent for so long counts as gone")
+    lease_ms: int = Field(2000, ge=200, le=3_600_000, description="a process silent for so long counts as gone")
     drop_after_ms: int = Field(
-        40, ge=0, description="a live message waits so long for a congested link before it is dropped"
+        40, ge=0, le=60_000, description="a live message waits so long for a congested link before it is dropped"
     )
     security: SecuritySettings = Field(SecuritySettings(), description="certificates, identities and rules")
     zenoh: dict[str, JsonValue] = Field(

@@ -1,5 +1,7 @@
 """`odom config`: every setting with its default and unit."""
 
+import json
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,14 +21,14 @@ _UNITS = {
 
 def config(
     file: Annotated[Path | None, typer.Option("--config", help="YAML file of settings to show the values of.")] = None,
-    as_yaml: Annotated[bool, typer.Option("--yaml", help="Print YAML, to start a file of one's own with.")] = False,
+    as_yaml: Annotated[bool, typer.Option("--yaml", help="Leave out units, defaults and meanings.")] = False,
 ) -> None:
-    """Print every setting with its value, default, unit and meaning.
+    """Print every setting with its value, unit and meaning, and its default where that is another, as YAML.
 
     A setting is changed in a YAML file (`--config FILE` or ODOM_CONFIG) or in the environment, as in
-    ODOM_WIRE__NAMESPACE=cam1.
+    ODOM_WIRE__NAMESPACE=cam1. What is printed is such a file.
 
-    Example: odom config --yaml > odom.yaml
+    Example: odom config > odom.yaml
     """
     import yaml
 
@@ -36,9 +38,40 @@ def config(
     if as_yaml:
         typer.echo(yaml.safe_dump(settings.model_dump(mode="json"), sort_keys=False), nl=False)
         return
+    typer.echo("\n".join(annotated(settings)))
+
+
+def annotated(settings: BaseModel) -> list[str]:
+    """Return the settings as lines of YAML, values and remarks each in a column."""
+    rows: list[tuple[str, str, str]] = []
+    before: list[str] = []
     for entry in settings_list(settings):
-        changed = "" if entry.value == entry.default else f" (default {entry.default})"
-        typer.echo(f"{entry.name:<44} {entry.value} {entry.unit}{changed}  # {entry.description}")
+        *sections, name = entry.name.split(".")
+        for depth, section in enumerate(sections):
+            if sections[: depth + 1] != before[: depth + 1]:
+                rows.append((f"{'  ' * depth}{section}:", "", ""))
+        before = sections
+        changed = "" if entry.value == entry.default else f" (default {typed(entry.default)})"
+        remark = f"# {entry.unit:<4} {entry.description}{changed}"
+        rows.append((f"{'  ' * len(sections)}{name}:", typed(entry.value), remark))
+    widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
+    return [f"{key:<{widths[0]}} {value:<{widths[1]}}  {remark}".rstrip() for key, value, remark in rows]
+
+
+def typed(value: object) -> str:
+    """Return a value as it is typed into a file: lists and mappings as in JSON, which the environment takes, too."""
+    import yaml
+
+    if isinstance(value, list | tuple | dict) or not str(value).isprintable():
+        return "".join(map(_escaped, json.dumps(value, ensure_ascii=False)))
+    plain = value if value is None or isinstance(value, bool | int | float | str) else str(value)
+    return yaml.safe_dump(plain, width=math.inf, allow_unicode=True).removesuffix("\n").removesuffix("\n...")
+
+
+def _escaped(character: str) -> str:
+    """Return a character as it may stand in a quoted text of YAML."""
+    number = ord(character)
+    return character if character.isprintable() else f"\\u{number:04x}" if number < 1 << 16 else f"\\U{number:08x}"
 
 
 @dataclass(frozen=True)

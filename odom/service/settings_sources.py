@@ -67,7 +67,7 @@ def read_file(config: Path | None) -> dict[str, Any]:
     except RecursionError as error:
         raise ConfigError(f"{path} cannot be read as YAML: it is nested too deeply") from error
     if content is not None and not isinstance(content, dict):
-        raise ConfigError(f"{path} has no sections: see `odom config --yaml`")
+        raise ConfigError(f"{path} has no sections: see `odom config`")
     return {name: section for name, section in (content or {}).items() if section is not None}
 
 

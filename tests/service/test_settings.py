@@ -3,10 +3,12 @@
 from pathlib import Path
 
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from odom.cli import app
-from odom.cli.config import settings_list
+from odom.cli.config import annotated, settings_list
 from odom.errors import ConfigError
 from odom.service.settings import Settings, load_settings
 
@@ -44,18 +46,50 @@ def test_a_wrong_setting_is_named(tmp_path: Path, text: str, named: str) -> None
         load_settings(file)
 
 
-def test_printed_yaml_is_a_file_of_settings(tmp_path: Path) -> None:
-    printed = CliRunner().invoke(app, ["config", "--yaml"])
-    assert printed.exit_code == 0
+def printed(*arguments: str) -> str:
+    done = CliRunner().invoke(app, ["config", *arguments])
+    assert done.exit_code == 0
+    return done.output
+
+
+@pytest.mark.parametrize("arguments", [[], ["--yaml"]])
+def test_what_is_printed_is_a_file_of_settings(tmp_path: Path, arguments: list[str]) -> None:
     file = tmp_path / "odom.yaml"
-    file.write_text(printed.output)
+    file.write_text(printed(*arguments))
     assert load_settings(file) == Settings()
 
 
-def test_config_prints_default_and_unit() -> None:
-    printed = CliRunner().invoke(app, ["config"])
-    assert "service.stop_timeout_s" in printed.output
-    assert "60.0 s" in printed.output
+words = st.text(st.characters(blacklist_categories=("Cs",), blacklist_characters="\0\x85\u2028\u2029"), max_size=20)
+
+
+@given(words, st.lists(words, max_size=3), st.dictionaries(words, words | st.integers() | st.none(), max_size=3))
+@example("yes", ["# no comment", "a: b"], {"~": None})
+@example("1e-6", ["a\nb", "\"'"], {"": 1})
+@example(" \t", ["\ufeff", "\U0001f600\x1b"], {})
+def test_any_settings_are_printed_as_they_are_typed(
+    tmp_path_factory: pytest.TempPathFactory, text: str, texts: list[str], further: dict[str, str | int | None]
+) -> None:
+    changed = Settings.model_validate(
+        {
+            "odometry": {"inverse_depth_sigma": 1e-6},
+            "wire": {"namespace": text, "listen": texts, "zenoh": further, "security": {"key": "/etc/a b/#1.key"}},
+        }
+    )
+    file = tmp_path_factory.getbasetemp() / "printed.yaml"
+    file.write_text("\n".join(annotated(changed)) + "\n")
+    assert load_settings(file) == changed
+
+
+def test_config_is_aligned_and_has_default_and_unit(tmp_path: Path) -> None:
+    file = tmp_path / "odom.yaml"
+    file.write_text("service: {stop_timeout_s: 5}\nwire: {listen: tcp/rig:1}\n")
+    lines = printed("--config", str(file)).splitlines()
+    assert len({line.index(" # ") for line in lines if "#" in line}) == 1
+    assert next(line.split() for line in lines if "stop_timeout_s" in line)[:4] == ["stop_timeout_s:", "5.0", "#", "s"]
+    assert any("(default 60.0)" in line for line in lines)
+    assert any(
+        '["tcp/rig:1"]' in line and '(default ["tcp/127.0.0.1:7447", "tcp/127.0.0.1:0"])' in line for line in lines
+    )
 
 
 def test_every_command_has_help_with_an_example() -> None:

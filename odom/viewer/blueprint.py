@@ -4,19 +4,23 @@ import rerun.blueprint as rrb
 
 from odom.viewer import entities
 from odom.viewer.entities import TIMELINE
+from odom.viewer.framing import Frame
 
 _GROUND = (13, 16, 20)
 """RGB of the background: nearly black, which shows the palette best."""
-_EYE, _LOOK_AT = (0.0, -3.6, -3.1), (0.0, 0.5, 0.5)
-"""Behind and above the first camera pose (x right, y down, z forward), looking at what it sees."""
+_UP = (0.0, -1.0, 0.0)
+"""Up of the eye: y is down in the first camera."""
 
 
-def blueprint(plot_seconds: float | None = 60.0) -> rrb.Blueprint:
-    """Return the blueprint; plots follow the last `plot_seconds` (None: all time)."""
+def blueprint(frame: Frame | None = None, plot_seconds: float | None = 60.0) -> rrb.Blueprint:
+    """Return the blueprint with the eye of the map at `frame`; plots follow the last `plot_seconds` (None: all time).
+
+    Without a frame the eye stands where Rerun puts it.
+    """
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(
-                _map(),
+                _map(frame),
                 rrb.Horizontal(
                     rrb.TextDocumentView(origin=entities.SUMMARY, name="How it goes"),
                     rrb.TextLogView(
@@ -56,14 +60,19 @@ def blueprint(plot_seconds: float | None = 60.0) -> rrb.Blueprint:
     )
 
 
-def _map() -> rrb.Spatial3DView:
+def _map(frame: Frame | None) -> rrb.Spatial3DView:
+    eye = (
+        rrb.EyeControls3D(position=frame.eye, look_target=frame.look_at, eye_up=_UP)
+        if frame is not None
+        else rrb.EyeControls3D(eye_up=_UP)
+    )
     return rrb.Spatial3DView(
         origin=entities.WORLD,
         name="Map: online (orange dashes), corrected (blue; not joined: pink), truth (white dashes)",
         contents=["+ $origin/**", f"- {entities.DEPTH}/**", f"- {entities.FEATURES}/**"],
         background=rrb.Background(color=_GROUND),
         line_grid=rrb.LineGrid3D(visible=False),
-        eye_controls=rrb.EyeControls3D(position=_EYE, look_target=_LOOK_AT, eye_up=(0.0, -1.0, 0.0)),
+        eye_controls=eye,
     )
 
 

@@ -17,19 +17,21 @@ _FAR_PERCENT, _INERTIA = 99.5, 0.9
 """The colours of depth end at this percentile, since single pixels are far off; it follows the scene with this share of
 the last frame's value: less flickers, more lags behind (0.9: a third of a second)."""
 _PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
-_FRUSTUM_M = 0.35
-"""Depth of the camera's pyramid in the map: about the size of a head."""
+_FRUSTUM_M = 0.2
+"""Depth of the camera's pyramid in the map before the size of the scene is known."""
 _HALF = 2
 """Depth is shown at half its resolution: a quarter of the bytes to the browser, and still finer than its panel."""
 
 
 class CameraImages:
-    """Maps image messages to entities."""
+    """Maps image messages to entities; `median_depth_m` is that of the newest depth image, None before there is one."""
 
     def __init__(self, jpeg_quality: int) -> None:
         self._quality = jpeg_quality
         self._camera: Camera | None = None
         self._far_mm: float | None = None
+        self._frustum_m = _FRUSTUM_M
+        self.median_depth_m: float | None = None
 
     def camera_info(self, message: Message) -> Iterator[EntityUpdate]:
         """Yield the pinholes when the camera has changed."""
@@ -37,8 +39,20 @@ class CameraImages:
         if camera == self._camera:
             return
         self._camera = camera
-        yield update(entities.COLOR, None, _pinhole(camera, 1, palette.CORRECTED))
-        yield update(entities.DEPTH, None, _pinhole(camera, _HALF, palette.UNUSED[:3]))
+        yield from self._pinholes(camera)
+
+    def resize(self, frustum_m: float) -> Iterator[EntityUpdate]:
+        """Yield the pinholes with pyramids of another depth."""
+        self._frustum_m = frustum_m
+        if self._camera is not None:
+            yield from self._pinholes(self._camera)
+
+    def _pinholes(self, camera: Camera) -> Iterator[EntityUpdate]:
+        for path, reduction, color in (
+            (entities.COLOR, 1, palette.CORRECTED),
+            (entities.DEPTH, _HALF, palette.UNUSED[:3]),
+        ):
+            yield update(path, None, _pinhole(camera, reduction, color, self._frustum_m))
 
     def color(self, message: Message) -> Iterator[EntityUpdate]:
         """Yield the colour image as JPEG; a compressed one is passed on unchanged."""
@@ -58,6 +72,7 @@ class CameraImages:
         if len(measured := half[::4, ::4][half[::4, ::4] > 0]):
             far = float(np.percentile(measured, _FAR_PERCENT))
             self._far_mm = far if self._far_mm is None else _INERTIA * self._far_mm + (1.0 - _INERTIA) * far
+            self.median_depth_m = 1e-3 * float(np.median(measured))
         data = cv2.imencode(".png", half, _PNG)[1].tobytes()
         archetype = rr.EncodedDepthImage(
             data,
@@ -77,13 +92,13 @@ class CameraImages:
         yield update(entities.FEATURES, message.stamp, rr.Points2D(values[:, :2] + 0.5, colors=colors, radii=-2.2))
 
 
-def _pinhole(camera: Camera, reduction: int, color: palette.Rgb) -> rr.Pinhole:
+def _pinhole(camera: Camera, reduction: int, color: palette.Rgb, depth_m: float) -> rr.Pinhole:
     return rr.Pinhole(
         focal_length=(camera.fx / reduction, camera.fy / reduction),
         principal_point=((camera.cx + 0.5) / reduction, (camera.cy + 0.5) / reduction),
         resolution=(camera.width / reduction, camera.height / reduction),
         camera_xyz=rr.ViewCoordinates.RDF,
-        image_plane_distance=_FRUSTUM_M,
+        image_plane_distance=depth_m,
         color=color,
         line_width=-1.5,
     )

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from odom.evaluation import Trajectory
 from odom.evaluation.trajectory import inverse_all
@@ -15,6 +14,7 @@ from odom.geometry.arrays import Array
 from odom.viewer import entities, palette
 from odom.viewer.bounded_trajectory import BoundedTrajectory
 from odom.viewer.claimed_covariances import ClaimedCovariances
+from odom.viewer.ellipsoids import ellipsoids
 from odom.viewer.entities import EntityUpdate, transform, update
 from odom.viewer.keyframe_clouds import Cloud, KeyframeClouds
 from odom.viewer.line_strips import DASH, ONLINE_PHASE, dashes, lines, strips_entity
@@ -25,8 +25,6 @@ GAP_NS = 300_000_000
 """Poses further apart are not joined by a line: nine frames were lost, or the markers were hidden."""
 _MAX_GAP_S = 1.0
 """A key frame's causal pose is interpolated over at most this gap, which a thinned trajectory of hours has."""
-_ELLIPSOIDS = 150
-"""Ellipsoids drawn at most, evenly chosen: more hide each other and slow a browser down."""
 _STANDS = 1e-3
 """A key frame that moves less (metres, or entries of its rotation) is not drawn again."""
 
@@ -150,7 +148,8 @@ class MapScene:
             positions = np.array([pose.T_parent_child[:3, 3] for pose in self._keyframes])
             colors = [palette.UNJOINED if self._part_of[pose.stamp] else palette.CORRECTED for pose in self._keyframes]
             yield update(entities.KEYFRAMES, stamp, rr.Points3D(positions, colors=colors, radii=-3.0))
-            yield from self._ellipsoids(stamp)
+            known = [pose for pose in self._keyframes if pose.stamp in self._covariances]
+            yield from ellipsoids(stamp, known, [self._covariances[pose.stamp] for pose in known])
         yield from self._loop_lines(stamp, corrected)
 
     def _others(self) -> list[str]:
@@ -194,28 +193,6 @@ class MapScene:
         if len(self._landmarks):
             yield from self.landmarks(stamp, self._landmarks)
         yield from self._clouds(stamp, again=True)
-
-    def _ellipsoids(self, stamp: Stamp) -> Iterator[EntityUpdate]:
-        known = [pose for pose in self._keyframes if pose.stamp in self._covariances]
-        known = known[:: max(1, -(-len(known) // _ELLIPSOIDS))]
-        if not known:
-            return
-        blocks = np.array([self._covariances[pose.stamp][:3, :3] for pose in known])
-        variances, axes = np.linalg.eigh(blocks)
-        axes[np.linalg.det(axes) < 0, :, 0] *= -1.0
-        R = np.array([pose.T_parent_child[:3, :3] for pose in known]) @ axes
-        yield update(
-            entities.COVARIANCE,
-            stamp,
-            rr.Ellipsoids3D(
-                centers=[pose.T_parent_child[:3, 3] for pose in known],
-                half_sizes=3.0 * np.sqrt(np.maximum(variances, 1e-12)),
-                quaternions=Rotation.from_matrix(R).as_quat(),
-                colors=palette.ELLIPSOID,
-                line_radii=-0.6,
-                fill_mode=rr.components.FillMode.DenseWireframe,
-            ),
-        )
 
     def _loop_lines(self, stamp: Stamp, corrected: Trajectory) -> Iterator[EntityUpdate]:
         if not self._loops:

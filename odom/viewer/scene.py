@@ -10,6 +10,7 @@ from odom.viewer import entities, palette
 from odom.viewer.camera_images import CameraImages
 from odom.viewer.entities import EntityUpdate, update
 from odom.viewer.event_log import INFO, EventLog, log_line
+from odom.viewer.framing import Frame, Framing
 from odom.viewer.keyframe_clouds import Cloud
 from odom.viewer.map_scene import MapScene, trajectory
 from odom.viewer.settings import ViewerSettings
@@ -60,6 +61,8 @@ class Scene:
         }
 
     def _begin(self) -> None:
+        self._framing = Framing()
+        self._frame: Frame | None = None
         self._images = CameraImages(self._settings.jpeg_quality)
         self._map = MapScene(self._settings)
         self._log = EventLog()
@@ -97,6 +100,11 @@ class Scene:
             self._newest = max(self._newest or poses[-1].stamp, poses[-1].stamp)
         if way is not None:
             way.prepend(trajectory(poses))
+
+    def new_frame(self) -> Frame | None:
+        """Return where the eye of the map should stand from now on, None where it should stay; each frame once."""
+        frame, self._frame = self._frame, None
+        return frame
 
     def everything(self) -> Iterator[EntityUpdate]:
         """Yield all that is static or slow once more, for browsers that open late."""
@@ -183,6 +191,9 @@ class Scene:
     def _refresh(self, stamp: Stamp, calibrates: bool = True) -> Iterator[EntityUpdate]:
         corrected = self._map.corrected()
         yield from self._map.refresh(stamp, corrected)
+        if frame := self._framing.fit(self._images.median_depth_m, corrected.positions):
+            self._frame = frame
+            yield from self._images.resize(frame.frustum_m)
         was_aligned = self._truth.fit is not None
         if fit := self._truth.align(corrected, self._map.claimed, calibrates):
             yield from self._log.truth(stamp, fit, first=not was_aligned)

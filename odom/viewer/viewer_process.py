@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import zenoh
 
 from odom.errors import WireError
+from odom.viewer.blueprint import blueprint
 from odom.viewer.entities import EntityUpdate, log_to
 from odom.viewer.image_rate import ImageRateLimit
 from odom.viewer.outputs import Outputs, Shown, open_outputs
@@ -119,6 +120,8 @@ class Viewer:
         if repeat and time.monotonic() >= self._repeat_due:
             self._repeat_due = time.monotonic() + _REPEAT_S
             self._draw(self._scene.everything())
+        if (frame := self._scene.new_frame()) is not None:
+            self.shown.recording.send_blueprint(blueprint(frame))
 
     def finish(self) -> None:
         """Take no new messages; show for at most a second what still waits, then the trajectories as they now are."""

@@ -3,6 +3,7 @@
 What a process does is in `odom.service.robustness_run`.
 """
 
+import os
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -49,7 +50,7 @@ def measure_robustness(
     `task` is the unspoilt run; its file of truth may be left empty. `progress` is told how many runs have ended.
     Raises OdomError when the unspoilt run fails.
     """
-    begun = time.monotonic()
+    begun, cpu_begun_s = time.monotonic(), _cpu_s()
     verdicts: dict[tuple[str, int], Verdict] = {}
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(jobs) as pool:
         task = replace(task, truth=str(Path(folder) / "truth.txt"))
@@ -67,7 +68,13 @@ def measure_robustness(
             if not stopped():
                 verdicts[running[future]] = future.result()
                 progress(done)
-    return Outcomes(task.source, task.seed, unspoilt, by_axis(axes, verdicts), time.monotonic() - begun)
+    took_s = time.monotonic() - begun, _cpu_s() - cpu_begun_s
+    return Outcomes(task.source, task.seed, unspoilt, by_axis(axes, verdicts), *took_s)
+
+
+def _cpu_s() -> float:
+    """Return the CPU seconds of this process and of its children that have ended."""
+    return sum(os.times()[:4])
 
 
 def _verdict(task: Task, limit_s: float | None, stopped: Callable[[], bool]) -> Verdict:

@@ -33,7 +33,7 @@ PARTIAL = Verdict(300, 0.003, 0.2, 0.2, 0.8, 0.0, 30, 5.0, 3.0, 1, 1)
 
 def outcomes(*verdicts: Verdict) -> Outcomes:
     found = {("darkness", level): verdict for level, verdict in enumerate(verdicts)}
-    return Outcomes("walk", 1, CALM, by_axis(chosen_axes(["darkness"]), found), 60.0)
+    return Outcomes("walk", 1, CALM, by_axis(chosen_axes(["darkness"]), found), 60.0, 100.0)
 
 
 def test_the_table_says_what_each_level_does_and_where_the_ate_doubles():

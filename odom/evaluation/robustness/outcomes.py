@@ -33,13 +33,14 @@ class AxisOutcome:
 
 @dataclass(frozen=True)
 class Outcomes:
-    """What the bench found on one source."""
+    """What the bench found on one source, and how long that took: on the clock, and of all processors."""
 
     source: str
     seed: int
     unspoilt: Verdict
     axes: tuple[AxisOutcome, ...]
     wall_s: float
+    cpu_s: float
 
     @property
     def runs(self) -> int:
@@ -110,6 +111,7 @@ def as_json(outcomes: Outcomes) -> dict[str, Any]:
         "source": outcomes.source,
         "seed": outcomes.seed,
         "wall_s": outcomes.wall_s,
+        "cpu_s": outcomes.cpu_s,
         "unspoilt": asdict(outcomes.unspoilt),
         "axes": {
             found.axis.name: {

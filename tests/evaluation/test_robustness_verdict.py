@@ -122,6 +122,8 @@ def test_a_black_out_counts_from_where_the_light_returns():
         return max(stamp, int(TRUE.stamps[50])) if stamp >= TRUE.stamps[40] else stamp
 
     assert recovery_times(estimates(state_of=lost((40, 56))), light_returns) == [(pytest.approx(0.2), True)]
+    claims_in_the_dark = lost((40, 43), (44, 56))
+    assert recovery_times(estimates(state_of=claims_in_the_dark), light_returns) == [(pytest.approx(0.2), True)]
     dark_to_the_end = recovery_times(estimates(state_of=lost((170, 180))), lambda stamp: stamp + 10**10)
     assert dark_to_the_end == []
 

@@ -110,7 +110,7 @@ _LEFT = tuple(Level(f"1/{n}", (n,)) for n in (2, 4, 8, 16))
 AXES = (
     Axis("blur", "motion blur, px", _numbers(5, 10, 20, 40), _blur),
     Axis("darkness", "share of the light, with noise", _numbers(0.5, 0.25, 0.12, 0.06, 0.03), _darkness),
-    Axis("exposure", "exposure swings, stops up and down", _numbers(0.5, 1, 2, 3), _exposure),
+    Axis("exposure", "exposure swings, stops", _numbers(0.5, 1, 2, 3), _exposure),
     Axis("jpeg", "JPEG quality", _numbers(50, 20, 10, 5), _jpeg),
     Axis("torn", "share of rows torn", _numbers(0.1, 0.25, 0.5, 0.75), _torn),
     Axis("black-outs", "black-outs every 8 s, s", _numbers(0.2, 0.5, 1, 2, 4), _black_outs),

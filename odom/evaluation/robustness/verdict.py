@@ -95,13 +95,14 @@ def is_wrong(errors: Array, squares: Array) -> Mask:
 def recovery_times(estimates: Sequence[Estimate], light_returns: Callable[[Stamp], Stamp]) -> list[tuple[float, bool]]:
     """Return the seconds of each loss from the first LOST frame to the next tracked one, and whether there was one.
 
-    A loss in a black-out counts from where the light returns; without a tracked frame it lasts to the last frame.
+    A loss in a black-out counts from where the light returns, and no frame in the dark ends it, whatever it says of
+    itself; without a tracked frame it lasts to the last frame.
     """
     times, since = [], None
     for estimate in estimates:
         if since is None and estimate.state is State.LOST:
             since = light_returns(estimate.stamp)
-        elif since is not None and estimate.state in _TRACKED:
+        elif since is not None and estimate.state in _TRACKED and light_returns(estimate.stamp) == estimate.stamp:
             times.append((max(0.0, (estimate.stamp - since) * 1e-9), True))
             since = None
     if since is not None and estimates[-1].stamp > since:

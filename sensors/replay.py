@@ -18,6 +18,8 @@ log = logging.getLogger(__name__)
 _TRUTH_ROLE = "truth"
 _PEEK_BYTES = 128 << 20
 """Bytes of a recording read to find its streams (4 s of raw images): less may miss one, more delays the start."""
+_TOLD = 5
+"""Damages of a recording that are told; the others are counted: each is a line."""
 _BEYOND = 200
 """Reading stops after this many messages in a row beyond `end`: fewer may be out of order, more are read in vain."""
 
@@ -73,8 +75,10 @@ class ReplaySource:
                     yield self._as_calibration(message)
             else:
                 yield replace(message, topic=self._keys[message.topic])
-        for damage in self._reader.damage:
+        for damage in self._reader.damage[:_TOLD]:
             log.warning("%s: %s", self._reader.path, damage)
+        if (more := len(self._reader.damage) - _TOLD) > 0:
+            log.warning("%s: %d more of such damages (all: odom info %s)", self._reader.path, more, self._reader.path)
 
     def _until_end(self, messages: Iterator[Message]) -> Iterator[Message]:
         """Yield the messages stamped before the end; reads on until _BEYOND messages in a row are later.

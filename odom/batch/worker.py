@@ -10,6 +10,7 @@ from pathlib import Path
 from odom.batch.job import Job, program_hash
 from odom.errors import ConfigError
 from odom.service.child_process import ChildProcess
+from odom.service.log_form import JSON_ENVIRONMENT
 from sensors.process import END_OF_SOURCE
 
 _ATTEMPTS, _ATTEMPTS_FAILED = 5, 2
@@ -62,7 +63,8 @@ def _attempt(job: Job, partial: Path, stop: threading.Event | None) -> tuple[int
     """Run once into the folder `partial`; return the exit status and why that did not lead to results."""
     words: deque[str] = deque(maxlen=_LAST_WORDS)
     arguments = ["run", str(job.path), "--headless", "--out", str(partial), *job.arguments]
-    child = ChildProcess("run", arguments, dict(job.environment), lambda _, line: words.append(line))
+    plain = {**dict(job.environment), JSON_ENVIRONMENT: "0"}
+    child = ChildProcess("run", arguments, plain, lambda _, line: words.append(line))
     try:
         while not child.wait(_POLL_S):
             if stop is not None and stop.is_set():

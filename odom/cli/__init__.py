@@ -20,6 +20,7 @@ from odom.cli.eval import evaluate
 from odom.cli.export import export
 from odom.cli.import_ import import_
 from odom.cli.info import info
+from odom.cli.json_lines import wrap_stderr
 from odom.cli.keys import keys
 from odom.cli.record import record
 from odom.cli.recover import recover
@@ -31,6 +32,7 @@ from odom.cli.streams import outlive_readers
 from odom.cli.view import view
 from odom.errors import ConfigError, OdomError
 from odom.service.child_process import end_with_parent
+from odom.service.log_form import JSON_ENVIRONMENT, as_json
 from odom.service.settings_errors import names, nearest, stray_variables, variable
 
 app = typer.Typer(
@@ -87,7 +89,7 @@ def root(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and end.")
     ] = False,
     log_json: Annotated[
-        bool, typer.Option("--log-json", envvar=logs.JSON_ENVIRONMENT, help="Log one JSON object a line.")
+        bool, typer.Option("--log-json", envvar=JSON_ENVIRONMENT, help="Log one JSON object a line.")
     ] = False,
     log_level: Annotated[
         logs.Level, typer.Option(envvar=logs.LEVEL_ENVIRONMENT, help="Log lines of this level and above.")
@@ -113,6 +115,10 @@ def root(
 def main() -> None:
     """Run the command line: exit status 0 done, 1 ran but failed, 2 called wrongly."""
     outlive_readers()
+    if logs.is_json_asked(sys.argv):
+        app.rich_markup_mode = None  # a box around an error is none in a log
+        logs.lead_to(wrap_stderr())
+        logs.configure(logs.Level.INFO, as_json=True)
     for name in _ONE_THREAD:
         os.environ.setdefault(name, "1")
     end_with_parent()
@@ -120,9 +126,16 @@ def main() -> None:
     try:
         app(prog_name="odom")
     except ConfigError as error:
-        print(f"odom: {error}", file=sys.stderr)
+        _tell(error)
         sys.exit(2)
     except (OdomError, OSError) as error:
         logging.getLogger(__name__).debug("where it happened", exc_info=True)
-        print(f"odom: {error}", file=sys.stderr)
+        _tell(error)
         sys.exit(1)
+
+
+def _tell(error: Exception) -> None:
+    if as_json():
+        logging.getLogger("odom").error("%s", error)
+    else:
+        print(f"odom: {error}", file=sys.stderr)

@@ -5,10 +5,13 @@ import logging
 import os
 import sys
 import time
+from collections.abc import Sequence
 from enum import StrEnum
+from typing import TextIO
+
+from odom.service import log_form
 
 LEVEL_ENVIRONMENT = "ODOM_LOG_LEVEL"
-JSON_ENVIRONMENT = "ODOM_LOG_JSON"
 
 
 class Level(StrEnum):
@@ -41,19 +44,40 @@ class _JsonFormatter(logging.Formatter):
         return json.dumps(fields)
 
 
+class _Handler(logging.StreamHandler[TextIO]):
+    """Writes to the stderr of the moment, which a progress bar replaces, or to where `lead_to` says."""
+
+    outside: TextIO | None = None
+
+    @property
+    def stream(self) -> TextIO:
+        """The stream of the moment."""
+        return self.outside or sys.stderr
+
+    @stream.setter
+    def stream(self, value: TextIO) -> None:
+        return
+
+
+def lead_to(stream: TextIO) -> None:
+    """Let log lines go to `stream` from now on."""
+    _Handler.outside = stream
+
+
+def is_json_asked(arguments: Sequence[str]) -> bool:
+    """Return whether a command line, or the environment, asks for JSON."""
+    return "--log-json" in arguments or log_form.as_json()
+
+
 def configure(level: Level, as_json: bool) -> None:
     """Put log lines on stderr, and into the environment so that children log alike."""
     os.environ[LEVEL_ENVIRONMENT] = level.value
-    os.environ[JSON_ENVIRONMENT] = "1" if as_json else "0"
-    handler = logging.StreamHandler(sys.stderr)
+    os.environ[log_form.JSON_ENVIRONMENT] = "1" if as_json else "0"
+    handler = _Handler()
     handler.setFormatter(_JsonFormatter() if as_json else _TextFormatter())
     root = logging.getLogger()
     root.handlers[:] = [handler]
     root.setLevel(level.value)
+    logging.captureWarnings(as_json)
     for chatty in ("matplotlib", "numba", "PIL"):
         logging.getLogger(chatty).setLevel(logging.WARNING)
-
-
-def as_json() -> bool:
-    """Return whether log lines are JSON."""
-    return os.environ.get(JSON_ENVIRONMENT) == "1"

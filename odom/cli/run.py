@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from odom.cli import logs, options, signals
+from odom.cli import options, signals
 from odom.cli.outputs import check_recording
 from odom.cli.sensor import sensor as sensor_command
 from odom.cli.summary import summary
@@ -91,7 +91,6 @@ def run(
         overwrite=overwrite,
         viewer_arguments=viewer if rrd or not headless else None,
         stay=stay,
-        log_json=logs.as_json(),
     )
 
     def tell(report: dict[str, Any]) -> None:

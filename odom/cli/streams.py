@@ -26,6 +26,11 @@ def outlive_readers() -> None:
     sys.stderr = _stream(2, sys.stderr, None)
 
 
+def open_stream(descriptor: int) -> TextIO:
+    """Return a stream to a descriptor for a log, that forgives every error."""
+    return _stream(descriptor, None, None)
+
+
 def _stream(descriptor: int, before: TextIO | None, forgiven: tuple[int, ...] | None) -> TextIO:
     raw = _Patient(descriptor, forgiven)
     if before is None:

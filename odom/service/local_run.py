@@ -69,7 +69,7 @@ def _run(
     wire = settings.wire.model_copy(update={"mode": "peer", "connect": (), "listen": (endpoint,)})
     begun = time.monotonic()
     with open_session(wire) as session:
-        with open_display(plan.log_json) as display:
+        with open_display() as display:
             display.say("run", f"to watch it: {watching(endpoint, wire.namespace)}")
             processes = RunProcesses(plan, settings, endpoint, session, display, folder_lock)
             try:

@@ -15,6 +15,8 @@ from typing import Any, Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from odom.service.log_form import as_json, is_json
+
 COUNT_ENVIRONMENT = "ODOM_COUNT"
 """Set by `odom run` for its children, which then print counts and reports to stdout, to be parsed there."""
 
@@ -56,19 +58,19 @@ class Display(ABC):
         """Show a line of the output of the child `name`."""
 
 
-def open_display(logged: bool, what: str = "") -> Display:
-    """Return the display that suits stderr; with `logged` log lines, whatever stderr is.
+def open_display(what: str = "") -> Display:
+    """Return the display that suits stderr; log lines, whatever stderr is, where these are JSON.
 
     What shows nothing but the progress of `what` leaves no bar behind, and writes no line for a short command.
     """
-    return Bar(what) if sys.stderr.isatty() and not logged else Lines(logged, what)
+    return Bar(what) if sys.stderr.isatty() and not as_json() else Lines(as_json(), what)
 
 
 class Bar(Display):
     """A progress bar below the output of the children."""
 
     def __init__(self, what: str = "") -> None:
-        self._console = Console(stderr=True)
+        self._console = Console(stderr=True, soft_wrap=True)
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -122,13 +124,16 @@ class Lines(Display):
         why = f" ({reading.reason})" if reading.reason else ""
         text = f"{reading.frames}{of} {reading.unit}, {reading.fps:.0f}/s, {reading.state}{why}{eta}"
         if self._logged:
-            _LOG.info(text)
+            _LOG.info("%s", text)
         else:
             _put_line(text)
 
     def say(self, name: str, line: str) -> None:
         """Show a line that the child `name` wrote."""
-        _put_line(line if self._logged else f"[{name}] {line}")
+        if self._logged and not is_json(line):
+            logging.getLogger(name).info("%s", line)
+        else:
+            _put_line(line if self._logged else f"[{name}] {line}")
 
 
 def _put_line(text: str) -> None:
@@ -144,7 +149,7 @@ def counting(what: str, total: int | None, unit: str = "frames") -> Iterator[Cal
         yield CountLines(total).show
         return
     begun = time.monotonic()
-    with open_display(False, what) as display:
+    with open_display(what) as display:
         yield lambda done: display.show(Reading(done, total, done / (time.monotonic() - begun), what, unit=unit))
 
 

@@ -36,7 +36,7 @@ class RunPlan:
     """What to start: arguments of sensor, odometry and viewer (None: no viewer), and where files go.
 
     With `overwrite` the file of `record` may be replaced. With `stay` the viewer is kept open after the end of the
-    source; with `log_json` progress is logged as JSON.
+    source.
     """
 
     source: str
@@ -47,7 +47,6 @@ class RunPlan:
     overwrite: bool = False
     viewer_arguments: Sequence[str] | None = None
     stay: bool = False
-    log_json: bool = False
 
     @property
     def viewer_writes(self) -> bool:

@@ -10,7 +10,7 @@ import pytest
 from odom.frame import Camera, Stamp
 from odom.wire import Message, Topics
 from odom.wire.codec import encode_camera_info, encode_color, encode_depth
-from odom.wire.recording import RecordingWriter
+from odom.wire.recording import RecordingReader, RecordingWriter
 from odom.wire.recording.mcap_file import McapFile
 from sensors.catalogue import open_source
 from sensors.source import SourceOptions
@@ -74,3 +74,19 @@ def test_single_stray_stamps_do_not_end_a_part(tmp_path: Path) -> None:
 def test_a_part_is_found_behind_images_stamped_before_the_clock_was_set_back(tmp_path: Path) -> None:
     ahead = dict.fromkeys(range(500), 3600 * 10**9)
     assert len(images(record(tmp_path / "set_back.mcap", ahead), end=9.99)) == 600
+
+
+def test_of_many_damages_the_first_are_told_and_the_others_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    source = open_source(str(record(tmp_path / "a.mcap", {})), SourceOptions(topics=TOPICS))
+    whole = RecordingReader.messages
+
+    def damaged(self: RecordingReader, *arguments: Any) -> Iterator[Message]:
+        yield from whole(self, *arguments)
+        self.damage = tuple(f"chunk {i} is damaged" for i in range(40))
+
+    monkeypatch.setattr(RecordingReader, "messages", damaged)
+    assert len(list(source.messages())) == 2 * FRAMES + 1
+    assert len(caplog.records) == 6
+    assert "35 more" in caplog.records[-1].getMessage()

@@ -23,8 +23,15 @@ def test_a_closed_loop_imports_nothing_any_more():
     assert done.stdout.strip() == "[]"
 
 
-COMPILED = """
+SEEN = """
 import sys
+
+def compiled():
+    loops = (x for name in list(sys.modules) if name.startswith("odom.") for x in vars(sys.modules[name]).values())
+    return {(x.py_func.__qualname__, s) for x in loops if hasattr(x, "signatures") for s in x.signatures}
+"""
+
+COMPILED = """
 import numba
 from dataclasses import replace
 import numpy as np
@@ -35,10 +42,6 @@ from odom.wire import Topics
 from drawn import frame
 from sensors.arena import ArenaOptions
 
-def compiled():
-    loops = (x for name in list(sys.modules) if name.startswith("odom.") for x in vars(sys.modules[name]).values())
-    return {(x.py_func.__qualname__, s) for x in loops if hasattr(x, "signatures") for s in x.signatures}
-
 warm_up(OdometrySettings(), Topics())
 before = compiled()
 options = ArenaOptions.from_texts({"seconds": "32"})
@@ -48,7 +51,6 @@ for i in [*range(45), *range(60, 75), *range(900, 945)]:
     shot = frame(options, i).rgbd()
     if 20 <= i < 30:
         shot = replace(shot, color=np.zeros_like(shot.color))
-    shot.depth_mm.flags.writeable = False  # as it is when it came over the wire
     states.append(odometry.process(shot).state.name)
 odometry.finish()
 odometry.closing_test()
@@ -61,8 +63,90 @@ print(sorted(compiled() - before))
 """
 
 
-def test_nothing_is_compiled_in_the_midst_of_a_walk():
+SOURCES = """
+import sys
+import numpy as np
+from odom.backend import Odometry, OdometrySettings
+from odom.frame import Camera, RgbdFrame, Stamp
+from odom.service.startup import warm_up
+from odom.wire import Topics, codec
+from odom.wire.codec import cdr
+from odom.wire.codec.image_messages import _COLOR_ENCODINGS
+from drawn import frame
+from sensors.arena import ArenaOptions
+
+warm_up(OdometrySettings(), Topics())
+before, loaded = compiled(), set(sys.modules)
+options = ArenaOptions.from_texts({"seconds": "2"})
+shots = [frame(options, i).rgbd() for i in range(4)]
+
+def image(topic, stamp, pixels, encoding, padding=0, is_bigendian=0):
+    rows = np.ascontiguousarray(pixels).reshape(len(pixels), -1).view(np.uint8)
+    rows = np.pad(rows, ((0, 0), (0, padding)))
+    size = {"height": pixels.shape[0], "width": pixels.shape[1], "step": rows.shape[1]}
+    return cdr.encode(topic, cdr.IMAGE, stamp, "camera", encoding=encoding, is_bigendian=is_bigendian,
+                      data=rows.ravel(), **size)
+
+def color_as(encoding, shot, padding):
+    grey = shot.color.mean(axis=2).astype(np.uint8)
+    if encoding == "mono16":
+        return image("c", shot.stamp, grey.astype("<u2") * 257, encoding, padding)
+    channels = _COLOR_ENCODINGS[encoding][0]
+    pixels = grey if channels == 1 else np.repeat(grey[..., None], channels, axis=2)
+    return image("c", shot.stamp, pixels, encoding, padding)
+
+colors = {f"{name} {padding}": lambda shot, n=name, p=padding: color_as(n, shot, p)
+          for name in [*_COLOR_ENCODINGS, "mono16"] for padding in (0, 8)}
+colors["jpeg"] = lambda shot: codec.encode_color_jpeg("c", shot.stamp, shot.color)
+depths = {
+    "16UC1": lambda shot: image("d", shot.stamp, shot.depth_mm, "16UC1"),
+    "padded": lambda shot: image("d", shot.stamp, shot.depth_mm, "mono16", 8),
+    "big": lambda shot: image("d", shot.stamp, shot.depth_mm.astype(">u2"), "16UC1", 0, 1),
+    "32FC1": lambda shot: image("d", shot.stamp, (shot.depth_mm * 1e-3).astype("<f4"), "32FC1"),
+    "png": lambda shot: codec.encode_depth_compressed("d", shot.stamp, shot.depth_mm, codec="png"),
+    "rvl": lambda shot: codec.encode_depth_compressed("d", shot.stamp, shot.depth_mm, codec="rvl"),
+}
+lenses = [(), (0.1, -0.05, 1e-3, 1e-3), (0.1, -0.05, 1e-3, 1e-3, 0.01), (0.1, -0.05, 1e-3, 1e-3, 0.01, 0.1, 0.0, 0.0),
+          (0.1, -0.05, 1e-3, 1e-3, 0.01, 0.1, *[0.0] * 6), (0.1, -0.05, 1e-3, 1e-3, 0.01, 0.1, *[0.0] * 8)]
+plain = options.camera
+kinds = [(make, depths["16UC1"], ()) for make in colors.values()]
+kinds += [(colors["rgb8 0"], make, ()) for make in depths.values()]
+kinds += [(colors["bgr8 0"], depths["16UC1"], lens) for lens in lenses]
+late = {}
+for number, (color, depth, lens) in enumerate(kinds):
+    odometry = Odometry(Camera(plain.width, plain.height, plain.fx, plain.fy, plain.cx, plain.cy, lens))
+    for grey in (True, False):
+        for shot in shots:
+            stamp = Stamp(shot.stamp + 10**9 * (not grey))
+            seen = codec.decode_color(color(shot), grey=grey)
+            odometry.process(RgbdFrame(shot.sequence, stamp, seen, stamp, codec.decode_depth(depth(shot))))
+    new = compiled() - before
+    if new:
+        late[number] = sorted({name for name, _ in new})
+    before |= new
+shot = shots[0]  # and from Python, where images may be written, upside down, or every second pixel of larger ones
+odometry = Odometry(plain)
+for i, (color, depth) in enumerate([(shot.color, shot.depth_mm), (shot.color[::-1], shot.depth_mm[::-1]),
+                                    (np.repeat(np.repeat(shot.color, 2, 0), 2, 1)[::2, ::2, 0],
+                                     np.repeat(np.repeat(shot.depth_mm, 2, 0), 2, 1)[::2, ::2])]):
+    odometry.process(RgbdFrame(i, Stamp(i * 33_333_333), color, Stamp(i * 33_333_333), depth))
+late |= {"python": sorted({name for name, _ in compiled() - before})} if compiled() - before else {}
+print(late, sorted(name for name in set(sys.modules) - loaded if name.startswith("odom")))
+"""
+
+
+def run(program: str) -> str:
     helpers = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
-    command, env = [sys.executable, "-c", COMPILED], {**os.environ, "PYTHONPATH": helpers}
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True, env=env)
-    assert done.stdout.strip() == "[]"
+    command, env = [sys.executable, "-c", SEEN + program], {**os.environ, "PYTHONPATH": helpers}
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, env=env)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def test_nothing_is_compiled_in_the_midst_of_a_walk():
+    assert run(COMPILED) == "[]"
+
+
+def test_nothing_is_compiled_or_imported_late_whatever_images_and_lens_a_source_has():
+    """A second of compiling costs a live source 30 frames."""
+    assert run(SOURCES) == "{} []"

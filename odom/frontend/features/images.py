@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from odom.geometry.arrays import Image
+from odom.geometry.arrays import Image, uniform
 
 
 def grey_of(color: Image) -> Image:
@@ -23,5 +23,5 @@ class FrameImages:
     @classmethod
     def of(cls, color: Image) -> "FrameImages":
         """Return the images of `color`, H x W x 3 RGB or H x W grey."""
-        grey = grey_of(color)
-        return cls(grey, np.asarray(cv2.pyrDown(grey), dtype=np.uint8))
+        grey = uniform(grey_of(color))
+        return cls(grey, uniform(np.asarray(cv2.pyrDown(grey), dtype=np.uint8)))

@@ -10,6 +10,7 @@ from odom.frame import RgbdFrame, Stamp
 from odom.frontend.camera.stamp_clock import StampClock, SteadyStamp
 from odom.frontend.features.depth_plane import has_depth
 from odom.frontend.features.images import FrameImages
+from odom.geometry.arrays import uniform
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +30,7 @@ class View:
     @classmethod
     def of(cls, frame: RgbdFrame, clock: StampClock, images: FrameImages) -> "View":
         """Return the view of a frame whose stamp is the newest of `clock`; `images` are those of its colour."""
-        return cls(frame.sequence, frame.stamp, clock.steady, images, frame.depth_stamp, frame.depth_mm)
+        return cls(frame.sequence, frame.stamp, clock.steady, images, frame.depth_stamp, uniform(frame.depth_mm))
 
     @cached_property
     def shows_depth(self) -> bool:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from odom.frame import Stamp
 from odom.wire import Message, Topics
 from odom.wire.codec import encode_text, restamp
+from odom.wire.namesakes import Namesakes
 from odom.wire.send_window import SendWindow
 from odom.wire.session import Publisher, WireSession
 from sensors.source import Source, SourceOptions
@@ -55,6 +56,7 @@ class SensorProcess:
         self._calibration_due = 0.0
         self._informed: tuple[str, ...] = ()
         session.announce(options.topics.alive)
+        self._namesakes = Namesakes(session, options.topics, "sensor", log.warning)
 
     def run(self, stop: threading.Event, progress: Callable[[int], None] = lambda frames: None) -> SensorReport:
         """Publish everything, then the end of the source; `progress` is called with the colour frames sent so far.

@@ -12,6 +12,7 @@ from odom.service.arrival_queue import Arrival, CameraArrival, ColorArrival, End
 from odom.service.estimate_messages import keyframe_message
 from odom.service.estimate_publisher import EstimatePublisher
 from odom.service.frame_receiver import FrameReceiver
+from odom.service.neighbours import Neighbours
 from odom.service.progress import hand_up
 from odom.service.result_files import RunFiles, write_json
 from odom.service.run_statistics import RunStatistics, closing_fields
@@ -71,9 +72,7 @@ class OdometryProcess:
         self._unsaved = False
         self._is_live = False
         self._anticipated_ms = 0.0
-        self._sensor = ""
-        self._alive = topics.alive
-        session.watch(f"{topics.alive}/**", self._watch)
+        self._neighbours = Neighbours(session, topics, lambda: self._receiver.source_ended)
 
     def run(self, stop: threading.Event, until_end: bool) -> None:
         """Process what arrives until `stop` is set or, with `until_end`, the source has ended."""
@@ -199,10 +198,10 @@ class OdometryProcess:
         last, state = self._last, self._state
         silent = f"no frame for {time.monotonic() - self._last_at:.1f} s"
         reason = last.reason if last is not None and state is last.state else silent
-        values = {"state": state.value if state is not None else "WAITING", "reason": reason, "sensor": self._sensor}
+        values = {"state": state.value if state is not None else "WAITING", "reason": reason}
         if last is not None:
             values |= {"segment": str(last.segment), "inliers": str(last.inliers), "matches": str(last.matches)}
-        self._publisher.status(state, reason, values | self.statistics.status())
+        self._publisher.status(state, reason, values | self._neighbours.status() | self.statistics.status())
 
     def _update_counts(self) -> None:
         counts = self.statistics
@@ -218,15 +217,6 @@ class OdometryProcess:
             _LOG.warning("too long for one trajectory.txt: the oldest frames are dropped from it, and counted")
         counts.forgotten_keyframes = self._odometry.forgotten_keyframes
         counts.forgotten_frames = self._odometry.forgotten_frames
-
-    def _watch(self, key: str, alive: bool) -> None:
-        role = key.removeprefix(self._alive).strip("/") or "sensor"
-        if role == "odometry":
-            return
-        expected = alive or self._receiver.source_ended
-        _LOG.log(logging.INFO if expected else logging.WARNING, "%s is %s", role, "here" if alive else "gone")
-        if role == "sensor":
-            self._sensor = "here" if alive else "gone"
 
     def _publish_rest(self) -> None:
         self._publisher.flush()

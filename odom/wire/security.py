@@ -130,12 +130,12 @@ def grants(identity: str) -> Grants:
         "router": ((_EVERYTHING, ("**",)),),
         "sensor": (
             (_PUBLISH, below("color/**", "depth/**", "device", "end")),
-            (_BE_ALIVE, below("alive")),
+            (_BE_ALIVE, below("alive", "alive/sensor/*")),
             (_RECEIVE, below("ack/**", "alive/**")),
         ),
         "odometry": (
             (_PUBLISH, (*below(*results), TF)),
-            (_BE_ALIVE, below("alive/odometry", "ack/odometry")),
+            (_BE_ALIVE, below("alive/odometry", "alive/odometry/*", "ack/odometry")),
             (_RECEIVE, (*below("**"), "truth/**")),
             (_ANSWER, (*below("**"), TRUTH_HISTORY)),
         ),
@@ -147,7 +147,7 @@ def grants(identity: str) -> Grants:
         "viewer": ((_BE_ALIVE, below("alive/viewer")), (_RECEIVE, ("**",))),
         "mocap": (
             (_PUBLISH, ("truth/**", *below("end", device=mocap))),
-            (_BE_ALIVE, below("alive", device=mocap)),
+            (_BE_ALIVE, below("alive", "alive/sensor/*", device=mocap)),
             (_RECEIVE, below("ack/**", "alive/**", device=mocap)),
         ),
     }

@@ -49,6 +49,10 @@ class WireSession:
         self._stack.callback(subscriber.close)
         return subscriber
 
+    def at_close(self, action: Callable[[], None]) -> None:
+        """Call `action` when the session closes."""
+        self._stack.callback(action)
+
     def announce(self, key: str) -> None:
         """Declare this process alive under `key` until the session closes or the process dies."""
         token = self.zenoh.liveliness().declare_token(key)

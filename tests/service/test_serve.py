@@ -286,3 +286,14 @@ def test_each_key_frame_has_a_cloud_of_its_own_colours_for_those_who_join_late(
         v = np.rint(points[:, 1] / points[:, 2] * CAMERA.fy + CAMERA.cy).astype(int)
         small = cv2.resize(color, (160, 120), interpolation=cv2.INTER_AREA)
         assert np.abs(colors.astype(int) - small[v // 4, u // 4]).mean() < 8
+
+
+def test_two_that_do_one_job_are_told_in_log_and_status(served: Served, eventually: Eventually) -> None:
+    """Their poses, or images, would alternate."""
+    for role, name in (("odometry", "desk-77"), ("sensor", "rig-1"), ("sensor", "spare-2")):
+        served.session.announce(f"{TOPICS.alive_of(role)}/{name}")
+    eventually(lambda: served.status.get("conflict", "").count("--namespace") == 2, 20, "both conflicts in the status")
+    told = [line for line in served.words if "alternate" in line]
+    assert len(told) == 2
+    assert any(all(word in line for word in ("2 odometry processes", "desk-77", "poses")) for line in told)
+    assert any(all(word in line for word in ("2 sensors", "rig-1", "spare-2", "images")) for line in told)

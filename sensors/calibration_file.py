@@ -15,28 +15,43 @@ TUM_DEPTH_SCALE = 5000.0
 
 @dataclass(frozen=True)
 class Calibration:
-    """A camera, and `depth_scale`: units of the depth image per metre."""
+    """A camera, and `depth_scale`: units of the depth image per metre; `is_assumed` when nothing says which camera."""
 
     camera: Camera
     depth_scale: float = TUM_DEPTH_SCALE
+    is_assumed: bool = False
 
 
 def load_calibration(path: Path) -> Calibration:
     """Read a ROS camera-calibration YAML; raises ConfigError naming the field that is missing or unusable."""
+    content = _read(path)
+    return Calibration(read_camera(content, f"calibration {path}"), _depth_scale(content, path))
+
+
+def depth_scale_alone(path: Path) -> float | None:
+    """Return the depth scale of a file that holds nothing else, None of any other; raises ConfigError as above."""
+    content = _read(path)
+    return _depth_scale(content, path) if content.keys() == {"depth_scale"} else None
+
+
+def _read(path: Path) -> dict[Any, Any]:
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"calibration {path} cannot be read: {error}") from error
+    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
+        raise ConfigError(f"calibration {path} cannot be read: {' '.join(str(error).split())}") from error
     if not isinstance(content, dict):
         raise ConfigError(f"calibration {path} is not a ROS camera-calibration YAML")
-    camera = read_camera(content, f"calibration {path}")
+    return content
+
+
+def _depth_scale(content: dict[Any, Any], path: Path) -> float:
     try:
         scale = float(content.get("depth_scale", TUM_DEPTH_SCALE))
     except (TypeError, ValueError, OverflowError) as error:
         raise ConfigError(f"calibration {path}: depth_scale is not a number: {error}") from error
     if not 1 <= scale <= 1e6:
         raise ConfigError(f"calibration {path}: depth_scale {scale} units per metre is not plausible")
-    return Calibration(camera, scale)
+    return scale
 
 
 def read_camera(content: Any, place: str) -> Camera:

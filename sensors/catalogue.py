@@ -2,6 +2,8 @@
 
 import math
 from dataclasses import fields, replace
+from difflib import get_close_matches
+from itertools import islice
 from pathlib import Path
 
 from odom.errors import ConfigError
@@ -20,6 +22,8 @@ _TAKES = {
     "a recording": {"camera", "topics_from"} | _PLAYED,
 }
 """Which fields of SourceOptions each kind of source has a use for."""
+_MOST_NAMES = 1000
+"""Names in a folder among which the nearest to one that is not there is looked for: more would take seconds."""
 _OPTIONS = {"topics_from": "--topic", "extra": "--option"}
 """What a field is called on the command line, where that is not its name."""
 
@@ -68,7 +72,7 @@ def check_source(spec: str, options: SourceOptions) -> None:
     """Raise what `open_source` would for a wrong call; no device is touched, nothing is drawn, nothing stays open."""
     kind = _kind(spec)
     _check_options(spec, kind, options)
-    if options.camera is not None:
+    if options.camera is not None and kind != "a TUM folder":
         from sensors.calibration_file import load_calibration
 
         load_calibration(options.camera)
@@ -109,7 +113,15 @@ def _kind(spec: str) -> str:
             f"{spec} is neither an .mcap recording, a ROS bag (.bag, .db3, or a folder of .db3 files or with "
             "metadata.yaml) nor a TUM RGB-D folder (with rgb.txt and depth.txt)"
         )
-    raise ConfigError(f"{spec}: no such file or folder; a SOURCE is arena, kinect, an .mcap file or a TUM RGB-D folder")
+    what = "a SOURCE is arena, kinect, an .mcap file or a TUM RGB-D folder"
+    raise ConfigError(f"{spec}: no such file or folder{_nearest(path)}; {what}")
+
+
+def _nearest(path: Path) -> str:
+    """Return a hint at the name beside a path that is nearest to it, empty when none is near."""
+    here = [each.name for each in islice(path.parent.iterdir(), _MOST_NAMES)] if path.parent.is_dir() else []
+    found = get_close_matches(path.name, [*here, *(("arena", "kinect") if path.parent == Path() else ())], n=1)
+    return f" (did you mean {path.with_name(found[0])}?)" if found else ""
 
 
 def _check_options(spec: str, kind: str, options: SourceOptions) -> None:

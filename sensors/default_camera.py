@@ -10,6 +10,7 @@ import numpy as np
 from odom.errors import WireError
 from odom.frame import Camera
 from odom.wire.codec.image_files import decode_file
+from sensors.calibration_file import Calibration
 
 log = logging.getLogger(__name__)
 
@@ -40,21 +41,21 @@ def tum_camera(folder: Path, size: tuple[int, int] | None) -> Camera | None:
     return _TUM[found[1]] if found and size in (_SIZE, None) else None
 
 
-def assumed_camera(folder: Path, first_image: Path) -> Camera:
-    """Return the camera of a folder without calibration, and log which was taken and how to do better."""
+def assumed_calibration(folder: Path, first_image: Path, depth_scale: float) -> Calibration:
+    """Return the calibration of a folder that has none, and log which was taken and how to do better."""
     size = _size(first_image)
     known = tum_camera(folder, size)
     if known is not None:
         log.info("%s: no camera.yaml; by the folder's name it is TUM's, whose published calibration is taken", folder)
-        return known
+        return Calibration(known, depth_scale)
     camera = kinect_camera(*(size or _SIZE))
     log.warning(
-        "%s has no calibration: an average Kinect's is taken (fx = fy = %.1f px, no distortion, 5000 depth units a "
+        "%s has no calibration: an average Kinect's is taken (fx = fy = %.1f px, no distortion, %g depth units a "
         "metre), which costs accuracy and is wrong for other cameras: put camera.yaml into the folder, or give "
-        "--camera FILE (README has an example)",
-        folder, camera.fx,
+        "--camera FILE (README has an example; for depth in millimetres alone, the line depth_scale: 1000 is enough)",
+        folder, camera.fx, depth_scale,
     )  # fmt: skip
-    return camera
+    return Calibration(camera, depth_scale, is_assumed=True)
 
 
 def _size(file: Path) -> tuple[int, int] | None:

@@ -26,8 +26,8 @@ from odom.wire.codec import (
     encode_pose,
 )
 from odom.wire.codec.image_files import decode_file
-from sensors.calibration_file import Calibration, load_calibration
-from sensors.default_camera import assumed_camera
+from sensors.calibration_file import TUM_DEPTH_SCALE, Calibration, depth_scale_alone, load_calibration
+from sensors.default_camera import assumed_calibration
 from sensors.source import SourceOptions
 
 log = logging.getLogger(__name__)
@@ -81,7 +81,8 @@ def depth_table(depth_scale: float) -> NDArray[np.uint16] | None:
 class TumSource:
     """The folder as a stream; a file that is missing or damaged is left out, and the first of a kind is logged.
 
-    `refused` counts these by stream (`colour`, `depth`, `truth`) and reason. Truth that cannot be read is done without.
+    `refused` counts these by stream (`colour`, `depth`, `truth`) and reason. Truth that cannot be read is done
+    without. `is_assumed` when nothing says which camera it is.
     """
 
     lossless = True
@@ -90,6 +91,7 @@ class TumSource:
         self.refused: Counter[tuple[str, str]] = Counter()
         self._folder = folder
         self._calibration = calibration
+        self.is_assumed = calibration.is_assumed
         self._topics: Topics = options.topics
         color, depth = read_list(folder / "rgb.txt", 1), read_list(folder / "depth.txt", 1)
         if not color or not depth:
@@ -186,16 +188,18 @@ def _why(error: Exception) -> str:
 def open_tum(path: Path, options: SourceOptions) -> TumSource:
     """Open a TUM RGB-D folder.
 
-    Without a calibration, in options or folder, the camera is assumed (see `assumed_camera`). Raises ConfigError when
-    the calibration cannot be used, SourceError when the folder's lists are missing or damaged.
+    Without a calibration, in options or folder, the camera is assumed (see `assumed_calibration`); a file that holds
+    `depth_scale` alone leaves it so. Raises ConfigError when the calibration cannot be used, SourceError when the
+    folder's lists are missing or damaged.
     """
-    file = options.camera or path / "camera.yaml"
-    if options.camera is None and not file.is_file():
-        images = read_list(path / "rgb.txt", 1)
-        calibration = Calibration(assumed_camera(path, path / images[0].values[0] if images else path))
-    else:
-        calibration = load_calibration(file)
-    return TumSource(path, calibration, options)
+    file = options.camera or (path / "camera.yaml" if (path / "camera.yaml").is_file() else None)
+    depth_scale = TUM_DEPTH_SCALE if file is None else depth_scale_alone(file)
+    if depth_scale is None:
+        assert file is not None
+        return TumSource(path, load_calibration(file), options)
+    images = read_list(path / "rgb.txt", 1)
+    first = path / images[0].values[0] if images else path
+    return TumSource(path, assumed_calibration(path, first, depth_scale), options)
 
 
 def _between(entries: list[TumEntry], begin: int, end: int | None) -> list[TumEntry]:

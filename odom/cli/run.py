@@ -1,5 +1,6 @@
 """`odom run SOURCE`: the main job."""
 
+import logging
 import os
 import time
 from pathlib import Path
@@ -111,12 +112,15 @@ def _check_sensor(source: str, arguments: list[str]) -> None:
     """Refuse, before anything is touched, what `odom sensor` would refuse."""
     alone = typer.Typer(add_completion=False)
     alone.command()(sensor_command)
+    logging.disable()  # the sensor says the same
     try:
         typer.main.get_command(alone).main(
             ["--check", *arguments, "--", source], prog_name="odom sensor", standalone_mode=False
         )
     except OdomError as error:
         raise ConfigError(str(error)) from error
+    finally:
+        logging.disable(logging.NOTSET)
 
 
 def _stem(source: str) -> str:

@@ -1,10 +1,13 @@
-"""Why no frame of a run was tracked: the main reason and the remedy, in one line."""
+"""Why a run has failed or gone badly: the main reason and the remedy, in one line."""
 
 import logging
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from odom.errors import OdomError
 from odom.wire import Topics
@@ -15,6 +18,15 @@ _LOOKED_AT_S = 3.0
 """Seconds of the source that are looked at: fewer may miss a fault that is not in each frame, more only cost time."""
 
 
+_OF_THE_CAMERA = ("calibration size", "focal length", "depth scale")
+"""Findings about the calibration: depth of another unit or a wrong focal length makes others BAD, too."""
+_LEAST_TRACKED = 0.5
+"""Share of frames tracked below which a result is poor."""
+_FAR_OFF_SHARE, _FAR_OFF_M = 0.3, 0.02
+"""ATE of a poor result, as a share of the RMS distance of truth from its middle, and at least: a tracked Kinect is
+within a twentieth, and truth itself is not better than millimetres."""
+
+
 def why_not_tracked(report: dict[str, Any], source: str, open_again: Callable[[], Source] | None) -> str:
     """Return what is wrong with a source of which nothing was tracked, and what to do.
 
@@ -23,7 +35,7 @@ def why_not_tracked(report: dict[str, Any], source: str, open_again: Callable[[]
     """
     if open_again is not None:
         try:
-            if found := _main_fault(open_again()):
+            if found := _main_fault(_quietly(open_again)):
                 return found
         except (OdomError, OSError) as error:
             _LOG.debug("%s cannot be looked at: %s", source, error)
@@ -32,7 +44,44 @@ def why_not_tracked(report: dict[str, Any], source: str, open_again: Callable[[]
     return f"{main}`odom doctor {source}` looks for the cause"
 
 
-def _main_fault(opened: Source) -> str | None:
+def why_poor(report: dict[str, Any], out: Path, open_again: Callable[[], Source]) -> str | None:
+    """Return what is wrong with a recorded source whose result in the folder `out` is poor, and what to do.
+
+    None when the result is good, or `odom doctor` would find no fault. A source of which nothing says what camera it is
+    of is looked at in any case, but then only for faults of the calibration.
+    """
+    try:
+        opened = _quietly(open_again)
+        is_poor = (report.get("completeness") or 0.0) < _LEAST_TRACKED or _is_far_off(report, out)
+        is_assumed = getattr(opened, "is_assumed", False)
+        return _main_fault(opened, only_camera=not is_poor) if is_poor or is_assumed else None
+    except (OdomError, OSError) as error:
+        _LOG.debug("the source cannot be looked at: %s", error)
+        return None
+
+
+def _is_far_off(report: dict[str, Any], out: Path) -> bool:
+    """Return whether the errors against truth are a good part of the way itself."""
+    from odom.evaluation.files import read_tum
+
+    if report.get("ate_m") is None:
+        return False
+    positions = read_tum(out / "truth.txt").positions
+    extent_m = float(np.sqrt(np.square(positions - positions.mean(axis=0)).sum(axis=1).mean()))
+    return bool(report["ate_m"] > max(_FAR_OFF_SHARE * extent_m, _FAR_OFF_M))
+
+
+def _quietly(open_again: Callable[[], Source]) -> Source:
+    """Open the source without a word: the run has said what there is to say of it."""
+    logging.disable()
+    try:
+        return open_again()
+    finally:
+        logging.disable(logging.NOTSET)
+
+
+def _main_fault(opened: Source, only_camera: bool = False) -> str | None:
+    """Return the first fault of the calibration, since others follow from it, else the first one if asked for."""
     from odom.evaluation.diagnosis import Verdict, examine
     from odom.service.source_sample import collect
 
@@ -43,5 +92,6 @@ def _main_fault(opened: Source) -> str | None:
     finally:
         opened.close()
         logging.disable(logging.NOTSET)
-    bad = (finding for finding in examine(recording) if finding.verdict is Verdict.BAD)
-    return next((f"{finding.key}: {finding.value}: {finding.advice}" for finding in bad), None)
+    bad = [finding for finding in examine(recording) if finding.verdict is Verdict.BAD]
+    told = [f for f in bad if f.key in _OF_THE_CAMERA] + ([] if only_camera else bad)
+    return f"{told[0].key}: {told[0].value}: {told[0].advice}" if told else None

@@ -11,7 +11,7 @@ from typing import Any
 
 from odom.errors import ConfigError, OdomError
 from odom.service import previous_results
-from odom.service.failed_tracking import why_not_tracked
+from odom.service.failed_tracking import why_not_tracked, why_poor
 from odom.service.input_report import with_source
 from odom.service.progress import open_display
 from odom.service.result_files import write_json
@@ -50,15 +50,12 @@ def run(
             _LOG.info("the results of an earlier run are in %s", aside)
         report = _run(plan, settings, stop, tell, lock)
     if not report.get("tracked"):
-        none = (
-            f"none of the {report['frames']} frames was tracked" if report.get("frames") else "no frame was processed"
-        )
-        why = (
-            "the run was stopped before the first"
-            if stop.is_set()
-            else why_not_tracked(report, plan.source, open_again)
-        )
-        raise OdomError(f"{none}: {why}")
+        frames = report.get("frames")
+        none = f"none of the {frames} frames was tracked" if frames else "no frame was processed"
+        stopped = "the run was stopped before the first"
+        raise OdomError(f"{none}: {stopped if stop.is_set() else why_not_tracked(report, plan.source, open_again)}")
+    if open_again is not None and not stop.is_set() and (fault := why_poor(report, plan.out, open_again)):
+        _LOG.warning("do not trust this result: %s", fault)
 
 
 def _run(

@@ -24,6 +24,7 @@ distortion_model: plumb_bob
 distortion_coefficients: {rows: 1, cols: 5, data: [0.1, 0, 0, 0, 0.2]}
 """
 FRAMES = 4
+TOPICS = Topics()
 
 
 def write_folder(
@@ -227,6 +228,35 @@ def test_any_other_folder_without_calibration_gets_a_kinects_and_a_warning(
     assert camera_of(folder) == Camera(32, 24, 26.25, 26.25, 15.5, 11.5)
     assert {record.levelname for record in caplog.records} == {"WARNING"}
     assert all(remedy in caplog.text for remedy in ("camera.yaml", "--camera", "no calibration"))
+
+
+def test_a_file_of_the_depth_scale_alone_leaves_the_camera_assumed(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = write_folder(tmp_path / "tum")
+    (folder / "camera.yaml").write_text("depth_scale: 1000\n")
+    source = open_source(str(folder), SourceOptions())
+    depth = next(message for message in source.messages() if message.topic == TOPICS.depth)
+    assert decode_depth(depth)[0, 0] == 5003
+    assert source.is_assumed
+    assert "1000 depth units a metre" in caplog.records[0].getMessage()
+    (folder / "camera.yaml").write_text("depth_scale: thousand\n")
+    with pytest.raises(ConfigError, match="depth_scale"):
+        open_source(str(folder), SourceOptions())
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"), [("dsk", "desk"), ("desk/rbg.txt", "desk/rgb.txt"), ("areena", "arena"), ("xyz", None)]
+)
+def test_the_nearest_name_is_told_where_a_source_is_not_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, typed: str, meant: str | None
+) -> None:
+    write_folder(tmp_path / "desk")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigError) as refused:
+        open_source(typed, SourceOptions())
+    assert ("did you mean" in str(refused.value)) == (meant is not None)
+    assert meant is None or f"(did you mean {meant}?)" in str(refused.value)
 
 
 def test_a_named_calibration_takes_the_place_of_the_folders(tmp_path: Path) -> None:

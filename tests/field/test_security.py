@@ -102,6 +102,7 @@ def test_everybody_does_his_work_under_the_rules(tls_rig: Rig, keys: Path) -> No
     alive: set[str] = set()
     odometry.watch("cam0/**", lambda key, living: alive.add(key) if living else alive.discard(key))
     sensor.announce("cam0/alive")
+    sensor.announce("cam0/alive/sensor/rig-1")
     viewer.announce("cam0/alive/viewer")
     sensor.publisher().put(frame())
     mocap.publisher().put(pose("truth/rig/pose"))
@@ -110,7 +111,7 @@ def test_everybody_does_his_work_under_the_rules(tls_rig: Rig, keys: Path) -> No
     assert heard(odometry) >= {"cam0/depth/image_raw", "truth/rig/pose"}
     assert heard(viewer) >= {"cam0/depth/image_raw", "truth/rig/pose", "cam0/pose"}
     assert heard(sensor) == {"cam0/ack/odometry"}
-    assert alive == {"cam0/alive", "cam0/alive/viewer"}
+    assert alive == {"cam0/alive", "cam0/alive/sensor/rig-1", "cam0/alive/viewer"}
 
 
 def test_a_viewer_may_not_publish_and_a_sensor_only_its_own_images(tls_rig: Rig, keys: Path) -> None:

@@ -22,6 +22,8 @@ _TAKES = {
     "a recording": {"camera", "topics_from"} | _PLAYED,
 }
 """Which fields of SourceOptions each kind of source has a use for."""
+_LONGEST_S = 1e8
+"""Seconds of a source, three years: more is no length, but a date."""
 _MOST_NAMES = 1000
 """Names in a folder among which the nearest to one that is not there is looked for: more would take seconds."""
 _OPTIONS = {"topics_from": "--topic", "extra": "--option"}
@@ -136,6 +138,10 @@ def _check_options(spec: str, kind: str, options: SourceOptions) -> None:
     for name, value in given.items():
         if isinstance(value, float) and not math.isfinite(value):
             raise ConfigError(f"{_option(name)} {value}: give a number of seconds")
+        if name in ("start", "end", "seconds") and value is not None and value > _LONGEST_S:
+            raise ConfigError(
+                f"{_option(name)} {value:g}: give at most {_LONGEST_S:g} seconds, counted from the beginning"
+            )
     if options.end is not None and options.end <= options.start:
         raise ConfigError(
             f"--end {options.end:g} is not behind --start {options.start:g}, and both count from the beginning"

@@ -46,7 +46,7 @@ class ArenaOptions:
     sensor: Literal["kinect1", "kinect2"] = "kinect1"
     walk: Literal["infinity", "rest", "corridor", "joined"] = "infinity"
     laps: Count = 1
-    seconds: Annotated[float, Field(ge=0)] = 0.0
+    seconds: Annotated[float, Field(ge=0, le=1e8)] = 0.0
     every: Count = 1
     half: bool = False
     people: Annotated[int, Field(ge=0, le=4)] = 0
@@ -54,15 +54,15 @@ class ArenaOptions:
     faults: bool = True
     distortion: bool = False
     blackout: Literal["", "frames", "color", "depth"] = ""
-    blackout_start_s: float = 15.0
-    blackout_s: float = 1.0
+    blackout_start_s: Annotated[float, Field(ge=0, le=1e8)] = 15.0
+    blackout_s: Annotated[float, Field(ge=0, le=1e8)] = 1.0
     mocap: bool = True
-    mocap_offset_s: float = 0.037
-    marker_m: float = 0.08
-    marker_deg: float = 30.0
+    mocap_offset_s: Annotated[float, Field(ge=-3600, le=3600)] = 0.037
+    marker_m: Annotated[float, Field(ge=-10, le=10)] = 0.08
+    marker_deg: Annotated[float, Field(ge=-360, le=360)] = 30.0
     exact_truth: bool = False
     body: str = "kinect"
-    start: Stamp = START
+    start: Annotated[Stamp, Field(ge=0, le=9 * 10**18)] = START
 
     def __post_init__(self) -> None:
         if self.people and self.walk == "corridor":

@@ -123,9 +123,9 @@ def open_arena(options: SourceOptions) -> ArenaSource:
 def arena_options(options: SourceOptions) -> ArenaOptions:
     """Return the session that the options describe. Raises ConfigError for options that do not fit."""
     texts = {"sensor": options.sensor, "seed": str(options.seed), **dict(options.extra)}
-    seconds = options.end if options.seconds is None else options.seconds
-    if seconds is not None:
-        texts["seconds"] = str(seconds)
+    lengths = [length for length in (options.seconds, options.end) if length is not None]
+    if lengths:
+        texts["seconds"] = str(min(lengths))
     if options.color not in ("jpeg", "raw") or options.depth not in ("raw", "rvl", "png"):
         raise ConfigError(f"arena: color {options.color!r}, depth {options.depth!r}: give jpeg or raw; raw, rvl or png")
     return ArenaOptions.from_texts(texts)

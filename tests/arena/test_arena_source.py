@@ -128,3 +128,10 @@ def test_the_committed_recording_is_what_its_readme_says() -> None:
         same = np.abs(frames[k].color.astype(int) - shot.rgb).mean()
         assert same < 6
         assert (frames[k].depth_mm == shot.depth_mm).mean() > 0.98
+
+
+def test_a_session_stops_at_the_end_that_comes_first() -> None:
+    assert [open_source("arena", SourceOptions(seconds=s, end=e)).length for s, e in ((9.0, 2.0), (2.0, 9.0))] == [
+        60,
+        60,
+    ]

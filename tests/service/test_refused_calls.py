@@ -82,6 +82,9 @@ WRONG = [
     (("desk", "--start", "2", "--end", "1"), "--end 1 is not behind --start 2"),
     (("desk", "--start", "nan"), "--start"),
     (("desk", "--end", "inf"), "--end inf"),
+    (("desk", "--start", "1e300"), "--start 1e+300: give at most 1e+08 seconds"),
+    (("desk", "--end", "1305031102.2"), "counted from the beginning"),
+    (("arena", "--seconds", "1e300"), "--seconds 1e+300"),
     (("desk", "--headless", "--web"), "contradict"),
     (("desk", "--record", "desk/rgb.txt"), "is what would be read"),
     (("desk", "--record", "desk/rgb.txt/new.mcap"), "nothing can be written"),
@@ -94,6 +97,7 @@ WRONG = [
     (("arena", "--camera", "desk/camera.yaml"), "has no use for --camera"),
     (("arena", "--option", "walls=7"), "walls"),
     (("arena", "--option", "mocap_offset_s=inf"), "mocap_offset_s"),
+    (("arena", "--option", "marker_deg=1e300"), "marker_deg"),
     (("kinect", "--start", "1"), "has no use for --start"),
     (("kinect", "--option", "fps=0"), "fps"),
 ]

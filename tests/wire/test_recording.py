@@ -210,6 +210,15 @@ def test_recover_mends_a_cut_recording(tmp_path: Path, recording: Path) -> None:
             recover(cut_file, cut_file, overwrite=overwrite)
 
 
+def test_a_recovery_that_is_interrupted_replaces_nothing(tmp_path: Path, recording: Path) -> None:
+    target = write(tmp_path / "a.mcap", session_messages(1))
+    before = target.read_bytes()
+    with pytest.raises(RecordingError, match="stays as it was"):
+        recover(recording, target, overwrite=True, stopped=lambda: True)
+    assert target.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [target]
+
+
 def test_an_existing_recording_is_not_overwritten_unasked(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mcap", session_messages(1))
     with pytest.raises(RecordingError, match="exists"):

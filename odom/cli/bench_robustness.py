@@ -33,7 +33,7 @@ def robustness(
     from rich.console import Console
     from rich.table import Table
 
-    from odom.evaluation.robustness.outcomes import COLUMNS, as_json, markdown, rows
+    from odom.evaluation.robustness.outcomes import COLUMNS, as_json, markdown, rows, short_markdown
     from odom.service.progress import counting
     from odom.service.robustness_bench import check_source, chosen_axes, measure_robustness
     from odom.service.robustness_run import Task
@@ -55,11 +55,12 @@ def robustness(
     console = Console(width=None if sys.stdout.isatty() else 160)
     console.print(table)
     console.print(
-        f"{found.runs} runs of {found.unspoilt.frames} frames in {found.wall_s / 60:.1f} min, {jobs} at a time"
+        f"{found.runs} runs of {found.unspoilt.frames} frames, {jobs} at a time, in {found.wall_s / 60:.1f} min; "
+        f"CPU {found.cpu_s / 60:.1f} min"
     )
     if out is not None:
         from odom.evaluation.robustness.figure import plot
 
         (out / "robustness.json").write_text(json.dumps(as_json(found), indent=1) + "\n")
-        (out / "table.md").write_text(markdown(found))
+        (out / "table.md").write_text(f"{short_markdown(found)}\n{markdown(found)}")
         plot(found, out / "robustness.png")

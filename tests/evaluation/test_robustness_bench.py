@@ -12,7 +12,7 @@ from odom.cli import app
 from odom.errors import ConfigError, OdomError
 from odom.evaluation.robustness import timing
 from odom.evaluation.robustness.axes import AXES
-from odom.evaluation.robustness.outcomes import COLUMNS, Outcomes, as_json, by_axis, markdown, rows
+from odom.evaluation.robustness.outcomes import COLUMNS, Outcomes, as_json, by_axis, markdown, rows, short_markdown
 from odom.evaluation.robustness.spoiler import UNSPOILT, Spoiler
 from odom.evaluation.robustness.verdict import Verdict
 from odom.geometry import se3
@@ -65,6 +65,14 @@ def test_a_run_that_failed_is_a_row_that_says_so():
     assert json.loads(json.dumps(as_json(outcomes(failed))))["axes"]["darkness"]["ate_doubles_at"] == ".5"
 
 
+def test_the_short_table_has_the_worst_of_each_axis():
+    assert short_markdown(outcomes(CALM, WEAK, GONE)).splitlines()[2] == (
+        "| share of the light, with noise | .5, .25, .12 | .25 | 0 at .12 | 10.0 % at .25 |"
+    )
+    assert short_markdown(outcomes(CALM)).splitlines()[2].endswith("| .5 | no level | 100 % | 0 |")
+    assert short_markdown(outcomes(Verdict(error="ValueError: no"))).count("\n") == 2
+
+
 def test_an_axis_that_is_not_known_is_refused():
     with pytest.raises(ConfigError, match="no axis is called fog: there are blur, darkness"):
         chosen_axes(["blur", "fog"])
@@ -99,7 +107,7 @@ def test_two_axes_are_measured_on_a_few_seconds(in_process, tmp_path):
     assert [verdict["error"] for verdict in (*dark, *focal)] == [""] * 9
     assert dark[-1]["lost"] > 0.2
     assert focal[-1]["ate_m"] > 1.5 * found["unspoilt"]["ate_m"]
-    assert (tmp_path / "out" / "table.md").read_text().count("\n") == 2 + 1 + 9
+    assert (tmp_path / "out" / "table.md").read_text().count("\n") == (2 + 2) + 1 + (2 + 1 + 9)
     assert (tmp_path / "out" / "robustness.png").stat().st_size > 10_000
     assert "10 runs of" in result.output
 

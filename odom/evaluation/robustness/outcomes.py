@@ -101,7 +101,30 @@ def _percent(share: float) -> str:
 
 def markdown(outcomes: Outcomes) -> str:
     """Return the table as Markdown."""
-    lines = [COLUMNS, ("---",) * len(COLUMNS), *rows(outcomes)]
+    return _markdown(COLUMNS, rows(outcomes))
+
+
+SHORT_COLUMNS = ("spoilt by", "levels", "ATE doubles at", "least tracked", "most TRACKING and wrong")
+
+
+def short_markdown(outcomes: Outcomes) -> str:
+    """Return a table of one row an axis as Markdown: its first level that fails, and the worst of all its levels."""
+    found = []
+    for axis in outcomes.axes:
+        ran = [(level, verdict) for level, verdict in axis.verdicts if not verdict.error]
+        if not ran:
+            continue
+        tracked = min(ran, key=lambda one: one[1].tracked)
+        wrong = max(ran, key=lambda one: one[1].wrong)
+        worst = f"{_percent(wrong[1].wrong)} at {wrong[0].label}" if wrong[1].wrong else "0"
+        labels = ", ".join(level.label for level, _ in axis.verdicts)
+        least = f"{_percent(tracked[1].tracked)} at {tracked[0].label}" if tracked[1].tracked < 1 else "100 %"
+        found.append((axis.axis.title, labels, axis.doubles_at(outcomes.unspoilt) or "no level", least, worst))
+    return _markdown(SHORT_COLUMNS, found)
+
+
+def _markdown(columns: Sequence[str], cells: Sequence[Sequence[str]]) -> str:
+    lines = [columns, ("---",) * len(columns), *cells]
     return "".join(f"| {' | '.join(cell.replace('|', '/') for cell in line)} |\n" for line in lines)
 
 

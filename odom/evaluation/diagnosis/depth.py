@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.evaluation.diagnosis.finding import Finding, Verdict
+from odom.evaluation.truth_noise import NORMAL_MAD
 from odom.frame import RgbdFrame
 from odom.geometry.arrays import Array
 from odom.registration.noise_models import KinectV1
@@ -16,8 +17,13 @@ _PATCH_PX = 13
 """Side of a patch in which a plane is fitted: smaller ones give rough noise figures, larger ones are seldom flat."""
 _MOST_RELIEF = 0.05
 """Largest distance from the plane, as a share of depth, in a patch that still counts as flat."""
+_MOST_SCATTER = 6.0
+"""The same as a multiple of the scatter from pixel to pixel: noise takes a plane for as far as that from itself, and
+relief goes on over neighbouring pixels."""
 _LEAST_PATCHES = 50
 """Fewer flat patches than this in all frames together say too little about the noise."""
+_SECOND_DIFFERENCE_GAIN = 6.0**0.5
+"""Standard deviation of the second difference (1, -2, 1) of white noise of unit variance."""
 _SMOOTHEST = 0.25
 """Quantile of the patches' noise that counts as that of smooth surfaces: cloth and clutter are rougher."""
 _OCCURS = 0.2
@@ -61,7 +67,10 @@ def noise_ratio(depth_mm: NDArray[np.uint16]) -> Array:
     z = patches.mean(axis=1)
     residual = (inverse_depth - fitted) * z[:, None] ** 2
     sigma = np.sqrt(np.square(residual).sum(axis=1) / (len(grid) - 3))
-    flat = np.abs(residual).max(axis=1) < _MOST_RELIEF * z
+    square = residual.reshape(len(patches), _PATCH_PX, _PATCH_PX)
+    rough = np.abs(np.diff(square, n=2, axis=2)).reshape(len(patches), _PATCH_PX * (_PATCH_PX - 2))
+    scatter = NORMAL_MAD * np.median(rough, axis=1) / _SECOND_DIFFERENCE_GAIN
+    flat = np.abs(residual).max(axis=1) < np.maximum(_MOST_RELIEF * z, _MOST_SCATTER * scatter)
     return np.asarray((sigma / KinectV1().sigmas(z)[1])[flat])
 
 

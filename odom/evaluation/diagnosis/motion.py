@@ -41,8 +41,9 @@ _FOCAL_INFORMATION = 1e-3
 """Of a prior on the logarithms, far below what any turn of the camera says: it keeps the fit solvable without one."""
 _DAMPING = 1e-9
 """Share of the trace added to a motion's information, for corners that leave a direction free."""
-_GROUPS = 10
-"""Groups of successive pairs, for the standard deviation: errors hang together within one."""
+_GROUPS = (2, 10)
+"""Groups of successive pairs, for the standard deviation: errors hang together within one, for half a second or for
+half the recording. On fr1_xyz from 9 s on, ten groups alone claim 4 % where the halves differ by 25 %."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +121,8 @@ def fit_focal(motions: Sequence[PairMotion], focal_px: Array) -> FocalFit | None
             replace(motion, T_later_earlier=se3.exp(s[:, 2] - s[:, :2] @ step) @ motion.T_later_earlier)
             for s, motion in zip(steps, motions, strict=True)
         ]
-    sigma = sandwich_sigma(information, np.array(gradients), min(_GROUPS, len(motions)))
+    scores = np.array(gradients)
+    sigma = np.max([sandwich_sigma(information, scores, min(groups, len(motions))) for groups in _GROUPS], axis=0)
     return FocalFit(np.exp(a), sigma, len(motions))
 
 

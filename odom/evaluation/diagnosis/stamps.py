@@ -100,7 +100,9 @@ def judge_pairs(color: Stamps, depth: Stamps, pairs: int) -> Finding:
     )
     missing = max(stream.missing for stream in streams if stream)
     explained = missing > _MISSING_SHARE or 1 - pairs / len(color) <= 2 * missing
-    is_bad = (1 - pairs / len(color) > _UNMATCHED_SHARE and not explained) or bool(within.mean() < 0.5)
+    is_bad = (1 - pairs / len(color) > _UNMATCHED_SHARE and not explained) or bool(
+        within.mean() < 0.5 * (1.0 - missing)
+    )
     apart = float(depth[0] - color[0]) * 1e-9  # of streams that do not overlap, the beginnings belong together
     if abs(float(np.median(offsets))) > _OTHER_CLOCK_S:
         advice = (

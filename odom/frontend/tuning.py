@@ -7,6 +7,8 @@ from odom.geometry.tuning import in_use, tuned
 _SWEEP = "trial on TUM fr1_xyz, fr1_rpy and the arena; swept in odom/docs/sensitivity.md"
 _KINECT = "what Kinect v1 streams show; swept in odom/docs/sensitivity.md"
 
+_BODIES = "bodies painted into fr1_xyz and fr1_rpy, people in the arena, fr1 as it is"
+
 
 # fmt: off
 @dataclass(frozen=True)
@@ -105,6 +107,21 @@ class Tuning:
         effect="smaller: wrong matches; larger: blurred and slanted landmarks are lost")
     search_iterations: int = tuned(8, unit="1", source=_SWEEP,
         effect="fewer: alignments end early; more: slower without gain")
+    # look_back
+    look_back_sigmas: float = tuned(3.0, unit="sigma", source=_BODIES,
+        effect="off so far a corner has moved; smaller: good corners are refused; larger: slow bodies become landmarks")
+    look_back_noise: float = tuned(6.0, unit="grey levels", source=_BODIES,
+        effect="noise of an image in motion: blurred corners are not told apart; as look_back_sigmas")
+    look_back_px: float = tuned(1.0, unit="px", source=_BODIES,
+        effect="what is not known of the pose and the rolling shutter; as look_back_sigmas")
+    look_back_flow_px: float = tuned(1.0, unit="px", source=_BODIES,
+        effect="sigma of a corner followed by flow; as look_back_sigmas")
+    look_back_return_px: float = tuned(0.5, unit="px of the half-size image", source=_BODIES,
+        effect="followed there and back; smaller: bodies are not found again; larger: chance counts")
+    look_back_depth_sigmas: float = tuned(4.0, unit="sigma", source=_BODIES,
+        effect="of the depth, off so far something else was seen there; as look_back_sigmas")
+    look_back_depth_share: float = tuned(0.03, unit="share of the inverse depth", source=_BODIES,
+        effect="added to that: errors of depth that do not vary; as look_back_sigmas")
     # place_recognition
     place_features: int = tuned(1000, unit="1", source=_SWEEP,
         effect="fewer: places are not recognised; more: slower in the background")

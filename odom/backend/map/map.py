@@ -18,7 +18,7 @@ from odom.frontend.features.patches import cut_patches
 from odom.frontend.features.view import View
 from odom.frontend.matching.place_recognition import PlaceIndex
 from odom.geometry import se3
-from odom.geometry.arrays import Array, Index
+from odom.geometry.arrays import Array, Index, Mask
 
 _MOST_CLOUD_POINTS = 20_000
 """Points of the published cloud of landmarks (240 kB a message): more are not told apart on a screen."""
@@ -32,6 +32,10 @@ class Corners:
 
     uv: Array
     measurements: Measurements
+
+    def take(self, chosen: Mask) -> "Corners":
+        """Return the chosen ones."""
+        return Corners(self.uv[chosen], self.measurements.take(chosen))
 
 
 @dataclass(eq=False)

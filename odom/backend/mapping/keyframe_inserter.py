@@ -6,6 +6,7 @@ import numpy as np
 
 from odom.backend.map.keyframe import Keyframe, Measured
 from odom.backend.map.map import Corners, Map
+from odom.backend.mapping.standing import RecentViews
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.frame_state import Tracked
@@ -52,7 +53,10 @@ class Coverage:
 
 
 class KeyframeInserter:
-    """Inserts key frames into `map_`; `undescribed` are the newest ones whose places are not in the index yet."""
+    """Inserts key frames into `map_`; `undescribed` are the newest ones whose places are not in the index yet.
+
+    `recent` are the frames before, which tell what stands still.
+    """
 
     def __init__(self, map_: Map, settings: OdometrySettings) -> None:
         self._map, self._settings = map_, settings
@@ -60,17 +64,24 @@ class KeyframeInserter:
         self._coverage_at_keyframe: Coverage | None = None
         self._is_worn_out = False
         self.undescribed: list[KeyframeView] = []
+        self.recent = RecentViews(map_)
 
     def begin_segment(self, view: View, T_camera_map: Array, sensor: SensorModel) -> Keyframe:
         """Begin a segment with a frame, as if at rest; `remeasure` it once its motion is known."""
-        keyframe = self._insert(view, T_camera_map, AT_REST, Measured.nothing(), sensor, None, _CERTAIN)
+        self.recent.forget()
+        corners, nothing = self._new_corners(view, np.zeros((0, 2)), AT_REST, sensor), Measured.nothing()
+        keyframe = self._map.add_keyframe(view, T_camera_map, nothing, corners, sensor.timing, None, _CERTAIN)
+        self._work_on(keyframe, view, AT_REST)
         self._newest = self._coverage_at_keyframe = None
         return keyframe
 
     def insert(self, view: View, tracked: Tracked, twist: Array, covariance: Array, sensor: SensorModel) -> Keyframe:
         """Make a key frame of a tracked frame with motion `twist` (6, SI) and `covariance` (6 x 6) of its pose."""
         T, seen, reference = tracked.T_camera_map, tracked.inlying, tracked.reference
-        keyframe = self._insert(view, T, twist, seen, sensor, reference, covariance)
+        corners = self._new_corners(view, seen.uv, twist, sensor)
+        corners = corners.take(self.recent.standing(view, tracked, corners, sensor))
+        keyframe = self._map.add_keyframe(view, T, seen, corners, sensor.timing, reference, covariance)
+        self._work_on(keyframe, view, twist)
         self._newest, self._coverage_at_keyframe = self.undescribed[-1], None
         return keyframe
 
@@ -106,25 +117,17 @@ class KeyframeInserter:
         keyframe = self._map.keyframes[number]
         self._map.remeasure(keyframe, _measure_exactly(view, sensor, keyframe.uv, twist), sensor.timing)
 
-    def _insert(
-        self,
-        view: View,
-        T_camera_map: Array,
-        twist: Array,
-        known: Measured,
-        sensor: SensorModel,
-        against: int | None,
-        covariance: Array,
-    ) -> Keyframe:
-        uv = detect_corners(view.images.full, known.uv, self._settings.cell_px)
+    def _new_corners(self, view: View, uv_known: Array, twist: Array, sensor: SensorModel) -> Corners:
+        """Return corners with depth away from the landmarks at `uv_known` (m x 2 px)."""
+        uv = detect_corners(view.images.full, uv_known, self._settings.cell_px)
         measured = _measure_exactly(view, sensor, uv, twist)
-        usable = measured.values[:, 2] > 1.0 / TUNING.farthest_m
-        corners = Corners(uv[usable], measured.take(usable))
-        keyframe = self._map.add_keyframe(view, T_camera_map, known, corners, sensor.timing, against, covariance)
-        self._map.cull(self._map.neighbours(keyframe.number, T_camera_map, self._settings.local_keyframes))
+        return Corners(uv, measured).take(measured.values[:, 2] > 1.0 / TUNING.farthest_m)
+
+    def _work_on(self, keyframe: Keyframe, view: View, twist: Array) -> None:
+        near = self._map.neighbours(keyframe.number, keyframe.T_camera_map, self._settings.local_keyframes)
+        self._map.cull(near)
         self.undescribed.append(KeyframeView(keyframe.number, view, twist))
         del self.undescribed[: -self._settings.background_delay_frames]
-        return keyframe
 
 
 def _measure_exactly(view: View, sensor: SensorModel, uv: Array, twist: Array) -> Measurements:

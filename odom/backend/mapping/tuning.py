@@ -6,6 +6,8 @@ from odom.geometry.tuning import in_use, tuned
 
 _SWEEP = "trial on TUM fr1_xyz, fr1_rpy and the arena; swept in odom/docs/sensitivity.md"
 
+_BODIES = "bodies painted into fr1_xyz and fr1_rpy, people in the arena, fr1 as it is"
+
 
 # fmt: off
 @dataclass(frozen=True)
@@ -29,6 +31,29 @@ class Tuning:
     moved_rad: float = tuned(0.02, unit="rad", source=_SWEEP, effect="as moved_m, for rotations")
     farthest_m: float = tuned(8.0, unit="m", source="range of a Kinect v1; Khoshelham, Elberink, Sensors 12, 2012",
         effect="smaller: no landmarks in large rooms; larger: depth without information becomes landmarks")
+    # standing
+    recent_apart_s: float = tuned(0.08, unit="s", source=_BODIES,
+        effect="between the views kept; smaller: more memory; larger: short glimpses are missed")
+    recent_s: float = tuned(0.6, unit="s", source=_BODIES,
+        effect="how far corners are looked back for; smaller: slow bodies become landmarks; larger: fewer were in view")
+    newest_s: float = tuned(0.25, unit="s", source="fr1_xyz thinned to 2 Hz",
+        effect="age of the newest view beyond which none is looked in; smaller: bodies in slow streams become "
+        "landmarks; larger: wide steps are LOST")
+    recent_views: int = tuned(4, unit="views", source=_BODIES,
+        effect="fewer: corners are missed by chance; more: slower key frames")
+    slow_s: float = tuned(0.1, unit="s", source=_BODIES,
+        effect="age at which a view counts half; smaller: bodies that just turn round become landmarks; larger: "
+        "views of quick turns count for nothing")
+    missed_weight: float = tuned(0.1, unit="share of a moving corner's", source=_BODIES,
+        effect="smaller: plain bodies become landmarks; larger: blurred corners are refused")
+    moving_least: int = tuned(10, unit="corners", source=_BODIES,
+        effect="fewer: chance matches refuse good corners; more: small bodies become landmarks")
+    moving_share: float = tuned(0.05, unit="share of the corners seen before", source=_BODIES,
+        effect="as moving_least")
+    judged_neighbours: int = tuned(8, unit="corners", source=_BODIES,
+        effect="fewer: chance decides; more: small bodies are taken for what is around them")
+    neighbours_weight: float = tuned(2.0, unit="share of a corner's own", source=_BODIES,
+        effect="smaller: chance decides; larger: as judged_neighbours")
     # local_adjustment
     adjust_fixed: int = tuned(10, unit="key frames", source=_SWEEP,
         effect="older key frames that hold the newest ones; fewer: drift; more: slower")

@@ -181,6 +181,7 @@ class FrameStages:
             keyframe.T_middle_stamp = published.T_middle_stamp
             reference, rows, uv, is_keyframe = keyframe.number, keyframe.rows, keyframe.uv, True
         self.state = FrameState(view, tracked, tracked.T_camera_map, judged.twist, reference, rows, uv)
+        mapper.inserter.recent.remember(self.state)
         return is_keyframe
 
     def _bridge(self, view: View, state: FrameState) -> Estimate:

@@ -7,6 +7,7 @@ import numpy as np
 
 from odom.backend.map.keyframe import Measured
 from odom.backend.map.map import Map
+from odom.backend.tracking.consensus import ExpectedPose
 from odom.backend.tracking.motion_model import Motion, Velocity
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.stamp_clock import SteadyStamp
@@ -66,11 +67,16 @@ class Tracked:
 
 @dataclass(frozen=True, eq=False)
 class MotionPrior:
-    """The camera's `motion` in the map `since_s` seconds ago; `scale` multiplies the covariances of measurements."""
+    """The camera's `motion` in the map `since_s` seconds ago, and where that leads to by now, `expected`.
+
+    `scale` multiplies the covariances of measurements. Without `expected` the camera was found otherwise, and rivals
+    of the pose are not looked for.
+    """
 
     motion: Motion
     since_s: float
     scale: float
+    expected: ExpectedPose | None = None
 
     def twist_to(self, T_camera_map: Array) -> Array:
         """Return the mean velocity (6, SI, the camera's own frame) that led to the pose `T_camera_map`."""
@@ -108,12 +114,22 @@ class FrameState:
         """Return the motion (6, `se3`) from this frame's pose to a tracked one's, as a change of T_camera_map."""
         return se3.log(tracked.T_camera_map @ self.T_map_camera)
 
+    def predicted_after(self, since_s: float) -> Array:
+        """Return T_camera_map `since_s` seconds later by constant velocity."""
+        return np.asarray(se3.exp(-self.twist * since_s) @ self.T_camera_map)
+
+    def expected_after(self, since_s: float) -> ExpectedPose:
+        """Return where the camera is expected `since_s` seconds later."""
+        if self.tracked is None:
+            return ExpectedPose.at_unknown_velocity(self.T_camera_map, since_s)
+        return ExpectedPose.after(self.predicted_after(since_s), since_s)
+
     def motion_prior(self, since_s: float, scale: float) -> MotionPrior:
         """Return the camera's motion here, `since_s` seconds ago; `scale` is the sensor's covariance scale."""
         motion = Motion.of(self.T_map_camera, np.zeros((6, 6)))
         if self.tracked is not None:
             motion = Motion.of(motion.T_fixed_camera, self.tracked.covariance * scale, self.tracked.velocity)
-        return MotionPrior(motion, since_s, scale)
+        return MotionPrior(motion, since_s, scale, self.expected_after(since_s))
 
     def T_reference_camera(self, map_: Map) -> Array:
         """Return the pose relative to the reference key frame."""

@@ -6,26 +6,24 @@ import numpy as np
 
 from odom.backend.map.map import Map
 from odom.backend.settings import OdometrySettings
+from odom.backend.tracking.consensus import FollowedFeatures, consensus, is_contested
 from odom.backend.tracking.frame_state import FrameState, MotionPrior, Tracked
 from odom.backend.tracking.motion_model import ANY_VELOCITY, Agility
 from odom.backend.tracking.pose_solver import PoseFit, fit_pose
+from odom.backend.tracking.prediction import predict_pose
 from odom.backend.tracking.quality import has_enough_inliers, is_known_place, is_plausible_motion, is_same_view
 from odom.backend.tracking.row_velocity import fit_velocity
 from odom.backend.tracking.tuning import TUNING
-from odom.frontend.camera.lens import project, rays_at
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.images import FrameImages
 from odom.frontend.features.measurement import Measurements, measure
 from odom.frontend.features.view import View
 from odom.frontend.matching.landmark_search import Candidates, find_landmarks
-from odom.frontend.matching.optical_flow import follow_features
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index
 
 _WHITE = Agility(steady_s=0.0)
-_BORDER_PX = 2.0
-"""Followed features are predicted up to so close to the image's border."""
 
 
 class FrameTracker:
@@ -35,33 +33,8 @@ class FrameTracker:
         self._map, self._settings = map_, settings
 
     def predict(self, state: FrameState, images: FrameImages, stamp: SteadyStamp, sensor: SensorModel) -> Array:
-        """Return T_camera_map of the `images` taken at `stamp`: by constant velocity, improved by optical flow.
-
-        The fit's gate closes step by step (graduated non-convexity), so that a wrong constant velocity does no harm.
-        Where too few features are followed the constant velocity stands.
-        """
-        L, lens = self._map.landmarks, sensor.lens
-        T_predicted = se3.exp(-state.twist * state.since_s(stamp)) @ state.T_camera_map
-        alive = L.alive[state.rows]
-        rows, uv_previous = state.rows[alive], state.uv[alive]
-        if len(rows) > TUNING.followed:
-            chosen = np.linspace(0, len(rows) - 1, TUNING.followed).astype(np.int64)
-            rows, uv_previous = rows[chosen], uv_previous[chosen]
-        height, width = images.full.shape
-        points, covariances = L.position[rows], L.covariance[rows]
-        seen = project(points, T_predicted, lens.intrinsics, lens.distortion, width, height, _BORDER_PX)
-        guess = np.where(np.isnan(seen[:, :2]), uv_previous, seen[:, :2])
-        uv, found = follow_features(state.view.images.full, images.full, uv_previous, guess)
-        values = np.full((len(rows), 3), np.nan)
-        values[:, :2] = rays_at(lens.rays, np.where(found[:, None], uv, 0.0))
-        pixel = np.array([lens.intrinsics[0] ** -2, 0.0, lens.intrinsics[1] ** -2, 1.0])
-        T = T_predicted
-        for sigma_px in (TUNING.coarse_gate_px, TUNING.middle_gate_px, TUNING.last_gate_px):
-            variances = np.tile(pixel * sigma_px**2, (len(rows), 1))
-            fit = fit_pose(points, covariances, values, variances, T, found, cauchy=TUNING.coarse_cauchy)
-            T = fit.T_camera_map
-        agreed = np.count_nonzero(found & (fit.chi2[:, 0] < TUNING.coarse_chi2))
-        return T if agreed >= TUNING.followed_least else T_predicted
+        """Return T_camera_map of the `images` taken at `stamp`, as predicted without depth (see `predict_pose`)."""
+        return predict_pose(self._map.landmarks, state, images, stamp, sensor.lens)
 
     def follow(self, state: FrameState, view: View, sensor: SensorModel, T_predicted: Array) -> Tracked | None:
         """Return the frame tracked from `T_predicted` (T_camera_map), None where what is found cannot be it.
@@ -108,6 +81,18 @@ class FrameTracker:
             return m, fit_pose(points, covariances, m.values, m.covariance, T)
 
         measured, fit = fitted(twist, T_start)
+        outliers = fit.chi2[:, 0] >= TUNING.inlier_chi2
+        expected_pose = None if prior is None else prior.expected
+        if expected_pose is not None and is_contested(outliers, np.ones_like(outliers)):
+            rays, pixel = measured.values[:, :2], 1.0 / sensor.lens.intrinsics[0]
+            features = FollowedFeatures(points, rays, found.uv, L.seen[found.rows], TUNING.found_sigma_px, pixel)
+            T = consensus(features, fit.T_camera_map, expected_pose)
+            T = fit.T_camera_map if T is None else T
+            chi2 = fit_pose(points, covariances, measured.values, measured.covariance, T, iterations=0).chi2[:, 0]
+            agrees = chi2 < TUNING.member_chi2
+            found, covariance_uv = found.take(agrees), covariance_uv[agrees]
+            points, covariances = points[agrees], covariances[agrees]
+            measured, fit = fitted(twist, T)
         velocity = ANY_VELOCITY
         if prior is not None:
             row_s = (found.uv[:, 1] / view.images.full.shape[0] - 0.5) * sensor.timing.readout_s

@@ -1,5 +1,7 @@
 """A camera found again by descriptors: near the newest frame after a wide step, or at any place it has seen before."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from odom.backend.map.map import Map
@@ -33,7 +35,7 @@ def follow_wide_step(
     if not registration.ok:
         return None
     T_camera_map = se3.inverse(registration.T_target_source) @ state.T_camera_map
-    prior = state.motion_prior(since_s, sensor.noise.covariance_scale)
+    prior = replace(state.motion_prior(since_s, sensor.noise.covariance_scale), expected=None)
     tracked = tracker.track_twice(view, sensor, T_camera_map, prior.twist_to(T_camera_map), state.reference, prior)
     is_motion = is_plausible_motion(prior.twist_to(tracked.T_camera_map))
     away = se3.log(tracked.T_camera_map @ se3.inverse(T_camera_map))

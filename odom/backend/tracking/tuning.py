@@ -8,13 +8,15 @@ from odom.geometry.tuning import in_use, tuned
 _SWEEP = "trial on TUM fr1_xyz, fr1_rpy and the arena; swept in odom/docs/sensitivity.md"
 _HAND = "walks with a hand-held Kinect, fr1 and arena; swept in odom/docs/sensitivity.md"
 
+_BODIES = "bodies painted into fr1_xyz and fr1_rpy, people in the arena, fr1 as it is"
+
 
 # fmt: off
 @dataclass(frozen=True)
 class Tuning:
     """Numbers of a frame's prediction, search, fit, and of the judgement of its pose."""
 
-    # frame_tracker
+    # prediction and frame_tracker
     followed: int = tuned(150, unit="features", source=_SWEEP,
         effect="followed by optical flow for the prediction; fewer: fast turns are lost; more: slower without gain")
     followed_least: int = tuned(15, unit="features", source=_SWEEP,
@@ -26,7 +28,7 @@ class Tuning:
         effect="last sigma; smaller: good features fall out; larger: the coarse pose is pulled by outliers")
     coarse_cauchy: float = tuned(4.0, unit="chi-squared", source=_SWEEP,
         effect="where the coarse fit's weight is one half; smaller: slow to converge; larger: outliers pull")
-    coarse_chi2: float = tuned(16.0, unit="chi-squared", source="four sigma",
+    coarse_chi2: float = tuned(4.0, unit="chi-squared", source="two sigma",
         effect="features that agree with the coarse pose; smaller: fewer agree; larger: chance agrees")
     inlier_chi2: float = tuned(12.0, unit="chi-squared", source=".9975 quantile with 2 degrees of freedom",
         effect="smaller: good landmarks are dropped; larger: wrong ones count")
@@ -35,6 +37,32 @@ class Tuning:
     reference_rank: float = tuned(3.0, unit="sightings", source=_SWEEP,
         effect="head start of the nearest key frame's landmarks; smaller: drift at rest; "
         "larger: old landmarks are left out")
+    # consensus
+    contested_least: int = tuned(15, unit="features", source=_BODIES,
+        effect="smaller: chance outliers are taken for a motion; larger: small views are not looked at twice")
+    contested_share: float = tuned(0.2, unit="share of the features", source=_BODIES,
+        effect="that disagree before another pose is looked for; smaller: slower; larger: passers-by are followed")
+    triples: int = tuned(100, unit="1", source=_BODIES,
+        effect="fewer: a scene that shows in few features is missed; more: slower where people are in view")
+    followed_sigma_px: float = tuned(2.0, unit="px", source=_BODIES,
+        effect="of features followed by flow; smaller: what is sharpest wins; larger: motions are not told apart")
+    found_sigma_px: float = tuned(1.0, unit="px", source=_BODIES, effect="of landmarks found; as followed_sigma_px")
+    member_chi2: float = tuned(25.0, unit="chi-squared", source="five sigma",
+        effect="off so far a landmark has no say where poses compete; smaller: good ones go; larger: bodies pull")
+    vote_cell_px: int = tuned(64, unit="px", source=_BODIES,
+        effect="side of a cell that shares its votes; smaller: one rich body outvotes a poor scene; larger: as well")
+    proven_frames: float = tuned(8.0, unit="frames", source=_BODIES,
+        effect="in which a landmark was found until it counts in full; smaller: bodies that start to move are "
+        "followed; larger: the camera is held back in new surroundings")
+    consensus_gain: float = tuned(1.1, unit="ratio of votes", source=_BODIES,
+        effect="smaller: poses change for nothing; larger: passers-by are followed")
+    agrees_px: float = tuned(2.0, unit="px", source=_BODIES,
+        effect="features so near win for another pose; smaller: blurred scenes lose; larger: poses change in vain")
+    differs_px: float = tuned(3.0, unit="px", source=_BODIES,
+        effect="that were off so far before; smaller: poses change for nothing; larger: slow bodies pull")
+    jerk_m_s2: float = tuned(8.0, unit="m/s^2", source="accelerations of hand-held cameras, fr1",
+        effect="a change of velocity that halves the votes; smaller: knocks are missed; larger: bodies are followed")
+    jerk_rad_s2: float = tuned(40.0, unit="rad/s^2", source="as jerk_m_s2", effect="as jerk_m_s2")
     # pose_solver and row_velocity
     cauchy_chi2: float = tuned(9.0, unit="chi-squared", source="three sigma",
         effect="where a residual's weight is one half; smaller: less information is used; larger: outliers pull")

@@ -1,6 +1,6 @@
 """Landmarks found in a frame: chosen among those the predicted pose shows, then their patches aligned."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -39,17 +39,31 @@ def _spread(uv: Array, priority: Array, most: int, across: int, cell_px: int) ->
 
 
 class LandmarkPatches(Protocol):
-    """Landmarks by row: `position` (3, m, map frame), and how key frame `keyframe` saw them.
+    """Landmarks by row, and how key frame `keyframe` saw them."""
 
-    There they lay at `uv` (2, px) on a `plane` (inverse depth and its slope per pixel) with patches (25 x 25) around.
-    """
+    @property
+    def position(self) -> Array:
+        """Where they are (n x 3, m, map frame)."""
 
-    position: Array
-    keyframe: Index
-    uv: Array
-    plane: Array
-    patch_full: Image
-    patch_half: Image
+    @property
+    def keyframe(self) -> Index:
+        """The key frame that saw each of them first (n)."""
+
+    @property
+    def uv(self) -> Array:
+        """Where they were seen there (n x 2 px)."""
+
+    @property
+    def plane(self) -> Array:
+        """The surface they lie on there (n x 3): inverse depth and its slope per pixel."""
+
+    @property
+    def patch_full(self) -> Image:
+        """The patches around them (n x 25 x 25)."""
+
+    @property
+    def patch_half(self) -> Image:
+        """The patches around them in the half-size image (n x 25 x 25)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +92,16 @@ class Found:
     covariance_uv: Array
     inverse_depth: Array
     looked_for: Index
+
+    def take(self, chosen: Mask) -> "Found":
+        """Return the chosen ones of those found."""
+        return replace(
+            self,
+            rows=self.rows[chosen],
+            uv=self.uv[chosen],
+            covariance_uv=self.covariance_uv[chosen],
+            inverse_depth=self.inverse_depth[chosen],
+        )
 
 
 def find_landmarks(

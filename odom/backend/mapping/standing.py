@@ -1,0 +1,124 @@
+"""Which corners of a new key frame stand still, by what the last frames showed: only those become landmarks."""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from odom.backend.map.map import Corners, Map
+from odom.backend.mapping.tuning import TUNING
+from odom.backend.tracking.frame_state import FrameState, Tracked
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.camera.stamp_clock import SteadyStamp
+from odom.frontend.features.measurement import measure
+from odom.frontend.features.view import View
+from odom.frontend.matching.look_back import CornerPatches, EarlierView, Sighting, look_back
+from odom.geometry import se3
+from odom.geometry.arrays import Array, Mask
+
+_MOST_VIEWS = 16
+"""Views kept, some 1 MB each."""
+
+
+@dataclass(frozen=True, eq=False)
+class _RecentView:
+    """A tracked frame; `T_reference_camera` is its pose in its reference key frame, with which it moves."""
+
+    view: View
+    reference: int
+    T_reference_camera: Array
+    twist: Array
+
+
+class RecentViews:
+    """The newest tracked frames of the map `map_`, thinned, in which the corners of a new key frame are looked for."""
+
+    def __init__(self, map_: Map) -> None:
+        self._map = map_
+        self._views: deque[_RecentView] = deque(maxlen=_MOST_VIEWS)
+
+    def remember(self, state: FrameState) -> None:
+        """Keep a tracked frame, unless there is one of nearly the same time."""
+        is_near = bool(self._views) and -state.since_s(self._views[-1].view.steady_stamp) < TUNING.recent_apart_s
+        if not is_near and state.tracked is not None:
+            T_reference_camera = state.T_reference_camera(self._map)
+            self._views.append(_RecentView(state.view, state.reference, T_reference_camera, state.tracked.twist))
+
+    def forget(self) -> None:
+        """Forget all: the next frame is of another segment."""
+        self._views.clear()
+
+    def standing(self, view: View, tracked: Tracked, corners: Corners, sensor: SensorModel) -> Mask:
+        """Return which `corners` (n) of a tracked view may become landmarks (see `standing_corners`).
+
+        They are measured again with the velocity that the rows of the image show: a mean one shears a quick turn.
+        """
+        nothing = np.zeros((len(corners.uv), 3))
+        measured = measure(view, sensor, corners.uv, nothing, tracked.twist)
+        known = np.flatnonzero(measured.values[:, 2] > 0.0)
+        patches = CornerPatches.of(view, corners.uv[known], measured.take(known))
+        evidence = Evidence.nothing(len(known))
+        for recent in self._before(view.steady_stamp):
+            keyframe = self._map.keyframes[recent.reference]
+            T_recent_map = se3.inverse(recent.T_reference_camera) @ keyframe.T_camera_map
+            earlier = EarlierView(recent.view, T_recent_map @ tracked.T_map_camera, recent.twist)
+            evidence = evidence.joined(
+                look_back(patches, earlier, sensor), (view.steady_stamp - recent.view.steady_stamp) * 1e-9
+            )
+        stands = np.zeros(len(corners.uv), dtype=np.bool_)
+        stands[known] = standing_corners(patches.position, evidence)
+        return stands
+
+    def _before(self, stamp: SteadyStamp) -> list[_RecentView]:
+        """Return the views to look in, spread over the last while; none where even the newest is long ago.
+
+        After a wide step, what was not seen well cannot be told from what moved.
+        """
+        recent = [one for one in self._views if 0.0 < _since_s(one, stamp) <= TUNING.recent_s]
+        if not recent or _since_s(recent[-1], stamp) > TUNING.newest_s:
+            return []
+        chosen = np.linspace(0, len(recent) - 1, min(len(recent), TUNING.recent_views)).round().astype(int)
+        return [recent[i] for i in chosen]
+
+
+def _since_s(earlier: _RecentView, stamp: SteadyStamp) -> float:
+    return (stamp - earlier.view.steady_stamp) * 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What earlier views say of n corners: `score` (n) from -`weight` (moves) to `weight` (stands); `moves` (n)."""
+
+    score: Array
+    weight: Array
+    moves: Mask
+
+    @classmethod
+    def nothing(cls, n: int) -> "Evidence":
+        """Return the evidence of no view."""
+        return cls(np.zeros(n), np.zeros(n), np.zeros(n, dtype=np.bool_))
+
+    def joined(self, seen: Sighting, age_s: float) -> "Evidence":
+        """Return the evidence with a view of `age_s` ago: in an old one even slow things are seen to have moved."""
+        weight = age_s / (age_s + TUNING.slow_s)
+        visible = seen.visible | seen.moves
+        missed = visible & ~seen.stands & ~seen.moves
+        score = 1.0 * seen.stands - seen.moves - TUNING.missed_weight * missed
+        return Evidence(self.score + weight * score, self.weight + weight * visible, self.moves | seen.moves)
+
+
+def standing_corners(points: Array, evidence: Evidence) -> Mask:
+    """Return which of n corners, at `points` (n x 3, m), may become landmarks.
+
+    A corner is judged with its neighbours in space, so that what was never seen before goes with the body that it is
+    a part of, and a single false match does no harm. Where hardly anything was seen to move, all that did not stay.
+    """
+    judged = np.flatnonzero(evidence.weight > 0.0)
+    if np.count_nonzero(evidence.moves) < max(TUNING.moving_least, TUNING.moving_share * len(judged)):
+        return np.asarray(~evidence.moves)
+    from scipy.spatial import cKDTree
+
+    own = evidence.score / np.where(evidence.weight > 0.0, evidence.weight, 1.0)
+    near = cKDTree(points[judged]).query(points, min(TUNING.judged_neighbours, len(judged)))[1]
+    around = own[judged][near.reshape(len(points), -1)].mean(axis=1)
+    return np.asarray(own + TUNING.neighbours_weight * around > 0.0)

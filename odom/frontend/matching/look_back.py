@@ -1,0 +1,163 @@
+"""Corners of one frame looked for in an earlier one: whether what they lie on stood still in between.
+
+A corner moves when it is seen elsewhere than the camera's motion says, or when the earlier frame looks through the
+place where it is now. A body that slides along its own plane passes the second test, a plain one the first.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from odom.frontend.camera.lens import Lens, project
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.images import FrameImages
+from odom.frontend.features.measurement import Measurements, measure, points_of
+from odom.frontend.features.patches import cut_patches
+from odom.frontend.features.view import View
+from odom.frontend.matching.landmark_search import Candidates, find_landmarks
+from odom.frontend.matching.optical_flow import follow_features
+from odom.frontend.tuning import TUNING
+from odom.geometry import se3
+from odom.geometry.arrays import Array, Image, Index, Mask
+
+
+@dataclass(frozen=True, eq=False)
+class CornerPatches:
+    """Corners of one frame, to be looked for in others: `position` (n x 3, m) is in that frame's camera.
+
+    The other fields are as those of landmarks; `covariance` (n x 3 x 3, m^2) is that of the positions.
+    """
+
+    position: Array
+    covariance: Array
+    keyframe: Index
+    uv: Array
+    plane: Array
+    patch_full: Image
+    patch_half: Image
+    images: FrameImages
+
+    @classmethod
+    def of(cls, view: View, uv: Array, measured: Measurements) -> "CornerPatches":
+        """Return the patches around corners at `uv` (n x 2 px) of a view, which measured them with depth."""
+        points, covariances = points_of(measured)
+        return cls(
+            points,
+            covariances,
+            np.zeros(len(uv), dtype=np.int64),
+            uv,
+            np.column_stack([measured.values[:, 2], measured.slope]),
+            cut_patches(view.images.full, uv),
+            cut_patches(view.images.half, uv / 2.0),
+            view.images,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class EarlierView:
+    """A `view` taken in motion with `twist` (6, SI); `T_view_corners` is the pose of the corners' camera in its own.
+
+    Both cameras are those of the middle rows.
+    """
+
+    view: View
+    T_view_corners: Array
+    twist: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """What an earlier view says of n corners: that they could be seen there, that they stood, that they moved."""
+
+    visible: Mask
+    stands: Mask
+    moves: Mask
+
+
+@dataclass(frozen=True, eq=False)
+class _Expected:
+    """Where an earlier view's middle row should show corners that stand: `rows` of them (n) inside its image.
+
+    At `uv` (n x 2 px), with `values` (n x 3: x/z, y/z, 1/z); `variance` (n) is that of 1/z.
+    """
+
+    rows: Index
+    uv: Array
+    values: Array
+    variance: Array
+
+    @classmethod
+    def of(cls, corners: CornerPatches, earlier: EarlierView, lens: Lens) -> "_Expected":
+        height, width = earlier.view.images.full.shape
+        T, margin = earlier.T_view_corners, TUNING.search_margin_px
+        uvz = project(corners.position, T, lens.intrinsics, lens.distortion, width, height, margin)
+        rows = np.flatnonzero(np.isfinite(uvz[:, 0]))
+        points = se3.apply(T, corners.position[rows])
+        values = np.column_stack([points[:, :2], np.ones(len(rows))]) / points[:, 2:]
+        J = values[:, 2:] ** 2 * T[2, :3]
+        return cls(rows, uvz[rows, :2], values, np.einsum("ni,nij,nj->n", J, corners.covariance[rows], J))
+
+
+def look_back(corners: CornerPatches, earlier: EarlierView, sensor: SensorModel) -> Sighting:
+    """Return what an earlier view says of `corners` (n)."""
+    n = len(corners.position)
+    expected = _Expected.of(corners, earlier, sensor.lens)
+    visible, stands, moves = (np.zeros(n, dtype=np.bool_) for _ in range(3))
+    nearer, gate = _nearer(expected, earlier, sensor)
+    visible[expected.rows], moves[expected.rows] = ~(nearer > gate), nearer < -gate
+    rows, uv, covariance_uv = _found(corners, expected, visible, earlier, sensor)
+    values = expected.values[np.searchsorted(expected.rows, rows)]
+    seen = measure(earlier.view, sensor, uv, covariance_uv, earlier.twist, values[:, 2])
+    is_there = _chi2(seen, values[:, :2]) < TUNING.look_back_sigmas**2
+    stands[rows] = is_there & ~moves[rows]
+    moves[rows] |= ~is_there
+    return Sighting(visible, stands, moves)
+
+
+def _nearer(expected: _Expected, earlier: EarlierView, sensor: SensorModel) -> tuple[Array, Array]:
+    """Return how much nearer (n, 1/m) something is that was seen instead of the corners, and how much may be chance.
+
+    NaN where no depth was measured. A rolling shutter saw the corners elsewhere than its middle row would have.
+    """
+    nothing, w = np.zeros((len(expected.rows), 3)), expected.values[:, 2]
+    view, twist = earlier.view, earlier.twist
+    sheared = measure(view, sensor, expected.uv, nothing, twist, w).values[:, :2] - expected.values[:, :2]
+    there = measure(view, sensor, expected.uv - sheared * sensor.lens.intrinsics[:2], nothing, twist, w)
+    sigma = np.sqrt(expected.variance + there.covariance[:, 3])
+    return there.values[:, 2] - w, TUNING.look_back_depth_sigmas * sigma + TUNING.look_back_depth_share * w
+
+
+def _found(
+    corners: CornerPatches, expected: _Expected, visible: Mask, earlier: EarlierView, sensor: SensorModel
+) -> tuple[Index, Array, Array]:
+    """Find the `visible` corners: rows (m) and uv (m x 2 px) with covariance (m x 3: uu, uv, vv, px^2).
+
+    By their patches near where they are expected, else by optical flow there and back.
+    """
+    rows = np.flatnonzero(visible)
+    if not len(rows):
+        return rows, np.zeros((0, 2)), np.zeros((0, 3))
+    T, view = earlier.T_view_corners, earlier.view
+    candidates = Candidates(rows, np.zeros(len(rows)), np.zeros(1, dtype=np.int64), T[None])
+    found = find_landmarks(corners, candidates, T, view.images, sensor, len(rows))
+    missed = np.setdiff1d(rows, found.rows)
+    here, there, uv_missed = corners.images.half, view.images.half, corners.uv[missed] / 2.0
+    guess = expected.uv[np.searchsorted(expected.rows, missed)] / 2.0
+    uv, is_followed = follow_features(here, there, uv_missed, guess)
+    back, came_back = follow_features(there, here, uv, uv_missed)
+    is_followed &= came_back & (np.linalg.norm(back - uv_missed, axis=1) < TUNING.look_back_return_px)
+    flow = np.tile([TUNING.look_back_flow_px**2, 0.0, TUNING.look_back_flow_px**2], (len(missed), 1))
+    covariance = np.concatenate([found.covariance_uv * TUNING.look_back_noise**2, flow[is_followed]])
+    covariance[:, [0, 2]] += TUNING.look_back_px**2
+    return (
+        np.concatenate([found.rows, missed[is_followed]]),
+        np.concatenate([found.uv, 2.0 * uv[is_followed]]),
+        covariance,
+    )
+
+
+def _chi2(seen: Measurements, rays_expected: Array) -> Array:
+    """Return how far the rays of n features are off the expected ones (n x 2), in sigmas squared."""
+    x, y = (seen.values[:, :2] - rays_expected).T
+    xx, xy, yy = seen.covariance[:, :3].T
+    return np.asarray((yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy))

@@ -1,0 +1,66 @@
+"""Which of several motions in one view is the camera's."""
+
+import numpy as np
+import pytest
+from made_up_scene import points_ahead, project
+
+from odom.backend.tracking.consensus import ExpectedPose, FollowedFeatures, consensus, is_contested
+from odom.geometry import se3
+
+ANYWHERE = ExpectedPose(np.eye(4), np.full(2, np.inf))
+PIXEL = 1.0 / 525.0
+CAMERA = se3.exp(np.array([0.004, -0.01, 0.012, 0.004, 0.006, -0.002]))
+BODY = se3.exp(np.array([-0.05, 0.01, 0.0, 0.0, 0.01, 0.0])) @ CAMERA
+"""T_camera_map as the body's own features show it: it went five centimetres."""
+
+
+def two_motions(rng, scene: int, body: int, seen_on_body: int = 8) -> FollowedFeatures:
+    """Features of a scene all over the image, and of a body in its middle, whose points lie close together."""
+    points = points_ahead(rng, scene + body)
+    rays = np.column_stack([rng.uniform(-0.12, 0.12, body), rng.uniform(-0.35, 0.35, body)])
+    points[scene:] = np.column_stack([rays, np.ones(body)]) * rng.uniform(0.9, 1.0, (body, 1))
+    seen = np.concatenate([project(CAMERA, points[:scene]), project(BODY, points[scene:])])[:, :2]
+    seen += 0.3 * PIXEL * rng.normal(size=seen.shape)
+    uv = np.array([319.5, 239.5]) + seen / PIXEL
+    counts = np.concatenate([np.full(scene, 8), np.full(body, seen_on_body)])
+    return FollowedFeatures(points, seen, uv, counts, 1.0, PIXEL)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_motion_that_shows_all_over_the_image_is_taken_for_the_cameras(seed: int) -> None:
+    features = two_motions(np.random.default_rng(seed), scene=80, body=90)
+    T = consensus(features, BODY, ANYWHERE)
+    assert T is not None
+    assert np.abs(se3.log(T @ se3.inverse(CAMERA))).max() < 2e-3
+
+
+def test_the_cameras_own_motion_is_not_left_for_a_bodys() -> None:
+    features = two_motions(np.random.default_rng(0), scene=80, body=90)
+    assert consensus(features, CAMERA, ANYWHERE) is None
+
+
+def test_a_single_motion_has_no_rival() -> None:
+    features = two_motions(np.random.default_rng(0), scene=120, body=0)
+    assert consensus(features, CAMERA, ANYWHERE) is None
+
+
+def test_a_motion_without_a_jerk_wins_against_more_features() -> None:
+    features = two_motions(np.random.default_rng(1), scene=40, body=140)
+    assert consensus(features, BODY, ANYWHERE) is None
+    T = consensus(features, BODY, ExpectedPose.after(np.eye(4), 1 / 30.0))
+    assert T is not None
+    assert np.abs(se3.log(T @ se3.inverse(CAMERA))).max() < 3e-3
+
+
+def test_landmarks_that_are_new_count_less_than_old_ones() -> None:
+    features = two_motions(np.random.default_rng(1), scene=40, body=200, seen_on_body=1)
+    T = consensus(features, BODY, ANYWHERE)
+    assert T is not None
+    assert np.abs(se3.log(T @ se3.inverse(CAMERA))).max() < 3e-3
+
+
+def test_a_pose_is_contested_by_many_that_disagree_not_by_a_few() -> None:
+    found = np.ones(200, dtype=bool)
+    assert is_contested(np.arange(200) < 60, found)
+    assert not is_contested(np.arange(200) < 20, found)
+    assert not is_contested(np.arange(40) < 10, found[:40])

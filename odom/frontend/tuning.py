@@ -71,6 +71,14 @@ class Tuning:
     depth_least_share: float = tuned(0.01, unit="share of the image",
         source="a Kinect close to a wall still shows some per cent",
         effect="smaller: noise counts as depth; larger: a view into the distance counts as blind")
+    # images: taken in the dark
+    image_contrast: float = tuned(30.0, unit="grey levels (standard deviation)",
+        source="below that of every recording in the light (38 to 100); `odom bench robustness --axis darkness`",
+        effect="smaller: dark images stay faint; larger: good ones are changed")
+    image_clean: float = tuned(3.0, unit="grey levels", source="noise of a Kinect's image, JPEG included",
+        effect="noise that needs no smoothing; smaller: detail is smoothed away; larger: landmarks drown in noise")
+    image_smooth_px: float = tuned(1.0, unit="px", source="`odom bench robustness --axis darkness`",
+        effect="sigma of the smoothing; smaller: noise is left; larger: corners are smoothed away")
     # images: pyramidal Lucas-Kanade
     flow_window_px: int = tuned(15, unit="px", source=_SWEEP,
         effect="smaller: blurred features are lost; larger: slower, and depth edges mix")

@@ -61,6 +61,9 @@ class Tuning:
         effect="smaller: new corners repeat old ones; larger: gaps are not filled")
     corner_weakest: float = tuned(4e-5, unit="grey^2 of OpenCV's cornerMinEigenVal", source=_SWEEP,
         effect="smaller: corners in noise; larger: poor scenes have too few")
+    corner_over_noise: float = tuned(1.2e-5, unit="cornerMinEigenVal of one grey level of noise",
+        source="the strongest of an image of white noise, 1.1e-5",
+        effect="smaller: corners in noise; larger: faint corners of noisy images are left out")
     # depth_plane
     depth_share_valid: float = tuned(0.5, unit="share of 7 x 7 pixels", source=_SWEEP,
         effect="smaller: planes through too little; larger: depth with holes is not used")

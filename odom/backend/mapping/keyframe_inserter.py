@@ -66,6 +66,10 @@ class KeyframeInserter:
         self.undescribed: list[KeyframeView] = []
         self.recent = RecentViews(map_)
 
+    def could_begin(self, view: View, sensor: SensorModel) -> bool:
+        """Return whether a frame has corners enough, with depth, for the next one to be found by them."""
+        return len(self._new_corners(view, np.zeros((0, 2)), AT_REST, sensor).uv) >= TUNING.least_begun
+
     def begin_segment(self, view: View, T_camera_map: Array, sensor: SensorModel) -> Keyframe:
         """Begin a segment with a frame, as if at rest; `remeasure` it once its motion is known."""
         self.recent.forget()

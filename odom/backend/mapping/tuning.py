@@ -26,6 +26,8 @@ class Tuning:
         effect="smaller: half of the image is empty before a key frame comes; larger: more key frames")
     coverage_cell_px: int = tuned(40, unit="px", source=_SWEEP,
         effect="side of a cell of the image; smaller: cells wear sooner; larger: later")
+    least_begun: int = tuned(15, unit="landmarks", source="fewer make no pose: `least_inliers` of tracking",
+        effect="fewer: segments begin that nothing can be found by; more: LOST for longer in poor scenes")
     moved_m: float = tuned(0.015, unit="m", source=_SWEEP,
         effect="smaller: key frames at rest; larger: near things are covered late")
     moved_rad: float = tuned(0.02, unit="rad", source=_SWEEP, effect="as moved_m, for rotations")

@@ -200,7 +200,8 @@ class FrameStages:
         if features >= TUNING.least_corners:
             reason = "no known place recognised"
             self._visibility = self._visibility.with_search(self.published.since_last_s(view.stamp))
-            if self._is_unproven or self._visibility.searching_s > self._settings.new_segment_s:
+            is_time = self._is_unproven or self._visibility.searching_s > self._settings.new_segment_s
+            if is_time and self.mapper.inserter.could_begin(view, self.sensor):
                 return self._begin_segment(view)
         self.published.lose(view.stamp, self._segment)
         self.mapper.start_background(self.published.frames.count, self.sensor)

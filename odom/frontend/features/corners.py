@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from odom.frontend.features.images import noise_of
 from odom.frontend.tuning import TUNING
 from odom.geometry.arrays import Array
 
@@ -12,14 +13,16 @@ def detect_corners(image: NDArray[np.uint8], occupied_uv: Array, cell: int) -> A
     """Return n x 2 whole-pixel corners (Shi-Tomasi, CVPR 1994): the best in each free `cell` x `cell` square.
 
     A square is free when none of the features `occupied_uv` (m x 2 px) lies in it; corners keep a distance from those.
+    None is weaker than what the image's own noise makes.
     """
+    weakest = max(TUNING.corner_weakest, TUNING.corner_over_noise * noise_of(image) ** 2)
     border, apart = TUNING.corner_border_px, TUNING.corner_apart_px
     response = cv2.cornerMinEigenVal(cv2.GaussianBlur(image, (3, 3), 0), 5, ksize=3)
     response[:border] = response[-border:] = 0.0
     response[:, :border] = response[:, -border:] = 0.0
     for u, v in occupied_uv.astype(int):
         response[max(0, v - apart) : v + apart + 1, max(0, u - apart) : u + apart + 1] = 0.0
-    peak = (response == cv2.dilate(response, np.ones((5, 5)))) & (response > TUNING.corner_weakest)
+    peak = (response == cv2.dilate(response, np.ones((5, 5)))) & (response > weakest)
     rows, columns = np.nonzero(peak)
     strongest_first = np.argsort(-response[rows, columns], kind="stable")
     rows, columns = rows[strongest_first], columns[strongest_first]

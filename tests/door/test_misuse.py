@@ -89,7 +89,8 @@ def test_frames_of_another_size_or_out_of_order_are_refused():
 
 
 def test_colour_turned_from_bgr_by_a_view_is_taken():
-    bgr = np.random.default_rng(0).integers(0, 256, (240, 320, 3), dtype=np.uint8)
+    tiles = np.random.default_rng(0).integers(0, 256, (30, 40, 3), dtype=np.uint8)
+    bgr = tiles.repeat(8, axis=0).repeat(8, axis=1)
     camera = odom.Camera(320, 240, 262.5, 262.5, 159.5, 119.5)
     depth = np.full((240, 320), 1000, np.uint16)
     view, copy = bgr[:, :, ::-1], bgr[:, :, ::-1].copy()

@@ -92,11 +92,11 @@ def consensus(features: FollowedFeatures, T_camera_map: Array, expected: Expecte
     triples = np.random.default_rng(0).choice(len(votes), (TUNING.triples, 3), p=votes / votes.sum())
     T_expected_inverse = se3.inverse(expected.T_camera_map)
     T, gain = _best_pose(
-        features.points,
-        features.rays,
+        np.ascontiguousarray(features.points),
+        np.ascontiguousarray(features.rays),
         votes,
         features.sigma_px * features.pixel,
-        T_camera_map,
+        np.ascontiguousarray(T_camera_map),
         triples,
         T_expected_inverse,
         expected.free,
@@ -104,6 +104,13 @@ def consensus(features: FollowedFeatures, T_camera_map: Array, expected: Expecte
     off_px, off_px_before = features.off_px(T), features.off_px(T_camera_map)
     won = np.count_nonzero((off_px < TUNING.agrees_px) & (off_px_before > TUNING.differs_px))
     return se3.orthonormal(T) if gain > TUNING.consensus_gain and won >= TUNING.contested_least else None
+
+
+def warm_up() -> None:
+    """Compile what `consensus` needs, or load it: in a still scene it is not called before the first passer-by."""
+    points = np.random.default_rng(0).uniform((-1.0, -1.0, 2.0), (1.0, 1.0, 4.0), (9, 3))
+    features = FollowedFeatures(points, points[:, :2] / points[:, 2:], points[:, :2], np.ones(9, np.int64), 1.0, 1e-3)
+    consensus(features, np.eye(4), ExpectedPose.at_unknown_velocity(np.eye(4), 1.0))
 
 
 @compiled

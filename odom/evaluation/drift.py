@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.evaluation.trajectory import inverse_all
-from odom.evaluation.truth_noise import NORMAL_MAD
 from odom.geometry import se3
 from odom.geometry.arrays import Array
+from odom.geometry.normal_distribution import NORMAL_MAD
 
 _WILD = 5.0 * NORMAL_MAD
 """Errors are clipped at five standard deviations: fewer clip the drift itself, more let jumps of the truth in."""

@@ -9,6 +9,7 @@ from odom.evaluation.relative import RelativePoses
 from odom.evaluation.trajectory import Trajectory, inverse_all
 from odom.geometry import se3
 from odom.geometry.arrays import Array
+from odom.geometry.normal_distribution import NORMAL_MAD
 
 _LONGEST_PERIOD_S = 0.0125
 """At less than 80 Hz a hand's own jerk hides the noise in third differences."""
@@ -16,8 +17,6 @@ _LEAST_POSES = 100
 """Fewer make the median rough: 100 give the standard deviation to 12 %."""
 _THIRD_DIFFERENCE_GAIN = np.sqrt(20.0)
 """Standard deviation of the third difference (1, -3, 3, -1) of white noise of unit variance."""
-NORMAL_MAD = 1.4826
-"""Standard deviation of a normal variable over its median absolute deviation."""
 _INTERPOLATED = 2.0 / 3.0
 """Mean variance of a value interpolated half-way at random between two samples of unit variance."""
 

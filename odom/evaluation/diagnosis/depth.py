@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.evaluation.diagnosis.finding import Finding, Verdict
-from odom.evaluation.truth_noise import NORMAL_MAD
 from odom.frame import RgbdFrame
 from odom.geometry.arrays import Array
+from odom.geometry.normal_distribution import NORMAL_MAD
 from odom.registration.noise_models import KinectV1
 
 _LEAST_VALID = 0.3

@@ -18,6 +18,7 @@ from odom.evaluation.diagnosis.motion import PairMotion
 from odom.frame import Camera, RgbdFrame
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Image
+from odom.geometry.normal_distribution import NORMAL_MAD
 
 _GAP_PX = 8
 """Widest strip without depth beside a near surface, a structured-light sensor's shadow, that is passed over."""
@@ -138,7 +139,7 @@ def edge_shift(
     grid = np.array([[[score(x, y, lag, few) for lag in lags] for y in pixels] for x in pixels])
     i, j, k = np.unravel_index(int(np.argmax(grid)), grid.shape)
     best = np.array([pixels[i], pixels[j], lags[k]])
-    contrast = float((grid.max() - np.median(grid)) / (1.4826 * np.median(np.abs(grid - np.median(grid))) + 1e-9))
+    contrast = float((grid.max() - np.median(grid)) / (NORMAL_MAD * np.median(np.abs(grid - np.median(grid))) + 1e-9))
     for size_px, size_s in _FINE:
         around = [
             best + np.array([a * size_px, b * size_px, c * size_s])

@@ -12,9 +12,9 @@ from odom.evaluation.diagnosis.motion import PairMotion, pair_motion
 from odom.evaluation.diagnosis.tracks import Tracks
 from odom.evaluation.mocap_calibration import calibrate
 from odom.evaluation.trajectory import Stamps, Trajectory, inverse_all
-from odom.evaluation.truth_noise import NORMAL_MAD
 from odom.geometry import se3
 from odom.geometry.arrays import Array
+from odom.geometry.normal_distribution import NORMAL_MAD
 
 _KEY_EVERY = 10
 """Frames for which the chain of motions keeps its reference: fewer drift more, more lose the corners in common."""

@@ -7,11 +7,10 @@ import numpy as np
 
 from odom.frontend.tuning import TUNING
 from odom.geometry.arrays import Image, uniform
+from odom.geometry.normal_distribution import NORMAL_MAD
 
 _BENT = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
 """Second difference along both axes: neither brightness nor slopes nor straight edges show in it."""
-NORMAL_MEDIAN = 1.4826
-"""Standard deviation of a normal variable over the median of its absolute value."""
 _LEAST_SIGNAL = 0.5
 """Grey levels: less contrast is lost in rounding."""
 _MIDDLE = 128.0
@@ -54,7 +53,7 @@ def noise_of(grey: Image) -> float:
     J. Immerkaer, "Fast noise variance estimation", CVIU 1996, with the median, which texture hardly reaches.
     """
     bent = np.abs(cv2.filter2D(grey, cv2.CV_32F, _BENT)[1::3, 1::3])
-    return float(np.median(bent)) * NORMAL_MEDIAN / float(np.linalg.norm(_BENT))
+    return float(np.median(bent)) * NORMAL_MAD / float(np.linalg.norm(_BENT))
 
 
 @dataclass(frozen=True, eq=False)

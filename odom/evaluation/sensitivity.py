@@ -13,6 +13,8 @@ from odom.geometry.tuning import documented
 
 PACKAGES = ("registration", "frontend", "backend")
 """Packages of the algorithms: their `tuning` modules hold the numbers."""
+_ASIDE = ("paper", "cloud_features")
+"""Rooms of theirs for the paper's tables and its physical experiment: none of their numbers touches the odometry."""
 
 _FEWER_POSES = 0.98
 """A run with a smaller share of the usual number of poses is remarked on; it does not change the order of the table."""
@@ -89,7 +91,7 @@ def tuned_numbers(only: str = "*") -> list[TunedNumber]:
     found = []
     for folder in folders:
         place = ".".join(folder.relative_to(root).parts)
-        if folder.name != "paper":  # no number of the paper's tables touches the odometry
+        if folder.name not in _ASIDE:
             found += numbers_of(place, import_module(f"odom.{place}.tuning").Tuning)
     return [number for number in found if fnmatch(number.key, only)]
 

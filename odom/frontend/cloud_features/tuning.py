@@ -1,0 +1,32 @@
+"""The tuned numbers of SIFT3D and CSHOT (see `geometry.tuning`); the odometry uses none of them."""
+
+from dataclasses import dataclass
+
+from odom.geometry.tuning import in_use, tuned
+
+_PAIRS = "pairs of the arena's key poses by both Kinects"
+
+
+# fmt: off
+@dataclass(frozen=True)
+class Tuning:
+    """Numbers of key points, descriptors and their matching."""
+
+    sift_sigma_m: float = tuned(0.02, unit="m", source=_PAIRS,
+        effect="half: four times the time; double: a third of the key points, and 9 of 15 pairs are registered")
+    sift_octaves: int = tuned(3, unit="1", source=_PAIRS,
+        effect="fewer: no key points on large, plain things; more: nothing, too few points are left")
+    sift_scales: int = tuned(3, unit="1 an octave", source="D. Lowe, IJCV 60, 2004, section 3.2",
+        effect="fewer: a third of the key points; more: more time, the same points again")
+    sift_contrast: float = tuned(1.0, unit="grey levels of 255", source=_PAIRS,
+        effect="half: key points on noise; double: half of the key points")
+    normal_radius_m: float = tuned(0.05, unit="m", source=_PAIRS,
+        effect="half: normals of the depth's noise; double: edges are rounded")
+    cshot_radius_m: float = tuned(0.20, unit="m", source=_PAIRS,
+        effect="half: what is around says too little; double: what the other view does not show spoils it")
+    match_ratio: float = tuned(0.95, unit="1, nearest over second distance", source=_PAIRS,
+        effect="smaller: fewer pairs, of which more are right; larger: more pairs, more of them wrong")
+# fmt: on
+
+
+TUNING = in_use(Tuning)

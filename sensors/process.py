@@ -11,6 +11,7 @@ from odom.frame import Stamp
 from odom.wire import Message, Topics
 from odom.wire.codec import encode_text, restamp
 from odom.wire.namesakes import Namesakes
+from odom.wire.publisher import Mirror
 from odom.wire.send_window import SendWindow
 from odom.wire.session import Publisher, WireSession
 from sensors.source import Source, SourceOptions
@@ -39,9 +40,19 @@ class SensorReport:
 
 
 class SensorProcess:
-    """Runs one source on one session until it ends or `stop` is set; `ended` says how it did."""
+    """Runs one source on one session until it ends or `stop` is set; `ended` says how it did.
 
-    def __init__(self, session: WireSession, source: Source, options: SourceOptions, consumers: int) -> None:
+    `mirror` is given every message, too.
+    """
+
+    def __init__(
+        self,
+        session: WireSession,
+        source: Source,
+        options: SourceOptions,
+        consumers: int,
+        mirror: Mirror | None = None,
+    ) -> None:
         self.frames = 0
         self.ended: str | None = None
         self._topics: Topics = options.topics
@@ -49,7 +60,7 @@ class SensorProcess:
         self._consumers = consumers
         self._live = not source.lossless or options.realtime
         self._pace = 1e9 * options.rate if source.lossless and options.realtime else None
-        self._publisher: Publisher = session.publisher(lossless=not self._live)
+        self._publisher: Publisher = session.publisher(lossless=not self._live, mirror=mirror)
         self._window = SendWindow(session, options.topics, self._publisher)
         self._clock: tuple[float, Stamp] | None = None
         self._calibration: Message | None = None

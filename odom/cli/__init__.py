@@ -22,6 +22,7 @@ from odom.cli.import_ import import_
 from odom.cli.info import info
 from odom.cli.json_lines import wrap_stderr
 from odom.cli.keys import keys
+from odom.cli.optional_domain import WithRos2Domain
 from odom.cli.record import record
 from odom.cli.recover import recover
 from odom.cli.router import router
@@ -41,13 +42,13 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
-app.command("run")(run)
-app.command("serve")(serve)
+app.command("run", cls=WithRos2Domain)(run)
+app.command("serve", cls=WithRos2Domain)(serve)
 app.command("view")(view)
 app.command("config")(config)
 app.command("eval")(evaluate)
 app.command("doctor")(doctor)
-app.command("sensor")(sensor)
+app.command("sensor", cls=WithRos2Domain)(sensor)
 app.command("record")(record)
 app.command("import")(import_)
 app.command("batch")(batch)

@@ -27,6 +27,12 @@ OwnTopics = Annotated[
 ]
 SourceOption = Annotated[list[str] | None, typer.Option(help="A setting of the source itself: name=value.")]
 SimulatedSensor = Annotated[Literal["kinect1", "kinect2"], typer.Option("--sensor", help="What the arena simulates.")]
+Ros2 = Annotated[
+    int | None,
+    typer.Option(
+        "--ros2", metavar="[DOMAIN]", min=0, max=232, help="Be seen by ROS 2 (rmw_zenoh), by default in $ROS_DOMAIN_ID."
+    ),
+]
 Rate = Annotated[float, typer.Option(min=0.001, help="Speed of --realtime.")]
 
 
@@ -36,11 +42,13 @@ def wire_settings(
     listen: Sequence[str] | None,
     mode: str | None,
     namespace: str | None,
+    ros2: int | None = None,
 ) -> WireSettings:
     """Return the session's settings; see `part_settings`."""
     from odom.service.settings_sources import part_settings
 
-    given = {"connect": connect or None, "listen": listen or None, "mode": mode, "namespace": namespace}
+    endpoints = {"connect": connect or None, "listen": listen or None}
+    given = {**endpoints, "mode": mode, "namespace": namespace, "ros2_domain": ros2}
     return part_settings("wire", WireSettings, config, given)
 
 

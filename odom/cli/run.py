@@ -46,6 +46,7 @@ def run(
         list[str] | None, typer.Option(help="A further argument of `odom sensor`, as in --sensor-option=--depth=rvl.")
     ] = None,
     namespace: options.Namespace = None,
+    ros2: options.Ros2 = None,
     config: options.Config = None,
 ) -> None:
     """Track a source to its end or Ctrl-C, and leave trajectory, report and plot in a folder.
@@ -66,6 +67,8 @@ def run(
     settings = load_settings(config)
     if namespace is not None:
         settings = settings.model_copy(update={"wire": settings.wire.model_copy(update={"namespace": namespace})})
+    if ros2 is not None:
+        settings = settings.model_copy(update={"wire": settings.wire.model_copy(update={"ros2_domain": ros2})})
     sensor = [f"--start={start}", f"--rate={rate}", f"--seed={seed}", f"--sensor={kind}"]
     sensor += [f"--topic={one}" for one in topic or ()]
     sensor += [f"--option={one}" for one in option or ()]

@@ -36,6 +36,7 @@ def sensor(
     connect: options.Connect = None,
     listen: options.Listen = None,
     mode: options.Mode = None,
+    ros2: options.Ros2 = None,
     config: options.Config = None,
 ) -> None:
     """Publish a sensor, a folder or a recording.
@@ -49,7 +50,7 @@ def sensor(
     from sensors.catalogue import check_source
     from sensors.source import SourceOptions
 
-    settings = options.wire_settings(config, connect, listen, mode, namespace)
+    settings = options.wire_settings(config, connect, listen, mode, namespace, ros2)
     selected = SourceOptions(
         topics=Topics(settings.namespace),
         camera=camera,
@@ -80,6 +81,7 @@ def _publish(
 
     from odom.service.input_report import source_report
     from odom.service.progress import counting, hand_up
+    from odom.wire.ros2 import join_ros2
     from odom.wire.session import open_session
     from sensors.catalogue import open_source
     from sensors.process import END_OF_SOURCE, SensorProcess
@@ -90,7 +92,8 @@ def _publish(
     try:
         wanted = consumers if consumers is not None else int(opened.lossless)
         with open_session(settings) as session, counting("sensor", opened.length) as progress:
-            process = SensorProcess(session, opened, selected, wanted)
+            mirror = join_ros2(session, settings, "sensor")
+            process = SensorProcess(session, opened, selected, wanted, mirror)
             try:
                 report = process.run(stop, progress)
             finally:

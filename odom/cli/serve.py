@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from odom.cli import signals
-from odom.cli.options import Config, Connect, Listen, Mode, Namespace, wire_settings
+from odom.cli.options import Config, Connect, Listen, Mode, Namespace, Ros2, wire_settings
 
 
 def serve(
@@ -17,6 +17,7 @@ def serve(
     connect: Connect = None,
     listen: Listen = None,
     mode: Mode = None,
+    ros2: Ros2 = None,
     config: Config = None,
 ) -> None:
     """Estimate the pose of every frame of a device and publish it, until SIGINT or SIGTERM.
@@ -33,7 +34,7 @@ def serve(
     from odom.service.run_folder import held
     from odom.service.settings import load_settings
 
-    wire = wire_settings(config, connect, listen, mode, namespace)
+    wire = wire_settings(config, connect, listen, mode, namespace, ros2)
     settings = load_settings(config).model_copy(update={"wire": wire})
     with ExitStack() as stack:
         files = None

@@ -10,6 +10,7 @@ from odom.service.history import History
 from odom.service.path_topics import PathTopics
 from odom.service.settings import ServiceSettings
 from odom.wire import Message, Topics, codec
+from odom.wire.publisher import Mirror
 from odom.wire.session import WireSession
 
 _LEVEL = {State.TRACKING: 0, State.RECOVERED: 0, State.UNCERTAIN: 1, State.LOST: 2}
@@ -22,14 +23,16 @@ class EstimatePublisher:
     """Owns the publishers of one odometry process.
 
     Each message is remembered for late viewers before it is published: one that joins in between may get it twice, but
-    does not miss it.
+    does not miss it. `mirror` is given every message, too.
     """
 
-    def __init__(self, session: WireSession, topics: Topics, settings: ServiceSettings) -> None:
+    def __init__(
+        self, session: WireSession, topics: Topics, settings: ServiceSettings, mirror: Mirror | None = None
+    ) -> None:
         self._topics = topics
         self._settings = settings
-        self._publisher = session.publisher(urgent=True)
-        self._bulky = session.publisher()
+        self._publisher = session.publisher(urgent=True, mirror=mirror)
+        self._bulky = session.publisher(mirror=mirror)
         self._state: State | None = None
         self._status_due = 0.0
         self._features_due = 0.0

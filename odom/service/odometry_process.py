@@ -20,6 +20,8 @@ from odom.service.settings import Settings
 from odom.service.startup import notify_service_manager, warm_up
 from odom.wire import Topics
 from odom.wire.image_counts import NOT_TRACKABLE
+from odom.wire.publisher import Mirror
+from odom.wire.ros2 import join_ros2
 from odom.wire.session import WireSession, open_session
 
 _LOG = logging.getLogger(__name__)
@@ -43,7 +45,8 @@ def serve(settings: Settings, files: RunFiles | None, stop: threading.Event, unt
     started = time.monotonic()
     warm_up(settings.odometry, topics)
     with open_session(settings.wire) as session:
-        process = OdometryProcess(session, topics, settings, files)
+        mirror = join_ros2(session, settings.wire, "odometry")
+        process = OdometryProcess(session, topics, settings, files, mirror)
         session.announce(topics.alive_of("odometry"))
         notify_service_manager("READY=1")
         _LOG.info("ready after %.1f s, listening on %s", time.monotonic() - started, topics.namespace)
@@ -59,11 +62,18 @@ def serve(settings: Settings, files: RunFiles | None, stop: threading.Event, unt
 class OdometryProcess:
     """One device's odometry, from the receiver's frames to published and written poses."""
 
-    def __init__(self, session: WireSession, topics: Topics, settings: Settings, files: RunFiles | None) -> None:
+    def __init__(
+        self,
+        session: WireSession,
+        topics: Topics,
+        settings: Settings,
+        files: RunFiles | None,
+        mirror: Mirror | None = None,
+    ) -> None:
         self._topics = topics
         self._settings = settings
         self._files = files
-        self._publisher = EstimatePublisher(session, topics, settings.service)
+        self._publisher = EstimatePublisher(session, topics, settings.service, mirror)
         self._receiver = FrameReceiver(session, topics, settings.service.live_frames)
         self.statistics = RunStatistics()
         self._odometry: Odometry | None = None

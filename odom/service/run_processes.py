@@ -91,6 +91,8 @@ class RunProcesses:
             "ODOM_WIRE__NAMESPACE": settings.wire.namespace,
             COUNT_ENVIRONMENT: "1",
         }
+        if settings.wire.ros2_domain is not None:
+            environment["ODOM_WIRE__ROS2_DOMAIN"] = str(settings.wire.ros2_domain)
         shared = {} if folder_lock is None else {HELD_ENVIRONMENT: str(folder_lock)}
         self.children: dict[str, ChildProcess] = {}
         for name, arguments in _commands(plan):

@@ -3,6 +3,7 @@
 import secrets
 import threading
 import time
+from typing import Protocol
 
 import zenoh
 
@@ -12,17 +13,26 @@ from odom.wire.delivery import Attachment, encoding_of
 from odom.wire.message import Message
 
 
+class Mirror(Protocol):
+    """Publishes every message a second time, for others (see `odom.wire.ros2`)."""
+
+    def put(self, message: Message, payload: zenoh.ZBytes, urgent: bool = False) -> None:
+        """Publish the bytes of a message, which are not copied again; raises nothing."""
+
+
 class Publisher:
     """Publishes messages on any key with serial and sequence numbers; safe to use from several threads.
 
     `lossless`: wait for a congested link; otherwise a message that finds no room within `drop_after_ms` of the settings
-    is dropped. `urgent`: overtake images; only messages of the same urgency stay in order.
+    is dropped. `urgent`: overtake images; only messages of the same urgency stay in order. `mirror` is given the same
+    messages.
     """
 
-    def __init__(self, session: zenoh.Session, lossless: bool, urgent: bool) -> None:
+    def __init__(self, session: zenoh.Session, lossless: bool, urgent: bool, mirror: Mirror | None = None) -> None:
         self.epoch = secrets.randbits(64)
         self.serial = 0
         self._session = session
+        self._mirror, self._urgent = mirror, urgent
         self._lossless = lossless
         self._control = zenoh.CongestionControl.BLOCK if lossless else zenoh.CongestionControl.DROP
         self._priority = zenoh.Priority.DATA_HIGH if urgent else zenoh.Priority.DATA
@@ -35,13 +45,16 @@ class Publisher:
         with self._lock:
             sequence, serial = self._sequences.get(message.topic, 0), self.serial
             attachment = Attachment(self._lossless, self.epoch, serial, sequence, Stamp(time.time_ns()))
+            payload = zenoh.ZBytes(message.payload)
             try:
                 publisher = self._publishers.get((message.topic, message.type_name)) or self._declare(message)
-                publisher.put(message.payload, attachment=attachment.pack())
+                publisher.put(payload, attachment=attachment.pack())
             except zenoh.ZError as error:
                 raise WireError(f"{message.topic} cannot be published: {error}") from error
             self._sequences[message.topic] = sequence + 1
             self.serial = serial + 1
+            if self._mirror is not None:
+                self._mirror.put(message, payload, self._urgent)
         return serial
 
     def close(self) -> None:

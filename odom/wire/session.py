@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,7 +11,7 @@ import zenoh
 
 from odom.errors import WireError
 from odom.wire.delivery import Delivery
-from odom.wire.publisher import Publisher
+from odom.wire.publisher import Mirror, Publisher
 from odom.wire.security import secured, security_configuration
 from odom.wire.settings import WireSettings
 from odom.wire.subscriber import ReceptionCounters, Subscriber
@@ -35,9 +35,9 @@ class WireSession:
     zenoh: zenoh.Session
     _stack: ExitStack = field(default_factory=ExitStack)
 
-    def publisher(self, lossless: bool = False, urgent: bool = False) -> Publisher:
+    def publisher(self, lossless: bool = False, urgent: bool = False, mirror: Mirror | None = None) -> Publisher:
         """Return a publisher for any key; see `Publisher`."""
-        publisher = Publisher(self.zenoh, lossless, urgent)
+        publisher = Publisher(self.zenoh, lossless, urgent, mirror)
         self._stack.callback(publisher.close)
         return publisher
 
@@ -52,6 +52,10 @@ class WireSession:
     def at_close(self, action: Callable[[], None]) -> None:
         """Call `action` when the session closes."""
         self._stack.callback(action)
+
+    def enter(self, other: AbstractContextManager["WireSession"]) -> "WireSession":
+        """Open another session, which closes with this one."""
+        return self._stack.enter_context(other)
 
     def announce(self, key: str) -> None:
         """Declare this process alive under `key` until the session closes or the process dies."""
@@ -102,10 +106,11 @@ def _listeners(settings: WireSettings) -> list[str]:
 
     A router must have them all, since the others look for it there.
     """
-    demanded = [settings.mode == "router" or settings.on_purpose(where) for where in settings.listen]
+    listen = [where for where in settings.listen if settings.mode == "router" or not settings.left_to_ros2(where)]
+    demanded = [settings.mode == "router" or settings.on_purpose(where) for where in listen]
     return [
         where if is_demanded else f"{where}{';' if '#' in where else '#'}exit_on_failure=false"
-        for where, is_demanded in zip(secured(settings.listen, settings.security), demanded, strict=True)
+        for where, is_demanded in zip(secured(listen, settings.security), demanded, strict=True)
     ]
 
 

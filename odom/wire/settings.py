@@ -8,6 +8,8 @@ from odom.wire.security import SecuritySettings
 from odom.wire.text_list import TextList
 
 LOCAL = "tcp/127.0.0.1:7447"
+ROS2_ROUTER = "tcp/localhost:7447"
+"""Where ROS 2's own processes look for their router (rmw_zenohd)."""
 ANY_LOCAL_PORT = "tcp/127.0.0.1:0"
 
 Compression = Literal["zstd", "lz4", "none"]
@@ -32,6 +34,11 @@ class WireSettings(BaseModel, frozen=True, extra="forbid"):
     drop_after_ms: int = Field(
         40, ge=0, le=60_000, description="a live message waits so long for a congested link before it is dropped"
     )
+    ros2_domain: int | None = Field(
+        None, ge=0, le=232, description="ROS 2 domain in which sensor and odometry are seen, none: not seen (--ros2)"
+    )
+    ros2_router: str = Field(ROS2_ROUTER, description="Zenoh endpoint of the router of ROS 2 (rmw_zenohd)")
+    ros2_type_hashes: bool = Field(True, description="write hashes of types into ROS 2 keys; off for ROS 2 Humble")
     security: SecuritySettings = Field(SecuritySettings(), description="certificates, identities and rules")
     zenoh: dict[str, JsonValue] = Field(
         default_factory=dict,
@@ -46,6 +53,11 @@ class WireSettings(BaseModel, frozen=True, extra="forbid"):
         a viewer, may hold that place.
         """
         return self.model_copy(update={"listen": tuple(where for where in self.listen if self.on_purpose(where))})
+
+    def left_to_ros2(self, where: str) -> bool:
+        """Whether an endpoint to listen on is that of ROS 2's router, which could not start if it were taken."""
+        here = (ROS2_ROUTER, LOCAL)
+        return self.ros2_domain is not None and self.ros2_router in here and where in here
 
     def on_purpose(self, where: str) -> bool:
         """Whether an endpoint to listen on was asked for: it is neither a default nor one to connect to."""

@@ -14,6 +14,7 @@ import yaml
 from pydantic import BaseModel
 
 from odom.cli import app
+from odom.cli.optional_domain import filled_in
 from odom.service.settings import Settings
 
 PROJECT = Path(__file__).parents[2]
@@ -58,7 +59,7 @@ def parse(words):
 def test_every_command_is_understood(document):
     for line in commands_of(document):
         try:
-            parse(shlex.split(line))
+            parse(filled_in(shlex.split(line)))
         except AssertionError as error:
             pytest.fail(f"{document.name}: odom {line}: {error}")
 
@@ -66,7 +67,7 @@ def test_every_command_is_understood(document):
 def test_the_readmes_commands_are_found():
     lines = commands_of(PROJECT / "README.md")
     assert len(lines) > 30
-    named = {parse(shlex.split(line)).name for line in lines}
+    named = {parse(filled_in(shlex.split(line))).name for line in lines}
     assert {"run", "sensor", "serve", "record", "view", "router", "doctor", "eval", "config", "registration"} <= named
 
 
@@ -103,7 +104,7 @@ def variables(model, prefix):
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(PROJECT)))
 def test_environment_variables_are_settings(document):
-    named = set(re.findall(r"\bODOM_[A-Z]+__[A-Z_]+", document.read_text()))
+    named = set(re.findall(r"\bODOM_[A-Z]+__[A-Z0-9_]+", document.read_text()))
     assert named <= set(variables(Settings, "ODOM_"))
 
 

@@ -1,0 +1,63 @@
+"""A ROS 2 network for tests: its router, and what other nodes of it see."""
+
+import json
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+
+from odom.wire import WireSettings
+from odom.wire.ros2.node import ros2_wire
+from odom.wire.session import WireSession, open_session
+from odom.wire.settings import ANY_LOCAL_PORT
+
+DOMAIN = 7
+_LISTENER = Path(__file__).with_name("sdk_listener.py")
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def router(port: int) -> Any:
+    """Open what `odom router` opens, where rmw_zenohd would listen."""
+    return open_session(WireSettings(mode="router", connect=(), listen=(f"tcp/127.0.0.1:{port}",)))
+
+
+def wire_of(port: int, **changes: Any) -> WireSettings:
+    """Settings of a process that stands alone but for ROS 2."""
+    alone: dict[str, Any] = {"connect": (), "listen": (ANY_LOCAL_PORT,), "ros2_domain": DOMAIN}
+    return WireSettings(**(alone | {"ros2_router": f"tcp/127.0.0.1:{port}"} | changes))
+
+
+def other_node(port: int) -> Any:
+    """Open a session as another node of ROS 2 does."""
+    return open_session(ros2_wire(wire_of(port)))
+
+
+def tokens(session: WireSession) -> set[str]:
+    """What the ROS graph of the domain holds."""
+    replies = session.zenoh.liveliness().get(f"@ros2_lv/{DOMAIN}/**", timeout=2.0)
+    return {str(reply.ok.key_expr) for reply in replies if isinstance(reply.ok, zenoh.Sample)}
+
+
+@contextmanager
+def listener(port: int, *topics: str) -> Iterator[Iterator[dict[str, Any]]]:
+    """Yield what a subscriber of `zenoh-ros2-sdk` in another process is told, beginning when it is ready."""
+    pytest.importorskip("zenoh_ros2_sdk", reason="the wheel zenoh-ros2-sdk is missing")
+    command = [sys.executable, str(_LISTENER), str(port), str(DOMAIN), *topics]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            lines = (json.loads(line) for line in process.stdout)
+            yield lines
+        finally:
+            process.kill()

@@ -2,13 +2,23 @@
 
 from typing import TYPE_CHECKING, Any
 
-from odom.backend.estimate import ClosingTest, Estimate, Features, LoopCandidate, RelativePose, State, TrajectoryPose
+from odom.backend.estimate import (
+    ChainPose,
+    ClosingTest,
+    Estimate,
+    Features,
+    LoopCandidate,
+    RelativePose,
+    State,
+    TrajectoryPose,
+)
 from odom.backend.settings import OdometrySettings
 
 if TYPE_CHECKING:
     from odom.backend.odometry.odometry import Odometry
 
 __all__ = [
+    "ChainPose",
     "ClosingTest",
     "Estimate",
     "Features",

@@ -32,6 +32,21 @@ class RelativePose:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class ChainPose:
+    """A frame's pose by the paper's chain of pairwise registrations alone, at its stamp.
+
+    `covariance` (6 x 6, `se3`, camera frame) is that since the chain began, or began anew behind a hole. `hole` says
+    why the frame could not be registered against an earlier one; it is empty where it was, and for the first frame.
+    """
+
+    T_chain_camera: Array
+    covariance: Array
+    hole: str = ""
+
+    __repr__ = brief
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class LoopCandidate:
     """One place that looked like an earlier one, and what became of it."""
 
@@ -77,9 +92,9 @@ class Estimate:
     frame) is that of `T_odom_camera` since the segment began. `T_map_odom` holds the corrections by loop closures.
     `step` is the published pose relative to the previous frame's, `second` relative to the one about a second earlier,
     both with the covariance that the published trajectory claims for them; `pairwise` is the paper's independent
-    registration of (C_i, C_i+1). `path` lists the key frames' poses whenever they have changed, else None;
-    `landmarks_map` (m x 3, map frame) is a thinned cloud of landmarks for display, sent with it. `timings_ms` is the
-    processing time of each stage.
+    registration of (C_i, C_i+1), and `chain` the pose that follows from these alone. `path` lists the key frames' poses
+    whenever they have changed, else None; `landmarks_map` (m x 3, map frame) is a thinned cloud of landmarks for
+    display, sent with it. `timings_ms` is the processing time of each stage.
     """
 
     sequence: int
@@ -97,6 +112,7 @@ class Estimate:
     step: RelativePose | None = None
     second: RelativePose | None = None
     pairwise: RelativePose | None = None
+    chain: ChainPose | None = None
     loops: tuple[LoopCandidate, ...] = ()
     features: Features | None = None
     path: tuple[TrajectoryPose, ...] | None = None

@@ -30,7 +30,9 @@ def run(
     stay: Annotated[bool, typer.Option("--stay", help="Keep the viewer open until Ctrl-C.")] = False,
     record: Annotated[Path | None, typer.Option(help="Record the session to this .mcap file meanwhile.")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file of --record if it exists.")] = False,
-    chain: Annotated[bool, typer.Option("--chain", help="Also write the paper's pairwise chain to chain.txt.")] = False,
+    chain: Annotated[
+        bool, typer.Option("--chain", hidden=True, help="Not needed: chain.txt is always written.")
+    ] = False,
     camera: options.Calibration = None,
     start: options.Start = 0.0,
     end: options.End = None,
@@ -90,7 +92,6 @@ def run(
         source=source,
         out=folder,
         sensor_arguments=sensor,
-        odometry_arguments=["--chain"] if chain else [],
         record=record,
         overwrite=overwrite,
         viewer_arguments=viewer if rrd or not headless else None,

@@ -12,7 +12,9 @@ from odom.cli.options import Config, Connect, Listen, Mode, Namespace, Ros2, wir
 def serve(
     out: Annotated[Path | None, typer.Option(help="Folder for odometry.txt, trajectory.txt and report.json.")] = None,
     until_end: Annotated[bool, typer.Option("--until-end", help="End when the source ends.")] = False,
-    chain: Annotated[bool, typer.Option("--chain", help="Also write the paper's pairwise chain to chain.txt.")] = False,
+    chain: Annotated[
+        bool, typer.Option("--chain", hidden=True, help="Not needed: chain.txt is always written.")
+    ] = False,
     namespace: Namespace = None,
     connect: Connect = None,
     listen: Listen = None,
@@ -40,5 +42,5 @@ def serve(
         files = None
         if out is not None:
             stack.enter_context(held(out))
-            files = RunFiles(out, chain, endless=not until_end)
+            files = RunFiles(out, endless=not until_end)
         run_odometry(settings, files, stop, until_end)

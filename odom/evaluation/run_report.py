@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from odom.errors import InputError
+from odom.evaluation.chain_report import chain_fields
 from odom.evaluation.files import read_run, read_tum
 from odom.evaluation.mocap_calibration import Calibration, CalibrationOptions, calibrate
 from odom.evaluation.relative import RelativePoses, read_relative, relative_errors_of, relative_nees
@@ -35,10 +36,11 @@ def report_with_truth(
     """Judge the run in `out_dir`, draw `plot.png` there, and return the truth fields of `report.json`.
 
     Reads `trajectory.txt` and the parts beside it, which count as not matched, `odometry.txt`, `relative_step.txt`,
-    `relative_second.txt` and `truth.txt`. `body` is the one whose truth it is (None: as `truth.txt` says, see
-    `body_of`): unless it is `camera`, clock offset and hand-eye transformation are estimated, or imposed by
-    `calibration_options`, and used for every figure. A figure that cannot be computed is None, and `truth_notes` say
-    why. NEES allows for the truth's own noise where its samples show it (see `noise`), `..._exact_truth` does not.
+    `relative_second.txt`, `truth.txt`, and the chain's files (see `chain_fields`). `body` is the one whose truth it is
+    (None: as `truth.txt` says, see `body_of`): unless it is `camera`, clock offset and hand-eye transformation are
+    estimated, or imposed by `calibration_options`, and used for every figure. A figure that cannot be computed is None,
+    and `truth_notes` say why. NEES allows for the truth's own noise where its samples show it (see `noise`),
+    `..._exact_truth` does not.
 
     Raises SourceError when `trajectory.txt` or `truth.txt` cannot be read.
     """
@@ -65,6 +67,7 @@ def report_with_truth(
         **_nees_fields(second, truth, "nees"),
         **_nees_fields(step, truth, "nees_step"),
         **calibration_fields(calibration, body),
+        "chain": chain_fields(out_dir, truth, options),
         "truth_notes": [*final.notes, *(calibration.notes if calibration else ())],
     }
     return {key: _finite(value) for key, value in fields.items()}

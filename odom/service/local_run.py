@@ -118,7 +118,9 @@ def complete_report(out: Path, processes: RunProcesses) -> Report:
         from odom.evaluation.run_report import report_with_truth
 
         try:
-            report |= report_with_truth(out, total_frames=processes.total)
+            judged = report_with_truth(out, total_frames=processes.total)
+            chain = report.get("chain", {}) | judged.get("chain", {})
+            report |= judged | ({"chain": chain} if chain else {})
         except (OdomError, OSError) as error:
             report["truth_notes"] = [str(error)]
             _LOG.warning("not judged against truth: %s", error)

@@ -16,6 +16,8 @@ _RESULTS = (
     "relative_step.txt",
     "relative_second.txt",
     "chain.txt",
+    "chain_closed.txt",
+    "relative_chain.txt",
     "truth.txt",
     "report.json",
     "plot.png",

@@ -94,29 +94,26 @@ class LineFile:
 class RunFiles:
     """The text files in the folder of a run; every line is handed to the system when `append` returns.
 
-    Raises OSError when the folder cannot be written; what is in the files by then are whole lines. With `chain` the
-    paper's pairwise poses go to `chain.txt`, chained from the first frame on; a frame without one leaves a comment
-    there, and the chain continues after it.
+    Raises OSError when the folder cannot be written; what is in the files by then are whole lines. The paper's chain
+    goes to `chain.txt`, its links to `relative_chain.txt`; before a frame that could not be linked to an earlier one
+    stands a comment that says why, and the chain goes on from where it stood.
     Results of an earlier run in the folder are set aside (see `previous_results`). An `endless` service does so
     with its own at each GiB, too, and drops the oldest in the end.
     """
 
-    def __init__(self, folder: Path, chain: bool = False, endless: bool = False) -> None:
+    def __init__(self, folder: Path, endless: bool = False) -> None:
         self.folder = folder
         self._endless = endless
         folder.mkdir(parents=True, exist_ok=True)
         self._set_aside()
-        names = ("odometry.txt", "relative_step.txt", "relative_second.txt", *(("chain.txt",) if chain else ()))
+        names = ("odometry.txt", "relative_step.txt", "relative_second.txt", "chain.txt", "relative_chain.txt")
         self._files = {name: LineFile(folder / name) for name in names}
-        self._T_chain: Array = np.eye(4)
         self._truth: dict[str, str] = {}
         self._continuity = Continuity()
         self._comment = ""  # until a pose could be written behind it
 
     def append(self, estimate: Estimate) -> None:
         """Write a frame's poses; a LOST frame leaves no line."""
-        if estimate.pairwise is not None:
-            self._T_chain = self._T_chain @ estimate.pairwise.T_earlier_current
         self._begin_anew_if_full()
         self._comment = self._continuity.comment(estimate) or self._comment
         if estimate.T_odom_camera is not None:
@@ -126,10 +123,11 @@ class RunFiles:
             self._files["relative_step.txt"].write(relative_line(estimate.stamp, estimate.step))
         if estimate.second is not None:
             self._files["relative_second.txt"].write(relative_line(estimate.stamp, estimate.second))
-        if "chain.txt" in self._files:
-            broken = estimate.pairwise is None and estimate.sequence
-            comment = f"# {_seconds(estimate.stamp)}: no pairwise pose\n" if broken else ""
-            self._files["chain.txt"].write(comment + pose_line(estimate.stamp, self._T_chain))
+        if (chain := estimate.chain) is not None:
+            hole = f"# {_seconds(estimate.stamp)}: a hole: {chain.hole}\n" if chain.hole else ""
+            self._files["chain.txt"].write(hole + pose_line(estimate.stamp, chain.T_chain_camera))
+        if estimate.pairwise is not None:
+            self._files["relative_chain.txt"].write(relative_line(estimate.stamp, estimate.pairwise))
 
     def append_truth(self, body: str, stamp: Stamp, T_world_body: Array) -> None:
         """Write a motion capture pose: the first body seen to `truth.txt`, others to `truth_<body>.txt`."""

@@ -42,7 +42,6 @@ class RunPlan:
     source: str
     out: Path
     sensor_arguments: Sequence[str] = ()
-    odometry_arguments: Sequence[str] = ()
     record: Path | None = None
     overwrite: bool = False
     viewer_arguments: Sequence[str] | None = None
@@ -207,7 +206,7 @@ class RunProcesses:
 
 def _commands(plan: RunPlan) -> list[tuple[str, Sequence[str]]]:
     consumers = 1 + (plan.record is not None)
-    odometry = ["serve", "--out", str(plan.out), "--until-end", *plan.odometry_arguments]
+    odometry = ["serve", "--out", str(plan.out), "--until-end"]
     commands: list[tuple[str, Sequence[str]]] = [("odometry", odometry)]
     if plan.record is not None:
         commands.append(("recorder", ["record", str(plan.record), *(["--overwrite"] if plan.overwrite else [])]))

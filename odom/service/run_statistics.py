@@ -69,7 +69,8 @@ class RunStatistics:
     """Counters of one odometry process.
 
     `color` and `depth` say what became of the images until the odometry had them, `refused` counts the frames that it
-    did not take, `lost_for` those that are LOST, by reason; `dropped` counts all bad input by its kind, `forgotten_*`
+    did not take, `lost_for` those that are LOST, by reason; `chain_holes` those with a pose that the chain could not
+    link to an earlier one; `dropped` counts all bad input by its kind, `forgotten_*`
     what the odometry gave up to stay within its memory, `unwritten` lines and files that could not be written;
     `source_end` is what the source said when it ended.
     """
@@ -91,6 +92,8 @@ class RunStatistics:
     loop_candidates: int = 0
     loop_closures: int = 0
     segments_begun: int = 0
+    chain_links: int = 0
+    chain_holes: int = 0
     refused: int = 0
     lost_frames: int = 0
     unmatched_frames: int = 0
@@ -120,6 +123,8 @@ class RunStatistics:
         self.add_loops(estimate.loops)
         if estimate.T_odom_camera is not None:
             self.segments_begun = max(self.segments_begun, estimate.segment + 1)
+        self.chain_links += estimate.pairwise is not None
+        self.chain_holes += estimate.chain is not None and estimate.chain.hole != ""
         self.processing.add(processing_ms)
         for stage, milliseconds in estimate.timings_ms.items():
             self.stages_ms[stage] = self.stages_ms.get(stage, 0.0) + milliseconds
@@ -181,6 +186,7 @@ class RunStatistics:
             "colour": self._color_used().report(),
             "depth": self.depth.report(),
             "segments_begun": self.segments_begun,
+            "chain": {"links": self.chain_links, "holes": self.chain_holes},
             "source_end": self.source_end,
             **{name: getattr(self, name) for name in _COUNTERS},
             "processing_ms": self.processing.summary(with_mean=True),

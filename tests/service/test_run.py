@@ -53,6 +53,9 @@ TRUTH_FIELDS = {
     "time_offset_s",
     "hand_eye",
 }
+CHAIN_FIELDS = (
+    "ate_m", "rpe_frame_m", "rpe_frame_deg", "rpe_1s_m", "rpe_1s_deg", "nees_frame", "holes", "links",
+)  # fmt: skip
 CHUNK_S = 0.5
 ROLES = {"sensor": "sensor", "odometry": "serve", "recorder": "record", "viewer": "view"}
 
@@ -98,6 +101,9 @@ def test_a_run_leaves_the_files_and_the_report_of_the_contract(
     assert report["peak_rss_mb"].keys() >= {"sensor", "odometry"}
     assert report["frames"] == lines(out / "odometry.txt") > 80
     assert report["matched"] > 60
+    assert report["chain"].keys() >= {*CHAIN_FIELDS}
+    assert report["chain"]["holes"] == 0
+    assert report["chain"]["links"] == lines(out / "relative_chain.txt") == report["frames"] - 1
     assert (out / "relative_second.txt").exists()
     for name in ("trajectory.txt", "truth.txt", "relative_step.txt", "chain.txt", "plot.png"):
         assert (out / name).stat().st_size > 0, name
@@ -108,7 +114,7 @@ def test_two_runs_of_one_recording_are_equal_to_the_byte(odom: Start, source: tu
         run = odom("run", *source, "--headless", "--out", tmp_path / name)
         words, _ = run.communicate(timeout=250)
         assert run.returncode == 0, words
-    for name in ("odometry.txt", "trajectory.txt", "relative_step.txt", "relative_second.txt"):
+    for name in ("odometry.txt", "trajectory.txt", "relative_step.txt", "relative_second.txt", "chain.txt"):
         assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "second" / name).read_bytes(), name
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from odom.backend import Estimate, RelativePose, State, TrajectoryPose
+from odom.backend import ChainPose, Estimate, RelativePose, State, TrajectoryPose
 from odom.evaluation.files import read_run, read_tum
 from odom.evaluation.relative import read_relative
 from odom.frame import Stamp
@@ -25,7 +25,7 @@ def stamp(i: int) -> Stamp:
     return Stamp(1_305_031_102_175_304_001 + i * 33_333_333)
 
 
-def estimate(i: int, state: State = State.TRACKING, with_pairwise: bool = True) -> Estimate:
+def estimate(i: int, state: State = State.TRACKING, hole: str = "") -> Estimate:
     lost = state is State.LOST
     relative = RelativePose(stamp(i - 1), se3.exp(STEP), COVARIANCE) if i else None
     return Estimate(
@@ -40,7 +40,8 @@ def estimate(i: int, state: State = State.TRACKING, with_pairwise: bool = True) 
         inliers=10,
         matches=20,
         step=None if lost else relative,
-        pairwise=relative if with_pairwise else None,
+        pairwise=None if lost or hole else relative,
+        chain=None if lost else ChainPose(se3.exp(STEP * i), COVARIANCE, hole),
     )
 
 
@@ -111,14 +112,17 @@ def test_a_comment_stands_where_the_causal_poses_are_not_continuous(tmp_path: Pa
     assert [numbers.get(stamp(i)) for i in range(14)] == [0, None, 1, 1, None, 0, None, 0, 2, 2, 2, 2, None, 3]
 
 
-def test_the_chain_is_the_product_of_the_pairwise_poses(tmp_path: Path) -> None:
-    files = RunFiles(tmp_path, chain=True)
-    for i in range(4):
-        files.append(estimate(i, with_pairwise=i != 2))
+def test_the_chain_has_a_line_for_every_frame_with_a_pose_and_says_its_holes(tmp_path: Path) -> None:
+    files = RunFiles(tmp_path)
+    for i in range(5):
+        files.append(estimate(i, State.LOST if i == 1 else State.TRACKING, "nothing in common" if i == 3 else ""))
     chain = read_tum(tmp_path / "chain.txt")
-    assert len(chain) == 4
-    np.testing.assert_allclose(chain.T_world_body[3], se3.exp(STEP) @ se3.exp(STEP), atol=1e-8)
-    assert "no pairwise pose" in (tmp_path / "chain.txt").read_text()
+    assert list(chain.stamps) == [stamp(i) for i in (0, 2, 3, 4)]
+    np.testing.assert_allclose(chain.T_world_body[3], se3.exp(4 * STEP), atol=1e-8)
+    assert [line for line in (tmp_path / "chain.txt").read_text().splitlines() if line.startswith("#")] == [
+        f"# {stamp(3) * 1e-9:.0f}.{stamp(3) % 10**9:09d}: a hole: nothing in common"
+    ]
+    assert list(read_relative(tmp_path / "relative_chain.txt").stamps_current) == [stamp(2), stamp(4)]
 
 
 def test_truth_of_the_first_body_is_the_truth(tmp_path: Path) -> None:
@@ -141,7 +145,7 @@ def room_for(size: int) -> Iterator[None]:
 
 
 def test_a_full_disk_leaves_whole_lines_and_writing_goes_on_when_there_is_room_again(tmp_path: Path) -> None:
-    files = RunFiles(tmp_path, chain=True)
+    files = RunFiles(tmp_path)
     for i in range(10):
         if i in (5, 6):
             with room_for((tmp_path / "odometry.txt").stat().st_size + 40), pytest.raises(OSError, match="too large"):
@@ -152,7 +156,7 @@ def test_a_full_disk_leaves_whole_lines_and_writing_goes_on_when_there_is_room_a
     assert list(read_tum(tmp_path / "odometry.txt").stamps) == kept
     assert len(read_relative(tmp_path / "relative_step.txt").covariances) == len(kept) - 1
     chain = read_tum(tmp_path / "chain.txt")
-    np.testing.assert_allclose(chain.T_world_body[-1], se3.exp(9 * STEP), atol=1e-8)  # goes on behind the hole
+    np.testing.assert_allclose(chain.T_world_body[-1], se3.exp(9 * STEP), atol=1e-8)  # nothing is lost of it
 
 
 def test_a_trajectory_that_finds_no_room_leaves_the_one_before(tmp_path: Path) -> None:

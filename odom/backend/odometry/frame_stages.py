@@ -4,7 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from odom.backend.chain import Chain
+from odom.backend.chain.chain import Chain, ChainFrame
+from odom.backend.chain.sight import Sight
 from odom.backend.estimate import Estimate, Features, State
 from odom.backend.map.frame_log import LoggedFrame
 from odom.backend.map.map import Map
@@ -139,9 +140,9 @@ class FrameStages:
         published = self._publish(view, judged)
         watch.lap("publish")
         tracked, previous = judged.tracked, self.state
-        is_successive = judged.since_previous_s > 0.0 and previous is not None
-        T_previous_map = previous.T_camera_map if previous is not None and is_successive else None
-        pairwise = self.chain.extend(T_previous_map, tracked, published, self.sensor)
+        sight = Sight.of(tracked, self.map.landmarks.identity[tracked.rows])
+        T_hint = None if previous is None else previous.motion_to(tracked, self.map)
+        chained = self.chain.extend(ChainFrame(view, sight, tracked.twist, published), T_hint, self.sensor)
         watch.lap("chain")
         is_keyframe = self._grow_map(view, judged, published)
         watch.lap("map")
@@ -151,7 +152,8 @@ class FrameStages:
             inliers=tracked.inlier_count,
             matches=len(tracked.expected),
             is_keyframe=is_keyframe,
-            pairwise=pairwise,
+            pairwise=self.chain.link,
+            chain=chained,
             features=Features(tracked.uv, residual),
         )
 
@@ -219,12 +221,12 @@ class FrameStages:
         keyframe = self.mapper.inserter.begin_segment(view, T_camera_map, self.sensor)
         self._visibility = self._visibility.with_new_segment(view.stamp)
         published = self.published.begin(view.stamp, keyframe.segment, keyframe.number, self.sensor)
-        self.chain.begin(published)
+        chained = self.chain.extend(ChainFrame(view, Sight.nothing(), AT_REST, published), None, self.sensor)
         self.state = FrameState(view, None, T_camera_map, AT_REST, keyframe.number, keyframe.rows, keyframe.uv)
         state = State.TRACKING if is_first else State.RECOVERED
         reason = "" if is_first else "new segment: no known place recognised"
         estimate = self._describe(view, state, reason, published)
-        return replace(estimate, matches=len(keyframe.rows), is_keyframe=True)
+        return replace(estimate, matches=len(keyframe.rows), is_keyframe=True, chain=chained)
 
     @property
     def _segment(self) -> int:

@@ -114,6 +114,11 @@ class FrameState:
         """Return the motion (6, `se3`) from this frame's pose to a tracked one's, as a change of T_camera_map."""
         return se3.log(tracked.T_camera_map @ self.T_map_camera)
 
+    def motion_to(self, tracked: Tracked, map_: Map) -> Array | None:
+        """Return T_here_tracked as the map has it, None where the two are in segments that were never joined."""
+        a, b = map_.keyframes[self.reference], map_.keyframes[tracked.reference]
+        return self.T_camera_map @ tracked.T_map_camera if a.segment == b.segment else None
+
     def predicted_after(self, since_s: float) -> Array:
         """Return T_camera_map `since_s` seconds later by constant velocity."""
         return np.asarray(se3.exp(-self.twist * since_s) @ self.T_camera_map)

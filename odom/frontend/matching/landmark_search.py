@@ -111,8 +111,12 @@ def find_landmarks(
     images: FrameImages,
     sensor: SensorModel,
     most: int,
+    is_near: bool = False,
 ) -> Found:
-    """Look for up to `most` of the `candidates` among `landmarks` where `T_camera_map` predicts them."""
+    """Look for up to `most` of the `candidates` among `landmarks` where `T_camera_map` predicts them.
+
+    `is_near`: within `search_fine_limit_px`, so that the half-size image need not be searched first.
+    """
     lens, cell_px, margin_px = sensor.lens, TUNING.search_cell_px, TUNING.search_margin_px
     rows, priority = candidates.rows, candidates.priority
     height, width = images.full.shape
@@ -132,12 +136,16 @@ def find_landmarks(
         lens.distortion,
         WARP_LIMITS,
     )
-    patches_half, patches_full = landmarks.patch_half[rows], landmarks.patch_full[rows]
-    uv, iterations = seen[:, :2] / 2.0, TUNING.search_iterations
-    limit_px = TUNING.search_coarse_limit_px
-    score, _ = align_patches(images.half, patches_half, A, uv, usable, iterations, limit_px, PATCH_LIMITS)
-    usable &= score > TUNING.search_coarse_score
-    uv *= 2.0
+    patches_full = landmarks.patch_full[rows]
+    iterations = TUNING.search_iterations
+    uv = seen[:, :2].copy()
+    if not is_near:
+        uv /= 2.0
+        patches_half = landmarks.patch_half[rows]
+        limit_px = TUNING.search_coarse_limit_px
+        score, _ = align_patches(images.half, patches_half, A, uv, usable, iterations, limit_px, PATCH_LIMITS)
+        usable &= score > TUNING.search_coarse_score
+        uv *= 2.0
     limit_px = TUNING.search_fine_limit_px
     score, covariance = align_patches(images.full, patches_full, A, uv, usable, iterations, limit_px, PATCH_LIMITS)
     found = score > TUNING.search_fine_score

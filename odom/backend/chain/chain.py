@@ -1,0 +1,122 @@
+"""The chain: links between successive frames, composed into a trajectory that knows nothing of the map's poses.
+
+Where the map's search found the same landmark in both frames it is used; corners that the map does not know are
+followed by the chain itself. The map's pose only says where to look. What is known of a frame's stamp, its rows and
+its depth's lag is used as it is for the map: all is carried to the time of the image's middle row.
+
+Links are composed as if their errors were independent. Neighbouring links share the frame between them, whose errors
+enter both with opposite signs as long as a patch lives: the chain's covariance is then larger than its error.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from odom.backend.chain.own_corners import OwnCorners, cut_corners
+from odom.backend.chain.pairwise import PairwisePose, register_frames
+from odom.backend.chain.sight import Sight
+from odom.backend.chain.tuning import TUNING
+from odom.backend.estimate import ChainPose, RelativePose
+from odom.backend.map.pose_covariance import calibration_covariance
+from odom.backend.publication import Publication
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.view import View
+from odom.geometry import se3
+from odom.geometry.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class ChainFrame:
+    """A frame that the chain is to be extended by: its `view`, what it shows of the map, and its `publication`.
+
+    It was taken in motion with `twist` (6, SI, camera frame).
+    """
+
+    view: View
+    sight: Sight
+    twist: Array
+    published: Publication
+
+    def stamp_covariance(self, sensor: SensorModel) -> Array:
+        """Return the 6 x 6 covariance of carrying a pose from the middle row's time to the jittering stamp."""
+        jitter = sensor.clock.jitter_s**2 * np.outer(self.twist, self.twist)
+        return np.asarray(jitter + self.published.covariance_middle_stamp)
+
+
+class Chain:
+    """The chain's end: its newest frame, and its `link` to an earlier one (None: there is none).
+
+    `T_chain_camera` is the newest frame's pose at its middle row's time, with the 6 x 6 `covariance` of the motion
+    since the chain began, or began anew behind a hole.
+    """
+
+    def __init__(self) -> None:
+        self.link: RelativePose | None = None
+        self.T_chain_camera: Array = np.eye(4)
+        self.covariance: Array = np.zeros((6, 6))
+        self._end: ChainFrame | None = None
+        self._start_covariance: Array = np.zeros((6, 6))
+        self._corners = OwnCorners.nothing()
+        self._after_renewal = 0
+        self._next_name = -1
+
+    def extend(self, frame: ChainFrame, T_hint: Array | None, sensor: SensorModel) -> ChainPose:
+        """Return the pose of one more frame; `T_hint` is where the newest one has it (None: nobody knows).
+
+        A frame that cannot be registered leaves a hole: it stands where the newest one stood, and the chain goes on
+        from there.
+        """
+        end, link = self._end, None
+        why, sight = "nothing in common with the frame before", frame.sight
+        if end is None:
+            why = ""
+        elif T_hint is not None:
+            T_camera_chain = se3.inverse(self.T_chain_camera @ T_hint)
+            sight = sight.joined(self._corners.look_for(frame.view, T_camera_chain, frame.twist, sensor))
+            before, now = end.sight.shared_with(sight)
+            found = register_frames(end.sight.measured.take(before), sight.measured.take(now), T_hint)
+            if isinstance(found, str):
+                why = found
+            else:
+                link, why = self._append(end, frame, found, sensor), ""
+                self._corners = self._corners.found_again(sight.names[now[found.inliers]])
+        if link is None:
+            self._begin_anew(end, frame, sensor)
+            sight = frame.sight
+        self.link, self._end = link, self._renewed(frame, sight, sensor)
+        return self._described(frame, why, sensor)
+
+    def _append(self, end: ChainFrame, frame: ChainFrame, found: PairwisePose, sensor: SensorModel) -> RelativePose:
+        """Move the chain's end to a registered frame; return the link between the two stamps."""
+        covariance = sensor.noise.covariance_scale * found.covariance
+        self.T_chain_camera = se3.orthonormal(self.T_chain_camera @ found.T_previous_current)
+        self.covariance = se3.compose_covariance(self.covariance, found.T_previous_current, covariance)
+        T_middles = found.T_previous_current
+        T = se3.inverse(end.published.T_middle_stamp) @ T_middles @ frame.published.T_middle_stamp
+        covariance = covariance + end.stamp_covariance(sensor) + frame.stamp_covariance(sensor)
+        return RelativePose(end.view.stamp, T, covariance, int(np.count_nonzero(found.inliers)))
+
+    def _begin_anew(self, end: ChainFrame | None, frame: ChainFrame, sensor: SensorModel) -> None:
+        """Let a frame stand, at its stamp, where the chain's end stood."""
+        T_chain_stamp = self.T_chain_camera if end is None else self.T_chain_camera @ end.published.T_middle_stamp
+        self.T_chain_camera = T_chain_stamp @ se3.inverse(frame.published.T_middle_stamp)
+        self.covariance = np.zeros((6, 6))
+        self._start_covariance = frame.stamp_covariance(sensor)
+        self._corners, self._after_renewal = OwnCorners.nothing(), 0
+
+    def _renewed(self, frame: ChainFrame, sight: Sight, sensor: SensorModel) -> ChainFrame:
+        """Return a frame with all that it measured; new corners are cut where too little is left of what was seen."""
+        if len(sight) <= TUNING.corner_renewal * self._after_renewal or not len(self._corners):
+            new, cut = cut_corners(frame.view, sight.uv, self.T_chain_camera, self._next_name, frame.twist, sensor)
+            self._next_name -= len(new)
+            self._corners, sight = self._corners.joined(new), sight.joined(cut)
+            self._after_renewal = len(sight)
+        return ChainFrame(frame.view, sight, frame.twist, frame.published)
+
+    def _described(self, frame: ChainFrame, hole: str, sensor: SensorModel) -> ChainPose:
+        T_middle_stamp = frame.published.T_middle_stamp
+        T_chain_stamp = self.T_chain_camera @ T_middle_stamp
+        ends = self._start_covariance + frame.stamp_covariance(sensor)
+        ends = ends + calibration_covariance(T_chain_stamp, sensor.noise.calibration_error)
+        covariance = se3.compose_covariance(self.covariance, T_middle_stamp, ends)
+        return ChainPose(T_chain_stamp, covariance, hole)

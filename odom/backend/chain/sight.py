@@ -1,0 +1,47 @@
+"""What one frame of the chain measured, by names that the next frame finds again."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from odom.backend.tracking.frame_state import Tracked
+from odom.frontend.features.measurement import Measurements
+from odom.geometry.arrays import Array, Index
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """n features of a frame: their `names` (n), where they were seen (`uv`, n x 2 px), and what was `measured`.
+
+    Landmarks of the map have their identities for names, the chain's own corners negative numbers.
+    """
+
+    names: Index
+    uv: Array
+    measured: Measurements
+
+    @classmethod
+    def of(cls, tracked: Tracked, identities: Index) -> "Sight":
+        """Return the landmarks that the map's search found in a frame, by their `identities` (n)."""
+        return cls(identities, tracked.uv, tracked.measurements)
+
+    @classmethod
+    def nothing(cls) -> "Sight":
+        """Return the sight of no feature."""
+        return cls(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), Measurements.nothing())
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def joined(self, other: "Sight") -> "Sight":
+        """Return these features followed by the `other` ones."""
+        return Sight(
+            np.concatenate([self.names, other.names]),
+            np.concatenate([self.uv, other.uv]),
+            self.measured.joined(other.measured),
+        )
+
+    def shared_with(self, other: "Sight") -> tuple[Index, Index]:
+        """Return the rows here and in the `other` sight of the features that both measured."""
+        _, here, there = np.intersect1d(self.names, other.names, assume_unique=True, return_indices=True)
+        return here, there

@@ -16,6 +16,7 @@ _TAKES = {
     "arena": {"sensor", "seed", "seconds", "live", "extra"} | _PLAYED | _SENT,
     "a live camera": {"camera", "seconds", "extra"} | _SENT,
     "an .oni file": {"camera", "extra"} | _PLAYED | _SENT,
+    "a camera of ROS 2": {"camera", "topics_from", "seconds", "extra", "depth"},
     "a motion capture server": {"seconds", "extra"},
     "a Motive export": {"extra", "realtime", "rate", "loop"},
     "a TUM folder": {"camera"} | _PLAYED,
@@ -33,8 +34,8 @@ _OPTIONS = {"topics_from": "--topic", "extra": "--option"}
 def open_source(spec: str, options: SourceOptions) -> Source:
     """Open the SOURCE `spec`.
 
-    It is `arena`, `kinect[:URI]`, `kinect:FILE.oni`, an .mcap recording, a ROS bag or a TUM RGB-D folder;
-    for truth alone `optitrack:SERVER` or a CSV file exported from Motive.
+    It is `arena`, `kinect[:URI]`, `kinect:FILE.oni`, `ros2:/camera`, an .mcap recording, a ROS bag or a TUM RGB-D
+    folder; for truth alone `optitrack:SERVER` or a CSV file exported from Motive.
 
     Raises ConfigError when `spec` is none of these, or is told what it has no use for; SourceError when it cannot be
     opened.
@@ -57,6 +58,10 @@ def open_source(spec: str, options: SourceOptions) -> Source:
         from sensors.openni2 import open_kinect
 
         return open_kinect(spec, options)
+    if kind == "a camera of ROS 2":
+        from sensors.ros2 import open_ros2
+
+        return open_ros2(spec, options)
     if kind in ("a motion capture server", "a Motive export"):
         from sensors.optitrack import open_optitrack
 
@@ -86,6 +91,10 @@ def check_source(spec: str, options: SourceOptions) -> None:
         from sensors.openni2.settings import KinectSettings
 
         read_options("kinect", KinectSettings, dict(options.extra))
+    elif kind == "a camera of ROS 2":
+        from sensors.ros2 import ros2_settings
+
+        ros2_settings(spec, options)
     elif kind == "a motion capture server":
         from sensors.optitrack.settings import OptiTrackSettings
 
@@ -99,6 +108,8 @@ def _kind(spec: str) -> str:
         return "arena"
     if spec == "kinect" or spec.startswith("kinect:"):
         return "an .oni file" if spec.endswith(".oni") else "a live camera"
+    if spec == "ros2" or spec.startswith("ros2:"):
+        return "a camera of ROS 2"
     if spec.startswith("optitrack:"):
         return "a motion capture server"
     path = Path(spec)
@@ -115,7 +126,7 @@ def _kind(spec: str) -> str:
             f"{spec} is neither an .mcap recording, a ROS bag (.bag, .db3, or a folder of .db3 files or with "
             "metadata.yaml) nor a TUM RGB-D folder (with rgb.txt and depth.txt)"
         )
-    what = "a SOURCE is arena, kinect, an .mcap file or a TUM RGB-D folder"
+    what = "a SOURCE is arena, kinect, ros2:/camera, an .mcap file or a TUM RGB-D folder"
     raise ConfigError(f"{spec}: no such file or folder{_nearest(path)}; {what}")
 
 

@@ -16,7 +16,8 @@ Mode = Annotated[Literal["peer", "client", "router"] | None, typer.Option(help="
 Connect = Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to connect to.")]
 Calibration = Annotated[Path | None, typer.Option(help="Calibration (ROS camera-calibration YAML).")]
 SourceName = Annotated[
-    str, typer.Argument(help="arena, kinect[:URI], kinect:FILE.oni, an .mcap recording or a TUM RGB-D folder.")
+    str,
+    typer.Argument(help="arena, kinect[:URI], kinect:FILE.oni, ros2:/camera, a recording or a TUM RGB-D folder."),
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of the arena.")]
 Start = Annotated[float, typer.Option(min=0, help="Seconds of a recording to skip.")]

@@ -47,6 +47,7 @@ def sensor(
     """
     stop = None if check else signals.stop_event()
     from odom.wire import Topics
+    from odom.wire.ros2 import check_no_loop
     from sensors.catalogue import check_source
     from sensors.source import SourceOptions
 
@@ -68,6 +69,7 @@ def sensor(
         live=live,
         extra=options.pairs("--option", option),
     )
+    check_no_loop(source, settings)
     if stop is None:
         check_source(source, selected)
     else:

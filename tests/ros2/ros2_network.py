@@ -4,7 +4,9 @@ import json
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+import threading
+import time
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -12,13 +14,41 @@ from typing import Any
 import pytest
 import zenoh
 
-from odom.wire import WireSettings
+from odom.frame import Stamp
+from odom.wire import Message, WireSettings
+from odom.wire.codec import restamp
+from odom.wire.ros2 import Ros2Node
+from odom.wire.ros2.names import NodeName
 from odom.wire.ros2.node import ros2_wire
 from odom.wire.session import WireSession, open_session
 from odom.wire.settings import ANY_LOCAL_PORT
 
 DOMAIN = 7
 _LISTENER = Path(__file__).with_name("sdk_listener.py")
+
+
+@contextmanager
+def driver(port: int, messages: Sequence[Message], node: str = "camera", period_s: float = 0.05) -> Iterator[None]:
+    """Publish messages again and again, each time with the stamp of the moment, as a node of ROS 2."""
+    stop = threading.Event()
+    with other_node(port) as session:
+        name = NodeName(DOMAIN, str(session.zenoh.info.zid()), 0, "/", node)
+        publisher = Ros2Node(session.zenoh, name)
+
+        def publish() -> None:
+            while not stop.wait(period_s):
+                now = Stamp(time.time_ns())
+                for message in messages:
+                    publisher.tell(restamp(message, now))
+
+        thread = threading.Thread(target=publish)
+        thread.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            thread.join()
+            publisher.close()
 
 
 def free_port() -> int:

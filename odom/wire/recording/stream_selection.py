@@ -51,13 +51,17 @@ class SelectedStreams:
 
 
 def select_streams(
-    streams: Sequence[RecordedStream], named: Mapping[str, str], need_calibration: bool = True
+    streams: Sequence[RecordedStream],
+    named: Mapping[str, str],
+    need_calibration: bool = True,
+    takes_other_size: bool = False,
 ) -> SelectedStreams:
     """Choose the streams; `named` (role to topic) decides where the types leave a choice.
 
     Among several, colour prefers names that say so, depth the one registered to colour, and both the one with the
     most messages. Raises ConfigError for a name that is not there, RecordingError when a stream is missing, when the
-    calibration cannot be used, or when depth has another size than colour and so cannot be registered to it.
+    calibration cannot be used, or when depth has another size than colour and so cannot be registered to it, unless
+    the caller `takes_other_size`.
     """
     unknown = set(named) - set(STREAM_ROLES)
     if unknown:
@@ -68,7 +72,7 @@ def select_streams(
         missing = "colour" if color is None else "depth"
         raise RecordingError(f"no {missing} images; the recording holds {_listing(streams)}; name a topic with --topic")
     size, depth_size = _size(color, decode_color), _size(depth, decode_depth)
-    if size != depth_size:
+    if size != depth_size and not takes_other_size:
         raise RecordingError(
             f"depth /{depth.topic} is {depth_size[1]} x {depth_size[0]} and colour /{color.topic} is "
             f"{size[1]} x {size[0]}: depth must be registered to colour; record a registered "

@@ -68,7 +68,8 @@ class Ros2Node:
 
     def tell(self, message: Message) -> None:
         """Publish a message that goes to ROS alone."""
-        self.put(message, zenoh.ZBytes(message.payload))
+        with self._lock:
+            self._put(message.topic, message.type_name, zenoh.ZBytes(message.payload), urgent=False)
 
     def put(self, message: Message, payload: zenoh.ZBytes, urgent: bool = False) -> None:
         """Publish a message whose bytes are `payload`; that of the colour camera stands for the depth camera, too."""
@@ -155,6 +156,17 @@ def join_ros2(session: WireSession, settings: WireSettings, role: str) -> Ros2No
         node.tell(static_frames(Topics(settings.namespace), Stamp(time.time_ns())))
     _LOG.info("seen by ROS 2 as the node %s in domain %d", name.full_name, name.domain)
     return node
+
+
+def check_no_loop(source: str, settings: WireSettings) -> None:
+    """Raise ConfigError for a SOURCE `ros2:/NAME` that would listen to what `--ros2` publishes of it."""
+    kind, _, prefix = source.partition(":")
+    own = topic_name(Topics(settings.namespace).namespace)
+    if kind == "ros2" and settings.ros2_domain is not None and f"{own}/".startswith(f"/{prefix.strip('/')}/"):
+        raise ConfigError(
+            f"{source} with --ros2 would publish its images below {own} again, and listen to them: give another "
+            "--namespace"
+        )
 
 
 def ros2_wire(settings: WireSettings) -> WireSettings:

@@ -1,0 +1,123 @@
+"""Messages of ROS 2 topics as they arrive, in one bounded queue; what is lost and dropped is counted."""
+
+import logging
+import threading
+from collections import Counter, deque
+from dataclasses import dataclass
+from typing import Any
+
+import zenoh
+import zenoh.ext
+
+from odom.errors import WireError
+from odom.frame import Stamp
+from odom.wire import Message
+from odom.wire.codec import stamp_of
+from odom.wire.ros2.attachment import ros_attachment_of
+from odom.wire.ros2.names import SUBSCRIBER, Endpoint
+from odom.wire.ros2.node import Ros2Node
+from odom.wire.ros2.qos import Qos
+
+_LOG = logging.getLogger(__name__)
+_MOST_BYTES = 64 << 20
+"""Bytes of a single message beyond which it is no image but a mistake: an image of 4K in four channels takes 33 MB."""
+
+
+@dataclass
+class _Topic:
+    type_name: str
+    subscriber: Any
+    token: Any
+    gid: bytes = b""
+    sequence: int = 0
+
+
+class Inbox:
+    """Subscribes as a node of ROS 2 does; of each topic at most `depth` messages wait, and the newest win.
+
+    `counts` has `received`, `lost` (gaps in the publishers' numbers), `dropped` (not taken in time) and `malformed`.
+    """
+
+    def __init__(self, node: Ros2Node, depth: int) -> None:
+        self.counts: Counter[str] = Counter()
+        self._node, self._depth = node, depth
+        self._topics: dict[str, _Topic] = {}
+        self._queue: deque[Message] = deque()
+        self._ready = threading.Condition()
+        self._closed = False
+
+    def subscribe(self, publisher: Endpoint) -> None:
+        """Listen to a topic as this publisher types it, to what it keeps for late joiners as well."""
+        if publisher.topic in self._topics:
+            return
+        qos = Qos(self._depth, transient_local=publisher.qos.transient_local)
+        mine = self._node.endpoint(SUBSCRIBER, publisher.topic, publisher.type_name, qos)
+        kept = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=self._depth)
+        subscriber = zenoh.ext.declare_advanced_subscriber(
+            self._node.session,
+            publisher.key(),
+            lambda sample: self._take(publisher.topic, publisher.type_name, sample),
+            history=kept if publisher.qos.transient_local else None,
+            subscriber_detection=publisher.qos.transient_local,
+        )
+        token = self._node.session.liveliness().declare_token(mine.token())
+        self._topics[publisher.topic] = _Topic(publisher.type_name, subscriber, token)
+
+    def unsubscribe(self, topic: str) -> None:
+        """Stop listening to a topic; what waits of it is forgotten."""
+        with self._ready:
+            known = self._topics.pop(topic, None)
+            self._queue = deque(message for message in self._queue if message.topic != topic)
+        if known is not None:
+            known.token.undeclare()
+            known.subscriber.undeclare()
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """The topics that are listened to."""
+        return tuple(self._topics)
+
+    def receive(self, timeout: float) -> Message | None:
+        """Return the next message, its `topic` with the slash before; None after `timeout` s or `close`."""
+        with self._ready:
+            self._ready.wait_for(lambda: self._queue or self._closed, timeout)
+            return self._queue.popleft() if self._queue and not self._closed else None
+
+    def close(self) -> None:
+        """Stop listening to all."""
+        with self._ready:
+            self._closed = True
+            self._ready.notify_all()
+        for topic in self.topics:
+            self.unsubscribe(topic)
+
+    def _take(self, topic: str, type_name: str, sample: zenoh.Sample) -> None:
+        if len(sample.payload) > _MOST_BYTES:
+            self.counts["malformed"] += 1
+            return
+        payload = sample.payload.to_bytes()
+        try:
+            stamp = stamp_of(type_name, payload)
+        except WireError as error:
+            self.counts["malformed"] += 1
+            _LOG.debug("%s: %s", topic, error)
+            return
+        message = Message(topic, type_name, Stamp(0) if stamp is None else stamp, payload)
+        with self._ready:
+            self._count(topic, sample)
+            waiting = [other for other in self._queue if other.topic == topic]
+            if len(waiting) >= self._depth:
+                self._queue.remove(waiting[0])
+                self.counts["dropped"] += 1
+            self._queue.append(message)
+            self._ready.notify()
+
+    def _count(self, topic: str, sample: zenoh.Sample) -> None:
+        self.counts["received"] += 1
+        known = self._topics.get(topic)
+        attachment = None if sample.attachment is None else ros_attachment_of(sample.attachment.to_bytes())
+        if known is None or attachment is None:
+            return
+        if attachment.gid == known.gid:
+            self.counts["lost"] += max(0, attachment.sequence - known.sequence - 1)
+        known.gid, known.sequence = attachment.gid, attachment.sequence

@@ -1,0 +1,135 @@
+"""Finds a driver's topics: listens to all that may be its images until colour, depth and calibration have come."""
+
+import logging
+import time
+from dataclasses import dataclass, field
+
+from odom.errors import ConfigError, RecordingError, WireError
+from odom.frame import Camera
+from odom.wire import Message
+from odom.wire.codec import decode_tf
+from odom.wire.ros2.names import NO_TYPE_HASH, Endpoint, type_hash
+from odom.wire.ros2.static_frames import TF_STATIC
+from sensors.ros2.graph import RosGraph, image_topics, info_topics
+from sensors.ros2.inbox import Inbox
+from sensors.ros2.selection import CameraTopics, camera_topics
+from sensors.ros2.settings import Ros2Settings
+from sensors.ros2.static_transforms import StaticTransforms
+
+_LOG = logging.getLogger(__name__)
+_SETTLING_S = 1.0
+"""Seconds from the first message on in which better topics than the first may come (depth registered to colour).
+Shorter: a driver that is starting is taken for one that has no such topic; longer: the first image comes later."""
+_MOST_TOPICS = 24
+"""Images and calibrations that are listened to while searching; a driver of several cameras has some twenty."""
+_POLL_S = 0.1
+"""Longest wait for a message, in seconds, before the graph is looked at again. Chosen by hand."""
+_TF_STATIC = f"/{TF_STATIC}"
+
+
+@dataclass
+class Search:
+    """What has been found below `prefix` so far; `named` (role to topic) and `camera` are what the user said."""
+
+    graph: RosGraph
+    inbox: Inbox
+    prefix: str
+    settings: Ros2Settings
+    named: dict[str, str]
+    camera: Camera | None
+    first: dict[str, Message] = field(default_factory=dict)
+    transforms: StaticTransforms = field(default_factory=StaticTransforms)
+
+    def run(self) -> CameraTopics:
+        """Return the topics once they are clear, and listen to no others; raises ConfigError with what is missing."""
+        begun, settled = time.monotonic(), None
+        missing = "nothing has come yet"
+        while time.monotonic() < begun + self.settings.start_s:
+            self._listen()
+            message = self.inbox.receive(_POLL_S)
+            if message is not None:
+                self._take(message)
+                settled = settled or time.monotonic() + _SETTLING_S
+            if settled is None or time.monotonic() < settled:
+                continue
+            try:
+                found = camera_topics(self.first, self.named, self.camera, self.transforms)
+            except (RecordingError, WireError) as error:
+                missing, settled = str(error), time.monotonic() + _POLL_S
+                continue
+            self._leave_others(found)
+            return found
+        raise ConfigError(self._what_is_missing(missing))
+
+    def _listen(self) -> None:
+        topics = self.graph.publishers(self.prefix)
+        named = {topic: ends for topic, ends in self.graph.publishers().items() if topic in self._named}
+        images = image_topics(topics, self.settings.transport == "compressed")
+        wanted = [*named, *images, *info_topics(topics)]
+        everything = topics | named | {_TF_STATIC: self.graph.publishers().get(_TF_STATIC, [])}
+        for topic in (_TF_STATIC, *wanted[:_MOST_TOPICS]):
+            if everything[topic] and topic not in self.inbox.topics:
+                self.inbox.subscribe(_known(everything[topic]))
+
+    @property
+    def _named(self) -> set[str]:
+        return {"/" + topic.removeprefix("/") for topic in self.named.values()}
+
+    def _take(self, message: Message) -> None:
+        if message.topic != _TF_STATIC:
+            self.first.setdefault(message.topic, message)
+            return
+        try:
+            self.transforms.take(decode_tf(message))
+        except WireError as error:
+            _LOG.debug("%s: %s", _TF_STATIC, error)
+
+    def _leave_others(self, found: CameraTopics) -> None:
+        streams = (found.streams.color, found.streams.depth, found.streams.camera_info)
+        kept = {f"/{stream.topic}" for stream in streams if stream is not None}
+        for topic in set(self.inbox.topics) - kept:
+            self.inbox.unsubscribe(topic)
+        for topic, publishers in self.graph.publishers().items():
+            if topic in kept and len(publishers) > 1:
+                _LOG.warning("%s", several(topic, publishers))
+
+    def _what_is_missing(self, missing: str) -> str:
+        topics = self.graph.publishers(self.prefix)
+        heard, domain, waited = self.inbox.topics, self.settings.domain, self.settings.start_s
+        if not self.graph.publishers():
+            return (
+                f"no ROS 2 publisher is seen in domain {domain} by the router {self.settings.router} within "
+                f"{waited:g} s: is rmw_zenohd (or odom router, or odom ros2) running, and ROS_DOMAIN_ID the same?"
+            )
+        if not image_topics(topics, compressed=False) and not self._named:
+            others = ", ".join(sorted(image_topics(self.graph.publishers(), compressed=False))[:10]) or "no images"
+            return f"no images below {self.prefix} in domain {domain}; published are: {others}"
+        silent = sorted(topic for topic in heard if topic not in self.first and topic != _TF_STATIC)
+        if not self.first:
+            return f"no message within {waited:g} s on {', '.join(silent)}, though they are published"
+        if missing.startswith("no camera_info"):
+            infos = sorted(topic for topic in silent if topic in info_topics(topics))
+            why = f"nothing comes on {', '.join(infos)}" if infos else f"none is published below {self.prefix}"
+            advice = "give --camera camera.yaml, or name the topic: --topic camera_info=/name"
+            return f"no camera_info for {waited:g} s: {why}: {advice}"
+        return missing.replace("the recording holds", "published are")
+
+
+def _known(publishers: list[Endpoint]) -> Endpoint:
+    """Return the first publisher; raises ConfigError when it defines the type of its messages otherwise."""
+    first = publishers[0]
+    if first.type_hash not in (type_hash(first.type_name), NO_TYPE_HASH):
+        raise ConfigError(
+            f"{first.topic} of {first.node.full_name} is of another {first.type_name} than ROS 2's (its definition has "
+            f"the hash {first.type_hash:.20}...): it cannot be read; build that node with the official messages"
+        )
+    return first
+
+
+def several(topic: str, publishers: list[Endpoint]) -> str:
+    """Return what is told when several nodes publish one topic."""
+    names = ", ".join(endpoint.node.full_name for endpoint in publishers)
+    return (
+        f"{len(publishers)} nodes publish {topic}: {names}; their messages alternate. End all but one, or give each "
+        "a namespace of its own"
+    )

@@ -27,3 +27,7 @@ class WireError(OdomError):
 
 class DeviceError(SourceError):
     """A live device is missing, busy, forbidden or unplugged."""
+
+
+class MapError(OdomError):
+    """A map file is damaged, made by a newer version, of another camera, or in use."""

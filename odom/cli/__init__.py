@@ -22,6 +22,7 @@ from odom.cli.import_ import import_
 from odom.cli.info import info
 from odom.cli.json_lines import wrap_stderr
 from odom.cli.keys import keys
+from odom.cli.map import map_
 from odom.cli.optional_domain import WithRos2Domain
 from odom.cli.record import record
 from odom.cli.recover import recover
@@ -57,6 +58,7 @@ app.command("recover")(recover)
 app.command("info")(info)
 app.command("router")(router)
 app.command("keys")(keys)
+app.add_typer(map_, name="map")
 app.add_typer(bench, name="bench")
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")

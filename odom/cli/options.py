@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from odom.errors import ConfigError
+from odom.errors import ConfigError, MapError
 from odom.wire.settings import WireSettings
 
 Config = Annotated[Path | None, typer.Option(help="YAML file of settings.")]
@@ -34,6 +34,12 @@ Ros2 = Annotated[
         "--ros2", metavar="[DOMAIN]", min=0, max=232, help="Be seen by ROS 2 (rmw_zenoh), by default in $ROS_DOMAIN_ID."
     ),
 ]
+MapFileOption = Annotated[
+    Path | None, typer.Option("--map", help="Map that outlives the run: made in this file, or gone on with.")
+]
+Localize = Annotated[
+    bool, typer.Option("--localize", help="Only find the camera in the map of --map; nothing is written to it.")
+]
 Rate = Annotated[float, typer.Option(min=0.001, help="Speed of --realtime.")]
 
 
@@ -51,6 +57,27 @@ def wire_settings(
     endpoints = {"connect": connect or None, "listen": listen or None}
     given = {**endpoints, "mode": mode, "namespace": namespace, "ros2_domain": ros2}
     return part_settings("wire", WireSettings, config, given)
+
+
+def check_map(path: Path | None, localize: bool) -> None:
+    """Refuse, before anything is touched, a map that cannot be used; raises ConfigError."""
+    if path is None:
+        if localize:
+            raise ConfigError("--localize needs a map: give --map FILE")
+        return
+    from odom.map_file.database import is_there
+    from odom.map_file.map_file import MapFile
+
+    if localize or is_there(path):
+        try:
+            MapFile(path, is_written=False).look_over()
+        except MapError as error:
+            raise ConfigError(str(error)) from error
+
+
+def map_arguments(path: Path | None, localize: bool) -> list[str]:
+    """Return the same options for `odom serve`."""
+    return [*([f"--map={path}"] if path is not None else []), *(["--localize"] if localize else [])]
 
 
 def pairs(option: str, values: Iterable[str] | None) -> tuple[tuple[str, str], ...]:

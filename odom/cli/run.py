@@ -33,6 +33,8 @@ def run(
     chain: Annotated[
         bool, typer.Option("--chain", hidden=True, help="Not needed: chain.txt is always written.")
     ] = False,
+    map_: options.MapFileOption = None,
+    localize: options.Localize = False,
     camera: options.Calibration = None,
     start: options.Start = 0.0,
     end: options.End = None,
@@ -83,6 +85,7 @@ def run(
     if headless and web:
         raise ConfigError("--headless and --web contradict each other: give one of them")
     _check_sensor(source, sensor)
+    options.check_map(map_, localize)
     if record is not None:
         check_recording(source, record, overwrite)
     folder = out or new_folder(Path("out") / f"{_stem(source)}-{time.strftime('%Y%m%d-%H%M%S')}")
@@ -92,6 +95,7 @@ def run(
         source=source,
         out=folder,
         sensor_arguments=sensor,
+        odometry_arguments=options.map_arguments(map_, localize),
         record=record,
         overwrite=overwrite,
         viewer_arguments=viewer if rrd or not headless else None,

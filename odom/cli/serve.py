@@ -6,7 +6,18 @@ from typing import Annotated
 import typer
 
 from odom.cli import signals
-from odom.cli.options import Config, Connect, Listen, Mode, Namespace, Ros2, wire_settings
+from odom.cli.options import (
+    Config,
+    Connect,
+    Listen,
+    Localize,
+    MapFileOption,
+    Mode,
+    Namespace,
+    Ros2,
+    check_map,
+    wire_settings,
+)
 
 
 def serve(
@@ -15,6 +26,8 @@ def serve(
     chain: Annotated[
         bool, typer.Option("--chain", hidden=True, help="Not needed: chain.txt is always written.")
     ] = False,
+    map_: MapFileOption = None,
+    localize: Localize = False,
     namespace: Namespace = None,
     connect: Connect = None,
     listen: Listen = None,
@@ -31,11 +44,13 @@ def serve(
     stop = signals.stop_event()
     from contextlib import ExitStack
 
+    from odom.service.map_keeper import MapKeeper
     from odom.service.odometry_process import serve as run_odometry
     from odom.service.result_files import RunFiles
     from odom.service.run_folder import held
     from odom.service.settings import load_settings
 
+    check_map(map_, localize)
     wire = wire_settings(config, connect, listen, mode, namespace, ros2)
     settings = load_settings(config).model_copy(update={"wire": wire})
     with ExitStack() as stack:
@@ -43,4 +58,6 @@ def serve(
         if out is not None:
             stack.enter_context(held(out))
             files = RunFiles(out, endless=not until_end)
-        run_odometry(settings, files, stop, until_end)
+        keeper = MapKeeper(map_, localize)
+        stack.callback(keeper.close)
+        run_odometry(settings, files, stop, until_end, keeper)

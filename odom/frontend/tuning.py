@@ -51,6 +51,9 @@ class Tuning:
         "larger: loop closures are taken wrongly")
     noise_explained: float = tuned(3.0, unit="variance ratio", source=_SWEEP,
         effect="inflation that noise alone explains; smaller: calibration blamed too soon; larger: too late")
+    timing_restart_s: float = tuned(0.001, unit="s", source="assumed of a device that was switched off and on",
+        effect="how far a camera's timing may differ from one session to the next; smaller: a changed device is "
+        "learnt slowly; larger: it is learnt anew each time")
     timing_memory: float = tuned(0.95, unit="1 an adjustment", source=_SWEEP,
         effect="smaller: shutter and lag stay noisy; larger: changes are followed late")
     # corners

@@ -12,11 +12,13 @@ from odom.service.arrival_queue import Arrival, CameraArrival, ColorArrival, End
 from odom.service.estimate_messages import keyframe_message
 from odom.service.estimate_publisher import EstimatePublisher
 from odom.service.frame_receiver import FrameReceiver
+from odom.service.map_keeper import MapKeeper
 from odom.service.neighbours import Neighbours
 from odom.service.progress import hand_up
 from odom.service.result_files import RunFiles, write_json
 from odom.service.run_statistics import RunStatistics, closing_fields
 from odom.service.settings import Settings
+from odom.service.silence import state_after
 from odom.service.startup import notify_service_manager, warm_up
 from odom.wire import Topics
 from odom.wire.image_counts import NOT_TRACKABLE
@@ -27,26 +29,23 @@ from odom.wire.session import WireSession, open_session
 _LOG = logging.getLogger(__name__)
 _POLL_S = 0.05
 """Longest wait for an arrival; so late a due status or the request to stop is noticed."""
-_SILENCE_S = 1.0
-"""Without a frame for longer the state is WAITING: the sensor, not the odometry, is to be looked at."""
-_LOST_AFTER_S, _LOST_AFTER_PERIODS = 0.12, 2.5
-"""A live source that is silent for the longer of the two is reported LOST: two frames were missed. Shorter would report
-every delay of the network."""
 
 
-def serve(settings: Settings, files: RunFiles | None, stop: threading.Event, until_end: bool) -> None:
+def serve(
+    settings: Settings, files: RunFiles | None, stop: threading.Event, until_end: bool, keeper: MapKeeper
+) -> None:
     """Estimate the pose of every frame of one device until `stop` is set, or with `until_end` until its source ends.
 
     Leaves trajectory.txt and the odometry's part of report.json in the folder of `files` at each end of a source. What
-    cannot be written is counted, and poses are published all the same. Raises OdomError when the session cannot be
-    opened and, with `until_end`, when something went unwritten; OSError when the results cannot be saved at the end.
+    cannot be written is counted, and poses go on; the `keeper` has the map on disk. Raises OdomError when the session
+    cannot be opened and, with `until_end`, when something went unwritten; OSError when results cannot be saved.
     """
     topics = Topics(settings.wire.namespace)
     started = time.monotonic()
     warm_up(settings.odometry, topics)
     with open_session(settings.wire) as session:
         mirror = join_ros2(session, settings.wire, "odometry")
-        process = OdometryProcess(session, topics, settings, files, mirror)
+        process = OdometryProcess(session, topics, settings, files, keeper, mirror)
         session.announce(topics.alive_of("odometry"))
         notify_service_manager("READY=1")
         _LOG.info("ready after %.1f s, listening on %s", time.monotonic() - started, topics.namespace)
@@ -68,11 +67,13 @@ class OdometryProcess:
         topics: Topics,
         settings: Settings,
         files: RunFiles | None,
+        keeper: MapKeeper,
         mirror: Mirror | None = None,
     ) -> None:
         self._topics = topics
         self._settings = settings
         self._files = files
+        self._keeper = keeper
         self._publisher = EstimatePublisher(session, topics, settings.service, mirror)
         self._receiver = FrameReceiver(session, topics, settings.service.live_frames)
         self.statistics = RunStatistics()
@@ -107,6 +108,9 @@ class OdometryProcess:
             if self._files is not None:
                 self._save(self._files)
                 self._files.close()
+            elif self._odometry is not None:
+                self._odometry.finish()
+                self._keeper.save(self._odometry)
 
     def _handle(self, arrival: Arrival) -> None:
         if isinstance(arrival, FrameArrival):
@@ -137,8 +141,9 @@ class OdometryProcess:
             self.statistics.unwritten += 1
 
     def _calibrate(self, camera: Camera) -> None:
+        saved = self._keeper.begin(camera, self._odometry)
         try:
-            self._odometry = Odometry(camera, self._settings.odometry)
+            self._odometry = Odometry(camera, self._settings.odometry, saved)
         except OdomError as error:
             _LOG.error("the calibration is refused, another one may follow: %s", error)
             self._receiver.refuse(camera)
@@ -167,6 +172,7 @@ class OdometryProcess:
         self._anticipated_ms = 0.0
         self._write(lambda files: files.append(estimate))
         self._publisher.poses(estimate)
+        self._keeper.note(self._odometry, frame.stamp)
         latency_ms = None if origin is None else (time.time_ns() - origin) * 1e-6
         self.statistics.add(estimate, frame, processing_ms, latency_ms)
         self._log_changes(estimate)
@@ -191,12 +197,8 @@ class OdometryProcess:
 
     @property
     def _state(self) -> State | None:
-        silent_s = time.monotonic() - self._last_at
-        if self._last is None or silent_s > _SILENCE_S:
-            return None
-        period_s = 1.0 / max(self.statistics.recent_fps, 1.0)
-        is_missed = self._is_live and silent_s > max(_LOST_AFTER_S, _LOST_AFTER_PERIODS * period_s)
-        return State.LOST if is_missed else self._last.state
+        last = None if self._last is None else self._last.state
+        return state_after(last, time.monotonic() - self._last_at, self._is_live, self.statistics.recent_fps)
 
     def _log_changes(self, estimate: Estimate) -> None:
         before = self._last.state if self._last is not None else None
@@ -215,18 +217,14 @@ class OdometryProcess:
 
     def _update_counts(self) -> None:
         counts = self.statistics
+        counts.unwritten += self._keeper.new_failures()
         counts.lost_frames, counts.unmatched_frames = self._receiver.lost_frames, self._receiver.unmatched_frames
         counts.color, counts.depth = self._receiver.color, self._receiver.depth
         counts.dropped = self._receiver.dropped | ({NOT_TRACKABLE: counts.refused} if counts.refused else {})
         if self._odometry is None:
             return
-        if self._odometry.forgotten_keyframes and not counts.forgotten_keyframes:
-            most = self._settings.odometry.map_keyframes
-            _LOG.info("the map holds %d key frames: from now on the oldest are forgotten, and counted", most)
-        if self._odometry.forgotten_frames and not counts.forgotten_frames:
-            _LOG.warning("too long for one trajectory.txt: the oldest frames are dropped from it, and counted")
-        counts.forgotten_keyframes = self._odometry.forgotten_keyframes
-        counts.forgotten_frames = self._odometry.forgotten_frames
+        gone = self._odometry.forgotten_keyframes, self._odometry.forgotten_frames
+        counts.note_forgotten(*gone, self._settings.odometry.map_keyframes)
 
     def _publish_rest(self) -> None:
         self._publisher.flush()
@@ -238,9 +236,11 @@ class OdometryProcess:
             return
         begun = time.perf_counter()
         poses = self._odometry.finish()
+        self._keeper.save(self._odometry)
         self.statistics.add_loops(self._odometry.late_loops)
         self._publisher.loops(self._odometry.late_loops)
         report = self.statistics.report() | {"closing": closing_fields(self._odometry.closing_test())}
+        report |= self._keeper.report()
         try:
             report["segments"] = files.write_trajectory(poses)
         finally:

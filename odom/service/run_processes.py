@@ -42,6 +42,7 @@ class RunPlan:
     source: str
     out: Path
     sensor_arguments: Sequence[str] = ()
+    odometry_arguments: Sequence[str] = ()
     record: Path | None = None
     overwrite: bool = False
     viewer_arguments: Sequence[str] | None = None
@@ -206,7 +207,7 @@ class RunProcesses:
 
 def _commands(plan: RunPlan) -> list[tuple[str, Sequence[str]]]:
     consumers = 1 + (plan.record is not None)
-    odometry = ["serve", "--out", str(plan.out), "--until-end"]
+    odometry = ["serve", "--out", str(plan.out), "--until-end", *plan.odometry_arguments]
     commands: list[tuple[str, Sequence[str]]] = [("odometry", odometry)]
     if plan.record is not None:
         commands.append(("recorder", ["record", str(plan.record), *(["--overwrite"] if plan.overwrite else [])]))

@@ -1,5 +1,6 @@
 """Counters and measurements of a run, in memory that does not grow with its length."""
 
+import logging
 import math
 import time
 from collections import Counter, deque
@@ -15,6 +16,7 @@ from odom.frame import RgbdFrame
 from odom.geometry.se3 import so3_log
 from odom.wire.image_counts import NOT_TRACKABLE, ImageCounts
 
+_LOG = logging.getLogger(__name__)
 _LOWEST_MS = 0.01
 """Lower edge of the histogram of durations; what is shorter counts as this."""
 _STEP = math.log(1.01)
@@ -106,6 +108,14 @@ class RunStatistics:
         """Start the clocks with the first frame received."""
         if self._begun is None:
             self._begun = (time.perf_counter(), time.process_time())
+
+    def note_forgotten(self, keyframes: int, frames: int, most: int) -> None:
+        """Count what the odometry gave up; it is said once when it begins, `most` being the key frames remembered."""
+        if keyframes and not self.forgotten_keyframes:
+            _LOG.info("the map holds %d key frames: from now on the oldest are forgotten, and counted", most)
+        if frames and not self.forgotten_frames:
+            _LOG.warning("too long for one trajectory.txt: the oldest frames are dropped from it, and counted")
+        self.forgotten_keyframes, self.forgotten_frames = keyframes, frames
 
     def add_loops(self, loops: Collection[LoopCandidate]) -> None:
         """Count loop candidates."""

@@ -66,7 +66,7 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
     consensus.warm_up()
     codec.encode_status(topics.status, codec.Status(stamp, "", 0, "", RunStatistics().status()))
     still = np.eye(4)
-    optimise({0: still, 1: still}, 0, [Edge(0, 1, still, np.eye(6))])
+    optimise({0: still, 1: still}, [0], [Edge(0, 1, still, np.eye(6))])
     patience.cancel()
     del odometry
     gc.collect()

@@ -22,6 +22,7 @@ ORDER = (
     "odom.frontend",
     "odom.backend",
     "odom.wire",
+    "odom.map_file",
     "odom.evaluation",
     "sensors",
     "odom.viewer",

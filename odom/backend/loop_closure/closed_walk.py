@@ -23,10 +23,11 @@ def closing_test(
     """Compare the pose of the `last` frame in the trajectory with the one that the first key frame's landmarks give.
 
     The first key frame is that of its segment; `pairwise` is the last frame registered against the one before. Returns
-    None where the last frame does not show what the first one did, or that one is forgotten.
+    None where the last frame does not show what the first one did, or that one is forgotten or of an earlier
+    session.
     """
     first = map_.keyframes[map_.keyframes[state.reference].first]
-    if first.number not in map_.remembered:
+    if first.number not in map_.remembered or first.number < map_.earlier:
         return None
     tracked = tracker.track(state.view, sensor, state.T_camera_map, last.twist, np.array([first.number]))
     inliers = tracked.inlier_count

@@ -10,6 +10,7 @@ from odom.backend.loop_closure.closing import close_loops, merge_segment
 from odom.backend.loop_closure.verification import contradiction
 from odom.backend.map.keyframe import Keyframe
 from odom.backend.map.map import Map
+from odom.backend.map.memory import recall_near
 from odom.backend.map.pose_graph import Edge
 from odom.backend.mapping.background import DescribedKeyframe
 from odom.backend.mapping.keyframe_inserter import KeyframeView
@@ -78,6 +79,7 @@ def _judge(
     if recognition.refusal or registration is None:
         return _Verdict(candidate)
     T_start = se3.inverse(registration.T_target_source) @ place.T_camera_map
+    recall_near(map_, place.number, T_start)
     tracked = track_place(map_, tracker, seen, place.number, T_start, sensor)
     T_place_keyframe = place.T_camera_map @ tracked.T_map_camera
     candidate = replace(candidate, inliers=tracked.found_again, T_candidate_current=T_place_keyframe)
@@ -98,6 +100,7 @@ def _judge(
 def _add_old_landmarks(map_: Map, keyframe: Keyframe, tracked: Tracked, sensor: SensorModel) -> None:
     """Add to a key frame the old landmarks that it was found to see: adjustments then join the loop by them."""
     landmarks = map_.landmarks
+    map_.journal.measure([keyframe.number])
     new = tracked.inliers & ~np.isin(tracked.rows, keyframe.rows[keyframe.current(landmarks)])
     rows = tracked.rows[new]
     keyframe.rows = np.concatenate([keyframe.rows, rows])

@@ -13,6 +13,7 @@ from odom.geometry.arrays import Array, Index, Mask
 _NO_ROWS, _NO_UV = np.zeros(0, dtype=np.int64), np.zeros((0, 2))
 """What a key frame without landmarks has; one array for all of them."""
 _NOTHING_MEASURED = Measurements.nothing()
+_UNKNOWN_TIMING = ShutterTiming()
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +50,7 @@ class Keyframe(Observed):
 
     The pose is that of its middle row, and `T_middle_stamp` the motion from there to its stamp. `first` is the key
     frame that its segment began with, `covariance_since_start` (6 x 6, `se3`, camera frame) that of the motion since.
+    `session` counts the walks that made a saved map.
     """
 
     number: int
@@ -59,6 +61,27 @@ class Keyframe(Observed):
     uv: Array
     covariance_since_start: Array
     T_middle_stamp: Array = field(default_factory=lambda: np.eye(4))
+    session: int = 0
+
+    @classmethod
+    def set_aside(
+        cls, number: int, stamp: Stamp, segment: int, T_camera_map: Array, T_middle_stamp: Array
+    ) -> "Keyframe":
+        """Return a key frame of which nothing but its pose is in memory."""
+        return cls(
+            rows=_NO_ROWS,
+            identities=_NO_ROWS,
+            measurements=_NOTHING_MEASURED,
+            timing=_UNKNOWN_TIMING,
+            number=number,
+            stamp=stamp,
+            segment=segment,
+            first=number,
+            T_camera_map=T_camera_map,
+            uv=_NO_UV,
+            covariance_since_start=np.zeros((6, 6)),
+            T_middle_stamp=T_middle_stamp,
+        )
 
     def forget(self) -> None:
         """Drop what was measured; the empty arrays that remain are shared by all forgotten key frames."""

@@ -20,7 +20,7 @@ class Landmarks:
     (number of the key frame it was first seen in), `uv` (2, px) and `plane` (inverse depth and its slope per pixel)
     there, `patch_full`, `patch_half`; `tried` and `seen` count the tracked frames in which it was looked for and
     found; `alive` is False for a row that may be used again; `identity` is never used again, so that an old
-    observation of a row can be told from one of the new landmark there.
+    observation of a row can be told from one of the new landmark there; `next_identity` is the first unused one.
     """
 
     def __init__(self) -> None:
@@ -37,7 +37,7 @@ class Landmarks:
             "alive": np.zeros(0, dtype=np.bool_),
             "identity": np.zeros(0, dtype=np.int64),
         }
-        self._next_identity = 1
+        self.next_identity = 1
         self._bind()
 
     def _bind(self) -> None:
@@ -62,8 +62,9 @@ class Landmarks:
         plane: Array,
         patch_full: NDArray[np.uint8],
         patch_half: NDArray[np.uint8],
+        identity: Index | None = None,
     ) -> Index:
-        """Add n landmarks first seen in `keyframe`; return their rows."""
+        """Add n landmarks first seen in `keyframe`; return their rows. Only those of a saved map have an identity."""
         n = len(position)
         rows = np.flatnonzero(~self.alive)[:n]
         if len(rows) < n:
@@ -80,8 +81,10 @@ class Landmarks:
         self.patch_full[rows], self.patch_half[rows] = patch_full, patch_half
         self.seen[rows] = self.tried[rows] = 1
         self.alive[rows] = True
-        self.identity[rows] = self._next_identity + np.arange(n)
-        self._next_identity += n
+        if identity is None:
+            identity = self.next_identity + np.arange(n)
+            self.next_identity += n
+        self.identity[rows] = identity
         return rows
 
     def cull(self, rows: Index) -> None:

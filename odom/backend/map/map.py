@@ -6,10 +6,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from odom.backend.estimate import TrajectoryPose
+from odom.backend.map.journal import Journal
 from odom.backend.map.keyframe import Keyframe, Measured
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.map.pose_graph import Edge
 from odom.backend.map.registrations import Registrations
+from odom.backend.map.saved import Details
 from odom.backend.map.tuning import TUNING
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.features.images import FrameImages
@@ -22,8 +24,8 @@ from odom.geometry.arrays import Array, Index, Mask
 
 _MOST_CLOUD_POINTS = 20_000
 """Points of the published cloud of landmarks (240 kB a message): more are not told apart on a screen."""
-_MOST_FORGOTTEN_IN_PATH = 2_000
-"""Forgotten key frames in the published path, which bounds the message (some 200 kB)."""
+_MOST_FAR_IN_PATH = 2_000
+"""Key frames in the published path that are not in memory, which bounds the message (some 200 kB)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +47,10 @@ class Map:
     `remembered` and `forgotten` are the numbers of key frames that still have their landmarks and of those that were
     pruned (see `pruning`), each in order; `followers` the forgotten ones that move with a remembered one, by its
     number. `places` is the index of what the remembered ones look like.
+
+    A saved map (see `memory`) has further ones that are `away`, since the camera is not near; `details` fetches what
+    they measured, and `journal` notes what changes. Those below `earlier` were made before this `session`: adjustments
+    leave them where they are, and where the map `is_fixed`, closed loops do so too.
     """
 
     landmarks: Landmarks = field(default_factory=Landmarks)
@@ -55,6 +61,12 @@ class Map:
     registrations: Registrations = field(default_factory=Registrations)
     places: PlaceIndex = field(default_factory=PlaceIndex)
     followers: dict[int, list[int]] = field(default_factory=dict)
+    away: set[int] = field(default_factory=set)
+    details: Details | None = None
+    journal: Journal = field(default_factory=Journal)
+    earlier: int = 0
+    session: int = 0
+    is_fixed: bool = False
 
     def add_keyframe(
         self,
@@ -86,8 +98,11 @@ class Map:
             measurements=known.measurements.joined(corners.measurements),
             timing=timing,
             covariance_since_start=covariance,
+            session=self.session,
         )
         self.keyframes.append(keyframe)
+        self.journal.move([number])
+        self.journal.measure([number])
         self.remembered.append(number)
         anchors, shared = np.unique(self.landmarks.keyframe[known.rows], return_counts=True)
         self.links.append(set())
@@ -110,6 +125,7 @@ class Map:
 
     def propagate_covariance(self, edge: Edge) -> None:
         """Set the covariance since the start of `edge.b` to that of `edge.a` composed with their registration's."""
+        self.journal.move([edge.b])
         self.keyframes[edge.b].covariance_since_start = se3.compose_covariance(
             self.keyframes[edge.a].covariance_since_start, edge.T_a_b, edge.covariance
         )
@@ -135,6 +151,7 @@ class Map:
 
         Where depth is missing now or was missing before, the old values stay; covariances stay as well.
         """
+        self.journal.measure([keyframe.number])
         before = keyframe.measurements
         values = np.where(np.isnan(measured.values + before.values), before.values, measured.values)
         keyframe.measurements = replace(measured, values=values, covariance=before.covariance)
@@ -152,6 +169,7 @@ class Map:
         if a != b:
             self.links[a].add(b)
             self.links[b].add(a)
+            self.journal.move([max(a, b)])
 
     def linked(self, number: int) -> set[int]:
         """Return the key frames linked with `number` over two hops, itself included: no loop is closed with them."""
@@ -164,8 +182,8 @@ class Map:
 
     def path(self) -> tuple[TrajectoryPose, ...]:
         """Return the key frames' poses at their stamps; of forgotten ones at most 2,000, thinned evenly."""
-        thinned = self.forgotten[:: 1 + len(self.forgotten) // _MOST_FORGOTTEN_IN_PATH]
-        shown = [self.keyframes[n] for n in sorted([*thinned, *self.remembered])]
+        far = sorted(self.away.union(self.forgotten))
+        shown = [self.keyframes[n] for n in sorted([*far[:: 1 + len(far) // _MOST_FAR_IN_PATH], *self.remembered])]
         T_map_camera = np.linalg.inv([k.T_camera_map for k in shown]) @ [k.T_middle_stamp for k in shown]
         return tuple(TrajectoryPose(k.stamp, T, k.segment) for k, T in zip(shown, T_map_camera, strict=True))
 
@@ -179,13 +197,17 @@ class Map:
 
         Those in `but` are left out.
         """
+        return self.nearest(sorted(self.around(keyframe, most).difference(but, self.away)), T_camera_map)[:most]
+
+    def around(self, keyframe: int, most: int) -> set[int]:
+        """Return the key frames linked to `keyframe` over a few hops, itself included; enough to choose `most` from."""
         reached, edge = {keyframe}, {keyframe}
         for _ in range(TUNING.neighbour_hops):
             edge = set().union(*(self.links[k] for k in edge)) - reached
             reached |= edge
             if len(reached) > 4 * most:
                 break
-        return self.nearest(sorted(reached.difference(but)), T_camera_map)[:most]
+        return reached
 
     def nearest(self, keyframes: list[int], T_camera_map: Array) -> Index:
         """Return `keyframes` ordered by how near they are to a pose.
@@ -202,12 +224,10 @@ class Map:
     def cull(self, keyframes: Index) -> None:
         """Remove landmarks of `keyframes` that were looked for in several frames and hardly ever found."""
         L = self.landmarks
-        concerned = np.isin(L.keyframe, keyframes)
-        L.cull(
-            np.flatnonzero(
-                L.alive & concerned & (L.tried >= TUNING.cull_trials) & (L.seen < TUNING.cull_share * L.tried)
-            )
-        )
+        is_bad = (L.tried >= TUNING.cull_trials) & (L.seen < TUNING.cull_share * L.tried)
+        rows = np.flatnonzero(L.alive & is_bad & np.isin(L.keyframe, keyframes))
+        self.journal.thin(L.keyframe[rows].tolist())
+        L.cull(rows)
 
     def move_keyframes(self, numbers: Index, T_camera_map: Array, adjusted_rows: Index) -> None:
         """Give key frames new poses; their followers and landmarks move along, except `adjusted_rows`.
@@ -217,6 +237,7 @@ class Map:
         L = self.landmarks
         follows = L.alive.copy()
         follows[adjusted_rows] = False
+        self.journal.move(numbers.tolist())
         for number, T in zip(numbers, T_camera_map, strict=True):
             keyframe = self.keyframes[number]
             T_new_old = se3.inverse(T) @ keyframe.T_camera_map

@@ -1,5 +1,6 @@
 """The pose graph of key frames: registrations as edges, loop closures with robust weights (gtsam inside)."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -40,17 +41,17 @@ class Edge:
         return Edge(self.a, onward.b, self.T_a_b @ onward.T_a_b, covariance, self.is_loop or onward.is_loop)
 
 
-def optimise(T_map_keyframe: dict[int, Array], held: int, edges: list[Edge]) -> dict[int, Array]:
-    """Return the poses (4 x 4 by number) that agree best with all `edges`; `held` stays where it is."""
+def optimise(T_map_keyframe: dict[int, Array], held: Collection[int], edges: list[Edge]) -> dict[int, Array]:
+    """Return the poses (4 x 4 by number) that agree best with all `edges`; those `held` stay where they are."""
     import gtsam
 
     swap = np.r_[3:6, 0:3]  # gtsam's tangent has the rotation first
     graph, start = gtsam.NonlinearFactorGraph(), gtsam.Values()
     for number, T in T_map_keyframe.items():
         start.insert(number, gtsam.Pose3(T))
-    graph.add(
-        gtsam.PriorFactorPose3(held, gtsam.Pose3(T_map_keyframe[held]), gtsam.noiseModel.Isotropic.Sigma(6, 1e-6))
-    )
+    for number in held:
+        still = gtsam.noiseModel.Isotropic.Sigma(6, 1e-6)
+        graph.add(gtsam.PriorFactorPose3(number, gtsam.Pose3(T_map_keyframe[number]), still))
     for edge in edges:
         noise: gtsam.noiseModel.Base = gtsam.noiseModel.Gaussian.Covariance(
             edge.covariance[np.ix_(swap, swap)] + 1e-12 * np.eye(6)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from odom.backend.map.journal import Journal
 from odom.backend.map.keyframe import Keyframe
 from odom.backend.map.pose_graph import Edge
 from odom.geometry import se3
@@ -17,12 +18,13 @@ class Registrations:
     """The graph of registrations: for every key frame its own, by the other one's number.
 
     A forgotten key frame keeps the one with its heir, which is not in the heir's own list. Covariances that were asked
-    for are cached until something changes.
+    for are cached until something changes; a `journal` notes what does.
     """
 
     def __init__(self) -> None:
         self._of: defaultdict[int, dict[int, Edge]] = defaultdict(dict)
         self._between: dict[tuple[int, int], Array | None] = {}
+        self.journal = Journal()
 
     def add(self, edge: Edge) -> None:
         """Add a registration; of two between the same key frames the one of smaller covariance stays.
@@ -38,6 +40,11 @@ class Registrations:
     def _put(self, edge: Edge) -> None:
         self._between.clear()
         self._of[edge.a][edge.b] = self._of[edge.b][edge.a] = edge
+        self.journal.register(edge.a, edge.b)
+
+    def between(self, a: int, b: int) -> Edge:
+        """Return the registration of two key frames."""
+        return self._of[a][b]
 
     def of(self, number: int) -> list[Edge]:
         """Return the registrations of a key frame, each with its `number` as `a`."""

@@ -19,6 +19,9 @@ class Tuning:
         "more: near ones are missed")
     neighbour_hops: int = tuned(3, unit="links", source=_SWEEP,
         effect="fewer: key frames in view are missed; more: slower on maps with many links")
+    recalled: int = tuned(12, unit="key frames", source="local_keyframes, and two to come",
+        effect="brought back around the camera in a saved map; fewer: landmarks in view are missing; "
+        "more: frames wait for the disk")
     cull_trials: int = tuned(8, unit="frames", source=_SWEEP,
         effect="fewer: good landmarks go after a blur; more: bad ones take their place in the search for longer")
     cull_share: float = tuned(0.25, unit="share of trials", source=_SWEEP,

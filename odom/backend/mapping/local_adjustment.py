@@ -79,7 +79,7 @@ def _oldest_connected(observations: Observations, frames: int) -> Index:
 
 def newest(map_: Map, window: int, timing: ShutterTiming, timing_information: Array) -> Adjustment:
     """Return the adjustment of the `window` newest key frames, held by older ones that measured the same landmarks."""
-    free = [map_.keyframes[n] for n in map_.remembered[-window:]]
+    free = [map_.keyframes[n] for n in map_.remembered[-window:] if n >= map_.earlier]
     segment = free[-1].segment
     free = [k for k in free if k.segment == segment]
     measured = np.concatenate([k.identities for k in free])
@@ -99,13 +99,16 @@ def everything(
     """Return the adjustment of all remembered key frames of a segment, and of intermediate frames.
 
     The oldest key frame is held; where forgotten key frames had connected the others, the oldest of each part is.
+    So are those of earlier sessions, and those next to key frames that are away: the map must not tear there.
     """
     keyframes = map_.members(segment)
     between = intermediate.among(keyframes)
     whole = _snapshot(map_, keyframes[:1], keyframes[1:], between, timing, timing_information, TUNING.finish_iterations)
     frames = len(whole.is_fixed)
     is_oldest = _oldest_connected(whole.observations, frames) == np.arange(frames)
-    return replace(whole, is_fixed=whole.is_fixed | is_oldest)
+    is_held = np.zeros(frames, dtype=np.bool_)
+    is_held[: len(keyframes)] = [k.number < map_.earlier or bool(map_.links[k.number] & map_.away) for k in keyframes]
+    return replace(whole, is_fixed=whole.is_fixed | is_oldest | is_held)
 
 
 def take_over(map_: Map, adjustment: Adjustment, result: Bundle) -> None:

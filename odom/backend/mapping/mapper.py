@@ -3,12 +3,14 @@
 import numpy as np
 
 from odom.backend.map.map import Map
+from odom.backend.map.memory import farthest_beyond, recall_near, set_aside
 from odom.backend.map.pruning import forget, oldest_beyond
 from odom.backend.mapping import local_adjustment
 from odom.backend.mapping.background import Background, DescribedKeyframe
 from odom.backend.mapping.bundle_adjustment import Bundle
 from odom.backend.mapping.intermediate_frames import IntermediateFrames
 from odom.backend.mapping.keyframe_inserter import KeyframeInserter
+from odom.backend.mapping.tuning import TUNING
 from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.frontend.camera.sensor_model import SensorModel
@@ -25,23 +27,37 @@ class Mapper:
         self.inserter = KeyframeInserter(map_, settings)
         self.intermediate = IntermediateFrames()
         self._background = Background(settings.background_delay_frames)
+        self._settled = map_.earlier
 
-    def prune(self, state: FrameState) -> bool:
+    def prune(self, state: FrameState | None) -> bool:
         """Forget the oldest key frames beyond `map_keyframes`; return whether there were any.
 
         Those around the camera and the newest ones, which are still worked on, are kept. Nothing is forgotten while
-        the background works, since it reads the rest too.
+        the background works, since it reads the rest too. Of a saved map nothing is forgotten: the farthest are set
+        aside. `state` is None before the camera has a pose.
         """
         map_, most = self._map, self._settings.map_keyframes
         if self._background.is_busy or len(map_.remembered) <= most:
             return False
+        if state is None:
+            for number in map_.remembered[:-most]:
+                set_aside(map_, number)
+            return False
         around = map_.neighbours(state.reference, state.T_camera_map, self._settings.local_keyframes)
         newest = max(self._settings.window_keyframes, self._settings.background_delay_frames)
         needed = np.concatenate([around, [state.reference], map_.remembered[-newest:]])
+        if map_.journal.is_kept:
+            for number in farthest_beyond(map_, most, needed, state.T_camera_map):
+                set_aside(map_, number)
+            return False
         oldest = oldest_beyond(map_, most, needed)
         for number in oldest:
-            forget(map_, number)
+            (set_aside if number < map_.earlier else forget)(map_, number)
         return bool(oldest)
+
+    def recall(self, state: FrameState) -> None:
+        """Bring back a few key frames of a saved map that the camera comes near to."""
+        recall_near(self._map, state.reference, state.T_camera_map, TUNING.recalled_at_once)
 
     def start_background(self, count: int, sensor: SensorModel) -> None:
         """Begin to adjust the newest key frames and to describe their places, if idle; frame `count` is the newest."""
@@ -78,6 +94,7 @@ class Mapper:
         sensor = self._take_over(adjustment, bundle, sensor)
         for one in described:
             self._map.places.add(one.seen.keyframe, one.place)
+        self._note_measured([one.seen.keyframe for one in described])
         return sensor, described
 
     def keep_for_the_end(self, number: int, tracked: Tracked, sensor: SensorModel) -> None:
@@ -91,7 +108,8 @@ class Mapper:
         too, by their numbers.
         """
         adjusted: dict[int, Array] = {}
-        for segment in sorted({self._map.keyframes[n].segment for n in self._map.remembered}):
+        mine = [n for n in self._map.remembered if n >= self._map.earlier]
+        for segment in sorted({self._map.keyframes[n].segment for n in mine}):
             if len(self._map.members(segment)) >= 2:
                 prior = sensor.timing_information / self._credit(sensor)
                 adjustment = local_adjustment.everything(self._map, self.intermediate, segment, sensor.timing, prior)
@@ -99,7 +117,14 @@ class Mapper:
                 sensor = self._take_over(adjustment, bundle, sensor)
                 poses = bundle.T_camera_map[len(adjustment.numbers) :]
                 adjusted |= zip(adjustment.between.tolist(), poses, strict=True)
+        self._map.journal.measure([*mine, *self._map.journal.thinned])
         return sensor, adjusted
+
+    def _note_measured(self, described: list[int]) -> None:
+        """Note in the journal which key frames have their places now, and which will not be adjusted any more."""
+        settled = [n for n in self._map.remembered[: -self._settings.window_keyframes] if n >= self._settled]
+        self._settled = max(settled, default=self._settled - 1) + 1
+        self._map.journal.measure([*described, *settled])
 
     def _take_over(self, adjustment: local_adjustment.Adjustment, bundle: Bundle, sensor: SensorModel) -> SensorModel:
         local_adjustment.take_over(self._map, adjustment, bundle)

@@ -56,6 +56,9 @@ class Tuning:
         effect="fewer: chance decides; more: small bodies are taken for what is around them")
     neighbours_weight: float = tuned(2.0, unit="share of a corner's own", source=_BODIES,
         effect="smaller: chance decides; larger: as judged_neighbours")
+    # mapper
+    recalled_at_once: int = tuned(2, unit="key frames", source="some 2 ms each",
+        effect="brought back in one frame; fewer: fast walks see landmarks late; more: frames wait for the disk")
     # local_adjustment
     adjust_fixed: int = tuned(10, unit="key frames", source=_SWEEP,
         effect="older key frames that hold the newest ones; fewer: drift; more: slower")

@@ -9,6 +9,8 @@ from odom.backend.chain.sight import Sight
 from odom.backend.estimate import Estimate, Features, State
 from odom.backend.map.frame_log import LoggedFrame
 from odom.backend.map.map import Map
+from odom.backend.map.memory import open_map
+from odom.backend.map.saved import SavedMap
 from odom.backend.mapping.mapper import Mapper
 from odom.backend.odometry.published_trajectory import PublishedTrajectory
 from odom.backend.odometry.tuning import TUNING
@@ -50,10 +52,10 @@ class FrameStages:
     newest frame's stamp in its clock. The map grows by `mapper`; `published` and `chain` are what goes out.
     """
 
-    def __init__(self, sensor: SensorModel, settings: OdometrySettings) -> None:
+    def __init__(self, sensor: SensorModel, settings: OdometrySettings, saved: SavedMap | None = None) -> None:
         self.sensor = sensor
         self.state: FrameState | None = None
-        self.map = Map()
+        self.map = Map() if saved is None else open_map(saved)
         self.tracker = FrameTracker(self.map, settings)
         self.mapper = Mapper(self.map, settings)
         self.published = PublishedTrajectory(self.map)
@@ -116,9 +118,8 @@ class FrameStages:
     def _judge(self, view: View, tracked: Tracked, is_recovered: bool) -> _Judged:
         """Learn the noise from a tracked frame; return its motion, and how far its pose may be trusted."""
         previous, clock, landmarks = self.state, self.sensor.clock, self.map.landmarks
-        assert previous is not None
-        since_previous_s = 0.0 if is_recovered else previous.since_s(view.steady_stamp)
-        step = previous.step_to(tracked)
+        since_previous_s = 0.0 if is_recovered or previous is None else previous.since_s(view.steady_stamp)
+        step = np.zeros(6) if previous is None else previous.step_to(tracked)
         twist = -step / since_previous_s if 0.0 < since_previous_s < TUNING.longest_gap_s else tracked.twist
         self.mapper.inserter.remeasure_newest(twist if since_previous_s else None, self.sensor)
         landmarks.tried[tracked.expected] += 1
@@ -203,7 +204,7 @@ class FrameStages:
             reason = "no known place recognised"
             self._visibility = self._visibility.with_search(self.published.since_last_s(view.stamp))
             is_time = self._is_unproven or self._visibility.searching_s > self._settings.new_segment_s
-            if is_time and self.mapper.inserter.could_begin(view, self.sensor):
+            if is_time and not self.map.is_fixed and self.mapper.inserter.could_begin(view, self.sensor):
                 return self._begin_segment(view)
         self.published.lose(view.stamp, self._segment)
         self.mapper.start_background(self.published.frames.count, self.sensor)
@@ -212,7 +213,7 @@ class FrameStages:
     @property
     def _is_unproven(self) -> bool:
         """Whether there is nothing to be found again: no frame yet, or a single one from which none was followed."""
-        return self.state is None or (len(self.map.keyframes) == 1 and self.state.tracked is None)
+        return self.state is None or (len(self.map.keyframes) - self.map.earlier == 1 and self.state.tracked is None)
 
     def _begin_segment(self, view: View) -> Estimate:
         """Begin a new segment of the map at the last known pose."""

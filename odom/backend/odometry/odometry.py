@@ -8,6 +8,8 @@ from odom.backend.estimate import ClosingTest, Estimate, LoopCandidate, Trajecto
 from odom.backend.loop_closure.closed_walk import closing_test
 from odom.backend.loop_closure.loop_closure import close_recognised
 from odom.backend.map.map import Map
+from odom.backend.map.memory import take_changes
+from odom.backend.map.saved import MapChanges, SavedMap
 from odom.backend.mapping.intermediate_frames import corrected
 from odom.backend.odometry.final_trajectory import trajectory
 from odom.backend.odometry.frame_stages import FrameStages
@@ -20,6 +22,7 @@ from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.camera.lens import Lens
 from odom.frontend.camera.noise_monitor import FeatureNoise, NoiseMonitor
 from odom.frontend.camera.rolling_shutter import ShutterTiming
+from odom.frontend.camera.sensor_memory import SensorMemory
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import StampClock
 from odom.frontend.features.images import FrameImages
@@ -53,15 +56,19 @@ class Odometry:
 
     Deterministic: what runs in the background takes effect at a fixed frame number, never by the clock; time is that
     of the frames' stamps. A frame that cannot be placed is LOST, a value. Raises ConfigError for a camera of which
-    nothing can be tracked, or whose lens is not known here.
+    nothing can be tracked, or whose lens is not known here. With a `saved` map it goes on in that, or only finds the
+    camera there.
     """
 
-    def __init__(self, camera: Camera, settings: OdometrySettings | None = None) -> None:
+    def __init__(self, camera: Camera, settings: OdometrySettings | None = None, saved: SavedMap | None = None) -> None:
         if min(camera.width, camera.height) < _LEAST_SIDE_PX:
             raise ConfigError(f"{camera}: images need {_LEAST_SIDE_PX} pixels each way at least")
         self.settings = settings or OdometrySettings()
         self.camera = camera
-        self._frames = FrameStages(_unproven_sensor(camera, self.settings), self.settings)
+        sensor = _unproven_sensor(camera, self.settings)
+        if saved is not None and saved.sensor is not None:
+            sensor = saved.sensor.recalled(sensor)
+        self._frames = FrameStages(sensor, self.settings, saved)
         self._prepared: _Prepared | None = None
         self._hurried = 0
         self.late_loops: tuple[LoopCandidate, ...] = ()
@@ -132,13 +139,20 @@ class Odometry:
         view = View.of(frame, frames.sensor.clock, images)
         watch.lap("images")
         loops, map_moved = self._take_background(frames.published.frames.count)
-        map_moved |= frames.state is not None and frames.mapper.prune(frames.state)
+        map_moved |= frames.mapper.prune(frames.state)
         watch.lap("background")
         T_predicted = None if prepared is None or map_moved else prepared.T_predicted
         estimate = frames.estimate(view, T_predicted, watch)
+        if frames.state is not None:
+            frames.mapper.recall(frames.state)
         if map_moved or estimate.is_keyframe:
             estimate = replace(estimate, path=frames.map.path(), landmarks_map=frames.map.cloud())
         return replace(estimate, loops=loops, timings_ms=watch.laps_ms)
+
+    def take_map_changes(self) -> MapChanges:
+        """Return what of the map is new or other since the last call; nothing unless it was opened to go on in it."""
+        changes = take_changes(self._frames.map)
+        return changes if changes.is_empty else replace(changes, sensor=SensorMemory.of(self._frames.sensor))
 
     def _take_background(self, count: int | None) -> tuple[tuple[LoopCandidate, ...], bool]:
         """Take over what the background has for frame `count` (None: all it has); return loops, and if the map moved.

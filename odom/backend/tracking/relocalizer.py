@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from odom.backend.map.map import Map
+from odom.backend.map.memory import recall_near
 from odom.backend.tracking.frame_state import FrameState, MotionPrior, Tracked
 from odom.backend.tracking.frame_tracker import FrameTracker
 from odom.backend.tracking.motion_model import AT_REST, Motion
@@ -56,6 +57,7 @@ def relocalise(
             continue
         keyframe = map_.keyframes[recognition.candidate]
         T_camera_map = se3.inverse(recognition.registration.T_target_source) @ keyframe.T_camera_map
+        recall_near(map_, keyframe.number, T_camera_map)
         motion = Motion.of(se3.inverse(T_camera_map), TUNING.place_sigma**2 * np.eye(6))
         prior = MotionPrior(motion, 0.0, sensor.noise.covariance_scale)
         tracked = tracker.track_twice(view, sensor, T_camera_map, AT_REST, keyframe.number, prior)

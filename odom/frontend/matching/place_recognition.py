@@ -1,17 +1,17 @@
 """Places seen before: an index by what they look like, matching by descriptors, and registration by the points."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 
-from odom.frontend.features.place_descriptor import Descriptors, Place
+from odom.frontend.features.place_descriptor import Place
+from odom.frontend.matching.place_block import TABLES, PlaceBlock, keys_of
 from odom.frontend.tuning import TUNING
 from odom.geometry.arrays import Index
 from odom.registration import Pairs, Registration, register
 
-_TABLES, _BITS = 6, 20
-"""Hash tables, and bits of a descriptor that each samples: a 1-in-a-million chance that unlike features share a key."""
 _NUMBER_BITS = 32
 """Lower bits of a table's entry, which hold the place's number."""
 _NUMBERS = (1 << _NUMBER_BITS) - 1
@@ -22,25 +22,19 @@ class PlaceIndex:
     """Places by number, found by sampled bits of their descriptors (locality-sensitive hashing, A. Gionis, 1999).
 
     A table holds one entry, sampled bits and number, for each feature of each place, sorted. Of the places that share
-    a feature's bits only the newest ones count, so that a place seen often hardly makes a look-up slower.
+    a feature's bits only the newest ones count, so that a place seen often hardly makes a look-up slower. Places of a
+    saved map are in `blocks`; they are not in memory, like those that were set aside, but had from `elsewhere`.
     """
 
     places: dict[int, Place] = field(default_factory=dict)
-    _tables: list[Index] = field(default_factory=lambda: [np.zeros(0, dtype=np.int64) for _ in range(_TABLES)])
-    _sampled: Index = field(
-        default_factory=lambda: np.array(
-            [np.random.default_rng(t).choice(256, _BITS, replace=False) for t in range(_TABLES)]
-        )
-    )
-
-    def _keys(self, descriptors: Descriptors) -> Index:
-        bits = np.unpackbits(descriptors, axis=1)[:, self._sampled].astype(np.int64)
-        return np.asarray(bits @ (1 << np.arange(_BITS)))
+    blocks: tuple[PlaceBlock, ...] = ()
+    elsewhere: Callable[[int], Place | None] | None = None
+    _tables: list[Index] = field(default_factory=lambda: [np.zeros(0, dtype=np.int64) for _ in range(TABLES)])
 
     def add(self, number: int, place: Place) -> None:
         """Remember `place` under `number`."""
         self.places[number] = place
-        for t, keys in enumerate(self._keys(place.descriptors).T):
+        for t, keys in enumerate(keys_of(place.descriptors).T):
             entries = np.unique(keys) << _NUMBER_BITS | number
             self._tables[t] = np.insert(self._tables[t], np.searchsorted(self._tables[t], entries), entries)
 
@@ -49,11 +43,20 @@ class PlaceIndex:
         if self.places.pop(number, None) is not None:
             self._tables = [table[table & _NUMBERS != number] for table in self._tables]
 
+    def set_aside(self, number: int) -> None:
+        """Drop a place from memory; it is still found, and had from `elsewhere`."""
+        self.places.pop(number, None)
+
+    def place_of(self, number: int) -> Place | None:
+        """Return a place that was found, None where it cannot be had any more."""
+        place = self.places.get(number)
+        return self.elsewhere(number) if place is None and self.elsewhere is not None else place
+
     def look_up(self, place: Place, excluded: set[int], most: int) -> list[int]:
         """Return up to `most` places that look most like `place`, best first, without the `excluded`."""
-        found = [
-            _newest(table, keys) for table, keys in zip(self._tables, self._keys(place.descriptors).T, strict=True)
-        ]
+        keys = keys_of(place.descriptors)
+        found = [_newest(table, keys) for table, keys in zip(self._tables, keys.T, strict=True)]
+        found += [block.voted(keys) for block in self.blocks]
         numbers, votes = np.unique(np.concatenate(found), return_counts=True)
         ranked = numbers[np.argsort(-votes, kind="stable")]
         return [number for number in ranked.tolist() if number not in excluded][:most]
@@ -115,6 +118,9 @@ def recognise(index: PlaceIndex, place: Place, excluded: set[int]) -> list[Recog
     """
     candidates = []
     for number in index.look_up(place, excluded, TUNING.place_candidates):
-        pairs = match_places(place, index.places[number])
+        known = index.place_of(number)
+        if known is None:
+            continue
+        pairs = match_places(place, known)
         candidates.append(Recognition(number, None if pairs is None else register(pairs)))
     return candidates

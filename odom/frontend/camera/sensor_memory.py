@@ -1,0 +1,49 @@
+"""What is remembered of a camera from one session to the next: timing of its shutters, and noise."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from odom.frontend.camera.noise_monitor import FeatureNoise
+from odom.frontend.camera.rolling_shutter import ShutterTiming
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.tuning import TUNING
+from odom.geometry.arrays import Array
+
+_SEEN = 1_000_000
+"""Counts as so many frames: what was learnt is not learnt anew from the first ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class SensorMemory:
+    """The `timing` with its information (3 x 3, 1/s^2), the `noise`, and the inflations of pose covariances."""
+
+    timing: ShutterTiming
+    timing_information: Array
+    noise: FeatureNoise
+    halves: float
+    jumps: float
+
+    @classmethod
+    def of(cls, sensor: SensorModel) -> "SensorMemory":
+        """Return what is to be remembered of a camera."""
+        monitor = sensor.noise
+        return cls(sensor.timing, sensor.timing_information, monitor.noise, monitor.halves, monitor.jumps)
+
+    def recalled(self, sensor: SensorModel) -> SensorModel:
+        """Return the model of a camera that has shown nothing yet, with what is remembered of it.
+
+        The timing is a little less sure than it was, since a device that was switched off and on may differ.
+        """
+        variance = np.linalg.inv(self.timing_information) + TUNING.timing_restart_s**2 * np.eye(3)
+        information = np.asarray(np.linalg.inv(variance), dtype=np.float64)
+        noise = replace(
+            sensor.noise,
+            noise=self.noise,
+            halves=self.halves,
+            jumps=self.jumps,
+            halves_seen=_SEEN,
+            residuals_seen=_SEEN,
+            jumps_seen=_SEEN,
+        )
+        return replace(sensor, timing=self.timing, timing_information=information, noise=noise)

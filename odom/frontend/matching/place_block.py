@@ -1,0 +1,64 @@
+"""Up to 4,096 places in an index that does not change any more: 4 bytes for each sampled key of each feature."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.frontend.features.place_descriptor import Descriptors
+from odom.frontend.tuning import TUNING
+from odom.geometry.arrays import Index
+
+TABLES, BITS = 6, 20
+"""Hash tables, and bits of a descriptor that each samples: a 1-in-a-million chance that unlike features share a key."""
+_LOCAL_BITS = 32 - BITS
+"""Lower bits of an entry: which place of the block."""
+MOST_PLACES = 1 << _LOCAL_BITS
+_SAMPLED = np.array([np.random.default_rng(t).choice(256, BITS, replace=False) for t in range(TABLES)])
+_WEIGHTS = 1 << np.arange(BITS)
+
+
+def keys_of(descriptors: Descriptors) -> Index:
+    """Return the sampled bits of n descriptors as numbers (n x TABLES)."""
+    bits = np.unpackbits(descriptors, axis=1)[:, _SAMPLED].astype(np.int64)
+    return np.asarray(bits @ _WEIGHTS)
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceBlock:
+    """The places `numbers` (ascending), and for each table its sorted entries: key and place in the block."""
+
+    numbers: Index
+    tables: tuple[NDArray[np.uint32], ...]
+
+    @classmethod
+    def of(cls, numbers: Sequence[int], descriptors: Sequence[Descriptors]) -> "PlaceBlock":
+        """Return the block of places with these numbers, ascending, and descriptors (n x 32 each)."""
+        entries: list[list[NDArray[np.uint32]]] = [[] for _ in range(TABLES)]
+        for local, described in enumerate(descriptors):
+            for table, keys in zip(entries, keys_of(described).T, strict=True):
+                table.append((np.unique(keys) << _LOCAL_BITS | local).astype(np.uint32))
+        nothing = np.zeros(0, np.uint32)
+        tables = tuple(np.sort(np.concatenate([nothing, *table])) for table in entries)
+        return cls(np.asarray(numbers, dtype=np.int64), tables)
+
+    def joined(self, newer: "PlaceBlock") -> "PlaceBlock":
+        """Return the block of these places and of `newer` ones, no more than MOST_PLACES together."""
+        shift = np.uint32(len(self.numbers))
+        tables = tuple(np.sort(np.concatenate([a, b + shift])) for a, b in zip(self.tables, newer.tables, strict=True))
+        return PlaceBlock(np.concatenate([self.numbers, newer.numbers]), tables)
+
+    def voted(self, keys: Index) -> Index:
+        """Return the places that share one of `keys` (n x TABLES), once for each; of each key the newest few."""
+        found = [_newest(table, own) for table, own in zip(self.tables, keys.T, strict=True)]
+        return np.asarray(self.numbers[np.concatenate(found)])
+
+
+def _newest(table: NDArray[np.uint32], keys: Index) -> Index:
+    first = (keys << _LOCAL_BITS).astype(np.uint32)
+    stop = np.searchsorted(table, first | np.uint32(MOST_PLACES - 1), side="right")
+    start = np.maximum(np.searchsorted(table, first), stop - TUNING.place_bucket)
+    count = stop - start
+    within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    return np.asarray(table[np.repeat(start, count) + within] & np.uint32(MOST_PLACES - 1), dtype=np.int64)

@@ -1,0 +1,207 @@
+"""A map's file, opened by one process: read when needed, and written behind the camera's back."""
+
+import logging
+import os
+import sqlite3
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from odom.backend.map.pose_graph import Edge
+from odom.backend.map.saved import MapChanges, SavedDetails, SavedKeyframe, SavedMap
+from odom.errors import MapError
+from odom.frame import Camera
+from odom.frontend.camera.sensor_memory import SensorMemory
+from odom.frontend.features.place_descriptor import Place
+from odom.map_file import index, records
+from odom.map_file.counts import Counts
+from odom.map_file.database import UNREADABLE, connect, damage_told, damaged, lock, transaction
+from odom.map_file.sessions import Session, is_same_camera
+from odom.map_file.writer import MapWriter
+
+_LOG = logging.getLogger(__name__)
+
+
+class MapFile:
+    """One map on disk; with `is_written` it is made where there is none, and gone on with.
+
+    Raises ConfigError for what is no map of ours or does not exist, MapError where it is damaged or in use.
+    """
+
+    def __init__(self, path: Path, is_written: bool) -> None:
+        self.path, self.is_written = path, is_written
+        self.lost = 0
+        """Key frames of which nothing could be read."""
+        self._lock = threading.Lock()
+        self._held = lock(path) if is_written else None
+        self._writer: MapWriter | None = None
+        try:
+            self._db = connect(path, is_written)
+        except BaseException:
+            self._let_go()
+            raise
+
+    def sessions(self) -> list[Session]:
+        """Return the sessions, in order."""
+        rows = self._rows("SELECT number, content FROM session ORDER BY number")
+        with self._telling():
+            return [Session.of(content) for _, content in rows]
+
+    def keyframes(self) -> list[SavedKeyframe]:
+        """Return the key frames, by number; raises MapError where one is missing or damaged."""
+        rows = self._rows("SELECT number, content FROM keyframe ORDER BY number")
+        with self._telling():
+            found = [records.keyframe_of(content) for _, content in rows]
+            if [k.number for k in found] != list(range(len(rows))) or len(rows) != self.counts().keyframes:
+                raise MapError("key frames are missing")
+        return found
+
+    def edges(self) -> list[Edge]:
+        """Return the registrations; raises MapError where one is missing or damaged."""
+        rows = self._rows("SELECT a, content FROM edge ORDER BY a, b")
+        with self._telling():
+            found = [records.edge_of(content) for _, content in rows]
+            if len(found) != self.counts().edges:
+                raise MapError("registrations are missing")
+        return found
+
+    def counts(self) -> Counts:
+        """Return what the map says that it holds."""
+        content = self._meta("counts")
+        with self._telling():
+            return Counts() if content is None else Counts.of(content)
+
+    def sensor(self) -> SensorMemory | None:
+        """Return what the newest session has learnt of its camera, None where it did not last."""
+        content = self._meta("sensor")
+        with self._telling():
+            return None if content is None else records.sensor_of(content)
+
+    def _meta(self, name: str) -> bytes | None:
+        return dict(self._rows("SELECT name, content FROM meta")).get(name)
+
+    def look_over(self) -> None:
+        """Read what is read when a session begins, and close; raises MapError where that is damaged."""
+        try:
+            self.sessions()
+            self.keyframes()
+            self.edges()
+        finally:
+            self.close()
+
+    def begin(self, camera: Camera) -> SavedMap:
+        """Return the map for a session with this camera, which a map that is written goes on with.
+
+        Raises MapError where the map was made with another camera.
+        """
+        self.flush()
+        sessions = self.sessions()
+        for session in sessions:
+            if not is_same_camera(session.camera, camera):
+                raise MapError(
+                    f"{self.path} was made with another camera: session {session.number} has {session.camera}, this is "
+                    f"{camera}; give that camera's calibration, or make a map of its own"
+                )
+        keyframes, edges, counts = self.keyframes(), self.edges(), self.counts()
+        number = len(sessions)
+        if self.is_written:
+            self._write_session(Session(number, datetime.now(UTC).isoformat(timespec="seconds"), camera))
+            self._writer = self._writer or MapWriter(self.path, counts)
+        blocks = index.load(self._db, self._lock, self.path)
+        _LOG.info("%s: %d key frames of %d sessions", self.path, len(keyframes), number)
+        identity, is_fixed, sensor = counts.next_identity, not self.is_written, self.sensor()
+        return SavedMap(tuple(keyframes), tuple(edges), self, blocks, identity, number, is_fixed, sensor)
+
+    def _write_session(self, session: Session) -> None:
+        with damage_told(self.path), self._lock, transaction(self._db):
+            self._db.execute("INSERT INTO session VALUES (?, ?)", (session.number, session.to_bytes()))
+
+    def fetch(self, number: int) -> SavedDetails | None:
+        """Return what a key frame measured; None, counted and logged, where it cannot be read."""
+        waiting = None if self._writer is None else self._writer.waiting(number)
+        if waiting is not None:
+            return waiting
+        try:
+            content = self._row("SELECT content FROM details WHERE number = ?", number)
+            return records.details_of(number, content, None)
+        except (MapError, *UNREADABLE) as error:
+            self._lose(number, error)
+            return None
+
+    def fetch_place(self, number: int) -> Place | None:
+        """Return the place that a key frame shows; None where it shows none or cannot be read."""
+        waiting = None if self._writer is None else self._writer.waiting(number)
+        if waiting is not None:
+            return waiting.place
+        try:
+            return records.place_of(number, self._row("SELECT content FROM place WHERE number = ?", number))
+        except (MapError, *UNREADABLE) as error:
+            self._lose(number, error)
+            return None
+
+    def _lose(self, number: int, error: Exception) -> None:
+        if not self.lost:
+            _LOG.warning("%s: key frame %d is left out (others are counted): %s", self.path, number, error)
+        self.lost += 1
+
+    def put(self, changes: MapChanges) -> None:
+        """Take over changes; they are on disk within a second, or said and tried again."""
+        if self._writer is not None:
+            self._writer.put(changes)
+
+    @property
+    def unwritten(self) -> int:
+        """How many times changes could not be written."""
+        return 0 if self._writer is None else self._writer.failures
+
+    def flush(self) -> None:
+        """Wait until all changes are on disk, or could not be written."""
+        if self._writer is not None:
+            self._writer.flush()
+
+    def close(self) -> None:
+        """Write what waits, and leave one plain file behind; safe to call twice."""
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None
+        try:
+            if self.is_written and self._held is not None:
+                with self._lock:
+                    index.extend(self._db)
+                    self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+                    self._db.execute("PRAGMA journal_mode = DELETE")
+        except (
+            MapError,
+            sqlite3.DatabaseError,
+        ) as error:  # a full disk, or another reader: the map is whole all the same
+            _LOG.info("%s stays in two files until it is opened again: %s", self.path, error)
+        finally:
+            self._db.close()
+            self._let_go()
+
+    def _let_go(self) -> None:
+        if self._held is not None:
+            os.close(self._held)
+            self._held = None
+
+    @contextmanager
+    def _telling(self) -> Iterator[None]:
+        try:
+            yield
+        except MapError as error:
+            raise damaged(self.path, str(error)) from error
+
+    def _rows(self, query: str) -> list[tuple[Any, bytes]]:
+        with damage_told(self.path), self._lock:
+            return self._db.execute(query).fetchall()
+
+    def _row(self, query: str, number: int) -> bytes:
+        with self._lock:
+            row = self._db.execute(query, (number,)).fetchone()
+        if row is None:
+            raise MapError("it is missing")
+        content: bytes = row[0]
+        return content

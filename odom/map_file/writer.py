@@ -1,0 +1,146 @@
+"""Changes of a map on their way to disk: written by a thread, each time all or nothing, tried again when it fails."""
+
+import logging
+import sqlite3
+import threading
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from odom.backend.map.pose_graph import Edge
+from odom.backend.map.saved import MapChanges, SavedDetails, SavedKeyframe
+from odom.errors import OdomError
+from odom.frontend.camera.sensor_memory import SensorMemory
+from odom.map_file import records
+from odom.map_file.counts import Counts
+from odom.map_file.database import connect, transaction
+
+_LOG = logging.getLogger(__name__)
+_RETRY_S = 1.0
+_MOST_DETAILS = 500
+"""Key frames that may wait for a full disk, some .3 MB each; beyond, what the oldest measured is lost."""
+
+
+@dataclass
+class _Waiting:
+    keyframes: dict[int, SavedKeyframe] = field(default_factory=dict)
+    edges: dict[tuple[int, int], Edge] = field(default_factory=dict)
+    details: dict[int, SavedDetails] = field(default_factory=dict)
+    next_identity: int = 1
+    sensor: SensorMemory | None = None
+
+    def add(self, changes: MapChanges) -> None:
+        self.keyframes |= {k.number: k for k in changes.keyframes}
+        self.edges |= {(min(e.a, e.b), max(e.a, e.b)): e for e in changes.edges}
+        self.details |= changes.details
+        self.next_identity = max(self.next_identity, changes.next_identity)
+        self.sensor = changes.sensor or self.sensor
+
+    def changes(self) -> MapChanges:
+        keyframes, edges = tuple(self.keyframes.values()), tuple(self.edges.values())
+        return MapChanges(keyframes, edges, self.details, self.next_identity, self.sensor)
+
+    @property
+    def is_empty(self) -> bool:
+        return not (self.keyframes or self.edges or self.details)
+
+
+class MapWriter:
+    """Writes changes to the map at `path`, which says that it holds `counts`; `failures` counts what went wrong."""
+
+    def __init__(self, path: Path, counts: Counts) -> None:
+        self.failures = 0
+        self._path, self._counts = path, counts
+        self._db = connect(path, is_written=True)
+        self._coming = _Waiting()
+        self._writing = _Waiting()
+        self._condition = threading.Condition()
+        self._ends = False
+        self._tried = 0
+        self._thread = threading.Thread(target=self._work, name="odom-map-writer", daemon=True)
+        self._thread.start()
+
+    def put(self, changes: MapChanges) -> None:
+        """Take over changes, which are written soon."""
+        with self._condition:
+            self._coming.add(changes)
+            surplus = list(self._coming.details)[:-_MOST_DETAILS]
+            for number in surplus:
+                del self._coming.details[number]
+            self._condition.notify_all()
+        if surplus:
+            _LOG.error("%s: what %d key frames measured is lost: the disk has had no room", self._path, len(surplus))
+
+    def waiting(self, number: int) -> SavedDetails | None:
+        """Return what a key frame measured, if that is not on disk yet."""
+        with self._condition:
+            return self._coming.details.get(number) or self._writing.details.get(number)
+
+    def flush(self) -> None:
+        """Wait until all is written, or was tried and failed."""
+        with self._condition:
+            tried = self._tried
+            self._condition.notify_all()
+            self._condition.wait_for(
+                lambda: (self._coming.is_empty and self._writing.is_empty) or self._tried > tried + 1
+            )
+
+    def close(self) -> None:
+        """Write what waits, as far as there is room, and end."""
+        with self._condition:
+            self._ends = True
+            self._condition.notify_all()
+        self._thread.join()
+        self._db.close()
+
+    def _work(self) -> None:
+        is_failed = is_last = False
+        while True:
+            with self._condition:
+                if is_failed and not self._ends:
+                    self._condition.wait(_RETRY_S)
+                self._condition.wait_for(lambda: self._ends or not self._coming.is_empty)
+                if self._coming.is_empty or is_last:
+                    return
+                is_last = self._ends
+                self._writing, self._coming = self._coming, _Waiting()
+            is_failed = not self._try_to_write(self._writing.changes())
+            is_last = is_last and is_failed
+            with self._condition:
+                if is_failed:
+                    newer, self._coming = self._coming, self._writing
+                    self._coming.add(newer.changes())
+                self._writing = _Waiting()
+                self._tried += 1
+                self._condition.notify_all()
+
+    def _try_to_write(self, changes: MapChanges) -> bool:
+        counts = replace(self._counts, next_identity=max(self._counts.next_identity, changes.next_identity))
+        try:
+            write(self._db, counts, changes)
+        except (sqlite3.Error, OdomError, OSError) as error:
+            if not self.failures:
+                _LOG.error("%s cannot be written (tried again; failures are counted): %s", self._path, error)
+            self.failures += 1
+            return False
+        self._counts = counts
+        return True
+
+
+def write(db: sqlite3.Connection, counts: Counts, changes: MapChanges) -> None:
+    """Write changes in one transaction; raises sqlite3.Error, and has then written nothing.
+
+    How many key frames and registrations there are by then is counted in `counts`.
+    """
+    keyframes = [(k.number, records.keyframe_bytes(k)) for k in changes.keyframes]
+    edges = [(min(e.a, e.b), max(e.a, e.b), records.edge_bytes(e)) for e in changes.edges]
+    details = [(n, records.details_bytes(n, one)) for n, one in changes.details.items()]
+    places = [(n, records.place_bytes(n, one.place)) for n, one in changes.details.items() if one.place is not None]
+    with transaction(db):
+        db.executemany("REPLACE INTO keyframe VALUES (?, ?)", keyframes)
+        db.executemany("REPLACE INTO edge VALUES (?, ?, ?)", edges)
+        db.executemany("REPLACE INTO details VALUES (?, ?)", details)
+        db.executemany("REPLACE INTO place VALUES (?, ?)", places)
+        held = [db.execute(f"SELECT count(*) FROM {table}").fetchone()[0] for table in ("keyframe", "edge")]
+        meta = {"counts": replace(counts, keyframes=held[0], edges=held[1]).to_bytes()}
+        meta |= {} if changes.sensor is None else {"sensor": records.sensor_bytes(changes.sensor)}
+        db.executemany("REPLACE INTO meta VALUES (?, ?)", meta.items())

@@ -1,0 +1,70 @@
+"""The map of a run on disk, if there is one: opened for a camera, and written behind the odometry's back."""
+
+import logging
+from pathlib import Path
+
+from odom.backend import Odometry
+from odom.backend.map.saved import SavedMap
+from odom.frame import Camera, Stamp
+from odom.map_file.map_file import MapFile
+
+_LOG = logging.getLogger(__name__)
+_PERIOD_S = 0.5
+"""Changes are taken so often, by the frames' stamps: a crash loses no more, and what it takes to copy them."""
+
+
+class MapKeeper:
+    """Keeps the map of an odometry in `path`; does nothing where there is none. With `localize` it is only read.
+
+    Raises ConfigError for what is no map, MapError where it is damaged or in use.
+    """
+
+    def __init__(self, path: Path | None, localize: bool = False) -> None:
+        self._file = None if path is None else MapFile(path, is_written=not localize)
+        self._taken = Stamp(0)
+        self._known_failures = 0
+
+    def begin(self, camera: Camera, odometry: Odometry | None) -> SavedMap | None:
+        """Return the map for a camera, after what the `odometry` before has made of it was written.
+
+        Raises MapError where the map was made with another camera.
+        """
+        if odometry is not None:
+            self.save(odometry)
+        return None if self._file is None else self._file.begin(camera)
+
+    def note(self, odometry: Odometry, stamp: Stamp) -> None:
+        """Hand on what has changed by the frame of this `stamp`, if it is time."""
+        if self._file is not None and not 0 <= (stamp - self._taken) * 1e-9 < _PERIOD_S:
+            self._taken = stamp
+            self.hand_on(odometry)
+
+    def hand_on(self, odometry: Odometry) -> None:
+        """Hand on what has changed."""
+        changes = odometry.take_map_changes()
+        if self._file is not None and not changes.is_empty:
+            self._file.put(changes)
+
+    def save(self, odometry: Odometry) -> None:
+        """Write what has changed, and wait for it."""
+        if self._file is not None:
+            self.hand_on(odometry)
+            self._file.flush()
+
+    def new_failures(self) -> int:
+        """Return how many times since the last call the map could not be written."""
+        failures = 0 if self._file is None else self._file.unwritten
+        new, self._known_failures = failures - self._known_failures, failures
+        return new
+
+    def report(self) -> dict[str, object]:
+        """Return what report.json says of the map, nothing without one."""
+        if self._file is None:
+            return {}
+        return {"map": {"file": str(self._file.path), "localize": not self._file.is_written, "lost": self._file.lost}}
+
+    def close(self) -> None:
+        """Write what waits, and close the file; safe to call twice."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None

@@ -1,13 +1,14 @@
 """Calibration files: the YAML that ROS's camera_calibration writes, plus the unit of a folder's depth images."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from odom.errors import ConfigError
-from odom.frame import Camera
+from odom.frame import Camera, DepthModel
 
 TUM_DEPTH_SCALE = 5000.0
 """Units per metre of the depth images of the TUM RGB-D benchmark."""
@@ -65,11 +66,46 @@ def read_camera(content: Any, place: str) -> Camera:
             raise ConfigError(f"camera_matrix has {len(matrix)} values: give 9")
         distortion = _numbers(content.get("distortion_coefficients", {}).get("data", []))
         size = int(content["image_width"]), int(content["image_height"])
-        return Camera(*size, matrix[0], matrix[4], matrix[2], matrix[5], distortion if any(distortion) else ())
+        lens = distortion if any(distortion) else ()
+        return Camera(*size, matrix[0], matrix[4], matrix[2], matrix[5], lens, _depth_model(content))
     except ConfigError as error:
         raise ConfigError(f"{place}: {error}") from error
     except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
         raise ConfigError(f"{place}: missing or not a number: {error}") from error
+
+
+def _depth_model(content: Any) -> DepthModel:
+    given = content.get("depth_model", {})
+    unknown = set(given) - {field.name for field in fields(DepthModel)}
+    if unknown:
+        raise ConfigError(f"depth_model: {', '.join(sorted(map(str, unknown)))} is unknown")
+    values: dict[str, Any] = {name: _numbers(numbers) for name, numbers in given.items()}
+    return DepthModel(**values)
+
+
+def calibration_text(calibration: Calibration, remarks: Iterable[str] = ()) -> str:
+    """Return a calibration as the text of a file that `load_calibration` reads, below `remarks`, one a line."""
+    camera = calibration.camera
+    K = [round(float(value), 4) for value in camera.matrix.ravel()]
+    content: dict[str, Any] = {
+        "image_width": camera.width,
+        "image_height": camera.height,
+        "camera_name": "camera",
+        "camera_matrix": {"rows": 3, "cols": 3, "data": K},
+        "distortion_model": "plumb_bob" if len(camera.distortion) <= 5 else "rational_polynomial",
+        "distortion_coefficients": _row(camera.distortion or (0.0,) * 5),
+        "depth_scale": calibration.depth_scale,
+    }
+    if camera.depth != DepthModel():
+        content["depth_model"] = {
+            name: [round(value, 7) for value in values] for name, values in asdict(camera.depth).items()
+        }
+    lines = [f"# {remark}".rstrip() + "\n" for remark in remarks]
+    return "".join(lines) + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
+
+
+def _row(values: tuple[float, ...]) -> dict[str, Any]:
+    return {"rows": 1, "cols": len(values), "data": [round(value, 7) for value in values]}
 
 
 def _numbers(values: Any) -> tuple[float, ...]:

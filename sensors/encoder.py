@@ -4,7 +4,7 @@ from odom.frame import Camera, Stamp
 from odom.geometry.arrays import Image
 from odom.wire import Message
 from odom.wire.codec import (
-    encode_camera_info,
+    encode_calibration,
     encode_color,
     encode_color_jpeg,
     encode_depth,
@@ -22,9 +22,10 @@ class ImageEncoder:
         self._frame_id = options.topics.frame_camera
         self._jpeg_quality = jpeg_quality
 
-    def info(self, stamp: Stamp, camera: Camera) -> Message:
-        """Return the calibration message."""
-        return encode_camera_info(self._options.topics.camera_info, stamp, camera, self._frame_id)
+    def info(self, stamp: Stamp, camera: Camera) -> tuple[Message, ...]:
+        """Return the messages of the calibration."""
+        topics = self._options.topics
+        return encode_calibration((topics.camera_info, topics.depth_info), stamp, camera, self._frame_id)
 
     def color(self, stamp: Stamp, rgb: Image) -> Message:
         """Return the message of a colour image (H x W x 3)."""

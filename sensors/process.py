@@ -63,7 +63,7 @@ class SensorProcess:
         self._publisher: Publisher = session.publisher(lossless=not self._live, mirror=mirror)
         self._window = SendWindow(session, options.topics, self._publisher)
         self._clock: tuple[float, Stamp] | None = None
-        self._calibration: Message | None = None
+        self._calibration: dict[str, Message] = {}
         self._calibration_due = 0.0
         self._informed: tuple[str, ...] = ()
         session.announce(options.topics.alive)
@@ -110,10 +110,11 @@ class SensorProcess:
     def _repeat_calibration(self, message: Message) -> None:
         """Send the calibration whenever a consumer has joined, and once a second for those who only listen."""
         now, consumers = time.monotonic(), self._window.consumers
-        if message.topic == self._topics.camera_info:
-            self._calibration = message
-        elif self._calibration is not None and (now >= self._calibration_due or consumers != self._informed):
-            self._publisher.put(restamp(self._calibration, message.stamp))
+        if message.topic in (self._topics.depth_info, self._topics.camera_info):
+            self._calibration[message.topic] = message
+        elif self._calibration and (now >= self._calibration_due or consumers != self._informed):
+            for known in self._calibration.values():
+                self._publisher.put(restamp(known, message.stamp))
         else:
             return
         self._calibration_due, self._informed = now + _CALIBRATION_PERIOD_S, consumers

@@ -5,10 +5,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from odom.errors import ConfigError, RecordingError
+from odom.errors import ConfigError, RecordingError, WireError
 from odom.frame import Stamp, from_seconds
 from odom.wire import Message, truth
-from odom.wire.codec import cdr, decode_camera_info, encode_camera_info, restamp
+from odom.wire.codec import cdr, decode_camera_info, decode_depth_model, encode_calibration, encode_camera_info, restamp
 from odom.wire.recording import RecordedStream, RecordingReader, SelectedStreams, open_reader, select_streams
 from sensors.calibration_file import load_calibration
 from sensors.source import SourceOptions
@@ -57,15 +57,20 @@ class ReplaySource:
         self._info_key = topics.camera_info
         self._info_topic = None if camera is not None or info is None else info.topic
         if camera is not None:
-            self._calibration = encode_camera_info(self._info_key, self._begin, camera, topics.frame_camera)
+            keys = self._info_key, topics.depth_info
+            self._calibration = encode_calibration(keys, self._begin, camera, topics.frame_camera)
         else:
             assert info is not None
-            self._calibration = self._as_calibration(info.first)
+            models = [stream for stream in streams if _shows_depth_model(stream)]
+            self._calibration = (
+                *(replace(stream.first, topic=topics.depth_info) for stream in models[:1]),
+                self._as_calibration(info.first),
+            )
         self._closed = False
 
     def messages(self) -> Iterator[Message]:
         """Yield the calibration, then everything by stamp; says at the end what the recording lacks."""
-        yield restamp(self._calibration, self._begin)
+        yield from (restamp(message, self._begin) for message in self._calibration)
         wanted = {*self._keys, *({self._info_topic} if self._info_topic else ())}
         for message in self._until_end(self._reader.messages(wanted, self._start)):
             if self._closed:
@@ -150,3 +155,11 @@ def _truths(streams: list[RecordedStream], counts: Mapping[str, int], named: str
         )
     body = [word for word in topic.split("/") if word != "pose"]
     return {topic: truth(body[-1] if body else "")}
+
+
+def _shows_depth_model(stream: RecordedStream) -> bool:
+    """Return whether a stream says how depth errs, as `odom calibrate` finds it."""
+    try:
+        return stream.type_name == cdr.CAMERA_INFO and decode_depth_model(stream.first) is not None
+    except WireError:
+        return False

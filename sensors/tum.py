@@ -20,7 +20,7 @@ from odom.frame import Stamp, from_seconds
 from odom.geometry.quaternion import rotation_from_quaternion
 from odom.wire import Message, Topics, truth
 from odom.wire.codec import (
-    encode_camera_info,
+    encode_calibration,
     encode_color_file,
     encode_depth,
     encode_pose,
@@ -112,9 +112,9 @@ class TumSource:
     def messages(self) -> Iterator[Message]:
         """Yield calibration, then colour, depth and truth in the order of their stamps."""
         if self._color:
-            yield encode_camera_info(
-                self._topics.camera_info, self._color[0].stamp, self._calibration.camera, self._topics.frame_camera
-            )
+            topics = self._topics
+            keys = topics.camera_info, topics.depth_info
+            yield from encode_calibration(keys, self._color[0].stamp, self._calibration.camera, topics.frame_camera)
         streams = (
             ("truth", self._truth, self._pose),
             ("depth", self._depth, self._depth_image),

@@ -14,6 +14,7 @@ import odom
 from odom.cli import logs
 from odom.cli.batch import batch
 from odom.cli.bench import bench
+from odom.cli.calibrate import calibrate
 from odom.cli.config import config
 from odom.cli.doctor import doctor
 from odom.cli.eval import evaluate
@@ -49,6 +50,7 @@ app.command("view")(view)
 app.command("config")(config)
 app.command("eval")(evaluate)
 app.command("doctor")(doctor)
+app.command("calibrate")(calibrate)
 app.command("sensor", cls=WithRos2Domain)(sensor)
 app.command("record")(record)
 app.command("import")(import_)

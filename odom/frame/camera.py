@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.errors import ConfigError
+from odom.frame.depth_model import EXACT_DEPTH, DepthModel
 from odom.geometry.arrays import Array
 
 _COEFFICIENTS = (0, 4, 5, 8, 12, 14)
@@ -16,7 +17,8 @@ class Camera:
     """Intrinsics of the colour image, to which the depth image is registered.
 
     `fx, fy, cx, cy` in pixels, pixel centres at whole numbers; `distortion` holds the coefficients of OpenCV's
-    and ROS's `plumb_bob` (k1, k2, p1, p2, k3) or `rational_polynomial` (8) model, empty for none.
+    and ROS's `plumb_bob` (k1, k2, p1, p2, k3) or `rational_polynomial` (8) model, empty for none. `depth` is how the
+    depth image errs; by itself it does not.
 
     >>> Camera(width=640, height=480, fx=525.0, fy=525.0, cx=319.5, cy=239.5).matrix
     array([[525. ,   0. , 319.5],
@@ -33,6 +35,7 @@ class Camera:
     cx: float
     cy: float
     distortion: tuple[float, ...] = ()
+    depth: DepthModel = EXACT_DEPTH
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "distortion", tuple(float(value) for value in np.ravel(self.distortion)))

@@ -49,6 +49,7 @@ class FrameReceiver:
             topics.depth,
             topics.depth_compressed,
             topics.camera_info,
+            topics.depth_info,
             TRUTH,
         )
         self.uncalibrated = 0

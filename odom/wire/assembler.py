@@ -1,11 +1,13 @@
 """From wire messages to RGB-D frames: decoding, calibration and pairing, with every refusal counted."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from odom.errors import WireError
-from odom.frame import Camera, RgbdFrame, Stamp
+from odom.frame import Camera, DepthModel, RgbdFrame, Stamp
 from odom.geometry.arrays import Image
-from odom.wire.codec import decode_camera_info, decode_color, decode_depth
+from odom.wire.codec import decode_camera_info, decode_color, decode_depth, decode_depth_model
 from odom.wire.codec.compressed_depth import Depth
 from odom.wire.image_counts import OTHER_SIZE, UNREADABLE, ImageCounts
 from odom.wire.malformed_counter import MalformedCounter
@@ -24,6 +26,7 @@ class FrameAssembler:
 
     def __init__(self, topics: Topics, grey: bool = False, malformed: MalformedCounter | None = None) -> None:
         self.camera: Camera | None = None
+        self._depth_model = DepthModel()
         self.malformed = MalformedCounter() if malformed is None else malformed
         self._topics = topics
         self._grey = grey
@@ -48,13 +51,21 @@ class FrameAssembler:
             if key in (topics.depth, topics.depth_compressed):
                 return self._frames(self._pairer.add_depth(message.stamp, decode_depth(message)))
             if key == topics.camera_info:
-                self.camera = decode_camera_info(message)
+                self.camera = replace(decode_camera_info(message), depth=self._depth_model)
+            if key == topics.depth_info:
+                self._take_depth_model(message)
         except WireError as error:
             self.malformed.add(key, str(error))
-            if key != topics.camera_info:
+            if key not in (topics.camera_info, topics.depth_info):
                 self._counts(key).given += 1
                 self._counts(key).refuse(UNREADABLE)
         return ()
+
+    def _take_depth_model(self, message: Message) -> None:
+        model = decode_depth_model(message)
+        if model is not None:
+            self._depth_model = model
+            self.camera = None if self.camera is None else replace(self.camera, depth=model)
 
     def finish(self) -> tuple[RgbdFrame, ...]:
         """Return the frames that were still waiting for a nearer partner when the source ended."""

@@ -90,7 +90,7 @@ class Recorder:
         self._odometry_idles = IdleDetector()
         self._heard_at = time.monotonic()
         t = topics
-        images = (t.color, t.color_compressed, t.depth, t.depth_compressed, t.camera_info, t.device)
+        images = (t.color, t.color_compressed, t.depth, t.depth_compressed, t.camera_info, t.depth_info, t.device)
         estimated = (t.odom, t.pose, t.path, f"{t.path}/*", t.status, t.loops, TF) if estimates else ()
         session.watch(topics.alive_of("odometry"), self._odometry_changed)
         self._images = images

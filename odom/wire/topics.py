@@ -77,6 +77,8 @@ class Topics:
     """compressedDepth png or RVL."""
     camera_info = _Key("color/camera_info", "sensor_msgs/msg/CameraInfo")
     """Calibration of the colour image, repeated every second for late joiners."""
+    depth_info = _Key("depth/camera_info", "sensor_msgs/msg/CameraInfo")
+    """How the depth image errs, where that is known: sent before each calibration."""
     device = _Key("device", "diagnostic_msgs/msg/DiagnosticArray")
     """What a live sensor is, every second: name, serial number, what it lost."""
     odom = _Key("odom", "nav_msgs/msg/Odometry")

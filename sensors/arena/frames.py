@@ -203,7 +203,9 @@ def _depth(options: ArenaOptions, walk: Walk, index: int, t: float, dark: bool) 
         depth_m = kinect2.measured_depth(seen.inverse_depth, samples, scene.infrared, _tiles(options.seed), rng)
     if options.half:
         depth_m, infrared = depth_m[::2, ::2], halved(infrared, 0.0)
-    return to_color(depth_m, infrared, camera, sensor.T_COLOR_INFRARED)
+    if options.depth_scale != 1.0:
+        depth_m = depth_m * np.float32(options.depth_scale)
+    return to_color(depth_m, infrared, camera, np.eye(4) if options.beside else sensor.T_COLOR_INFRARED)
 
 
 def render_walk(options: ArenaOptions | None = None) -> Iterator[ArenaFrame]:

@@ -25,6 +25,8 @@ START = Stamp(1_700_000_000_000_000_000)
 """First stamp of a session that is not live: a day in 2023."""
 
 Count = Annotated[int, Field(ge=1)]
+Ratio = Annotated[float, Field(ge=0.8, le=1.25)]
+Shift = Annotated[float, Field(ge=-50, le=50)]
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
@@ -40,6 +42,11 @@ class ArenaOptions:
     clock minus the camera's; `marker_m` and `marker_deg` are how far the marker `body` is from the camera.
     `people` (0 to 4) walk about, sit down, carry a carton: in the laboratory, not in the corridor.
     `exact_truth` adds the camera's own exact pose. `start` is the first stamp (nanoseconds).
+
+    `focal_x`, `focal_y` (ratios) and `centre_x_px`, `centre_y_px` are how far the camera is from the average one;
+    `told` says which of the two is sent as calibration, `exact` or `average` (then without distortion too).
+    `beside` leaves the way from infrared to colour camera out of the registration of depth, as a driver with a wrong
+    table does; `depth_scale` is what depth shows of a true metre.
     """
 
     seed: Annotated[int, Field(ge=0)] = 1
@@ -53,6 +60,13 @@ class ArenaOptions:
     jpeg_quality: Annotated[int, Field(ge=1, le=100)] = 90
     faults: bool = True
     distortion: bool = False
+    focal_x: Ratio = 1.0
+    focal_y: Ratio = 1.0
+    centre_x_px: Shift = 0.0
+    centre_y_px: Shift = 0.0
+    told: Literal["exact", "average"] = "exact"
+    beside: bool = False
+    depth_scale: Ratio = 1.0
     blackout: Literal["", "frames", "color", "depth"] = ""
     blackout_start_s: Annotated[float, Field(ge=0, le=1e8)] = 15.0
     blackout_s: Annotated[float, Field(ge=0, le=1e8)] = 1.0
@@ -77,8 +91,21 @@ class ArenaOptions:
     def camera(self) -> Camera:
         """The colour camera, to which depth is registered."""
         c = KINECT1 if self.sensor == "kinect1" else KINECT2
-        c = replace(c, distortion=BARREL if self.distortion else ())
+        c = replace(
+            c,
+            fx=c.fx * self.focal_x,
+            fy=c.fy * self.focal_y,
+            cx=c.cx + self.centre_x_px,
+            cy=c.cy + self.centre_y_px,
+            distortion=BARREL if self.distortion else (),
+        )
         return halved(c, 0.5) if self.half else c
+
+    @property
+    def told_camera(self) -> Camera:
+        """The calibration that is sent."""
+        average = replace(self, focal_x=1.0, focal_y=1.0, centre_x_px=0.0, centre_y_px=0.0, distortion=False)
+        return average.camera if self.told == "average" else self.camera
 
     @property
     def frames(self) -> int:

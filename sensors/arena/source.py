@@ -60,7 +60,7 @@ class ArenaSource:
         if self._options.live:
             begin = time.time_ns() + START_IN_NS - round(self._options.start * 1e9)
             arena = replace(arena, start=Stamp(begin))
-        yield self._encoder.info(arena.start, arena.camera)
+        yield from self._encoder.info(arena.start, arena.told_camera)
         waiting: list[tuple[Stamp, int, Message]] = []
         serial = count()
         for index, drawn in self._drawn(arena):

@@ -67,7 +67,7 @@ class LiveKinect:
         first = next(arriving, None)
         if first is None:
             return
-        yield self._encoder.info(Stamp(first.host_ns))  # consumers can get ready while the clock is learnt
+        yield from self._encoder.info(Stamp(first.host_ns))  # consumers can get ready while the clock is learnt
         for received in self._learned(clock, chain([first], arriving)):
             if received.connection != connection:
                 connection = received.connection

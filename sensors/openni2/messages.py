@@ -55,8 +55,8 @@ class DeviceEncoder:
             )
         return found
 
-    def info(self, stamp: Stamp) -> Message:
-        """Return the calibration message."""
+    def info(self, stamp: Stamp) -> tuple[Message, ...]:
+        """Return the messages of the calibration."""
         return self._images.info(stamp, self.camera)
 
     def device(self, stamp: Stamp, name: str, missing: list[str], values: dict[str, str]) -> Message:

@@ -92,7 +92,7 @@ class OniRecording:
                 return
             if not info_sent:
                 info_sent = True
-                yield self._encoder.info(stamp)
+                yield from self._encoder.info(stamp)
             yield self._encoder.image(frame, stamp)
 
     def _frames(self, index: int) -> Iterator[RawFrame]:

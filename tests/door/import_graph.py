@@ -24,6 +24,7 @@ ORDER = (
     "odom.wire",
     "odom.map_file",
     "odom.evaluation",
+    "odom.calibration",
     "sensors",
     "odom.viewer",
     "odom.service",

@@ -71,6 +71,12 @@ class FrameLog:
         """The newest frame, None where there is none."""
         return self._read(len(self) - 1) if self.count else None
 
+    def stamp_of(self, number: int) -> Stamp:
+        """Return the stamp of frame `number`, counted from the first; raises IndexError for one that is gone."""
+        if not self.dropped <= number < self.count:
+            raise IndexError(f"frame {number} is not among {self.dropped} to {self.count - 1}")
+        return self._read(number - self.dropped).stamp
+
     def append(self, frame: LoggedFrame) -> None:
         """Keep one more frame."""
         if len(self) == len(self._blocks) * self._size:

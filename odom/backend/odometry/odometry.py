@@ -10,7 +10,7 @@ from odom.backend.loop_closure.loop_closure import close_recognised
 from odom.backend.map.map import Map
 from odom.backend.map.memory import take_changes
 from odom.backend.map.saved import MapChanges, SavedMap
-from odom.backend.mapping.intermediate_frames import corrected
+from odom.backend.mapping.intermediate_frames import IntermediateFrame, IntermediateFrames, corrected
 from odom.backend.odometry.final_trajectory import trajectory
 from odom.backend.odometry.frame_stages import FrameStages
 from odom.backend.odometry.tuning import TUNING
@@ -83,6 +83,15 @@ class Odometry:
     def map(self) -> Map:
         """The map so far: to be read, not changed."""
         return self._frames.map
+
+    @property
+    def intermediate(self) -> IntermediateFrames:
+        """What some frames between key frames measured: to be read, not changed."""
+        return self._frames.mapper.intermediate
+
+    def stamp_of(self, frame: IntermediateFrame) -> Stamp:
+        """Return the stamp of one of the `intermediate` frames."""
+        return self._frames.published.frames.stamp_of(frame.number)
 
     @property
     def forgotten_keyframes(self) -> int:

@@ -21,11 +21,13 @@ class Lens:
 
     `rays` is H x W x 2: the normalised coordinates (x/z, y/z) seen by each pixel. `intrinsics` is
     (fx, fy, cx, cy) and `distortion` the 8 coefficients (k1, k2, p1, p2, k3, k4, k5, k6), zeros where unused.
+    `depth_model` (16) is the vector of the `DepthModel` of the depth image that is registered to it.
     """
 
     rays: NDArray[np.float32]
     intrinsics: Array
     distortion: Array
+    depth_model: Array
 
     @classmethod
     def of(cls, camera: Camera) -> "Lens":
@@ -46,6 +48,7 @@ class Lens:
             rays.reshape(camera.height, camera.width, 2).astype(np.float32),
             np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
             padded,
+            camera.depth.vector,
         )
 
 

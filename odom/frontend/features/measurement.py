@@ -16,6 +16,9 @@ from odom.frontend.features.view import View
 from odom.geometry.arrays import Array, Index, Mask
 from odom.geometry.compiled import compiled
 
+_LOOKS = 3
+"""Looks at a depth image that was taken from beside: each finds the place by the depth found at the one before."""
+
 
 @dataclass(frozen=True, eq=False)
 class Measurements:
@@ -86,10 +89,12 @@ def _measure(
     depth_delay_s: float,
     readout_s: float,
     depth_readout_s: float,
+    depth_model: Array,
     plane_limits: tuple[float, float, float],
 ) -> tuple[Array, Array, Array]:
     """Return values (n x 3), their derivative by the timing (n x 3 x 3) and slopes (n x 2): see `Measurements`."""
-    height = depth_mm.shape[0]
+    height, width = depth_mm.shape
+    m = depth_model
     n = uv.shape[0]
     values = np.empty((n, 3))
     jacobian = np.zeros((n, 3, 3))
@@ -97,20 +102,32 @@ def _measure(
     for k in range(n):
         u, v = uv[k, 0], uv[k, 1]
         x, y = ray_at(rays, u, v)
+        # inverse depth as measured is offset + scale times the true one, both fields over the image
+        a, b = (u - (width - 1) / 2) / (width / 2), (v - (height - 1) / 2) / (width / 2)
+        offset = m[4] + m[5] * a + m[6] * b + m[7] * a * a + m[8] * a * b + m[9] * b * b
+        scale = m[10] + m[11] * a + m[12] * b + m[13] * a * a + m[14] * a * b + m[15] * b * b
         # how the feature moves in the image; without any depth it is taken to be 2 m away
         guess = inverse_depth_guess[k]
         if not guess > 0.0:
-            guess = read_plane(depth_mm, u, v, plane_limits)[0]
-        xd, yd, wd = point_flow(x, y, guess if guess > 0.0 else 0.5, twist)
+            # where it lies in the depth image depends on how far it is, which is looked up there
+            guess = 0.5
+            for _ in range(_LOOKS if m[2] != 0.0 or m[3] != 0.0 else 1):
+                seen = read_plane(depth_mm, u - m[0] - m[2] * guess, v - m[1] - m[3] * guess, plane_limits)[0]
+                guess = (seen - offset) / scale
+                if not guess > 0.0:
+                    break
+        near = guess if guess > 0.0 else 0.5
+        xd, yd, wd = point_flow(x, y, near, twist)
         # the depth is read at the pixel where the feature was when its row of the depth image was taken
         row = v / height - 0.5
         since_seen_s = depth_delay_s + row * (depth_readout_s - readout_s)
         w, su, sv = read_plane(
             depth_mm,
-            u + xd * intrinsics[0] * since_seen_s,
-            v + yd * intrinsics[1] * since_seen_s,
+            u + xd * intrinsics[0] * since_seen_s - m[0] - m[2] * near,
+            v + yd * intrinsics[1] * since_seen_s - m[1] - m[3] * near,
             plane_limits,
         )
+        w, su, sv = (w - offset) / scale, su / scale, sv / scale
         # ray and depth are carried from the time of their rows to that of the colour image's middle row
         values[k, 0] = x - xd * row * readout_s
         values[k, 1] = y - yd * row * readout_s
@@ -150,6 +167,7 @@ def measure(
         view.depth_delay_s + timing.depth_lag_s + timing.readout_s / 2.0,
         timing.readout_s,
         timing.depth_readout_s,
+        lens.depth_model,
         PLANE_LIMITS,
     )
     fx, fy = lens.intrinsics[:2]

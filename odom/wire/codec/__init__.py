@@ -1,6 +1,8 @@
 """Pure functions between arrays and wire messages. Decoders raise WireError, and nothing else, on any bytes."""
 
 from odom.wire.codec.camera_info import decode_camera_info as decode_camera_info
+from odom.wire.codec.camera_info import decode_depth_model as decode_depth_model
+from odom.wire.codec.camera_info import encode_calibration as encode_calibration
 from odom.wire.codec.camera_info import encode_camera_info as encode_camera_info
 from odom.wire.codec.cdr import restamp as restamp
 from odom.wire.codec.cdr import schema as schema

@@ -1,0 +1,95 @@
+"""Whether a calibration explains frames it has not seen better than the one before it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from odom.backend.mapping.bundle_adjustment import Bundle
+from odom.backend.tracking.tuning import TUNING as TRACKING
+from odom.calibration.adjustment import Fit, Prior, fit, start_of
+from odom.calibration.linearised import chi_squared, linearised
+from odom.calibration.parameters import TIMINGS
+from odom.calibration.survey import Survey
+from odom.calibration.tuning import TUNING
+from odom.geometry.arrays import Array, Mask
+
+_STRETCHES, _EVERY = 20, 4
+"""The survey is cut into stretches of time, of which every fourth is held out."""
+_TIMING = np.arange(TIMINGS)
+_TWICE = 2
+"""Fits in a row, for both to settle: they begin at poses that suit the one camera better than the other."""
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """Of the observations that were held out: mean robust cost of ray and depth, and their usual residuals."""
+
+    ray_cost: float
+    depth_cost: float
+    ray_px: float
+    depth_per_m: float
+
+    @property
+    def cost(self) -> float:
+        """The two costs together."""
+        return self.ray_cost + self.depth_cost
+
+
+def split(survey: Survey) -> Mask:
+    """Return which observations (N) are held out: one of two of each landmark's, in the stretches held out."""
+    seconds = survey.seconds[survey.frame]
+    stretch = np.floor(_STRETCHES * seconds / (survey.seconds.max() + 1e-9)).astype(np.int64)
+    return np.asarray((stretch % _EVERY == _EVERY - 1) & (np.arange(len(survey)) % 2 == 1))
+
+
+def compare(
+    survey: Survey, before: Array, after: Fit, prior: Prior, stopped: Callable[[], bool]
+) -> tuple[tuple[Unseen, Unseen], tuple[Fit, Fit]]:
+    """Return the residuals on held-out observations by the camera `before` (28) and by one that is fitted anew.
+
+    With them come the two fits, which have not seen these observations.
+    """
+    held = split(survey)
+    seen = _part(survey, ~held)
+    fits = []
+    for known, free in ((before, _TIMING), (after.vector, after.free)):
+        found = Fit(known, free, np.eye(len(free)), start_of(survey))
+        mean = np.where(np.isin(np.arange(len(known)), free), prior.mean, known)
+        for _ in range(_TWICE):
+            found = fit(seen, replace(prior, mean=mean), free, found, stopped)
+        fits.append(found)
+    old, new = fits
+    rest = _part(survey, held)
+    return (unseen(rest, old), unseen(rest, new)), (old, new)
+
+
+def unseen(survey: Survey, fitted: Fit) -> Unseen:
+    """Return the residuals of a survey that a fit has not seen, with its poses and landmarks."""
+    bundle = Bundle(fitted.bundle.T_camera_map, fitted.bundle.landmarks, np.zeros(0))
+    lines = linearised(survey, fitted.vector, bundle)
+    ray, depth = chi_squared(lines)
+    deep = np.isfinite(depth)
+    cauchy = TRACKING.cauchy_chi2
+    fx, fy = fitted.vector[TIMINGS : TIMINGS + 2]
+    px = np.hypot(fx * lines.residuals[:, 0], fy * lines.residuals[:, 1])
+    return Unseen(
+        float(np.mean(cauchy * np.log1p(ray / cauchy))),
+        float(np.mean(cauchy * np.log1p(depth[deep] / cauchy))) if deep.any() else 0.0,
+        float(np.median(px)),
+        float(np.median(np.abs(lines.residuals[deep, 2]))) if deep.any() else 0.0,
+    )
+
+
+def is_better(before: Unseen, after: Unseen) -> bool:
+    """Return whether the second explains the held-out frames better: rays and depth together, and neither worse."""
+    least = TUNING.accept_gain
+    gained = after.cost < (1.0 - least) * before.cost
+    return (
+        gained and after.ray_cost < (1 + least) * before.ray_cost and after.depth_cost < (1 + least) * before.depth_cost
+    )
+
+
+def _part(survey: Survey, chosen: Mask) -> Survey:
+    names = ("frame", "landmark", "uv", "inverse_depth", "slope", "by_timing", "variance_uv", "variance_depth")
+    return replace(survey, **{name: getattr(survey, name)[chosen] for name in names})

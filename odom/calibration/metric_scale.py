@@ -1,0 +1,60 @@
+"""The unit of depth, tied to motion capture: how far the camera went by its depth, over how far it really went."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from odom.errors import InputError
+from odom.evaluation.diagnosis.motion import PairMotion
+from odom.evaluation.diagnosis.scale import BodyTruth, ScaleFit, fit_scale
+from odom.evaluation.mocap_calibration import calibrate
+from odom.evaluation.run_report import CAMERA
+from odom.evaluation.trajectory import Trajectory
+from odom.geometry import se3
+
+_EVERY = 3
+"""Pairs begin at every third frame: more say the same again."""
+_APART_S = 1.0
+"""Seconds from the first to the second pose of a pair: longer ones drift, shorter ones hardly move."""
+_LEAST_CORRELATION, _MOST_TURN_SIGMA = 0.6, 0.05
+"""Markers are used when their turns go with the camera's so well and the camera's turn (rad) in them is so sure."""
+_SYSTEMATIC = 0.003
+"""What the scatter of the ratio does not show (sigma, a share): rolling shutter, and the motion capture's own unit."""
+
+
+def metric_scale(trajectory: Trajectory, truth: Mapping[str, Trajectory]) -> ScaleFit | None:
+    """Return the ratio of measured to true displacements, None where no truth can be used or the camera hardly moved.
+
+    Truth of a body `camera` is the camera's own; any other body's is that of markers, on a clock of its own.
+    """
+    whole = trajectory.longest_segment()
+    for name in sorted(truth, key=lambda body: body != CAMERA):
+        body = _body(whole, truth[name], name == CAMERA)
+        found = None if body is None else fit_scale(_motions(whole), whole.stamps, body)
+        if found is not None and found.ratio > 0.0:
+            return ScaleFit(found.ratio, float(np.hypot(found.sigma, _SYSTEMATIC * found.ratio)), found.usual_m)
+    return None
+
+
+def _body(whole: Trajectory, truth: Trajectory, is_camera: bool) -> BodyTruth | None:
+    if is_camera:
+        return BodyTruth(truth, np.eye(3), True)
+    try:
+        found = calibrate(whole, truth)
+    except InputError:
+        return None
+    if not found.correlation >= _LEAST_CORRELATION or found.hand_eye_sigma[3:].max() > _MOST_TURN_SIGMA:
+        return None
+    return BodyTruth(truth.delayed(-found.offset_s), found.T_body_camera[:3, :3], False)
+
+
+def _motions(whole: Trajectory) -> list[PairMotion]:
+    """Return the motions between poses a second apart."""
+    none, nothing = np.zeros(0), np.zeros((0, 2))
+    motions = []
+    for earlier in range(0, len(whole), _EVERY):
+        later = int(np.searchsorted(whole.stamps, whole.stamps[earlier] + round(_APART_S * 1e9)))
+        if later < len(whole):
+            T = se3.inverse(whole.T_world_body[later]) @ whole.T_world_body[earlier]
+            motions.append(PairMotion(earlier, later, T, nothing, none, nothing, none, 1.0, _APART_S))
+    return motions

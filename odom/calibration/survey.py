@@ -1,0 +1,166 @@
+"""What one recording tells of its camera: all that key frames and frames between measured of common landmarks."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from odom.backend import Odometry
+from odom.backend.map.keyframe import Observed
+from odom.backend.mapping.local_adjustment import everything
+from odom.calibration.parameters import LENS, OFFSET, SCALE, vector_of
+from odom.calibration.projection import project
+from odom.errors import InputError
+from odom.frame import Camera
+from odom.frame.depth_model import field_terms
+from odom.frontend.features.measurement import Measurements
+from odom.geometry.arrays import Array, Index, Mask
+
+_LEAST_FRAMES = 8
+"""Frames of a survey: fewer show too little for any number."""
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """N observations of L landmarks in K frames, sorted by landmark; what was measured does not depend on the camera.
+
+    `frame`, `landmark` (N); `uv` (N x 2, px) where it was seen, carried to the image's middle row; `inverse_depth` (N,
+    1/m, NaN: none) as the depth image says, read by the depth model of `camera`; `slope` (N x 2) of that per pixel.
+    `by_timing` (N x 3 x 3) is the derivative of x/z, y/z, 1/z; `variance_uv` (N x 3: uu, uv, vv), `variance_depth` (N).
+    `T_camera_map` (K x 4 x 4), `landmarks` (L x 3, m) and `is_fixed` (K) are where an adjustment begins; `seconds` (K)
+    is when, `recording` (K) in which recording; `camera` the one they were measured with.
+    """
+
+    camera: Camera
+    frame: Index
+    landmark: Index
+    uv: Array
+    inverse_depth: Array
+    slope: Array
+    by_timing: Array
+    variance_uv: Array
+    variance_depth: Array
+    T_camera_map: Array
+    landmarks: Array
+    is_fixed: Mask
+    seconds: Array
+    recording: Index
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    @property
+    def terms(self) -> Array:
+        """The terms (N x 6) of the depth model's fields at each observation."""
+        return field_terms(self.uv, self.camera.width, self.camera.height)
+
+
+def survey_of(odometry: Odometry) -> Survey:
+    """Return the survey of the largest segment of an odometry that has finished.
+
+    Raises InputError when it holds too few frames to calibrate anything.
+    """
+    map_, camera = odometry.map, odometry.camera
+    segments = {keyframe.segment for keyframe in map_.keyframes}
+    if not segments:
+        raise InputError("nothing could be tracked: look at the recording with odom doctor")
+    largest = max(sorted(segments), key=lambda number: len(map_.members(number)))
+    start = everything(map_, odometry.intermediate, largest, odometry.timing, np.eye(3))
+    between = {frame.number: frame for frame in odometry.intermediate.kept}
+    keyframes = [map_.keyframes[number] for number in start.numbers.tolist()]
+    others = [between[number] for number in start.between.tolist()]
+    frames: list[Observed] = [*keyframes, *others]
+    if len(frames) < _LEAST_FRAMES or not len(start.rows):
+        raise InputError(f"{len(frames)} frames are linked by common landmarks, too few: walk on for longer")
+    seen, number, landmark = _gathered(frames, odometry, start.rows)
+    stamps = [keyframe.stamp for keyframe in keyframes] + [odometry.stamp_of(frame) for frame in others]
+    vector, S = vector_of(camera), seen.covariance
+    uv, by_direction, _ = project(seen.values[:, :2], vector[LENS])
+    terms = field_terms(uv, camera.width, camera.height)
+    scale = terms @ vector[SCALE]
+    slope = steady_slopes(seen, by_direction, start.bundle.T_camera_map[number][:, :3, :3], landmark)
+    fx, fy = camera.fx, camera.fy
+    return Survey(
+        camera=camera,
+        frame=number,
+        landmark=landmark,
+        uv=uv,
+        inverse_depth=terms @ vector[OFFSET] + scale * seen.values[:, 2],
+        slope=slope * scale[:, None],
+        by_timing=seen.jacobian_timing,
+        variance_uv=np.column_stack([S[:, 0] * fx**2, S[:, 1] * fx * fy, S[:, 2] * fy**2]),
+        variance_depth=S[:, 3] * scale**2,
+        T_camera_map=start.bundle.T_camera_map,
+        landmarks=start.bundle.landmarks,
+        is_fixed=start.is_fixed,
+        seconds=(np.array(stamps) - min(stamps)) * 1e-9,
+        recording=np.zeros(len(frames), dtype=np.int64),
+    )
+
+
+def steady_slopes(seen: Measurements, by_direction: Array, R_camera_map: Array, landmark: Index) -> Array:
+    """Return the slope of inverse depth per pixel (N x 2) where a landmark's surface has one normal in all frames.
+
+    The slope read in one frame is noisy, and how it differs between the frames that see a landmark is mostly noise:
+    a shift of the depth image, which shows in those differences, would be found far too small. `by_direction`
+    (N x 2 x 2) is the pixel's derivative by x/z, y/z; `R_camera_map` (N x 3 x 3). NaN becomes 0.
+    """
+    x, y, w = seen.values.T
+    rise = np.einsum("ni,nij->nj", seen.slope, by_direction)
+    normal = np.column_stack([rise, w - x * rise[:, 0] - y * rise[:, 1]])
+    in_map = np.einsum("nij,ni->nj", R_camera_map, normal / np.linalg.norm(normal, axis=1, keepdims=True))
+    mean = np.zeros((int(landmark.max(initial=-1)) + 1, 3))
+    np.add.at(mean, landmark, np.nan_to_num(in_map))
+    normal = np.einsum("nij,nj->ni", R_camera_map, mean[landmark])
+    facing = normal[:, 0] * x + normal[:, 1] * y + normal[:, 2]
+    steady = np.einsum("nj,nji->ni", normal[:, :2] * (w / facing)[:, None], np.linalg.inv(by_direction))
+    return np.nan_to_num(np.where(np.isfinite(w)[:, None], steady, 0.0), posinf=0.0, neginf=0.0)
+
+
+def _gathered(frames: list[Observed], odometry: Odometry, rows: Index) -> tuple[Measurements, Index, Index]:
+    """Return what the frames measured of the landmarks in `rows` (ascending), with frame and landmark numbers."""
+    landmarks, timing = odometry.map.landmarks, odometry.timing.vector
+    numbers, places = [], []
+    found = Measurements.nothing()
+    for number, frame in enumerate(frames):
+        place = np.searchsorted(rows, frame.rows)
+        known = rows[np.minimum(place, len(rows) - 1)] == frame.rows
+        chosen = frame.current(landmarks) & known
+        one = frame.measurements.take(chosen)
+        found = found.joined(replace(one, values=one.retimed(timing - frame.timing.vector)))
+        numbers.append(np.full(len(one), number))
+        places.append(place[chosen])
+    number_of, place_of = np.concatenate(numbers), np.concatenate(places)
+    order = np.argsort(place_of, kind="stable")
+    return found.take(order), number_of[order], place_of[order]
+
+
+def joined(surveys: Sequence[Survey]) -> Survey:
+    """Return the surveys of several recordings of one camera as one; raises InputError for images of other sizes."""
+    first = surveys[0]
+    sizes = {(s.camera.width, s.camera.height) for s in surveys}
+    if len(sizes) > 1:
+        raise InputError(f"images of {' and '.join(f'{w} x {h}' for w, h in sorted(sizes))} are of different cameras")
+    frames = np.cumsum([0, *(len(s.T_camera_map) for s in surveys)])
+    points = np.cumsum([0, *(len(s.landmarks) for s in surveys)])
+
+    def every(name: str) -> Array:
+        return np.concatenate([getattr(s, name) for s in surveys])
+
+    ends = np.cumsum([0.0, *(s.seconds.max() + 1.0 for s in surveys)])
+    return Survey(
+        camera=first.camera,
+        frame=np.concatenate([s.frame + at for s, at in zip(surveys, frames, strict=False)]),
+        landmark=np.concatenate([s.landmark + at for s, at in zip(surveys, points, strict=False)]),
+        uv=every("uv"),
+        inverse_depth=every("inverse_depth"),
+        slope=every("slope"),
+        by_timing=every("by_timing"),
+        variance_uv=every("variance_uv"),
+        variance_depth=every("variance_depth"),
+        T_camera_map=every("T_camera_map"),
+        landmarks=every("landmarks"),
+        is_fixed=np.concatenate([s.is_fixed for s in surveys]),
+        seconds=np.concatenate([s.seconds + at for s, at in zip(surveys, ends, strict=False)]),
+        recording=np.repeat(np.arange(len(surveys)), [len(s.T_camera_map) for s in surveys]),
+    )

@@ -1,0 +1,56 @@
+"""The tuned numbers of the calibration from a walk (see `geometry.tuning`)."""
+
+from dataclasses import dataclass
+
+from odom.geometry.tuning import in_use, tuned
+
+_CAMERAS = "cameras met so far, most of them within a half of it"
+_WALKS = "fr1_xyz, fr1_rpy and the arena, from an average Kinect's calibration"
+
+
+# fmt: off
+@dataclass(frozen=True)
+class Tuning:
+    """Numbers of priors, of the fit, and of the decision on its result."""
+
+    # parameters: how well a given calibration is known, one sigma
+    prior_timing_s: float = tuned(0.01, unit="s", source=_CAMERAS,
+        effect="change of the timing that the odometry found; smaller: stays at it; larger: free where unseen")
+    prior_focal: float = tuned(0.06, unit="share of the focal length", source=_CAMERAS,
+        effect="smaller: a wrong focal length is mended too little; larger: nonsense is found where nothing shows it")
+    prior_centre: float = tuned(0.04, unit="share of the width", source=_CAMERAS,
+        effect="smaller: a wrong centre is mended too little; larger: nonsense is found where nothing shows it")
+    prior_k1: float = tuned(0.4, unit="1", source=_CAMERAS,
+        effect="smaller: wide lenses are mended too little; larger: the image's corners bend without reason")
+    prior_k2: float = tuned(1.0, unit="1", source=_CAMERAS, effect="as prior_k1")
+    prior_k3: float = tuned(1.0, unit="1", source=_CAMERAS, effect="as prior_k1")
+    prior_tangential: float = tuned(0.01, unit="1", source=_CAMERAS, effect="as prior_k1")
+    prior_shift_px: float = tuned(3.0, unit="px", source=_CAMERAS,
+        effect="smaller: depth beside colour is mended too little; larger: it drifts where nothing shows it")
+    prior_baseline_m: float = tuned(0.03, unit="m", source="distance of the two cameras in Kinects, 2.5 to 5 cm",
+        effect="smaller: a registration left out is mended too little; larger: it drifts where nothing shows it")
+    prior_offset: float = tuned(0.02, unit="1/m", source=_CAMERAS,
+        effect="smaller: depth that errs with the range is believed; larger: it drifts against the focal length")
+    prior_field: float = tuned(0.02, unit="1", source=_CAMERAS,
+        effect="smaller: bent depth is believed; larger: it is bent to hide other errors")
+    # adjustment
+    fit_rounds: int = tuned(4, unit="linearisations", source=_WALKS,
+        effect="fewer: far calibrations are not reached in one go; more: slower without gain")
+    fit_steps: int = tuned(3, unit="steps each", source=_WALKS,
+        effect="fewer: landmarks lag behind the camera; more: slower without gain")
+    fit_settled: float = tuned(0.1, unit="sigma", source="far below what is claimed",
+        effect="largest step that ends the fit; smaller: slower; larger: ends early")
+    # sureness
+    sure_blocks: int = tuned(12, unit="blocks", source="sigmas against the arena's truth",
+        effect="of time and of landmarks, within which errors hang together; fewer: rough sigmas; more: too sure")
+    sure_moved: float = tuned(0.5, unit="share of the last round's change", source="sigmas against the arena's truth",
+        effect="added to each sigma; smaller: too sure of what has not settled; larger: too unsure")
+    # decision
+    shown_share: float = tuned(0.5, unit="share of the prior's sigma", source="half of what was known before",
+        effect="a number surer than that is shown by the walk; smaller: less is calibrated; larger: guesses are given")
+    accept_gain: float = tuned(0.01, unit="share of the held-out cost", source=_WALKS,
+        effect="least gain on held-out frames; smaller: chance changes the camera; larger: small errors stay")
+# fmt: on
+
+
+TUNING = in_use(Tuning)

@@ -1,0 +1,51 @@
+"""What `odom calibrate` leaves: the calibration file with its story in front, the report, and a picture."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from odom.calibration.residual_picture import draw
+from odom.calibration.words import numbers, quality, registration
+from odom.frame import DepthModel
+from odom.service.calibration_run import Outcome
+from sensors.calibration_file import TUM_DEPTH_SCALE, Calibration, calibration_text, depth_scale_alone, load_calibration
+
+
+def remarks(outcome: Outcome, sources: Sequence[str]) -> list[str]:
+    """Return a calibration's report, line by line."""
+    survey, result = outcome.survey, outcome.result
+    lines = [
+        f"odom calibrate {' '.join(sources)}: {len(survey.T_camera_map)} frames and {len(survey.landmarks)} landmarks "
+        f"adjusted {outcome.rounds} times, {len(survey)} observations",
+        *numbers(result),
+    ]
+    if result.camera.depth != DepthModel():
+        lines.append(registration(result))
+    if outcome.scale is not None:
+        lines.append(
+            f"motion capture: the camera had gone {outcome.scale.ratio:.3f} ± {outcome.scale.sigma:.3f} of the true "
+            "way; the unit of depth is corrected by that"
+        )
+    lines += result.hidden()
+    lines += ["interrupted: not judged on held-out frames"] if outcome.judgement is None else quality(outcome.judgement)
+    return lines
+
+
+def write_calibration(files: Sequence[Path], outcome: Outcome, text: Iterable[str], depth_scale: float) -> None:
+    """Write calibration, report and picture to three files; the picture needs a judgement."""
+    yaml_file, report, picture = files
+    yaml_file.parent.mkdir(parents=True, exist_ok=True)
+    text = list(text)
+    content = calibration_text(Calibration(outcome.result.camera, depth_scale), text)
+    yaml_file.write_text(content, encoding="utf-8")
+    report.write_text("\n".join(text) + "\n", encoding="utf-8")
+    if outcome.judgement is not None:
+        draw(picture, outcome.survey, outcome.judgement, text[0])
+
+
+def depth_scale_of(source: str, camera: Path | None) -> float:
+    """Return the units per metre of the depth images of a TUM folder, which the new calibration keeps."""
+    own = camera or Path(source) / "camera.yaml"
+    if not own.is_file():
+        return TUM_DEPTH_SCALE
+    alone = depth_scale_alone(own)
+    return load_calibration(own).depth_scale if alone is None else alone

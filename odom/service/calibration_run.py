@@ -1,0 +1,167 @@
+"""Calibration from recordings: run, adjust, run again with what was found, and judge the result."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from odom.backend import Odometry, OdometrySettings, State
+from odom.calibration.metric_scale import metric_scale
+from odom.calibration.parameters import SCALE, SCALE_NUMBER, camera_of, vector_of
+from odom.calibration.result import Calibrated, Judgement, calibrated, judge
+from odom.calibration.survey import Survey, joined, survey_of
+from odom.errors import InputError, RecordingError
+from odom.evaluation.diagnosis.scale import ScaleFit
+from odom.evaluation.trajectory import Trajectory
+from odom.frame import Camera
+from odom.geometry.arrays import Array
+from odom.service.replayed import frames_of
+from odom.wire import Message, Topics, truth_body
+from odom.wire.codec import decode_pose
+from sensors.source import Source
+
+ROUNDS = 3
+"""Times that the recordings are run and adjusted: what is measured depends on the camera that it is measured with."""
+_LEAST_TRACKED = 0.6
+"""Share of frames that must be tracked: else the camera given is far off, or the recording is no walk."""
+_SETTLED = 1.0
+"""Largest change of a number from round to round, in sigmas, after which no other round follows."""
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """One recording, run with a camera: its survey, final trajectory, truth by body, and the share tracked."""
+
+    told: Camera
+    survey: Survey
+    trajectory: Trajectory
+    truth: Mapping[str, Trajectory]
+    tracked: float
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a calibration gave: `start` and the `result` after `rounds`, and how it was judged (None: interrupted).
+
+    `scale` is the ratio of measured to true displacement before it was corrected, None without motion capture.
+    """
+
+    start: Camera
+    result: Calibrated
+    survey: Survey
+    judgement: Judgement | None
+    scale: ScaleFit | None
+    rounds: int
+
+
+def calibrate_recordings(
+    open_sources: Sequence[Callable[[], Source]],
+    topics: Topics,
+    settings: OdometrySettings,
+    progress: Callable[[str], Callable[[int], None]],
+    stopped: Callable[[], bool],
+) -> Outcome:
+    """Return the calibration that recordings of one camera show; `open_sources` opens each one anew.
+
+    `progress` begins a stage by name and returns what counts its frames. Once `stopped` says so, the best so far is
+    returned. Raises InputError when a recording cannot be used, and why.
+    """
+    start: Camera | None = None
+    best: Outcome | None = None
+    for number in range(1, ROUNDS + 1):
+        walks = []
+        for k, open_source in enumerate(open_sources):
+            count = progress(f"round {number}, recording {k + 1}")
+            walks.append(
+                walk(open_source(), topics, settings, None if best is None else best.result.camera, (count, stopped))
+            )
+            if start is None:
+                start = walks[0].told
+            if stopped():
+                break
+        assert start is not None
+        if stopped() and best is not None:
+            return best
+        survey = joined([one.survey for one in walks])
+        progress("adjusting")
+        scale = _scale(walks)
+        earlier = None if best is None else best.result
+        result = _with_scale(calibrated(survey, start, earlier, stopped), survey.camera, scale)
+        best = Outcome(start, result, survey, None, scale if best is None else best.scale, number)
+        if stopped() or (earlier is not None and _has_settled(earlier, result)):
+            break
+    assert best is not None
+    if stopped():
+        return best
+    progress("judging")
+    return replace(best, judgement=judge(best.survey, best.result, stopped))
+
+
+def walk(
+    source: Source,
+    topics: Topics,
+    settings: OdometrySettings,
+    camera: Camera | None,
+    control: tuple[Callable[[int], None], Callable[[], bool]],
+) -> Walk:
+    """Run the odometry over a source with `camera` (None: the one it tells); `control` counts frames and stops.
+
+    Raises InputError when too little can be tracked.
+    """
+    count, stopped = control
+    odometry: Odometry | None = None
+    truth: dict[str, dict[int, Array]] = {}
+    told, frames, tracked = None, 0, 0
+
+    def noting(messages: Iterable[Message]) -> Iterator[Message]:
+        for message in messages:
+            if body := truth_body(message.topic):
+                pose = decode_pose(message)
+                truth.setdefault(body, {})[pose.stamp] = pose.T_parent_child
+            yield message
+
+    try:
+        for own, frame in frames_of(noting(source.messages()), topics):
+            told = told or own
+            odometry = odometry or Odometry(camera or own, settings)
+            tracked += odometry.process(frame).state is State.TRACKING
+            frames += 1
+            count(frames)
+            if stopped():
+                break
+    finally:
+        source.close()
+    if odometry is None or told is None:
+        raise RecordingError("no frame with a calibration")
+    if tracked < _LEAST_TRACKED * frames:
+        raise InputError(
+            f"{tracked} of {frames} frames could be tracked: the calibration given is far from this camera's, or the "
+            "recording is too dark, too quick or too empty; look at it with odom doctor"
+        )
+    trajectory = Trajectory.of(odometry.finish())
+    bodies = {
+        body: Trajectory(np.array(sorted(poses), dtype=np.int64), np.array([poses[at] for at in sorted(poses)]))
+        for body, poses in truth.items()
+    }
+    return Walk(told, survey_of(odometry), trajectory, bodies, tracked / frames)
+
+
+def _scale(walks: Sequence[Walk]) -> ScaleFit | None:
+    """Return the surest ratio of measured to true displacement of several recordings."""
+    found = [fit for one in walks if (fit := metric_scale(one.trajectory, one.truth)) is not None]
+    return min(found, key=lambda fit: fit.sigma, default=None)
+
+
+def _with_scale(result: Calibrated, measured_with: Camera, scale: ScaleFit | None) -> Calibrated:
+    """Return the result with its depth brought to the truth's unit."""
+    if scale is None:
+        return result
+    vector, sigma, shown = result.vector.copy(), result.sigma.copy(), result.shown.copy()
+    vector[SCALE] *= vector_of(measured_with)[SCALE_NUMBER] / vector[SCALE_NUMBER] / scale.ratio
+    sigma[SCALE_NUMBER], shown[SCALE_NUMBER] = scale.sigma / scale.ratio, True
+    return replace(result, camera=camera_of(vector, result.camera), vector=vector, sigma=sigma, shown=shown)
+
+
+def _has_settled(earlier: Calibrated, result: Calibrated) -> bool:
+    moved = np.abs(result.vector - earlier.vector) / result.sigma
+    return bool((moved[result.shown] < _SETTLED).all())

@@ -1,0 +1,89 @@
+"""The camera's numbers come out of a made-up walk, with sigmas that hold; what a walk cannot show is left alone."""
+
+import numpy as np
+import pytest
+from made_up_walk import SHEET, made_up_survey, spoilt, straight, turning
+
+from odom.calibration.adjustment import start_of
+from odom.calibration.linearised import linearised
+from odom.calibration.parameters import NAMES, TIMINGS, prior_sigma, vector_of
+from odom.calibration.projection import project
+from odom.calibration.result import calibrated, judge
+
+WRONG = {
+    "focal": {"fx": 20.0, "fy": -15.0},
+    "centre": {"cx": 10.0, "cy": -12.0},
+    "barrel": {"k1": 0.12, "k2": -0.22, "p1": 0.001, "p2": -0.001},
+    "shift": {"shift_u_px": -3.0, "shift_v_px": 2.0},
+    "baseline": {"baseline_u": -13.0},
+    "field": {"offset_1": 0.01, "offset_x": 0.01, "scale_xx": -0.01},
+}
+WRONG["all"] = {name: value for numbers in WRONG.values() for name, value in numbers.items()}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_a_wrong_calibration_is_found_within_its_sigmas(kind):
+    truth = spoilt(**WRONG[kind])
+    found = calibrated(made_up_survey(truth), SHEET)
+    off = np.abs(found.vector - truth)[TIMINGS:] / found.sigma[TIMINGS:]
+    names = np.array(NAMES[TIMINGS:])
+    assert names[off > 4.0].tolist() == []
+    sure = dict(zip(NAMES, found.sigma, strict=True))
+    assert sure["fx"] < 0.003 * 525
+    assert sure["cx"] < 1.0
+    assert sure["shift_u_px"] < 0.5
+
+
+def test_sigmas_hold_over_many_walks():
+    truth = spoilt(**WRONG["all"])
+    off = []
+    for seed in range(5):
+        found = calibrated(made_up_survey(truth, seed=seed, points=250), SHEET)
+        off += list(np.abs(found.vector - truth)[found.shown] / found.sigma[found.shown])
+    assert np.mean(np.array(off) < 3.0) > 0.97
+    assert np.mean(np.array(off) < 1.0) < 0.95  # nor are they far too wide
+
+
+def test_a_straight_slide_shows_no_focal_length_and_says_what_would():
+    found = calibrated(made_up_survey(spoilt(fx=15.0), straight), SHEET)
+    start = vector_of(SHEET)
+    k = NAMES.index("fx")
+    assert not found.shown[k]
+    assert found.vector[k] == start[k]
+    assert found.sigma[k] == prior_sigma(SHEET)[k]
+    assert any("turn the camera" in line for line in found.hidden())
+
+
+def test_a_better_calibration_is_told_from_one_that_is_no_better():
+    wrong = made_up_survey(spoilt(fx=15.0, k1=0.1))
+    assert judge(wrong, calibrated(wrong, SHEET)).is_better
+    right = made_up_survey(vector_of(SHEET))
+    assert not judge(right, calibrated(right, SHEET)).is_better
+
+
+def test_derivatives_of_the_projection_are_those_of_its_values():
+    rng = np.random.default_rng(1)
+    xy, lens = rng.uniform(-0.6, 0.6, (20, 2)), np.array([530.0, 520.0, 320.0, 240.0, 0.2, -0.5, 0.01, -0.02, 0.3])
+    _, by_direction, by_lens = project(xy, lens)
+    for k, step in enumerate(np.eye(2) * 1e-6):
+        numeric = (project(xy + step, lens)[0] - project(xy - step, lens)[0]) / 2e-6
+        np.testing.assert_allclose(by_direction[:, :, k], numeric, atol=1e-4)
+    for k, step in enumerate(np.eye(9) * 1e-5):
+        numeric = (project(xy, lens + step)[0] - project(xy, lens - step)[0]) / 2e-5
+        np.testing.assert_allclose(by_lens[:, :, k], numeric, atol=1e-4)
+
+
+def test_derivatives_of_the_residuals_are_those_of_their_values_where_there_is_no_residual():
+    vector = spoilt(fx=5.0, k1=0.05, shift_u_px=1.0, baseline_v=2.0, offset_1=0.003, scale_x=0.01)
+    survey = made_up_survey(vector, points=20, noise=0.0)
+    lines = linearised(survey, vector, start_of(survey))
+    np.testing.assert_allclose(lines.residuals, 0.0, atol=1e-9)
+    for k in range(TIMINGS, len(NAMES)):
+        step = 1e-5 * np.eye(len(NAMES))[k]
+        ahead, back = (linearised(survey, vector + side * step, start_of(survey)).values for side in (1, -1))
+        np.testing.assert_allclose((ahead - back) / 2e-5, lines.by_number[:, :, k], atol=1e-6, err_msg=NAMES[k])
+
+
+def test_the_walk_that_turns_shows_more_than_the_straight_one():
+    wide, narrow = (calibrated(made_up_survey(vector_of(SHEET), walk), SHEET) for walk in (turning, straight))
+    assert np.count_nonzero(wide.shown) > np.count_nonzero(narrow.shown)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from odom.cli import signals
+from odom.cli.bench_physical import physical
 from odom.cli.bench_robustness import robustness
 from odom.cli.options import Calibration, Config, End, Seconds, Seed, SourceName, Start
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 bench = typer.Typer(help="Measure accuracy and cost.", no_args_is_help=True)
 bench.command("robustness")(robustness)
+bench.command("physical")(physical)
 
 
 @bench.command("registration")

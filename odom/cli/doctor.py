@@ -18,6 +18,8 @@ _WARM_UP, _TIMED = 20, 90
 """Frames before the clock counts (compiling, loading) and frames timed, 3 s: their median stands still by then."""
 _BUSIEST = 0.8
 """Share of the time between two frames that the odometry may take: the rest is for decoding and other processes."""
+_LOOKED_AT = 30
+"""Depth images whose levels are counted."""
 
 
 def doctor(
@@ -79,13 +81,13 @@ def doctor(
 
 
 def judge_odometry(frames: "tuple[RgbdFrame, ...]", camera: "Camera") -> "list[Finding]":
-    """Judge by the odometry itself, on the first frames, whether it keeps track and how much of the time it takes."""
+    """Judge by the odometry itself, on the first frames: the noise of depth as it takes it, tracking, and speed."""
     import time
 
     import numpy as np
 
     from odom.backend import Odometry, OdometrySettings, State
-    from odom.evaluation.diagnosis import judge_tracking
+    from odom.evaluation.diagnosis import judge_levels, judge_tracking
 
     odometry = Odometry(camera, OdometrySettings())
     spent, reasons, inliers = [], [], []
@@ -97,8 +99,10 @@ def judge_odometry(frames: "tuple[RgbdFrame, ...]", camera: "Camera") -> "list[F
         reasons.append(None if has_pose else estimate.reason or estimate.state.value)
         inliers.append(estimate.inliers)
     odometry.finish()
+    some = frames[:: max(1, len(frames) // _LOOKED_AT)]
+    levels = judge_levels([frame.depth_mm for frame in some], odometry.sensor.noise.noise)
     period_s = float(np.median(np.diff([frame.stamp for frame in frames]))) * 1e-9 if len(frames) > 1 else 0.0
-    return [judge_tracking(reasons, inliers), _judge_speed(spent[_WARM_UP:], period_s)]
+    return [levels, judge_tracking(reasons, inliers), _judge_speed(spent[_WARM_UP:], period_s)]
 
 
 def _judge_speed(spent_s: "list[tuple[float, float]]", period_s: float) -> "Finding":

@@ -80,6 +80,11 @@ class Odometry:
         return self._frames.sensor.timing
 
     @property
+    def sensor(self) -> SensorModel:
+        """What the stream has shown of the camera so far."""
+        return self._frames.sensor
+
+    @property
     def map(self) -> Map:
         """The map so far: to be read, not changed."""
         return self._frames.map

@@ -9,5 +9,6 @@ from odom.evaluation.diagnosis.examine import examine
 from odom.evaluation.diagnosis.finding import Finding, Verdict
 from odom.evaluation.diagnosis.recording import NO_FILE, NOT_DEPTH, Recording
 from odom.evaluation.diagnosis.tracking import judge_tracking
+from odom.evaluation.diagnosis.z_levels import judge_levels
 
-__all__ = ["NOT_DEPTH", "NO_FILE", "Finding", "Recording", "Verdict", "examine", "judge_tracking"]
+__all__ = ["NOT_DEPTH", "NO_FILE", "Finding", "Recording", "Verdict", "examine", "judge_levels", "judge_tracking"]

@@ -5,6 +5,9 @@ from dataclasses import dataclass
 from odom.geometry.tuning import in_use, tuned
 
 _PAIRS = "pairs of the arena's key poses by both Kinects"
+_RESIDUALS = (
+    "residuals of right pairs by scale and distance, arena, both Kinects: 7 to 11 mm at 1.5 m, 11 to 16 at 3.5 m"
+)
 
 
 # fmt: off
@@ -26,6 +29,10 @@ class Tuning:
         effect="half: what is around says too little; double: what the other view does not show spoils it")
     match_ratio: float = tuned(0.95, unit="1, nearest over second distance", source=_PAIRS,
         effect="smaller: fewer pairs, of which more are right; larger: more pairs, more of them wrong")
+    key_point_share: float = tuned(0.12, unit="1, standard deviation over the key point's sigma", source=_RESIDUALS,
+        effect="half: key points of coarse octaves count too much; double: they hardly count")
+    key_point_rad: float = tuned(0.0035, unit="rad, standard deviation seen from the camera", source=_RESIDUALS,
+        effect="half: right pairs far away fail the gate; double: wrong ones pass it")
 # fmt: on
 
 

@@ -1,0 +1,140 @@
+"""Point pairs of two looks of a camera by each of three front-ends, at the instants of the two stamps."""
+
+from dataclasses import dataclass
+from enum import Enum, unique
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.cloud_features.cloud import cloud_of
+from odom.frontend.cloud_features.matching import CloudFeatures, cloud_features, match_features
+from odom.frontend.cloud_features.tuning import TUNING
+from odom.frontend.features.measurement import measure, points_of
+from odom.frontend.features.place_descriptor import Place, describe_place
+from odom.frontend.features.view import View
+from odom.frontend.matching.optical_flow import follow_features
+from odom.frontend.matching.place_recognition import match_places
+from odom.geometry import se3
+from odom.geometry.arrays import Array, Image
+from odom.registration import Pairs
+
+_THERE_AND_BACK_PX = 1.0
+"""A corner followed to the other image and back must end where it began, but for this."""
+_NO_PAIRS = Pairs(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3, 3)))
+
+
+@unique
+class FrontEnd(Enum):
+    """Where correspondences come from."""
+
+    FOLLOWED = "corners followed"
+    ORB = "ORB"
+    SIFT3D = "SIFT3D + CSHOT"
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A key pose: its `view`, the colour image (H x W x 3), and the camera's `twist` then (6, SI, camera frame).
+
+    `sensor` is what the whole stream has shown of the camera.
+    """
+
+    view: View
+    color: Image
+    twist: Array
+    sensor: SensorModel
+
+    @cached_property
+    def T_stamp_middle(self) -> Array:
+        """The motion from the time of the image's middle row, for which pixels are measured, to the stamp, undone."""
+        late_s = self.view.late_s + 0.5 * self.sensor.timing.readout_s
+        return se3.exp(-self.twist * late_s)
+
+    @cached_property
+    def place(self) -> Place:
+        """ORB features with their points, at the middle row's time."""
+        return describe_place(self.view, self.sensor, self.twist)
+
+    @cached_property
+    def features(self) -> CloudFeatures:
+        """SIFT3D key points and CSHOT descriptors, at the time of the depth image."""
+        return cloud_features(cloud_of(self.color, self.view.depth_mm, self.sensor.lens.rays))
+
+    @cached_property
+    def T_stamp_depth(self) -> Array:
+        """The same from the time of the depth image's middle row."""
+        since_s = self.view.stamp - self.view.depth_stamp
+        return se3.exp(-self.twist * (since_s * 1e-9 - self.sensor.timing.depth_lag_s))
+
+
+def pairs_by(front_end: FrontEnd, source: Look, target: Look, followed: tuple[Array, Array] | None = None) -> Pairs:
+    """Return the pairs of `source` and `target` that a front-end finds; possibly none.
+
+    `followed` holds corners in the target's image (n x 2 px) and where the frames between led to in the source's: the
+    start for FOLLOWED, which finds nothing without it.
+    """
+    match front_end:
+        case FrontEnd.FOLLOWED:
+            found = _NO_PAIRS if followed is None else _followed(source, target, *followed)
+            carried = source.T_stamp_middle, target.T_stamp_middle
+        case FrontEnd.ORB:
+            found = match_places(source.place, target.place) or _NO_PAIRS
+            carried = source.T_stamp_middle, target.T_stamp_middle
+        case FrontEnd.SIFT3D:
+            found = _clouds(source, target)
+            carried = source.T_stamp_depth, target.T_stamp_depth
+    T_source, T_target = carried
+    assert found.covariances_source is not None
+    assert found.covariances_target is not None
+    return Pairs(
+        se3.apply(T_source, found.points_source),
+        se3.apply(T_target, found.points_target),
+        T_source[:3, :3] @ found.covariances_source @ T_source[:3, :3].T,
+        T_target[:3, :3] @ found.covariances_target @ T_target[:3, :3].T,
+    )
+
+
+def _followed(source: Look, target: Look, uv_target: Array, uv_guess: Array) -> Pairs:
+    """Return the corners found again from image to image, and back, with the depth that both images have."""
+    there, back = target.view.images.full, source.view.images.full
+    uv_source, found = follow_features(there, back, uv_target, uv_guess)
+    uv_again, again = follow_features(back, there, uv_source, uv_target)
+    kept = found & again & (np.linalg.norm(uv_again - uv_target, axis=1) < _THERE_AND_BACK_PX)
+    none = np.zeros((int(np.count_nonzero(kept)), 3))
+    first = measure(source.view, source.sensor, uv_source[kept], none, source.twist)
+    second = measure(target.view, target.sensor, uv_target[kept], none, target.twist)
+    deep = (first.values[:, 2] > 0.0) & (second.values[:, 2] > 0.0)
+    points_source, covariances_source = points_of(first.take(deep))
+    points_target, covariances_target = points_of(second.take(deep))
+    return Pairs(points_source, points_target, covariances_source, covariances_target)
+
+
+def _clouds(source: Look, target: Look) -> Pairs:
+    a, b = match_features(source.features, target.features)
+    one, other = source.features, target.features
+    return Pairs(
+        one.points[a],
+        other.points[b],
+        _key_point_covariances(one.points[a], one.sigmas[a], source.sensor),
+        _key_point_covariances(other.points[b], other.sigmas[b], target.sensor),
+    )
+
+
+def _key_point_covariances(points: Array, sigmas: Array, sensor: SensorModel) -> Array:
+    """Return the covariances (n x 3 x 3) of key points: depth's along the ray, and where they were found all round.
+
+    That is somewhere in a cube of the grid, farther off the coarser the scale, and the farther away the point.
+    """
+    z = points[:, 2]
+    knots, sigma = sensor.noise.noise.inverse_depth_sigma
+    ray = points / z[:, None] * (z**2 * np.interp(1.0 / z, knots, sigma))[:, None]
+    found = TUNING.sift_sigma_m**2 / 12.0 + (TUNING.key_point_share * sigmas) ** 2 + (TUNING.key_point_rad * z) ** 2
+    return np.asarray(ray[:, :, None] * ray[:, None, :] + found[:, None, None] * np.eye(3))
+
+
+def small_picture(color: Image, width: int = 320) -> Image:
+    """Return an RGB image made so wide, for the figure."""
+    height = round(color.shape[0] * width / color.shape[1])
+    return np.asarray(cv2.resize(color, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)

@@ -27,6 +27,7 @@ from odom.cli.map import map_
 from odom.cli.optional_domain import WithRos2Domain
 from odom.cli.record import record
 from odom.cli.recover import recover
+from odom.cli.ros2 import ros2
 from odom.cli.router import router
 from odom.cli.run import run
 from odom.cli.sensor import sensor
@@ -59,6 +60,7 @@ app.command("export")(export)
 app.command("recover")(recover)
 app.command("info")(info)
 app.command("router")(router)
+app.command("ros2")(ros2)
 app.command("keys")(keys)
 app.add_typer(map_, name="map")
 app.add_typer(bench, name="bench")

@@ -6,7 +6,10 @@ from typing import Any
 
 from typer.core import TyperCommand
 
+from odom.errors import ConfigError
+
 _OPTION = "--ros2"
+_LAST_DOMAIN = 232
 DOMAIN_ENVIRONMENT = "ROS_DOMAIN_ID"
 """Environment variable with the domain of all ROS 2 processes; without it they are in domain 0."""
 
@@ -32,4 +35,12 @@ def filled_in(arguments: Iterable[str]) -> list[str]:
 
 
 def _of_environment() -> str:
-    return f"{_OPTION}={os.environ.get(DOMAIN_ENVIRONMENT) or '0'}"
+    return f"{_OPTION}={domain_of_environment()}"
+
+
+def domain_of_environment() -> int:
+    """Return the domain of the environment; raises ConfigError for what is none."""
+    text = os.environ.get(DOMAIN_ENVIRONMENT) or "0"
+    if not text.isdecimal() or int(text) > _LAST_DOMAIN:
+        raise ConfigError(f"{DOMAIN_ENVIRONMENT}={text}: a ROS domain is a number from 0 to {_LAST_DOMAIN}")
+    return int(text)

@@ -8,10 +8,11 @@ from odom.errors import ConfigError, RecordingError, WireError
 from odom.frame import Camera
 from odom.wire import Message
 from odom.wire.codec import decode_tf
+from odom.wire.ros2.graph import RosGraph
+from odom.wire.ros2.inbox import Inbox
 from odom.wire.ros2.names import NO_TYPE_HASH, Endpoint, type_hash
 from odom.wire.ros2.static_frames import TF_STATIC
-from sensors.ros2.graph import RosGraph, image_topics, info_topics
-from sensors.ros2.inbox import Inbox
+from sensors.ros2.image_topics import image_topics, info_topics
 from sensors.ros2.selection import CameraTopics, camera_topics
 from sensors.ros2.settings import Ros2Settings
 from sensors.ros2.static_transforms import StaticTransforms
@@ -62,11 +63,11 @@ class Search:
         raise ConfigError(self._what_is_missing(missing))
 
     def _listen(self) -> None:
-        topics = self.graph.publishers(self.prefix)
-        named = {topic: ends for topic, ends in self.graph.publishers().items() if topic in self._named}
+        topics = self.graph.endpoints(self.prefix)
+        named = {topic: ends for topic, ends in self.graph.endpoints().items() if topic in self._named}
         images = image_topics(topics, self.settings.transport == "compressed")
         wanted = [*named, *images, *info_topics(topics)]
-        everything = topics | named | {_TF_STATIC: self.graph.publishers().get(_TF_STATIC, [])}
+        everything = topics | named | {_TF_STATIC: self.graph.endpoints().get(_TF_STATIC, [])}
         for topic in (_TF_STATIC, *wanted[:_MOST_TOPICS]):
             if everything[topic] and topic not in self.inbox.topics:
                 self.inbox.subscribe(_known(everything[topic]))
@@ -89,20 +90,20 @@ class Search:
         kept = {f"/{stream.topic}" for stream in streams if stream is not None}
         for topic in set(self.inbox.topics) - kept:
             self.inbox.unsubscribe(topic)
-        for topic, publishers in self.graph.publishers().items():
+        for topic, publishers in self.graph.endpoints().items():
             if topic in kept and len(publishers) > 1:
                 _LOG.warning("%s", several(topic, publishers))
 
     def _what_is_missing(self, missing: str) -> str:
-        topics = self.graph.publishers(self.prefix)
+        topics = self.graph.endpoints(self.prefix)
         heard, domain, waited = self.inbox.topics, self.settings.domain, self.settings.start_s
-        if not self.graph.publishers():
+        if not self.graph.endpoints():
             return (
                 f"no ROS 2 publisher is seen in domain {domain} by the router {self.settings.router} within "
                 f"{waited:g} s: is rmw_zenohd (or odom router, or odom ros2) running, and ROS_DOMAIN_ID the same?"
             )
         if not image_topics(topics, compressed=False) and not self._named:
-            others = ", ".join(sorted(image_topics(self.graph.publishers(), compressed=False))[:10]) or "no images"
+            others = ", ".join(sorted(image_topics(self.graph.endpoints(), compressed=False))[:10]) or "no images"
             return f"no images below {self.prefix} in domain {domain}; published are: {others}"
         silent = sorted(topic for topic in heard if topic not in self.first and topic != _TF_STATIC)
         if not self.first:

@@ -9,13 +9,13 @@ from dataclasses import replace
 from odom.errors import ConfigError, OdomError, WireError
 from odom.wire import Message, WireSettings
 from odom.wire.codec import cdr, decode_camera_info, decode_depth, encode_camera_info
+from odom.wire.ros2.graph import RosGraph
+from odom.wire.ros2.inbox import Inbox
 from odom.wire.ros2.names import NodeName
 from odom.wire.ros2.node import Ros2Node, ros2_wire
 from odom.wire.session import open_session
 from sensors.calibration_file import load_calibration
 from sensors.encoder import ImageEncoder
-from sensors.ros2.graph import RosGraph
-from sensors.ros2.inbox import Inbox
 from sensors.ros2.search import Search, several
 from sensors.ros2.settings import Ros2Settings
 from sensors.source import SourceOptions
@@ -126,7 +126,7 @@ class Ros2Source:
         return None
 
     def _why_silent(self) -> str:
-        publishers = self._graph.publishers()
+        publishers = self._graph.endpoints()
         gone = [topic for topic in (self._color, self._depth) if topic not in publishers]
         doubled = [several(t, ends) for t, ends in publishers.items() if t in (self._color, self._depth) and ends[1:]]
         if doubled:

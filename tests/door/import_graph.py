@@ -23,6 +23,7 @@ ORDER = (
     "odom.backend",
     "odom.wire",
     "odom.map_file",
+    "odom.ros2_bridge",
     "odom.evaluation",
     "odom.calibration",
     "sensors",

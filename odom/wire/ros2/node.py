@@ -43,6 +43,10 @@ class _Publisher:
     token: Any
     sequence: int = 0
 
+    def close(self) -> None:
+        self.token.undeclare()
+        self.zenoh.undeclare()
+
 
 class Ros2Node:
     """Publishes messages as rmw_zenoh does, and tells the ROS graph of itself; safe to use from several threads.
@@ -66,6 +70,18 @@ class Ros2Node:
         self._entities += 1
         return Endpoint(self.name, self._entities, kind, topic, type_name, hashed, qos)
 
+    def offer(self, key: str, type_name: str, qos: Qos) -> bool:
+        """Declare a topic before its first message; False when its type is not known."""
+        with self._lock:
+            return self._publisher(key, type_name, urgent=False, qos=qos) is not None
+
+    def withdraw(self, key: str, type_name: str) -> None:
+        """Take a topic out of the ROS graph again."""
+        with self._lock:
+            publisher = self._publishers.pop((key, type_name), None)
+            if publisher is not None:
+                publisher.close()
+
     def tell(self, message: Message) -> None:
         """Publish a message that goes to ROS alone."""
         with self._lock:
@@ -84,8 +100,7 @@ class Ros2Node:
         with self._lock:
             for publisher in self._publishers.values():
                 if publisher is not None:
-                    publisher.token.undeclare()
-                    publisher.zenoh.undeclare()
+                    publisher.close()
             self._publishers.clear()
             self._token.undeclare()  # type: ignore[no-untyped-call]  # zenoh gives no type
 
@@ -99,17 +114,16 @@ class Ros2Node:
         except zenoh.ZError as error:
             _LOG.debug("%s is not published to ROS 2: %s", key, error)
 
-    def _publisher(self, key: str, type_name: str, urgent: bool) -> _Publisher | None:
+    def _publisher(self, key: str, type_name: str, urgent: bool, qos: Qos | None = None) -> _Publisher | None:
         if (key, type_name) not in self._publishers and len(self._publishers) < _MOST_PUBLISHERS:
             try:
-                self._publishers[key, type_name] = self._declare(key, type_name, urgent)
+                self._publishers[key, type_name] = self._declare(key, type_name, urgent, qos or qos_of_key(key))
             except (WireError, zenoh.ZError) as error:
                 _LOG.warning("%s is not published to ROS 2: %s", key, error)
                 self._publishers[key, type_name] = None
         return self._publishers.get((key, type_name))
 
-    def _declare(self, key: str, type_name: str, urgent: bool) -> _Publisher:
-        qos = qos_of_key(key)
+    def _declare(self, key: str, type_name: str, urgent: bool, qos: Qos) -> _Publisher:
         endpoint = self.endpoint(PUBLISHER, topic_name(key), type_name, qos)
         kept = qos.transient_local
         sporadic = zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=_HEARTBEAT_S)
@@ -119,7 +133,7 @@ class Ros2Node:
             encoding=encoding_of(type_name),
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.DATA_HIGH if urgent else zenoh.Priority.DATA,
-            cache=zenoh.ext.CacheConfig(qos.depth) if kept else None,
+            cache=zenoh.ext.CacheConfig(max(1, qos.depth)) if kept else None,
             publisher_detection=kept,
             sample_miss_detection=sporadic if kept else None,
         )

@@ -11,8 +11,8 @@ import zenoh.ext
 
 from odom.errors import WireError
 from odom.frame import Stamp
-from odom.wire import Message
 from odom.wire.codec import stamp_of
+from odom.wire.message import Message
 from odom.wire.ros2.attachment import ros_attachment_of
 from odom.wire.ros2.names import SUBSCRIBER, Endpoint
 from odom.wire.ros2.node import Ros2Node
@@ -59,6 +59,7 @@ class Inbox:
             lambda sample: self._take(publisher.topic, publisher.type_name, sample),
             history=kept if publisher.qos.transient_local else None,
             subscriber_detection=publisher.qos.transient_local,
+            allowed_origin=zenoh.Locality.REMOTE,
         )
         token = self._node.session.liveliness().declare_token(mine.token())
         self._topics[publisher.topic] = _Topic(publisher.type_name, subscriber, token)

@@ -1,0 +1,173 @@
+"""The DDS side: a node of rclpy that publishes and receives messages as raw bytes."""
+
+import importlib
+import os
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from types import ModuleType
+from typing import Any
+
+from odom.errors import ConfigError
+from odom.wire.ros2.qos import Qos
+
+NODE = "odom_bridge"
+_IMPLEMENTATION = "RMW_IMPLEMENTATION"
+_PREFIX_BYTES = 12
+"""Bytes of an endpoint's gid that are those of its participant, in DDS."""
+
+Receive = Callable[[bytes], None]
+
+
+@dataclass(frozen=True)
+class DdsTopic:
+    """A topic as the other DDS participants publish it, or listen to it."""
+
+    type_name: str
+    qos: Qos
+    count: int = 1
+
+
+def ros() -> ModuleType:
+    """Return rclpy; raises ConfigError with how to get it, or when the middleware of ROS is Zenoh already."""
+    if "zenoh" in os.environ.get(_IMPLEMENTATION, ""):
+        raise ConfigError(
+            f"{_IMPLEMENTATION}={os.environ[_IMPLEMENTATION]}: ROS 2 on Zenoh needs no bridge, see --ros2"
+        )
+    try:
+        return importlib.import_module("rclpy")
+    except ImportError as error:
+        raise ConfigError(
+            "odom ros2 needs rclpy: pip install 'rgbd-odom[ros2]' (Linux on x86-64, Python 3.11 to 3.13), or source "
+            f"the setup.bash of ROS 2 ({error})"
+        ) from error
+
+
+@lru_cache(maxsize=256)
+def message_class(type_name: str) -> Any:
+    """Return the class of `sensor_msgs/msg/Image`, None where its package is not installed."""
+    package, _, name = type_name.partition("/msg/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError):
+        return None
+
+
+class DdsNode:
+    """The node `/odom_bridge` in one domain; `lost` counts gaps in the numbers of each topic's publishers."""
+
+    def __init__(self, domain: int) -> None:
+        rclpy = ros()
+        from rclpy.context import Context
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.signals import SignalHandlerOptions
+
+        self.lost: Counter[str] = Counter()
+        self._context = Context()
+        rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+        options = {"start_parameter_services": False, "enable_rosout": False}
+        self._node = rclpy.create_node(NODE, context=self._context, **options)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._publishers: dict[str, Any] = {}
+        self._subscriptions: dict[str, Any] = {}
+        self._sequences: dict[bytes, int] = {}
+        self._own: bytes | None = None
+
+    def published(self) -> dict[str, DdsTopic]:
+        """Return what others publish, by topic; of several types on one topic the first."""
+        return self._seen(self._node.get_publishers_info_by_topic)
+
+    def wanted(self) -> dict[str, DdsTopic]:
+        """Return what others listen to, by topic."""
+        return self._seen(self._node.get_subscriptions_info_by_topic)
+
+    def offer(self, topic: str, type_name: str, qos: Qos) -> None:
+        """Declare a topic that will be published; does nothing for one that is."""
+        if topic not in self._publishers:
+            self._publishers[topic] = self._node.create_publisher(message_class(type_name), topic, _profile(qos))
+            self._learn_own_gid(topic)
+
+    def withdraw(self, topic: str) -> None:
+        """Publish a topic no longer."""
+        if (publisher := self._publishers.pop(topic, None)) is not None:
+            self._node.destroy_publisher(publisher)
+
+    def publish(self, topic: str, payload: bytes) -> bool:
+        """Send a message as it is; False for a topic that was withdrawn meanwhile."""
+        publisher = self._publishers.get(topic)
+        if publisher is None:
+            return False
+        publisher.publish(payload)
+        return True
+
+    def listen(self, topic: str, type_name: str, qos: Qos, receive: Receive) -> None:
+        """Call `receive` with the bytes of each message of others, from within `spin`."""
+        if topic in self._subscriptions:
+            return
+
+        def arrive(payload: bytes, info: dict[str, Any]) -> None:
+            gid = bytes(info["publisher_gid"]["data"])
+            if gid[:_PREFIX_BYTES] != self._own:
+                self._count(topic, gid, info["publication_sequence_number"])
+                receive(payload)
+
+        self._subscriptions[topic] = self._node.create_subscription(
+            message_class(type_name), topic, arrive, _profile(qos), raw=True
+        )
+
+    def leave(self, topic: str) -> None:
+        """Listen to a topic no longer."""
+        if (subscription := self._subscriptions.pop(topic, None)) is not None:
+            self._node.destroy_subscription(subscription)
+
+    def spin(self, timeout_s: float) -> None:
+        """Handle what has arrived; waits for at most `timeout_s`."""
+        self._executor.spin_once(timeout_sec=timeout_s)
+
+    def close(self) -> None:
+        """Leave the domain."""
+        self._executor.shutdown(timeout_sec=1.0)
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    def _seen(self, infos_of: Callable[[str], list[Any]]) -> dict[str, DdsTopic]:
+        found: dict[str, DdsTopic] = {}
+        for topic, _ in self._node.get_topic_names_and_types():
+            infos = [info for info in infos_of(topic) if (info.node_name, info.node_namespace) != (NODE, "/")]
+            if infos:
+                found[topic] = DdsTopic(infos[0].topic_type, _qos(infos[0].qos_profile), len(infos))
+        return found
+
+    def _learn_own_gid(self, topic: str) -> None:
+        """Remember how the gids of this node begin: it hears itself where it publishes and listens."""
+        for info in self._node.get_publishers_info_by_topic(topic) if self._own is None else ():
+            if (info.node_name, info.node_namespace) == (NODE, "/"):
+                self._own = bytes(info.endpoint_gid)[:_PREFIX_BYTES]
+
+    def _count(self, topic: str, gid: bytes, sequence: int | None) -> None:
+        if sequence is not None:
+            before = self._sequences.get(gid)
+            if before is not None:
+                self.lost[topic] += max(0, sequence - before - 1)
+            self._sequences[gid] = sequence
+
+
+def _profile(qos: Qos) -> Any:
+    from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+    return QoSProfile(
+        depth=qos.depth,
+        history=HistoryPolicy.KEEP_LAST if qos.depth else HistoryPolicy.KEEP_ALL,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if qos.transient_local else DurabilityPolicy.VOLATILE,
+        reliability=ReliabilityPolicy.RELIABLE if qos.reliable else ReliabilityPolicy.BEST_EFFORT,
+    )
+
+
+def _qos(profile: Any) -> Qos:
+    """Return what a participant says of itself; DDS does not tell the others its depth."""
+    from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+
+    kept = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    return Qos(transient_local=kept, reliable=profile.reliability == ReliabilityPolicy.RELIABLE)

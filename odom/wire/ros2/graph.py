@@ -1,0 +1,36 @@
+"""Who publishes and who listens in a ROS 2 domain, as the nodes' liveliness tokens tell."""
+
+import threading
+
+from odom.wire.ros2.names import PUBLISHER, Endpoint, Kind, endpoint_of, endpoints_of
+from odom.wire.session import WireSession
+
+_MOST_ENDPOINTS = 10_000
+"""Endpoints that are remembered, some kilobytes each: a bound against a flood of invented tokens."""
+
+
+class RosGraph:
+    """The publishers, or the subscribers, of a domain that live now."""
+
+    def __init__(self, session: WireSession, domain: int, kind: Kind = PUBLISHER) -> None:
+        self._lock = threading.Lock()
+        self._endpoints: dict[str, Endpoint] = {}
+        session.watch(endpoints_of(domain, kind), self._change)
+
+    def endpoints(self, prefix: str = "/") -> dict[str, list[Endpoint]]:
+        """Return those of the topics below a name, by topic, in the order of their nodes' names."""
+        below = prefix.rstrip("/") + "/"
+        with self._lock:
+            endpoints = [e for e in self._endpoints.values() if e.topic.startswith(below)]
+        found: dict[str, list[Endpoint]] = {}
+        for endpoint in sorted(endpoints, key=lambda e: (e.topic, e.node.full_name)):
+            found.setdefault(endpoint.topic, []).append(endpoint)
+        return found
+
+    def _change(self, token: str, alive: bool) -> None:
+        endpoint = endpoint_of(token)
+        with self._lock:
+            if not alive:
+                self._endpoints.pop(token, None)
+            elif endpoint is not None and len(self._endpoints) < _MOST_ENDPOINTS:
+                self._endpoints[token] = endpoint

@@ -1,0 +1,29 @@
+"""A node of rclpy, without anything of this project; publishes messages that come on standard input.
+
+Argument: domain. Each message is a line `topic type bytes` and then so many bytes of CDR. It is read into a message of
+its type, so that what is published was written by ROS.
+"""
+
+import importlib
+import sys
+
+import rclpy
+from rclpy.serialization import deserialize_message
+
+
+def main(domain):
+    rclpy.init(domain_id=int(domain))
+    node = rclpy.create_node("camera")
+    publishers = {}
+    for line in iter(sys.stdin.buffer.readline, b""):
+        topic, type_name, size = line.decode().split()
+        package, _, name = type_name.partition("/msg/")
+        kind = getattr(importlib.import_module(f"{package}.msg"), name)
+        if topic not in publishers:
+            publishers[topic] = node.create_publisher(kind, topic, 10)
+        publishers[topic].publish(deserialize_message(sys.stdin.buffer.read(int(size)), kind))
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+main(*sys.argv[1:])

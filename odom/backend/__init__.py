@@ -3,7 +3,9 @@
 from typing import TYPE_CHECKING, Any
 
 from odom.backend.estimate import (
+    ChainClosing,
     ChainPose,
+    ClosedChain,
     ClosingTest,
     Estimate,
     Features,
@@ -18,7 +20,9 @@ if TYPE_CHECKING:
     from odom.backend.odometry.odometry import Odometry
 
 __all__ = [
+    "ChainClosing",
     "ChainPose",
+    "ClosedChain",
     "ClosingTest",
     "Estimate",
     "Features",

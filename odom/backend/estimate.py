@@ -4,8 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, unique
 
+import numpy as np
+from numpy.typing import NDArray
+
 from odom.frame import Stamp
 from odom.frame.brief import brief
+from odom.geometry import se3
 from odom.geometry.arrays import Array
 
 
@@ -44,6 +48,50 @@ class ChainPose:
     hole: str = ""
 
     __repr__ = brief
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ChainClosing:
+    """The paper's closing test of the chain: C_last against C_1 (`direct`) and against C_last-1 (`pairwise`).
+
+    Beside it what the chain and the closed chain say of C_last in C_1, and how many sigmas that is off `direct`.
+    """
+
+    direct: RelativePose
+    T_first_last_chain: Array
+    chain_sigma: float
+    T_first_last_closed: Array
+    closed_sigma: float
+    pairwise: RelativePose | None
+
+    __repr__ = brief
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ClosedChain:
+    """How the chain moves when `closures` are met as well as its links; `refused` ones have no part in it.
+
+    At n `stamps` (ns, ascending) its poses are multiplied by `T_closed_chain` (n x 4 x 4) from the left.
+    """
+
+    stamps: NDArray[np.int64]
+    T_closed_chain: Array
+    closures: int
+    refused: int
+    closing: ChainClosing | None
+
+    __repr__ = brief
+
+    def moved(self, stamp: Stamp, T_chain_camera: Array) -> Array:
+        """Return a pose of the chain as it is in the closed one; between two stamps the motion is shared by time."""
+        after = int(np.searchsorted(self.stamps, stamp, side="right"))
+        before = max(after - 1, 0)
+        T_before = self.T_closed_chain[before] @ T_chain_camera
+        if after in (0, len(self.stamps)):
+            return np.asarray(T_before)
+        share = float(stamp - self.stamps[before]) / float(self.stamps[after] - self.stamps[before])
+        T_after = self.T_closed_chain[after] @ T_chain_camera
+        return np.asarray(T_before @ se3.exp(share * se3.log(se3.inverse(T_before) @ T_after)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from odom.errors import InputError
-from odom.evaluation.chain_report import chain_fields
+from odom.evaluation.chain_report import chain_fields, trajectory_fields
 from odom.evaluation.files import read_run, read_tum
 from odom.evaluation.mocap_calibration import Calibration, CalibrationOptions, calibrate
 from odom.evaluation.relative import RelativePoses, read_relative, relative_errors_of, relative_nees
@@ -68,6 +68,7 @@ def report_with_truth(
         **_nees_fields(step, truth, "nees_step"),
         **calibration_fields(calibration, body),
         "chain": chain_fields(out_dir, truth, options),
+        "chain_closed": trajectory_fields(out_dir / "chain_closed.txt", truth, options),
         "truth_notes": [*final.notes, *(calibration.notes if calibration else ())],
     }
     return {key: _finite(value) for key, value in fields.items()}

@@ -119,8 +119,8 @@ def complete_report(out: Path, processes: RunProcesses) -> Report:
 
         try:
             judged = report_with_truth(out, total_frames=processes.total)
-            chain = report.get("chain", {}) | judged.get("chain", {})
-            report |= judged | ({"chain": chain} if chain else {})
+            both = {name: (report.get(name) or {}) | (judged.get(name) or {}) for name in ("chain", "chain_closed")}
+            report |= judged | both
         except (OdomError, OSError) as error:
             report["truth_notes"] = [str(error)]
             _LOG.warning("not judged against truth: %s", error)

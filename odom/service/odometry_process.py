@@ -9,6 +9,7 @@ from odom.backend import Estimate, Odometry, State
 from odom.errors import OdomError, WireError
 from odom.frame import Camera
 from odom.service.arrival_queue import Arrival, CameraArrival, ColorArrival, EndArrival, FrameArrival, TruthArrival
+from odom.service.closing_fields import closing_fields
 from odom.service.estimate_messages import keyframe_message
 from odom.service.estimate_publisher import EstimatePublisher
 from odom.service.frame_receiver import FrameReceiver
@@ -16,7 +17,7 @@ from odom.service.map_keeper import MapKeeper
 from odom.service.neighbours import Neighbours
 from odom.service.progress import hand_up
 from odom.service.result_files import RunFiles, write_json
-from odom.service.run_statistics import RunStatistics, closing_fields
+from odom.service.run_statistics import RunStatistics
 from odom.service.settings import Settings
 from odom.service.silence import state_after
 from odom.service.startup import notify_service_manager, warm_up
@@ -234,17 +235,15 @@ class OdometryProcess:
         """Write the final trajectory and the report, unless nothing came since they were last written."""
         if not self._unsaved or self._odometry is None:
             return
-        begun = time.perf_counter()
-        poses = self._odometry.finish()
+        begun, poses = time.perf_counter(), self._odometry.finish()
         self._keeper.save(self._odometry)
         self.statistics.add_loops(self._odometry.late_loops)
         self._publisher.loops(self._odometry.late_loops)
-        report = self.statistics.report() | {"closing": closing_fields(self._odometry.closing_test())}
-        report |= self._keeper.report()
+        test, closed = self._odometry.closing_test(), self._odometry.closed_chain()
+        report = self.statistics.report() | closing_fields(test, closed) | self._keeper.report()
         try:
-            report["segments"] = files.write_trajectory(poses)
+            report["segments"] = files.write_trajectory(poses, closed)
         finally:
             hand_up(report)
-        report["finish_s"] = round(time.perf_counter() - begun, 3)
-        write_json(files.folder / "report.json", report)
+        write_json(files.folder / "report.json", report | {"finish_s": round(time.perf_counter() - begun, 3)})
         self._unsaved = False

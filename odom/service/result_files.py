@@ -8,10 +8,10 @@ from typing import TextIO
 
 import numpy as np
 
-from odom.backend import Estimate, RelativePose, TrajectoryPose
+from odom.backend import ClosedChain, Estimate, RelativePose, TrajectoryPose
 from odom.frame import Stamp
 from odom.geometry.arrays import Array
-from odom.geometry.quaternion import quaternion_from_rotation
+from odom.geometry.quaternion import quaternion_from_rotation, rotation_from_quaternion
 from odom.service import previous_results
 
 _UPPER = np.triu_indices(6)
@@ -139,12 +139,16 @@ class RunFiles:
             self._truth[body] = name
         self._files[name].write(pose_line(stamp, T_world_body))
 
-    def write_trajectory(self, poses: Iterable[TrajectoryPose]) -> list[dict[str, object]]:
+    def write_trajectory(
+        self, poses: Iterable[TrajectoryPose], closed: ClosedChain | None = None
+    ) -> list[dict[str, object]]:
         """Write the final corrected trajectory, each file replaced at once; return its parts, the largest first.
 
         A part is what was joined by recognised places: the one with most frames goes to `trajectory.txt`, every other
-        one to `trajectory-segment-N.txt`, in a coordinate system of its own.
+        one to `trajectory-segment-N.txt`, in a coordinate system of its own. Beside it goes the `closed` chain.
         """
+        if closed is not None:
+            self._write_closed_chain(closed)
         lines: dict[int, list[str]] = {}
         for pose in poses:
             if pose.T_map_camera is not None:
@@ -168,6 +172,12 @@ class RunFiles:
             {"segment": segment, "frames": len(lines[segment]), "file": name}
             for segment, name in zip(parts, names, strict=False)
         ]
+
+    def _write_closed_chain(self, closed: ClosedChain) -> None:
+        """Write `chain_closed.txt`: the poses of `chain.txt` as its closures move them."""
+        with (self.folder / "chain.txt").open() as chain, _whole(self.folder / "chain_closed.txt") as file:
+            for line in chain:
+                file.write(line if line.startswith("#") else _moved_line(line, closed))
 
     def close(self) -> None:
         """Close the files; safe to call twice."""
@@ -207,6 +217,16 @@ def _whole(path: Path) -> Iterator[TextIO]:
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
+
+
+def _moved_line(line: str, closed: ClosedChain) -> str:
+    """Return a line of `chain.txt` as it is in the closed chain."""
+    time, *numbers = line.split()
+    seconds, _, fraction = time.partition(".")
+    stamp, values = Stamp(int(seconds) * 1_000_000_000 + int(fraction)), np.array([float(x) for x in numbers])
+    T = np.eye(4)
+    T[:3, 3], T[:3, :3] = values[:3], rotation_from_quaternion(values[3:])
+    return pose_line(stamp, closed.moved(stamp, T))
 
 
 def _truth_mark(body: str) -> str:

@@ -9,11 +9,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import psutil
-from numpy.typing import NDArray
 
-from odom.backend import ClosingTest, Estimate, LoopCandidate, State
+from odom.backend import Estimate, LoopCandidate, State
 from odom.frame import RgbdFrame
-from odom.geometry.se3 import so3_log
 from odom.wire.image_counts import NOT_TRACKABLE, ImageCounts
 
 _LOG = logging.getLogger(__name__)
@@ -218,28 +216,3 @@ def completeness(tracked: int, given: int) -> float | None:
 
 def _rounded(value: float | None) -> float | None:
     return None if value is None else round(value, 4)
-
-
-def closing_fields(test: ClosingTest | None) -> dict[str, object] | None:
-    """Return the paper's test of a closed walk for the report: the last frame against the first and its predecessor.
-
-    Translations in metres and rotation vectors in degrees of the last frame in the other's camera; None where the
-    last frame does not show what the first one did.
-    """
-    if test is None:
-        return None
-    sigma = np.sqrt(np.diag(test.direct.covariance))
-    return {
-        "first_last": _motion(test.direct.T_earlier_current),
-        "first_last_sigma": {"m": sigma[:3].tolist(), "deg": np.degrees(sigma[3:]).tolist()},
-        "first_last_inliers": test.direct.inliers,
-        "first_last_trajectory": _motion(test.T_first_last_trajectory),
-        "previous_last": None if test.pairwise is None else _motion(test.pairwise.T_earlier_current),
-        "disagreement_m": test.disagreement_m,
-        "disagreement_deg": test.disagreement_deg,
-        "disagreement_sigma": test.disagreement_sigma,
-    }
-
-
-def _motion(T: NDArray[np.float64]) -> dict[str, list[float]]:
-    return {"m": T[:3, 3].tolist(), "deg": np.degrees(so3_log(T[:3, :3])).tolist()}

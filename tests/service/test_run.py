@@ -102,6 +102,8 @@ def test_a_run_leaves_the_files_and_the_report_of_the_contract(
     assert report["frames"] == lines(out / "odometry.txt") > 80
     assert report["matched"] > 60
     assert report["chain"].keys() >= {*CHAIN_FIELDS}
+    assert report["chain_closed"].keys() >= {"ate_m", "rpe_1s_m", "closures", "refused", "closing"}
+    assert lines(out / "chain_closed.txt") == lines(out / "chain.txt") == report["frames"]
     assert report["chain"]["holes"] == 0
     assert report["chain"]["links"] == lines(out / "relative_chain.txt") == report["frames"] - 1
     assert (out / "relative_second.txt").exists()
@@ -114,7 +116,14 @@ def test_two_runs_of_one_recording_are_equal_to_the_byte(odom: Start, source: tu
         run = odom("run", *source, "--headless", "--out", tmp_path / name)
         words, _ = run.communicate(timeout=250)
         assert run.returncode == 0, words
-    for name in ("odometry.txt", "trajectory.txt", "relative_step.txt", "relative_second.txt", "chain.txt"):
+    for name in (
+        "odometry.txt",
+        "trajectory.txt",
+        "relative_step.txt",
+        "relative_second.txt",
+        "chain.txt",
+        "chain_closed.txt",
+    ):
         assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "second" / name).read_bytes(), name
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from odom.backend import ChainPose, Estimate, RelativePose, State, TrajectoryPose
+from odom.backend import ChainPose, ClosedChain, Estimate, RelativePose, State, TrajectoryPose
 from odom.evaluation.files import read_run, read_tum
 from odom.evaluation.relative import read_relative
 from odom.frame import Stamp
@@ -123,6 +123,20 @@ def test_the_chain_has_a_line_for_every_frame_with_a_pose_and_says_its_holes(tmp
         f"# {stamp(3) * 1e-9:.0f}.{stamp(3) % 10**9:09d}: a hole: nothing in common"
     ]
     assert list(read_relative(tmp_path / "relative_chain.txt").stamps_current) == [stamp(2), stamp(4)]
+
+
+def test_the_closed_chain_is_the_chain_moved_with_the_holes_still_said(tmp_path: Path) -> None:
+    files = RunFiles(tmp_path)
+    for i in range(5):
+        files.append(estimate(i, hole="nothing in common" if i == 3 else ""))
+    moved = se3.exp(np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.2]))
+    closed = ClosedChain(np.array([stamp(0), stamp(4)]), np.array([np.eye(4), moved]), 1, 0, None)
+    files.write_trajectory([TrajectoryPose(stamp(i), np.eye(4), 0) for i in range(5)], closed)
+    written = read_tum(tmp_path / "chain_closed.txt")
+    assert list(written.stamps) == [stamp(i) for i in range(5)]
+    np.testing.assert_allclose(written.T_world_body[4], moved @ se3.exp(4 * STEP), atol=1e-7)
+    np.testing.assert_allclose(written.T_world_body[2], closed.moved(stamp(2), se3.exp(2 * STEP)), atol=1e-7)
+    assert "a hole: nothing in common" in (tmp_path / "chain_closed.txt").read_text()
 
 
 def test_truth_of_the_first_body_is_the_truth(tmp_path: Path) -> None:

@@ -12,13 +12,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from odom.backend.chain.closures import ChainNode, Closures
 from odom.backend.chain.own_corners import OwnCorners, cut_corners
 from odom.backend.chain.pairwise import PairwisePose, register_frames
 from odom.backend.chain.sight import Sight
 from odom.backend.chain.tuning import TUNING
 from odom.backend.estimate import ChainPose, RelativePose
+from odom.backend.map.map import Map
 from odom.backend.map.pose_covariance import calibration_covariance
 from odom.backend.publication import Publication
+from odom.frontend.camera.noise_monitor import NoiseMonitor
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.view import View
 from odom.geometry import se3
@@ -54,6 +57,8 @@ class Chain:
         self.link: RelativePose | None = None
         self.T_chain_camera: Array = np.eye(4)
         self.covariance: Array = np.zeros((6, 6))
+        self.closures = Closures()
+        self._total: Array = np.zeros((6, 6))
         self._end: ChainFrame | None = None
         self._start_covariance: Array = np.zeros((6, 6))
         self._corners = OwnCorners.nothing()
@@ -86,11 +91,37 @@ class Chain:
         self.link, self._end = link, self._renewed(frame, sight, sensor)
         return self._described(frame, why, sensor)
 
+    def close(self, map_: Map, is_keyframe: bool, reference: int, noise: NoiseMonitor) -> None:
+        """Make a node of the newest frame if it is due, or if it is the map's newest key frame; look for closures.
+
+        `reference` is the key frame nearest in pose.
+        """
+        end = self._end
+        if end is not None and (is_keyframe or self.closures.are_due(end.view.stamp)):
+            keyframe = map_.keyframes[-1].number if is_keyframe else None
+            node = self.closures.add(end.view.stamp, keyframe, self.T_chain_camera, self._total)
+            self.closures.close(node, end.sight, reference, map_, noise)
+
+    @property
+    def end_sight(self) -> Sight:
+        """What the newest frame measured."""
+        return Sight.nothing() if self._end is None else self._end.sight
+
+    def end_node(self) -> ChainNode | None:
+        """Return the node of the newest frame, a new one if it is none yet; None where there is no frame."""
+        if self._end is None:
+            return None
+        stamp, nodes = self._end.view.stamp, self.closures.nodes
+        if nodes and nodes[-1].stamp == stamp:
+            return nodes[-1]
+        return ChainNode(self.closures.taken, stamp, None, self.T_chain_camera, self._total)
+
     def _append(self, end: ChainFrame, frame: ChainFrame, found: PairwisePose, sensor: SensorModel) -> RelativePose:
         """Move the chain's end to a registered frame; return the link between the two stamps."""
         covariance = sensor.noise.covariance_scale * found.covariance
         self.T_chain_camera = se3.orthonormal(self.T_chain_camera @ found.T_previous_current)
         self.covariance = se3.compose_covariance(self.covariance, found.T_previous_current, covariance)
+        self._total = se3.compose_covariance(self._total, found.T_previous_current, covariance)
         T_middles = found.T_previous_current
         T = se3.inverse(end.published.T_middle_stamp) @ T_middles @ frame.published.T_middle_stamp
         covariance = covariance + end.stamp_covariance(sensor) + frame.stamp_covariance(sensor)
@@ -101,6 +132,7 @@ class Chain:
         T_chain_stamp = self.T_chain_camera if end is None else self.T_chain_camera @ end.published.T_middle_stamp
         self.T_chain_camera = T_chain_stamp @ se3.inverse(frame.published.T_middle_stamp)
         self.covariance = np.zeros((6, 6))
+        self._total = self._total + (0.0 if end is None else TUNING.hole_sigma**2) * np.eye(6)
         self._start_covariance = frame.stamp_covariance(sensor)
         self._corners, self._after_renewal = OwnCorners.nothing(), 0
 

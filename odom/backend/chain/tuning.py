@@ -35,6 +35,18 @@ class Tuning:
         effect="in a row after which a corner is given up; fewer: patches change often; more: slower")
     corner_farthest_m: float = tuned(8.0, unit="m", source="the range of a Kinect",
         effect="smaller: halls have no corners; larger: depth that is mostly noise")
+    closure_every_s: float = tuned(0.3, unit="s", source=_TRIAL,
+        effect="smaller: slower, and what closures share counts several times; larger: less to hold the chain by")
+    closure_after_s: float = tuned(1.0, unit="s", source=_TRIAL,
+        effect="smaller: closures that repeat links; larger: short loops stay open")
+    closures_each: int = tuned(3, unit="closures a node", source=_TRIAL,
+        effect="fewer: less to hold the chain by; more: slower, and what they share counts several times")
+    closure_least: int = tuned(30, unit="landmarks in common", source=_TRIAL,
+        effect="fewer: rough closures; more: loops stay open")
+    closed_most_nodes: int = tuned(1000, unit="nodes", source="some 3 MB; five minutes, thinned beyond",
+        effect="fewer: long walks are closed roughly; more: memory")
+    hole_sigma: float = tuned(10.0, unit="m and rad", source="far more than any motion over a hole",
+        effect="smaller: a hole counts as if the camera had stood still; larger: nothing")
 # fmt: on
 
 

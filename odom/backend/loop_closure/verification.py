@@ -7,6 +7,7 @@ from odom.backend.map.map import Map
 from odom.backend.map.pose_covariance import calibration_covariance, independent_covariance
 from odom.backend.map.pose_graph import Edge
 from odom.geometry import se3
+from odom.geometry.arrays import Array
 
 _CHI2_6_9999 = 27.86
 """The .9999 quantile of chi-squared with 6 degrees of freedom."""
@@ -21,7 +22,14 @@ def contradiction(map_: Map, closure: Edge, calibration_error: float) -> str:
     chain = map_.registrations.covariance_between(closure.a, closure.b)
     if chain is None:
         return ""
-    T_a_b = a.T_camera_map @ se3.inverse(b.T_camera_map)
+    return disagreement(a.T_camera_map @ se3.inverse(b.T_camera_map), chain, closure, calibration_error)
+
+
+def disagreement(T_a_b: Array, chain: Array, closure: Edge, calibration_error: float) -> str:
+    """Return how a `closure` disagrees with T_a_b as a chain of covariance `chain` (6 x 6) has it; empty if it agrees.
+
+    `calibration_error` is the share of a motion by which the chain may err as a whole.
+    """
     away = se3.log(se3.inverse(T_a_b) @ closure.T_a_b)
     S = chain + calibration_covariance(T_a_b, calibration_error) + independent_covariance(closure.covariance)
     chi2 = float(away @ np.linalg.solve(S * TUNING.chain_sigma_scale**2 + 1e-12 * np.eye(6), away))

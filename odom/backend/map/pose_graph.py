@@ -3,6 +3,7 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from odom.geometry.arrays import Array
 
 _ROBUST_FROM_SIGMA = 3.0
 """Huber's bound on loop closures, in sigmas: beyond, the cost grows linearly."""
+_SWAP = np.r_[3:6, 0:3]
+"""Order of a tangent's entries in gtsam, which has the rotation first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +46,25 @@ class Edge:
 
 def optimise(T_map_keyframe: dict[int, Array], held: Collection[int], edges: list[Edge]) -> dict[int, Array]:
     """Return the poses (4 x 4 by number) that agree best with all `edges`; those `held` stay where they are."""
+    _, result = _solved(T_map_keyframe, held, edges)
+    return {number: np.asarray(result.atPose3(number).matrix()) for number in T_map_keyframe}
+
+
+def optimise_with_covariance(
+    T_map_keyframe: dict[int, Array], held: int, edges: list[Edge], wanted: int
+) -> tuple[dict[int, Array], Array]:
+    """Return the poses as `optimise` does, and the 6 x 6 covariance (`se3`) of the `wanted` one against the held."""
     import gtsam
 
-    swap = np.r_[3:6, 0:3]  # gtsam's tangent has the rotation first
+    graph, result = _solved(T_map_keyframe, [held], edges)
+    covariance = gtsam.Marginals(graph, result).marginalCovariance(wanted)[np.ix_(_SWAP, _SWAP)]
+    return {number: np.asarray(result.atPose3(number).matrix()) for number in T_map_keyframe}, np.asarray(covariance)
+
+
+def _solved(T_map_keyframe: dict[int, Array], held: Collection[int], edges: list[Edge]) -> tuple[Any, Any]:
+    """Return gtsam's graph and the values that solve it."""
+    import gtsam
+
     graph, start = gtsam.NonlinearFactorGraph(), gtsam.Values()
     for number, T in T_map_keyframe.items():
         start.insert(number, gtsam.Pose3(T))
@@ -54,11 +73,10 @@ def optimise(T_map_keyframe: dict[int, Array], held: Collection[int], edges: lis
         graph.add(gtsam.PriorFactorPose3(number, gtsam.Pose3(T_map_keyframe[number]), still))
     for edge in edges:
         noise: gtsam.noiseModel.Base = gtsam.noiseModel.Gaussian.Covariance(
-            edge.covariance[np.ix_(swap, swap)] + 1e-12 * np.eye(6)
+            edge.covariance[np.ix_(_SWAP, _SWAP)] + 1e-12 * np.eye(6)
         )
         if edge.is_loop:
             robust = gtsam.noiseModel.mEstimator.Huber.Create(_ROBUST_FROM_SIGMA)
             noise = gtsam.noiseModel.Robust.Create(robust, noise)
         graph.add(gtsam.BetweenFactorPose3(edge.a, edge.b, gtsam.Pose3(edge.T_a_b), noise))
-    result = gtsam.LevenbergMarquardtOptimizer(graph, start).optimize()
-    return {number: np.asarray(result.atPose3(number).matrix()) for number in T_map_keyframe}
+    return graph, gtsam.LevenbergMarquardtOptimizer(graph, start).optimize()

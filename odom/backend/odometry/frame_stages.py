@@ -147,7 +147,8 @@ class FrameStages:
         watch.lap("chain")
         is_keyframe = self._grow_map(view, judged, published)
         watch.lap("map")
-        residual = np.where(tracked.inliers, np.sqrt(tracked.chi2[:, 0]), np.nan)
+        self.chain.close(self.map, is_keyframe, tracked.reference, self.sensor.noise)
+        watch.lap("chain")
         return replace(
             self._describe(view, judged.state, judged.reason, published),
             inliers=tracked.inlier_count,
@@ -155,7 +156,7 @@ class FrameStages:
             is_keyframe=is_keyframe,
             pairwise=self.chain.link,
             chain=chained,
-            features=Features(tracked.uv, residual),
+            features=Features(tracked.uv, np.where(tracked.inliers, np.sqrt(tracked.chi2[:, 0]), np.nan)),
         )
 
     def _publish(self, view: View, judged: _Judged) -> Publication:
@@ -223,6 +224,7 @@ class FrameStages:
         self._visibility = self._visibility.with_new_segment(view.stamp)
         published = self.published.begin(view.stamp, keyframe.segment, keyframe.number, self.sensor)
         chained = self.chain.extend(ChainFrame(view, Sight.nothing(), AT_REST, published), None, self.sensor)
+        self.chain.close(self.map, True, keyframe.number, self.sensor.noise)
         self.state = FrameState(view, None, T_camera_map, AT_REST, keyframe.number, keyframe.rows, keyframe.uv)
         state = State.TRACKING if is_first else State.RECOVERED
         reason = "" if is_first else "new segment: no known place recognised"

@@ -4,7 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from odom.backend.estimate import ClosingTest, Estimate, LoopCandidate, TrajectoryPose
+from odom.backend.chain.closed_chain import close_chain
+from odom.backend.estimate import ClosedChain, ClosingTest, Estimate, LoopCandidate, TrajectoryPose
 from odom.backend.loop_closure.closed_walk import closing_test
 from odom.backend.loop_closure.loop_closure import close_recognised
 from odom.backend.map.map import Map
@@ -219,6 +220,11 @@ class Odometry:
         if frames.state is None or last is None:
             return None
         return closing_test(frames.map, frames.tracker, frames.state, last, frames.chain.link, frames.sensor)
+
+    def closed_chain(self) -> ClosedChain | None:
+        """Return how the chain moves by its closures, None where it has not begun."""
+        frames = self._frames
+        return close_chain(frames.chain, frames.map, frames.sensor.noise)
 
     @property
     def _newest_tracked(self) -> Tracked | None:

@@ -1,0 +1,57 @@
+"""The chain's links and its accepted closures in one pose graph: how each pose of the chain moves by them."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from odom.backend.chain.chain import Chain
+from odom.backend.chain.closures import ChainNode, closure
+from odom.backend.estimate import ChainClosing, ClosedChain, RelativePose
+from odom.backend.map.map import Map
+from odom.backend.map.pose_graph import Edge, optimise_with_covariance
+from odom.frontend.camera.noise_monitor import NoiseMonitor
+from odom.geometry import se3
+from odom.geometry.arrays import Array
+
+
+def close_chain(chain: Chain, map_: Map, noise: NoiseMonitor) -> ClosedChain | None:
+    """Return how the chain moves when its closures are met as well as its links; None where it has not begun.
+
+    The closing test compares the last frame, registered against the first one, with what chain and graph say of it; so
+    the graph leaves out what the last frame itself closes.
+    """
+    closures, end = chain.closures, chain.end_node()
+    if not closures.nodes or end is None:
+        return None
+    nodes = [*(node for node in closures.nodes if node.number != end.number), end]
+    first = nodes[0]
+    links = [a.edge_to(b) for a, b in pairwise(nodes)]
+    met = [edge for edge in closures.edges if edge.b != end.number]
+    T_chain = {node.number: node.T_chain_camera for node in nodes}
+    T_closed, covariance = optimise_with_covariance(T_chain, first.number, [*links, *met], end.number)
+    moved = np.array([T_closed[node.number] @ se3.inverse(node.T_chain_camera) for node in nodes])
+    stamps = np.array([node.stamp for node in nodes], dtype=np.int64)
+    closed = se3.inverse(T_closed[first.number]) @ T_closed[end.number]
+    closing = _closing(chain, first, end, map_, noise, Edge(first.number, end.number, closed, covariance))
+    return ClosedChain(stamps, moved, len(closures.edges), closures.refused, closing)
+
+
+def _closing(
+    chain: Chain, first: ChainNode, end: ChainNode, map_: Map, noise: NoiseMonitor, closed: Edge
+) -> ChainClosing | None:
+    """Return the closing test, None where the last frame does not show what the first one did."""
+    if first.keyframe is None or first.keyframe not in map_.remembered or first.number == end.number:
+        return None
+    chained = first.edge_to(end)
+    direct = closure(first.number, map_.keyframes[first.keyframe], end.number, chain.end_sight, closed.T_a_b, noise)
+    if direct is None:
+        return None
+    pose = RelativePose(first.stamp, direct.T_a_b, direct.covariance)
+    return ChainClosing(
+        pose, chained.T_a_b, _sigmas(direct, chained), closed.T_a_b, _sigmas(direct, closed), chain.link
+    )
+
+
+def _sigmas(direct: Edge, other: Edge) -> float:
+    away: Array = se3.log(se3.inverse(other.T_a_b) @ direct.T_a_b)
+    return float(np.sqrt(away @ np.linalg.solve(direct.covariance + other.covariance, away)))

@@ -1,0 +1,103 @@
+"""The chain closed: frames registered against much earlier key frames, and checked against the chain between.
+
+A node is a frame with its pose by the chain alone. Where it measured the same landmarks as a key frame of long ago, the
+two are registered as two successive frames are. What contradicts the chain is refused and never enters.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from odom.backend.chain.pairwise import register_frames
+from odom.backend.chain.sight import Sight
+from odom.backend.chain.tuning import TUNING
+from odom.backend.loop_closure.verification import disagreement
+from odom.backend.map.keyframe import Keyframe
+from odom.backend.map.map import Map
+from odom.backend.map.pose_covariance import independent_covariance
+from odom.backend.map.pose_graph import Edge
+from odom.frame import Stamp
+from odom.frontend.camera.noise_monitor import NoiseMonitor
+from odom.geometry import se3
+from odom.geometry.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class ChainNode:
+    """A frame of the chain, numbered in order; `keyframe` is its number in the map, None where it is no key frame.
+
+    `T_chain_camera` is its pose at its middle row's time, `total_covariance` (6 x 6, `se3`) that of the whole motion
+    since the first frame, holes included.
+    """
+
+    number: int
+    stamp: Stamp
+    keyframe: int | None
+    T_chain_camera: Array
+    total_covariance: Array
+
+    def edge_to(self, later: "ChainNode") -> Edge:
+        """Return the chain's motion to a later node: links add up as if independent, so it is the difference."""
+        T = se3.inverse(self.T_chain_camera) @ later.T_chain_camera
+        A = se3.adjoint(se3.inverse(T))
+        covariance = later.total_covariance - A @ self.total_covariance @ A.T
+        return Edge(self.number, later.number, T, 0.5 * (covariance + covariance.T))
+
+
+@dataclass
+class Closures:
+    """The `nodes` of the chain in order, the `edges` that close it, and how many were `refused`.
+
+    `taken` counts all nodes ever made. Beyond `closed_most_nodes` every other one of the older half goes, with what it
+    closed.
+    """
+
+    nodes: list[ChainNode] = field(default_factory=list)
+    edges: list[Edge] = field(default_factory=list)
+    refused: int = 0
+    taken: int = 0
+
+    def are_due(self, stamp: Stamp) -> bool:
+        """Return whether a frame at `stamp` should become a node, even if it is no key frame."""
+        return not self.nodes or stamp - self.nodes[-1].stamp >= TUNING.closure_every_s * 1e9
+
+    def add(self, stamp: Stamp, keyframe: int | None, T_chain_camera: Array, total_covariance: Array) -> ChainNode:
+        """Make a node of a frame; return it."""
+        node = ChainNode(self.taken, stamp, keyframe, T_chain_camera.copy(), total_covariance.copy())
+        self.taken += 1
+        self.nodes.append(node)
+        if len(self.nodes) > TUNING.closed_most_nodes:
+            gone = {one.number for one in self.nodes[1 : len(self.nodes) // 2 : 2]}
+            self.nodes = [one for one in self.nodes if one.number not in gone]
+            self.edges = [edge for edge in self.edges if not {edge.a, edge.b} & gone]
+        return node
+
+    def close(self, node: ChainNode, sight: Sight, reference: int, map_: Map, noise: NoiseMonitor) -> None:
+        """Register a node, near key frame `reference`, against those of long ago that share most landmarks with it."""
+        near = map_.linked(reference).intersection(map_.remembered)
+        until = node.stamp - TUNING.closure_after_s * 1e9
+        places = [one for one in self.nodes if one.keyframe in near and one.stamp <= until]
+        keyframes = [map_.keyframes[one.keyframe] for one in places if one.keyframe is not None]
+        shared = [int(np.isin(keyframe.identities, sight.names).sum()) for keyframe in keyframes]
+        for k in sorted(range(len(places)), key=lambda k: -shared[k])[: TUNING.closures_each]:
+            if shared[k] < TUNING.closure_least:
+                break
+            chained = places[k].edge_to(node)
+            edge = closure(places[k].number, keyframes[k], node.number, sight, chained.T_a_b, noise)
+            if edge is None or disagreement(chained.T_a_b, chained.covariance, edge, noise.calibration_error):
+                self.refused += 1
+            else:
+                self.edges.append(edge)
+
+
+def closure(a: int, place: Keyframe, b: int, sight: Sight, T_hint: Array, noise: NoiseMonitor) -> Edge | None:
+    """Return node `b`, with its `sight`, registered against node `a`, a key frame, by the landmarks that both measured.
+
+    `T_hint` is T_a_b as expected. None where they cannot be registered.
+    """
+    _, here, there = np.intersect1d(place.identities, sight.names, assume_unique=True, return_indices=True)
+    found = register_frames(place.measurements.take(here), sight.measured.take(there), T_hint)
+    if isinstance(found, str):
+        return None
+    covariance = independent_covariance(noise.covariance_scale * found.covariance)
+    return Edge(a, b, found.T_previous_current, covariance, is_loop=True)

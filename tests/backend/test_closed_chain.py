@@ -1,0 +1,120 @@
+"""The closed chain: closures against key frames of long ago, checked and met together with the links."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from painted_room import SMALL, PaintedRoom, stroll
+
+from odom.backend import ClosedChain, Odometry
+from odom.backend.chain.closures import Closures
+from odom.backend.chain.tuning import TUNING as CHAIN
+from odom.backend.map.pose_graph import Edge
+from odom.frame import Stamp
+from odom.geometry import se3
+
+
+def walked(nodes=24, drift=0.0):
+    """A chain of nodes on a closed circle, its motions off by `drift` each; the true poses."""
+    turn = se3.exp(np.array([2 * np.pi / nodes, 0.0, 0.0, 0.0, 0.0, 2 * np.pi / nodes]))
+    true, chained = [np.eye(4)], [np.eye(4)]
+    off = se3.exp(drift * np.array([0.01, 0.01, 0.0, 0.0, 0.0, 0.01]))
+    for _ in range(nodes - 1):
+        true.append(true[-1] @ turn)
+        chained.append(chained[-1] @ turn @ off)
+    covariance, total = np.diag([1e-4] * 6), np.zeros((6, 6))
+    closures = Closures()
+    for k in range(nodes):
+        total = total if k == 0 else se3.compose_covariance(total, se3.inverse(chained[k - 1]) @ chained[k], covariance)
+        closures.add(Stamp(k * 10**9), None, chained[k], total)
+    return closures, true, chained, covariance
+
+
+def test_the_covariance_between_two_nodes_is_that_of_the_links_between_them():
+    closures, _, chained, covariance = walked(drift=1.0)
+    expected = np.zeros((6, 6))
+    for k in range(8, 20):
+        expected = se3.compose_covariance(expected, se3.inverse(chained[k]) @ chained[k + 1], covariance)
+    edge = closures.nodes[8].edge_to(closures.nodes[20])
+    np.testing.assert_allclose(edge.covariance, expected, atol=1e-12)
+    np.testing.assert_allclose(chained[8] @ edge.T_a_b, chained[20], atol=1e-12)
+
+
+def test_nodes_stay_within_their_bound_and_no_closure_outlives_its_ends():
+    closures = Closures()
+    for k in range(2 * CHAIN.closed_most_nodes + 10):
+        node = closures.add(Stamp(k * 10**9), None, np.eye(4), k * np.eye(6))
+        if k:
+            closures.edges.append(Edge(max(0, k - 5), node.number, np.eye(4), np.eye(6), is_loop=True))
+    numbers = [node.number for node in closures.nodes]
+    assert len(numbers) <= CHAIN.closed_most_nodes
+    assert numbers[0] == 0
+    assert numbers[-1] == 2 * CHAIN.closed_most_nodes + 9
+    assert all(edge.a in numbers and edge.b in numbers for edge in closures.edges)
+
+
+def test_between_two_nodes_the_correction_is_shared_by_time():
+    stamps = np.array([10, 20], dtype=np.int64)
+    moved = se3.exp(np.array([0.2, 0.0, 0.0, 0.0, 0.0, 0.1]))
+    closed = ClosedChain(stamps, np.array([np.eye(4), moved]), 1, 0, None)
+    np.testing.assert_allclose(closed.moved(Stamp(5), np.eye(4)), np.eye(4))
+    np.testing.assert_allclose(closed.moved(Stamp(20), np.eye(4)), moved)
+    np.testing.assert_allclose(closed.moved(Stamp(99), np.eye(4)), moved)
+    half = closed.moved(Stamp(15), np.eye(4))
+    np.testing.assert_allclose(half @ half, moved, atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def there_and_back():
+    """Four seconds of the painted room's walk, and the way back."""
+    room = PaintedRoom()
+    steps = [*range(60), *range(58, -1, -1)]
+    return [room.frame(SMALL, number, stroll(k / 30.0)) for number, k in enumerate(steps)]
+
+
+def closed_run(frames, change=None):
+    """The odometry after a walk, and the chain's poses; `change` alters the odometry on the way, frame by frame."""
+    odometry, poses = Odometry(SMALL), {}
+    for frame in frames:
+        estimate = odometry.process(frame)
+        if change is not None:
+            change(odometry, frame)
+        poses[estimate.stamp] = estimate.chain.T_chain_camera
+    odometry.finish()
+    return odometry, poses
+
+
+def test_a_walk_there_and_back_closes_and_passes_its_test(there_and_back):
+    odometry, poses = closed_run(there_and_back)
+    closed, ends = odometry.closed_chain(), [there_and_back[k].stamp for k in (0, -1)]
+    assert closed.closures > 5
+    assert closed.closing.closed_sigma < 4.0
+    assert closed.closing.chain_sigma < 4.0
+    first, last = (closed.moved(stamp, poses[stamp]) for stamp in ends)
+    away = [np.linalg.norm((se3.inverse(a) @ b)[:3, 3]) for a, b in ((first, last), (poses[ends[0]], poses[ends[1]]))]
+    assert away[0] < 0.8 * away[1] < 0.01  # the walk ends where it began
+
+
+def test_a_closure_that_contradicts_the_chain_is_refused_and_never_enters(there_and_back):
+    """The key frames' measurements are turned by ten degrees behind the chain's back: closures with them are wrong."""
+    turn = se3.exp(np.array([0.0, 0.0, 0.0, 0.0, np.radians(10.0), 0.0]))
+    turned = set()
+
+    def spoil(odometry, frame):
+        if frame.sequence == 59:
+            for keyframe in odometry.map.keyframes[:-1]:  # the newest one is measured once more
+                x, y, w = keyframe.measurements.values.T
+                points = se3.apply(turn, np.column_stack([x, y, np.ones_like(x)]) / w[:, None])
+                values = np.column_stack([points[:, :2], np.ones(len(points))]) / points[:, 2:]
+                keyframe.measurements = replace(keyframe.measurements, values=values)
+                turned.add(keyframe.number)
+
+    odometry, poses = closed_run(there_and_back, spoil)
+    closures = odometry._frames.chain.closures
+    later = {node.number for node in closures.nodes if node.stamp > there_and_back[59].stamp}
+    wrong = {node.number for node in closures.nodes if node.keyframe in turned}
+    assert closures.refused > 5
+    assert not [edge for edge in closures.edges if edge.a in wrong and edge.b in later]
+    closed = odometry.closed_chain()
+    moved = [se3.log(se3.inverse(T) @ closed.moved(stamp, T)) for stamp, T in poses.items()]
+    assert np.abs(moved).max() < 0.02

@@ -15,6 +15,8 @@ from odom.wire.assembler import FrameAssembler
 from odom.wire.codec import decode_pose
 from odom.wire.recording import open_reader
 from sensors.catalogue import open_source
+from sensors.folder_layouts import is_image_folder, layout_of
+from sensors.image_lists import pose_of
 from sensors.source import SourceOptions
 
 _CAMERA_TRUTH = "camera"
@@ -50,6 +52,10 @@ class RgbdRecording:
         if (self.path / "rgb.txt").is_file():
             file = self.path / "groundtruth.txt"
             return {_CAMERA_TRUTH: read_tum(file)} if file.is_file() else {}
+        if is_image_folder(self.path):
+            entries = layout_of(self.path).truth
+            T = np.array([pose_of(entry) for entry in entries])
+            return {_CAMERA_TRUTH: Trajectory(np.array([entry.stamp for entry in entries]), T)} if entries else {}
         reader = open_reader(self.path)
         topics = {stream.topic for stream in reader.streams() if truth_body(stream.topic)}
         poses: dict[str, dict[int, np.ndarray]] = {}

@@ -7,6 +7,7 @@ from itertools import islice
 from pathlib import Path
 
 from odom.errors import ConfigError
+from sensors.folder_layouts import is_image_folder
 from sensors.source import Source, SourceOptions
 from sensors.source_options import read_options
 
@@ -113,7 +114,7 @@ def _kind(spec: str) -> str:
     if spec.startswith("optitrack:"):
         return "a motion capture server"
     path = Path(spec)
-    if (path / "rgb.txt").is_file():
+    if is_image_folder(path):
         return "a TUM folder"
     if spec.endswith(".csv") and path.is_file():
         return "a Motive export"
@@ -124,7 +125,8 @@ def _kind(spec: str) -> str:
     if path.exists():
         raise ConfigError(
             f"{spec} is neither an .mcap recording, a ROS bag (.bag, .db3, or a folder of .db3 files or with "
-            "metadata.yaml) nor a TUM RGB-D folder (with rgb.txt and depth.txt)"
+            "metadata.yaml) nor a folder of images: TUM's (with rgb.txt and depth.txt), 7-Scenes', ScanNet's, "
+            "Replica's or ICL-NUIM's"
         )
     what = "a SOURCE is arena, kinect, ros2:/camera, an .mcap file or a TUM RGB-D folder"
     raise ConfigError(f"{spec}: no such file or folder{_nearest(path)}; {what}")

@@ -1,4 +1,4 @@
-"""The camera of a folder or file that says none: a TUM sequence's by the folder's name, else any Kinect's."""
+"""The camera of a folder or file that says none: a data set's by the folder's name, else any Kinect's."""
 
 import logging
 import re
@@ -25,6 +25,19 @@ _TUM = {
 """Intrinsics of the colour cameras freiburg1, 2 and 3, as the TUM RGB-D benchmark publishes them; the third's images
 are undistorted already."""
 _TUM_NAME = re.compile(r"(?:^|[^a-z])(?:freiburg|fr)([123])(?![0-9])", re.IGNORECASE)
+_PUBLISHED = (
+    (
+        re.compile(r"rgbd_bonn", re.IGNORECASE),
+        Camera(
+            *_SIZE, 542.822841, 542.576870, 315.593520, 237.756098, (0.039903, -0.099343, -0.000730, -0.000144, 0.0)
+        ),
+    ),
+    (
+        re.compile(r"icl[-_]?nuim|living_?room_?traj|office_?room_?traj", re.IGNORECASE),
+        Camera(*_SIZE, 481.2, 480.0, 319.5, 239.5),
+    ),
+)
+"""Cameras of other data sets by the names of their folders: Bonn's dynamic scenes, ICL-NUIM's drawn rooms."""
 _KINECT_FX = 525.0
 """Focal length of a Kinect v1 at 640 pixels width, as its driver gives it; a device's own is within 3 %."""
 
@@ -36,17 +49,23 @@ def kinect_camera(width: int, height: int) -> Camera:
 
 
 def tum_camera(folder: Path, size: tuple[int, int] | None) -> Camera | None:
-    """Return the camera of a TUM sequence by its folder's name, None when that or the images' size is another."""
-    found = _TUM_NAME.search(folder.absolute().name) or _TUM_NAME.search(folder.resolve().name)
-    return _TUM[found[1]] if found and size in (_SIZE, None) else None
+    """Return the published camera of a data set by its folder's name, None when that or the images' size is another."""
+    if size not in (_SIZE, None):
+        return None
+    for name in (folder.absolute().name, folder.resolve().name):
+        if found := _TUM_NAME.search(name):
+            return _TUM[found[1]]
+        if published := next((camera for pattern, camera in _PUBLISHED if pattern.search(name)), None):
+            return published
+    return None
 
 
 def assumed_calibration(folder: Path, first_image: Path, depth_scale: float) -> Calibration:
     """Return the calibration of a folder that has none, and log which was taken and how to do better."""
-    size = _size(first_image)
+    size = image_size(first_image)
     known = tum_camera(folder, size)
     if known is not None:
-        log.info("%s: no camera.yaml; by the folder's name it is TUM's, whose published calibration is taken", folder)
+        log.info("%s: no camera.yaml; by the folder's name the published calibration of its data set is taken", folder)
         return Calibration(known, depth_scale)
     camera = kinect_camera(*(size or _SIZE))
     log.warning(
@@ -58,7 +77,7 @@ def assumed_calibration(folder: Path, first_image: Path, depth_scale: float) -> 
     return Calibration(camera, depth_scale, is_assumed=True)
 
 
-def _size(file: Path) -> tuple[int, int] | None:
+def image_size(file: Path) -> tuple[int, int] | None:
     """Return width and height of an image file, None when it cannot be read."""
     try:
         image = decode_file(np.fromfile(file, dtype=np.uint8), cv2.IMREAD_GRAYSCALE)

@@ -8,7 +8,6 @@ import heapq
 import logging
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -16,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.errors import SourceError, WireError
-from odom.frame import Stamp, from_seconds
-from odom.geometry.quaternion import rotation_from_quaternion
+from odom.frame import from_seconds
 from odom.wire import Message, Topics, truth
 from odom.wire.codec import (
     encode_calibration,
@@ -28,6 +26,11 @@ from odom.wire.codec import (
 from odom.wire.codec.image_files import decode_file
 from sensors.calibration_file import TUM_DEPTH_SCALE, Calibration, depth_scale_alone, load_calibration
 from sensors.default_camera import assumed_calibration
+from sensors.depth_registration import DepthRegistration
+from sensors.folder_layouts import FolderLayout, layout_of
+from sensors.image_lists import TumEntry as TumEntry
+from sensors.image_lists import pose_of
+from sensors.image_lists import read_list as read_list
 from sensors.source import SourceOptions
 
 log = logging.getLogger(__name__)
@@ -38,43 +41,15 @@ _TRUTH_MARGIN = 500_000_000
 """Nanoseconds by which ground truth begins before the first image and ends after the last: enough to interpolate."""
 
 
-@dataclass(frozen=True)
-class TumEntry:
-    """One line of a TUM list: its stamp and the other columns."""
+def depth_table(depth_scale: float, unknown: int = 0) -> NDArray[np.uint16] | None:
+    """Return the millimetres of every 16-bit depth value, 0 beyond 65.535 m and for the value `unknown`.
 
-    stamp: Stamp
-    values: tuple[str, ...]
-
-
-def read_list(path: Path, columns: int) -> list[TumEntry]:
-    """Read a TUM list file, sorted by stamp; lines of equal stamps keep their order. `#` begins a comment.
-
-    Raises SourceError naming file and line for one with fewer columns behind the stamp or a stamp that is no number.
+    It is None when the units are millimetres and 0 is unknown, as it is here.
     """
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise SourceError(f"{path} cannot be read: {error}") from error
-    entries = []
-    for number, line in enumerate(lines, start=1):
-        words = line.partition("#")[0].replace(",", " ").split()
-        if not words:
-            continue
-        try:
-            stamp = from_seconds(words[0])
-        except ValueError as error:
-            raise SourceError(f"{path}:{number}: {words[0]!r} is not a time stamp in seconds") from error
-        if len(words) <= columns:
-            raise SourceError(f"{path}:{number}: {len(words)} columns, expected a stamp and {columns} more")
-        entries.append(TumEntry(stamp, tuple(words[1 : columns + 1])))
-    return sorted(entries, key=lambda entry: entry.stamp)
-
-
-def depth_table(depth_scale: float) -> NDArray[np.uint16] | None:
-    """Return the millimetres of every 16-bit depth value, 0 beyond 65.535 m; None when the units are millimetres."""
-    if depth_scale == 1000.0:
+    if depth_scale == 1000.0 and unknown == 0:
         return None
     mm = np.rint(np.arange(65536) * (1000.0 / depth_scale))
+    mm[unknown] = 0
     return np.where(mm < 65536, mm, 0).astype(np.uint16)
 
 
@@ -87,25 +62,30 @@ class TumSource:
 
     lossless = True
 
-    def __init__(self, folder: Path, calibration: Calibration, options: SourceOptions) -> None:
+    def __init__(
+        self, folder: Path, calibration: Calibration, options: SourceOptions, layout: FolderLayout | None = None
+    ) -> None:
         self.refused: Counter[tuple[str, str]] = Counter()
         self._folder = folder
         self._calibration = calibration
         self.is_assumed = calibration.is_assumed
         self._topics: Topics = options.topics
-        color, depth = read_list(folder / "rgb.txt", 1), read_list(folder / "depth.txt", 1)
+        layout = layout or _tum_layout(folder)
+        color, depth = layout.color, layout.depth
         if not color or not depth:
-            raise SourceError(f"{folder}: rgb.txt or depth.txt lists no images")
+            raise SourceError(f"{folder}: {layout.name} lists no images of {'depth' if color else 'colour'}")
         zero = min(color[0].stamp, depth[0].stamp)
         begin = zero + from_seconds(options.start)
         end = None if options.end is None else zero + from_seconds(options.end)
         self._color, self._depth = _between(color, begin, end), _between(depth, begin, end)
-        truth_file = folder / "groundtruth.txt"
-        self._truth = _read_truth(truth_file) if truth_file.is_file() else []
+        self._truth = layout.truth
         if self._color:
             first, last = self._color[0].stamp - _TRUTH_MARGIN, self._color[-1].stamp + _TRUTH_MARGIN
             self._truth = _between(self._truth, first, last)
-        self._table = depth_table(calibration.depth_scale)
+        self._table = depth_table(calibration.depth_scale, layout.unknown_depth)
+        self._registration = None
+        if layout.depth_camera is not None and layout.depth_camera != calibration.camera:
+            self._registration = DepthRegistration(layout.depth_camera, calibration.camera, np.eye(4))
         self.length: int | None = len(self._color)
         self._closed = False
 
@@ -153,14 +133,11 @@ class TumSource:
         if depth.dtype != np.uint16 or depth.ndim != 2:
             raise _NotDepthError(f"depth image of type {depth.dtype} and shape {depth.shape}: expected 16-bit grey")
         mm = depth if self._table is None else np.take(self._table, depth)
+        mm = mm if self._registration is None else self._registration(mm)
         return encode_depth(self._topics.depth, entry.stamp, mm, self._topics.frame_camera)
 
     def _pose(self, entry: TumEntry) -> Message:
-        values = np.array([float(value) for value in entry.values])
-        T_world_camera = np.eye(4)
-        T_world_camera[:3, :3] = rotation_from_quaternion(values[3:])
-        T_world_camera[:3, 3] = values[:3]
-        return encode_pose(truth(BODY), entry.stamp, T_world_camera, "mocap")
+        return encode_pose(truth(BODY), entry.stamp, pose_of(entry), "mocap")
 
 
 class _NotDepthError(WireError):
@@ -186,20 +163,30 @@ def _why(error: Exception) -> str:
 
 
 def open_tum(path: Path, options: SourceOptions) -> TumSource:
-    """Open a TUM RGB-D folder.
+    """Open a TUM RGB-D folder, or one of another layout (see `layout_of`).
 
-    Without a calibration, in options or folder, the camera is assumed (see `assumed_calibration`); a file that holds
-    `depth_scale` alone leaves it so. Raises ConfigError when the calibration cannot be used, SourceError when the
-    folder's lists are missing or damaged.
+    Without a calibration, in options or folder, the camera is that of the layout or assumed (see
+    `assumed_calibration`); a file that holds `depth_scale` alone leaves it so. Raises ConfigError when the calibration
+    cannot be used, SourceError when the folder's lists are missing or damaged.
     """
+    layout = None if (path / "rgb.txt").is_file() else layout_of(path)
     file = options.camera or (path / "camera.yaml" if (path / "camera.yaml").is_file() else None)
-    depth_scale = TUM_DEPTH_SCALE if file is None else depth_scale_alone(file)
+    unit = TUM_DEPTH_SCALE if layout is None else layout.depth_scale
+    depth_scale = unit if file is None else depth_scale_alone(file)
     if depth_scale is None:
         assert file is not None
-        return TumSource(path, load_calibration(file), options)
-    images = read_list(path / "rgb.txt", 1)
+        return TumSource(path, load_calibration(file), options, layout)
+    if layout is not None and layout.camera is not None:
+        return TumSource(path, Calibration(layout.camera, depth_scale), options, layout)
+    images = read_list(path / "rgb.txt", 1) if layout is None else layout.color
     first = path / images[0].values[0] if images else path
-    return TumSource(path, assumed_calibration(path, first, depth_scale), options)
+    return TumSource(path, assumed_calibration(path, first, depth_scale), options, layout)
+
+
+def _tum_layout(folder: Path) -> FolderLayout:
+    file = folder / "groundtruth.txt"
+    color, depth = read_list(folder / "rgb.txt", 1), read_list(folder / "depth.txt", 1)
+    return FolderLayout("rgb.txt or depth.txt", color, depth, _read_truth(file) if file.is_file() else [])
 
 
 def _between(entries: list[TumEntry], begin: int, end: int | None) -> list[TumEntry]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from odom.errors import ConfigError, SourceError
 from odom.service.result_files import write_json
+from sensors.folder_layouts import is_image_folder
 
 _HASHES = "hashes.json"
 _DIGEST_BYTES = 16
@@ -25,9 +26,9 @@ class Recording:
 def find_recordings(paths: Iterable[Path]) -> tuple[Recording, ...]:
     """Return the recordings among `paths` and in folders among them, however deep, sorted by name.
 
-    A recording is an .mcap file, a ROS 2 bag folder (metadata.yaml) or a TUM RGB-D folder (rgb.txt). Its name is the
-    way to it from the folder that was given, or that of the file. Raises SourceError for what is not there or holds
-    none, ConfigError for two of one name.
+    A recording is an .mcap file, a ROS 2 bag folder (metadata.yaml) or a folder of images (TUM's or of another
+    data set). Its name is the way to it from the folder that was given, or that of the file. Raises SourceError for
+    what is not there or holds none, ConfigError for two of one name.
     """
     found: dict[str, Recording] = {}
     for given in paths:
@@ -48,7 +49,7 @@ def _below(path: Path) -> Iterator[Path]:
     if path.is_file():
         if path.suffix == ".mcap":
             yield path
-    elif (path / "rgb.txt").is_file() or (path / "metadata.yaml").is_file():
+    elif is_image_folder(path) or (path / "metadata.yaml").is_file():
         yield path
     else:
         for child in path.iterdir():

@@ -13,7 +13,7 @@ from odom.wire.settings import Compression
 
 
 def import_(
-    source: Annotated[str, typer.Argument(help="A TUM RGB-D folder, or any SOURCE that is not live.")],
+    source: Annotated[str, typer.Argument(help="A folder of images, or any SOURCE that is not live.")],
     output: Annotated[Path, typer.Argument(help="The .mcap recording to write.")],
     camera: Calibration = None,
     namespace: Annotated[str, typer.Option(help="Name of the device, first part of its topics.")] = "cam0",
@@ -24,7 +24,7 @@ def import_(
     option: SourceOption = None,
     overwrite: Annotated[bool, typer.Option(help="Replace OUTPUT if it exists.")] = False,
 ) -> None:
-    """Turn a TUM RGB-D folder into an MCAP recording: colour files byte for byte, depth lossless, truth with it.
+    """Turn a folder of images into an MCAP recording: colour files byte for byte, depth lossless, truth with it.
 
     Example: odom import rgbd_dataset_freiburg1_xyz xyz.mcap --camera camera.yaml
     """

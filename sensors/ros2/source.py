@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from odom.errors import ConfigError, OdomError, WireError
 from odom.wire import Message, WireSettings
-from odom.wire.codec import cdr, decode_camera_info, decode_depth, encode_camera_info
+from odom.wire.codec import cdr, decode_camera_info, decode_depth, encode_calibration, encode_camera_info
 from odom.wire.ros2.graph import RosGraph
 from odom.wire.ros2.inbox import Inbox
 from odom.wire.ros2.names import NodeName
@@ -72,7 +72,7 @@ class Ros2Source:
         """Yield calibration, colour and depth as they come, until `close`, `--seconds` or `end_s` without an image."""
         begun = heard = time.monotonic()
         is_silent = False
-        yield self._calibration()
+        yield from self._calibration()
         while not self._closed:
             message = self._inbox.receive(_POLL_S)
             now = time.monotonic()
@@ -99,13 +99,15 @@ class Ros2Source:
             counts = ", ".join(f"{count} {name}" for name, count in self.counters.items())
             _LOG.info("%s and %s: %s", self._color, self._depth, counts)
 
-    def _calibration(self) -> Message:
+    def _calibration(self) -> tuple[Message, ...]:
         """Return the calibration of the images as they are: a rectified image has the new matrix, no distortion."""
         chosen, topics = self._topics.streams, self._options.topics
         camera = self._camera or chosen.camera()
         if camera is None:
             raise ConfigError("no calibration of colour: give --camera camera.yaml")
-        return encode_camera_info(topics.camera_info, chosen.color.begin, camera, topics.frame_camera)
+        return encode_calibration(
+            (topics.camera_info, topics.depth_info), chosen.color.begin, camera, topics.frame_camera
+        )
 
     def _translated(self, message: Message) -> Message | None:
         topics = self._options.topics

@@ -16,13 +16,13 @@ from ros2_network import other_node
 
 from odom.frame import Stamp
 from odom.wire import Message, Topics
-from odom.wire.codec import cdr, decode_color, decode_depth, encode_color_jpeg, encode_depth_compressed
+from odom.wire.codec import cdr, decode_color, decode_depth, encode_color_jpeg, encode_depth_compressed, restamp
 from odom.wire.ros2 import Ros2Node
 from odom.wire.ros2.names import NodeName
 from sensors.source import SourceOptions
 from sensors.tum import open_tum
 
-FIRST, READY_S = 60, 15.0
+FIRST, READY_S = 90, 15.0
 """Messages that are sent before the rest, so that the topics are found, and the time for the odometry to get ready."""
 FRAME = "camera_color_optical_frame"
 COLOR, DEPTH = "camera/rgb/image_raw", "camera/depth_registered/image_raw"
@@ -43,8 +43,9 @@ def driver_messages(folder: Path, compressed: bool, start: float = 0.0, end: flo
     for message in open_tum(folder, SourceOptions(topics=keys, start=start, end=end)).messages():
         at = message.stamp
         if message.topic == keys.camera_info:
-            yield replace(message, topic="camera/rgb/camera_info")
+            info = replace(message, topic="camera/rgb/camera_info")
         elif message.topic == keys.color_compressed:
+            yield restamp(info, at)
             color = decode_color(message)
             if compressed:
                 yield encode_color_jpeg(f"{COLOR}/compressed", at, color, FRAME, 95)

@@ -62,6 +62,7 @@ class Ros2Node:
         self._lock = threading.Lock()
         self._publishers: dict[tuple[str, str], _Publisher | None] = {}
         self._entities = name.number
+        self._has_depth_info = False
         self._token = session.liveliness().declare_token(name.token())
 
     def endpoint(self, kind: Kind, topic: str, type_name: str, qos: Qos) -> Endpoint:
@@ -88,10 +89,14 @@ class Ros2Node:
             self._put(message.topic, message.type_name, zenoh.ZBytes(message.payload), urgent=False)
 
     def put(self, message: Message, payload: zenoh.ZBytes, urgent: bool = False) -> None:
-        """Publish a message whose bytes are `payload`; that of the colour camera stands for the depth camera, too."""
+        """Publish a message whose bytes are `payload`.
+
+        Calibration of colour stands for the depth camera, too, unless that has one of its own.
+        """
         with self._lock:
             self._put(message.topic, message.type_name, payload, urgent)
-            if message.topic.endswith(_COLOR_INFO):
+            self._has_depth_info |= message.topic.endswith(_DEPTH_INFO)
+            if message.topic.endswith(_COLOR_INFO) and not self._has_depth_info:
                 beside = message.topic.removesuffix(_COLOR_INFO) + _DEPTH_INFO
                 self._put(beside, message.type_name, payload, urgent)
 

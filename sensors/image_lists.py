@@ -1,0 +1,52 @@
+"""Lists of images and poses by their stamps, as the TUM RGB-D benchmark writes them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from odom.errors import SourceError
+from odom.frame import Stamp, from_seconds
+from odom.geometry.arrays import Array
+from odom.geometry.quaternion import rotation_from_quaternion
+
+
+@dataclass(frozen=True)
+class TumEntry:
+    """One line of a TUM list: its stamp and the other columns."""
+
+    stamp: Stamp
+    values: tuple[str, ...]
+
+
+def read_list(path: Path, columns: int) -> list[TumEntry]:
+    """Read a TUM list file, sorted by stamp; lines of equal stamps keep their order. `#` begins a comment.
+
+    Raises SourceError naming file and line for one with fewer columns behind the stamp or a stamp that is no number.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise SourceError(f"{path} cannot be read: {error}") from error
+    entries = []
+    for number, line in enumerate(lines, start=1):
+        words = line.partition("#")[0].replace(",", " ").split()
+        if not words:
+            continue
+        try:
+            stamp = from_seconds(words[0])
+        except ValueError as error:
+            raise SourceError(f"{path}:{number}: {words[0]!r} is not a time stamp in seconds") from error
+        if len(words) <= columns:
+            raise SourceError(f"{path}:{number}: {len(words)} columns, expected a stamp and {columns} more")
+        entries.append(TumEntry(stamp, tuple(words[1 : columns + 1])))
+    return sorted(entries, key=lambda entry: entry.stamp)
+
+
+def pose_of(entry: TumEntry) -> Array:
+    """Return `T_world_camera` (4 x 4) of a line of a trajectory; raises ValueError for what is no pose."""
+    values = np.array([float(value) for value in entry.values])
+    T_world_camera = np.eye(4)
+    T_world_camera[:3, :3] = rotation_from_quaternion(values[3:])
+    T_world_camera[:3, 3] = values[:3]
+    return T_world_camera

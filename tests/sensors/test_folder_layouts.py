@@ -1,0 +1,170 @@
+"""One walk in the layouts of several data sets gives the same images, poses and stamps."""
+
+import json
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from odom.batch.recordings import find_recordings
+from odom.errors import ConfigError, SourceError
+from odom.frame import Camera
+from odom.rgbd_recording import read_recording
+from odom.wire import Topics, truth
+from odom.wire.codec import decode_camera_info, decode_color, decode_depth, decode_pose
+from sensors.catalogue import open_source
+from sensors.default_camera import tum_camera
+from sensors.folder_layouts import layout_of
+from sensors.source import SourceOptions
+
+TOPICS = Topics()
+FRAMES = 4
+SIZE = 64, 48
+Write = Callable[[Path], Camera]
+
+
+def color(i: int, size: tuple[int, int] = SIZE) -> np.ndarray:
+    return np.full((*size[::-1], 3), (10 * i, 100, 200), dtype=np.uint8)
+
+
+def depth(i: int, units: float, unknown: int = 0) -> np.ndarray:
+    image = np.full(SIZE[::-1], round((1.5 + 0.1 * i) * units), dtype=np.uint16)
+    image[0] = unknown
+    return image
+
+
+def pose(i: int) -> np.ndarray:
+    T = np.eye(4)
+    T[:3, :3] = cv2.Rodrigues(np.array([0.0, 0.1 * i, 0.0]))[0]
+    T[:3, 3] = 0.1 * i, 0.2, 0.3
+    return T
+
+
+def seven_scenes(folder: Path) -> Camera:
+    for i in range(FRAMES):
+        cv2.imwrite(str(folder / f"frame-{i:06}.color.png"), color(i))
+        cv2.imwrite(str(folder / f"frame-{i:06}.depth.png"), depth(i, 1000, 65535))
+        np.savetxt(folder / f"frame-{i:06}.pose.txt", pose(i))
+    return Camera(640, 480, 585.0, 585.0, 320.0, 240.0)
+
+
+def scannet(folder: Path) -> Camera:
+    for name in ("color", "depth", "pose", "intrinsic"):
+        (folder / name).mkdir()
+    for i in range(FRAMES):
+        cv2.imwrite(str(folder / "color" / f"{i}.png"), color(i))
+        cv2.imwrite(str(folder / "depth" / f"{i}.png"), depth(i, 1000))
+        np.savetxt(folder / "pose" / f"{i}.txt", pose(i))
+    for name in ("color", "depth"):
+        np.savetxt(folder / "intrinsic" / f"intrinsic_{name}.txt", np.diag([60.0, 61.0, 1.0, 1.0]))
+    return Camera(*SIZE, 60.0, 61.0, 0.0, 0.0)
+
+
+def replica(folder: Path) -> Camera:
+    (folder / "results").mkdir()
+    for i in range(FRAMES):
+        cv2.imwrite(str(folder / "results" / f"frame{i:06}.png"), color(i))
+        cv2.imwrite(str(folder / "results" / f"depth{i:06}.png"), depth(i, 6553.5))
+    np.savetxt(folder / "traj.txt", np.array([pose(i).ravel() for i in range(FRAMES)]))
+    camera = {"w": 64, "h": 48, "fx": 60.0, "fy": 61.0, "cx": 31.5, "cy": 23.5, "scale": 6553.5}
+    (folder.parent / "cam_params.json").write_text(json.dumps({"camera": camera}))
+    return Camera(*SIZE, 60.0, 61.0, 31.5, 23.5)
+
+
+def icl_nuim(folder: Path) -> Camera:
+    (folder / "rgb").mkdir()
+    (folder / "depth").mkdir()
+    pairs, poses = [], []
+    for i in range(FRAMES):
+        cv2.imwrite(str(folder / "rgb" / f"{i}.png"), color(i))
+        cv2.imwrite(str(folder / "depth" / f"{i}.png"), depth(i, 5000))
+        pairs.append(f"{i} depth/{i}.png {i} rgb/{i}.png")
+        half = 0.05 * i
+        poses.append(f"{i} {0.1 * i} 0.2 0.3 0 {np.sin(half)} 0 {np.cos(half)}")
+    (folder / "associations.txt").write_text("\n".join(pairs))
+    (folder / "livingRoom0.gt.freiburg").write_text("\n".join(poses))
+    (folder / "camera.yaml").write_text(
+        "image_width: 64\nimage_height: 48\ncamera_matrix: {data: [60, 0, 31.5, 0, 61, 23.5, 0, 0, 1]}\n"
+    )
+    return Camera(*SIZE, 60.0, 61.0, 31.5, 23.5)
+
+
+LAYOUTS = (seven_scenes, scannet, replica, icl_nuim)
+
+
+@pytest.mark.parametrize("write", LAYOUTS)
+def test_images_poses_and_stamps_are_those_of_the_walk(tmp_path: Path, write: Write) -> None:
+    folder = tmp_path / "walk"
+    folder.mkdir()
+    camera = write(folder)
+    messages = list(open_source(str(folder), SourceOptions(topics=TOPICS)).messages())
+    info, *rest = messages
+    assert decode_camera_info(info) == camera
+    counts = Counter(message.topic for message in rest)
+    assert counts == {TOPICS.color_compressed: FRAMES, TOPICS.depth: FRAMES, truth("camera"): FRAMES}
+    of = {topic: [message for message in rest if message.topic == topic] for topic in counts}
+    for i in range(FRAMES):
+        assert {of[topic][i].stamp for topic in counts} == {round(i * 1e9 / 30)}
+        assert np.array_equal(decode_color(of[TOPICS.color_compressed][i]), color(i)[..., ::-1])
+        mm = decode_depth(of[TOPICS.depth][i])
+        assert (mm[0] == 0).all()
+        assert (mm[1:] == 1500 + 100 * i).all()
+        assert np.allclose(decode_pose(of[truth("camera")][i]).T_parent_child, pose(i), atol=1e-9)
+
+
+@pytest.mark.parametrize("write", LAYOUTS)
+def test_every_layout_is_read_from_python_and_found_by_a_batch(tmp_path: Path, write: Write) -> None:
+    folder = tmp_path / "all" / "walk"
+    folder.mkdir(parents=True)
+    write(folder)
+    recording = read_recording(folder)
+    assert np.allclose(recording.truth()["camera"].T_world_body[2], pose(2), atol=1e-9)
+    assert [found.path for found in find_recordings([tmp_path / "all"])] == [folder.resolve()]
+
+
+def test_depth_of_another_size_is_registered_to_colour(tmp_path: Path) -> None:
+    scannet(tmp_path)
+    for i in range(FRAMES):
+        cv2.imwrite(str(tmp_path / "color" / f"{i}.png"), color(i, (128, 96)))
+    np.savetxt(tmp_path / "intrinsic" / "intrinsic_color.txt", [[120, 0, 63.5], [0, 120, 47.5], [0, 0, 1]])
+    np.savetxt(tmp_path / "intrinsic" / "intrinsic_depth.txt", [[60, 0, 31.5], [0, 60, 23.5], [0, 0, 1]])
+    messages = open_source(str(tmp_path), SourceOptions(topics=TOPICS)).messages()
+    mm = decode_depth(next(message for message in messages if message.topic == TOPICS.depth))
+    assert mm.shape == (96, 128)
+    assert (mm[10:-4, 4:-4] == 1500).all()
+
+
+def test_a_pose_that_was_lost_and_a_file_that_is_none_are_left_out(tmp_path: Path) -> None:
+    seven_scenes(tmp_path)
+    np.savetxt(tmp_path / "frame-000001.pose.txt", np.full((4, 4), -np.inf))
+    (tmp_path / "frame-000002.pose.txt").write_text("lost")
+    assert [entry.stamp for entry in layout_of(tmp_path).truth] == [0, 10**8]
+
+
+def test_what_cannot_be_used_is_told(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="nor a folder of images: TUM's"):
+        open_source(str(tmp_path), SourceOptions())
+    with pytest.raises(SourceError, match="no images in a layout"):
+        layout_of(tmp_path)
+    scannet(tmp_path)
+    (tmp_path / "intrinsic" / "intrinsic_color.txt").write_text("60 0 0")
+    with pytest.raises(ConfigError, match=r"intrinsic_color.txt: give a matrix"):
+        open_source(str(tmp_path), SourceOptions())
+    for file in (tmp_path / "depth").iterdir():
+        file.unlink()
+    (tmp_path / "intrinsic" / "intrinsic_color.txt").unlink()
+    with pytest.raises(SourceError, match="color/ or depth/ lists no images of depth"):
+        open_source(str(tmp_path), SourceOptions())
+
+
+@pytest.mark.parametrize(
+    ("name", "fx"), [("rgbd_bonn_balloon", 542.822841), ("ICL-NUIM-lr0", 481.2), ("living_room_traj0_frei_png", 481.2)]
+)
+def test_published_cameras_are_known_by_the_folders_name(name: str, fx: float) -> None:
+    camera = tum_camera(Path(name), (640, 480))
+    assert camera is not None
+    assert camera.fx == fx
+    assert tum_camera(Path(name), (320, 240)) is None

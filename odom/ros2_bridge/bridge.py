@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from odom.errors import WireError
 from odom.frame import Stamp
-from odom.ros2_bridge.dds import NODE, DdsNode, DdsTopic, message_class
+from odom.ros2_bridge.dds import NODE, DdsNode, DdsTopic, can_publish, message_class
 from odom.wire.message import Message
 from odom.wire.ros2.graph import RosGraph
 from odom.wire.ros2.inbox import Inbox
@@ -90,7 +90,7 @@ class Bridge:
             self._dds.withdraw(gone)
         self._to_dds &= topics.keys()
         for topic, endpoint in topics.items():
-            if not self._is_known(endpoint.type_name):
+            if not can_publish(endpoint.type_name) and not self._is_known(endpoint.type_name):
                 continue
             self._dds.offer(topic, endpoint.type_name, endpoint.qos)
             self._to_dds.add(topic)
@@ -141,13 +141,15 @@ class Bridge:
             return type_name not in self._unknown
         package = type_name.partition("/")[0]
         wheel = f"ros-{package.replace('_', '-')}"
-        self._tell_unknown(type_name, f"{package} is not installed: pip install {wheel}, or source ROS's setup.bash")
+        how = f"source ROS's setup.bash, or pip install {wheel} where PyPI has it"
+        into = " to Zenoh" if can_publish(type_name) else ""
+        self._tell_unknown(type_name, f"{package} is not installed: {how}", into)
         return False
 
-    def _tell_unknown(self, type_name: str, why: str) -> None:
+    def _tell_unknown(self, type_name: str, why: str, into: str = "") -> None:
         if type_name not in self._unknown:
             self._unknown.add(type_name)
-            _LOG.warning("topics of %s are not carried%s", type_name, f": {why}" if why else "")
+            _LOG.warning("topics of %s are not carried%s%s", type_name, into, f": {why}" if why else "")
 
 
 @dataclass(frozen=True)

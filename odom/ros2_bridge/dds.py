@@ -6,10 +6,13 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib.util import find_spec
 from types import ModuleType
 from typing import Any
 
 from odom.errors import ConfigError
+from odom.ros2_bridge.transforms import TransformWriter
+from odom.wire.codec.cdr import TRANSFORMS
 from odom.wire.ros2.qos import Qos
 
 NODE = "odom_bridge"
@@ -54,6 +57,12 @@ def message_class(type_name: str) -> Any:
         return None
 
 
+def can_publish(type_name: str) -> bool:
+    """Whether messages of a type can be sent: its package is installed, or it is of transforms and Cyclone DDS is."""
+    is_possible = type_name == TRANSFORMS and find_spec("cyclonedds") is not None
+    return is_possible or message_class(type_name) is not None
+
+
 class DdsNode:
     """The node `/odom_bridge` in one domain; `lost` counts gaps in the numbers of each topic's publishers."""
 
@@ -64,6 +73,8 @@ class DdsNode:
         from rclpy.signals import SignalHandlerOptions
 
         self.lost: Counter[str] = Counter()
+        self._domain = domain
+        self._transforms: dict[str, TransformWriter] = {}
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
         options = {"start_parameter_services": False, "enable_rosout": False}
@@ -85,18 +96,23 @@ class DdsNode:
 
     def offer(self, topic: str, type_name: str, qos: Qos) -> None:
         """Declare a topic that will be published; does nothing for one that is."""
-        if topic not in self._publishers:
+        if topic in self._publishers or topic in self._transforms:
+            return
+        if message_class(type_name) is None:
+            self._transforms[topic] = TransformWriter(self._domain, topic, qos)
+        else:
             self._publishers[topic] = self._node.create_publisher(message_class(type_name), topic, _profile(qos))
             self._learn_own_gid(topic)
 
     def withdraw(self, topic: str) -> None:
         """Publish a topic no longer."""
+        self._transforms.pop(topic, None)
         if (publisher := self._publishers.pop(topic, None)) is not None:
             self._node.destroy_publisher(publisher)
 
     def publish(self, topic: str, payload: bytes) -> bool:
         """Send a message as it is; False for a topic that was withdrawn meanwhile."""
-        publisher = self._publishers.get(topic)
+        publisher = self._transforms.get(topic) or self._publishers.get(topic)
         if publisher is None:
             return False
         publisher.publish(payload)

@@ -33,6 +33,7 @@ from odom.wire.codec import (
     encode_pose,
     encode_status,
     encode_text,
+    encode_tf,
     restamp,
 )
 from odom.wire.ros2 import join_ros2
@@ -214,6 +215,27 @@ def test_what_the_bridge_itself_publishes_does_not_come_back() -> None:
         printed = end()
     assert len(set(stamps)) == len(stamps)
     assert "to Zenoh" not in printed
+
+
+def test_cyclone_dds_reads_poses_and_transforms() -> None:
+    T = np.eye(4)
+    T[:3, 3] = 0.1, 0.2, 0.3
+    tf = encode_tf(AT, [("odom", KEYS.frame_camera, T)])
+    command = [PYTHON, str(HERE / "cyclone_listener.py"), str(DOMAIN)]
+    with bridge() as (port, _), driver(port, [encode_pose("cam0/pose", AT, T, "map"), tf]):
+        join = open_session(wire_of(port))
+        with join as session, subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            join_ros2(session, wire_of(port), "odometry")
+            try:
+                assert process.stdout is not None
+                read: dict[str, Any] = {}
+                while len(read) < 3:
+                    read.update(json.loads(process.stdout.readline()))
+            finally:
+                process.kill()
+    assert read["pose"] == ["map", [0.1, 0.2, 0.3]]
+    assert read["tf"] == [["odom", KEYS.frame_camera, [0.1, 0.2, 0.3]]]
+    assert [each[:2] for each in read["tf_static"]] == [["map_upright", "map"], [KEYS.frame_camera, "cam0_link"]]
 
 
 def test_only_topics_below_the_names_that_were_given_are_carried() -> None:

@@ -108,7 +108,9 @@ def _print(console: "Console", found: "Experiment") -> None:
             console.print(note, highlight=False)
     _print_closing(console, found)
     _print_matches(console, found)
-    console.print(f"{found.pairs} pairs a sensor, {found.wall_s / 60:.1f} min", highlight=False)
+    console.print(
+        f"{found.pairs} pairs a sensor in {found.wall_s / 60:.1f} min; CPU {found.cpu_s / 60:.1f} min", highlight=False
+    )
 
 
 def _print_closing(console: "Console", found: "Experiment") -> None:
@@ -132,7 +134,7 @@ def _print_matches(console: "Console", found: "Experiment") -> None:
 
     title = "wrong pairs at which an ungated estimator has the paper's error, and what the others have there (mm)"
     shown = Table(title=title, title_justify="left")
-    for name in ("sensor", "a wrong target is", "estimator", "paper mm", "share", "ungated", "gated"):
+    for name in ("sensor", "RMSE", "a wrong target is", "estimator", "paper mm", "share", "ungated", "gated, to truth"):
         shown.add_column(name, justify="right" if name in ("paper mm", "share") else "left", overflow="fold")
 
     def told(errors: dict[str, float]) -> str:
@@ -141,5 +143,5 @@ def _print_matches(console: "Console", found: "Experiment") -> None:
     for m in found.matches:
         share = "never" if m.share is None else f"{m.share:.0%}"
         both = (told(m.ungated_mm), told(m.gated_mm))
-        shown.add_row(m.sensor, m.kind, m.estimator, f"{m.paper_mm:g}", share, *both)
+        shown.add_row(m.sensor, m.measure, m.kind, m.estimator, f"{m.paper_mm:g}", share, *both)
     console.print(shown)

@@ -1,5 +1,6 @@
 """The processes behind `odom bench physical`: one for each simulated Kinect, or one for a recording."""
 
+import os
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -37,6 +38,7 @@ class Experiment:
     matches: list[Match]
     parts: dict[str, Part]
     wall_s: float
+    cpu_s: float
 
     def as_json(self) -> dict[str, Any]:
         """Return it as JSON has it: numbers that are none become None; single outcomes are kept."""
@@ -52,6 +54,7 @@ class Experiment:
             "ellipsoids": {name: part.ellipsoids for name, part in self.parts.items()},
             "outcomes": {name: part.outcomes for name, part in self.parts.items()},
             "wall_s": self.wall_s,
+            "cpu_s": self.cpu_s,
         }
         return _finite(found)  # type: ignore[no-any-return]
 
@@ -71,7 +74,7 @@ def run_experiment(
     task: Task, jobs: int, progress: Callable[[int], None], stopped: Callable[[], bool] = lambda: False
 ) -> Experiment:
     """Run the experiment; `progress` is told per cent. Raises OdomError where a process fails, or when `stopped`."""
-    begun = time.monotonic()
+    begun, cpu_begun_s = time.monotonic(), sum(os.times()[:4])
     sensors = SENSORS if task.source == "arena" else ("",)
     folder = Path(task.folder)
 
@@ -100,8 +103,8 @@ def run_experiment(
         spoilt += mine
         found += matches(mine, PAPER_MM.get(name, PAPER_MM["kinect1"]), _CHECKED)
     closing = {name: _closing(part) for name, part in parts.items()}
-    took_s = time.monotonic() - begun
-    return Experiment(task.source, task.pairs, task.seed, table, closing, spoilt, found, parts, took_s)
+    took_s = time.monotonic() - begun, sum(os.times()[:4]) - cpu_begun_s
+    return Experiment(task.source, task.pairs, task.seed, table, closing, spoilt, found, parts, *took_s)
 
 
 def _closing(part: Part) -> list[Outcome]:

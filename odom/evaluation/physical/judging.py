@@ -116,9 +116,9 @@ def _measured(
         **{
             **vars(outcome),
             "time_ms": took_ms,
-            "rmse_mm": _rmse_mm(T, points, se3.apply(truth.T, points)),
-            "rmse_lab_mm": float("nan") if truth.T_lab is None else _rmse_mm(T, points, se3.apply(truth.T_lab, points)),
-            "rmse_noisy_mm": _rmse_mm(T, given.points_source, given.points_target),
+            "rmse_mm": rmse_mm(T, points, se3.apply(truth.T, points)),
+            "rmse_lab_mm": float("nan") if truth.T_lab is None else rmse_mm(T, points, se3.apply(truth.T_lab, points)),
+            "rmse_noisy_mm": rmse_mm(T, given.points_source, given.points_target),
             "error_mm": 1e3 * shift_m,
             "error_deg": float(np.degrees(turn)),
             "is_off": shift_m > OFF_M or turn > OFF_RAD,
@@ -126,6 +126,6 @@ def _measured(
     )
 
 
-def _rmse_mm(T: Array, source: Array, target: Array) -> float:
+def rmse_mm(T: Array, source: Array, target: Array) -> float:
     """Return the paper's RMSE of moved source points against targets, in mm."""
     return 1e3 * float(np.sqrt(((se3.apply(T, source) - target) ** 2).sum(axis=1).mean()))

@@ -71,11 +71,13 @@ class ChainClosing:
 class ClosedChain:
     """How the chain moves when `closures` are met as well as its links; `refused` ones have no part in it.
 
-    At n `stamps` (ns, ascending) its poses are multiplied by `T_closed_chain` (n x 4 x 4) from the left.
+    At n `stamps` (ns, ascending) its poses are multiplied by `T_closed_chain` (n x 4 x 4) from the left, which gives
+    `T_closed_camera` (n x 4 x 4, at the middle row's time).
     """
 
     stamps: NDArray[np.int64]
     T_closed_chain: Array
+    T_closed_camera: Array
     closures: int
     refused: int
     closing: ChainClosing | None

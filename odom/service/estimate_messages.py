@@ -4,8 +4,9 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from odom.backend import Estimate, LoopCandidate
-from odom.frame import Camera, RgbdFrame
+from odom.backend import ChainPose, ClosedChain, Estimate, LoopCandidate
+from odom.frame import Camera, RgbdFrame, Stamp
+from odom.geometry import se3
 from odom.viewer.keyframe_clouds import back_project
 from odom.wire import Message, Topics, codec
 
@@ -15,7 +16,7 @@ in a fraction of the time; at 3,000 points more would not be seen."""
 
 
 def pose_messages(topics: Topics, estimate: Estimate) -> Iterator[Message]:
-    """Yield odom, pose and tf of a frame that has a pose, nothing for a LOST one: no stale pose is ever repeated."""
+    """Yield odom, chain, pose and tf of a frame that has a pose, nothing for a LOST one: no stale pose is repeated."""
     T_odom_camera, covariance, stamp = estimate.T_odom_camera, estimate.covariance, estimate.stamp
     if T_odom_camera is None:
         return
@@ -23,6 +24,8 @@ def pose_messages(topics: Topics, estimate: Estimate) -> Iterator[Message]:
         yield codec.encode_odometry(
             topics.odom, stamp, T_odom_camera, covariance, topics.frame_odom, topics.frame_camera
         )
+    if estimate.chain is not None:
+        yield _chain_message(topics, estimate, estimate.chain)
     yield codec.encode_pose(topics.pose, stamp, estimate.T_map_odom @ T_odom_camera, topics.frame_map)
     yield codec.encode_tf(
         stamp,
@@ -31,6 +34,22 @@ def pose_messages(topics: Topics, estimate: Estimate) -> Iterator[Message]:
             (topics.frame_odom, topics.frame_camera, T_odom_camera),
         ),
     )
+
+
+def _chain_message(topics: Topics, estimate: Estimate, chain: ChainPose) -> Message:
+    """Return the chain's pose, with the last link as the twist: its motion and covariance by the time it took."""
+    link, twist = estimate.pairwise, None
+    if link is not None:
+        seconds = (estimate.stamp - link.stamp_earlier) * 1e-9
+        twist = codec.Twist(se3.log(link.T_earlier_current) / seconds, link.covariance / seconds**2)
+    T, covariance, frames = chain.T_chain_camera, chain.covariance, (topics.frame_odom, topics.frame_camera)
+    return codec.encode_odometry(topics.chain, estimate.stamp, T, covariance, *frames, twist)
+
+
+def closed_chain_message(topics: Topics, closed: ClosedChain) -> Message:
+    """Return the closed chain's poses at its nodes."""
+    poses = [(Stamp(int(stamp)), T) for stamp, T in zip(closed.stamps, closed.T_closed_camera, strict=True)]
+    return codec.encode_path(topics.chain_closed, poses[-1][0], poses, topics.frame_odom)
 
 
 def loop_messages(topics: Topics, loops: Iterable[LoopCandidate]) -> Iterator[Message]:

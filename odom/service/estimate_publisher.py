@@ -3,9 +3,15 @@
 import time
 from collections.abc import Callable, Collection, Mapping
 
-from odom.backend import Estimate, LoopCandidate, State
+from odom.backend import ClosedChain, Estimate, LoopCandidate, State
 from odom.frame import Stamp
-from odom.service.estimate_messages import feature_message, landmark_message, loop_messages, pose_messages
+from odom.service.estimate_messages import (
+    closed_chain_message,
+    feature_message,
+    landmark_message,
+    loop_messages,
+    pose_messages,
+)
 from odom.service.history import History
 from odom.service.path_topics import PathTopics
 from odom.service.settings import ServiceSettings
@@ -53,6 +59,11 @@ class EstimatePublisher:
         for message in loop_messages(self._topics, loops):
             self._history.keep_loop(message)
             self._publisher.put(message)
+
+    def closed_chain(self, closed: ClosedChain | None) -> None:
+        """Publish the closed chain, if there is one."""
+        if closed is not None:
+            self._publisher.put(closed_chain_message(self._topics, closed))
 
     def truth(self, body: str, pose: codec.StampedPose) -> None:
         """Remember a true pose for late viewers; its sender has published it."""

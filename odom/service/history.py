@@ -33,6 +33,7 @@ class History:
     def __init__(self, session: WireSession, topics: Topics) -> None:
         self._topics = topics
         self._odom = BoundedTrajectory(_POSES)
+        self._chain = BoundedTrajectory(_POSES)
         self._truth: dict[str, BoundedTrajectory] = {}
         self._loops: deque[Message] = deque(maxlen=_LOOPS)
         self._map: dict[str, Message] = {}
@@ -46,6 +47,8 @@ class History:
         with self._lock:
             if estimate.T_odom_camera is not None:
                 self._odom = _extended(self._odom, estimate.stamp, estimate.T_odom_camera)
+            if estimate.chain is not None:
+                self._chain = _extended(self._chain, estimate.stamp, estimate.chain.T_chain_camera)
 
     def keep_loop(self, message: Message) -> None:
         """Remember a loop candidate."""
@@ -89,7 +92,7 @@ class History:
         with self._lock:
             latest = [m for topic, m in self._map.items() if topic == key or topic.startswith(f"{key}/")]
             odom, truth = self._odom.poses(), {body: kept.poses() for body, kept in self._truth.items()}
-            loops = list(self._loops)
+            chain, loops = self._chain.poses(), list(self._loops)
             keyframes = [self._keyframes[stamp] for stamp in self._keyframes]
         yield from latest
         if key == self._topics.keyframes:
@@ -98,6 +101,8 @@ class History:
             return
         if odom:
             yield codec.encode_path(self._topics.odom_history, odom[-1][0], odom, self._topics.frame_odom)
+        if chain:
+            yield codec.encode_path(self._topics.chain_history, chain[-1][0], chain, self._topics.frame_odom)
         for body, poses in truth.items():
             yield codec.encode_path(truth_history(body), poses[-1][0], poses, "world")
         yield from loops

@@ -240,6 +240,7 @@ class OdometryProcess:
         self.statistics.add_loops(self._odometry.late_loops)
         self._publisher.loops(self._odometry.late_loops)
         test, closed = self._odometry.closing_test(), self._odometry.closed_chain()
+        self._publisher.closed_chain(closed)
         report = self.statistics.report() | closing_fields(test, closed) | self._keeper.report()
         try:
             report["segments"] = files.write_trajectory(poses, closed)

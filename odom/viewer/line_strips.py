@@ -15,7 +15,7 @@ _DASHES = 1500
 """Dashes of a trajectory, each of three points: more slow a browser down, fewer make a long walk a dotted line."""
 LINE, DASH = -1.2, -2.2
 """Radii of lines; Rerun reads negative ones as screen units, which stay as thick when one looks closer."""
-ONLINE_PHASE, TRUTH_PHASE = 0, 1
+ONLINE_PHASE, TRUTH_PHASE, CHAIN_PHASE = 0, 1, 2
 """Where dashes begin, in thirds: lines that lie on each other stay visible."""
 
 

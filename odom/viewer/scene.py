@@ -8,6 +8,7 @@ import rerun as rr
 from odom.frame import Stamp
 from odom.viewer import entities, palette
 from odom.viewer.camera_images import CameraImages
+from odom.viewer.chain_scene import ChainScene
 from odom.viewer.entities import EntityUpdate, update
 from odom.viewer.event_log import INFO, EventLog, log_line
 from odom.viewer.framing import Frame, Framing
@@ -54,6 +55,8 @@ class Scene:
             topics.keyframes: self._keyframe,
             topics.odom: self._odometry,
             topics.pose: self._pose,
+            topics.chain: lambda message: self._chain.pose(codec.decode_odometry(message)),
+            topics.chain_closed: lambda message: self._chain.closed(message.stamp, codec.decode_path(message)),
             topics.path: self._path,
             topics.loops: self._loop,
             topics.status: self._status,
@@ -65,6 +68,7 @@ class Scene:
         self._frame: Frame | None = None
         self._images = CameraImages(self._settings.jpeg_quality)
         self._map = MapScene(self._settings)
+        self._chain = ChainScene(self._settings)
         self._log = EventLog()
         self._truth = TruthScene(4 * self._settings.path_poses)
         self._segment: str | None = None
@@ -89,12 +93,14 @@ class Scene:
             self._truth.add(body, codec.decode_pose(message))
 
     def history(self, message: Message) -> None:
-        """Take a path of the time before this viewer started: `<ns>/history/odom` or `truth/<body>/history`."""
+        """Take a path of the time before this viewer started: `<ns>/history/...` or `truth/<body>/history`."""
         poses = codec.decode_path(message)
         if not poses:
             return
         if (body := truth_body(message.topic)) is not None:
             way = self._truth.way_of(body)
+        elif message.topic == self._topics.chain_history:
+            way = self._chain.way
         else:
             way = self._map.online
             self._newest = max(self._newest or poses[-1].stamp, poses[-1].stamp)
@@ -191,6 +197,7 @@ class Scene:
     def _refresh(self, stamp: Stamp, calibrates: bool = True) -> Iterator[EntityUpdate]:
         corrected = self._map.corrected()
         yield from self._map.refresh(stamp, corrected)
+        yield from self._chain.refresh(stamp)
         if frame := self._framing.fit(self._images.median_depth_m, corrected.positions):
             self._frame = frame
             yield from self._images.resize(frame.frustum_m)

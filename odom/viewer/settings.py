@@ -17,6 +17,7 @@ class ViewerSettings(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False
     desktop_memory_mib: int = Field(512, ge=64, le=1_000_000, description="memory of the desktop viewer")
     image_rate_hz: float = Field(30.0, ge=0.01, le=1000, description="images shown a second at the most")
     jpeg_quality: int = Field(80, ge=1, le=100, description="of colour images that arrive uncompressed")
+    chain: bool = Field(True, description="the chain of pairwise registrations is drawn as a line of its own")
     path_poses: int = Field(
         4096, ge=64, le=1_000_000, description="poses drawn a trajectory; older ones are thinned beyond"
     )

@@ -86,7 +86,8 @@ class Viewer:
         self._repeat_due = time.monotonic() + _REPEAT_S
         t = self.topics
         small = (t.camera_info, t.odom, t.pose, t.path, t.loops, t.status, t.features, t.landmarks, t.keyframes, t.end)
-        self._small = self.session.subscriber((*small, f"{t.path}/*", TRUTH), depth=_SMALL_WAITING)
+        ways = (f"{t.path}/*", t.chain, t.chain_closed, TRUTH)
+        self._small = self.session.subscriber((*small, *ways), depth=_SMALL_WAITING)
         self._images = self.session.subscriber((t.color, t.color_compressed, t.depth, t.depth_compressed), depth=1)
 
     def start(self) -> None:
@@ -97,7 +98,9 @@ class Viewer:
             count += 1
             try:
                 message = delivery_of(str(sample.key_expr), None, sample).message
-                if message.topic == self.topics.odom_history or message.topic.endswith("/history"):
+                if message.topic in (self.topics.odom_history, self.topics.chain_history) or message.topic.endswith(
+                    "/history"
+                ):
                     self._scene.history(message)
                 else:
                     self._draw(self._scene.handle(message))

@@ -91,7 +91,9 @@ class Recorder:
         self._heard_at = time.monotonic()
         t = topics
         images = (t.color, t.color_compressed, t.depth, t.depth_compressed, t.camera_info, t.depth_info, t.device)
-        estimated = (t.odom, t.pose, t.path, f"{t.path}/*", t.status, t.loops, TF) if estimates else ()
+        estimated = (
+            (t.odom, t.pose, t.chain, t.chain_closed, t.path, f"{t.path}/*", t.status, t.loops, TF) if estimates else ()
+        )
         session.watch(topics.alive_of("odometry"), self._odometry_changed)
         self._images = images
         self._timeline = Timeline(images)

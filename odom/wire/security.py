@@ -117,6 +117,8 @@ def grants(identity: str) -> Grants:
     results = (
         "odom",
         "pose",
+        "chain",
+        "chain/closed",
         "path",
         "path/*",
         "status",

@@ -87,6 +87,11 @@ class Topics:
     """The corrected pose in `map`, every frame."""
     path = _Key("path", "nav_msgs/msg/Path")
     """The corrected key-frame trajectory of the part the camera is in, on change; others below it: `path/segment_N`."""
+    chain = _Key("chain", "nav_msgs/msg/Odometry")
+    """The paper's chain of pairwise registrations, causal: its pose with the covariance since it began, and as the
+    twist the last link: its motion and covariance by the time it took. It begins where `odom` does."""
+    chain_closed = _Key("chain/closed", "nav_msgs/msg/Path")
+    """Some poses of the chain with its loops closed, at the end of the source."""
     status = _Key("status", "diagnostic_msgs/msg/DiagnosticArray")
     """State, reason, rates, latencies, losses."""
     loops = _Key("loops", "diagnostic_msgs/msg/DiagnosticArray")
@@ -103,6 +108,8 @@ class Topics:
     """Query of a process that joins late: answered by the messages that say what happened before."""
     odom_history = _Key("history/odom")
     """nav_msgs/Path: some of the earlier causal poses; an answer to a query of `history`."""
+    chain_history = _Key("history/chain")
+    """nav_msgs/Path: some of the earlier poses of the chain; an answer to a query of `history`."""
     alive = _Key("alive")
     """Liveliness token of the device's sensor process."""
     ack = _Key("ack")

@@ -56,7 +56,7 @@ def test_nodes_stay_within_their_bound_and_no_closure_outlives_its_ends():
 def test_between_two_nodes_the_correction_is_shared_by_time():
     stamps = np.array([10, 20], dtype=np.int64)
     moved = se3.exp(np.array([0.2, 0.0, 0.0, 0.0, 0.0, 0.1]))
-    closed = ClosedChain(stamps, np.array([np.eye(4), moved]), 1, 0, None)
+    closed = ClosedChain(stamps, np.array([np.eye(4), moved]), np.array([np.eye(4), moved]), 1, 0, None)
     np.testing.assert_allclose(closed.moved(Stamp(5), np.eye(4)), np.eye(4))
     np.testing.assert_allclose(closed.moved(Stamp(20), np.eye(4)), moved)
     np.testing.assert_allclose(closed.moved(Stamp(99), np.eye(4)), moved)

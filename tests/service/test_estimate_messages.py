@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from odom.backend import Estimate, State, TrajectoryPose
+from odom.backend import ChainPose, ClosedChain, Estimate, RelativePose, State, TrajectoryPose
 from odom.frame import Stamp
 from odom.geometry import se3
-from odom.service.estimate_messages import pose_messages
+from odom.service.estimate_messages import closed_chain_message, pose_messages
 from odom.service.path_topics import PathTopics
 from odom.wire import TF, Topics, codec
+from odom.wire.codec import cdr
 
 STAMP = Stamp(1_700_000_000_000_000_000)
 
@@ -78,3 +79,26 @@ def test_of_thousands_of_parts_the_largest_are_published() -> None:
     topics = {message.topic for message in paths.messages(estimate_of(0, 999, parts))}
     assert topics >= {"cam0/path", *(f"cam0/path/segment_{n}" for n in range(5))}
     assert len(topics) == 33
+
+
+def test_the_chain_is_published_with_its_covariance_and_the_last_link_as_a_velocity() -> None:
+    T, topics = se3.exp(np.array([0.1, 0.2, 0.3, 0.0, 0.1, 0.0])), Topics("cam0")
+    step = np.array([0.01, 0.0, 0.02, 0.0, 0.03, 0.0])
+    link = RelativePose(Stamp(STAMP - 50_000_000), se3.exp(step), 4e-6 * np.eye(6))
+    estimate = Estimate(
+        sequence=1, stamp=STAMP, state=State.TRACKING, reason="", segment=0, T_odom_camera=T, covariance=np.eye(6),
+        T_map_odom=T, pairwise=link, chain=ChainPose(T, 1e-4 * np.eye(6)),
+    )  # fmt: skip
+    (message,) = [m for m in pose_messages(topics, estimate) if m.topic == topics.chain]
+    pose, twist = codec.decode_odometry(message), cdr.deserialise(message, cdr.ODOMETRY).twist
+    np.testing.assert_allclose(pose.T_parent_child, T, atol=1e-12)
+    np.testing.assert_allclose(pose.covariance, 1e-4 * np.eye(6), atol=1e-15)
+    np.testing.assert_allclose([twist.twist.linear.x, twist.twist.linear.z, twist.twist.angular.y], [0.2, 0.4, 0.6])
+    np.testing.assert_allclose(twist.covariance.reshape(6, 6), 1.6e-3 * np.eye(6))
+
+
+def test_the_closed_chain_is_a_path() -> None:
+    stamps, poses = np.array([STAMP, STAMP + 10]), np.array([np.eye(4), se3.exp(np.full(6, 0.1))])
+    path = codec.decode_path(closed_chain_message(Topics("cam0"), ClosedChain(stamps, poses, poses, 1, 0, None)))
+    assert [pose.stamp for pose in path] == stamps.tolist()
+    np.testing.assert_allclose([pose.T_parent_child for pose in path], poses, atol=1e-12)

@@ -96,6 +96,26 @@ def test_online_drifts_corrected_and_truth_do_not(played: tuple[Scene, list[Enti
     assert distance(f"{entities.TRUTH}/camera") < 0.01
 
 
+@pytest.mark.parametrize("is_on", [True, False])
+def test_the_chain_is_a_line_of_its_own_that_can_be_switched_off(is_on: bool) -> None:
+    scene, drawn = Scene(TOPICS, ViewerSettings(chain=is_on)), []
+    way = [(Stamp(BEGIN + i * PERIOD_NS), true_pose(i)) for i in range(90)]
+    for stamp, T in way:
+        for topic in (TOPICS.odom, TOPICS.chain):
+            message = codec.encode_odometry(topic, stamp, T, 1e-6 * np.eye(6), "odom", "camera")
+            drawn += scene.handle(message)
+    drawn += scene.handle(codec.encode_path(TOPICS.chain_closed, way[-1][0], way[::10], "odom"))
+    drawn += scene.trajectories()
+    paths = {item.path for item in drawn}
+    assert {entities.CHAIN, entities.CHAIN_CLOSED} <= paths if is_on else not {entities.CHAIN} & paths
+    if is_on:
+        for path, color in ((entities.CHAIN, palette.CHAIN), (entities.CHAIN_CLOSED, palette.CHAIN_CLOSED)):
+            assert _batch(_last(drawn, path), "colors") == [int.from_bytes((*color, 255))]
+            points = np.concatenate([np.array(s) for s in _batch(_last(drawn, path), "strips")])
+            truth = np.array([T[:3, 3] for _, T in way])
+            assert max(np.min(np.linalg.norm(truth - point, axis=1)) for point in points) < 0.02
+
+
 def test_a_part_that_was_never_joined_is_drawn_apart_with_its_name_until_it_is_joined() -> None:
     scene = _scene()
     drawn = _play(scene, MadeUp(frames=600, images=False, part_from=200, part_until=500))

@@ -196,6 +196,16 @@ def test_covariance_crosses_in_the_convention_of_ros() -> None:
     assert decoded.child == "camera"
 
 
+def test_a_velocity_stands_in_the_twist_and_minus_one_says_that_there_is_none() -> None:
+    velocity, covariance = np.arange(1.0, 7.0), np.diag(np.arange(1.0, 7.0))
+    message = codec.encode_odometry("o", STAMP, T, np.eye(6), "odom", "camera", codec.Twist(velocity, covariance))
+    said = cdr.deserialise(message, cdr.ODOMETRY).twist
+    assert (said.twist.linear.x, said.twist.linear.z, said.twist.angular.z) == (1.0, 3.0, 6.0)
+    assert np.allclose(said.covariance.reshape(6, 6), covariance)
+    unknown = cdr.deserialise(codec.encode_odometry("o", STAMP, T, np.eye(6), "odom", "camera"), cdr.ODOMETRY).twist
+    assert unknown.covariance[0] == -1.0
+
+
 def test_camera_returns_with_its_distortion() -> None:
     assert codec.decode_camera_info(codec.encode_camera_info("i", STAMP, CAMERA)) == CAMERA
     undistorted = Camera(64, 48, 51.5, 51.5, 31.5, 23.5)

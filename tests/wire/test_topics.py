@@ -30,6 +30,8 @@ def test_the_history_of_a_device_is_below_its_namespace() -> None:
         ("cam0/color/camera_info", cdr.CAMERA_INFO),
         ("truth/rig/pose", cdr.POSE),
         ("cam0/odom", cdr.ODOMETRY),
+        ("cam0/chain", cdr.ODOMETRY),
+        ("cam0/chain/closed", cdr.PATH),
         ("tf", cdr.TRANSFORMS),
         ("cam0/history", None),
         ("cam0/ack/recorder", None),

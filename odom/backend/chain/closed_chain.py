@@ -33,7 +33,8 @@ def close_chain(chain: Chain, map_: Map, noise: NoiseMonitor) -> ClosedChain | N
     stamps = np.array([node.stamp for node in nodes], dtype=np.int64)
     closed = se3.inverse(T_closed[first.number]) @ T_closed[end.number]
     closing = _closing(chain, first, end, map_, noise, Edge(first.number, end.number, closed, covariance))
-    return ClosedChain(stamps, moved, len(closures.edges), closures.refused, closing)
+    poses = np.array([T_closed[node.number] for node in nodes])
+    return ClosedChain(stamps, moved, poses, len(closures.edges), closures.refused, closing)
 
 
 def _closing(

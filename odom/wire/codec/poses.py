@@ -40,17 +40,34 @@ def decode_pose(message: Message) -> StampedPose:
     return _stamped_pose(message.topic, cdr.deserialise(message, cdr.POSE))
 
 
+@dataclass(frozen=True, eq=False)
+class Twist:
+    """A velocity (6: translation, rotation; m/s and rad/s, child frame) with its 6 x 6 covariance."""
+
+    velocity: Array
+    covariance: Array
+
+
 def encode_odometry(
-    topic: str, stamp: Stamp, T_odom_camera: Array, covariance: Array, frame_id: str, child_frame_id: str
+    topic: str,
+    stamp: Stamp,
+    T_odom_camera: Array,
+    covariance: Array,
+    frame_id: str,
+    child_frame_id: str,
+    twist: Twist | None = None,
 ) -> Message:
-    """Return nav_msgs/Odometry of a pose with its 6 x 6 covariance (`se3` convention); the twist is not known."""
+    """Return nav_msgs/Odometry of a pose with its 6 x 6 covariance (`se3` convention); `twist` None: not known."""
     if covariance.shape != (6, 6) or not np.isfinite(covariance).all():
         raise WireError(f"a covariance needs a finite 6 x 6 matrix, not {covariance}")
     in_ros = _rotate_covariance(T_odom_camera[:3, :3], covariance).ravel()
-    zero = cdr.build("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
-    twist = cdr.build("geometry_msgs/msg/Twist", linear=zero, angular=zero)
-    unknown = np.zeros(36)
-    unknown[0] = -1.0  # ROS: a covariance that begins with -1 says that the estimate is not provided
+    velocity, twist_covariance = (np.zeros(6), np.zeros(36)) if twist is None else (twist.velocity, twist.covariance)
+    if twist is None:
+        twist_covariance[0] = -1.0  # ROS: a covariance that begins with -1 says that the estimate is not provided
+    linear, angular = (
+        cdr.build("geometry_msgs/msg/Vector3", x=float(x), y=float(y), z=float(z)) for x, y, z in velocity.reshape(2, 3)
+    )
+    in_child = cdr.build("geometry_msgs/msg/Twist", linear=linear, angular=angular)
     return cdr.encode(
         topic,
         cdr.ODOMETRY,
@@ -58,7 +75,9 @@ def encode_odometry(
         frame_id,
         child_frame_id=child_frame_id,
         pose=cdr.build("geometry_msgs/msg/PoseWithCovariance", pose=_pose(T_odom_camera), covariance=in_ros),
-        twist=cdr.build("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=unknown),
+        twist=cdr.build(
+            "geometry_msgs/msg/TwistWithCovariance", twist=in_child, covariance=np.asarray(twist_covariance).ravel()
+        ),
     )
 
 

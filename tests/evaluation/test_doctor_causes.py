@@ -156,11 +156,12 @@ def test_the_steps_of_depth_tell_its_scale(good: Recording, ratio: float) -> Non
 
 
 def test_the_odometrys_own_tracking_is_judged(good: Recording) -> None:
-    tracking, _ = judge_odometry(good.frames[:40], good.camera)
+    levels, tracking, _ = judge_odometry(good.frames[:40], good.camera)
+    assert "noise in use" in levels.value
     assert tracking.verdict is Verdict.GOOD
     assert "40 of 40 frames tracked" in tracking.value
     dark = tuple(replace(frame, color=np.zeros_like(frame.color)) for frame in good.frames[:40])
-    tracking, _ = judge_odometry(dark, good.camera)
+    _, tracking, _ = judge_odometry(dark, good.camera)
     assert tracking.verdict is Verdict.BAD
     assert "0 of 40" in tracking.value
     assert "lost: 40 by" in tracking.value

@@ -136,6 +136,21 @@ class Tuning:
         effect="of the depth, off so far something else was seen there; as look_back_sigmas")
     look_back_depth_share: float = tuned(0.03, unit="share of the inverse depth", source=_BODIES,
         effect="added to that: errors of depth that do not vary; as look_back_sigmas")
+    # moving_surfaces
+    moving_cell_px: int = tuned(32, unit="px", source="a person at 4 m is some 60 px wide",
+        effect="side of a cell; smaller: slower; larger: limbs and far people are not seen to move")
+    surface_share: float = tuned(0.03, unit="share of the inverse depth", source="as depth_step",
+        effect="how far neighbouring cells of one surface may lie off each other's planes; smaller: round bodies fall "
+        "apart; larger: feet are one with the floor")
+    moving_cells_least: int = tuned(3, unit="cells", source=_BODIES,
+        effect="fewer: edges of the depth seem to move; more: far people do not")
+    moving_surface_share: float = tuned(0.25, unit="share of a surface's cells", source=_BODIES,
+        effect="of a surface must be new for all of it to count as moving; smaller: walls move; larger: wide bodies "
+        "that walk slowly do not")
+    # line_of_sight
+    sight_step_px: int = tuned(6, unit="px", source="what 0.2 m/s and 1 rad/s move in the 20 ms of a rolling shutter",
+        effect="how far around a landmark's place depth is looked at; smaller: landmarks at depth's edges seem gone; "
+        "larger: what has left is noticed late")
     # place_recognition
     place_features: int = tuned(1000, unit="1", source=_SWEEP,
         effect="fewer: places are not recognised; more: slower in the background")

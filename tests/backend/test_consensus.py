@@ -23,7 +23,7 @@ def two_motions(rng, scene: int, body: int, seen_on_body: int = 8) -> FollowedFe
     seen += 0.3 * PIXEL * rng.normal(size=seen.shape)
     uv = np.array([319.5, 239.5]) + seen / PIXEL
     counts = np.concatenate([np.full(scene, 8), np.full(body, seen_on_body)])
-    return FollowedFeatures(points, seen, uv, counts, 1.0, PIXEL)
+    return FollowedFeatures(points, np.zeros(3), seen, uv, counts, 1.0, PIXEL)
 
 
 @pytest.mark.parametrize("seed", range(5))

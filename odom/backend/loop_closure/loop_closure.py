@@ -85,7 +85,7 @@ def _judge(
     candidate = replace(candidate, inliers=tracked.found_again, T_candidate_current=T_place_keyframe)
     is_loop = place.segment == keyframe.segment
     if not is_known_place(tracked, must_agree_with_chain=is_loop):
-        reason = f"only {tracked.found_again} of {len(tracked.expected)} landmarks found again"
+        reason = f"only {tracked.found_again} of {tracked.visible_count} landmarks found again"
         return _Verdict(replace(candidate, reason=reason))
     noise = sensor.noise
     edge = Edge(place.number, keyframe.number, T_place_keyframe, tracked.covariance * noise.covariance_scale, is_loop)

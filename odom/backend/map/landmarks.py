@@ -19,8 +19,9 @@ class Landmarks:
     Rows: `position` (3, m, map frame), `covariance` (3 x 3, m^2, map frame, given its key frame's pose), `keyframe`
     (number of the key frame it was first seen in), `uv` (2, px) and `plane` (inverse depth and its slope per pixel)
     there, `patch_full`, `patch_half`; `tried` and `seen` count the tracked frames in which it was looked for and
-    found; `alive` is False for a row that may be used again; `identity` is never used again, so that an old
-    observation of a row can be told from one of the new landmark there; `next_identity` is the first unused one.
+    found, `gone_s` for how long depth has looked through its place; `alive` is False for a row that may be used
+    again; `identity` is never used again, so that an old observation of a row can be told from one of the new landmark
+    there; `next_identity` is the first unused one.
     """
 
     def __init__(self) -> None:
@@ -34,6 +35,7 @@ class Landmarks:
             "patch_half": np.zeros((0, _SIDE, _SIDE), dtype=np.uint8),
             "seen": np.zeros(0, dtype=np.int64),
             "tried": np.zeros(0, dtype=np.int64),
+            "gone_s": np.zeros(0),
             "alive": np.zeros(0, dtype=np.bool_),
             "identity": np.zeros(0, dtype=np.int64),
         }
@@ -50,6 +52,7 @@ class Landmarks:
         self.patch_half: NDArray[np.uint8] = self._fields["patch_half"]
         self.seen: Index = self._fields["seen"]
         self.tried: Index = self._fields["tried"]
+        self.gone_s: Array = self._fields["gone_s"]
         self.alive: NDArray[np.bool_] = self._fields["alive"]
         self.identity: Index = self._fields["identity"]
 
@@ -80,6 +83,7 @@ class Landmarks:
         self.uv[rows], self.plane[rows] = uv, plane
         self.patch_full[rows], self.patch_half[rows] = patch_full, patch_half
         self.seen[rows] = self.tried[rows] = 1
+        self.gone_s[rows] = 0.0
         self.alive[rows] = True
         if identity is None:
             identity = self.next_identity + np.arange(n)

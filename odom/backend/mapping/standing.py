@@ -13,6 +13,7 @@ from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.measurement import measure
 from odom.frontend.features.view import View
 from odom.frontend.matching.look_back import CornerPatches, EarlierView, Sighting, look_back
+from odom.frontend.matching.moving_surfaces import DepthGrid, MovingCells, moving_cells
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
 
@@ -58,27 +59,41 @@ class RecentViews:
         known = np.flatnonzero(measured.values[:, 2] > 0.0)
         patches = CornerPatches.of(view, corners.uv[known], measured.take(known))
         evidence = Evidence.nothing(len(known))
-        for recent in self._before(view.steady_stamp):
-            keyframe = self._map.keyframes[recent.reference]
-            T_recent_map = se3.inverse(recent.T_reference_camera) @ keyframe.T_camera_map
-            earlier = EarlierView(recent.view, T_recent_map @ tracked.T_map_camera, recent.twist)
+        for earlier in self._before(view, tracked):
             evidence = evidence.joined(
-                look_back(patches, earlier, sensor), (view.steady_stamp - recent.view.steady_stamp) * 1e-9
+                look_back(patches, earlier, sensor), (view.steady_stamp - earlier.view.steady_stamp) * 1e-9
             )
         stands = np.zeros(len(corners.uv), dtype=np.bool_)
         stands[known] = standing_corners(patches.position, evidence)
-        return stands
+        moving = self.moving(view, tracked, sensor)
+        if moving is None:
+            return stands
+        if moving.share > TUNING.moving_crowd:
+            stands[known[evidence.weight == 0.0]] = False
+        return stands & ~moving.at(corners.uv, view.depth_mm.shape)
 
-    def _before(self, stamp: SteadyStamp) -> list[_RecentView]:
+    def moving(self, view: View, tracked: Tracked, sensor: SensorModel) -> MovingCells | None:
+        """Return which part of a tracked view moves; None where no view is recent enough to tell."""
+        earlier = self._before(view, tracked)
+        old_enough = earlier[: TUNING.moving_views]
+        return moving_cells(DepthGrid.of(view, sensor, tracked.twist), old_enough, sensor) if earlier else None
+
+    def _before(self, view: View, tracked: Tracked) -> list[EarlierView]:
         """Return the views to look in, spread over the last while; none where even the newest is long ago.
 
         After a wide step, what was not seen well cannot be told from what moved.
         """
+        stamp = view.steady_stamp
         recent = [one for one in self._views if 0.0 < _since_s(one, stamp) <= TUNING.recent_s]
         if not recent or _since_s(recent[-1], stamp) > TUNING.newest_s:
             return []
         chosen = np.linspace(0, len(recent) - 1, min(len(recent), TUNING.recent_views)).round().astype(int)
-        return [recent[i] for i in chosen]
+        return [self._seen_from(recent[i], tracked) for i in chosen]
+
+    def _seen_from(self, recent: _RecentView, tracked: Tracked) -> EarlierView:
+        keyframe = self._map.keyframes[recent.reference]
+        T_recent_map = se3.inverse(recent.T_reference_camera) @ keyframe.T_camera_map
+        return EarlierView(recent.view, T_recent_map @ tracked.T_map_camera, recent.twist)
 
 
 def _since_s(earlier: _RecentView, stamp: SteadyStamp) -> float:

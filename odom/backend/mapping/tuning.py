@@ -43,6 +43,12 @@ class Tuning:
         "landmarks; larger: wide steps are LOST")
     recent_views: int = tuned(4, unit="views", source=_BODIES,
         effect="fewer: corners are missed by chance; more: slower key frames")
+    moving_views: int = tuned(2, unit="views", source=_BODIES,
+        effect="the oldest of them, in which the depth of a whole view is compared; fewer: bodies that come back are "
+        "missed; more: slower")
+    moving_crowd: float = tuned(0.3, unit="share of the view", source=_BODIES,
+        effect="that moves before corners that were never seen before are refused; smaller: the map grows late in "
+        "quick turns; larger: who comes into view becomes a landmark")
     slow_s: float = tuned(0.1, unit="s", source=_BODIES,
         effect="age at which a view counts half; smaller: bodies that just turn round become landmarks; larger: "
         "views of quick turns count for nothing")
@@ -56,6 +62,12 @@ class Tuning:
         effect="fewer: chance decides; more: small bodies are taken for what is around them")
     neighbours_weight: float = tuned(2.0, unit="share of a corner's own", source=_BODIES,
         effect="smaller: chance decides; larger: as judged_neighbours")
+    # presence
+    gone_s: float = tuned(0.3, unit="s", source=_BODIES,
+        effect="a landmark that depth looks through for so long is removed; smaller: landmarks at depth's edges go; "
+        "larger: what was carried away is looked for in vain, and found elsewhere")
+    gone_step_s: float = tuned(0.1, unit="s", source="three looks at least, as `gone_s`",
+        effect="most that one frame counts; smaller: slow streams keep what has left; larger: one bad look counts")
     # mapper
     recalled_at_once: int = tuned(2, unit="key frames", source="some 2 ms each",
         effect="brought back in one frame; fewer: fast walks see landmarks late; more: frames wait for the disk")

@@ -1,6 +1,6 @@
 """One frame on its way to an estimate: predict, track, judge, publish, map; or bridged, LOST, a new segment."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from odom.backend.map.map import Map
 from odom.backend.map.memory import open_map
 from odom.backend.map.saved import SavedMap
 from odom.backend.mapping.mapper import Mapper
+from odom.backend.mapping.presence import note_sightings
+from odom.backend.odometry.judged_frame import JudgedFrame
+from odom.backend.odometry.moving_view import MovingView
 from odom.backend.odometry.published_trajectory import PublishedTrajectory
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.odometry.visibility import Visibility
@@ -30,26 +33,12 @@ from odom.frontend.features.view import View
 from odom.geometry.arrays import Array
 
 
-@dataclass(frozen=True, eq=False)
-class _Judged:
-    """A tracked frame's pose `covariance` (6 x 6), `twist` (6, SI, camera frame), `state` and `reason`.
-
-    `since_previous_s` is the time since the frame before, 0 where the motion since then is not known.
-    """
-
-    tracked: Tracked
-    since_previous_s: float
-    twist: Array
-    covariance: Array
-    state: State
-    reason: str
-
-
 class FrameStages:
     """The stages of every frame, and what one frame hands to the next.
 
     `state` is the newest frame with a pose, None before the first; `sensor` what is known of the camera, with the
-    newest frame's stamp in its clock. The map grows by `mapper`; `published` and `chain` are what goes out.
+    newest frame's stamp in its clock. The map grows by `mapper`; `published` and `chain` are what goes out; `moving`
+    tells what moves in the view.
     """
 
     def __init__(self, sensor: SensorModel, settings: OdometrySettings, saved: SavedMap | None = None) -> None:
@@ -61,6 +50,7 @@ class FrameStages:
         self.published = PublishedTrajectory(self.map)
         self.chain = Chain()
         self._settings = settings
+        self.moving = MovingView()
         self._visibility = Visibility()
 
     def estimate(self, view: View, T_predicted: Array | None, watch: Stopwatch) -> Estimate:
@@ -115,15 +105,14 @@ class FrameStages:
         longest_s = max(TUNING.longest_gap_s, TUNING.longest_gap_periods * self.sensor.clock.period_s)
         return self.state is not None and 0.0 < self.state.since_s(view.steady_stamp) < longest_s
 
-    def _judge(self, view: View, tracked: Tracked, is_recovered: bool) -> _Judged:
+    def _judge(self, view: View, tracked: Tracked, is_recovered: bool) -> JudgedFrame:
         """Learn the noise from a tracked frame; return its motion, and how far its pose may be trusted."""
-        previous, clock, landmarks = self.state, self.sensor.clock, self.map.landmarks
+        previous, clock = self.state, self.sensor.clock
         since_previous_s = 0.0 if is_recovered or previous is None else previous.since_s(view.steady_stamp)
         step = np.zeros(6) if previous is None else previous.step_to(tracked)
         twist = -step / since_previous_s if 0.0 < since_previous_s < TUNING.longest_gap_s else tracked.twist
         self.mapper.inserter.remeasure_newest(twist if since_previous_s else None, self.sensor)
-        landmarks.tried[tracked.expected] += 1
-        landmarks.seen[tracked.inlying.rows] += 1
+        note_sightings(self.map.landmarks, tracked, since_previous_s)
         is_one_period = abs(since_previous_s - clock.period_s) < TUNING.steady_share * clock.period_s
         noise = self.sensor.noise.with_step(step if since_previous_s and is_one_period else None, tracked.information)
         self._visibility = self._visibility.with_tracked(view.stamp, tracked.chi2[tracked.inliers, 1])
@@ -132,10 +121,11 @@ class FrameStages:
             noise = observe_noise(noise, self.map, tracked, view.images.full.shape[1])
         self.sensor = self.sensor.with_noise(noise)
         covariance = tracked.covariance * noise.covariance_scale
-        state, reason = judge_pose(tracked, covariance, is_recovered, lacks_depth)
-        return _Judged(tracked, since_previous_s, twist, covariance, state, reason)
+        self.moving = self.moving.after(view, tracked, self.mapper.inserter.recent, self.sensor)
+        state, reason = judge_pose(tracked, covariance, is_recovered, lacks_depth, self.moving.doubt)
+        return JudgedFrame(tracked, since_previous_s, twist, covariance, state, reason)
 
-    def _advance(self, view: View, judged: _Judged, watch: Stopwatch) -> Estimate:
+    def _advance(self, view: View, judged: JudgedFrame, watch: Stopwatch) -> Estimate:
         """Publish a judged frame, grow the map by it, and make it the newest one."""
         watch.lap("judge")
         published = self._publish(view, judged)
@@ -159,7 +149,7 @@ class FrameStages:
             features=Features(tracked.uv, np.where(tracked.inliers, np.sqrt(tracked.chi2[:, 0]), np.nan)),
         )
 
-    def _publish(self, view: View, judged: _Judged) -> Publication:
+    def _publish(self, view: View, judged: JudgedFrame) -> Publication:
         """Return a judged frame's published pose, carried from its middle row's time to its stamp."""
         tracked = judged.tracked
         reference = self.map.keyframes[tracked.reference]
@@ -169,7 +159,7 @@ class FrameStages:
         since_s, inliers = judged.since_previous_s, tracked.inlier_count
         return self.published.advance(middle, tracked.T_map_camera, judged.covariance, since_s, inliers, self.sensor)
 
-    def _grow_map(self, view: View, judged: _Judged, published: Publication) -> bool:
+    def _grow_map(self, view: View, judged: JudgedFrame, published: Publication) -> bool:
         """Add a frame to the map as far as it is needed, and make it the newest; return whether it is a key frame."""
         tracked, mapper, count = judged.tracked, self.mapper, self.published.frames.count
         if mapper.intermediate.wants(count - 1):
@@ -204,7 +194,8 @@ class FrameStages:
         if features >= TUNING.least_corners:
             reason = "no known place recognised"
             self._visibility = self._visibility.with_search(self.published.since_last_s(view.stamp))
-            is_time = self._is_unproven or self._visibility.searching_s > self._settings.new_segment_s
+            patience = TUNING.patience if self.moving.is_doubtful else 1.0
+            is_time = self._is_unproven or self._visibility.searching_s > patience * self._settings.new_segment_s
             if is_time and not self.map.is_fixed and self.mapper.inserter.could_begin(view, self.sensor):
                 return self._begin_segment(view)
         self.published.lose(view.stamp, self._segment)

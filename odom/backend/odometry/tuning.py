@@ -6,6 +6,8 @@ from odom.geometry.tuning import in_use, tuned
 
 _SWEEP = "trial on TUM fr1_xyz, fr1_rpy and the arena; swept in odom/docs/sensitivity.md"
 
+_BODIES = "bodies painted into fr1_xyz and fr1_rpy, people in the arena, fr1 as it is"
+
 
 # fmt: off
 @dataclass(frozen=True)
@@ -27,6 +29,17 @@ class Tuning:
     new_time_s: float = tuned(1.0, unit="s", source="no stream delays frames by so much",
         effect="a step of the stamps so far back is a new time; smaller: late frames begin one; "
         "larger: loops are refused")
+    moving_period_s: float = tuned(0.1, unit="s", source="a person moves by half a limb's width",
+        effect="smaller: slower; larger: what moves is shown late")
+    moving_most: float = tuned(0.5, unit="share of the view", source="most of it",
+        effect="that moves before the pose is UNCERTAIN; smaller: sure poses are called unsure; larger: the camera is "
+        "taken along unnoticed")
+    moving_little: float = tuned(0.2, unit="share of the view", source=_BODIES,
+        effect="that may move for the pose to be sure again; smaller: UNCERTAIN for longer; larger: wrong poses count "
+        "as sure")
+    patience: float = tuned(5.0, unit="times the time after which a segment begins", source=_BODIES,
+        effect="that a camera looks for known places where most of the view moved; smaller: segments begin on bodies; "
+        "larger: LOST for longer")
     recent: int = tuned(64, unit="frames", source="two seconds at 30 Hz",
         effect="frames among which that of a second ago is searched; fewer: none at high rates; more: memory")
     near_a_second_s: float = tuned(0.075, unit="s", source="two periods at 30 Hz, rounded up",

@@ -2,7 +2,8 @@
 
 Random triples of features each give a pose, which the others then refine (M. Fischler, R. Bolles, CACM 24, 1981;
 O. Chum et al., DAGM 2003). Features vote for the poses they agree with; those that crowd in one part of the image
-share their votes, new landmarks count less than proven ones, and so do poses that would be a jerk.
+share their votes. New landmarks count less than proven ones, and near ones less than far ones: who walks by hides the
+scene, and is not hidden by it. Poses that would be a jerk count less, too.
 """
 
 from dataclasses import dataclass
@@ -57,11 +58,12 @@ class ExpectedPose:
 class FollowedFeatures:
     """n features of a frame: landmarks at `points` (n x 3, m, map frame), seen at `rays` (n x 2) and `uv` (n x 2 px).
 
-    `seen` (n) says in how many frames each landmark was found before, `sigma_px` how exact the rays are, `pixel` how
-    wide a pixel is as a ray.
+    `eye` (3, m, map frame) is about where from. `seen` (n) says in how many frames each landmark was found before,
+    `sigma_px` how exact the rays are, `pixel` how wide a pixel is as a ray.
     """
 
     points: Array
+    eye: Array
     rays: Array
     uv: Array
     seen: Index
@@ -72,18 +74,36 @@ class FollowedFeatures:
         """Return how much each feature counts (n)."""
         _, inverse, count = np.unique(self.uv // TUNING.vote_cell_px @ _KEY, return_inverse=True, return_counts=True)
         proven = np.minimum(1.0, (1.0 + self.seen) / TUNING.proven_frames)
-        return np.asarray(proven / np.sqrt(count[inverse]))
+        away = np.linalg.norm(self.points - self.eye, axis=1)
+        far = np.clip(away / np.median(away), 1.0 / TUNING.far_most, TUNING.far_most)
+        return np.asarray(far * proven / np.sqrt(count[inverse]))
 
     def off_px(self, T_camera_map: Array) -> Array:
         """Return how far each feature is from where a pose puts it (n, px)."""
         points = se3.apply(T_camera_map, self.points)
         return np.asarray(np.linalg.norm(points[:, :2] / points[:, 2:] - self.rays, axis=1) / self.pixel)
 
+    def exact_votes(self, T_camera_map: Array) -> float:
+        """Return the share of the votes of features that lie just where a pose puts them."""
+        votes = self.votes()
+        return float(votes[self.off_px(T_camera_map) < TUNING.exact_px].sum() / votes.sum())
+
 
 def is_contested(outliers: Mask, found: Mask) -> bool:
     """Return whether so many of the features `found` (n) disagree with a pose that another one may be right."""
     most = max(TUNING.contested_least, TUNING.contested_share * np.count_nonzero(found))
     return bool(np.count_nonzero(outliers) >= most)
+
+
+def is_exact(features: FollowedFeatures, T_predicted: Array, T_fitted: Array) -> bool:
+    """Return whether most features lie just where constant velocity puts them, and not where a fit to all does.
+
+    A near thing that starts to move can be explained, roughly, by a camera that shifts and turns against it.
+    """
+    if not len(features.uv):
+        return False
+    exact = features.exact_votes(T_predicted)
+    return exact > max(TUNING.exact_share, TUNING.consensus_gain * features.exact_votes(T_fitted))
 
 
 def consensus(features: FollowedFeatures, T_camera_map: Array, expected: ExpectedPose) -> Array | None:
@@ -109,7 +129,8 @@ def consensus(features: FollowedFeatures, T_camera_map: Array, expected: Expecte
 def warm_up() -> None:
     """Compile what `consensus` needs, or load it: in a still scene it is not called before the first passer-by."""
     points = np.random.default_rng(0).uniform((-1.0, -1.0, 2.0), (1.0, 1.0, 4.0), (9, 3))
-    features = FollowedFeatures(points, points[:, :2] / points[:, 2:], points[:, :2], np.ones(9, np.int64), 1.0, 1e-3)
+    rays = points[:, :2] / points[:, 2:]
+    features = FollowedFeatures(points, np.zeros(3), rays, points[:, :2], np.ones(9, np.int64), 1.0, 1e-3)
     consensus(features, np.eye(4), ExpectedPose.at_unknown_velocity(np.eye(4), 1.0))
 
 

@@ -13,6 +13,7 @@ from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.measurement import Measurements
 from odom.frontend.features.view import View
+from odom.frontend.matching.line_of_sight import LineOfSight
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index, Mask
 
@@ -22,7 +23,8 @@ class Tracked:
     """A frame's pose `T_camera_map` for its middle row, with the information of the fit (6 x 6, camera frame).
 
     `rows` (n) are the landmarks found, at `uv` (n x 2 px), with their `measurements`, `chi2` (n x 2: ray, depth) and
-    `inliers` (n); `expected` are the rows of all that were looked for, `reference` the key frame nearest in pose,
+    `inliers` (n); `expected` are the rows of all that were looked for, `missed` those of them that are no inliers, with
+    the line of `sight` to each, `reference` the key frame nearest in pose,
     `twist` (6, SI, camera frame) the velocity that the measurements were carried with, `velocity` what the rows of the
     image showed of it.
     """
@@ -35,6 +37,8 @@ class Tracked:
     chi2: Array
     inliers: Mask
     expected: Index
+    missed: Index
+    sight: LineOfSight
     reference: int
     twist: Array
     velocity: Velocity
@@ -58,6 +62,11 @@ class Tracked:
     def found_again(self) -> int:
         """How many landmarks were found where the pose predicts them, at the predicted depth where it was measured."""
         return int(np.count_nonzero(self.inliers & (self.chi2[:, 1] < TUNING.inlier_chi2)))
+
+    @property
+    def visible_count(self) -> int:
+        """How many landmarks were looked for, without those hidden by something nearer: half of them at most."""
+        return len(self.expected) - min(int(np.count_nonzero(self.sight.hidden)), len(self.expected) // 2)
 
     @property
     def covariance(self) -> Array:

@@ -20,6 +20,7 @@ from odom.frontend.features.images import FrameImages
 from odom.frontend.features.measurement import Measurements, measure
 from odom.frontend.features.view import View
 from odom.frontend.matching.landmark_search import Candidates, find_landmarks
+from odom.frontend.matching.line_of_sight import LineOfSight
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index
 
@@ -85,7 +86,8 @@ class FrameTracker:
         expected_pose = None if prior is None else prior.expected
         if expected_pose is not None and is_contested(outliers, np.ones_like(outliers)):
             rays, pixel = measured.values[:, :2], 1.0 / sensor.lens.intrinsics[0]
-            features = FollowedFeatures(points, rays, found.uv, L.seen[found.rows], TUNING.found_sigma_px, pixel)
+            eye = se3.inverse(T_start)[:3, 3]
+            features = FollowedFeatures(points, eye, rays, found.uv, L.seen[found.rows], TUNING.found_sigma_px, pixel)
             T = consensus(features, fit.T_camera_map, expected_pose)
             T = fit.T_camera_map if T is None else T
             chi2 = fit_pose(points, covariances, measured.values, measured.covariance, T, iterations=0).chi2[:, 0]
@@ -102,6 +104,8 @@ class FrameTracker:
             )
             twist = velocity.twist
             measured, fit = fitted(twist, fit.T_camera_map)
+        inliers = fit.chi2[:, 0] < TUNING.inlier_chi2
+        missed = np.setdiff1d(found.looked_for, found.rows[inliers])
         return Tracked(
             fit.T_camera_map,
             fit.information,
@@ -109,8 +113,10 @@ class FrameTracker:
             found.uv,
             measured,
             fit.chi2,
-            fit.chi2[:, 0] < TUNING.inlier_chi2,
+            inliers,
             found.looked_for,
+            missed,
+            LineOfSight.to(L.position[missed], L.covariance[missed], fit.T_camera_map, view, sensor),
             int(local[0]),
             twist,
             velocity,

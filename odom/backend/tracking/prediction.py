@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.backend.map.landmarks import Landmarks
-from odom.backend.tracking.consensus import FollowedFeatures, consensus, is_contested
+from odom.backend.tracking.consensus import FollowedFeatures, consensus, is_contested, is_exact
 from odom.backend.tracking.frame_state import FrameState
 from odom.backend.tracking.pose_solver import fit_pose
 from odom.backend.tracking.tuning import TUNING
@@ -31,11 +31,15 @@ def predict_pose(landmarks: Landmarks, state: FrameState, images: FrameImages, s
     T_predicted = state.predicted_after(since_s)
     followed = _follow(landmarks, state, images, T_predicted, lens)
     coarse = followed.fitted(T_predicted, followed.found, _GATES_PX)
+    features = followed.features(landmarks, state.T_map_camera[:3, 3])
+    rival = None
     if is_contested(followed.found & ~coarse.agrees, followed.found):
-        T = consensus(followed.features(landmarks), coarse.T_camera_map, state.expected_after(since_s))
-        if T is not None:
-            members = followed.fitted(T, followed.found, ()).agrees
-            coarse = followed.fitted(T, members, _GATES_PX[-1:])
+        rival = consensus(features, coarse.T_camera_map, state.expected_after(since_s))
+    elif is_exact(features, T_predicted, coarse.T_camera_map):
+        rival = T_predicted
+    if rival is not None:
+        members = followed.fitted(rival, followed.found, ()).agrees
+        coarse = followed.fitted(rival, members, _GATES_PX[-1:])
     return coarse.T_camera_map if np.count_nonzero(coarse.agrees) >= TUNING.followed_least else T_predicted
 
 
@@ -59,11 +63,12 @@ class _Followed:
     found: Mask
     lens: Lens
 
-    def features(self, landmarks: Landmarks) -> FollowedFeatures:
-        """Return the found ones."""
+    def features(self, landmarks: Landmarks, eye: Array) -> FollowedFeatures:
+        """Return the found ones, seen from about `eye` (3, m, map frame)."""
         found = self.found
         return FollowedFeatures(
             self.points[found],
+            eye,
             self.rays[found, :2],
             self.uv[found],
             landmarks.seen[self.rows[found]],

@@ -29,14 +29,16 @@ def is_same_view(tracked: Tracked, previous: Tracked | None) -> bool:
 def is_known_place(tracked: Tracked, must_agree_with_chain: bool = False) -> bool:
     """Return whether a frame shows what its key frames saw; fewer landmarks do where the chain has to agree as well."""
     share = TUNING.share_in_chain if must_agree_with_chain else TUNING.share_without_chain
-    return tracked.found_again >= max(TUNING.found_again, share * len(tracked.expected))
+    return tracked.found_again >= max(TUNING.found_again, share * tracked.visible_count)
 
 
-def judge_pose(tracked: Tracked, covariance: Array, is_recovered: bool, lacks_depth: bool) -> tuple[State, str]:
+def judge_pose(
+    tracked: Tracked, covariance: Array, is_recovered: bool, lacks_depth: bool, doubt: str
+) -> tuple[State, str]:
     """Return the state of a tracked frame, and the reason where it is not TRACKING.
 
     `covariance` (6 x 6, `se3`) is the pose's; `is_recovered`: it was LOST before; `lacks_depth`: no landmark's depth
-    has been measured for a while.
+    has been measured for a while; `doubt`: what else speaks against the pose, empty where nothing does.
     """
     inliers = tracked.inlier_count
     if is_recovered:
@@ -46,6 +48,8 @@ def judge_pose(tracked: Tracked, covariance: Array, is_recovered: bool, lacks_de
     sigma_m, sigma_rad = (float(np.sqrt(np.linalg.eigvalsh(C)[-1])) for C in (covariance[:3, :3], covariance[3:, 3:]))
     if sigma_m > TUNING.unsure_m or sigma_rad > TUNING.unsure_rad:
         return State.UNCERTAIN, f"known to {100.0 * sigma_m:.0f} cm and {np.rad2deg(sigma_rad):.1f} deg only"
+    if doubt:
+        return State.UNCERTAIN, doubt
     if lacks_depth:
         return State.UNCERTAIN, "hardly any depth: tracked by known landmarks alone"
     return State.TRACKING, ""

@@ -54,8 +54,15 @@ class Tuning:
     proven_frames: float = tuned(8.0, unit="frames", source=_BODIES,
         effect="in which a landmark was found until it counts in full; smaller: bodies that start to move are "
         "followed; larger: the camera is held back in new surroundings")
+    far_most: float = tuned(2.0, unit="ratio to the median distance", source=_BODIES,
+        effect="up to which far features count more and near ones less; smaller: near bodies are followed; larger: a "
+        "few far features decide")
     consensus_gain: float = tuned(1.1, unit="ratio of votes", source=_BODIES,
         effect="smaller: poses change for nothing; larger: passers-by are followed")
+    exact_px: float = tuned(0.5, unit="px", source="a box that is snatched from a desk",
+        effect="features so near to a pose lie just there; smaller: blurred views count for nothing; larger: a camera "
+        "that shifts and turns explains a box that moves")
+    exact_share: float = tuned(0.5, unit="share of the votes", source="most of them", effect="as exact_px")
     agrees_px: float = tuned(2.0, unit="px", source=_BODIES,
         effect="features so near win for another pose; smaller: blurred scenes lose; larger: poses change in vain")
     differs_px: float = tuned(3.0, unit="px", source=_BODIES,

@@ -87,21 +87,21 @@ class _Expected:
     variance: Array
 
     @classmethod
-    def of(cls, corners: CornerPatches, earlier: EarlierView, lens: Lens) -> "_Expected":
+    def of(cls, positions: Array, covariances: Array, earlier: EarlierView, lens: Lens) -> "_Expected":
         height, width = earlier.view.images.full.shape
         T, margin = earlier.T_view_corners, TUNING.search_margin_px
-        uvz = project(corners.position, T, lens.intrinsics, lens.distortion, width, height, margin)
+        uvz = project(positions, T, lens.intrinsics, lens.distortion, width, height, margin)
         rows = np.flatnonzero(np.isfinite(uvz[:, 0]))
-        points = se3.apply(T, corners.position[rows])
+        points = se3.apply(T, positions[rows])
         values = np.column_stack([points[:, :2], np.ones(len(rows))]) / points[:, 2:]
         J = values[:, 2:] ** 2 * T[2, :3]
-        return cls(rows, uvz[rows, :2], values, np.einsum("ni,nij,nj->n", J, corners.covariance[rows], J))
+        return cls(rows, uvz[rows, :2], values, np.einsum("ni,nij,nj->n", J, covariances[rows], J))
 
 
 def look_back(corners: CornerPatches, earlier: EarlierView, sensor: SensorModel) -> Sighting:
     """Return what an earlier view says of `corners` (n)."""
     n = len(corners.position)
-    expected = _Expected.of(corners, earlier, sensor.lens)
+    expected = _Expected.of(corners.position, corners.covariance, earlier, sensor.lens)
     visible, stands, moves = (np.zeros(n, dtype=np.bool_) for _ in range(3))
     nearer, gate = _nearer(expected, earlier, sensor)
     visible[expected.rows], moves[expected.rows] = ~(nearer > gate), nearer < -gate
@@ -112,6 +112,19 @@ def look_back(corners: CornerPatches, earlier: EarlierView, sensor: SensorModel)
     stands[rows] = is_there & ~moves[rows]
     moves[rows] |= ~is_there
     return Sighting(visible, stands, moves)
+
+
+def appeared(positions: Array, covariances: Array, earlier: EarlierView, sensor: SensorModel) -> tuple[Mask, Mask]:
+    """Return which of n points an earlier view could have seen (n), and through the places of which it looked (n).
+
+    `positions` (n x 3, m) with `covariances` (n x 3 x 3, m^2) are in the later view's camera. What is seen through
+    was not there then.
+    """
+    visible, is_new = (np.zeros(len(positions), dtype=np.bool_) for _ in range(2))
+    expected = _Expected.of(positions, covariances, earlier, sensor.lens)
+    nearer, gate = _nearer(expected, earlier, sensor)
+    visible[expected.rows], is_new[expected.rows] = np.abs(nearer) <= gate, nearer < -gate
+    return visible | is_new, is_new
 
 
 def _nearer(expected: _Expected, earlier: EarlierView, sensor: SensorModel) -> tuple[Array, Array]:

@@ -1,0 +1,22 @@
+"""A tracked frame with what is thought of its pose, on its way to be published."""
+
+from dataclasses import dataclass
+
+from odom.backend.estimate import State
+from odom.backend.tracking.frame_state import Tracked
+from odom.geometry.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedFrame:
+    """A tracked frame's pose `covariance` (6 x 6), `twist` (6, SI, camera frame), `state` and `reason`.
+
+    `since_previous_s` is the time since the frame before, 0 where the motion since then is not known.
+    """
+
+    tracked: Tracked
+    since_previous_s: float
+    twist: Array
+    covariance: Array
+    state: State
+    reason: str

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from odom.frame import Stamp
 from odom.frame.brief import brief
+from odom.frontend.matching.moving_surfaces import MovingCells
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 
@@ -142,7 +143,8 @@ class Estimate:
     frame) is that of `T_odom_camera` since the segment began. `T_map_odom` holds the corrections by loop closures.
     `step` is the published pose relative to the previous frame's, `second` relative to the one about a second earlier,
     both with the covariance that the published trajectory claims for them; `pairwise` is the paper's independent
-    registration of (C_i, C_i+1), and `chain` the pose that follows from these alone. `path` lists the key frames' poses
+    registration of (C_i, C_i+1), and `chain` the pose that follows from these alone. `moving` says which part of the
+    view moves, as it was last looked at, None where nothing could tell. `path` lists the key frames' poses
     whenever they have changed, else None; `landmarks_map` (m x 3, map frame) is a thinned cloud of landmarks for
     display, sent with it. `timings_ms` is the processing time of each stage.
     """
@@ -165,6 +167,7 @@ class Estimate:
     chain: ChainPose | None = None
     loops: tuple[LoopCandidate, ...] = ()
     features: Features | None = None
+    moving: MovingCells | None = None
     path: tuple[TrajectoryPose, ...] | None = None
     landmarks_map: Array | None = None
     timings_ms: Mapping[str, float] = field(default_factory=dict)

@@ -6,6 +6,7 @@ import numpy as np
 
 from odom.backend import ChainPose, ClosedChain, Estimate, LoopCandidate
 from odom.frame import Camera, RgbdFrame, Stamp
+from odom.frontend.matching.moving_surfaces import MovingCells
 from odom.geometry import se3
 from odom.viewer.keyframe_clouds import back_project
 from odom.wire import Message, Topics, codec
@@ -68,6 +69,25 @@ def feature_message(topics: Topics, estimate: Estimate) -> Message | None:
     return codec.encode_points(topics.features, estimate.stamp, points, topics.frame_camera, fields)
 
 
+def status_values(estimate: Estimate) -> dict[str, str]:
+    """Return what a status says of the newest frame, beside its state."""
+    moving = "" if estimate.moving is None else f"{100.0 * estimate.moving.share:.0f}"
+    return {
+        "segment": str(estimate.segment),
+        "inliers": str(estimate.inliers),
+        "matches": str(estimate.matches),
+        "moving_percent": moving,
+    }
+
+
+def moving_message(topics: Topics, stamp: Stamp, moving: MovingCells) -> Message:
+    """Return the squares of the image that move."""
+    side_px = np.array(moving.image_shape) / moving.mask.shape
+    v, u = ((np.argwhere(moving.mask) + 0.5) * side_px - 0.5).T
+    points = np.column_stack([u, v, np.full(len(u), side_px.max())])
+    return codec.encode_points(topics.moving, stamp, points, topics.frame_camera, ("u", "v", "side_px"))
+
+
 def landmark_message(topics: Topics, estimate: Estimate) -> Message | None:
     """Return the landmarks of the map, None when the estimate does not bring them."""
     if estimate.landmarks_map is None:
@@ -75,10 +95,15 @@ def landmark_message(topics: Topics, estimate: Estimate) -> Message | None:
     return codec.encode_points(topics.landmarks, estimate.stamp, estimate.landmarks_map, topics.frame_map)
 
 
-def keyframe_message(topics: Topics, frame: RgbdFrame, camera: Camera, color: Message, points: int) -> Message:
+def keyframe_message(
+    topics: Topics, frame: RgbdFrame, camera: Camera, color: Message, points: int, moving: MovingCells | None = None
+) -> Message:
     """Return the cloud of a key frame, at most about `points`, with the colours of its image message `color`.
 
-    Raises WireError when the image cannot be decoded.
+    What moves is left out. Raises WireError when the image cannot be decoded.
     """
-    cloud = back_project(camera, codec.decode_color_small(color, _COLOR_WIDTH), frame.depth_mm, points)
+    depth_mm = frame.depth_mm
+    if moving is not None and moving.mask.any():
+        depth_mm = np.where(moving.over_image(), np.uint16(0), depth_mm)
+    cloud = back_project(camera, codec.decode_color_small(color, _COLOR_WIDTH), depth_mm, points)
     return codec.encode_cloud(topics.keyframes, frame.stamp, cloud.points, cloud.colors, topics.frame_camera)

@@ -5,11 +5,13 @@ from collections.abc import Callable, Collection, Mapping
 
 from odom.backend import ClosedChain, Estimate, LoopCandidate, State
 from odom.frame import Stamp
+from odom.frontend.matching.moving_surfaces import MovingCells
 from odom.service.estimate_messages import (
     closed_chain_message,
     feature_message,
     landmark_message,
     loop_messages,
+    moving_message,
     pose_messages,
 )
 from odom.service.history import History
@@ -40,6 +42,7 @@ class EstimatePublisher:
         self._publisher = session.publisher(urgent=True, mirror=mirror)
         self._bulky = session.publisher(mirror=mirror)
         self._state: State | None = None
+        self._moving: MovingCells | None = None
         self._status_due = 0.0
         self._features_due = 0.0
         self._map_due = 0.0
@@ -75,6 +78,7 @@ class EstimatePublisher:
         if now >= self._features_due and (features := feature_message(self._topics, estimate)) is not None:
             self._features_due = now + self._settings.features_period_s
             self._publisher.put(features)
+        self._publish_moving(estimate)
         for message in (*self._paths.messages(estimate), landmark_message(self._topics, estimate)):
             if message is not None:
                 self._map.pop(message.topic, None)  # to the end: in the order in which they belong together
@@ -82,6 +86,15 @@ class EstimatePublisher:
         if self._map and now >= self._map_due:
             self.flush()
             self._map_due = now + self._settings.map_period_s
+
+    def _publish_moving(self, estimate: Estimate) -> None:
+        """Publish what moves whenever that was looked at again, and once more when nothing does any longer."""
+        moving = estimate.moving
+        if moving is None or moving is self._moving:
+            return
+        was_shown, self._moving = self._moving is not None and self._moving.mask.any(), moving
+        if was_shown or moving.mask.any():
+            self._publisher.put(moving_message(self._topics, estimate.stamp, moving))
 
     def keyframe(self, cloud: Callable[[], Message]) -> None:
         """Publish the cloud of a key frame, which is only computed if it is one of those that are shown."""

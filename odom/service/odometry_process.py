@@ -10,7 +10,7 @@ from odom.errors import OdomError, WireError
 from odom.frame import Camera
 from odom.service.arrival_queue import Arrival, CameraArrival, ColorArrival, EndArrival, FrameArrival, TruthArrival
 from odom.service.closing_fields import closing_fields
-from odom.service.estimate_messages import keyframe_message
+from odom.service.estimate_messages import keyframe_message, status_values
 from odom.service.estimate_publisher import EstimatePublisher
 from odom.service.frame_receiver import FrameReceiver
 from odom.service.map_keeper import MapKeeper
@@ -189,10 +189,12 @@ class OdometryProcess:
         color = arrival.color
         if color is None or self._odometry is None:
             return
-        camera = self._odometry.camera
-        points = self._settings.service.keyframe_points
+        camera, points = self._odometry.camera, self._settings.service.keyframe_points
+        moving = None if self._last is None else self._last.moving
         try:
-            self._publisher.keyframe(lambda: keyframe_message(self._topics, arrival.frame, camera, color, points))
+            self._publisher.keyframe(
+                lambda: keyframe_message(self._topics, arrival.frame, camera, color, points, moving)
+            )
         except WireError as error:
             _LOG.warning("frame %d: no cloud of this key frame: %s", arrival.frame.sequence, error)
 
@@ -212,8 +214,7 @@ class OdometryProcess:
         silent = f"no frame for {time.monotonic() - self._last_at:.1f} s"
         reason = last.reason if last is not None and state is last.state else silent
         values = {"state": state.value if state is not None else "WAITING", "reason": reason}
-        if last is not None:
-            values |= {"segment": str(last.segment), "inliers": str(last.inliers), "matches": str(last.matches)}
+        values |= {} if last is None else status_values(last)
         self._publisher.status(state, reason, values | self._neighbours.status() | self.statistics.status())
 
     def _update_counts(self) -> None:

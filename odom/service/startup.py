@@ -13,6 +13,7 @@ from odom.backend import Odometry, OdometrySettings
 from odom.backend.map.pose_graph import Edge, optimise
 from odom.backend.tracking import consensus
 from odom.frame import Camera, RgbdFrame, Stamp
+from odom.frontend.matching import moving_surfaces
 from odom.registration import gated_registration as registration
 from odom.service.estimate_messages import feature_message, keyframe_message, landmark_message, pose_messages
 from odom.service.path_topics import PathTopics
@@ -64,6 +65,7 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
     odometry.finish()
     registration.warm_up()
     consensus.warm_up()
+    moving_surfaces.warm_up()
     codec.encode_status(topics.status, codec.Status(stamp, "", 0, "", RunStatistics().status()))
     still = np.eye(4)
     optimise({0: still, 1: still}, [0], [Edge(0, 1, still, np.eye(6))])

@@ -19,6 +19,8 @@ the last frame's value: less flickers, more lags behind (0.9: a third of a secon
 _PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
 _FRUSTUM_M = 0.2
 """Depth of the camera's pyramid in the map before the size of the scene is known."""
+_STROKES = np.array([[[-0.5, 0.0], [0.0, -0.5]], [[-0.5, 0.5], [0.5, -0.5]], [[0.0, 0.5], [0.5, 0.0]]])
+"""Ends of the strokes that hatch a square (3 x 2 x 2), in its sides from its middle."""
 _HALF = 2
 """Depth is shown at half its resolution: a quarter of the bytes to the browser, and still finer than its panel."""
 
@@ -90,6 +92,15 @@ class CameraImages:
             raise WireError(f"{message.topic}: features need the fields u, v, residual_sigma")
         colors = palette.residual_colors(values[:, 2])
         yield update(entities.FEATURES, message.stamp, rr.Points2D(values[:, :2] + 0.5, colors=colors, radii=-2.2))
+
+    def moving(self, message: Message) -> Iterator[EntityUpdate]:
+        """Yield a hatching over the parts of the image that move."""
+        values = codec.decode_points(message)
+        if values.shape[1] < 3:
+            raise WireError(f"{message.topic}: what moves needs the fields u, v, side_px")
+        strokes = values[:, None, None, :2] + 0.5 + values[:, None, None, 2:3] * _STROKES
+        hatching = rr.LineStrips2D(strokes.reshape(-1, 2, 2), colors=palette.MOVING, radii=-0.6)
+        yield update(entities.MOVING, message.stamp, hatching)
 
 
 def _pinhole(camera: Camera, reduction: int, color: palette.Rgb, depth_m: float) -> rr.Pinhole:

@@ -51,6 +51,7 @@ class Scene:
             topics.depth: lambda message: self._images.depth(message),
             topics.depth_compressed: lambda message: self._images.depth(message),
             topics.features: lambda message: self._images.features(message),
+            topics.moving: lambda message: self._images.moving(message),
             topics.landmarks: self._landmarks,
             topics.keyframes: self._keyframe,
             topics.odom: self._odometry,

@@ -86,8 +86,8 @@ class Viewer:
         self._repeat_due = time.monotonic() + _REPEAT_S
         t = self.topics
         small = (t.camera_info, t.odom, t.pose, t.path, t.loops, t.status, t.features, t.landmarks, t.keyframes, t.end)
-        ways = (f"{t.path}/*", t.chain, t.chain_closed, TRUTH)
-        self._small = self.session.subscriber((*small, *ways), depth=_SMALL_WAITING)
+        more = (f"{t.path}/*", t.chain, t.chain_closed, t.moving, TRUTH)
+        self._small = self.session.subscriber((*small, *more), depth=_SMALL_WAITING)
         self._images = self.session.subscriber((t.color, t.color_compressed, t.depth, t.depth_compressed), depth=1)
 
     def start(self) -> None:

@@ -124,6 +124,7 @@ def grants(identity: str) -> Grants:
         "status",
         "loops",
         "features",
+        "moving",
         "landmarks",
         "keyframes",
         "ack/odometry",

@@ -98,6 +98,8 @@ class Topics:
     """One message for each loop candidate."""
     features = _Key("features", "sensor_msgs/msg/PointCloud2")
     """For display: tracked features of the frame (u, v, residual_sigma)."""
+    moving = _Key("moving", "sensor_msgs/msg/PointCloud2")
+    """For display: the squares of the colour image that move (u, v, side_px: middle and side of each)."""
     landmarks = _Key("landmarks", "sensor_msgs/msg/PointCloud2")
     """For display: the sparse map (x, y, z in `map`)."""
     keyframes = _Key("keyframes", "sensor_msgs/msg/PointCloud2")

@@ -53,9 +53,9 @@ def test_what_was_uncovered_does_not_move() -> None:
 
 
 def test_places_are_looked_up_in_cells_up_to_the_images_border() -> None:
-    cells = MovingCells(np.array([[True, False], [False, False]]), 0.25)
+    cells = MovingCells(np.array([[True, False], [False, False]]), 0.25, (100, 200))
     uv = np.array([[0.0, 0.0], [99.9, 49.9], [100.0, 50.0], [199.0, 99.0], [-1.0, -1.0], [250.0, 10.0]])
-    assert cells.at(uv, (100, 200)).tolist() == [True, True, False, False, True, False]
+    assert cells.at(uv).tolist() == [True, True, False, False, True, False]
 
 
 def test_without_depth_nothing_is_said_to_move() -> None:

@@ -12,7 +12,9 @@ from made_up_device import BEGIN, PERIOD_NS, T_WORLD_MAP, MadeUp, messages, true
 
 from odom.errors import WireError
 from odom.frame import Camera, Stamp
+from odom.frontend.matching.moving_surfaces import MovingCells
 from odom.geometry import se3
+from odom.service.estimate_messages import moving_message
 from odom.viewer import ViewerSettings, entities, palette
 from odom.viewer.entities import EntityUpdate
 from odom.viewer.keyframe_clouds import KeyframeClouds, back_project
@@ -273,7 +275,7 @@ def test_going_back_in_time_begins_a_new_run() -> None:
 
 @given(
     data=st.binary(max_size=200),
-    which=st.sampled_from(["odom", "color", "status", "path", "features", "keyframes", "camera_info"]),
+    which=st.sampled_from(["odom", "color", "status", "path", "features", "moving", "keyframes", "camera_info"]),
 )
 def test_malformed_messages_raise_only_wire_errors_and_spoil_nothing(data: bytes, which: str) -> None:
     topic, kind = {
@@ -282,6 +284,7 @@ def test_malformed_messages_raise_only_wire_errors_and_spoil_nothing(data: bytes
         "status": (TOPICS.status, "diagnostic_msgs/msg/DiagnosticArray"),
         "path": (TOPICS.path, "nav_msgs/msg/Path"),
         "features": (TOPICS.features, "sensor_msgs/msg/PointCloud2"),
+        "moving": (TOPICS.moving, "sensor_msgs/msg/PointCloud2"),
         "keyframes": (TOPICS.keyframes, "sensor_msgs/msg/PointCloud2"),
         "camera_info": (TOPICS.camera_info, "sensor_msgs/msg/CameraInfo"),
     }[which]
@@ -289,6 +292,21 @@ def test_malformed_messages_raise_only_wire_errors_and_spoil_nothing(data: bytes
     with suppress(WireError):
         list(scene.handle(Message(topic, kind, Stamp(0), b"\0\1\0\0" + data)))
     assert _play(scene, MadeUp(frames=2, images=False))
+
+
+def test_what_moves_is_hatched_in_the_image_until_nothing_does() -> None:
+    scene = _scene()
+    mask = np.zeros((15, 20), bool)
+    mask[3:5, 7] = True
+    for moves, squares in ((mask, 2), (np.zeros_like(mask), 0)):
+        message = moving_message(TOPICS, Stamp(1), MovingCells(moves, float(moves.mean()), (480, 640)))
+        (hatching,) = scene.handle(message)
+        strokes = _batch(hatching, "strips")
+        assert len(strokes) == 3 * squares
+        if squares:
+            ends = np.array(strokes)
+            assert ends.min(axis=(0, 1)).tolist() == [7 * 32, 3 * 32]
+            assert ends.max(axis=(0, 1)).tolist() == [8 * 32, 5 * 32]
 
 
 def test_residual_colours_tell_small_large_and_unused_apart() -> None:

@@ -70,7 +70,7 @@ class RecentViews:
             return stands
         if moving.share > TUNING.moving_crowd:
             stands[known[evidence.weight == 0.0]] = False
-        return stands & ~moving.at(corners.uv, view.depth_mm.shape)
+        return stands & ~moving.at(corners.uv)
 
     def moving(self, view: View, tracked: Tracked, sensor: SensorModel) -> MovingCells | None:
         """Return which part of a tracked view moves; None where no view is recent enough to tell."""

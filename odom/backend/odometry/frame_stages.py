@@ -147,6 +147,7 @@ class FrameStages:
             pairwise=self.chain.link,
             chain=chained,
             features=Features(tracked.uv, np.where(tracked.inliers, np.sqrt(tracked.chi2[:, 0]), np.nan)),
+            moving=self.moving.cells,
         )
 
     def _publish(self, view: View, judged: JudgedFrame) -> Publication:

@@ -20,12 +20,13 @@ from odom.geometry.arrays import Array, Index, Mask
 
 @dataclass(frozen=True, eq=False)
 class DepthGrid:
-    """A view's depth at the middles of square cells, row by row; `shape` counts (rows, columns).
+    """A view's depth at the middles of square cells, row by row; `shape` counts (rows, columns), as `image_shape`.
 
     `uv` (n x 2 px) are the middles, `measured` (n) what was measured there (NaN: no depth, or an edge of it).
     """
 
     shape: tuple[int, int]
+    image_shape: tuple[int, int]
     uv: Array
     measured: Measurements
 
@@ -36,7 +37,7 @@ class DepthGrid:
         rows, columns = (max(1, side // TUNING.moving_cell_px) for side in (height, width))
         v, u = ((np.arange(n) + 0.5) * side / n for n, side in ((rows, height), (columns, width)))
         uv = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-        return cls((rows, columns), uv, measure(view, sensor, uv, np.zeros((len(uv), 3)), twist))
+        return cls((rows, columns), (height, width), uv, measure(view, sensor, uv, np.zeros((len(uv), 3)), twist))
 
     @cached_property
     def known(self) -> Index:
@@ -63,16 +64,27 @@ class DepthGrid:
 
 @dataclass(frozen=True, eq=False)
 class MovingCells:
-    """Which cells of a coarse grid over the image move: `mask` (rows x columns); `share` of those with depth do."""
+    """Which cells of a coarse grid over an image of `image_shape` (rows, columns) move: `mask` (rows x columns).
+
+    `share` of the cells with depth do.
+    """
 
     mask: Mask
     share: float
+    image_shape: tuple[int, int]
 
-    def at(self, uv: Array, image_shape: tuple[int, int]) -> Mask:
-        """Return which of n places (n x 2 px) in an image of `image_shape` (rows, columns) lie in a cell that moves."""
-        cell = (uv[:, ::-1] * np.array(self.mask.shape) / np.array(image_shape)).astype(int)
+    def at(self, uv: Array) -> Mask:
+        """Return which of n places in the image (n x 2 px) lie in a cell that moves."""
+        cell = (uv[:, ::-1] * np.array(self.mask.shape) / np.array(self.image_shape)).astype(int)
         row, column = np.clip(cell, 0, np.array(self.mask.shape) - 1).T
         return np.asarray(self.mask[row, column])
+
+    def over_image(self) -> Mask:
+        """Return the mask of the image's pixels."""
+        import cv2
+
+        size = self.image_shape[1], self.image_shape[0]
+        return np.asarray(cv2.resize(self.mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0)
 
 
 def moving_cells(grid: DepthGrid, earlier: list[EarlierView], sensor: SensorModel) -> MovingCells:
@@ -93,7 +105,13 @@ def moving_cells(grid: DepthGrid, earlier: list[EarlierView], sensor: SensorMode
         moves = is_body[label]
         moves[~np.isin(np.arange(len(moves)), known)] = False
     share = np.count_nonzero(moves) / max(1, len(known))
-    return MovingCells(_closed(moves.reshape(grid.shape)), share)
+    return MovingCells(_closed(moves.reshape(grid.shape)), share, grid.image_shape)
+
+
+def warm_up() -> None:
+    """Import what is needed as soon as something moves, before the first frame."""
+    measured = Measurements(np.ones((4, 3)), np.zeros((4, 3, 3)), np.ones((4, 4)), np.zeros((4, 2)))
+    _closed(DepthGrid((2, 2), (64, 64), np.zeros((4, 2)), measured).surfaces().reshape(2, 2) > 0)
 
 
 def _closed(mask: Mask) -> Mask:

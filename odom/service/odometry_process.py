@@ -8,6 +8,7 @@ from collections.abc import Callable
 from odom.backend import Estimate, Odometry, State
 from odom.errors import OdomError, WireError
 from odom.frame import Camera
+from odom.frontend.matching.moving_surfaces import MovingCells
 from odom.service.arrival_queue import Arrival, CameraArrival, ColorArrival, EndArrival, FrameArrival, TruthArrival
 from odom.service.closing_fields import closing_fields
 from odom.service.estimate_messages import keyframe_message, status_values
@@ -181,22 +182,19 @@ class OdometryProcess:
         self._is_live = origin is not None
         self._publisher.pictures(estimate)
         if estimate.is_keyframe:
-            self._show_keyframe(arrival)
+            self._show_keyframe(arrival, estimate.moving)
         if self._publisher.status_is_due(self._state):
             self._publish_status()
 
-    def _show_keyframe(self, arrival: FrameArrival) -> None:
-        color = arrival.color
+    def _show_keyframe(self, arrival: FrameArrival, moving: MovingCells | None) -> None:
+        color, frame = arrival.color, arrival.frame
         if color is None or self._odometry is None:
             return
         camera, points = self._odometry.camera, self._settings.service.keyframe_points
-        moving = None if self._last is None else self._last.moving
         try:
-            self._publisher.keyframe(
-                lambda: keyframe_message(self._topics, arrival.frame, camera, color, points, moving)
-            )
+            self._publisher.keyframe(lambda: keyframe_message(self._topics, frame, camera, color, points, moving))
         except WireError as error:
-            _LOG.warning("frame %d: no cloud of this key frame: %s", arrival.frame.sequence, error)
+            _LOG.warning("frame %d: no cloud of this key frame: %s", frame.sequence, error)
 
     @property
     def _state(self) -> State | None:

@@ -8,11 +8,13 @@ import numpy as np
 
 from odom.errors import ConfigError, MapError
 from odom.frame import Camera
+from odom.frame.depth_model import DepthModel
 from odom.frontend.camera.lens import Lens
 from odom.map_file.arrays import checked, unchecked
 
 _SAME_PX = 1.0
-"""Two calibrations are of one camera where no pixel's ray differs by more: patches of one are found with the other."""
+"""Two calibrations are of one camera where no pixel's ray differs by more: patches of one are found with the other. How
+depth errs may differ: landmarks are where they are."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +35,9 @@ class Session:
         inside = unchecked(content)
         try:
             values: dict[str, Any] = json.loads(inside)
-            return cls(int(values["number"]), str(values["begun"]), Camera(**values["camera"]))
-        except (ValueError, KeyError, TypeError, ConfigError) as error:
+            depth = DepthModel(**values["camera"].pop("depth", {}))
+            return cls(int(values["number"]), str(values["begun"]), Camera(**values["camera"], depth=depth))
+        except (ValueError, KeyError, TypeError, AttributeError, ConfigError) as error:
             raise MapError(f"a session cannot be read: {error}") from error
 
 

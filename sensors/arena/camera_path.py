@@ -20,6 +20,8 @@ LAP_S = KEY_POSES * FRAMES_PER_KEY_POSE / RATE_HZ
 """Seconds of a lap of the infinity."""
 JOINED_AT_S = LAP_S + 0.5 / RATE_HZ
 """When the walk through two rooms changes from one to the other, seconds: between two frames."""
+LATER_VISIT_S = 11.0
+"""So much later on the lap each visit to a room begins."""
 
 
 class Walk(Hashable, Protocol):
@@ -70,6 +72,7 @@ class Infinity:
     half_length_m: float = 1.75
     half_width_m: float = 0.8
     height_m: float = 1.28
+    begun_s: float = 0.0
 
     @cached_property
     def _shake(self) -> Shake:
@@ -92,7 +95,7 @@ class Infinity:
 
     def T_world_camera(self, t: float) -> Array:
         """See Walk."""
-        turn = 2 * np.pi * t / LAP_S
+        turn = 2 * np.pi * (t + self.begun_s) / LAP_S
         x, y, heading = (self._course * np.exp(1j * turn * np.arange(HARMONICS))).real.sum(axis=1)
         shake = self._shake(t)
         heading += 0.1 * np.sin(2 * turn + 0.4) + shake[3]
@@ -155,11 +158,16 @@ class Joined:
 @lru_cache(maxsize=4)
 def make_walk(options: ArenaOptions) -> Walk:
     """Return the path that the options name."""
-    infinity = Infinity(options.seed)
+    infinity = Infinity(options.seed) if not options.visit else _another_lap(options)
     if options.walk == "rest":
         return Rest(infinity.T_world_camera(2.0))
     if options.walk == "corridor":
-        return Corridor(options.seed)
+        return Corridor(options.own_seed)
     if options.walk == "joined":
         return Joined(infinity, Infinity(options.seed + 1), JOINED_AT_S)
     return infinity
+
+
+def _another_lap(options: ArenaOptions) -> Infinity:
+    """Return the lap of a later visit: a little narrower and higher than the first one's, begun elsewhere."""
+    return Infinity(options.own_seed, 1.6, 0.72, 1.36, LATER_VISIT_S * options.visit % LAP_S)

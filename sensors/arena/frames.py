@@ -54,8 +54,8 @@ class ArenaFrame:
 
 
 @lru_cache(maxsize=2)
-def _scene(name: str, seed: int, people: int = 0) -> Renderer:
-    return rooms.corridor(seed) if name == "corridor" else rooms.laboratory(seed, people)
+def _scene(name: str, seed: int, people: int = 0, is_later: bool = False) -> Renderer:
+    return rooms.corridor(seed) if name == "corridor" else rooms.laboratory(seed, people, is_later)
 
 
 @lru_cache(maxsize=2)
@@ -67,12 +67,12 @@ def prepare(options: ArenaOptions) -> None:
     """Furnish and light the rooms of a session, and compile what draws them, now instead of at its first frame."""
     frame(replace(options, blackout=""), 0)
     if options.walk == "joined":
-        _scene("laboratory", options.seed + 1, options.people)
+        _scene("laboratory", options.seed + 1, options.people, options.visit > 0)
 
 
 def color_time(options: ArenaOptions, index: int) -> float:
     """Return when colour frame `index` is stamped, seconds since the first: when its last row was read."""
-    jitter = frame_random(options.seed, index, 11).normal(0, STAMP_JITTER_S) if options.faults and index else 0.0
+    jitter = frame_random(options.own_seed, index, 11).normal(0, STAMP_JITTER_S) if options.faults and index else 0.0
     return index / RATE_HZ + float(np.clip(jitter, -MOST_STAMP_JITTER_S, MOST_STAMP_JITTER_S))
 
 
@@ -81,7 +81,7 @@ def depth_time(options: ArenaOptions, index: int) -> float:
     t = index / RATE_HZ
     if not options.faults:
         return t
-    phase = float(np.random.default_rng([options.seed, 12]).uniform(0, 2 * np.pi))
+    phase = float(np.random.default_rng([options.own_seed, 12]).uniform(0, 2 * np.pi))
     swing = float(np.sin(2 * np.pi * t / DEPTH_DELAY_PERIOD_S + phase))
     return t + MEAN_DEPTH_DELAY_S + DEPTH_DELAY_SWING_S * swing
 
@@ -114,8 +114,9 @@ def frame(options: ArenaOptions, index: int) -> ArenaFrame:
 def _place(options: ArenaOptions, walk: Walk, t: float) -> tuple[Renderer, Walk, float]:
     """Return the scene that is seen at `t`, and the walk and time in the scene's own world."""
     if isinstance(walk, Joined) and t >= walk.change_s:
-        return _scene("laboratory", options.seed + 1, options.people), walk.second, t - walk.change_s
-    scene = _scene("corridor" if options.walk == "corridor" else "laboratory", options.seed, options.people)
+        return _scene("laboratory", options.seed + 1, options.people, options.visit > 0), walk.second, t - walk.change_s
+    name = "corridor" if options.walk == "corridor" else "laboratory"
+    scene = _scene(name, options.seed, options.people, options.visit > 0)
     return scene, walk.first if isinstance(walk, Joined) else walk, t
 
 
@@ -129,7 +130,7 @@ def _color(options: ArenaOptions, walk: Walk, index: int, t: float, dark: bool) 
     if not options.faults:
         return unpack(light)
     gain = exposure_gain(scene, walk, options.frames / RATE_HZ, t, options.seed)
-    return picture(light, gain, _tiles(options.seed), frame_random(options.seed, index, 13))
+    return picture(light, gain, _tiles(options.seed), frame_random(options.own_seed, index, 13))
 
 
 def _light(options: ArenaOptions, scene: Renderer, walk: Walk, t: float) -> Light:
@@ -190,7 +191,7 @@ def _depth(options: ArenaOptions, walk: Walk, index: int, t: float, dark: bool) 
     sensor = kinect1 if options.sensor == "kinect1" else kinect2
     infrared, K = sensor.INFRARED, intrinsics(sensor.INFRARED)
     T_infrared_world = inverse(walk.T_world_camera(t) @ sensor.T_COLOR_INFRARED)
-    rng = frame_random(options.seed, index, 14)
+    rng = frame_random(options.own_seed, index, 14)
     seen = scene.depth(T_infrared_world, K, sensor.SHAPE, t)
     if not options.faults:
         w = seen.inverse_depth

@@ -66,9 +66,9 @@ def _hidden(seed: int, t: float) -> bool:
 def mocap_pose(options: ArenaOptions, index: int) -> MocapPose | None:
     """Return pose `index` of the 120 a second, None when the markers were not seen."""
     t = index / RATE_HZ
-    rng = frame_random(options.seed, index, 24)
+    rng = frame_random(options.own_seed, index, 24)
     jitter = rng.standard_normal(7)
-    if rng.random() < MISSING or _hidden(options.seed, t):
+    if rng.random() < MISSING or _hidden(options.own_seed, t):
         return None
     wrong = exp(np.concatenate([POSITION_M * jitter[:3], ROTATION_RAD * jitter[3:6]]))
     T = T_mocap_world(options.seed) @ make_walk(options).T_world_camera(t) @ T_camera_marker(options) @ wrong

@@ -40,6 +40,8 @@ class ArenaOptions:
     `faults=False` gives perfect images. `blackout` names what is missing (`frames`, `color`, `depth`) from
     `blackout_start_s` for `blackout_s`. `distortion` bends the colour lens. `mocap_offset_s` is the motion capture's
     clock minus the camera's; `marker_m` and `marker_deg` are how far the marker `body` is from the camera.
+    `visit` counts the sessions in the rooms of one seed: each has noise and steps of its own, begins elsewhere on the
+    lap, and after the first one four things in the laboratory have moved and its lamps are dimmer.
     `people` (0 to 4) walk about, sit down, carry a carton: in the laboratory, not in the corridor.
     `exact_truth` adds the camera's own exact pose. `start` is the first stamp (nanoseconds).
 
@@ -50,6 +52,7 @@ class ArenaOptions:
     """
 
     seed: Annotated[int, Field(ge=0)] = 1
+    visit: Annotated[int, Field(ge=0, le=1000)] = 0
     sensor: Literal["kinect1", "kinect2"] = "kinect1"
     walk: Literal["infinity", "rest", "corridor", "joined"] = "infinity"
     laps: Count = 1
@@ -86,6 +89,11 @@ class ArenaOptions:
     def from_texts(cls, texts: dict[str, str]) -> Self:
         """Return options from texts, as a command line gives them. Raises ConfigError for what does not fit."""
         return read_options("arena", cls, texts)
+
+    @property
+    def own_seed(self) -> int:
+        """The seed of what two visits to the same rooms do not share."""
+        return self.seed if not self.visit else self.seed + 1_000_003 * self.visit
 
     @property
     def camera(self) -> Camera:

@@ -16,15 +16,22 @@ from sensors.arena.scene_file import SceneBuilder
 
 BAY_M = 3.2
 """Length of one of the corridor's rooms, metres: that of its walls and floor; shorter, its furniture overlaps."""
+LATER_LIGHT = 0.6
+"""Share of their first light that the lamps have on a later visit."""
 BAYS = 9
 """Rooms of the corridor: the default walk of 60 s passes six of them."""
 
 
-def laboratory(seed: int, people: int = 0) -> Renderer:
-    """Return the room of the default walk, its middle at the origin, z up, and so many people in it."""
+def laboratory(seed: int, people: int = 0, is_later: bool = False) -> Renderer:
+    """Return the room of the default walk, its middle at the origin, z up, and so many people in it.
+
+    On a later visit four things have moved, and the lamps are dimmer.
+    """
     builder = SceneBuilder(np.random.default_rng([seed, 1]))
-    builder.add("laboratory", np.eye(4))
+    builder.add("laboratory", np.eye(4), moved=1.0 if is_later else 0.0)
     scene, lamps = builder.scene, join(builder.scene.lamps)
+    if is_later:
+        lamps = lamps._replace(power=lamps.power * LATER_LIGHT)
     if not people:
         return draw([scene.panels], bake(scene.panels, [], lamps, seed))
     panels = scene.panels + seats(seed)

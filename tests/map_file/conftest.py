@@ -5,10 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from painted_room import PaintedRoom, stroll
-from walks import shown, walk
-
-ROOM = PaintedRoom()
+from painted_room import stroll
+from walks import ROOM, shown, walk
 
 
 @pytest.fixture(scope="session")

@@ -12,6 +12,10 @@ from odom.geometry import se3
 from odom.geometry.arrays import Array
 from odom.map_file.map_file import MapFile
 
+ROOM = PaintedRoom()
+HOUR = 3600 * 1_000_000_000 // PERIOD
+"""Frames between two sessions."""
+
 
 def shown(poses: Iterable[Array], room: PaintedRoom, first: int = 0) -> list[RgbdFrame]:
     """Frames of a camera at `poses` (T_room_camera), every period, from number `first` on."""
@@ -48,7 +52,3 @@ def away(T: Array, T_truth: Array) -> tuple[float, float]:
     """How far two poses are apart, in metres and radians."""
     xi = se3.log(se3.inverse(T_truth) @ T)
     return float(np.linalg.norm(xi[:3])), float(np.linalg.norm(xi[3:]))
-
-
-HOUR = 3600 * 1_000_000_000 // PERIOD
-"""Frames between two sessions."""

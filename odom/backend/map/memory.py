@@ -12,14 +12,12 @@ import numpy as np
 from odom.backend.map.journal import Journal
 from odom.backend.map.keyframe import Keyframe
 from odom.backend.map.map import Map
+from odom.backend.map.pose_covariance import independent_covariance
 from odom.backend.map.saved import MapChanges, SavedDetails, SavedKeyframe, SavedLandmarks, SavedMap
 from odom.backend.map.tuning import TUNING
 from odom.frontend.features.place_descriptor import Place
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index
-
-_CERTAIN = np.zeros((6, 6))
-"""Covariance of what does not move any more: the map is the measure."""
 
 
 def open_map(saved: SavedMap) -> Map:
@@ -31,7 +29,7 @@ def open_map(saved: SavedMap) -> Map:
     for one in saved.keyframes:
         keyframe = Keyframe.set_aside(one.number, one.stamp, one.segment, one.T_camera_map, one.T_middle_stamp)
         keyframe.first = one.number if saved.is_fixed else one.first
-        keyframe.covariance_since_start = _CERTAIN.copy() if saved.is_fixed else one.covariance_since_start
+        keyframe.covariance_since_start = one.covariance_since_start
         keyframe.session = one.session
         map_.keyframes.append(keyframe)
         map_.links.append(set())
@@ -104,11 +102,24 @@ def recall(map_: Map, numbers: Iterable[int]) -> bool:
         keyframe.identities, keyframe.uv, keyframe.timing = found.identities.copy(), found.uv, found.timing
         keyframe.measurements = found.measurements
         keyframe.rows = np.zeros(len(found.identities), dtype=np.int64)
+        if map_.is_fixed:
+            keyframe.covariance_since_start = _covariance_in_map(map_, number)
         map_.away.discard(number)
         insort(map_.remembered, number)
         recalled.append(number)
     _bind(map_, set(recalled).union(*(map_.links[n] for n in recalled)) - map_.away)
     return bool(recalled)
+
+
+def _covariance_in_map(map_: Map, number: int) -> Array:
+    """Return how well a key frame is tied to its neighbours in a fixed map (6 x 6, `se3`, its camera frame).
+
+    The map is the measure of itself as a whole, but each key frame was placed by registrations.
+    """
+    ties = [edge.seen_from(edge.b).covariance for edge in map_.registrations.of(number)]
+    if not ties:
+        return np.zeros((6, 6))
+    return independent_covariance(np.linalg.inv(np.sum(np.linalg.inv(ties), axis=0)))
 
 
 def recall_near(map_: Map, keyframe: int, T_camera_map: Array, at_once: int = TUNING.recalled) -> bool:

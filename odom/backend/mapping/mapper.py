@@ -56,8 +56,9 @@ class Mapper:
         return bool(oldest)
 
     def recall(self, state: FrameState) -> None:
-        """Bring back a few key frames of a saved map that the camera comes near to."""
-        recall_near(self._map, state.reference, state.T_camera_map, TUNING.recalled_at_once)
+        """Bring back a few key frames of a saved map that the camera comes near to, if there is room."""
+        if len(self._map.remembered) <= self._settings.map_keyframes:
+            recall_near(self._map, state.reference, state.T_camera_map, TUNING.recalled_at_once)
 
     def start_background(self, count: int, sensor: SensorModel) -> None:
         """Begin to adjust the newest key frames and to describe their places, if idle; frame `count` is the newest."""

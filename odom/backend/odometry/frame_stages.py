@@ -21,6 +21,7 @@ from odom.backend.odometry.visibility import Visibility
 from odom.backend.publication import Publication
 from odom.backend.settings import OdometrySettings
 from odom.backend.stopwatch import Stopwatch
+from odom.backend.tracking.confirmation import Confirmation
 from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.backend.tracking.frame_tracker import FrameTracker
 from odom.backend.tracking.motion_model import AT_REST
@@ -52,6 +53,7 @@ class FrameStages:
         self._settings = settings
         self.moving = MovingView()
         self._visibility = Visibility()
+        self._confirmation = Confirmation(self.map)
 
     def estimate(self, view: View, T_predicted: Array | None, watch: Stopwatch) -> Estimate:
         """Return the estimate for the next frame; `T_predicted` is T_camera_map where it was predicted already."""
@@ -73,6 +75,7 @@ class FrameStages:
             is_recovered = tracked is None or self.published.is_lost or not self._is_soon(view)
             if tracked is None:
                 tracked = relocalise(self.map, self.tracker, self.state, view, place, self.sensor)
+                tracked = self._confirmation.of(tracked, view.steady_stamp)
             watch.lap("relocalise")
         if tracked is not None:
             return self._advance(view, self._judge(view, tracked, is_recovered), watch)
@@ -229,8 +232,7 @@ class FrameStages:
 
     def _describe(self, view: View, state: State, reason: str, published: Publication | None) -> Estimate:
         """Return the estimate for a frame as it was published, without a pose where None."""
-        T_map_odom = self.published.T_map_odom
-        estimate = Estimate(view.sequence, view.stamp, state, reason, max(self._segment, 0), T_map_odom)
+        estimate = Estimate(view.sequence, view.stamp, state, reason, max(self._segment, 0), self.published.T_map_odom)
         if published is None:
             return estimate
         return replace(

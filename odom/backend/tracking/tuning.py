@@ -108,6 +108,14 @@ class Tuning:
         effect="for closures, where the chain must agree as well; smaller: false closures; larger: true ones refused")
     share_without_chain: float = tuned(0.35, unit="share of those looked for", source="as found_again",
         effect="for relocalisation; as share_in_chain")
+    sure_found_again: int = tuned(60, unit="landmarks", source="twice found_again",
+        effect="in a saved map, below, a second frame must agree; smaller: look-alike rooms are believed at once; "
+        "larger: one more frame without a pose")
+    sure_share: float = tuned(0.5, unit="share of those looked for", source="half as much again as share_without_chain",
+        effect="as sure_found_again")
+    doubt_s: float = tuned(0.5, unit="s", source="15 frames at 30 Hz",
+        effect="within this time the second frame must agree; smaller: slow streams are never sure; larger: any motion "
+        "is plausible")
     fastest_m_s: float = tuned(5.0, unit="m/s", source="a running person",
         effect="smaller: fast motions are LOST; larger: jumps pass for motion")
     fastest_rad_s: float = tuned(12.0, unit="rad/s", source="a flick of the wrist",

@@ -1,0 +1,40 @@
+"""A doubtful recognition in a saved map waits for a second frame that agrees: a wrong pose would be believed for long.
+
+Within a run a wrong recognition is soon contradicted by what the camera just saw; in a map of another day nothing is
+known beforehand, and rooms may look alike.
+"""
+
+from odom.backend.map.map import Map
+from odom.backend.tracking.frame_state import Tracked
+from odom.backend.tracking.quality import is_plausible_motion
+from odom.backend.tracking.tuning import TUNING
+from odom.frontend.camera.stamp_clock import SteadyStamp
+from odom.geometry import se3
+from odom.geometry.arrays import Array
+
+
+class Confirmation:
+    """Remembers the last doubtful recognition in `map_`."""
+
+    def __init__(self, map_: Map) -> None:
+        self._map = map_
+        self._doubtful: tuple[SteadyStamp, int, Array] | None = None
+
+    def of(self, tracked: Tracked | None, stamp: SteadyStamp) -> Tracked | None:
+        """Return a frame recognised at `stamp` if it is sure or agrees with the doubtful one before, None otherwise."""
+        before, self._doubtful = self._doubtful, None
+        if tracked is None or not self._map.earlier or _is_sure(tracked):
+            return tracked
+        segment = self._map.keyframes[tracked.reference].segment
+        if before is not None:
+            since_s = (stamp - before[0]) * 1e-9
+            is_soon = 0.0 < since_s < TUNING.doubt_s and segment == before[1]
+            if is_soon and is_plausible_motion(-se3.log(tracked.T_camera_map @ se3.inverse(before[2])) / since_s):
+                return tracked
+        self._doubtful = stamp, segment, tracked.T_camera_map
+        return None
+
+
+def _is_sure(tracked: Tracked) -> bool:
+    sure = max(TUNING.sure_found_again, TUNING.sure_share * len(tracked.expected))
+    return tracked.found_again >= sure

@@ -1,7 +1,9 @@
 """Transforms on DDS without ROS's own package for them (tf2_msgs), which PyPI does not have: by Cyclone DDS."""
 
+import os
 from dataclasses import dataclass
 from functools import lru_cache
+from types import new_class
 from typing import Any
 
 from odom.frame import Stamp
@@ -9,6 +11,8 @@ from odom.wire.codec import cdr
 from odom.wire.message import Message
 from odom.wire.ros2.qos import Qos
 
+_QUIET = "<CycloneDDS><Domain><Tracing><Verbosity>none</Verbosity></Tracing></Domain></CycloneDDS>"
+"""It would warn of the descriptions of types that other makes of DDS send."""
 _BLOCKING_S = 0.1
 """Longest wait for a reader that is behind, in seconds. Longer: it holds other topics back."""
 
@@ -17,6 +21,7 @@ class TransformWriter:
     """Publishes one topic of tf2_msgs/msg/TFMessage; raises ImportError when Cyclone DDS is not installed."""
 
     def __init__(self, domain: int, topic: str, qos: Qos) -> None:
+        os.environ.setdefault("CYCLONEDDS_URI", _QUIET)
         from cyclonedds.core import Policy
         from cyclonedds.core import Qos as DdsQos
         from cyclonedds.domain import DomainParticipant
@@ -67,8 +72,8 @@ def transform_types() -> TransformTypes:
     from cyclonedds.idl import IdlStruct, types
 
     def struct(package: str, name: str, fields: dict[str, Any]) -> Any:
-        typename = f"{package}::msg::dds_::{name}_"
-        return dataclass(type(IdlStruct)(name, (IdlStruct,), {"__annotations__": fields}, typename=typename))
+        named = {"typename": f"{package}::msg::dds_::{name}_"}
+        return dataclass(new_class(name, (IdlStruct,), named, lambda body: body.update(__annotations__=fields)))
 
     number = types.float64
     time = struct("builtin_interfaces", "Time", {"sec": types.int32, "nanosec": types.uint32})

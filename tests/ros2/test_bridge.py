@@ -238,6 +238,16 @@ def test_cyclone_dds_reads_poses_and_transforms() -> None:
     assert [each[:2] for each in read["tf_static"]] == [["map_upright", "map"], [KEYS.frame_camera, "cam0_link"]]
 
 
+def test_transforms_have_the_type_that_ros_gives_them_on_dds() -> None:
+    program = (
+        "from odom.ros2_bridge.transforms import transform_types as types\n"
+        "print(*(each.__idl__.idl_transformed_typename for each in (types().message, types().stamped, types().time)))"
+    )
+    done = subprocess.run([PYTHON, "-c", program], check=True, capture_output=True, text=True, cwd=HERE.parents[1])
+    names = (("tf2_msgs", "TFMessage"), ("geometry_msgs", "TransformStamped"), ("builtin_interfaces", "Time"))
+    assert done.stdout.split() == [f"{package}::msg::dds_::{name}_" for package, name in names]
+
+
 def test_only_topics_below_the_names_that_were_given_are_carried() -> None:
     pose = encode_pose("other/pose", AT, np.eye(4), "map")
     with bridge("--below", "/cam0") as (port, end):

@@ -44,15 +44,16 @@ def plot(
     first = top.subplots(1, 5, width_ratios=(1.0, 1.0, 1.0, 1.5, 1.2))
     for axes, plane in zip(first[:3], _PLANES, strict=True):
         _draw_ellipsoids(axes, ellipsoids, plane)
-    first[0].set_title("(a) uncertainty by Z-levels", loc="left", fontsize=10)
+    first[0].set_title("(a) 1 sigma of two points, by Z-levels (axes differ in scale)", loc="left", fontsize=10)
+    top.legend(*first[0].get_legend_handles_labels(), ncols=4, fontsize=8, loc="outside lower left")
     _draw_scene(first[3], first[4], scene, walks)
-    grid = below.subplots(2, len(sensors), squeeze=False, sharex=True)
+    grid = below.subplots(2, len(sensors), squeeze=False, sharex="col")
     for column, sensor in enumerate(sensors):
         mine = [row for row in table if row.sensor == sensor]
         _draw_rmse(grid[0][column], mine, f"({'cd'[column]}) RMSE, {TITLES.get(sensor, sensor)}")
         _draw_time(grid[1][column], mine, f"({'ef'[column]}) time a registration")
-    grid[0][0].legend(ncols=4, fontsize=8, loc="upper left")
-    figure.savefig(path, dpi=110)
+    below.legend(*grid[0][0].get_legend_handles_labels(), ncols=8, fontsize=8, loc="outside upper center")
+    figure.savefig(path, dpi=90)
 
 
 def _draw_ellipsoids(axes: "Axes", ellipsoids: Mapping[str, Any], plane: tuple[str, str, int, int]) -> None:
@@ -70,10 +71,7 @@ def _draw_ellipsoids(axes: "Axes", ellipsoids: Mapping[str, Any], plane: tuple[s
             axes.plot(*ring, style, color=color, label=label)
     axes.set_xlabel(f"{across}, mm")
     axes.set_ylabel(f"{up}, mm")
-    axes.set_aspect("equal", adjustable="datalim")
     axes.grid(alpha=0.3)
-    if (across, up) == ("y", "x") and ellipsoids:
-        axes.legend(fontsize=7)
 
 
 def _draw_scene(picture: "Axes", plan: "Axes", scene: Image | None, walks: Mapping[str, Array]) -> None:

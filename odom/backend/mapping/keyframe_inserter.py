@@ -124,6 +124,7 @@ class KeyframeInserter:
     def _new_corners(self, view: View, uv_known: Array, twist: Array, sensor: SensorModel) -> Corners:
         """Return corners with depth away from the landmarks at `uv_known` (m x 2 px)."""
         uv = detect_corners(view.images.full, uv_known, self._settings.cell_px)
+        uv = uv[view.stands(uv)]
         measured = _measure_exactly(view, sensor, uv, twist)
         return Corners(uv, measured).take(measured.values[:, 2] > 1.0 / TUNING.farthest_m)
 

@@ -14,6 +14,7 @@ from odom.backend.map.saved import MapChanges, SavedMap
 from odom.backend.mapping.intermediate_frames import IntermediateFrame, IntermediateFrames, corrected
 from odom.backend.odometry.final_trajectory import trajectory
 from odom.backend.odometry.frame_stages import FrameStages
+from odom.backend.odometry.segmentation import Segmentation, Segmenter
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.settings import OdometrySettings
 from odom.backend.stopwatch import Stopwatch
@@ -58,18 +59,24 @@ class Odometry:
     Deterministic: what runs in the background takes effect at a fixed frame number, never by the clock; time is that
     of the frames' stamps. A frame that cannot be placed is LOST, a value. Raises ConfigError for a camera of which
     nothing can be tracked, or whose lens is not known here. With a `saved` map it goes on in that, or only finds the
-    camera there.
+    camera there. No landmark lies on what a `segmenter` marks (see `segmentation`), for people as an example.
     """
 
-    def __init__(self, camera: Camera, settings: OdometrySettings | None = None, saved: SavedMap | None = None) -> None:
+    def __init__(
+        self,
+        camera: Camera,
+        settings: OdometrySettings | None = None,
+        saved: SavedMap | None = None,
+        segmenter: Segmenter | None = None,
+    ) -> None:
         if min(camera.width, camera.height) < _LEAST_SIDE_PX:
             raise ConfigError(f"{camera}: images need {_LEAST_SIDE_PX} pixels each way at least")
         self.settings = settings or OdometrySettings()
         self.camera = camera
-        sensor = _unproven_sensor(camera, self.settings)
-        if saved is not None and saved.sensor is not None:
-            sensor = saved.sensor.recalled(sensor)
+        unproven = _unproven_sensor(camera, self.settings)
+        sensor = saved.sensor.recalled(unproven) if saved is not None and saved.sensor is not None else unproven
         self._frames = FrameStages(sensor, self.settings, saved)
+        self.segmentation = Segmentation(segmenter)
         self._prepared: _Prepared | None = None
         self._hurried = 0
         self.late_loops: tuple[LoopCandidate, ...] = ()
@@ -151,7 +158,7 @@ class Odometry:
             prepared = None
         watch = Stopwatch(None if prepared is None else prepared.laps_ms)
         images = FrameImages.of(frame.color) if prepared is None else prepared.images
-        view = View.of(frame, frames.sensor.clock, images)
+        view = View.of(frame, frames.sensor.clock, images, self.segmentation.mask(frame))
         watch.lap("images")
         loops, map_moved = self._take_background(frames.published.frames.count)
         map_moved |= frames.mapper.prune(frames.state)

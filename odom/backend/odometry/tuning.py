@@ -37,6 +37,10 @@ class Tuning:
     moving_little: float = tuned(0.2, unit="share of the view", source=_BODIES,
         effect="that may move for the pose to be sure again; smaller: UNCERTAIN for longer; larger: wrong poses count "
         "as sure")
+    mask_most: float = tuned(0.95, unit="share of the image", source="nothing is left to track by",
+        effect="masked beyond which a segmenter's mask is ignored; smaller: true ones are; larger: LOST by a wrong one")
+    mask_reasons: int = tuned(16, unit="1", source="more than there are kinds of wrong masks",
+        effect="fewer: causes are mixed up; more: memory, where a segmenter's errors differ each time")
     patience: float = tuned(5.0, unit="times the time after which a segment begins", source=_BODIES,
         effect="that a camera looks for known places where most of the view moved; smaller: segments begin on bodies; "
         "larger: LOST for longer")

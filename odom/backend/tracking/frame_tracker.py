@@ -74,6 +74,7 @@ class FrameTracker:
         found = find_landmarks(
             L, self._candidates(local, T_start), T_start, view.images, sensor, self._settings.max_features
         )
+        found = found.take(view.stands(found.uv))
         covariance_uv = found.covariance_uv * TUNING.image_noise**2
         points, covariances = L.position[found.rows], L.covariance[found.rows]
 

@@ -42,6 +42,6 @@ def describe_place(view: View, sensor: SensorModel, twist: Array) -> Place:
     variance = np.array([k.size / _ORB_PATCH_PX for k in keypoints]) ** 2
     covariance_uv = np.stack([variance, np.zeros_like(variance), variance], axis=1)
     measured = measure(view, sensor, uv, covariance_uv, twist)
-    deep = measured.values[:, 2] > 0.0
+    deep = (measured.values[:, 2] > 0.0) & view.stands(uv)
     points, covariances = points_of(measured.take(deep))
     return Place(np.asarray(descriptors, dtype=np.uint8)[deep], points, covariances)

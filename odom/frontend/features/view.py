@@ -10,7 +10,7 @@ from odom.frame import RgbdFrame, Stamp
 from odom.frontend.camera.stamp_clock import StampClock, SteadyStamp
 from odom.frontend.features.depth_plane import has_depth
 from odom.frontend.features.images import FrameImages
-from odom.geometry.arrays import uniform
+from odom.geometry.arrays import Array, Mask, uniform
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,6 +18,7 @@ class View:
     """Frame `sequence`, whose colour image was stamped `stamp` and really taken at `steady_stamp` (see `StampClock`).
 
     `images` are the colour image's, `depth_mm` (H x W uint16, mm, 0: none) is the depth image stamped `depth_stamp`.
+    `may_move` (H x W) marks what no feature should lie on, None where nothing is known of that.
     """
 
     sequence: int
@@ -26,11 +27,20 @@ class View:
     images: FrameImages
     depth_stamp: Stamp
     depth_mm: NDArray[np.uint16]
+    may_move: Mask | None = None
 
     @classmethod
-    def of(cls, frame: RgbdFrame, clock: StampClock, images: FrameImages) -> "View":
+    def of(cls, frame: RgbdFrame, clock: StampClock, images: FrameImages, may_move: Mask | None = None) -> "View":
         """Return the view of a frame whose stamp is the newest of `clock`; `images` are those of its colour."""
-        return cls(frame.sequence, frame.stamp, clock.steady, images, frame.depth_stamp, uniform(frame.depth_mm))
+        depth_mm = uniform(frame.depth_mm)
+        return cls(frame.sequence, frame.stamp, clock.steady, images, frame.depth_stamp, depth_mm, may_move)
+
+    def stands(self, uv: Array) -> Mask:
+        """Return which of n places in the image (n x 2 px) are not marked as what may move."""
+        if self.may_move is None:
+            return np.ones(len(uv), dtype=np.bool_)
+        column, row = np.clip(uv.round().astype(int), 0, np.array(self.may_move.shape[::-1]) - 1).T
+        return np.asarray(~self.may_move[row, column])
 
     @cached_property
     def shows_depth(self) -> bool:

@@ -1,6 +1,5 @@
 """Transforms on DDS without ROS's own package for them (tf2_msgs), which PyPI does not have: by Cyclone DDS."""
 
-import os
 from dataclasses import dataclass
 from functools import lru_cache
 from types import new_class
@@ -11,8 +10,6 @@ from odom.wire.codec import cdr
 from odom.wire.message import Message
 from odom.wire.ros2.qos import Qos
 
-_QUIET = "<CycloneDDS><Domain><Tracing><Verbosity>none</Verbosity></Tracing></Domain></CycloneDDS>"
-"""It would warn of the descriptions of types that other makes of DDS send."""
 _BLOCKING_S = 0.1
 """Longest wait for a reader that is behind, in seconds. Longer: it holds other topics back."""
 
@@ -21,7 +18,6 @@ class TransformWriter:
     """Publishes one topic of tf2_msgs/msg/TFMessage; raises ImportError when Cyclone DDS is not installed."""
 
     def __init__(self, domain: int, topic: str, qos: Qos) -> None:
-        os.environ.setdefault("CYCLONEDDS_URI", _QUIET)
         from cyclonedds.core import Policy
         from cyclonedds.core import Qos as DdsQos
         from cyclonedds.domain import DomainParticipant

@@ -45,6 +45,7 @@ def doctor(
 
     import cv2
 
+    from odom.calibration.examine import examine_calibration
     from odom.evaluation.diagnosis import Verdict, examine
     from odom.service.progress import counting
     from odom.service.source_sample import collect
@@ -65,9 +66,11 @@ def doctor(
         recording = replace(recording, refused={**recording.refused, **refused_images(opened)})
     finally:
         opened.close()
-    findings = examine(recording)
+    findings = examine(recording.as_corrected())
     if recording.camera and recording.frames:
         findings += judge_odometry(recording.frames, recording.camera)
+        if not any(finding.verdict is Verdict.BAD for finding in findings) and recording.paired:
+            findings += examine_calibration(recording.paired, recording.camera, recording.truth, stop.is_set)
     for finding in findings:
         typer.echo(f"{finding.verdict.value:>10}  {finding.key:<18}  {finding.value}")
         if finding.advice:

@@ -11,7 +11,7 @@ from odom.errors import InputError
 from odom.export.rectify import Rectifier
 from odom.export.scene import Scene, SceneKeyframe, scene_of
 from odom.export.selection import carried, sharpest, sharpness
-from odom.frame import RgbdFrame, Stamp
+from odom.frame import Camera, RgbdFrame, Stamp, corrected_depth
 from odom.frontend.features.images import grey_of
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Image, Index
@@ -96,19 +96,23 @@ def views(survey: Survey, recording: RgbdRecording, neighbours: int = 0, unroll:
         ready = [stamp for stamp in waiting if stamp in held and chosen[stamp] in held]
         for stamp in ready:
             keyframe = waiting.pop(stamp)
-            yield _view(scene, keyframe, held[stamp], held[chosen[stamp]], rectifier)
+            yield _view((scene, recording.camera), keyframe, held[stamp], held[chosen[stamp]], rectifier)
         still = {one for stamp in waiting for one in (stamp, chosen[stamp])}
         held = {stamp: kept for stamp, kept in held.items() if stamp in still}
 
 
-def _view(scene: Scene, keyframe: SceneKeyframe, own: RgbdFrame, best: RgbdFrame, rectifier: Rectifier) -> View:
+def _view(
+    seen: tuple[Scene, Camera], keyframe: SceneKeyframe, own: RgbdFrame, best: RgbdFrame, rectifier: Rectifier
+) -> View:
+    scene, camera = seen
     uv, landmarks = keyframe.uv, keyframe.landmarks
     T = keyframe.T_map_camera if own is best else scene.pose_of_color(best.stamp)
     if own is not best:
         uv, is_found = carried(uv, grey_of(own.color), grey_of(best.color))
         uv, landmarks = uv[is_found], landmarks[is_found]
     twist = scene.twist_of_color(best.stamp)
-    sources = rectifier.sources(best.depth_mm, twist)
+    depth_mm = corrected_depth(best.depth_mm, camera.depth)
+    sources = rectifier.sources(depth_mm, twist)
     depth_m = se3.apply(se3.inverse(T), scene.points[landmarks])[:, 2]
     rgb = best.color if best.color.ndim == 3 else np.repeat(best.color[..., None], 3, axis=2)
     return View(
@@ -117,7 +121,7 @@ def _view(scene: Scene, keyframe: SceneKeyframe, own: RgbdFrame, best: RgbdFrame
         T_map_camera=T,
         T_map_depth=scene.pose_of_depth(best.depth_stamp),
         color=rectifier.color(rgb, sources),
-        depth_mm=rectifier.depth(best.depth_mm, sources),
+        depth_mm=rectifier.depth(depth_mm, sources),
         landmarks=landmarks,
         uv=rectifier.points(uv, depth_m, twist),
         covariance=keyframe.covariance,

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from odom.errors import ConfigError
 from odom.geometry.arrays import Array
@@ -10,6 +11,10 @@ from odom.geometry.arrays import Array
 FIELD_TERMS = ("1", "x", "y", "xx", "xy", "yy")
 """Terms of a smooth field over the image, of x and y that run from -1 to 1 over its width, 0 in the middle."""
 _EXACT = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_FIRST_GUESS, _LOOKS = 0.5, 3
+"""Inverse depth (1/m) at which a pixel is first looked for in a depth image from beside, and how often it is."""
+_LEAST_INVERSE = 1.0 / 65.0
+"""Least inverse depth (1/m) that fits into 16 bits of millimetres."""
 _NO_FIELD = (0.0,) * len(FIELD_TERMS)
 
 
@@ -60,3 +65,26 @@ def field_terms(uv: Array, width: int, height: int) -> Array:
     x = (uv[:, 0] - (width - 1) / 2) / (width / 2)
     y = (uv[:, 1] - (height - 1) / 2) / (width / 2)
     return np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+
+
+def corrected_depth(depth_mm: NDArray[np.uint16], model: DepthModel) -> NDArray[np.uint16]:
+    """Return a depth image (H x W uint16, mm, 0: none) as it should be: on the colour image, in true millimetres.
+
+    For maps and pictures; the odometry corrects features alone. Each pixel is looked up where its own depth puts it.
+    """
+    if model == EXACT_DEPTH:
+        return depth_mm
+    height, width = depth_mm.shape
+    v, u = np.mgrid[:height, :width]
+    terms = field_terms(np.column_stack([u.ravel(), v.ravel()]), width, height)
+    offset, scale = ((terms @ np.array(field)).reshape(height, width) for field in (model.offset, model.scale))
+    near = np.full((height, width), _FIRST_GUESS)
+    for _ in range(_LOOKS if any(model.baseline_px_m) else 1):
+        column = np.rint(u - model.shift_px[0] - model.baseline_px_m[0] * near).astype(np.int64)
+        row = np.rint(v - model.shift_px[1] - model.baseline_px_m[1] * near).astype(np.int64)
+        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        seen = np.where(inside, depth_mm[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], 0)
+        true = (1000.0 / np.maximum(seen, 1) - offset) / scale
+        valid = (seen > 0) & (true > _LEAST_INVERSE)
+        near = np.where(valid, true, near)
+    return np.where(valid, np.rint(1000.0 / np.maximum(near, _LEAST_INVERSE)), 0).astype(np.uint16)

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from odom.calibration.parameters import SCALE_NUMBER
 from odom.calibration.residual_picture import draw
 from odom.calibration.words import numbers, quality, registration
 from odom.frame import DepthModel
@@ -21,9 +22,10 @@ def remarks(outcome: Outcome, sources: Sequence[str]) -> list[str]:
     if result.camera.depth != DepthModel():
         lines.append(registration(result))
     if outcome.scale is not None:
+        is_used = result.shown[SCALE_NUMBER]
         lines.append(
             f"motion capture: the camera had gone {outcome.scale.ratio:.3f} ± {outcome.scale.sigma:.3f} of the true "
-            "way; the unit of depth is corrected by that"
+            f"way; {'the unit of depth is corrected by that' if is_used else 'too unsure to correct the unit of depth'}"
         )
     lines += result.hidden()
     lines += ["interrupted: not judged on held-out frames"] if outcome.judgement is None else quality(outcome.judgement)

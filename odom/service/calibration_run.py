@@ -7,10 +7,11 @@ import numpy as np
 
 from odom.backend import Odometry, OdometrySettings, State
 from odom.calibration.metric_scale import metric_scale
-from odom.calibration.parameters import SCALE, SCALE_NUMBER, camera_of, vector_of
+from odom.calibration.parameters import NAMES, SCALE, SCALE_NUMBER, camera_of, vector_of
 from odom.calibration.result import Calibrated, Judgement, calibrated, judge
 from odom.calibration.survey import Survey, joined, survey_of
-from odom.errors import InputError, RecordingError
+from odom.calibration.tuning import TUNING
+from odom.errors import ConfigError, InputError, RecordingError
 from odom.evaluation.diagnosis.scale import ScaleFit
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera
@@ -26,6 +27,8 @@ _LEAST_TRACKED = 0.6
 """Share of frames that must be tracked: else the camera given is far off, or the recording is no walk."""
 _SETTLED = 1.0
 """Largest change of a number from round to round, in sigmas, after which no other round follows."""
+_DIFFERENT = 8.0
+"""Sigmas by which two recordings of one camera never differ, even where the first round's sigmas are too small."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +89,9 @@ def calibrate_recordings(
         progress("adjusting")
         scale = _scale(walks)
         earlier = None if best is None else best.result
-        result = _with_scale(calibrated(survey, start, earlier, stopped), survey.camera, scale)
+        result = _with_scale(_calibrated(survey, start, earlier, stopped), survey.camera, scale)
+        if len(walks) > 1 and number == 1:
+            _check_same_camera(walks, start, stopped)
         best = Outcome(start, result, survey, None, scale if best is None else best.scale, number)
         if stopped() or (earlier is not None and _has_settled(earlier, result)):
             break
@@ -132,7 +137,9 @@ def walk(
     finally:
         source.close()
     if odometry is None or told is None:
-        raise RecordingError("no frame with a calibration")
+        raise RecordingError(
+            "no frame with a calibration: give --camera with one of this camera's image size; look with odom doctor"
+        )
     if tracked < _LEAST_TRACKED * frames:
         raise InputError(
             f"{tracked} of {frames} frames could be tracked: the calibration given is far from this camera's, or the "
@@ -152,13 +159,48 @@ def _scale(walks: Sequence[Walk]) -> ScaleFit | None:
     return min(found, key=lambda fit: fit.sigma, default=None)
 
 
+def _calibrated(survey: Survey, start: Camera, earlier: Calibrated | None, stopped: Callable[[], bool]) -> Calibrated:
+    """Return what `calibrated` does; raises InputError where the recording leads to an impossible camera."""
+    vector_of(start)  # of another lens than can be calibrated, this says so
+    try:
+        return calibrated(survey, start, earlier, stopped)
+    except (np.linalg.LinAlgError, ConfigError) as error:
+        raise InputError(
+            f"the recording leads to no possible camera ({error}): is the scene still, and the calibration given that "
+            "of this camera?"
+        ) from error
+
+
+def _check_same_camera(walks: Sequence[Walk], start: Camera, stopped: Callable[[], bool]) -> None:
+    """Raise InputError where recordings disagree on focal length or centre beyond what their sigmas allow."""
+    each = [_calibrated(one.survey, start, None, stopped) for one in walks]
+    for k, one in enumerate(each[1:], start=2):
+        both = one.shown & each[0].shown
+        apart = np.abs(one.vector - each[0].vector) / np.hypot(one.sigma, each[0].sigma)
+        for name in ("fx", "fy", "cx", "cy"):
+            at = NAMES.index(name)
+            if both[at] and apart[at] > _DIFFERENT:
+                raise InputError(
+                    f"recordings 1 and {k} are of different cameras, or one is spoilt: {name} is "
+                    f"{each[0].vector[at]:.1f} px in the one and {one.vector[at]:.1f} px in the other "
+                    f"({apart[at]:.0f} sigma apart); calibrate them one by one"
+                )
+
+
 def _with_scale(result: Calibrated, measured_with: Camera, scale: ScaleFit | None) -> Calibrated:
-    """Return the result with its depth brought to the truth's unit."""
+    """Return the result with its depth brought to the truth's unit, as far as that is surer than the sensor's own."""
     if scale is None:
         return result
     vector, sigma, shown = result.vector.copy(), result.sigma.copy(), result.shown.copy()
-    vector[SCALE] *= vector_of(measured_with)[SCALE_NUMBER] / vector[SCALE_NUMBER] / scale.ratio
-    sigma[SCALE_NUMBER], shown[SCALE_NUMBER] = scale.sigma / scale.ratio, True
+    own, seen = TUNING.prior_field, scale.sigma / scale.ratio
+    weight = own**2 / (own**2 + seen**2)
+    sigma[SCALE_NUMBER] = np.sqrt(weight) * seen
+    shown[SCALE_NUMBER] = sigma[SCALE_NUMBER] < TUNING.shown_share * own
+    if not shown[SCALE_NUMBER]:
+        return result
+    unit = vector_of(measured_with)[SCALE_NUMBER] / scale.ratio
+    mean = weight * unit + (1.0 - weight) * result.start[SCALE_NUMBER]
+    vector[SCALE] *= mean / vector[SCALE_NUMBER]
     return replace(result, camera=camera_of(vector, result.camera), vector=vector, sigma=sigma, shown=shown)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from odom.backend import ChainPose, ClosedChain, Estimate, LoopCandidate
-from odom.frame import Camera, RgbdFrame, Stamp
+from odom.frame import Camera, RgbdFrame, Stamp, corrected_depth
 from odom.frontend.matching.moving_surfaces import MovingCells
 from odom.geometry import se3
 from odom.viewer.keyframe_clouds import back_project
@@ -105,5 +105,6 @@ def keyframe_message(
     depth_mm = frame.depth_mm
     if moving is not None and moving.mask.any():
         depth_mm = np.where(moving.over_image(), np.uint16(0), depth_mm)
+    depth_mm = corrected_depth(depth_mm, camera.depth)
     cloud = back_project(camera, codec.decode_color_small(color, _COLOR_WIDTH), depth_mm, points)
     return codec.encode_cloud(topics.keyframes, frame.stamp, cloud.points, cloud.colors, topics.frame_camera)

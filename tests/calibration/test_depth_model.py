@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from odom.errors import ConfigError, WireError
-from odom.frame import Camera, DepthModel, RgbdFrame, Stamp
+from odom.frame import Camera, DepthModel, RgbdFrame, Stamp, corrected_depth
 from odom.frontend.camera.lens import Lens
 from odom.frontend.camera.noise_monitor import FeatureNoise, NoiseMonitor
 from odom.frontend.camera.rolling_shutter import ShutterTiming
@@ -92,5 +92,7 @@ def test_depth_is_read_where_it_is_and_corrected(seen_before):
     guess = wanted if seen_before else None
     found = measure(view, sensor, uv, np.zeros((50, 3)), np.zeros(6), guess)
     np.testing.assert_allclose(found.values[:, 2], wanted, atol=1e-3)
+    image = 1000.0 / np.maximum(corrected_depth(depth, ERRING), 1)
+    np.testing.assert_allclose(image[60:420, 60:580], true[60:420, 60:580], atol=2e-3)
     by_exact = measure(view, sensor_of(replace(camera, depth=DepthModel())), uv, np.zeros((50, 3)), np.zeros(6), guess)
     assert np.median(np.abs(by_exact.values[:, 2] - wanted)) > 5e-3

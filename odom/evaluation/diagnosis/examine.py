@@ -144,7 +144,8 @@ def _judge_shift(shift: EdgeShift | None) -> Finding:
     value = f"colour edges lie {x:+.1f} px right and {y:+.1f} px below depth edges ({shift.edges} of them)"
     advice = (
         "depth is not registered to colour: switch on depth-to-colour registration in the driver, or give the "
-        "two intrinsics and the extrinsic so that it can be registered here"
+        "two intrinsics and the extrinsic so that it can be registered here; where it is recorded so already, "
+        "odom calibrate finds the shift in a walk"
     )
     return Finding.judged(key, value, bool(np.hypot(x, y) > _SHIFT_PX), advice)
 

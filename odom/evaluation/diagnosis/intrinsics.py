@@ -22,8 +22,8 @@ def judge_intrinsics(camera: Camera, focal: FocalFit | None, trusted: bool) -> F
     value = f"fx {camera.fx:.1f}, fy {camera.fy:.1f} px, view {view[0]:.0f} x {view[1]:.0f} deg"
     centre = np.abs([camera.cx / camera.width - 0.5, camera.cy / camera.height - 0.5]).max()
     advice = (
-        "calibrate the colour camera (chessboard) at this image size: these intrinsics belong to another camera, "
-        "size or crop"
+        "these intrinsics belong to another camera, size or crop: odom calibrate finds those of this one in a walk, "
+        "where they are less than a fifth off; else calibrate with a chessboard at this image size"
     )
     if centre > _CENTRE:  # which the fit takes for true
         return Finding(key, f"{value}; centre {camera.cx:.0f}, {camera.cy:.0f}", Verdict.BAD, advice)

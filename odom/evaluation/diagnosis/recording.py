@@ -1,12 +1,12 @@
 """What is looked at: a stretch of a source as it came, with what could not be used of it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from odom.evaluation.trajectory import Stamps, Trajectory
-from odom.frame import Camera, RgbdFrame
+from odom.frame import EXACT_DEPTH, Camera, RgbdFrame, corrected_depth
 
 NO_FILE, NOT_DEPTH = "no such file", "not 16-bit grey"
 """Why an image could not be used, where a source knows more than a decoder's words."""
@@ -29,6 +29,14 @@ class Recording:
     color_size: tuple[int, int] | None = None
     depth_size: tuple[int, int] | None = None
     refused: Mapping[tuple[str, str], int] = field(default_factory=dict)
+
+    def as_corrected(self) -> "Recording":
+        """Return the recording with its depth images corrected by what the calibration says of them."""
+        if self.camera is None or self.camera.depth == EXACT_DEPTH:
+            return self
+        model = self.camera.depth
+        frames = tuple(replace(frame, depth_mm=corrected_depth(frame.depth_mm, model)) for frame in self.frames)
+        return replace(self, frames=frames, camera=replace(self.camera, depth=EXACT_DEPTH))
 
     @property
     def paired(self) -> tuple[RgbdFrame, ...]:

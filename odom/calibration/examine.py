@@ -1,0 +1,118 @@
+"""What a short walk says of the calibration it came with: faults that would cost accuracy, and how much."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from odom.backend import Odometry
+from odom.calibration.metric_scale import metric_scale
+from odom.calibration.parameters import BASELINE, LENS, NAMES, SHIFT
+from odom.calibration.projection import project
+from odom.calibration.result import Calibrated, calibrated
+from odom.calibration.survey import Survey, survey_of
+from odom.errors import ConfigError, InputError
+from odom.evaluation.diagnosis.finding import WITHIN_95, Finding, Verdict
+from odom.evaluation.diagnosis.scale import ScaleFit
+from odom.evaluation.trajectory import Trajectory
+from odom.frame import Camera, RgbdFrame
+
+_FOCAL_SHARE, _SHIFT_PX, _SCALE_SHARE = 0.01, 2.0, 0.01
+"""Errors of focal length (a share), of depth beside colour (px) and of the unit of depth (a share) that are faults."""
+_BENT_PX = 1.0
+"""Error of the distortion, as a usual distance in the image, that is a fault: twice the noise of a corner."""
+_SURELY = 2.0
+"""Sigmas by which an error must lie beyond that."""
+_FOCAL_FLOOR, _SHIFT_FLOOR_PX = 0.0015, 0.25
+"""Least sigmas that are believed of one run over a few seconds."""
+_UNSURE_FOCAL, _UNSURE_PX = 0.01, 2.0
+"""Sigmas from which on nothing is said."""
+_REMEDY = "odom calibrate SOURCE --out camera.yaml finds it in a walk of half a minute"
+
+
+def examine_calibration(
+    frames: Sequence[RgbdFrame],
+    camera: Camera,
+    truth: Mapping[str, Trajectory],
+    stopped: Callable[[], bool],
+) -> list[Finding]:
+    """Return what an adjustment of all that the odometry measured in `frames` says of `camera`; deterministic."""
+    odometry = Odometry(camera)
+    for frame in frames:
+        odometry.process(frame)
+        if stopped():
+            return []
+    trajectory = Trajectory.of(odometry.finish())
+    try:
+        survey = survey_of(odometry)
+    except (InputError, ConfigError) as error:
+        return [Finding("calibration", f"not measured: {error}", Verdict.UNKNOWN)]
+    return judge_survey(survey, metric_scale(trajectory, truth) if truth else None)
+
+
+def judge_survey(survey: Survey, scale: ScaleFit | None = None) -> list[Finding]:
+    """Return what a survey says of the camera it was measured with; `scale` is its unit against motion capture."""
+    found = calibrated(survey, survey.camera)
+    findings = [_judge_focal(found, survey.camera), _judge_lens(found, survey.camera), _judge_shift(found, survey)]
+    return findings if scale is None else [*findings, _judge_unit(scale)]
+
+
+def _judge_focal(found: Calibrated, camera: Camera) -> Finding:
+    key = "focal length, walk"
+    at = [NAMES.index("fx"), NAMES.index("fy")]
+    given = np.array([camera.fx, camera.fy])
+    sigma = np.hypot(found.sigma[at] / given, _FOCAL_FLOOR)
+    if not found.shown[at].all() or sigma.max() > _UNSURE_FOCAL:
+        return Finding(key, "not shown", Verdict.UNKNOWN, "turn the camera to all sides, about its own axis too")
+    off = np.log(found.vector[at] / given)
+    words = " and ".join(
+        f"{value:.0f} ± {WITHIN_95 * s * f:.0f}" for value, s, f in zip(found.vector[at], sigma, given, strict=True)
+    )
+    value = f"{words} px (95 %), {camera.fx:.0f} and {camera.fy:.0f} given"
+    worst = float(np.abs(off).max())
+    advice = f"moves are off by up to {worst:.1%}, {1e3 * worst:.0f} mm a metre: {_REMEDY}"
+    return Finding.judged(key, value, bool((np.abs(off) - _SURELY * sigma > _FOCAL_SHARE).any()), advice)
+
+
+def _judge_lens(found: Calibrated, camera: Camera) -> Finding:
+    """Judge centre and distortion by how far the corners of the image lie beside where the calibration has them.
+
+    What a turn of the camera or another focal length would do as well is left out: the first costs nothing, the second
+    is judged apart.
+    """
+    key = "lens, walk"
+    names = ("cx", "cy", "k1", "p1", "p2")
+    if not all(found.shown[NAMES.index(name)] for name in names):
+        return Finding(key, "not shown", Verdict.UNKNOWN, "let things pass through the corners of the image, and turn")
+    u, v = np.meshgrid(np.linspace(0, camera.width, 17), np.linspace(0, camera.height, 13))
+    reach = np.column_stack([u.ravel(), v.ravel()]) - (camera.cx, camera.cy)
+    xy = reach / (camera.fx, camera.fy)
+    given, now = (project(xy, vector[LENS])[0] for vector in (found.start, found.vector))
+    beside = now - given
+    free = np.column_stack([np.ones(len(reach)), reach])
+    for axis in (0, 1):
+        beside[:, axis] -= free @ np.linalg.lstsq(free, beside[:, axis], rcond=None)[0]
+    usual = float(np.sqrt(np.mean(np.square(beside).sum(axis=1))))
+    value = f"straight lines are bent by {usual:.1f} px otherwise than the calibration says (RMS over the image)"
+    advice = f"maps are bent and moves off where corners are used far from the middle: {_REMEDY}"
+    return Finding.judged(key, value, usual > _BENT_PX, advice)
+
+
+def _judge_shift(found: Calibrated, survey: Survey) -> Finding:
+    key = "registration, walk"
+    usual = float(np.nanmedian(survey.inverse_depth))
+    moved = (found.vector - found.start)[SHIFT] + usual * (found.vector - found.start)[BASELINE]
+    spread = np.hypot(np.minimum(found.sigma[SHIFT], usual * found.sigma[BASELINE]), _SHIFT_FLOOR_PX)
+    if not (found.shown[SHIFT].all() or found.shown[BASELINE].all()) or spread.max() > _UNSURE_PX:
+        return Finding(key, "not shown", Verdict.UNKNOWN, "look along floors, tables and walls from several sides")
+    value = f"colour lies {moved[0]:+.1f} px right and {moved[1]:+.1f} px below depth, at {1.0 / usual:.1f} m"
+    size = float(np.linalg.norm(moved))
+    aside = 1e3 * size / usual / float(found.camera.fx)
+    advice = f"depth is that of a place {aside:.0f} mm aside: {_REMEDY}"
+    return Finding.judged(key, value, size - _SURELY * float(spread.max()) > _SHIFT_PX, advice)
+
+
+def _judge_unit(scale: ScaleFit) -> Finding:
+    off = abs(float(np.log(scale.ratio)))
+    value = f"{scale.ratio:.3f} ± {WITHIN_95 * scale.sigma:.3f} (95 %) of the way that motion capture saw"
+    advice = f"all lengths are off by {off:.1%}, {1e3 * off:.0f} mm a metre: {_REMEDY}"
+    return Finding.judged("depth unit, walk", value, off - _SURELY * scale.sigma / scale.ratio > _SCALE_SHARE, advice)

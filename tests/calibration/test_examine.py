@@ -1,0 +1,45 @@
+"""Faults of a calibration that would cost accuracy are named with their cost and the remedy; a good one is not."""
+
+import pytest
+from made_up_walk import SHEET, made_up_survey, spoilt, straight
+
+from odom.calibration.examine import judge_survey
+from odom.calibration.parameters import vector_of
+from odom.evaluation.diagnosis.finding import Verdict
+from odom.evaluation.diagnosis.scale import ScaleFit
+
+
+def verdicts(vector, scale=None, **walk):
+    return {finding.key: finding for finding in judge_survey(made_up_survey(vector, **walk), scale)}
+
+
+def test_a_good_calibration_has_no_fault():
+    found = verdicts(vector_of(SHEET), ScaleFit(1.004, 0.003, 0.3))
+    assert {finding.verdict for finding in found.values()} == {Verdict.GOOD}
+
+
+@pytest.mark.parametrize(
+    ("numbers", "key", "cost"),
+    [
+        ({"fx": 8.0, "fy": 8.0}, "focal length, walk", "15 mm a metre"),
+        ({"shift_u_px": 5.0, "shift_v_px": 3.0}, "registration, walk", "mm aside"),
+        ({"k1": 0.1, "k2": -0.2}, "lens, walk", "maps are bent"),
+        ({"baseline_u": -13.0}, "registration, walk", "mm aside"),
+    ],
+)
+def test_a_fault_is_named_with_its_cost_and_the_remedy(numbers, key, cost):
+    found = verdicts(spoilt(**numbers))
+    assert [finding.key for finding in found.values() if finding.verdict is Verdict.BAD] == [key]
+    assert "odom calibrate" in found[key].advice
+    assert cost in found[key].advice
+
+
+def test_a_wrong_unit_is_named_by_motion_capture():
+    found = verdicts(vector_of(SHEET), ScaleFit(0.97, 0.004, 0.3))["depth unit, walk"]
+    assert found.verdict is Verdict.BAD
+    assert "30 mm a metre" in found.advice
+
+
+def test_what_a_slide_does_not_show_is_not_judged():
+    found = verdicts(spoilt(fx=15.0), walk=straight)
+    assert found["focal length, walk"].verdict is Verdict.UNKNOWN

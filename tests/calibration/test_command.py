@@ -1,51 +1,19 @@
-"""`odom calibrate` as a user calls it: files that `--camera` takes, refusals with their reason, and an early end."""
+"""`odom calibrate` as a user calls it: what it refuses, and why."""
 
 import os
-import signal
 import subprocess
 import sys
-import time
-from dataclasses import replace
 from pathlib import Path
-
-import pytest
-
-from sensors.calibration_file import Calibration, calibration_text, load_calibration
-from sensors.default_camera import kinect_camera
 
 RECORDING = Path(__file__).parents[2] / "recordings" / "arena.mcap"
 COMMAND = [sys.executable, "-m", "odom", "calibrate"]
 
 
-def calibrate(*arguments, timeout=400):
+def calibrate(*arguments, timeout=580):
     done = subprocess.run(
         [*COMMAND, *map(str, arguments)], capture_output=True, text=True, timeout=timeout, env=os.environ, check=False
     )
     return done.returncode, done.stdout, done.stderr
-
-
-@pytest.fixture
-def wrong(tmp_path):
-    """A calibration with a focal length 4 % off."""
-    camera = kinect_camera(320, 240)
-    file = tmp_path / "wrong.yaml"
-    file.write_text(calibration_text(Calibration(replace(camera, fx=273.0, fy=273.0))))
-    return file
-
-
-def test_a_wrong_focal_length_is_mended(tmp_path, wrong):
-    out = tmp_path / "camera.yaml"
-    status, text, errors = calibrate(RECORDING, "--camera", wrong, "--out", out)
-    assert status == 0, errors
-    found = load_calibration(out).camera
-    assert found.fx == pytest.approx(262.5, abs=3.0)
-    assert "held-out" in text
-    assert out.read_text().splitlines()[0].startswith("# odom calibrate")
-    assert (tmp_path / "camera.txt").read_text() in text
-    assert (tmp_path / "camera.png").stat().st_size > 10_000
-    status, _, errors = calibrate(RECORDING, "--out", out)
-    assert status == 2
-    assert "--overwrite" in errors
 
 
 def test_a_camera_at_rest_shows_nothing_and_nothing_is_written(tmp_path):
@@ -60,17 +28,3 @@ def test_another_name_than_yaml_is_refused(tmp_path):
     status, _, errors = calibrate(RECORDING, "--out", tmp_path / "camera.txt")
     assert status == 2
     assert ".yaml" in errors
-
-
-def test_an_early_end_keeps_what_was_found(tmp_path, wrong):
-    out = tmp_path / "camera.yaml"
-    command = [*COMMAND, str(RECORDING), "--camera", str(wrong), "--out", str(out)]
-    running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    while "frames" not in (line := running.stderr.readline()) and running.poll() is None:
-        assert line is not None
-    time.sleep(1.0)
-    running.send_signal(signal.SIGINT)
-    text, errors = running.communicate(timeout=200)
-    assert running.returncode in (0, 1), errors
-    if out.exists():
-        assert "not judged" in text

@@ -1,9 +1,15 @@
-"""`odom calibrate` as a user calls it: what it refuses, and why."""
+"""`odom calibrate` as a user calls it: files that `--camera` takes, and what it refuses and why."""
 
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+
+import pytest
+
+from sensors.calibration_file import Calibration, calibration_text, load_calibration
+from sensors.default_camera import kinect_camera
 
 RECORDING = Path(__file__).parents[2] / "recordings" / "arena.mcap"
 COMMAND = [sys.executable, "-m", "odom", "calibrate"]
@@ -14,6 +20,21 @@ def calibrate(*arguments, timeout=580):
         [*COMMAND, *map(str, arguments)], capture_output=True, text=True, timeout=timeout, env=os.environ, check=False
     )
     return done.returncode, done.stdout, done.stderr
+
+
+@pytest.mark.slow
+def test_a_wrong_focal_length_is_mended(tmp_path):
+    wrong, out = tmp_path / "wrong.yaml", tmp_path / "camera.yaml"
+    wrong.write_text(calibration_text(Calibration(replace(kinect_camera(320, 240), fx=273.0, fy=273.0))))
+    status, text, errors = calibrate(RECORDING, "--camera", wrong, "--out", out)
+    assert status == 0, errors
+    assert load_calibration(out).camera.fx == pytest.approx(262.5, abs=1.5)
+    assert out.read_text().startswith("# odom calibrate")
+    assert (tmp_path / "camera.txt").read_text() in text
+    assert (tmp_path / "camera.png").stat().st_size > 10_000
+    status, _, errors = calibrate(RECORDING, "--out", out)
+    assert status == 2
+    assert "--overwrite" in errors
 
 
 def test_a_camera_at_rest_shows_nothing_and_nothing_is_written(tmp_path):

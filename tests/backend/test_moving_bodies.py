@@ -14,11 +14,11 @@ from sensors.arena import ArenaOptions, render_walk
 
 
 def painted(
-    shared_data, name: str, seed: int, end: float | None = None
+    shared_data, name: str, seed: int, end: float | None = None, count: int = 1
 ) -> tuple[Painter, Iterable[RgbdFrame], Trajectory]:
     recording = read_recording(shared_data / name, end=end)
     frames, truth = list(recording), recording.truth()["camera"]
-    bodies = passers_by(recording.camera, nearer_than(frames[:40:10]), share=0.33, seed=seed)
+    bodies = passers_by(recording.camera, nearer_than(frames[:40:10]), count=count, share=0.33, seed=seed)
     painter = Painter(
         recording.camera, bodies, frames[0].stamp, anchor_in_world(truth), Lens.of(recording.camera), seed
     )
@@ -62,8 +62,19 @@ def test_a_passer_by_a_third_of_the_view_wide_costs_little(shared_data: Path, na
     assert found.ate_m is not None
     assert found.nees is not None
     assert found.ate_m <= 1.5 * AS_IT_IS_M[name]
-    assert found.wrong <= 0.005 * found.frames
+    assert found.wrong <= 0.005
     assert found.nees <= 9.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", AS_IT_IS_M)
+def test_three_of_them_leave_gaps_and_doubt_but_hardly_a_wrong_pose(shared_data: Path, name: str) -> None:
+    found, share_on_body = run(*painted(shared_data, name, 1, count=3))
+    print(f"{name}: {found}, on body {share_on_body:.3f}")
+    assert found.ate_m is not None
+    assert found.ate_m <= 0.025
+    assert found.ate_share >= 0.85
+    assert found.wrong <= 0.01
 
 
 @pytest.mark.slow
@@ -78,4 +89,4 @@ def test_people_in_the_arena_cost_little(people: int, ate_m: float) -> None:
     print(f"{people} people: ATE {found.ate_m}, NEES {found.nees}, wrong {found.wrong}, lost {found.lost}")
     assert found.ate_m is not None
     assert found.ate_m <= ate_m
-    assert found.wrong <= 0.005 * found.frames
+    assert found.wrong <= 0.005

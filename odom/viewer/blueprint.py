@@ -68,7 +68,7 @@ def _map(frame: Frame | None) -> rrb.Spatial3DView:
     )
     return rrb.Spatial3DView(
         origin=entities.WORLD,
-        name="Map: online (orange), corrected (blue; not joined: pink), chain (yellow; closed: green), truth (white)",
+        name="Map: online (orange), corrected (blue; not joined: pink), chain (yellow; closed: violet), truth (white)",
         contents=["+ $origin/**", f"- {entities.DEPTH}/**", f"- {entities.FEATURES}/**"],
         background=rrb.Background(color=_GROUND),
         line_grid=rrb.LineGrid3D(visible=False),

@@ -118,3 +118,15 @@ def test_a_closure_that_contradicts_the_chain_is_refused_and_never_enters(there_
     closed = odometry.closed_chain()
     moved = [se3.log(se3.inverse(T) @ closed.moved(stamp, T)) for stamp, T in poses.items()]
     assert np.abs(moved).max() < 0.02
+
+
+def test_a_chain_whose_hole_nothing_joins_ends_without_a_closed_chain_and_no_crash(there_and_back):
+    """Another room behind the first: nothing joins the two."""
+    other = PaintedRoom(seed=5)
+    frames = there_and_back[:30] + [other.frame(SMALL, k, stroll(k / 30.0)) for k in range(30, 75)]
+    odometry = Odometry(SMALL)
+    for frame in frames:
+        odometry.process(frame)
+    odometry.finish()
+    closed = odometry.closed_chain()
+    assert closed is None or np.isfinite(closed.T_closed_chain).all()

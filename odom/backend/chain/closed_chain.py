@@ -15,7 +15,8 @@ from odom.geometry.arrays import Array
 
 
 def close_chain(chain: Chain, map_: Map, noise: NoiseMonitor) -> ClosedChain | None:
-    """Return how the chain moves when its closures are met as well as its links; None where it has not begun.
+    """Return how the chain moves when its closures are met as well as its links; None where it has not begun,
+    or where a hole leaves the graph undetermined.
 
     The closing test compares the last frame, registered against the first one, with what chain and graph say of it; so
     the graph leaves out what the last frame itself closes.
@@ -28,7 +29,10 @@ def close_chain(chain: Chain, map_: Map, noise: NoiseMonitor) -> ClosedChain | N
     links = [a.edge_to(b) for a, b in pairwise(nodes)]
     met = [edge for edge in closures.edges if edge.b != end.number]
     T_chain = {node.number: node.T_chain_camera for node in nodes}
-    T_closed, covariance = optimise_with_covariance(T_chain, first.number, [*links, *met], end.number)
+    try:
+        T_closed, covariance = optimise_with_covariance(T_chain, first.number, [*links, *met], end.number)
+    except RuntimeError:  # gtsam: nothing determines the motion over a hole
+        return None
     moved = np.array([T_closed[node.number] @ se3.inverse(node.T_chain_camera) for node in nodes])
     stamps = np.array([node.stamp for node in nodes], dtype=np.int64)
     closed = se3.inverse(T_closed[first.number]) @ T_closed[end.number]

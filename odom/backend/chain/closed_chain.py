@@ -15,8 +15,9 @@ from odom.geometry.arrays import Array
 
 
 def close_chain(chain: Chain, map_: Map, noise: NoiseMonitor) -> ClosedChain | None:
-    """Return how the chain moves when its closures are met as well as its links; None where it has not begun,
-    or where a hole leaves the graph undetermined.
+    """Return how the chain moves when its closures are met as well as its links.
+
+    None where it has not begun, and where a hole leaves the graph undetermined.
 
     The closing test compares the last frame, registered against the first one, with what chain and graph say of it; so
     the graph leaves out what the last frame itself closes.

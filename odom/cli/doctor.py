@@ -90,22 +90,25 @@ def judge_odometry(frames: "tuple[RgbdFrame, ...]", camera: "Camera") -> "list[F
     import numpy as np
 
     from odom.backend import Odometry, OdometrySettings, State
+    from odom.backend.odometry.moving_view import VIEW_MOVES
     from odom.evaluation.diagnosis import judge_levels, judge_tracking
 
     odometry = Odometry(camera, OdometrySettings())
-    spent, reasons, inliers = [], [], []
+    spent, reasons, inliers, doubtful = [], [], [], 0
     for frame in frames[: _WARM_UP + _TIMED]:
         begin = time.perf_counter(), time.process_time()
         estimate = odometry.process(frame)
         spent.append((time.perf_counter() - begin[0], time.process_time() - begin[1]))
-        has_pose = estimate.state in (State.TRACKING, State.RECOVERED)
+        is_doubtful = estimate.reason.endswith(VIEW_MOVES)
+        has_pose = is_doubtful or estimate.state in (State.TRACKING, State.RECOVERED)
         reasons.append(None if has_pose else estimate.reason or estimate.state.value)
         inliers.append(estimate.inliers)
+        doubtful += is_doubtful
     odometry.finish()
     some = frames[:: max(1, len(frames) // _LOOKED_AT)]
     levels = judge_levels([frame.depth_mm for frame in some], odometry.sensor.noise.noise)
     period_s = float(np.median(np.diff([frame.stamp for frame in frames]))) * 1e-9 if len(frames) > 1 else 0.0
-    return [levels, judge_tracking(reasons, inliers), _judge_speed(spent[_WARM_UP:], period_s)]
+    return [levels, judge_tracking(reasons, inliers, doubtful), _judge_speed(spent[_WARM_UP:], period_s)]
 
 
 def _judge_speed(spent_s: "list[tuple[float, float]]", period_s: float) -> "Finding":

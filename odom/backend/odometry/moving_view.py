@@ -10,6 +10,9 @@ from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.view import View
 from odom.frontend.matching.moving_surfaces import MovingCells
 
+VIEW_MOVES = "of the view moves"
+"""How the reason of a frame ends that is UNCERTAIN for this alone."""
+
 
 @dataclass(frozen=True, eq=False)
 class MovingView:
@@ -39,4 +42,4 @@ class MovingView:
         """Why the pose is in doubt, empty where it is not."""
         if not self.is_doubtful:
             return ""
-        return "most of the view moved" if self.cells is None else f"{self.cells.share:.0%} of the view moves"
+        return "most of the view moved" if self.cells is None else f"{self.cells.share:.0%} {VIEW_MOVES}"

@@ -10,8 +10,11 @@ _LEAST_SHARE = 0.9
 """Share of frames tracked in a recording that is good enough; a second in the dark at its start costs less."""
 
 
-def judge_tracking(reasons: Sequence[str | None], inliers: Sequence[int]) -> Finding:
-    """Judge the share of frames tracked; `reasons` are None for a tracked frame, else why it was not."""
+def judge_tracking(reasons: Sequence[str | None], inliers: Sequence[int], doubtful: int = 0) -> Finding:
+    """Judge the share of frames tracked; `reasons` are None for a tracked frame, else why it was not.
+
+    `doubtful` of the tracked frames are UNCERTAIN, since most of the view moves.
+    """
     key = "tracking"
     tracked = sum(reason is None for reason in reasons)
     if not reasons:
@@ -20,6 +23,8 @@ def judge_tracking(reasons: Sequence[str | None], inliers: Sequence[int]) -> Fin
     value = f"{tracked} of {len(reasons)} frames tracked"
     if used:
         value += f", usually by {median(used):.0f} points"
+    if doubtful:
+        value += f"; in {doubtful} of them most of the view moves, or depth is of another time than colour"
     lost = Counter(reason for reason in reasons if reason is not None)
     if lost:
         value += "; lost: " + ", ".join(f"{count} by {reason}" for reason, count in lost.most_common(3))

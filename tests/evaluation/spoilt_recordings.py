@@ -155,9 +155,9 @@ FAULTS: dict[str, Fault] = {
     "too slow": Fault(slow, frozenset({"colour frames", "depth frames"}), "30 frames a second"),
     "depth frames lost": Fault(depth_lossy, frozenset({"depth frames"}), "USB port"),
     "two clocks": Fault(two_clocks, frozenset({"pairs"}), "to the stamps of depth"),
-    "fx wrong": Fault(fx_wrong, frozenset({"focal length"}), "calibrate the colour camera"),
-    "fx and fy wrong": Fault(both_wrong, frozenset({"focal length"}), "calibrate the colour camera"),
-    "centre wrong": Fault(centre_wrong, frozenset({"focal length"}), "calibrate the colour camera"),
+    "fx wrong": Fault(fx_wrong, frozenset({"focal length"}), "odom calibrate"),
+    "fx and fy wrong": Fault(both_wrong, frozenset({"focal length"}), "odom calibrate"),
+    "centre wrong": Fault(centre_wrong, frozenset({"focal length"}), "odom calibrate"),
     "calibration of another size": Fault(of_another_size, frozenset({"calibration size"}), "image size"),
     "wild distortion": Fault(wild, frozenset({"distortion"}), "k1 k2"),
     "depth a tenth too large": Fault(

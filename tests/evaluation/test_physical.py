@@ -212,7 +212,9 @@ def test_bench_physical_prints_saves_and_draws_for_a_recording(tmp_path):
     assert {o["front_end"] for o in against_first} in (set(), {"ORB", "SIFT3D + CSHOT"})  # truth may have a gap there
     assert len(found["closing"][""]) == 3 * 2 * 5 + len(against_first)
     assert {each["kind"] for each in found["wrong_pairs"]} == set(KINDS)
-    assert "clock offset 37" in found["notes"][""][0]
+    offset_ms = re.search(r"clock offset ([\d.]+) ms", found["notes"][""][0])
+    assert offset_ms is not None
+    assert float(offset_ms[1]) == pytest.approx(37.0, abs=1.0)
     assert plot.stat().st_size > 30_000
     for word in ("corners followed", "the last cloud, behind the gate", "wrong pairs at which"):
         assert word in run.stdout

@@ -75,6 +75,8 @@ class Chain:
         why, sight = "nothing in common with the frame before", frame.sight
         if end is None:
             why = ""
+        elif frame.view.stamp <= end.view.stamp:
+            why = "stamped before the frame before"
         elif T_hint is not None:
             T_camera_chain = se3.inverse(self.T_chain_camera @ T_hint)
             sight = sight.joined(self._corners.look_for(frame.view, T_camera_chain, frame.twist, sensor))

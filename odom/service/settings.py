@@ -22,7 +22,7 @@ class ServiceSettings(BaseModel, frozen=True, extra="forbid", allow_inf_nan=Fals
         3000, ge=100, le=300_000, description="points of the coloured cloud of a key frame for the viewer"
     )
     live_frames: int = Field(
-        3, ge=1, le=1000, description="frames of a live source that may wait, after its first second; the newest win"
+        4, ge=1, le=1000, description="frames of a live source that may wait, after its first second; the newest win"
     )
     stop_timeout_s: float = Field(
         60.0, ge=0.001, le=3600, description="a child may take this long to save its results and end"

@@ -67,6 +67,17 @@ def field_terms(uv: Array, width: int, height: int) -> Array:
     return np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y])
 
 
+def as_measured(model: Array, uv: Array, inverse_depth: Array, width: int, height: int) -> tuple[Array, Array, Array]:
+    """Return where a depth image shows what colour shows at `uv` (n x 2), the inverse depth there, and its scale (n).
+
+    `model` is a `DepthModel.vector`, `inverse_depth` (n, 1/m) the true one; the image is `width` x `height` pixels.
+    """
+    terms = field_terms(uv, width, height)
+    scale = terms @ model[10:]
+    uv_depth = uv - model[0:2] - model[2:4] * inverse_depth[:, None]
+    return uv_depth, terms @ model[4:10] + scale * inverse_depth, scale
+
+
 def corrected_depth(depth_mm: NDArray[np.uint16], model: DepthModel) -> NDArray[np.uint16]:
     """Return a depth image (H x W uint16, mm, 0: none) as it should be: on the colour image, in true millimetres.
 

@@ -1,11 +1,13 @@
 """What stands in the way of landmarks, and which of their places are empty."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from painted_room import SMALL, START
 from sensor_models import sensor_model, view_of
 
-from odom.frame import RgbdFrame
+from odom.frame import DepthModel, RgbdFrame
 from odom.frontend.features.view import View
 from odom.frontend.matching.line_of_sight import LineOfSight
 
@@ -41,6 +43,28 @@ def test_at_an_edge_of_the_depth_neither_is_said() -> None:
     found = sight(edge)
     assert not found.hidden[0]
     assert not found.seen_through[0]
+
+
+@pytest.mark.parametrize(
+    ("model", "measured_mm"),
+    [
+        (DepthModel(scale=(0.7, 0.0, 0.0, 0.0, 0.0, 0.0)), 2000 / 0.7),
+        (DepthModel(offset=(0.25, 0.0, 0.0, 0.0, 0.0, 0.0)), 1000 / (0.5 + 0.25)),
+    ],
+)
+def test_a_landmark_is_there_where_depth_errs_as_the_calibration_says(model: DepthModel, measured_mm: float) -> None:
+    sensor = sensor_model(replace(SMALL, depth=model))
+    found = LineOfSight.to(AT_2_M, 1e-5 * np.eye(3)[None], np.eye(4), view(filled(round(measured_mm))), sensor)
+    assert not (found.hidden | found.seen_through).any()
+
+
+def test_depth_is_looked_up_where_the_calibration_says_that_it_lies() -> None:
+    depth_mm = filled(3000)
+    depth_mm[:, : SMALL.width // 2 - 20] = 2000
+    sensor = sensor_model(replace(SMALL, depth=DepthModel(shift_px=(40.0, 0.0))))
+    found = LineOfSight.to(AT_2_M, 1e-5 * np.eye(3)[None], np.eye(4), view(depth_mm), sensor)
+    assert not found.seen_through[0]
+    assert sight(depth_mm).seen_through[0]
 
 
 def test_where_nothing_is_measured_or_looked_at_neither_is_said() -> None:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from odom.frame.depth_model import as_measured
 from odom.frontend.camera.lens import project
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.view import View
@@ -32,16 +33,20 @@ class LineOfSight:
         """
         T, lens, noise = T_camera_points, sensor.lens, sensor.noise.noise.inverse_depth_sigma
         height, width = view.depth_mm.shape
-        uvz = project(points, T, lens.intrinsics, lens.distortion, width, height, TUNING.sight_step_px)
+        step_px = TUNING.sight_step_px
+        uvz = project(points, T, lens.intrinsics, lens.distortion, width, height, step_px)
         visible = np.flatnonzero(np.isfinite(uvz[:, 0]))
         expected = 1.0 / uvz[visible, 2]
         across = expected[:, None] ** 2 * T[2, :3]
         variance = np.einsum("ni,nij,nj->n", across, covariances[visible], across)
         sigma = np.sqrt(variance + np.interp(expected, noise[0], noise[1]) ** 2)
         gate = TUNING.look_back_depth_sigmas * sigma + TUNING.look_back_depth_share * expected
-        u, v = (uvz[visible, None, :2].round().astype(int) + TUNING.sight_step_px * _AROUND).transpose(2, 0, 1)
-        depth_mm = view.depth_mm[v, u].astype(np.float64)
-        is_measured = depth_mm > 0.0
+        uv, expected, scale = as_measured(lens.depth_model, uvz[visible, :2], expected, width, height)
+        gate = gate * scale
+        u, v = (uv[:, None].round().astype(int) + step_px * _AROUND).transpose(2, 0, 1)
+        is_inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
+        depth_mm = view.depth_mm[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)].astype(np.float64)
+        is_measured = is_inside & (depth_mm > 0.0)
         inverse_depth = 1000.0 / np.where(is_measured, depth_mm, 1.0)
         nearest = np.where(is_measured, inverse_depth, -np.inf).max(axis=1)
         farthest = np.where(is_measured, inverse_depth, np.inf).min(axis=1)

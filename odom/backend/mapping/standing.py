@@ -37,6 +37,7 @@ class RecentViews:
     def __init__(self, map_: Map) -> None:
         self._map = map_
         self._views: deque[_RecentView] = deque(maxlen=_MOST_VIEWS)
+        self._looked: tuple[Tracked, MovingCells | None] | None = None
 
     def remember(self, state: FrameState) -> None:
         """Keep a tracked frame, unless there is one of nearly the same time."""
@@ -73,10 +74,12 @@ class RecentViews:
         return stands & ~moving.at(corners.uv)
 
     def moving(self, view: View, tracked: Tracked, sensor: SensorModel) -> MovingCells | None:
-        """Return which part of a tracked view moves; None where no view is recent enough to tell."""
-        earlier = self._before(view, tracked)
-        old_enough = earlier[: TUNING.moving_views]
-        return moving_cells(DepthGrid.of(view, sensor, tracked.twist), old_enough, sensor) if earlier else None
+        """Return which part of a tracked view moves, looked at once; None where no view is recent enough to tell."""
+        if self._looked is None or self._looked[0] is not tracked:
+            earlier = self._before(view, tracked)[: TUNING.moving_views]
+            grid = DepthGrid.of(view, sensor, tracked.twist) if earlier else None
+            self._looked = tracked, None if grid is None else moving_cells(grid, earlier, sensor)
+        return self._looked[1]
 
     def _before(self, view: View, tracked: Tracked) -> list[EarlierView]:
         """Return the views to look in, spread over the last while; none where even the newest is long ago.

@@ -7,6 +7,7 @@ scene, and is not hidden by it. Poses that would be a jerk count less, too.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -70,8 +71,9 @@ class FollowedFeatures:
     sigma_px: float
     pixel: float
 
+    @cached_property
     def votes(self) -> Array:
-        """Return how much each feature counts (n)."""
+        """How much each feature counts (n)."""
         _, inverse, count = np.unique(self.uv // TUNING.vote_cell_px @ _KEY, return_inverse=True, return_counts=True)
         proven = np.minimum(1.0, (1.0 + self.seen) / TUNING.proven_frames)
         away = np.linalg.norm(self.points - self.eye, axis=1)
@@ -85,8 +87,8 @@ class FollowedFeatures:
 
     def exact_votes(self, T_camera_map: Array) -> float:
         """Return the share of the votes of features that lie just where a pose puts them."""
-        votes = self.votes()
-        return float(votes[self.off_px(T_camera_map) < TUNING.exact_px].sum() / votes.sum())
+        is_exact = self.off_px(T_camera_map) < TUNING.exact_px
+        return float(self.votes[is_exact].sum() / self.votes.sum())
 
 
 def is_contested(outliers: Mask, found: Mask) -> bool:
@@ -108,7 +110,7 @@ def is_exact(features: FollowedFeatures, T_predicted: Array, T_fitted: Array) ->
 
 def consensus(features: FollowedFeatures, T_camera_map: Array, expected: ExpectedPose) -> Array | None:
     """Return the pose that clearly more of the features agree with than with `T_camera_map`; None without any."""
-    votes = features.votes()
+    votes = features.votes
     triples = np.random.default_rng(0).choice(len(votes), (TUNING.triples, 3), p=votes / votes.sum())
     T_expected_inverse = se3.inverse(expected.T_camera_map)
     T, gain = _best_pose(

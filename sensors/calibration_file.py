@@ -35,6 +35,15 @@ def depth_scale_alone(path: Path) -> float | None:
     return _depth_scale(content, path) if content.keys() == {"depth_scale"} else None
 
 
+def depth_scale_of(source: str, camera: Path | None) -> float:
+    """Return the units per metre of the depth images of a TUM folder, which the new calibration keeps."""
+    own = camera or Path(source) / "camera.yaml"
+    if not own.is_file():
+        return TUM_DEPTH_SCALE
+    alone = depth_scale_alone(own)
+    return load_calibration(own).depth_scale if alone is None else alone
+
+
 def _read(path: Path) -> dict[Any, Any]:
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8-sig"))

@@ -48,16 +48,17 @@ def fit(
     free: Index,
     start: Fit | None = None,
     stopped: Callable[[], bool] = lambda: False,
+    rounds: int = TUNING.fit_rounds,
 ) -> Fit:
     """Return the camera's numbers `free` that fit a survey best; the others stay at those of `start`, or the survey's.
 
-    Ends early, with what was found so far, once `stopped` says so.
+    It is linearised anew `rounds` times at most. Ends early, with what was found so far, once `stopped` says so.
     """
     vector = vector_of(survey.camera) if start is None else start.vector.copy()
     bundle = start_of(survey) if start is None else start.bundle
     known = np.diag(prior.sigma[free] ** -2.0)
     information = known
-    for _ in range(TUNING.fit_rounds):
+    for _ in range(rounds):
         change = vector[free] - prior.mean[free]
         lines = linearised(survey, vector, bundle)
         observations = lines.observations(survey, free, change)

@@ -22,8 +22,8 @@ _TWICE = 2
 
 
 @dataclass(frozen=True)
-class Unseen:
-    """Of the observations that were held out: mean robust cost of ray and depth, and their usual residuals."""
+class Residuals:
+    """Of some observations: mean robust cost of ray and depth, and their usual residuals."""
 
     ray_cost: float
     depth_cost: float
@@ -45,13 +45,13 @@ def split(survey: Survey) -> Mask:
 
 def compare(
     survey: Survey, before: Array, after: Fit, prior: Prior, stopped: Callable[[], bool]
-) -> tuple[tuple[Unseen, Unseen], tuple[Fit, Fit]]:
+) -> tuple[tuple[Residuals, Residuals], tuple[Fit, Fit]]:
     """Return the residuals on held-out observations by the camera `before` (28) and by one that is fitted anew.
 
     With them come the two fits, which have not seen these observations.
     """
     held = split(survey)
-    seen = _part(survey, ~held)
+    seen = survey.part(~held)
     fits = []
     for known, free in ((before, _TIMING), (after.vector, after.free)):
         found = Fit(known, free, np.eye(len(free)), start_of(survey))
@@ -60,12 +60,12 @@ def compare(
             found = fit(seen, replace(prior, mean=mean), free, found, stopped)
         fits.append(found)
     old, new = fits
-    rest = _part(survey, held)
-    return (unseen(rest, old), unseen(rest, new)), (old, new)
+    rest = survey.part(held)
+    return (residuals(rest, old), residuals(rest, new)), (old, new)
 
 
-def unseen(survey: Survey, fitted: Fit) -> Unseen:
-    """Return the residuals of a survey that a fit has not seen, with its poses and landmarks."""
+def residuals(survey: Survey, fitted: Fit) -> Residuals:
+    """Return the residuals of a survey at a fit's camera, poses and landmarks."""
     bundle = Bundle(fitted.bundle.T_camera_map, fitted.bundle.landmarks, np.zeros(0))
     lines = linearised(survey, fitted.vector, bundle)
     ray, depth = chi_squared(lines)
@@ -73,7 +73,7 @@ def unseen(survey: Survey, fitted: Fit) -> Unseen:
     cauchy = TRACKING.cauchy_chi2
     fx, fy = fitted.vector[TIMINGS : TIMINGS + 2]
     px = np.hypot(fx * lines.residuals[:, 0], fy * lines.residuals[:, 1])
-    return Unseen(
+    return Residuals(
         float(np.mean(cauchy * np.log1p(ray / cauchy))),
         float(np.mean(cauchy * np.log1p(depth[deep] / cauchy))) if deep.any() else 0.0,
         float(np.median(px)),
@@ -81,15 +81,10 @@ def unseen(survey: Survey, fitted: Fit) -> Unseen:
     )
 
 
-def is_better(before: Unseen, after: Unseen) -> bool:
+def is_better(before: Residuals, after: Residuals) -> bool:
     """Return whether the second explains the held-out frames better: rays and depth together, and neither worse."""
     least = TUNING.accept_gain
     gained = after.cost < (1.0 - least) * before.cost
     return (
         gained and after.ray_cost < (1 + least) * before.ray_cost and after.depth_cost < (1 + least) * before.depth_cost
     )
-
-
-def _part(survey: Survey, chosen: Mask) -> Survey:
-    names = ("frame", "landmark", "uv", "inverse_depth", "slope", "by_timing", "variance_uv", "variance_depth")
-    return replace(survey, **{name: getattr(survey, name)[chosen] for name in names})

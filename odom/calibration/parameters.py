@@ -56,6 +56,7 @@ SHIFT, BASELINE = slice(DEPTH.start, DEPTH.start + 2), slice(DEPTH.start + 2, DE
 OFFSET, SCALE = slice(DEPTH.start + 4, DEPTH.start + 10), slice(DEPTH.start + 10, DEPTH.start + 16)
 SCALE_NUMBER = NAMES.index("scale_1")
 _PLUMB_BOB = 5
+"""Terms of ROS's plumb_bob model: k1, k2, p1, p2, k3."""
 
 
 def numbers_of(group: Group) -> Index:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.calibration.adjustment import FREE, Fit, Prior, fit
-from odom.calibration.held_out import Unseen, compare, is_better
+from odom.calibration.held_out import Residuals, compare, is_better
 from odom.calibration.parameters import GROUPS, NAMES, SCALE_NUMBER, camera_of, numbers_of, prior_sigma, vector_of
 from odom.calibration.sureness import sigmas
 from odom.calibration.survey import Survey
@@ -76,8 +76,8 @@ def calibrated(
 class Judgement:
     """Residuals on frames that were held out, with the camera as it was and as calibrated, and whether to use it."""
 
-    before: Unseen
-    after: Unseen
+    before: Residuals
+    after: Residuals
     is_better: bool
     fits: tuple[Fit, Fit]
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from odom.backend import Odometry
 from odom.backend.map.keyframe import Observed
-from odom.backend.mapping.local_adjustment import everything
+from odom.backend.mapping.local_adjustment import Adjustment, everything
 from odom.calibration.parameters import LENS, OFFSET, SCALE, vector_of
 from odom.calibration.projection import project
 from odom.errors import InputError
@@ -18,6 +18,8 @@ from odom.geometry.arrays import Array, Index, Mask
 
 _LEAST_FRAMES = 8
 """Frames of a survey: fewer show too little for any number."""
+_SEVERAL = 3
+"""Observations of a landmark when some are chosen by chance: fewer say little of the camera."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +51,40 @@ class Survey:
     def __len__(self) -> int:
         return len(self.frame)
 
+    def part(self, chosen: Mask) -> "Survey":
+        """Return the survey with the observations `chosen` (N) alone."""
+        names = ("frame", "landmark", "uv", "inverse_depth", "slope", "by_timing", "variance_uv", "variance_depth")
+        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
+
+    def newest(self, most: int) -> "Survey":
+        """Return the survey of the `most` newest frames, of which one is fixed at least."""
+        if len(self.T_camera_map) <= most:
+            return self
+        kept = np.sort(np.argsort(self.seconds, kind="stable")[-most:])
+        number = np.full(len(self.T_camera_map), -1, dtype=np.int64)
+        number[kept] = np.arange(most)
+        is_fixed = self.is_fixed[kept]
+        is_fixed[np.argmin(self.seconds[kept])] |= not is_fixed.any()
+        seen = self.part(number[self.frame] >= 0)
+        return replace(
+            seen,
+            frame=number[seen.frame],
+            T_camera_map=self.T_camera_map[kept],
+            is_fixed=is_fixed,
+            seconds=self.seconds[kept] - self.seconds[kept].min(),
+            recording=self.recording[kept],
+        )
+
+    def thinned(self, most: int, seed: int) -> "Survey":
+        """Return the survey of landmarks drawn by chance that have some `most` observations, each several."""
+        count = np.bincount(self.landmark, minlength=len(self.landmarks))
+        drawn = np.random.default_rng(seed).permutation(np.flatnonzero(count >= _SEVERAL))
+        drawn = np.sort(drawn[: np.searchsorted(np.cumsum(count[drawn]), most) + 1])
+        number = np.full(len(self.landmarks), -1, dtype=np.int64)
+        number[drawn] = np.arange(len(drawn))
+        seen = self.part(number[self.landmark] >= 0)
+        return replace(seen, landmark=number[seen.landmark], landmarks=self.landmarks[drawn])
+
     @property
     def terms(self) -> Array:
         """The terms (N x 6) of the depth model's fields at each observation."""
@@ -56,7 +92,12 @@ class Survey:
 
 
 def survey_of(odometry: Odometry) -> Survey:
-    """Return the survey of the largest segment of an odometry that has finished.
+    """Return the survey of the largest segment of an odometry that has finished (see `surveyed`)."""
+    return surveyed(odometry)[0]
+
+
+def surveyed(odometry: Odometry) -> tuple[Survey, Adjustment]:
+    """Return the survey of the largest segment of an odometry that has finished, and which frames it is of.
 
     Raises InputError when it holds too few frames to calibrate anything.
     """
@@ -80,7 +121,7 @@ def survey_of(odometry: Odometry) -> Survey:
     scale = terms @ vector[SCALE]
     slope = steady_slopes(seen, by_direction, start.bundle.T_camera_map[number][:, :3, :3], landmark)
     fx, fy = camera.fx, camera.fy
-    return Survey(
+    survey = Survey(
         camera=camera,
         frame=number,
         landmark=landmark,
@@ -96,6 +137,7 @@ def survey_of(odometry: Odometry) -> Survey:
         seconds=(np.array(stamps) - min(stamps)) * 1e-9,
         recording=np.zeros(len(frames), dtype=np.int64),
     )
+    return survey, start
 
 
 def steady_slopes(seen: Measurements, by_direction: Array, R_camera_map: Array, landmark: Index) -> Array:

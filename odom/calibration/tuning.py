@@ -50,6 +50,16 @@ class Tuning:
         effect="a number surer than that is shown by the walk; smaller: less is calibrated; larger: guesses are given")
     accept_gain: float = tuned(0.01, unit="share of the held-out cost", source=_WALKS,
         effect="least gain on held-out frames; smaller: chance changes the camera; larger: small errors stay")
+    # self-calibration of a run, at its end
+    self_frames: int = tuned(150, unit="frames", source="time on fr1_xyz, which grows with their square",
+        effect="newest ones that are looked at; fewer: less is seen of the image's border; more: slower on long walks")
+    self_observations: int = tuned(8000, unit="observations", source=_WALKS,
+        effect="fewer: good calibrations look poor by chance, as a third does with 1500; more: slower")
+    self_poor_px: float = tuned(2.5, unit="px", source="sheets: up to 2.1 px; an average Kinect's: 2.9 px and more",
+        effect="error of rays or of depth beside colour from which a calibration is replaced; smaller: good ones are "
+        "replaced, which loses accuracy; larger: poor ones stay")
+    self_gain: float = tuned(0.2, unit="share of the held-out rays' cost", source="sheets: up to .17; poor ones: .13 "
+        "to .44", effect="gain from which a calibration is replaced as well; smaller and larger: as self_poor_px")
 # fmt: on
 
 

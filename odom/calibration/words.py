@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from odom.calibration.held_out import Unseen
+from odom.calibration.held_out import Residuals
 from odom.calibration.parameters import GROUPS, NAMES
 from odom.calibration.result import Calibrated, Judgement
 
@@ -29,7 +29,7 @@ def quality(judgement: Judgement) -> Iterator[str]:
         yield f"{words}: {_of(found)}"
 
 
-def _of(found: Unseen) -> str:
+def _of(found: Residuals) -> str:
     mm = 1e3 * found.depth_per_m * _AT_M**2
     return f"corners off by {found.ray_px:.2f} px and depth by {mm:.1f} mm at {_AT_M:g} m (median, held-out frames)"
 

@@ -30,6 +30,7 @@ def summary(report: Report, folder: Path) -> Iterator[str]:
             f"against truth ({report['matched']}/{report['total']} poses): ATE {_figure(report['ate_m'], 4)} m, "
             f"drift {_figure(report['rpe_1s_m'], 4)} m and {_figure(report['rpe_1s_deg'], 2)} deg over 1 s"
         )
+    yield from _calibration(report)
     for name, ending in report.get("failed", {}).items():
         yield f"the {name} {ending}" + ("; the run went on without it" if name in ("viewer", "recorder") else "")
     yield f"files: {folder}"
@@ -50,6 +51,21 @@ def _refused(report: Report) -> Iterator[str]:
         if refused := images.get("refused"):
             reasons = ", ".join(f"{count} {why}" for why, count in refused.items())
             yield f"{stream} images: {images['used']} of {images['given']} used; not used: {reasons}"
+
+
+def _calibration(report: Report) -> Iterator[str]:
+    """Yield what changed of a calibration that was found poor."""
+    if report.get("calibration_off_px") is None or "calibration_kept" in report:
+        return
+    changes = ", ".join(
+        f"{name} {start:.1f} -> {now:.1f} ± {sigma:.1f}"
+        for name, (start, now, sigma) in report["calibration"].items()
+        if name in ("fx", "fy", "cx", "cy")
+    )
+    yield (
+        f"the calibration given is off by {report['calibration_off_px']:.1f} px: trajectory.txt is adjusted by "
+        f"camera-calibrated.yaml ({changes} px), odometry.txt is as it was published; next time give that as --camera"
+    )
 
 
 def _figure(value: float | None, digits: int) -> str:

@@ -15,6 +15,7 @@ from odom.evaluation.relative import RelativePoses, read_relative, relative_erro
 from odom.evaluation.report import EvaluationOptions, Report, evaluate
 from odom.evaluation.trajectory import Trajectory
 from odom.evaluation.trajectory_plot import ClaimedError, plot
+from odom.evaluation.trajectory_plot import load_drawing as load_drawing
 from odom.evaluation.truth_noise import truth_noise, widened
 
 CAMERA = "camera"

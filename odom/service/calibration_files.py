@@ -8,7 +8,7 @@ from odom.calibration.residual_picture import draw
 from odom.calibration.words import numbers, quality, registration
 from odom.frame import DepthModel
 from odom.service.calibration_run import Outcome
-from sensors.calibration_file import TUM_DEPTH_SCALE, Calibration, calibration_text, depth_scale_alone, load_calibration
+from sensors.calibration_file import Calibration, calibration_text
 
 
 def remarks(outcome: Outcome, sources: Sequence[str]) -> list[str]:
@@ -42,12 +42,3 @@ def write_calibration(files: Sequence[Path], outcome: Outcome, text: Iterable[st
     report.write_text("\n".join(text) + "\n", encoding="utf-8")
     if outcome.judgement is not None:
         draw(picture, outcome.survey, outcome.judgement, text[0])
-
-
-def depth_scale_of(source: str, camera: Path | None) -> float:
-    """Return the units per metre of the depth images of a TUM folder, which the new calibration keeps."""
-    own = camera or Path(source) / "camera.yaml"
-    if not own.is_file():
-        return TUM_DEPTH_SCALE
-    alone = depth_scale_alone(own)
-    return load_calibration(own).depth_scale if alone is None else alone

@@ -57,6 +57,11 @@ class MapKeeper:
         new, self._known_failures = failures - self._known_failures, failures
         return new
 
+    @property
+    def has_map(self) -> bool:
+        """Whether there is a map on disk."""
+        return self._file is not None
+
     def report(self) -> dict[str, object]:
         """Return what report.json says of the map, nothing without one."""
         if self._file is None:

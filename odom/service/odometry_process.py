@@ -10,14 +10,13 @@ from odom.errors import OdomError, WireError
 from odom.frame import Camera
 from odom.frontend.matching.moving_surfaces import MovingCells
 from odom.service.arrival_queue import Arrival, CameraArrival, ColorArrival, EndArrival, FrameArrival, TruthArrival
-from odom.service.closing_fields import closing_fields
 from odom.service.estimate_messages import keyframe_message, status_values
 from odom.service.estimate_publisher import EstimatePublisher
+from odom.service.final_results import save_results
 from odom.service.frame_receiver import FrameReceiver
 from odom.service.map_keeper import MapKeeper
 from odom.service.neighbours import Neighbours
-from odom.service.progress import hand_up
-from odom.service.result_files import RunFiles, write_json
+from odom.service.result_files import RunFiles
 from odom.service.run_statistics import RunStatistics
 from odom.service.settings import Settings
 from odom.service.silence import state_after
@@ -89,7 +88,7 @@ class OdometryProcess:
 
     def run(self, stop: threading.Event, until_end: bool) -> None:
         """Process what arrives until `stop` is set or, with `until_end`, the source has ended."""
-        self._receiver.start()
+        self._receiver.start(until_end)
         while not stop.is_set():
             arrival = self._receiver.arrivals.take(_POLL_S)
             if arrival is not None:
@@ -234,16 +233,5 @@ class OdometryProcess:
         """Write the final trajectory and the report, unless nothing came since they were last written."""
         if not self._unsaved or self._odometry is None:
             return
-        begun, poses = time.perf_counter(), self._odometry.finish()
-        self._keeper.save(self._odometry)
-        self.statistics.add_loops(self._odometry.late_loops)
-        self._publisher.loops(self._odometry.late_loops)
-        test, closed = self._odometry.closing_test(), self._odometry.closed_chain()
-        self._publisher.closed_chain(closed)
-        report = self.statistics.report() | closing_fields(test, closed) | self._keeper.report()
-        try:
-            report["segments"] = files.write_trajectory(poses, closed)
-        finally:
-            hand_up(report)
-        write_json(files.folder / "report.json", report | {"finish_s": round(time.perf_counter() - begun, 3)})
+        save_results(self._odometry, files, self._keeper, self._publisher, self.statistics)
         self._unsaved = False

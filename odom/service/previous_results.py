@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 
+from odom.service.calibration_offer import CALIBRATION_FILE
+
 _LOG = logging.getLogger(__name__)
 OTHER_PARTS = "trajectory-segment-[0-9]*.txt"
 """Files of parts of a trajectory that were never joined to `trajectory.txt`."""
@@ -21,6 +23,7 @@ _RESULTS = (
     "truth.txt",
     "report.json",
     "plot.png",
+    CALIBRATION_FILE,
 )
 _SHOWN = "session.rrd"
 TRUTH_MARK = "# body "

@@ -37,6 +37,7 @@ def test_a_wrong_focal_length_is_mended(tmp_path):
     assert "--overwrite" in errors
 
 
+@pytest.mark.long
 def test_a_camera_at_rest_shows_nothing_and_nothing_is_written(tmp_path):
     out = tmp_path / "camera.yaml"
     status, text, errors = calibrate("arena", "--seconds", "2", "--option", "walk=rest", "--out", out)

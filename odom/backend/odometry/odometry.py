@@ -1,8 +1,7 @@
 """Frames in order of time to poses: what needs no depth is done ahead, what can wait is done in the background."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-
-import numpy as np
 
 from odom.backend.chain.closed_chain import close_chain
 from odom.backend.estimate import ClosedChain, ClosingTest, Estimate, LoopCandidate, TrajectoryPose
@@ -16,17 +15,15 @@ from odom.backend.odometry.final_trajectory import trajectory
 from odom.backend.odometry.frame_stages import FrameStages
 from odom.backend.odometry.segmentation import Segmentation, Segmenter
 from odom.backend.odometry.tuning import TUNING
+from odom.backend.odometry.unproven_sensor import unproven_sensor
 from odom.backend.settings import OdometrySettings
 from odom.backend.stopwatch import Stopwatch
 from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.errors import ConfigError, InputError
 from odom.frame import Camera, RgbdFrame, Stamp
-from odom.frontend.camera.lens import Lens
-from odom.frontend.camera.noise_monitor import FeatureNoise, NoiseMonitor
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.sensor_memory import SensorMemory
 from odom.frontend.camera.sensor_model import SensorModel
-from odom.frontend.camera.stamp_clock import StampClock
 from odom.frontend.features.images import FrameImages
 from odom.frontend.features.view import View
 from odom.geometry import se3
@@ -38,8 +35,6 @@ _SHORTEST_PERIOD_S = 1e-4
 """No camera is faster: frames closer together are stamped in microseconds or milliseconds, or were given numbers."""
 _MOST_HURRIED = 3
 """So many frames in a row may be closer, after a hiccup of the device's clock; the next ones are refused."""
-_INVERSE_DEPTH_KNOTS = np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0])
-"""Inverse depths (1/m) at which the noise of depth is learnt: from 6.7 m to .5 m, the range of a Kinect."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +68,13 @@ class Odometry:
             raise ConfigError(f"{camera}: images need {_LEAST_SIDE_PX} pixels each way at least")
         self.settings = settings or OdometrySettings()
         self.camera = camera
-        unproven = _unproven_sensor(camera, self.settings)
+        unproven = unproven_sensor(camera, self.settings)
         sensor = saved.sensor.recalled(unproven) if saved is not None and saved.sensor is not None else unproven
         self._frames = FrameStages(sensor, self.settings, saved)
         self.segmentation = Segmentation(segmenter)
         self._prepared: _Prepared | None = None
         self._hurried = 0
+        self._adjusted: dict[int, Array] = {}
         self.late_loops: tuple[LoopCandidate, ...] = ()
         """What the last `finish` judged, after the last frame."""
 
@@ -215,11 +211,24 @@ class Odometry:
         self.late_loops = loops + self._take_background(None)[0]
         state = frames.state
         T_reference_camera = state.T_reference_camera(frames.map)
-        frames.sensor, adjusted = frames.mapper.finish(frames.sensor)
+        frames.sensor, self._adjusted = frames.mapper.finish(frames.sensor)
         frames.state = state.moved_with(frames.map, T_reference_camera)
-        if newest in adjusted:
-            frames.state = replace(frames.state, T_camera_map=adjusted[newest])
-        return trajectory(corrected(log, keyframes, adjusted), keyframes)
+        if newest in self._adjusted:
+            frames.state = replace(frames.state, T_camera_map=self._adjusted[newest])
+        return self.trajectory_with({}, {})
+
+    def trajectory_with(
+        self, keyframes: Mapping[int, Array], between: Mapping[int, Array]
+    ) -> tuple[TrajectoryPose, ...]:
+        """Return the trajectory of `finish` with other T_camera_map of some key frames and of frames `between` them.
+
+        Both are given by their numbers; the other frames move along, the map stays as it is.
+        """
+        moved = [
+            replace(keyframe, T_camera_map=keyframes[keyframe.number]) if keyframe.number in keyframes else keyframe
+            for keyframe in self._frames.map.keyframes
+        ]
+        return trajectory(corrected(self._frames.published.frames, moved, {**self._adjusted, **between}), moved)
 
     def closing_test(self) -> ClosingTest | None:
         """Return the paper's test of a closed walk after `finish`, None where it can't be made (see `closing_test`)."""
@@ -238,13 +247,3 @@ class Odometry:
         """The last frame's tracking, None where it was not tracked."""
         state, last = self._frames.state, self._frames.published.frames.last
         return state.tracked if state and last and last.stamp == state.view.stamp else None
-
-
-def _unproven_sensor(camera: Camera, settings: OdometrySettings) -> SensorModel:
-    """Return what the settings say of a camera that has shown nothing yet."""
-    knots = _INVERSE_DEPTH_KNOTS
-    noise = FeatureNoise(settings.pixel_sigma_px, np.stack([knots, np.full_like(knots, settings.inverse_depth_sigma)]))
-    sigma_s = [settings.readout_prior_sigma_s, settings.depth_lag_prior_sigma_s, settings.depth_readout_prior_sigma_s]
-    timing = ShutterTiming(settings.readout_prior_s, settings.depth_lag_prior_s, settings.depth_readout_prior_s)
-    information = np.diag(np.array(sigma_s) ** -2.0)
-    return SensorModel(Lens.of(camera), timing, information, StampClock(), NoiseMonitor.of(noise))

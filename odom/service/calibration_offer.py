@@ -1,0 +1,36 @@
+"""The calibration file that a run leaves where the one given was poor."""
+
+import logging
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sensors.calibration_file import Calibration, calibration_text, depth_scale_of
+
+if TYPE_CHECKING:
+    from odom.calibration.self_calibration import SelfCalibration
+
+CALIBRATION_FILE = "camera-calibrated.yaml"
+"""Its name in the folder of the run."""
+_LOG = logging.getLogger(__name__)
+
+
+def offer_calibration(own: "SelfCalibration", folder: Path) -> None:
+    """Write the calibration that was found beside the results; raises OSError."""
+    from odom.calibration.words import numbers
+
+    if own.found is None:
+        return
+    story = [f"found by odom run: the calibration given was off by {own.off_px:.1f} px", *numbers(own.found)]
+    path = folder / CALIBRATION_FILE
+    path.write_text(calibration_text(Calibration(own.found.camera), story), encoding="utf-8")
+    _LOG.info("the calibration given is off by %.1f px: trajectory.txt is adjusted by %s", own.off_px, path)
+
+
+def keep_depth_scale(folder: Path, source: str, camera: Path | None) -> None:
+    """Give a calibration that was offered the unit of the source's depth images; raises OSError."""
+    path = folder / CALIBRATION_FILE
+    if path.is_file():
+        scale = depth_scale_of(source, camera)
+        text = re.sub(r"(?m)^depth_scale: .*$", f"depth_scale: {scale!r}", path.read_text(encoding="utf-8"))
+        path.write_text(text, encoding="utf-8")

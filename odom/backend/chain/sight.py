@@ -22,8 +22,12 @@ class Sight:
 
     @classmethod
     def of(cls, tracked: Tracked, identities: Index) -> "Sight":
-        """Return the landmarks that the map's search found in a frame, by their `identities` (n)."""
-        return cls(identities, tracked.uv, tracked.measurements)
+        """Return the landmarks that the map's search found in a frame, by their `identities` (n).
+
+        What has been culled since, as gone from its place, has the identity 0: it is left out.
+        """
+        alive = identities > 0
+        return cls(identities[alive], tracked.uv[alive], tracked.measurements.take(alive))
 
     @classmethod
     def nothing(cls) -> "Sight":

@@ -40,8 +40,8 @@ class Observed:
     timing: ShutterTiming
 
     def current(self, landmarks: Landmarks) -> Mask:
-        """Return which of the measured landmarks are still in the map (n)."""
-        return np.asarray(landmarks.identity[self.rows] == self.identities)
+        """Return which of the measured landmarks are still in the map (n); those culled at once have the identity 0."""
+        return np.asarray((landmarks.identity[self.rows] == self.identities) & (self.identities > 0))
 
 
 @dataclass(eq=False, kw_only=True)

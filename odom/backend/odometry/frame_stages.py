@@ -124,7 +124,8 @@ class FrameStages:
             noise = observe_noise(noise, self.map, tracked, view.images.full.shape[1])
         self.sensor = self.sensor.with_noise(noise)
         covariance = tracked.covariance * noise.covariance_scale
-        self.moving = self.moving.after(view, tracked, self.mapper.inserter.recent, self.sensor)
+        recent, landmarks = self.mapper.inserter.recent, self.map.landmarks
+        self.moving = self.moving.after(view, tracked, recent, landmarks, self.sensor)
         state, reason = judge_pose(tracked, covariance, is_recovered, lacks_depth, self.moving.doubt)
         return JudgedFrame(tracked, since_previous_s, twist, covariance, state, reason)
 

@@ -1,16 +1,20 @@
 """How much of the view moves, looked at some ten times a second, and whether that leaves the pose in doubt."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
+
+from odom.backend.map.landmarks import Landmarks
 from odom.backend.mapping.standing import RecentViews
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.tracking.frame_state import Tracked
+from odom.backend.tracking.tuning import TUNING as TRACKING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.view import View
 from odom.frontend.matching.moving_surfaces import MovingCells
 
-VIEW_MOVES = "of the view moves"
+VIEW_MOVED = "of the view moved"
 """How the reason of a frame ends that is UNCERTAIN for this alone."""
 
 
@@ -18,28 +22,60 @@ VIEW_MOVES = "of the view moves"
 class MovingView:
     """What moves in the newest view that was looked at, taken at `stamp`; `cells` is None where nothing could tell.
 
-    `is_doubtful` from when most of the view moves, or seems to, until hardly anything does: a camera that was taken
-    along by what moves sees the scene move instead.
+    `is_doubtful` from when most of the view moves, or seems to, until hardly anything has moved for a while: a camera
+    that was taken along by what moves sees the scene move instead. What stood still before tells that it was not: the
+    landmarks made before `proven` (an identity), in a time without doubt. In the first seconds after the first look, at
+    `begun`, there are none, and little is enough (`is_young`). `calm` is when it became still.
     """
 
     stamp: SteadyStamp | None = None
     cells: MovingCells | None = None
-    is_doubtful: bool = False
+    is_crowded: bool = False
+    is_young: bool = False
+    begun: SteadyStamp | None = None
+    calm: SteadyStamp | None = None
+    proven: int = 0
 
-    def after(self, view: View, tracked: Tracked, recent: RecentViews, sensor: SensorModel) -> "MovingView":
+    def after(
+        self, view: View, tracked: Tracked, recent: RecentViews, landmarks: Landmarks, sensor: SensorModel
+    ) -> "MovingView":
         """Return what is known after a tracked `view`, by the `recent` ones: the same, unless it is time to look."""
         stamp = view.steady_stamp
         if self.stamp is not None and abs(stamp - self.stamp) * 1e-9 < TUNING.moving_period_s:
             return self
         cells = recent.moving(view, tracked, sensor)
         if cells is None:
-            return MovingView(stamp, None, self.is_doubtful)
-        most = TUNING.moving_little if self.is_doubtful else TUNING.moving_most
-        return MovingView(stamp, cells, cells.share > most)
+            return replace(self, stamp=stamp, cells=None)
+        begun = stamp if self.begun is None else self.begun
+        is_young = (stamp - begun) * 1e-9 < TUNING.moving_young_s and (
+            self.is_young or cells.share > TUNING.moving_little
+        )
+        if cells.share > TUNING.moving_most:
+            is_crowded = not is_supported(tracked, landmarks, self.proven)
+            return MovingView(stamp, cells, is_crowded, is_young, begun, None, self.proven)
+        calm = stamp if self.calm is None else self.calm
+        is_calm = (stamp - calm) * 1e-9 >= TUNING.moving_calm_s
+        is_crowded = self.is_crowded and not is_calm
+        proven = landmarks.next_identity if is_calm and not is_crowded and not is_young else self.proven
+        return MovingView(stamp, cells, is_crowded, is_young, begun, calm, proven)
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether what moves leaves the pose in doubt."""
+        return self.is_crowded or self.is_young
 
     @property
     def doubt(self) -> str:
         """Why the pose is in doubt, empty where it is not."""
         if not self.is_doubtful:
             return ""
-        return "most of the view moved" if self.cells is None else f"{self.cells.share:.0%} {VIEW_MOVES}"
+        if self.cells is None or self.calm is not None:
+            return f"most {VIEW_MOVED}"
+        return f"{self.cells.share:.0%} {VIEW_MOVED}"
+
+
+def is_supported(tracked: Tracked, landmarks: Landmarks, proven: int) -> bool:
+    """Return whether landmarks made before `proven` (an identity) agree with a pose: enough, most of those in view."""
+    found = int(np.count_nonzero(landmarks.identity[tracked.rows[tracked.inliers]] < proven))
+    missed = int(np.count_nonzero((landmarks.identity[tracked.missed] < proven) & ~tracked.sight.hidden))
+    return bool(found >= max(TRACKING.sure_inliers, missed))

@@ -35,8 +35,14 @@ class Tuning:
         effect="that moves before the pose is UNCERTAIN; smaller: sure poses are called unsure; larger: the camera is "
         "taken along unnoticed")
     moving_little: float = tuned(0.2, unit="share of the view", source=_BODIES,
-        effect="that may move for the pose to be sure again; smaller: UNCERTAIN for longer; larger: wrong poses count "
-        "as sure")
+        effect="that may move in the first moving_young_s for the pose to be sure; smaller: UNCERTAIN for longer; "
+        "larger: wrong poses count as sure")
+    moving_young_s: float = tuned(2.0, unit="s", source=_BODIES,
+        effect="after the first look in which moving_little counts; smaller: a crowd before the camera at its start is "
+        "followed and called sure; larger: a person who comes early leaves sure poses in doubt")
+    moving_calm_s: float = tuned(1.5, unit="s", source=_BODIES,
+        effect="in which no more than moving_most moves before the pose is sure again; smaller: a body that fills "
+        "the view counts as the scene; larger: UNCERTAIN for longer")
     mask_most: float = tuned(0.95, unit="share of the image", source="nothing is left to track by",
         effect="masked beyond which a segmenter's mask is ignored; smaller: true ones are; larger: LOST by a wrong one")
     mask_reasons: int = tuned(16, unit="1", source="more than there are kinds of wrong masks",

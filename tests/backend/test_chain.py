@@ -156,6 +156,7 @@ def test_after_frames_that_show_nothing_the_link_goes_to_the_last_one_that_did(r
     assert links(ran)[32].stamp_earlier == room_frames[29].stamp
 
 
+@pytest.mark.long
 def test_a_hole_is_said_and_the_chain_goes_on_behind_it(room_frames):
     """Another room from one frame to the next: nothing in it was seen before."""
     other = PaintedRoom(seed=5)

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from made_up_scene import points_ahead, project
 
-from odom.backend.tracking.consensus import ExpectedPose, FollowedFeatures, consensus, is_contested
+from odom.backend.tracking.consensus import (
+    ExpectedPose,
+    FollowedFeatures,
+    consensus,
+    is_contested,
+    triples_needed,
+)
+from odom.backend.tracking.tuning import TUNING
 from odom.geometry import se3
 
 ANYWHERE = ExpectedPose(np.eye(4), np.full(2, np.inf))
@@ -64,3 +71,10 @@ def test_a_pose_is_contested_by_many_that_disagree_not_by_a_few() -> None:
     assert is_contested(np.arange(200) < 60, found)
     assert not is_contested(np.arange(200) < 20, found)
     assert not is_contested(np.arange(40) < 10, found[:40])
+
+
+def test_the_fewer_votes_are_to_be_beaten_the_more_triples_are_tried_up_to_a_bound() -> None:
+    tried = [triples_needed(share) for share in np.linspace(0.0, 1.3, 40)]
+    assert tried == sorted(tried, reverse=True)
+    assert tried[0] == TUNING.triples
+    assert 5 <= tried[-1] <= 15  # even a pose of all features needs some triples, since some of those mislead

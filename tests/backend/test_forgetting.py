@@ -148,7 +148,7 @@ def test_a_forgotten_place_is_not_found_and_leaves_nothing_in_the_index():
     for number in (0, 1, 2, 4):
         index.forget(number)
     assert not index.places
-    assert sum(map(len, index._tables)) == 0
+    assert not any(level.size for level in index._tables._levels)
 
 
 def test_parts_that_no_landmark_joins_any_more_are_each_held():

@@ -148,6 +148,7 @@ def test_a_sensor_at_rest_stays_where_it_is_and_adds_no_key_frame():
         assert np.linalg.norm(away[:, :3], axis=1).max() < 0.003  # with the noise of one frame: .0016 measured
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("faults", "readout_s"), [(True, READOUT_S), (False, 0.0)], ids=["rolling", "global"])
 def test_the_readout_of_an_unknown_shutter_is_found(faults, readout_s):
     options = ArenaOptions(faults=faults)
@@ -180,6 +181,7 @@ def test_stamps_that_leap_an_hour_do_not_end_the_odometry(arena, hours):
     assert {e.segment for e in ran.estimates} == {0}
 
 
+@pytest.mark.long
 def test_a_room_of_the_same_shape_is_not_taken_for_the_known_one():
     options = ArenaOptions(seed=2, walk="joined")
     change = round(JOINED_AT_S * RATE_HZ + 0.5)

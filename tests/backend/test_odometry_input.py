@@ -108,6 +108,7 @@ def test_colour_and_grey_give_the_same_poses(room_frames):
         np.testing.assert_allclose(x, y, atol=2e-3)
 
 
+@pytest.mark.long
 def test_another_room_is_a_segment_of_its_own_and_the_first_room_is_known_again():
     first, second = PaintedRoom(0), PaintedRoom(7)
     walk = [stroll(k / 30.0) for k in range(140)]

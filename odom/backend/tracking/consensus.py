@@ -6,18 +6,19 @@ share their votes. New landmarks count less than proven ones, and near ones less
 scene, and is not hidden by it. Poses that would be a jerk count less, too.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from odom.backend.tracking.pose_solver import projection_terms
+from odom.backend.tracking.pose_solver import projected
 from odom.backend.tracking.tuning import TUNING
+from odom.frontend.camera.rolling_shutter import interaction_matrix
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index, Mask
 from odom.geometry.compiled import compiled
+from odom.geometry.compiled_se3 import moved, solve_definite
 
 _TRIPLE_STEPS, _WIDE_STEPS, _NARROW_STEPS = 4, 2, 1
 """Gauss-Newton steps from a triple alone, and then from all features, less and less tolerant."""
@@ -29,12 +30,8 @@ _PRIOR = 1e-6
 """Information that keeps a triple in one line from running away."""
 _LARGEST_STEP = 1.0
 """A step (m, rad) beyond this leads nowhere."""
-_NEAREST_M = 0.05
-"""Nearer points are behind the camera, or as good as that."""
-_TERMS = 8
-"""Of the exponential's series: its steps are below 1."""
-_KEY = np.array([1.0, 1000.0])
-"""Makes one number of a cell's column and row."""
+_MISSED, _CLEAN = 1e-3, 0.5
+"""How likely a pose that would win may be missed, and how many triples of its own features lead to it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,11 +71,16 @@ class FollowedFeatures:
     @cached_property
     def votes(self) -> Array:
         """How much each feature counts (n)."""
-        _, inverse, count = np.unique(self.uv // TUNING.vote_cell_px @ _KEY, return_inverse=True, return_counts=True)
+        if not len(self.uv):
+            return np.zeros(0)
+        column, row = (np.maximum(self.uv, 0.0) // TUNING.vote_cell_px).astype(np.int64).T
+        cell = column + (int(column.max()) + 1) * row
         proven = np.minimum(1.0, (1.0 + self.seen) / TUNING.proven_frames)
         away = np.linalg.norm(self.points - self.eye, axis=1)
-        far = np.clip(away / np.median(away), 1.0 / TUNING.far_most, TUNING.far_most)
-        return np.asarray(far * proven / np.sqrt(count[inverse]))
+        in_order = np.sort(away)
+        median = 0.5 * (in_order[(len(away) - 1) // 2] + in_order[len(away) // 2])
+        far = np.clip(away / median, 1.0 / TUNING.far_most, TUNING.far_most)
+        return np.asarray(far * proven / np.sqrt(np.bincount(cell)[cell]))
 
     def off_px(self, T_camera_map: Array) -> Array:
         """Return how far each feature is from where a pose puts it (n, px)."""
@@ -110,22 +112,30 @@ def is_exact(features: FollowedFeatures, T_predicted: Array, T_fitted: Array) ->
 
 def consensus(features: FollowedFeatures, T_camera_map: Array, expected: ExpectedPose) -> Array | None:
     """Return the pose that clearly more of the features agree with than with `T_camera_map`; None without any."""
-    votes = features.votes
-    triples = np.random.default_rng(0).choice(len(votes), (TUNING.triples, 3), p=votes / votes.sum())
+    off_px_before = features.off_px(T_camera_map)
+    if np.count_nonzero(off_px_before > TUNING.differs_px) < TUNING.contested_least:
+        return None
+    points, rays, votes = np.ascontiguousarray(features.points), np.ascontiguousarray(features.rays), features.votes
+    sigma, T_start = features.sigma_px * features.pixel, np.ascontiguousarray(T_camera_map)
     T_expected_inverse = se3.inverse(expected.T_camera_map)
-    T, gain = _best_pose(
-        np.ascontiguousarray(features.points),
-        np.ascontiguousarray(features.rays),
-        votes,
-        features.sigma_px * features.pixel,
-        np.ascontiguousarray(T_camera_map),
-        triples,
-        T_expected_inverse,
-        expected.free,
-    )
-    off_px, off_px_before = features.off_px(T), features.off_px(T_camera_map)
+    first = _agreement(points, rays, votes, sigma, T_start, T_expected_inverse, expected.free)
+    tried = triples_needed(TUNING.consensus_gain * first / float(votes.sum()))
+    triples = np.random.default_rng(0).choice(len(votes), (tried, 3), p=votes / votes.sum())
+    T, gain = _best_pose(points, rays, votes, sigma, T_start, first, triples, T_expected_inverse, expected.free)
+    off_px = features.off_px(T)
     won = np.count_nonzero((off_px < TUNING.agrees_px) & (off_px_before > TUNING.differs_px))
     return se3.orthonormal(T) if gain > TUNING.consensus_gain and won >= TUNING.contested_least else None
+
+
+def triples_needed(share: float) -> int:
+    """Return how many triples must be tried to find a pose that has at least a `share` of all votes (at most 1).
+
+    Source: Fischler and Bolles' count; what has few votes to beat takes as many as are tried at the most.
+    """
+    pure = _CLEAN * min(share, 1.0) ** 3
+    if pure < 1.0 - _MISSED ** (1.0 / TUNING.triples):
+        return TUNING.triples
+    return math.ceil(math.log(_MISSED) / math.log(1.0 - pure))
 
 
 def warm_up() -> None:
@@ -143,12 +153,9 @@ def _agreement(
     """Return the votes for the pose `T`, less where that is a surprise."""
     total = 0.0
     for k in range(points.shape[0]):
-        p = points[k]
-        X = T[0, 0] * p[0] + T[0, 1] * p[1] + T[0, 2] * p[2] + T[0, 3]
-        Y = T[1, 0] * p[0] + T[1, 1] * p[1] + T[1, 2] * p[2] + T[1, 3]
-        Z = T[2, 0] * p[0] + T[2, 1] * p[1] + T[2, 2] * p[2] + T[2, 3]
-        if Z > _NEAREST_M:
-            x, y = rays[k, 0] - X / Z, rays[k, 1] - Y / Z
+        x, y, w = projected(T, points, k)
+        if w > 0.0:
+            x, y = rays[k, 0] - x, rays[k, 1] - y
             total += votes[k] / (1.0 + (x * x + y * y) / sigma**2)
     D = T @ T_expected_inverse
     away_m2 = D[0, 3] ** 2 + D[1, 3] ** 2 + D[2, 3] ** 2
@@ -158,41 +165,33 @@ def _agreement(
 
 
 @compiled
-def _moved(x: NDArray[np.floating[Any]], T: Array) -> Array:
-    """Return exp(x) @ T by the exponential's series."""
-    A = np.zeros((4, 4))
-    A[0, 1], A[0, 2], A[1, 0], A[1, 2], A[2, 0], A[2, 1] = -x[5], x[4], x[5], -x[3], -x[4], x[3]
-    A[0, 3], A[1, 3], A[2, 3] = x[0], x[1], x[2]
-    term, E = np.eye(4), np.eye(4)
-    for n in range(1, _TERMS):
-        term = term @ A / n
-        E = E + term
-    return E @ T
-
-
-@compiled
 def _refined(
     points: Array, rays: Array, votes: Array, sigma: float, T_start: Array, members: Index, steps: int
 ) -> tuple[Array, bool]:
     """Return the pose of the features `members`, robustly unless `sigma` is infinite; False where it runs away."""
     T = T_start
-    J, P, r, value = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros(3), np.zeros(3)
+    J = np.zeros((3, 6))
     for _ in range(steps):
         H = _PRIOR * np.eye(6)
         g = np.zeros(6)
         for k in members:
-            value[0], value[1] = rays[k, 0], rays[k, 1]
-            if not projection_terms(T, points[k], value, J, P, r):
+            x, y, w = projected(T, points, k)
+            if w == 0.0:
                 continue
-            weight = votes[k] / (1.0 + (r[0] * r[0] + r[1] * r[1]) / sigma**2) ** 2
+            rx, ry = rays[k, 0] - x, rays[k, 1] - y
+            weight = votes[k] / (1.0 + (rx * rx + ry * ry) / sigma**2) ** 2
+            interaction_matrix(x, y, w, J)
             for a in range(6):
-                g[a] += weight * (J[0, a] * r[0] + J[1, a] * r[1])
-                for b in range(6):
+                g[a] += weight * (J[0, a] * rx + J[1, a] * ry)
+                for b in range(a, 6):
                     H[a, b] += weight * (J[0, a] * J[0, b] + J[1, a] * J[1, b])
-        x = np.linalg.solve(H, g)
-        if not np.abs(x).max() < _LARGEST_STEP:
+        for a in range(6):
+            for b in range(a):
+                H[a, b] = H[b, a]
+        step = solve_definite(H, g)
+        if not np.abs(step).max() < _LARGEST_STEP:
             return T, False
-        T = _moved(x, T)
+        T = moved(step, T)
     return T, True
 
 
@@ -203,14 +202,13 @@ def _best_pose(
     votes: Array,
     sigma: float,
     T_start: Array,
+    first: float,
     triples: Index,
     T_expected_inverse: Array,
     free: Array,
 ) -> tuple[Array, float]:
-    """Return the pose with the most votes that a triple leads to, and how many times as many `T_start` has."""
-    best = T_start
-    first = _agreement(points, rays, votes, sigma, T_start, T_expected_inverse, free)
-    most = first
+    """Return the pose with the most votes that a triple leads to, and how many times as many as `T_start`'s `first`."""
+    best, most = T_start, first
     everything = np.arange(points.shape[0])
     for s in range(triples.shape[0]):
         T, good = _refined(points, rays, votes, np.inf, T_start, triples[s], _TRIPLE_STEPS)

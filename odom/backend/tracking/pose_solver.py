@@ -14,6 +14,7 @@ from odom.frontend.camera.rolling_shutter import interaction_matrix
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
 from odom.geometry.compiled import compiled
+from odom.geometry.compiled_se3 import moved, solve_definite
 
 _NEAREST_M = 0.05
 """Nearer points count as behind the camera: no depth camera measures so near, and 1/z would run away."""
@@ -52,30 +53,60 @@ def projection_terms(T: Array, p: Array, value: Array, J: Array, P: Array, r: Ar
 
 
 @compiled
+def projected(T: Array, points: Array, k: int) -> tuple[float, float, float]:
+    """Return x/z, y/z and 1/z of point `k` of `points` (n x 3, m), seen from the pose `T`; 0 where it lies behind."""
+    p0, p1, p2 = points[k, 0], points[k, 1], points[k, 2]
+    Z = T[2, 0] * p0 + T[2, 1] * p1 + T[2, 2] * p2 + T[2, 3]
+    if Z < _NEAREST_M:
+        return 0.0, 0.0, 0.0
+    w = 1.0 / Z
+    X = T[0, 0] * p0 + T[0, 1] * p1 + T[0, 2] * p2 + T[0, 3]
+    Y = T[1, 0] * p0 + T[1, 1] * p1 + T[1, 2] * p2 + T[1, 3]
+    return X * w, Y * w, w
+
+
+@compiled
+def _times(C: Array, k: int, a: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Return `C[k] a` for symmetric matrices C (n x 3 x 3)."""
+    return (
+        C[k, 0, 0] * a[0] + C[k, 0, 1] * a[1] + C[k, 0, 2] * a[2],
+        C[k, 0, 1] * a[0] + C[k, 1, 1] * a[1] + C[k, 1, 2] * a[2],
+        C[k, 0, 2] * a[0] + C[k, 1, 2] * a[1] + C[k, 2, 2] * a[2],
+    )
+
+
+@compiled
+def _dot(a: tuple[float, float, float], b: tuple[float, float, float]) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@compiled
 def robust_information(
-    P: Array, C: Array, r: Array, variance: Array, has_depth: bool, cauchy: float, PC: Array
+    T: Array, seen: tuple[float, float, float], C: Array, values: Array, variances: Array, k: int, cauchy: float
 ) -> tuple[float, float, float, float, float, float]:
     """Return chi2 of the ray and of the depth (0 without), and what a measurement says: I_xx, I_xy, I_yy and I_ww.
 
-    Residual `r` (3) has the measurement's `variance` (4, see `Measurements`) and the landmark's own, `C` (3 x 3)
-    through `P` (3 x 3); the Cauchy weight is one half at a chi2 of `cauchy`. `PC` (3 x 3) is room to work in.
+    Landmark `k`, of covariance `C` (n x 3 x 3), is predicted to be `seen` (x/z, y/z, 1/z) from the pose `T`, and was
+    measured as `values` (n x 3) with `variances` (n x 4, see `Measurements`). Its own covariance is carried through the
+    projection; the Cauchy weight is one half at a chi2 of `cauchy`. Slices of arrays would cost as much as the rest.
     """
-    for a in range(3):
-        for b in range(3):
-            PC[a, b] = P[a, 0] * C[0, b] + P[a, 1] * C[1, b] + P[a, 2] * C[2, b]
-    sxx = variance[0] + PC[0, 0] * P[0, 0] + PC[0, 1] * P[0, 1] + PC[0, 2] * P[0, 2]
-    sxy = variance[1] + PC[0, 0] * P[1, 0] + PC[0, 1] * P[1, 1] + PC[0, 2] * P[1, 2]
-    syy = variance[2] + PC[1, 0] * P[1, 0] + PC[1, 1] * P[1, 1] + PC[1, 2] * P[1, 2]
-    determinant = sxx * syy - sxy * sxy
-    ray = (syy * r[0] * r[0] - 2.0 * sxy * r[0] * r[1] + sxx * r[1] * r[1]) / determinant
-    weight = 1.0 / (1.0 + ray / cauchy)
-    ixx, ixy, iyy = syy / determinant * weight, -sxy / determinant * weight, sxx / determinant * weight
+    x, y, w = seen
+    by_x = (w * (T[0, 0] - x * T[2, 0]), w * (T[0, 1] - x * T[2, 1]), w * (T[0, 2] - x * T[2, 2]))
+    by_y = (w * (T[1, 0] - y * T[2, 0]), w * (T[1, 1] - y * T[2, 1]), w * (T[1, 2] - y * T[2, 2]))
+    C_x, C_y = _times(C, k, by_x), _times(C, k, by_y)
+    sxx, sxy = variances[k, 0] + _dot(by_x, C_x), variances[k, 1] + _dot(by_y, C_x)
+    syy = variances[k, 2] + _dot(by_y, C_y)
+    rx, ry = values[k, 0] - x, values[k, 1] - y
+    inverse = 1.0 / (sxx * syy - sxy * sxy)
+    ray = (syy * rx * rx - 2.0 * sxy * rx * ry + sxx * ry * ry) * inverse
+    weight = inverse / (1.0 + ray / cauchy)
     depth, iww = 0.0, 0.0
-    if has_depth:
-        sww = variance[3] + PC[2, 0] * P[2, 0] + PC[2, 1] * P[2, 1] + PC[2, 2] * P[2, 2]
-        depth = r[2] * r[2] / sww
-        iww = 1.0 / (1.0 + depth / cauchy) / sww
-    return ray, depth, ixx, ixy, iyy, iww
+    if values[k, 2] > 0.0:
+        by_w = (-w * w * T[2, 0], -w * w * T[2, 1], -w * w * T[2, 2])
+        sww, rw = variances[k, 3] + _dot(by_w, _times(C, k, by_w)), values[k, 2] - w
+        depth = rw * rw / sww
+        iww = 1.0 / (sww * (1.0 + depth / cauchy))
+    return ray, depth, syy * weight, -sxy * weight, sxx * weight, iww
 
 
 @compiled
@@ -88,25 +119,30 @@ def _accumulate(
     g = np.zeros(6)
     chi2 = np.zeros((n, 2))
     J = np.zeros((3, 6))
-    P = np.zeros((3, 3))
-    r = np.zeros(3)
-    PC = np.zeros((3, 3))
     for k in range(n):
         if not used[k]:
             continue
-        if not projection_terms(T, points[k], values[k], J, P, r):
+        x, y, w = projected(T, points, k)
+        if w == 0.0:
             chi2[k, 0] = _BEHIND_CAMERA_CHI2
             continue
         chi2[k, 0], chi2[k, 1], ixx, ixy, iyy, iww = robust_information(
-            P, covariances[k], r, variances[k], values[k, 2] > 0.0, cauchy, PC
+            T, (x, y, w), covariances, values, variances, k, cauchy
         )
+        rx, ry = values[k, 0] - x, values[k, 1] - y
+        interaction_matrix(x, y, w, J)
         for a in range(6):
             j0 = ixx * J[0, a] + ixy * J[1, a]
             j1 = ixy * J[0, a] + iyy * J[1, a]
-            j2 = iww * J[2, a]
-            g[a] += j0 * r[0] + j1 * r[1] + j2 * r[2]
+            g[a] += j0 * rx + j1 * ry
             for b in range(a, 6):
-                H[a, b] += j0 * J[0, b] + j1 * J[1, b] + j2 * J[2, b]
+                H[a, b] += j0 * J[0, b] + j1 * J[1, b]
+        if iww > 0.0:
+            for a in range(2, 5):  # depth tells of no other motion
+                j2 = iww * J[2, a]
+                g[a] += j2 * (values[k, 2] - w)
+                for b in range(a, 5):
+                    H[a, b] += j2 * J[2, b]
     for a in range(6):
         for b in range(a):
             H[a, b] = H[b, a]
@@ -141,15 +177,32 @@ def fit_pose(
     `Measurements`; `used` (n) says which of them count, `cauchy` at which chi-squared a weight is one half.
     """
     chosen = np.ones(len(points_map), dtype=np.bool_) if used is None else used
-    T = T_camera_map.copy()
-    prior = _PRIOR * np.eye(6)
-    away = np.zeros(6)
-    H, g, chi2 = _accumulate(T, points_map, covariances_map, values, variances, chosen, cauchy)
+    T, information, chi2 = _fitted(
+        points_map, covariances_map, values, variances, T_camera_map, chosen, iterations, float(cauchy)
+    )
+    return PoseFit(se3.orthonormal(T), information, chi2)
+
+
+@compiled
+def _fitted(
+    points: Array,
+    covariances: Array,
+    values: Array,
+    variances: Array,
+    T_start: Array,
+    used: Mask,
+    iterations: int,
+    cauchy: float,
+) -> tuple[Array, Array, Array]:
+    """Return the pose after some Gauss-Newton steps, its information with the prior's, and chi2 (n x 2) there."""
+    T = T_start.copy()
+    prior, away = _PRIOR * np.eye(6), np.zeros(6)
+    H, g, chi2 = _accumulate(T, points, covariances, values, variances, used, cauchy)
     for _ in range(iterations):
-        step: Array = np.asarray(np.linalg.solve(H + prior, g - prior @ away), dtype=np.float64)
-        T = se3.exp(step) @ T
-        away = away + step
-        H, g, chi2 = _accumulate(T, points_map, covariances_map, values, variances, chosen, cauchy)
+        step = solve_definite(H + prior, g - _PRIOR * away)
+        T = moved(step, T)
+        away += step
+        H, g, chi2 = _accumulate(T, points, covariances, values, variances, used, cauchy)
         if np.abs(step).max() < _CONVERGED:
             break
-    return PoseFit(se3.orthonormal(T), H + prior, chi2)
+    return T, H + prior, chi2

@@ -9,8 +9,9 @@ O. Ait-Aider et al., "Simultaneous object pose and velocity computation using a 
 import numpy as np
 
 from odom.backend.tracking.motion_model import Motion, Velocity
-from odom.backend.tracking.pose_solver import projection_terms, robust_information
+from odom.backend.tracking.pose_solver import projected, robust_information
 from odom.backend.tracking.tuning import TUNING
+from odom.frontend.camera.rolling_shutter import interaction_matrix
 from odom.frontend.features.measurement import Measurements
 from odom.geometry import se3
 from odom.geometry.arrays import Array
@@ -25,16 +26,14 @@ def _accumulate(
     H = np.zeros((12, 12))
     g = np.zeros(12)
     J = np.zeros((3, 6))
-    P = np.zeros((3, 3))
-    r = np.zeros(3)
     A = np.zeros((3, 12))
-    PC = np.zeros((3, 3))
     for k in range(points.shape[0]):
-        if not projection_terms(T, points[k], values[k], J, P, r):
+        x, y, w = projected(T, points, k)
+        if w == 0.0:
             continue
-        _, _, ixx, ixy, iyy, iww = robust_information(
-            P, covariances[k], r, variances[k], values[k, 2] > 0.0, cauchy, PC
-        )
+        _, _, ixx, ixy, iyy, iww = robust_information(T, (x, y, w), covariances, values, variances, k, cauchy)
+        rx, ry, rw = values[k, 0] - x, values[k, 1] - y, values[k, 2] - w if iww > 0.0 else 0.0
+        interaction_matrix(x, y, w, J)
         for a in range(6):
             A[0, a], A[1, a], A[2, a] = -J[0, a], -J[1, a], -J[2, a]
             A[0, 6 + a], A[1, 6 + a] = -J[0, a] * row_s[k], -J[1, a] * row_s[k]
@@ -42,7 +41,7 @@ def _accumulate(
             j0 = ixx * A[0, a] + ixy * A[1, a]
             j1 = ixy * A[0, a] + iyy * A[1, a]
             j2 = iww * A[2, a]
-            g[a] += j0 * r[0] + j1 * r[1] + j2 * r[2]
+            g[a] += j0 * rx + j1 * ry + j2 * rw
             for b in range(a, 12):
                 H[a, b] += j0 * A[0, b] + j1 * A[1, b] + j2 * A[2, b]
     for a in range(12):

@@ -42,7 +42,7 @@ class Tuning:
         effect="smaller: chance outliers are taken for a motion; larger: small views are not looked at twice")
     contested_share: float = tuned(0.2, unit="share of the features", source=_BODIES,
         effect="that disagree before another pose is looked for; smaller: slower; larger: passers-by are followed")
-    triples: int = tuned(100, unit="1", source=_BODIES,
+    triples: int = tuned(100, unit="at most", source=_BODIES,
         effect="fewer: a scene that shows in few features is missed; more: slower where people are in view")
     followed_sigma_px: float = tuned(2.0, unit="px", source=_BODIES,
         effect="of features followed by flow; smaller: what is sharpest wins; larger: motions are not told apart")

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.frontend.tuning import TUNING
+from odom.geometry.arrays import Array
 from odom.geometry.compiled import compiled
 
 _WINDOW = 3
@@ -18,6 +19,37 @@ def has_depth(depth_mm: NDArray[np.uint16]) -> bool:
     """Return whether a depth image (H x W uint16, mm, 0: none) shows anything; a sample of its pixels is looked at."""
     sample = depth_mm[::_SAMPLED_EVERY, ::_SAMPLED_EVERY]
     return bool(np.count_nonzero(sample) >= TUNING.depth_least_share * sample.size)
+
+
+@compiled
+def median_of(values: Array, m: int, room: Array) -> float:
+    """Return the median of the first `m` of some `values`, in `room` as large as they are (Hoare's selection)."""
+    room[:m] = values[:m]
+    k, low, high = m // 2, 0, m - 1
+    while low < high:
+        pivot = room[(low + high) // 2]
+        i, j = low, high
+        while i <= j:
+            while room[i] < pivot:
+                i += 1
+            while room[j] > pivot:
+                j -= 1
+            if i <= j:
+                room[i], room[j] = room[j], room[i]
+                i += 1
+                j -= 1
+        if k <= j:
+            high = j
+        elif k >= i:
+            low = i
+        else:
+            break
+    if m % 2:
+        return float(room[k])
+    below = room[0]
+    for i in range(1, k):
+        below = max(below, room[i])
+    return float(0.5 * (below + room[k]))
 
 
 @compiled
@@ -40,6 +72,7 @@ def read_plane(
     values = np.empty(size)
     du = np.empty(size)
     dv = np.empty(size)
+    in_order = np.empty(size)
     j0, i0 = round(u), round(v)
     m = 0
     for i in range(i0 - _WINDOW, i0 + _WINDOW + 1):
@@ -51,7 +84,7 @@ def read_plane(
                 m += 1
     if m < share_valid * size:
         return nothing
-    median = np.median(values[:m])
+    median = median_of(values, m, in_order)
     # sums of the normal equations of w = b0 + b1 du + b2 dv over the neighbours near the median
     count = 0
     a01 = a02 = a11 = a12 = a22 = b0 = b1 = b2 = 0.0

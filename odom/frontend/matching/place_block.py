@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from odom.frontend.features.place_descriptor import Descriptors
 from odom.frontend.tuning import TUNING
 from odom.geometry.arrays import Index
+from odom.geometry.compiled import compiled
 
 TABLES, BITS = 6, 20
 """Hash tables, and bits of a descriptor that each samples: a 1-in-a-million chance that unlike features share a key."""
@@ -56,9 +58,32 @@ class PlaceBlock:
 
 
 def _newest(table: NDArray[np.uint32], keys: Index) -> Index:
-    first = (keys << _LOCAL_BITS).astype(np.uint32)
-    stop = np.searchsorted(table, first | np.uint32(MOST_PLACES - 1), side="right")
-    start = np.maximum(np.searchsorted(table, first), stop - TUNING.place_bucket)
-    count = stop - start
+    first = keys << _LOCAL_BITS
+    stop = first_at_least(table, first + MOST_PLACES)
+    count = np.minimum(stop - first_at_least(table, first), TUNING.place_bucket)
+    return np.asarray(table[last_of_each(stop, count)] & np.uint32(MOST_PLACES - 1), dtype=np.int64)
+
+
+@compiled
+def first_at_least(table: NDArray[Any], values: Index) -> Index:
+    """Return where a sorted `table` first holds at least each of the values (n), as `np.searchsorted` does.
+
+    All values are sought in step: memory then works on many at a time, where it is waited for each in turn otherwise.
+    """
+    at = np.zeros(len(values), np.int64)
+    step = 1
+    while 2 * step <= len(table):
+        step *= 2
+    while step:
+        for k in range(len(values)):
+            probed = min(at[k] + step, len(table))
+            is_below = np.int64(table[probed - 1]) < values[k]
+            at[k] += (probed - at[k]) * is_below
+        step //= 2
+    return at
+
+
+def last_of_each(stop: Index, count: Index) -> Index:
+    """Return, one after the other, the `count` (n) positions before each `stop` (n), ascending."""
     within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    return np.asarray(table[np.repeat(start, count) + within] & np.uint32(MOST_PLACES - 1), dtype=np.int64)
+    return np.asarray(np.repeat(stop - count, count) + within)

@@ -7,41 +7,35 @@ import cv2
 import numpy as np
 
 from odom.frontend.features.place_descriptor import Place
-from odom.frontend.matching.place_block import TABLES, PlaceBlock, keys_of
+from odom.frontend.matching.place_block import PlaceBlock, keys_of
+from odom.frontend.matching.place_tables import PlaceTables
 from odom.frontend.tuning import TUNING
-from odom.geometry.arrays import Index
 from odom.registration import Pairs, Registration, register
-
-_NUMBER_BITS = 32
-"""Lower bits of a table's entry, which hold the place's number."""
-_NUMBERS = (1 << _NUMBER_BITS) - 1
 
 
 @dataclass(eq=False)
 class PlaceIndex:
     """Places by number, found by sampled bits of their descriptors (locality-sensitive hashing, A. Gionis, 1999).
 
-    A table holds one entry, sampled bits and number, for each feature of each place, sorted. Of the places that share
-    a feature's bits only the newest ones count, so that a place seen often hardly makes a look-up slower. Places of a
-    saved map are in `blocks`; they are not in memory, like those that were set aside, but had from `elsewhere`.
+    Of the places that share a feature's bits only the newest ones count, so that a place seen often hardly makes a
+    look-up slower. Places of a saved map are in `blocks`; they are not in memory, like those that were set aside, but
+    had from `elsewhere`.
     """
 
     places: dict[int, Place] = field(default_factory=dict)
     blocks: tuple[PlaceBlock, ...] = ()
     elsewhere: Callable[[int], Place | None] | None = None
-    _tables: list[Index] = field(default_factory=lambda: [np.zeros(0, dtype=np.int64) for _ in range(TABLES)])
+    _tables: PlaceTables = field(default_factory=PlaceTables)
 
     def add(self, number: int, place: Place) -> None:
         """Remember `place` under `number`."""
         self.places[number] = place
-        for t, keys in enumerate(keys_of(place.descriptors).T):
-            entries = np.unique(keys) << _NUMBER_BITS | number
-            self._tables[t] = np.insert(self._tables[t], np.searchsorted(self._tables[t], entries), entries)
+        self._tables.add(number, place.descriptors)
 
     def forget(self, number: int) -> None:
         """Forget the place of this `number`, if there is one."""
         if self.places.pop(number, None) is not None:
-            self._tables = [table[table & _NUMBERS != number] for table in self._tables]
+            self._tables.forget(number)
 
     def set_aside(self, number: int) -> None:
         """Drop a place from memory; it is still found, and had from `elsewhere`."""
@@ -54,21 +48,11 @@ class PlaceIndex:
 
     def look_up(self, place: Place, excluded: set[int], most: int) -> list[int]:
         """Return up to `most` places that look most like `place`, best first, without the `excluded`."""
-        keys = keys_of(place.descriptors)
-        found = [_newest(table, keys) for table, keys in zip(self._tables, keys.T, strict=True)]
-        found += [block.voted(keys) for block in self.blocks]
-        numbers, votes = np.unique(np.concatenate(found), return_counts=True)
-        ranked = numbers[np.argsort(-votes, kind="stable")]
+        keys = np.sort(keys_of(place.descriptors), axis=0)  # neighbouring keys are near each other in memory
+        votes = np.bincount(np.concatenate([self._tables.voted(keys), *(block.voted(keys) for block in self.blocks)]))
+        numbers = np.flatnonzero(votes)
+        ranked = numbers[np.argsort(-votes[numbers], kind="stable")]
         return [number for number in ranked.tolist() if number not in excluded][:most]
-
-
-def _newest(table: Index, keys: Index) -> Index:
-    """Return the numbers that `table` holds under each of the `keys`, of each key only the highest few."""
-    stop = np.searchsorted(table, (keys + 1) << _NUMBER_BITS)
-    start = np.maximum(np.searchsorted(table, keys << _NUMBER_BITS), stop - TUNING.place_bucket)
-    count = stop - start
-    within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    return np.asarray(table[np.repeat(start, count) + within] & _NUMBERS)
 
 
 def match_places(source: Place, target: Place) -> Pairs | None:

@@ -1,0 +1,63 @@
+"""Steps of a pose inside compiled loops."""
+
+import math
+
+import numpy as np
+
+from odom.geometry.arrays import Array
+from odom.geometry.compiled import compiled
+
+_SMALL = 1e-5
+"""rad; below it series to the second order are exact to rounding."""
+
+
+@compiled
+def moved(xi: Array, T: Array) -> Array:
+    """Return `exp(xi) @ T`, as `se3.exp` has it, of a tangent vector (6, m and rad) and a rigid motion (4 x 4)."""
+    x, y, z = xi[3], xi[4], xi[5]
+    theta2 = x * x + y * y + z * z
+    theta = math.sqrt(theta2)
+    if theta < _SMALL:
+        a, b, c = 1.0, 0.5, 1.0 / 6.0
+    else:
+        a = math.sin(theta) / theta
+        b = (1.0 - math.cos(theta)) / theta2
+        c = (theta - math.sin(theta)) / (theta2 * theta)
+    W = np.zeros((3, 3))
+    W[0, 1], W[0, 2], W[1, 0], W[1, 2], W[2, 0], W[2, 1] = -z, y, z, -x, -y, x
+    out = np.zeros((4, 4))
+    R, V = np.zeros((3, 3)), np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            squared = W[i, 0] * W[0, j] + W[i, 1] * W[1, j] + W[i, 2] * W[2, j]
+            one = 1.0 if i == j else 0.0
+            R[i, j] = one + a * W[i, j] + b * squared
+            V[i, j] = one + b * W[i, j] + c * squared
+    for i in range(3):
+        for j in range(4):
+            out[i, j] = R[i, 0] * T[0, j] + R[i, 1] * T[1, j] + R[i, 2] * T[2, j]
+        out[i, 3] += V[i, 0] * xi[0] + V[i, 1] * xi[1] + V[i, 2] * xi[2]
+    out[3, 3] = 1.0
+    return out
+
+
+@compiled
+def solve_definite(H: Array, g: Array) -> Array:
+    """Return x with `H @ x == g` for a symmetric positive definite `H` (n x n); NaN or infinite where it is not."""
+    n = len(g)
+    L, x = np.zeros((n, n)), g.copy()
+    for i in range(n):
+        for j in range(i + 1):
+            rest = H[i, j]
+            for k in range(j):
+                rest -= L[i, k] * L[j, k]
+            L[i, j] = math.sqrt(rest) if i == j and rest > 0.0 else rest / L[j, j]
+    for i in range(n):
+        for k in range(i):
+            x[i] -= L[i, k] * x[k]
+        x[i] /= L[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            x[i] -= L[k, i] * x[k]
+        x[i] /= L[i, i]
+    return x

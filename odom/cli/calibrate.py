@@ -45,11 +45,12 @@ def calibrate(
 
     from odom.backend.settings import OdometrySettings
     from odom.errors import ConfigError
-    from odom.service.calibration_files import depth_scale_of, remarks
+    from odom.service.calibration_files import remarks
     from odom.service.calibration_run import calibrate_recordings
     from odom.service.progress import counting
     from odom.service.settings_sources import part_settings
     from odom.wire import Topics
+    from sensors.calibration_file import depth_scale_of
     from sensors.catalogue import check_source, open_source
     from sensors.source import SourceOptions
 

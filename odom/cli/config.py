@@ -5,12 +5,13 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from pydantic import BaseModel
-from pydantic.fields import FieldInfo
-from pydantic_core import PydanticUndefined
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+    from pydantic.fields import FieldInfo
 
 _UNITS = {
     "s": "s", "ms": "ms", "m": "m", "mm": "mm", "deg": "deg", "rad": "rad", "px": "px", "hz": "Hz", "mb": "MB",
@@ -41,7 +42,7 @@ def config(
     typer.echo("\n".join(annotated(settings)))
 
 
-def annotated(settings: BaseModel) -> list[str]:
+def annotated(settings: "BaseModel") -> list[str]:
     """Return the settings as lines of YAML, values and remarks each in a column."""
     rows: list[tuple[str, str, str]] = []
     before: list[str] = []
@@ -85,8 +86,11 @@ class Setting:
     description: str
 
 
-def settings_list(settings: BaseModel, prefix: str = "") -> Iterator[Setting]:
+def settings_list(settings: "BaseModel", prefix: str = "") -> Iterator[Setting]:
     """Yield the settings of a model and of the models in it, in the order in which they are written down."""
+    from pydantic import BaseModel
+    from pydantic_core import PydanticUndefined
+
     for name, field in type(settings).model_fields.items():
         value = getattr(settings, name)
         if isinstance(value, BaseModel):
@@ -97,7 +101,7 @@ def settings_list(settings: BaseModel, prefix: str = "") -> Iterator[Setting]:
             yield Setting(prefix + name, _plain(value), shown, _unit(name, field), field.description or "")
 
 
-def _unit(name: str, field: FieldInfo) -> str:
+def _unit(name: str, field: "FieldInfo") -> str:
     if isinstance(field.json_schema_extra, dict) and "unit" in field.json_schema_extra:
         return str(field.json_schema_extra["unit"])
     suffixes = [suffix for suffix in _UNITS if name.endswith(f"_{suffix}")]

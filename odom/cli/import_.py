@@ -7,9 +7,8 @@ from typing import Annotated
 import typer
 
 from odom.cli import signals
-from odom.cli.options import Calibration, OwnTopics, SourceOption, pairs
+from odom.cli.options import Calibration, Compression, OwnTopics, SourceOption, pairs
 from odom.cli.outputs import check_not_read
-from odom.wire.settings import Compression
 
 
 def import_(
@@ -19,7 +18,7 @@ def import_(
     namespace: Annotated[str, typer.Option(help="Name of the device, first part of its topics.")] = "cam0",
     start: Annotated[float, typer.Option(min=0, help="Seconds to skip.")] = 0.0,
     end: Annotated[float | None, typer.Option(min=0, help="Seconds from the beginning to stop at.")] = None,
-    compression: Annotated[Compression, typer.Option(help="Of the file's chunks.")] = "zstd",
+    compression: Compression = "zstd",
     topic: OwnTopics = None,
     option: SourceOption = None,
     overwrite: Annotated[bool, typer.Option(help="Replace OUTPUT if it exists.")] = False,

@@ -10,6 +10,7 @@ from odom.errors import ConfigError
 
 _OPTION = "--ros2"
 _LAST_DOMAIN = 232
+"""The highest domain of DDS whose ports are below 65536 (RTPS, 9.6.2.3)."""
 DOMAIN_ENVIRONMENT = "ROS_DOMAIN_ID"
 """Environment variable with the domain of all ROS 2 processes; without it they are in domain 0."""
 

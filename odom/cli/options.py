@@ -2,18 +2,21 @@
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from odom.errors import ConfigError, MapError
-from odom.wire.settings import WireSettings
+
+if TYPE_CHECKING:
+    from odom.wire.settings import WireSettings
 
 Config = Annotated[Path | None, typer.Option(help="YAML file of settings.")]
 Namespace = Annotated[str | None, typer.Option(help="Name of the device, first part of its keys.")]
 Listen = Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to listen on.")]
 Mode = Annotated[Literal["peer", "client", "router"] | None, typer.Option(help="Zenoh role.")]
 Connect = Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to connect to.")]
+Compression = Annotated[Literal["zstd", "lz4", "none"], typer.Option(help="Of the file's chunks.")]
 Calibration = Annotated[Path | None, typer.Option(help="Calibration (ROS camera-calibration YAML).")]
 SourceName = Annotated[
     str,
@@ -50,9 +53,10 @@ def wire_settings(
     mode: str | None,
     namespace: str | None,
     ros2: int | None = None,
-) -> WireSettings:
+) -> "WireSettings":
     """Return the session's settings; see `part_settings`."""
     from odom.service.settings_sources import part_settings
+    from odom.wire.settings import WireSettings
 
     endpoints = {"connect": connect or None, "listen": listen or None}
     given = {**endpoints, "mode": mode, "namespace": namespace, "ros2_domain": ros2}

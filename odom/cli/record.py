@@ -8,8 +8,7 @@ from typing import Annotated
 import typer
 
 from odom.cli import signals
-from odom.cli.options import Config, Connect, Listen, Mode, Namespace, wire_settings
-from odom.wire.settings import Compression
+from odom.cli.options import Compression, Config, Connect, Listen, Mode, Namespace, wire_settings
 
 _LOG = logging.getLogger(__name__)
 
@@ -23,7 +22,7 @@ def record(
     ],
     namespace: Namespace = None,
     estimates: Annotated[bool, typer.Option(help="Record poses, transforms, status and loops too.")] = True,
-    compression: Annotated[Compression, typer.Option(help="Of the file's chunks.")] = "zstd",
+    compression: Compression = "zstd",
     overwrite: Annotated[bool, typer.Option(help="Replace OUTPUT if it exists.")] = False,
     connect: Connect = None,
     listen: Listen = None,

@@ -94,6 +94,7 @@ def run(
     plan = RunPlan(
         source=source,
         out=folder,
+        camera=camera,
         sensor_arguments=sensor,
         odometry_arguments=options.map_arguments(map_, localize),
         record=record,

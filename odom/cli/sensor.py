@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from odom.cli import options, signals
-from odom.wire.settings import WireSettings
 
 if TYPE_CHECKING:
+    from odom.wire.settings import WireSettings
     from sensors.source import SourceOptions
 
 
@@ -77,7 +77,7 @@ def sensor(
 
 
 def _publish(
-    source: str, selected: "SourceOptions", settings: WireSettings, consumers: int | None, stop: threading.Event
+    source: str, selected: "SourceOptions", settings: "WireSettings", consumers: int | None, stop: threading.Event
 ) -> None:
     import cv2
 

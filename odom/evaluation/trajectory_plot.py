@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,11 @@ _CLEARLY_UP = 0.7
 _HOLE_PERIODS = 5
 """A line is interrupted where samples are missing for longer than so many periods."""
 
+_SHEET = {"left": 0.0625, "right": 0.99, "top": 0.918, "bottom": 0.063, "wspace": 0.138, "hspace": 1.6}
+"""Where the axes stand, as shares of the sheet: a layout that measures all texts first takes as long as the drawing."""
+_REMARKS, _REMARK = 0.012, 0.018
+"""Height of the remarks below the axes, as a share of the sheet: the space above them, and each line."""
+
 _STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans", "font.size": 9.5,
     "axes.titlesize": 10.5, "axes.titleweight": "bold", "axes.titlelocation": "left",
@@ -40,6 +46,12 @@ class ClaimedError:
     seconds: Array
     errors_m: Array
     three_sigma_m: Array
+
+
+def load_drawing() -> None:
+    """Import what `plot` needs, for those who have a quarter of a second before they need it."""
+    for name in ("matplotlib.backends.backend_agg", "matplotlib.figure", "matplotlib.font_manager"):
+        import_module(name)
 
 
 def plot(
@@ -60,12 +72,12 @@ def plot(
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     with rc_context(_STYLE):
-        figure = Figure(figsize=(11.7, 8.3), dpi=150, layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.1))
+        figure = Figure(figsize=(11.7, 8.3), dpi=150)
         FigureCanvasAgg(figure)
-        grid = figure.add_gridspec(6, 2, width_ratios=(1.0, 1.15))
+        bottom = _SHEET["bottom"] + (_REMARKS if remarks else 0.0) + _REMARK * len(remarks)
+        grid = figure.add_gridspec(6, 2, width_ratios=(1.0, 1.15), **(_SHEET | {"bottom": bottom}))
         _draw_views(figure.add_subplot(grid[:3, 0]), figure.add_subplot(grid[3:, 0]), final, online)
         rows = (slice(0, 2), slice(2, 4), slice(4, 6)) if claimed else (slice(0, 3), None, slice(3, 6))
         _draw_error(figure.add_subplot(grid[rows[0], 1]), final, online)
@@ -74,7 +86,7 @@ def plot(
         _draw_histogram(figure.add_subplot(grid[rows[2], 1]), final, online)
         figure.suptitle(
             (f"{title}   " if title else "") + f"{final.matched} of {final.total} frames judged",
-            x=0.012, ha="left", fontsize=13, fontweight="bold",
+            x=0.012, y=0.988, ha="left", fontsize=13, fontweight="bold",
         )  # fmt: skip
         if remarks:
             figure.supxlabel("\n".join(remarks), x=0.012, ha="left", fontsize=8.5, color="#444444")

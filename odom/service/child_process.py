@@ -15,9 +15,8 @@ from pathlib import Path
 
 import psutil
 
-_PARENT_ENVIRONMENT = "ODOM_PARENT_PID"
-_PARENT_POLL_S = 0.5
-"""Between two looks whether the parent is alive: so long may a child outlive a killed `odom run`."""
+from odom.service.parent_watch import PARENT_ENVIRONMENT
+
 _EXIT_POLL_S = 0.02
 """Between two looks whether a child has ended; longer delays the end of a run, shorter costs CPU."""
 _KILLED_S = 5.0
@@ -53,7 +52,7 @@ class ChildProcess:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
-            env={**os.environ, **environment, _PARENT_ENVIRONMENT: str(os.getpid())},
+            env={**os.environ, **environment, PARENT_ENVIRONMENT: str(os.getpid())},
             start_new_session=True,
             pass_fds=descriptors,
             text=True,
@@ -129,20 +128,6 @@ class ChildProcess:
         assert self._process.stdout is not None
         while line := self._process.stdout.readline(_LONGEST_LINE):
             say(self.name, line.rstrip("\n"))
-
-
-def end_with_parent() -> None:
-    """Send this process a SIGTERM when the `odom run` that started it is gone, even by kill -9."""
-    parent = os.environ.pop(_PARENT_ENVIRONMENT, None)
-    if parent is None:
-        return
-
-    def watch() -> None:
-        while os.getppid() == int(parent):
-            time.sleep(_PARENT_POLL_S)
-        os.kill(os.getpid(), signal.SIGTERM)
-
-    threading.Thread(target=watch, name="parent-watch", daemon=True).start()
 
 
 def _peak_rss_mb(process: psutil.Process) -> float:

@@ -103,8 +103,8 @@ def keyframe_message(
     What moves is left out. Raises WireError when the image cannot be decoded.
     """
     depth_mm = frame.depth_mm
+    depth_mm = corrected_depth(depth_mm, camera.depth)
     if moving is not None and moving.mask.any():
         depth_mm = np.where(moving.over_image(), np.uint16(0), depth_mm)
-    depth_mm = corrected_depth(depth_mm, camera.depth)
     cloud = back_project(camera, codec.decode_color_small(color, _COLOR_WIDTH), depth_mm, points)
     return codec.encode_cloud(topics.keyframes, frame.stamp, cloud.points, cloud.colors, topics.frame_camera)

@@ -18,6 +18,7 @@ from odom.service.history import History
 from odom.service.path_topics import PathTopics
 from odom.service.settings import ServiceSettings
 from odom.wire import Message, Topics, codec
+from odom.wire.codec import cdr
 from odom.wire.publisher import Mirror
 from odom.wire.session import WireSession
 
@@ -73,11 +74,13 @@ class EstimatePublisher:
         self._history.add_truth(body, pose.stamp, pose.T_parent_child)
 
     def pictures(self, estimate: Estimate) -> None:
-        """Publish features, and paths and landmarks when they have changed, as often as the settings allow."""
+        """Publish features if anyone takes them, and paths and landmarks when they have changed, not too often."""
         now = time.monotonic()
-        if now >= self._features_due and (features := feature_message(self._topics, estimate)) is not None:
-            self._features_due = now + self._settings.features_period_s
-            self._publisher.put(features)
+        if now >= self._features_due and self._publisher.is_heard(self._topics.features, cdr.POINT_CLOUD):
+            features = feature_message(self._topics, estimate)
+            if features is not None:
+                self._features_due = now + self._settings.features_period_s
+                self._publisher.put(features)
         self._publish_moving(estimate)
         for message in (*self._paths.messages(estimate), landmark_message(self._topics, estimate)):
             if message is not None:

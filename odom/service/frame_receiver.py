@@ -60,13 +60,15 @@ class FrameReceiver:
         self._bodies: set[str] = set()
         self._consumer = Consumer(session, topics, "odometry", keys, depth=_LIVE_DEPTH)
         self.assembler = FrameAssembler(topics, grey=True, malformed=self._consumer.malformed)
+        self._until_end = False
         self._camera: Camera | None = None
         self._unusable: Camera | None = None
         self.arrivals = ArrivalQueue(live_room)
         self._thread = threading.Thread(target=self._run, name="intake", daemon=True)
 
-    def start(self) -> None:
-        """Begin to receive."""
+    def start(self, until_end: bool = False) -> None:
+        """Begin to receive, with `until_end` no longer than to the end of the source: `close` need not wait then."""
+        self._until_end = until_end
         self._thread.start()
 
     def close(self) -> None:
@@ -131,6 +133,8 @@ class FrameReceiver:
                 for frame in self.assembler.finish():
                     self._put_frame(frame, None)
                 self.arrivals.put(EndArrival(self._consumer.ended))
+                if self._until_end:
+                    return
                 self._consumer.restart()
         for frame in self.assembler.finish():  # what waits for a nearer partner when the run is stopped
             self._put_frame(frame, None)

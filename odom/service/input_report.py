@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from odom.service.run_statistics import completeness
 from odom.wire.image_counts import MISSING, NOT_REACHED, ImageCounts
 
 STREAMS = ("colour", "depth")
@@ -42,3 +41,8 @@ def with_source(report: Mapping[str, Any], source: Mapping[str, Any] | None) -> 
         images["colour"] = images["colour"].plus(Counter({NOT_REACHED: unreached}))
     found = completeness(report["tracked"], images["colour"].given)
     return {**report, "completeness": found} | {stream: counts.report() for stream, counts in images.items()}
+
+
+def completeness(tracked: int, given: int) -> float | None:
+    """Return the share of the colour images given that were tracked, None without any."""
+    return round(tracked / given, 4) if given else None

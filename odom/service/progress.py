@@ -5,16 +5,12 @@ import logging
 import os
 import sys
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
+from odom.service.display import Display as Display
+from odom.service.display import Reading as Reading
 from odom.service.log_form import as_json, is_json
 
 COUNT_ENVIRONMENT = "ODOM_COUNT"
@@ -28,78 +24,16 @@ _LINE_PERIOD_S = 5.0
 """Between two lines where there is no terminal: shorter fills log files, longer leaves people in doubt."""
 
 
-@dataclass(frozen=True)
-class Reading:
-    """How far a command is: `frames` done of `total`, a second, and its state with the reason."""
-
-    frames: int
-    total: int | None
-    fps: float
-    state: str
-    reason: str = ""
-    unit: str = "frames"
-
-
-class Display(ABC):
-    """Shows readings and the output of the children."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        return None
-
-    @abstractmethod
-    def show(self, reading: Reading) -> None:
-        """Show how far the run is."""
-
-    @abstractmethod
-    def say(self, name: str, line: str) -> None:
-        """Show a line of the output of the child `name`."""
-
-
 def open_display(what: str = "") -> Display:
     """Return the display that suits stderr; log lines, whatever stderr is, where these are JSON.
 
     What shows nothing but the progress of `what` leaves no bar behind, and writes no line for a short command.
     """
-    return Bar(what) if sys.stderr.isatty() and not as_json() else Lines(as_json(), what)
+    if as_json() or not sys.stderr.isatty():
+        return Lines(as_json(), what)
+    from odom.service.progress_bar import Bar
 
-
-class Bar(Display):
-    """A progress bar below the output of the children."""
-
-    def __init__(self, what: str = "") -> None:
-        self._console = Console(stderr=True, soft_wrap=True)
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TextColumn("{task.fields[count]}, {task.fields[fps]:.0f}/s"),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            console=self._console,
-            transient=bool(what),
-        )
-        self._task: TaskID = self._progress.add_task(what or "starting", total=None, count="0", fps=0.0)
-
-    def __enter__(self) -> Self:
-        self._progress.start()
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self._progress.stop()
-
-    def show(self, reading: Reading) -> None:
-        """Show how far the run is."""
-        count = f"{reading.frames}/{reading.total}" if reading.total else str(reading.frames)
-        self._progress.update(
-            self._task, completed=reading.frames, total=reading.total, description=reading.state,
-            count=f"{count} {reading.unit}", fps=reading.fps,
-        )  # fmt: skip
-
-    def say(self, name: str, line: str) -> None:
-        """Show a line that the child `name` wrote."""
-        self._console.print(f"[{name}] {line}", markup=False, highlight=False)
+    return Bar(what)
 
 
 class Lines(Display):

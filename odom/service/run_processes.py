@@ -2,7 +2,6 @@
 
 import json
 import threading
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,23 +9,24 @@ from typing import Any
 
 from odom.errors import WireError
 from odom.service.child_process import ChildProcess
+from odom.service.evaluation_imports import EvaluationImports
 from odom.service.progress import COUNT_ENVIRONMENT, Display, Reading, parse_count, parse_report
 from odom.service.run_folder import HELD_ENVIRONMENT
 from odom.service.settings import Settings
+from odom.service.stand_in import StandIn
 from odom.wire import Topics, codec
 from odom.wire.idle_detector import IdleDetector
-from odom.wire.recording.part_file import how_to_save, newest_part
 from odom.wire.session import Delivery, WireSession
 from odom.wire.settings import ANY_LOCAL_PORT
 
 _POLL_S = 0.1
 """Longest wait for a status: so late a failed process or Ctrl-C is noticed."""
+_END_POLL_S = 0.01
+"""The same once the sensor has ended, and the odometry will soon: longer delays the end of a run."""
 _LAST_WORDS_S = 3.0
 """For sensor and recorder to end by themselves behind the last frame; shorter would cut off their last messages."""
 _VIEWER_PATIENCE_S = 10.0
 """A viewer that hangs must not hold the end back; what it writes, it has written by then."""
-_SEEN_S = 2.0
-"""For a sender to find a consumer that has come: shorter, and it waits for ever; longer delays the run."""
 _SPARED = ("viewer", "recorder")
 """Children without which poses go on."""
 
@@ -41,6 +41,7 @@ class RunPlan:
 
     source: str
     out: Path
+    camera: Path | None = None
     sensor_arguments: Sequence[str] = ()
     odometry_arguments: Sequence[str] = ()
     record: Path | None = None
@@ -98,6 +99,7 @@ class RunProcesses:
         for name, arguments in _commands(plan):
             extra, given = (shared, (folder_lock,)) if name == "odometry" and folder_lock is not None else ({}, ())
             self.children[name] = ChildProcess(name, arguments, environment | extra, self._read_line, given)
+        self._evaluation = EvaluationImports(plan.out, expected=plan.source == "arena" or Path(plan.source).exists())
 
     @property
     def failed(self) -> list[ChildProcess]:
@@ -160,8 +162,14 @@ class RunProcesses:
                 self._reported.add(child.name)
                 then = "the run goes on without it" if child.name in _SPARED else "saving what was done so far"
                 self._display.say("run", f"the {child.name} {child.ending()}; {then}")
-                if child is recorder and self._plan.record and (part := newest_part(self._plan.record)) is not None:
-                    self._display.say("run", how_to_save(part))
+                if child is recorder and self._plan.record:
+                    self._say_what_is_left(self._plan.record)
+
+    def _say_what_is_left(self, recording: Path) -> None:
+        from odom.wire.recording.part_file import how_to_save, newest_part
+
+        if (part := newest_part(recording)) is not None:
+            self._display.say("run", how_to_save(part))
 
     def _read_line(self, name: str, line: str) -> None:
         count, report = parse_count(line), parse_report(line)
@@ -173,7 +181,10 @@ class RunProcesses:
             self._sensor_is_here, self.total = True, count[1]
 
     def _show_progress(self) -> None:
-        delivery = self._status.receive(timeout=_POLL_S)
+        if self._sensor_is_here:
+            self._evaluation.look()
+        has_ended = self.children["sensor"].status is not None
+        delivery = self._status.receive(timeout=_END_POLL_S if has_ended else _POLL_S)
         reading = self._reading(delivery) if delivery is not None else None
         if reading is not None:
             self._display.show(reading)
@@ -215,35 +226,3 @@ def _commands(plan: RunPlan) -> list[tuple[str, Sequence[str]]]:
         commands.append(("viewer", ["view", *plan.viewer_arguments]))
     sensor = ["sensor", plan.source, "--consumers", str(consumers), *plan.sensor_arguments]
     return [*commands, ("sensor", sensor)]
-
-
-class StandIn:
-    """Takes the place of a recorder that died early: a source that was told to wait for two consumers finds both.
-
-    It acknowledges nothing, so it leaves again once the sender has had the time to see it.
-    """
-
-    def __init__(self, session: WireSession, key: str) -> None:
-        self._session = session
-        self._key = key
-        self._token: Any = None
-        self._leaves_at: float | None = None
-        self._has_left = False
-
-    def step(self, both_are_here: bool) -> None:
-        """Come at the first call; leave two seconds after the first one by which sender and odometry are there."""
-        if self._has_left:
-            return
-        if self._token is None:
-            self._token = self._session.zenoh.liveliness().declare_token(self._key)
-        if both_are_here and self._leaves_at is None:
-            self._leaves_at = time.monotonic() + _SEEN_S
-        if self._leaves_at is not None and time.monotonic() >= self._leaves_at:
-            self.leave()
-
-    def leave(self) -> None:
-        """Leave; safe to call twice."""
-        self._has_left = True
-        token, self._token = self._token, None
-        if token is not None:
-            token.undeclare()

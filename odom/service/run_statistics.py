@@ -12,6 +12,7 @@ import psutil
 
 from odom.backend import Estimate, LoopCandidate, State
 from odom.frame import RgbdFrame
+from odom.service.input_report import completeness
 from odom.wire.image_counts import NOT_TRACKABLE, ImageCounts
 
 _LOG = logging.getLogger(__name__)
@@ -207,11 +208,6 @@ class RunStatistics:
             "stages_ms": {stage: _rounded(total / self.frames) for stage, total in self.stages_ms.items()},
             "dropped": dict(self.dropped),
         }
-
-
-def completeness(tracked: int, given: int) -> float | None:
-    """Return the share of the colour images given that were tracked, None without any."""
-    return _rounded(tracked / given if given else None)
 
 
 def _rounded(value: float | None) -> float | None:

@@ -4,11 +4,12 @@ import os
 from collections.abc import Collection, Iterator, Mapping
 from difflib import get_close_matches
 from reprlib import Repr
-from typing import Any, get_args
-
-from pydantic import BaseModel, ValidationError
+from typing import TYPE_CHECKING, Any, get_args
 
 from odom.errors import ConfigError
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel, ValidationError
 
 _MOST = 5
 """Problems that are told: more make no line that is read."""
@@ -21,7 +22,7 @@ _SECTIONS = ("ODOMETRY", "WIRE", "SERVICE", "VIEWER")
 """Parts of `Settings`, whose variables are looked at, and refused, by the commands that use them."""
 
 
-def refusal(error: ValidationError, model: type[BaseModel]) -> ConfigError:
+def refusal(error: "ValidationError", model: "type[BaseModel]") -> ConfigError:
     """Return the error that names each setting that is unknown or does not fit; by its variable if it has one set."""
     known = list(names(model))
     problems = [_problem(dict(each), known) for each in error.errors()]
@@ -29,7 +30,7 @@ def refusal(error: ValidationError, model: type[BaseModel]) -> ConfigError:
     return ConfigError(f"settings: {'; '.join(problems[:_MOST])}{more} (see `odom config`)")
 
 
-def names(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
+def names(model: "type[BaseModel]", prefix: str = "") -> Iterator[str]:
     """Yield the names of a model's settings: `wire.namespace`."""
     for name, field in model.model_fields.items():
         nested = next((t for t in (field.annotation, *get_args(field.annotation)) if _is_model(t)), None)
@@ -67,4 +68,6 @@ def _problem(problem: Mapping[str, Any], known: Collection[str]) -> str:
 
 
 def _is_model(kind: object) -> bool:
+    from pydantic import BaseModel
+
     return isinstance(kind, type) and issubclass(kind, BaseModel)

@@ -47,7 +47,9 @@ class Publisher:
             attachment = Attachment(self._lossless, self.epoch, serial, sequence, Stamp(time.time_ns()))
             payload = zenoh.ZBytes(message.payload)
             try:
-                publisher = self._publishers.get((message.topic, message.type_name)) or self._declare(message)
+                publisher = self._publishers.get((message.topic, message.type_name)) or self._declare(
+                    message.topic, message.type_name
+                )
                 publisher.put(payload, attachment=attachment.pack())
             except zenoh.ZError as error:
                 raise WireError(f"{message.topic} cannot be published: {error}") from error
@@ -57,6 +59,20 @@ class Publisher:
                 self._mirror.put(message, payload, self._urgent)
         return serial
 
+    def is_heard(self, topic: str, type_name: str) -> bool:
+        """Whether anyone takes what is published on the topic; always with a `mirror`, whose listeners are not known.
+
+        Raises WireError when the session is closed.
+        """
+        if self._mirror is not None:
+            return True
+        with self._lock:
+            try:
+                publisher = self._publishers.get((topic, type_name)) or self._declare(topic, type_name)
+                return bool(publisher.matching_status.matching)  # type: ignore[attr-defined]  # zenoh's stub says bool
+            except zenoh.ZError as error:
+                raise WireError(f"{topic} cannot be published: {error}") from error
+
     def close(self) -> None:
         """Undeclare all keys."""
         with self._lock:
@@ -64,10 +80,10 @@ class Publisher:
                 publisher.undeclare()  # type: ignore[no-untyped-call]  # zenoh gives no type
             self._publishers.clear()
 
-    def _declare(self, message: Message) -> zenoh.Publisher:
-        encoding = encoding_of(message.type_name)
+    def _declare(self, topic: str, type_name: str) -> zenoh.Publisher:
+        encoding = encoding_of(type_name)
         publisher = self._session.declare_publisher(
-            message.topic, encoding=encoding, congestion_control=self._control, priority=self._priority
+            topic, encoding=encoding, congestion_control=self._control, priority=self._priority
         )
-        self._publishers[message.topic, message.type_name] = publisher
+        self._publishers[topic, type_name] = publisher
         return publisher

@@ -130,6 +130,9 @@ class SendWindow:
 
     def _wait(self, stop: threading.Event, condition: Callable[[], bool], timeout: float | None = None) -> bool:
         subscriber = self.listen()
+        with self._changed:
+            if condition() and not stop.is_set():  # by what is known: looking for more costs as much as a message
+                return True
         deadline = float("inf") if timeout is None else time.monotonic() + timeout
         while not stop.is_set() and time.monotonic() < deadline:
             self._take_acknowledgements(subscriber, 0.0)

@@ -83,6 +83,7 @@ def tables(out):
     return {name: (out / name).read_bytes() for name in TABLES}
 
 
+@pytest.mark.long
 def test_a_killed_run_starts_again_and_what_is_done_is_not_done_again(tmp_path):
     recordings, out = cut(tmp_path / "pieces", 1, 1.2, 3.0), tmp_path / "out"
     assert "0 of 0 recordings done" in finished(odom("batch", recordings, "--out", out, "--shard", "1/2"))

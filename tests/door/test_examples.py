@@ -10,6 +10,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
 import odom
 
@@ -89,6 +90,7 @@ def test_plot_with_evo(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "plot.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.long
 def test_subscribe_poses_to_a_run(tmp_path):
     run = subprocess.Popen(
         [sys.executable, "-m", "odom", "run", RECORDING, "--realtime", "--headless", "--end", "5", "--out", tmp_path],

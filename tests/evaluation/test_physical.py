@@ -195,6 +195,7 @@ def test_doctor_tells_the_levels_beside_the_noise_in_use():
     assert judge_levels([np.zeros((240, 320), np.uint16)], noise).verdict is Verdict.UNKNOWN
 
 
+@pytest.mark.long
 def test_bench_physical_prints_saves_and_draws_for_a_recording(tmp_path):
     table, plot = tmp_path / "table.json", tmp_path / "figure.png"
     command = [sys.executable, "-m", "odom", "bench", "physical", str(RECORDING), "--pairs", "4"]

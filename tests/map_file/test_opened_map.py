@@ -74,6 +74,7 @@ def test_in_a_place_that_is_not_in_the_map_there_is_no_pose_until_there_is(made)
     assert len(odometry.map.keyframes) - odometry.map.earlier <= 1
 
 
+@pytest.mark.long
 def test_a_session_goes_on_where_the_one_before_ended(room_map):
     turned = [rolled(stroll(4.0 + k / 30.0), 30.0) for k in range(90)]
     estimates, odometry = walk(room_map, shown(turned, ROOM, HOUR))
@@ -90,6 +91,7 @@ def test_a_session_goes_on_where_the_one_before_ended(room_map):
     assert all(away(stroll(0.0) @ e.T_odom_camera, T)[0] < 0.01 for e, T in zip(found, late, strict=True))
 
 
+@pytest.mark.long
 def test_a_session_that_begins_elsewhere_is_joined_when_a_place_is_recognised(room_map):
     truth = [facing(max(2.6 - 0.03 * k, 0.0), k / 30.0) for k in range(120)]
     estimates, odometry = walk(room_map, shown(truth, ROOM, HOUR))
@@ -102,6 +104,7 @@ def test_a_session_that_begins_elsewhere_is_joined_when_a_place_is_recognised(ro
     assert away(stroll(0.0) @ last.T_map_odom @ last.T_odom_camera, truth[-1])[0] < 0.03
 
 
+@pytest.mark.long
 def test_memory_holds_the_near_key_frames_and_the_file_all(tmp_path):
     settings = OdometrySettings(map_keyframes=10, local_keyframes=4, window_keyframes=4)
     path = tmp_path / "room.map"

@@ -99,6 +99,7 @@ def test_replay_record_replay_keeps_every_byte(tmp_path: Path, network: Network,
     assert first == original
 
 
+@pytest.mark.long
 def test_import_info_recover(tmp_path: Path, network: Network) -> None:
     folder, recording, mended = write_folder(tmp_path / "tum"), tmp_path / "a.mcap", tmp_path / "b.mcap"
     assert f"{FRAMES} frames" in network.run("import", str(folder), str(recording))
@@ -118,6 +119,7 @@ def test_import_info_recover(tmp_path: Path, network: Network) -> None:
     network.run("sensor", str(folder), "--color", "purple", status=2)
 
 
+@pytest.mark.long
 def test_an_import_never_overwrites_what_it_reads(tmp_path: Path, network: Network) -> None:
     recording, link, bag = tmp_path / "a.mcap", tmp_path / "link.mcap", tmp_path / "bag"
     network.run("import", str(write_folder(tmp_path / "tum")), str(recording))

@@ -127,6 +127,7 @@ def test_two_runs_of_one_recording_are_equal_to_the_byte(odom: Start, source: tu
         assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "second" / name).read_bytes(), name
 
 
+@pytest.mark.long
 def test_a_recorded_run_replayed_gives_the_same_trajectory(
     odom: Start, source: tuple[Path, str], tmp_path: Path
 ) -> None:
@@ -313,6 +314,7 @@ def test_children_do_not_outlive_a_killed_run(odom: Start, eventually: Eventuall
     assert len(read_tum(tmp_path / "trajectory.txt")) >= 30
 
 
+@pytest.mark.long
 def test_a_viewer_sees_a_run_by_the_line_that_it_prints(odom: Start, eventually: Eventually, tmp_path: Path) -> None:
     run = odom("run", *ENDLESS, "--namespace", "left", "--headless", "--out", tmp_path / "out")
     heard = Heard(run)

@@ -18,8 +18,9 @@ from odom.cli.summary import summary
 from odom.errors import OdomError
 from odom.frame import Stamp
 from odom.service.local_run import run
-from odom.service.run_processes import RunPlan, RunProcesses, StandIn
+from odom.service.run_processes import RunPlan, RunProcesses
 from odom.service.settings import Settings
+from odom.service.stand_in import StandIn
 from odom.wire import Topics
 from odom.wire.codec import Status, encode_status
 from odom.wire.session import Delivery
@@ -131,7 +132,7 @@ def test_the_report_is_told_when_the_disk_is_full(tmp_path: Path, monkeypatch: p
 def test_a_recorder_that_died_early_is_stood_in_for_until_the_source_has_seen_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("odom.service.run_processes._SEEN_S", 0.0)
+    monkeypatch.setattr("odom.service.stand_in._SEEN_S", 0.0)
     session = MagicMock()
     token = session.zenoh.liveliness().declare_token.return_value
     stand_in = StandIn(session, "cam0/ack/recorder")

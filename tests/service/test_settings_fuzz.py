@@ -148,6 +148,8 @@ def bounds(end: str) -> dict[str, float]:
     """Every number of the odometry at an end of what is taken."""
     extremes = {}
     for name, field in OdometrySettings.model_json_schema()["properties"].items():
+        if field["type"] == "boolean":
+            continue
         limit = (
             field["maximum" if end == "highest" else "minimum"] if end == "highest" or "minimum" in field else 1e-300
         )

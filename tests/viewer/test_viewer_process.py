@@ -50,6 +50,7 @@ def test_a_file_holds_everything_from_the_first_frame_and_ends_by_itself(start: 
         assert path in shown
 
 
+@pytest.mark.long
 def test_a_late_viewer_shows_the_whole_trajectory_and_a_killed_one_comes_back(start: Start, tmp_path: Path) -> None:
     device = start("device", 900, 60, "now")
     device.wait_for("frame 150", 120)

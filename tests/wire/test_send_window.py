@@ -79,6 +79,22 @@ def test_at_most_four_frames_are_in_flight(open_peer: OpenSession) -> None:
     assert not sending.is_alive()
 
 
+def test_while_there_is_room_acknowledgements_are_not_looked_at(
+    open_peer: OpenSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sender = Sender(open_peer())
+    consumer = Consumer(open_peer(), Topics(), "odometry", [Topics().color_compressed])
+    assert sender.window.wait_for_consumers(1, threading.Event())
+    looks: list[float] = []
+    monkeypatch.setattr(sender.window, "_take_acknowledgements", lambda subscriber, timeout: looks.append(timeout))
+    assert sender.window.wait_for_room(threading.Event())
+    assert looks == []
+    stop = threading.Event()
+    stop.set()
+    assert not sender.window.wait_for_room(stop)
+    assert consumer.ended is None
+
+
 def test_a_consumer_that_dies_does_not_hold_the_others(open_peer: OpenSession) -> None:
     messages = session_messages(30)
     sender = Sender(open_peer())

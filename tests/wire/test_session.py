@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from random import Random
 from typing import Literal
+from unittest.mock import MagicMock
 
 import psutil
 import pytest
@@ -17,6 +18,7 @@ from odom.errors import WireError
 from odom.frame import Stamp
 from odom.wire import WireSettings
 from odom.wire.codec import encode_text
+from odom.wire.codec.cdr import POINT_CLOUD
 from odom.wire.malformed_counter import MalformedCounter
 from odom.wire.session import WireSession, open_session
 from odom.wire.settings import ANY_LOCAL_PORT
@@ -62,6 +64,18 @@ def test_messages_arrive_as_they_were_sent_and_counted(open_peer: OpenSession) -
     total = subscriber.total()
     assert (total.received, total.lost, total.dropped) == (len(messages), 0, 0)
     assert not subscriber.malformed.counts
+
+
+def test_a_topic_is_heard_while_someone_takes_it(open_peer: OpenSession) -> None:
+    sender, receiver = open_peer(), open_peer()
+    publisher = sender.publisher()
+    assert not publisher.is_heard("cam0/features", POINT_CLOUD)
+    subscriber = receiver.subscriber(["cam0/**"])
+    assert eventually(lambda: publisher.is_heard("cam0/features", POINT_CLOUD))
+    assert not publisher.is_heard("cam1/features", POINT_CLOUD)
+    subscriber.close()
+    assert eventually(lambda: not publisher.is_heard("cam0/features", POINT_CLOUD))
+    assert sender.publisher(mirror=MagicMock()).is_heard("cam0/features", POINT_CLOUD)
 
 
 def test_newest_wins_when_the_receiver_is_slow(open_peer: OpenSession) -> None:

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -87,7 +88,7 @@ def judge(pairs: Pairs, truth: Truth, number: int, front_end: str) -> list[Outco
             if is_gated and not gated.ok:
                 outcomes.append(_failed(outcome, gated.reason))
                 continue
-            found, took_ms = _timed(lambda estimator=estimator, given=given: estimator(given))  # type: ignore[misc]
+            found, took_ms = _timed(partial(estimator, given))
             if not found.ok:
                 outcomes.append(_failed(outcome, found.reason))
                 continue

@@ -13,6 +13,7 @@ KINDS = {
     "process": "starts processes or opens sessions, sockets or devices",
     "rendered": "works through frames that are drawn for it or recorded",
     "wallclock": "compares times, or plays in real time: run it alone, without xdist (-n 0)",
+    "long": "tens of seconds each: left out of the default command, run by .ci/run",
     "slow": "minutes long, by hand",
 }
 """The marks; each test has at least one of them."""
@@ -21,6 +22,21 @@ FOLDERS = {"arena": "rendered"}
 """The kind of all tests of a folder."""
 REAL_TIME_FOLDERS = ("field",)
 """Of these, whatever starts processes or plays a device is `wallclock`."""
+
+LONG_MODULES = (
+    "test_losses",
+    "test_forgetting",
+    "test_closing_a_walk",
+    "test_closed_chain",
+    "test_startup",
+    "test_first_hour",
+    "test_robustness_bench",
+    "test_sensitivity",
+    "test_interrupted_commands",
+)
+"""Modules each of whose tests works through a long walk or several runs."""
+LONG_PARAMETERS = ("desk",)
+"""Parameters by which tests of whole runs are done once more, on a real recording."""
 
 _HERE = Path(__file__).parent
 _PROCESS = ("subprocess", "socket", "zenoh", "open_session", "SensorProcess")
@@ -41,6 +57,9 @@ def mark(item: pytest.Item) -> None:
         item.add_marker(FOLDERS[folder])
     if folder in REAL_TIME_FOLDERS and item.get_closest_marker("process"):
         item.add_marker("wallclock")
+    parameters = item.callspec.params.values() if hasattr(item, "callspec") else ()
+    if item.path.stem in LONG_MODULES or any(p in LONG_PARAMETERS for p in parameters if isinstance(p, str)):
+        item.add_marker("long")
     if not any(item.get_closest_marker(kind) for kind in KINDS):
         item.add_marker("fast")
 

@@ -4,14 +4,15 @@ import logging
 import threading
 import time
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 from odom.errors import WireError
 from odom.frame import Stamp
-from odom.ros2_bridge.dds import NODE, DdsNode, DdsTopic, can_publish, message_class
+from odom.ros2_bridge.dds import NODE, DdsNode, DdsTopic, can_carry
+from odom.wire.codec.cdr import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, TRANSFORMS
 from odom.wire.message import Message
-from odom.wire.ros2.graph import RosGraph
+from odom.wire.ros2.graph import RosGraph, several, strange_type
 from odom.wire.ros2.inbox import Inbox
 from odom.wire.ros2.names import SUBSCRIBER, Endpoint, NodeName
 from odom.wire.ros2.node import Ros2Node
@@ -27,6 +28,8 @@ _DEPTH = 10
 smaller: a short stall loses messages."""
 _OF_EVERY_NODE = ("/rosout", "/parameter_events")
 """Topics of ROS itself, which every node of both sides has."""
+_OF_ONE_CAMERA = (IMAGE, COMPRESSED_IMAGE, CAMERA_INFO)
+"""Types of topics that several nodes publish by mistake only."""
 
 
 @dataclass
@@ -54,7 +57,7 @@ class Bridge:
         self.inbox = Inbox(self._node, _DEPTH)
         session.at_close(self.inbox.close)
         self._offered: dict[str, str] = {}
-        self._unknown: set[str] = set()
+        self._told: set[str] = set()
         self._to_dds: set[str] = set()
 
     def run(self, stop: threading.Event) -> None:
@@ -71,6 +74,8 @@ class Bridge:
         finally:
             stop.set()
             carrier.join()
+            for topic in self._offered:
+                self._dds.leave(topic)
 
     @property
     def lost(self) -> Counter[str]:
@@ -81,24 +86,22 @@ class Bridge:
         on_zenoh = {topic: _others(ends) for topic, ends in self._published.endpoints().items()}
         wanted_on_zenoh = {topic for topic, ends in self._wanted.endpoints().items() if _others(ends)}
         on_dds, wanted_on_dds = self._dds.published(), self._dds.wanted()
-        self._offer_to_dds({t: ends[0] for t, ends in on_zenoh.items() if ends and self._is_bridged(t)}, wanted_on_dds)
+        self._offer_to_dds({t: ends for t, ends in on_zenoh.items() if ends and self._is_bridged(t)}, wanted_on_dds)
         self._offer_to_zenoh({t: seen for t, seen in on_dds.items() if self._is_bridged(t)}, wanted_on_zenoh)
 
-    def _offer_to_dds(self, topics: dict[str, Endpoint], wanted: Collection[str]) -> None:
+    def _offer_to_dds(self, topics: dict[str, list[Endpoint]], wanted: Collection[str]) -> None:
         for gone in self._to_dds - topics.keys():
             self.inbox.unsubscribe(gone)
             self._dds.withdraw(gone)
         self._to_dds &= topics.keys()
-        for topic, endpoint in topics.items():
-            if not can_publish(endpoint.type_name) and not self._is_known(endpoint.type_name):
+        for topic, endpoints in topics.items():
+            endpoint, nodes = endpoints[0], [each.node.full_name for each in endpoints]
+            if not self._can_carry(topic, endpoint.type_name, nodes, endpoint.type_hash):
                 continue
             self._dds.offer(topic, endpoint.type_name, endpoint.qos)
             self._to_dds.add(topic)
             if topic in wanted or endpoint.qos.transient_local:
-                try:
-                    self.inbox.subscribe(endpoint)
-                except WireError as error:
-                    self._tell_unknown(endpoint.type_name, str(error))
+                self.inbox.subscribe(endpoint)
             else:
                 self.inbox.unsubscribe(topic)
 
@@ -107,10 +110,9 @@ class Bridge:
             self._dds.leave(gone)
             self._node.withdraw(gone.removeprefix("/"), self._offered.pop(gone))
         for topic, seen in topics.items():
-            if not self._is_known(seen.type_name):
+            if not self._can_carry(topic, seen.type_name, seen.nodes, seen.type_hash):
                 continue
             if not self._node.offer(topic.removeprefix("/"), seen.type_name, seen.qos):
-                self._tell_unknown(seen.type_name, "")
                 continue
             self._offered[topic] = seen.type_name
             if topic in wanted or seen.qos.transient_local:
@@ -136,20 +138,28 @@ class Bridge:
     def _is_bridged(self, topic: str) -> bool:
         return topic not in _OF_EVERY_NODE and (not self._below or f"{topic}/".startswith(self._below))
 
-    def _is_known(self, type_name: str) -> bool:
-        if message_class(type_name) is not None:
-            return type_name not in self._unknown
-        package = type_name.partition("/")[0]
-        wheel = f"ros-{package.replace('_', '-')}"
-        how = f"source ROS's setup.bash, or pip install {wheel} where PyPI has it"
-        into = " to Zenoh" if can_publish(type_name) else ""
-        self._tell_unknown(type_name, f"{package} is not installed: {how}", into)
-        return False
+    def _can_carry(self, topic: str, type_name: str, nodes: Sequence[str], hashed: str) -> bool:
+        """Whether a topic of these publishers can be carried; why not, and what is odd, is told once."""
+        try:
+            strange = strange_type(topic, nodes[0], type_name, hashed)
+        except WireError as error:
+            return self._tell(f"topics of {type_name} are not carried: {error}")
+        if strange:
+            return self._tell(f"not carried: {strange}")
+        if not can_carry(type_name):
+            package = type_name.partition("/")[0]
+            wheel = "cyclonedds" if type_name == TRANSFORMS else f"ros-{package.replace('_', '-')}"
+            how = f"source ROS's setup.bash, or pip install {wheel} where PyPI has it"
+            return self._tell(f"topics of {type_name} are not carried: {package} is not installed: {how}")
+        if len(nodes) > 1 and type_name in _OF_ONE_CAMERA:
+            self._tell(several(topic, nodes))
+        return True
 
-    def _tell_unknown(self, type_name: str, why: str, into: str = "") -> None:
-        if type_name not in self._unknown:
-            self._unknown.add(type_name)
-            _LOG.warning("topics of %s are not carried%s%s", type_name, into, f": {why}" if why else "")
+    def _tell(self, what: str) -> bool:
+        if what not in self._told:
+            self._told.add(what)
+            _LOG.warning("%s", what)
+        return False
 
 
 @dataclass(frozen=True)

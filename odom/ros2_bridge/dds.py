@@ -11,25 +11,27 @@ from types import ModuleType
 from typing import Any
 
 from odom.errors import ConfigError
-from odom.ros2_bridge.transforms import TransformWriter
+from odom.ros2_bridge.transforms import PREFIX_BYTES, Transforms
 from odom.wire.codec.cdr import TRANSFORMS
-from odom.wire.ros2.qos import Qos
+from odom.wire.ros2.qos import TRANSFORMS_DEPTH, Qos
 
 NODE = "odom_bridge"
 _IMPLEMENTATION = "RMW_IMPLEMENTATION"
-_PREFIX_BYTES = 12
-"""Bytes of an endpoint's gid that are those of its participant, in DDS."""
 
 Receive = Callable[[bytes], None]
 
 
 @dataclass(frozen=True)
 class DdsTopic:
-    """A topic as the other DDS participants publish it, or listen to it."""
+    """A topic as the other DDS participants publish it, or listen to it; `nodes` are their full names.
+
+    `type_hash` is of the first, empty where it tells none (Humble, and nodes that are not of ROS).
+    """
 
     type_name: str
     qos: Qos
-    count: int = 1
+    nodes: tuple[str, ...]
+    type_hash: str = ""
 
 
 def ros() -> ModuleType:
@@ -57,8 +59,8 @@ def message_class(type_name: str) -> Any:
         return None
 
 
-def can_publish(type_name: str) -> bool:
-    """Whether messages of a type can be sent: its package is installed, or it is of transforms and Cyclone DDS is."""
+def can_carry(type_name: str) -> bool:
+    """Whether messages of a type can be carried: its package is installed, or it is of transforms, Cyclone DDS is."""
     is_possible = type_name == TRANSFORMS and find_spec("cyclonedds") is not None
     return is_possible or message_class(type_name) is not None
 
@@ -73,8 +75,7 @@ class DdsNode:
         from rclpy.signals import SignalHandlerOptions
 
         self.lost: Counter[str] = Counter()
-        self._domain = domain
-        self._transforms: dict[str, TransformWriter] = {}
+        self._transforms = Transforms(domain)
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
         options = {"start_parameter_services": False, "enable_rosout": False}
@@ -84,7 +85,7 @@ class DdsNode:
         self._publishers: dict[str, Any] = {}
         self._subscriptions: dict[str, Any] = {}
         self._sequences: dict[bytes, int] = {}
-        self._own: bytes | None = None
+        self._own = b""
 
     def published(self) -> dict[str, DdsTopic]:
         """Return what others publish, by topic; of several types on one topic the first."""
@@ -96,36 +97,36 @@ class DdsNode:
 
     def offer(self, topic: str, type_name: str, qos: Qos) -> None:
         """Declare a topic that will be published; does nothing for one that is."""
-        if topic in self._publishers or topic in self._transforms:
-            return
         if message_class(type_name) is None:
-            self._transforms[topic] = TransformWriter(self._domain, topic, qos)
-        else:
+            self._transforms.offer(topic, qos)
+        elif topic not in self._publishers:
             self._publishers[topic] = self._node.create_publisher(message_class(type_name), topic, _profile(qos))
             self._learn_own_gid(topic)
 
     def withdraw(self, topic: str) -> None:
         """Publish a topic no longer."""
-        self._transforms.pop(topic, None)
+        self._transforms.withdraw(topic)
         if (publisher := self._publishers.pop(topic, None)) is not None:
             self._node.destroy_publisher(publisher)
 
     def publish(self, topic: str, payload: bytes) -> bool:
         """Send a message as it is; False for a topic that was withdrawn meanwhile."""
-        publisher = self._transforms.get(topic) or self._publishers.get(topic)
+        publisher = self._publishers.get(topic)
         if publisher is None:
-            return False
+            return self._transforms.publish(topic, payload)
         publisher.publish(payload)
         return True
 
     def listen(self, topic: str, type_name: str, qos: Qos, receive: Receive) -> None:
-        """Call `receive` with the bytes of each message of others, from within `spin`."""
-        if topic in self._subscriptions:
+        """Call `receive` with the bytes of each message of others: from within `spin`, or from a thread of DDS."""
+        if message_class(type_name) is None:
+            self._transforms.listen(topic, qos, receive)
+        if topic in self._subscriptions or message_class(type_name) is None:
             return
 
         def arrive(payload: bytes, info: dict[str, Any]) -> None:
             gid = bytes(info["publisher_gid"]["data"])
-            if gid[:_PREFIX_BYTES] != self._own:
+            if gid[:PREFIX_BYTES] != self._own:
                 self._count(topic, gid, info["publication_sequence_number"])
                 receive(payload)
 
@@ -135,6 +136,7 @@ class DdsNode:
 
     def leave(self, topic: str) -> None:
         """Listen to a topic no longer."""
+        self._transforms.leave(topic)
         if (subscription := self._subscriptions.pop(topic, None)) is not None:
             self._node.destroy_subscription(subscription)
 
@@ -151,16 +153,24 @@ class DdsNode:
     def _seen(self, infos_of: Callable[[str], list[Any]]) -> dict[str, DdsTopic]:
         found: dict[str, DdsTopic] = {}
         for topic, _ in self._node.get_topic_names_and_types():
-            infos = [info for info in infos_of(topic) if (info.node_name, info.node_namespace) != (NODE, "/")]
+            infos = [info for info in infos_of(topic) if not self._is_bridges(info)]
             if infos:
-                found[topic] = DdsTopic(infos[0].topic_type, _qos(infos[0].qos_profile), len(infos))
+                first = infos[0]
+                names = tuple(sorted(f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in infos))
+                hashed = str(first.topic_type_hash) if any(first.topic_type_hash.value) else ""
+                found[topic] = DdsTopic(first.topic_type, _qos(first.qos_profile, first.topic_type), names, hashed)
         return found
+
+    def _is_bridges(self, info: Any) -> bool:
+        """Whether an endpoint is of a bridge, this or another: they would carry messages round and round."""
+        is_own = bytes(info.endpoint_gid)[:PREFIX_BYTES] == self._transforms.gid_prefix
+        return is_own or (info.node_name, info.node_namespace) == (NODE, "/")
 
     def _learn_own_gid(self, topic: str) -> None:
         """Remember how the gids of this node begin: it hears itself where it publishes and listens."""
-        for info in self._node.get_publishers_info_by_topic(topic) if self._own is None else ():
+        for info in self._node.get_publishers_info_by_topic(topic) if not self._own else ():
             if (info.node_name, info.node_namespace) == (NODE, "/"):
-                self._own = bytes(info.endpoint_gid)[:_PREFIX_BYTES]
+                self._own = bytes(info.endpoint_gid)[:PREFIX_BYTES]
 
     def _count(self, topic: str, gid: bytes, sequence: int | None) -> None:
         if sequence is not None:
@@ -181,9 +191,13 @@ def _profile(qos: Qos) -> Any:
     )
 
 
-def _qos(profile: Any) -> Qos:
-    """Return what a participant says of itself; DDS does not tell the others its depth."""
+def _qos(profile: Any, type_name: str) -> Qos:
+    """Return what a participant says of itself; DDS does not tell the others its depth.
+
+    Transforms have the depth that listeners to them take: many nodes tell some each.
+    """
     from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
     kept = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    return Qos(transient_local=kept, reliable=profile.reliability == ReliabilityPolicy.RELIABLE)
+    depth = TRANSFORMS_DEPTH if type_name == TRANSFORMS else Qos().depth
+    return Qos(depth, kept, profile.reliability == ReliabilityPolicy.RELIABLE)

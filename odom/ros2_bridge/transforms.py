@@ -1,7 +1,8 @@
 """Transforms on DDS without ROS's own package for them (tf2_msgs), which PyPI does not have: by Cyclone DDS."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from types import new_class
 from typing import Any
 
@@ -12,34 +13,100 @@ from odom.wire.ros2.qos import Qos
 
 _BLOCKING_S = 0.1
 """Longest wait for a reader that is behind, in seconds. Longer: it holds other topics back."""
+_AT_ONCE = 100
+"""Messages taken in one go; what is left comes with the next."""
+PREFIX_BYTES = 12
+"""Bytes of an endpoint's gid that are those of its participant, in DDS."""
 
 
-class TransformWriter:
-    """Publishes one topic of tf2_msgs/msg/TFMessage; raises ImportError when Cyclone DDS is not installed."""
+class Transforms:
+    """Topics of tf2_msgs/msg/TFMessage by a participant of DDS, which joins the domain with the first of them.
 
-    def __init__(self, domain: int, topic: str, qos: Qos) -> None:
-        from cyclonedds.core import Policy
-        from cyclonedds.core import Qos as DdsQos
+    It never hears what it publishes itself. `offer` and `listen` raise ImportError without Cyclone DDS.
+    """
+
+    def __init__(self, domain: int) -> None:
+        self._domain = domain
+        self._writers: dict[str, Any] = {}
+        self._readers: dict[str, Any] = {}
+
+    @cached_property
+    def _participant(self) -> Any:
         from cyclonedds.domain import DomainParticipant
+
+        return DomainParticipant(self._domain)
+
+    @property
+    def gid_prefix(self) -> bytes:
+        """How the gids of what it publishes begin; empty while it publishes nothing."""
+        return bytes(self._participant.guid.bytes[:PREFIX_BYTES]) if self._writers else b""
+
+    def offer(self, topic: str, qos: Qos) -> None:
+        """Declare a topic that will be published; does nothing for one that is."""
         from cyclonedds.pub import DataWriter
-        from cyclonedds.topic import Topic
-        from cyclonedds.util import duration
 
-        kept = Policy.Durability.TransientLocal if qos.transient_local else Policy.Durability.Volatile
-        policies = DdsQos(
-            kept,
-            Policy.Reliability.Reliable(duration(seconds=_BLOCKING_S)),
-            Policy.History.KeepLast(max(1, qos.depth)),
-            Policy.DataRepresentation(use_cdrv0_representation=True),
-        )
-        participant = DomainParticipant(domain)
-        self._types = transform_types()
-        self._writer = DataWriter(participant, Topic(participant, f"rt{topic}", self._types.message), qos=policies)
+        if topic not in self._writers:
+            self._writers[topic] = DataWriter(self._participant, self._topic(topic), qos=_policies(qos))
 
-    def publish(self, payload: bytes) -> None:
-        """Send a message that is given as the bytes of its CDR; raises WireError for malformed ones."""
+    def withdraw(self, topic: str) -> None:
+        """Publish a topic no longer."""
+        self._writers.pop(topic, None)
+
+    def publish(self, topic: str, payload: bytes) -> bool:
+        """Send a message given as the bytes of its CDR; False for a topic that is not offered.
+
+        Raises WireError for malformed bytes.
+        """
+        writer = self._writers.get(topic)
+        if writer is None:
+            return False
         decoded = cdr.deserialise(Message("tf", cdr.TRANSFORMS, Stamp(0), payload), cdr.TRANSFORMS)
-        self._writer.write(self._types.message([self._types.of(each) for each in decoded.transforms]))
+        types = transform_types()
+        writer.write(types.message([types.of(each) for each in decoded.transforms]))
+        return True
+
+    def listen(self, topic: str, qos: Qos, receive: Callable[[bytes], None]) -> None:
+        """Call `receive`, from a thread of DDS, with the bytes of each message of others; once a topic."""
+        from cyclonedds.core import Listener
+        from cyclonedds.sub import DataReader
+
+        if topic in self._readers:
+            return
+        message_type = transform_types().message
+
+        class Arrivals(Listener):  # type: ignore[misc]  # Cyclone DDS gives no types
+            def on_data_available(self, reader: Any) -> None:
+                for sample in reader.take(_AT_ONCE):
+                    if isinstance(sample, message_type):  # and no notice that a publisher has gone
+                        receive(sample.serialize(use_version_2=False))
+
+        self._readers[topic] = DataReader(
+            self._participant, self._topic(topic), qos=_policies(qos, reads=True), listener=Arrivals()
+        )
+
+    def leave(self, topic: str) -> None:
+        """Listen to a topic no longer."""
+        self._readers.pop(topic, None)
+
+    def _topic(self, name: str) -> Any:
+        from cyclonedds.topic import Topic
+
+        return Topic(self._participant, f"rt{name}", transform_types().message)
+
+
+def _policies(qos: Qos, reads: bool = False) -> Any:
+    from cyclonedds.core import Policy
+    from cyclonedds.core import Qos as DdsQos
+    from cyclonedds.util import duration
+
+    durability, reliability = Policy.Durability, Policy.Reliability
+    return DdsQos(
+        durability.TransientLocal if qos.transient_local else durability.Volatile,
+        reliability.Reliable(duration(seconds=_BLOCKING_S)) if qos.reliable or not reads else reliability.BestEffort,
+        Policy.History.KeepLast(max(1, qos.depth)),
+        Policy.DataRepresentation(use_cdrv0_representation=True),
+        Policy.IgnoreLocal.Participant,
+    )
 
 
 @dataclass(frozen=True)

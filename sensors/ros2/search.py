@@ -8,9 +8,9 @@ from odom.errors import ConfigError, RecordingError, WireError
 from odom.frame import Camera
 from odom.wire import Message
 from odom.wire.codec import decode_tf
-from odom.wire.ros2.graph import RosGraph
+from odom.wire.ros2.graph import RosGraph, several, strange_type
 from odom.wire.ros2.inbox import Inbox
-from odom.wire.ros2.names import NO_TYPE_HASH, Endpoint, type_hash
+from odom.wire.ros2.names import Endpoint
 from odom.wire.ros2.static_frames import TF_STATIC
 from sensors.ros2.image_topics import image_topics, info_topics
 from sensors.ros2.selection import CameraTopics, camera_topics
@@ -92,7 +92,7 @@ class Search:
             self.inbox.unsubscribe(topic)
         for topic, publishers in self.graph.endpoints().items():
             if topic in kept and len(publishers) > 1:
-                _LOG.warning("%s", several(topic, publishers))
+                _LOG.warning("%s", several(topic, [each.node.full_name for each in publishers]))
 
     def _what_is_missing(self, missing: str) -> str:
         topics = self.graph.endpoints(self.prefix)
@@ -119,18 +119,6 @@ class Search:
 def _known(publishers: list[Endpoint]) -> Endpoint:
     """Return the first publisher; raises ConfigError when it defines the type of its messages otherwise."""
     first = publishers[0]
-    if first.type_hash not in (type_hash(first.type_name), NO_TYPE_HASH):
-        raise ConfigError(
-            f"{first.topic} of {first.node.full_name} is of another {first.type_name} than ROS 2's (its definition has "
-            f"the hash {first.type_hash:.20}...): it cannot be read; build that node with the official messages"
-        )
+    if told := strange_type(first.topic, first.node.full_name, first.type_name, first.type_hash):
+        raise ConfigError(told)
     return first
-
-
-def several(topic: str, publishers: list[Endpoint]) -> str:
-    """Return what is told when several nodes publish one topic."""
-    names = ", ".join(endpoint.node.full_name for endpoint in publishers)
-    return (
-        f"{len(publishers)} nodes publish {topic}: {names}; their messages alternate. End all but one, or give each "
-        "a namespace of its own"
-    )

@@ -9,14 +9,14 @@ from dataclasses import replace
 from odom.errors import ConfigError, OdomError, WireError
 from odom.wire import Message, WireSettings
 from odom.wire.codec import cdr, decode_camera_info, decode_depth, encode_calibration, encode_camera_info
-from odom.wire.ros2.graph import RosGraph
+from odom.wire.ros2.graph import RosGraph, several
 from odom.wire.ros2.inbox import Inbox
 from odom.wire.ros2.names import NodeName
 from odom.wire.ros2.node import Ros2Node, ros2_wire
 from odom.wire.session import open_session
 from sensors.calibration_file import load_calibration
 from sensors.encoder import ImageEncoder
-from sensors.ros2.search import Search, several
+from sensors.ros2.search import Search
 from sensors.ros2.settings import Ros2Settings
 from sensors.source import SourceOptions
 
@@ -130,8 +130,8 @@ class Ros2Source:
     def _why_silent(self) -> str:
         publishers = self._graph.endpoints()
         gone = [topic for topic in (self._color, self._depth) if topic not in publishers]
-        doubled = [several(t, ends) for t, ends in publishers.items() if t in (self._color, self._depth) and ends[1:]]
-        if doubled:
-            return doubled[0]
+        for topic, ends in publishers.items():
+            if topic in (self._color, self._depth) and len(ends) > 1:
+                return several(topic, [each.node.full_name for each in ends])
         why = f"nobody publishes {' and '.join(gone)} any more" if gone else "their publishers live"
         return f"no image for {self._settings.silence_s:g} s on {self._color} and {self._depth}: {why}"

@@ -108,4 +108,5 @@ def main(domain: str) -> None:
         time.sleep(0.05)
 
 
-main(*sys.argv[1:])
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -12,10 +12,21 @@ from ros2_network import DOMAIN, free_port, listener, other_node, router, tokens
 
 from odom.frame import Camera, Stamp
 from odom.wire import Message, Topics
-from odom.wire.codec import encode_camera_info, encode_depth, encode_odometry, encode_path, encode_pose
-from odom.wire.ros2 import join_ros2, static_frames
+from odom.wire.codec import (
+    decode_tf,
+    encode_camera_info,
+    encode_depth,
+    encode_odometry,
+    encode_path,
+    encode_pose,
+    encode_tf,
+)
+from odom.wire.ros2 import Ros2Node, join_ros2, static_frames
 from odom.wire.ros2.attachment import gid_of, ros_attachment_of
-from odom.wire.ros2.names import Endpoint, endpoint_of
+from odom.wire.ros2.graph import RosGraph
+from odom.wire.ros2.inbox import Inbox
+from odom.wire.ros2.names import Endpoint, NodeName, endpoint_of
+from odom.wire.ros2.static_frames import TF_STATIC
 from odom.wire.session import WireSession, open_session
 
 KEYS = Topics()
@@ -178,3 +189,29 @@ def wait_for(condition: Callable[[], bool]) -> None:
     while not condition():
         assert time.monotonic() < deadline, "it did not happen"
         time.sleep(0.05)
+
+
+def test_the_static_transforms_of_many_nodes_wait_where_few_images_may(port: int) -> None:
+    def told(name: str) -> Message:
+        return encode_tf(Stamp(BEGIN), [("base", name, np.eye(4))], topic=TF_STATIC)
+
+    names = [f"part{i}" for i in range(8)]
+    with other_node(port) as theirs, other_node(port) as mine:
+        zid = str(theirs.zenoh.info.zid())
+        robots = [Ros2Node(theirs.zenoh, NodeName(DOMAIN, zid, 100 * i, "/", name)) for i, name in enumerate(names)]
+        for robot, name in zip(robots, names, strict=True):
+            robot.tell(told(name))
+        graph, inbox = RosGraph(mine, DOMAIN), Inbox(node_of(mine), 2)
+        wait_for(lambda: len(graph.endpoints().get("/tf_static", ())) == 8)
+        inbox.subscribe(graph.endpoints()["/tf_static"][0])
+        wait_for(lambda: inbox.counts["received"] == 8)
+        waiting = filter(None, [inbox.receive(0.0) for _ in names])
+        assert {each.child for message in waiting for each in decode_tf(message)} == set(names)
+        assert inbox.counts["dropped"] == 0
+        inbox.close()
+        for robot in robots:
+            robot.close()
+
+
+def node_of(session: WireSession) -> Ros2Node:
+    return Ros2Node(session.zenoh, NodeName(DOMAIN, str(session.zenoh.info.zid()), 0, "/", "listener"))

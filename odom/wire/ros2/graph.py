@@ -1,8 +1,9 @@
 """Who publishes and who listens in a ROS 2 domain, as the nodes' liveliness tokens tell."""
 
 import threading
+from collections.abc import Sequence
 
-from odom.wire.ros2.names import PUBLISHER, Endpoint, Kind, endpoint_of, endpoints_of
+from odom.wire.ros2.names import NO_TYPE_HASH, PUBLISHER, Endpoint, Kind, endpoint_of, endpoints_of, type_hash
 from odom.wire.session import WireSession
 
 _MOST_ENDPOINTS = 10_000
@@ -34,3 +35,25 @@ class RosGraph:
                 self._endpoints.pop(token, None)
             elif endpoint is not None and len(self._endpoints) < _MOST_ENDPOINTS:
                 self._endpoints[token] = endpoint
+
+
+def strange_type(topic: str, node: str, type_name: str, hashed: str) -> str:
+    """Return what is told of a publisher whose type is another of the same name, nothing if it is that of ROS 2.
+
+    `hashed` is the hash of its definition, empty where it tells none. Raises WireError for a type that ROS 2 does not
+    define.
+    """
+    if hashed in ("", NO_TYPE_HASH, type_hash(type_name)):
+        return ""
+    return (
+        f"{topic} of {node} is of another {type_name} than ROS 2's (its definition has the hash {hashed:.20}...): it "
+        "cannot be read; build that node with the official messages"
+    )
+
+
+def several(topic: str, nodes: Sequence[str]) -> str:
+    """Return what is told when several nodes publish one topic."""
+    return (
+        f"{len(nodes)} nodes publish {topic}: {', '.join(nodes)}; their messages alternate. End all but one, or give "
+        "each a namespace of its own"
+    )

@@ -12,11 +12,12 @@ import zenoh.ext
 from odom.errors import WireError
 from odom.frame import Stamp
 from odom.wire.codec import stamp_of
+from odom.wire.codec.cdr import TRANSFORMS
 from odom.wire.message import Message
 from odom.wire.ros2.attachment import ros_attachment_of
 from odom.wire.ros2.names import SUBSCRIBER, Endpoint
 from odom.wire.ros2.node import Ros2Node
-from odom.wire.ros2.qos import Qos
+from odom.wire.ros2.qos import TRANSFORMS_DEPTH, Qos
 
 _LOG = logging.getLogger(__name__)
 _MOST_BYTES = 64 << 20
@@ -35,7 +36,8 @@ class _Topic:
 class Inbox:
     """Subscribes as a node of ROS 2 does; of each topic at most `depth` messages wait, and the newest win.
 
-    `counts` has `received`, `lost` (gaps in the publishers' numbers), `dropped` (not taken in time) and `malformed`.
+    Of transforms, of which many nodes tell some each, more may wait (`TRANSFORMS_DEPTH`). `counts` has `received`,
+    `lost` (gaps in the publishers' numbers), `dropped` (not taken in time) and `malformed`.
     """
 
     def __init__(self, node: Ros2Node, depth: int) -> None:
@@ -50,9 +52,10 @@ class Inbox:
         """Listen to a topic as this publisher types it, to what it keeps for late joiners as well."""
         if publisher.topic in self._topics:
             return
-        qos = Qos(self._depth, transient_local=publisher.qos.transient_local)
+        depth = self._depth_of(publisher.type_name)
+        qos = Qos(depth, transient_local=publisher.qos.transient_local)
         mine = self._node.endpoint(SUBSCRIBER, publisher.topic, publisher.type_name, qos)
-        kept = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=self._depth)
+        kept = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=depth)
         subscriber = zenoh.ext.declare_advanced_subscriber(
             self._node.session,
             publisher.key(),
@@ -92,6 +95,9 @@ class Inbox:
         for topic in self.topics:
             self.unsubscribe(topic)
 
+    def _depth_of(self, type_name: str) -> int:
+        return max(self._depth, TRANSFORMS_DEPTH if type_name == TRANSFORMS else 0)
+
     def _take(self, topic: str, type_name: str, sample: zenoh.Sample) -> None:
         if len(sample.payload) > _MOST_BYTES:
             self.counts["malformed"] += 1
@@ -107,7 +113,7 @@ class Inbox:
         with self._ready:
             self._count(topic, sample)
             waiting = [other for other in self._queue if other.topic == topic]
-            if len(waiting) >= self._depth:
+            if len(waiting) >= self._depth_of(type_name):
                 self._queue.remove(waiting[0])
                 self.counts["dropped"] += 1
             self._queue.append(message)

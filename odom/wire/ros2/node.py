@@ -15,7 +15,7 @@ from odom.wire.delivery import encoding_of
 from odom.wire.message import Message
 from odom.wire.ros2.attachment import RosAttachment, gid_of
 from odom.wire.ros2.names import NO_TYPE_HASH, PUBLISHER, Endpoint, Kind, NodeName, topic_name, type_hash
-from odom.wire.ros2.qos import Qos
+from odom.wire.ros2.qos import TRANSFORMS_DEPTH, Qos
 from odom.wire.ros2.router_watch import RouterWatch
 from odom.wire.ros2.static_frames import TF_STATIC, static_frames
 from odom.wire.session import WireSession, open_session
@@ -27,7 +27,7 @@ _LOG = logging.getLogger(__name__)
 _HEARTBEAT_S = 0.5
 """Seconds between two signs of life of a publisher that keeps messages for late joiners, after it has published, by
 which they notice that they missed one; rmw_zenoh's own."""
-_ORDINARY, _KEPT, _TRANSFORMS = Qos(), Qos(depth=1, transient_local=True), Qos(depth=100)
+_ORDINARY, _KEPT, _TRANSFORMS = Qos(), Qos(depth=1, transient_local=True), Qos(TRANSFORMS_DEPTH)
 """What is promised of ordinary messages, of those kept for late joiners, and of transforms: the depths that ROS's own
 nodes take."""
 _ODOMETRY = "odometry"

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 _DEFAULT_DEPTH = 42
 """Messages; what rmw_zenoh takes where none is given, and leaves out."""
+TRANSFORMS_DEPTH = 100
+"""Transforms that may wait, of all their publishers together; what tf2's listeners take."""
 _TRANSIENT_LOCAL, _BEST_EFFORT, _KEEP_ALL = "1", "2", "2"
 _UNLIMITED = ":,:,:,,"
 """Deadline, lifespan and liveliness: their defaults, which are all without a limit."""

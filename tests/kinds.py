@@ -33,6 +33,7 @@ LONG_MODULES = (
     "test_robustness_bench",
     "test_sensitivity",
     "test_interrupted_commands",
+    "test_merging",
 )
 """Modules each of whose tests works through a long walk or several runs."""
 LONG_PARAMETERS = ("desk",)

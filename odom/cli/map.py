@@ -37,22 +37,21 @@ def check(
 
     Example: odom map check lab.map --mend mended.map
     """
+    from contextlib import closing
+
     from odom.map_file.database import connect, damage_told
+    from odom.map_file.map_file import MapFile
     from odom.map_file.rebuild import look_through, write_rest
 
     if mend is not None and mend.resolve() == file.resolve():
         raise ConfigError("--mend needs another name: a damaged map is not written to")
-    with damage_told(file):
-        db = connect(file, is_written=False)
-        try:
-            found = look_through(db)
-            for what in found.damage:
-                typer.echo(f"damaged: {what}")
-            if mend is not None:
-                write_rest(db, found, mend)
-                typer.echo(f"{mend}: {len(found.keyframes.keys() & found.details)} key frames saved")
-        finally:
-            db.close()
+    with damage_told(file), closing(connect(file, is_written=False)) as db:
+        found = look_through(db)
+    for what in found.damage:
+        typer.echo(f"damaged: {what}")
+    if mend is not None:
+        with closing(MapFile(file, is_written=False)) as opened:
+            typer.echo(f"{mend}: {write_rest(opened, found, mend)} key frames saved")
     if found.damage and mend is None:
         raise OdomError(f"{file} is damaged: `odom map check {file} --mend NEW.map` saves what is whole")
     if not found.damage:
@@ -79,3 +78,34 @@ def export(
             typer.echo(str(path))
     finally:
         opened.close()
+
+
+@map_.command("merge")
+def merge(
+    files: Annotated[list[Path], typer.Argument(help="Maps that `odom run SOURCE --map FILE` has made, two or more.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Name of the new map.")],
+) -> None:
+    """Make one map of several: sessions of other days, by one camera, in any order.
+
+    Places of each are looked up in the others; what several recognitions agree on joins them, and all key frames are
+    adjusted. Maps that share no place stay parts side by side. The maps themselves stay as they are. Of what they have
+    learnt of the camera's timing and noise, the newest session's is kept.
+
+    Example: odom map merge monday.map tuesday.map -o lab.map
+    """
+    from contextlib import ExitStack, closing
+
+    from odom.map_file.map_file import MapFile
+    from odom.map_file.merging import merge as merge_maps
+    from odom.map_file.summary import lines_of
+
+    with ExitStack() as open_files:
+        opened = [open_files.enter_context(closing(MapFile(file, is_written=False))) for file in files]
+        joined = merge_maps(opened, out)
+        made = open_files.enter_context(closing(MapFile(out, is_written=False)))
+        for line in lines_of(made):
+            typer.echo(line)
+        parts = len({k.segment for k in made.keyframes()})
+    typer.echo(f"{len(joined.closures)} recognitions join sessions, {joined.refused} were refused")
+    if parts > 1:
+        typer.echo(f"{parts} parts share no place that was recognised: each has coordinates of its own")

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +84,14 @@ class MapFile:
     def _meta(self, name: str) -> bytes | None:
         return dict(self._rows("SELECT name, content FROM meta")).get(name)
 
+    def digest(self) -> str:
+        """Return a hash of sessions, key frames and registrations, by which maps can be told apart and put in order."""
+        found = sha256()
+        for table, order in (("session", "number"), ("keyframe", "number"), ("edge", "a, b")):
+            for (content,) in self._rows(f"SELECT content FROM {table} ORDER BY {order}"):
+                found.update(content)
+        return found.hexdigest()
+
     def look_over(self) -> None:
         """Read what is read when a session begins, and close; raises MapError where that is damaged."""
         try:
@@ -126,6 +135,8 @@ class MapFile:
             return waiting
         try:
             content = self._row("SELECT content FROM details WHERE number = ?", number)
+            if content is None:
+                raise MapError("it is missing")
             return records.details_of(number, content, None)
         except (MapError, *UNREADABLE) as error:
             self._lose(number, error)
@@ -137,7 +148,8 @@ class MapFile:
         if waiting is not None:
             return waiting.place
         try:
-            return records.place_of(number, self._row("SELECT content FROM place WHERE number = ?", number))
+            content = self._row("SELECT content FROM place WHERE number = ?", number)
+            return None if content is None else records.place_of(number, content)
         except (MapError, *UNREADABLE) as error:
             self._lose(number, error)
             return None
@@ -194,14 +206,11 @@ class MapFile:
         except MapError as error:
             raise damaged(self.path, str(error)) from error
 
-    def _rows(self, query: str) -> list[tuple[Any, bytes]]:
+    def _rows(self, query: str) -> list[Any]:
         with damage_told(self.path), self._lock:
             return self._db.execute(query).fetchall()
 
-    def _row(self, query: str, number: int) -> bytes:
+    def _row(self, query: str, number: int) -> bytes | None:
         with self._lock:
             row = self._db.execute(query, (number,)).fetchone()
-        if row is None:
-            raise MapError("it is missing")
-        content: bytes = row[0]
-        return content
+        return None if row is None else row[0]

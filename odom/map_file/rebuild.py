@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from odom.backend.map.pose_graph import Edge
-from odom.backend.map.saved import SavedKeyframe
-from odom.errors import ConfigError, MapError
-from odom.map_file import index, records
+from odom.backend.map.saved import SavedKeyframe, SavedMap
+from odom.errors import MapError
+from odom.map_file import records
 from odom.map_file.counts import Counts
-from odom.map_file.database import UNREADABLE, connect, damage_told, is_there, transaction
+from odom.map_file.database import UNREADABLE
+from odom.map_file.map_file import MapFile
+from odom.map_file.new_map import Gathered, Origin, refuse_to_replace, renumbered, write_new
 from odom.map_file.sessions import Session
 
 _MOST_KEYFRAMES = 1_000_000
@@ -63,46 +65,22 @@ def look_through(db: sqlite3.Connection) -> Found:
     return found
 
 
-def write_rest(source: sqlite3.Connection, found: Found, path: Path) -> None:
-    """Write what was found whole to a new map; raises ConfigError where there is one already, or nothing to write."""
-    if is_there(path):
-        raise ConfigError(f"{path} is there already: give the name of a new file")
+def write_rest(opened: MapFile, found: Found, path: Path) -> int:
+    """Write what was found whole to a new map; return its key frames.
+
+    Raises ConfigError where there is one already, MapError where there is nothing to write.
+    """
+    refuse_to_replace(path)
     numbers = [n for n in sorted(found.keyframes) if n in found.details]
     if not numbers:
         raise MapError("no key frame is whole: nothing was written")
     new = {old: number for number, old in enumerate(numbers)}
-    with damage_told(path):
-        db = connect(path, is_written=True)
-        try:
-            with transaction(db):
-                _copy(source, found, db, new)
-            index.extend(db)
-            db.execute("PRAGMA journal_mode = DELETE")
-        finally:
-            db.close()
-
-
-def _copy(source: sqlite3.Connection, found: Found, db: sqlite3.Connection, new: dict[int, int]) -> None:
-    for number, session in sorted(found.sessions.items()):
-        db.execute("INSERT INTO session VALUES (?, ?)", (number, session.to_bytes()))
-    for old, number in new.items():
-        k = found.keyframes[old]
-        renumbered = replace(
-            k, number=number, first=new.get(k.first, number), links=tuple(new[n] for n in k.links if n in new)
-        )
-        db.execute("INSERT INTO keyframe VALUES (?, ?)", (number, records.keyframe_bytes(renumbered)))
-        (content,) = source.execute("SELECT content FROM details WHERE number = ?", (old,)).fetchone()
-        details = records.details_of(old, content, None)
-        db.execute("INSERT INTO details VALUES (?, ?)", (number, records.details_bytes(number, details)))
-        if old in found.places:
-            (content,) = source.execute("SELECT content FROM place WHERE number = ?", (old,)).fetchone()
-            place = records.place_bytes(number, records.place_of(old, content))
-            db.execute("INSERT INTO place VALUES (?, ?)", (number, place))
-    edges = [replace(e, a=new[e.a], b=new[e.b]) for e in found.edges if e.a in new and e.b in new]
-    rows = [(min(e.a, e.b), max(e.a, e.b), records.edge_bytes(e)) for e in edges]
-    db.executemany("INSERT INTO edge VALUES (?, ?, ?)", rows)
-    counts = Counts(len(new), len(edges), found.next_identity)
-    db.execute("INSERT INTO meta VALUES ('counts', ?)", (counts.to_bytes(),))
+    keyframes = tuple(renumbered(found.keyframes[old], new) for old in numbers)
+    edges = tuple(replace(e, a=new[e.a], b=new[e.b]) for e in found.edges if e.a in new and e.b in new)
+    details = Gathered([Origin(opened, old) for old in numbers], is_rest=True)
+    rest = SavedMap(keyframes, edges, details, next_identity=found.next_identity)
+    write_new(path, [session for _, session in sorted(found.sessions.items())], rest)
+    return len(numbers)
 
 
 def _read(db: sqlite3.Connection, found: Found, table: str, key: str, value: int | str, decode: Any) -> Any:

@@ -57,6 +57,25 @@ def read(folder: Path) -> list[str]:
     return [line for line in lines if not line.startswith("#")]
 
 
+@pytest.mark.long
+def test_a_camera_is_found_in_the_merged_map_of_two_runs(tmp_path):
+    for name, start, end in (("second", 3, 6), ("first", 0, 4)):
+        path = tmp_path / f"{name}.map"
+        made = odom(
+            "run", RECORDING, "--start", start, "--end", end, "--headless", "--map", path, "--out", tmp_path / name
+        )
+        assert made.returncode == 0, made.stderr
+    both = tmp_path / "both.map"
+    merged = odom("map", "merge", tmp_path / "first.map", tmp_path / "second.map", "-o", both)
+    assert merged.returncode == 0, merged.stderr
+    assert "of session 0, 1" in merged.stdout
+    found = odom("run", RECORDING, "--end", 6, "--headless", "--map", both, "--localize", "--out", tmp_path / "found")
+    assert found.returncode == 0, found.stderr
+    report = json.loads((tmp_path / "found" / "report.json").read_text())
+    assert report["tracked"] == report["frames"] > 40
+    assert report["ate_m"] < 0.01
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [

@@ -15,6 +15,34 @@ class Tuning:
         effect="sigmas of chain and closure count so much; smaller: true closures are refused; larger: false ones pass",
         source="false recognitions in look-alike rooms of the arena",
     )
+    join_least: int = tuned(
+        3,
+        unit="key frames",
+        effect="of each of two maps that must agree; fewer: a thing carried elsewhere joins them; more: short ones are "
+        "not joined",
+        source="visits of the arena, where a thing that was moved makes up to 7 recognitions of 3 key frames",
+    )
+    join_seeds: int = tuned(
+        5,
+        unit="recognitions",
+        effect="surest ones with which the others may agree; fewer: all may be of a moved thing; more: slower",
+        source="visits of the arena, where one of 30 recognitions between two maps is of a moved thing",
+    )
+    join_near: float = tuned(
+        0.5,
+        unit="m + rad",
+        effect="key frames of two maps so near must recognise each other; smaller: few do, by chance; larger: they see "
+        "other things",
+        source="visits of the arena, where all but one of 40 are nearer than .4",
+    )
+    join_share: float = tuned(
+        0.5,
+        unit="share of key frames",
+        effect="of those near that must be recognised; smaller: look-alike rooms are joined; larger: a room in other "
+        "light is not",
+        source="95 to 100 % in visits of one arena and 67 to 100 % in cuts of fr1_xyz, 10 to 35 % in arenas of other "
+        "seeds, which are furnished alike",
+    )
 
 
 TUNING = in_use(Tuning)

@@ -87,3 +87,14 @@ class Keyframe(Observed):
         """Drop what was measured; the empty arrays that remain are shared by all forgotten key frames."""
         self.rows = self.identities = _NO_ROWS
         self.uv, self.measurements = _NO_UV, _NOTHING_MEASURED
+
+
+def apart(T_camera_map: Array, others: Array) -> Array:
+    """Return how far `others` (n x 4 x 4, T_camera_map too) are from a pose (n).
+
+    Far is metres plus radians: at a metre's depth, both move a feature about as far.
+    """
+    R = T_camera_map[:3, :3] @ others[:, :3, :3].transpose(0, 2, 1)
+    apart_m = np.linalg.norm(T_camera_map[:3, 3] - np.einsum("kij,kj->ki", R, others[:, :3, 3]), axis=1)
+    apart_rad = np.arccos(np.clip((np.trace(R, axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))
+    return np.asarray(apart_m + apart_rad)

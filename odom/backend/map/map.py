@@ -7,7 +7,7 @@ import numpy as np
 
 from odom.backend.estimate import TrajectoryPose
 from odom.backend.map.journal import Journal
-from odom.backend.map.keyframe import Keyframe, Measured
+from odom.backend.map.keyframe import Keyframe, Measured, apart
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.map.pose_graph import Edge
 from odom.backend.map.registrations import Registrations
@@ -210,16 +210,10 @@ class Map:
         return reached
 
     def nearest(self, keyframes: list[int], T_camera_map: Array) -> Index:
-        """Return `keyframes` ordered by how near they are to a pose.
-
-        Near is metres plus radians: at a metre's depth, both move a feature about as far.
-        """
+        """Return `keyframes` ordered by how near they are to a pose (see `apart`)."""
         numbers = np.array(keyframes)
-        T = np.array([self.keyframes[k].T_camera_map for k in numbers])
-        R = T_camera_map[:3, :3] @ T[:, :3, :3].transpose(0, 2, 1)
-        apart_m = np.linalg.norm(T_camera_map[:3, 3] - np.einsum("kij,kj->ki", R, T[:, :3, 3]), axis=1)
-        apart_rad = np.arccos(np.clip((np.trace(R, axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))
-        return np.asarray(numbers[np.argsort(apart_m + apart_rad, kind="stable")])
+        far = apart(T_camera_map, np.array([self.keyframes[k].T_camera_map for k in numbers]))
+        return np.asarray(numbers[np.argsort(far, kind="stable")])
 
     def cull(self, keyframes: Index) -> None:
         """Remove landmarks of `keyframes` that were looked for in several frames and hardly ever found."""

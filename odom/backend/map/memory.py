@@ -178,7 +178,7 @@ def take_changes(map_: Map) -> MapChanges:
         return MapChanges()
     details = {n: details_of(map_, n) for n in sorted(journal.measured) if n not in map_.away}
     changes = MapChanges(
-        tuple(_saved(map_, n) for n in sorted(journal.moved)),
+        tuple(saved_keyframe(map_, n) for n in sorted(journal.moved)),
         tuple(map_.registrations.between(a, b) for a, b in sorted(journal.registered)),
         details | journal.set_aside,
         map_.landmarks.next_identity,
@@ -187,7 +187,8 @@ def take_changes(map_: Map) -> MapChanges:
     return changes
 
 
-def _saved(map_: Map, number: int) -> SavedKeyframe:
+def saved_keyframe(map_: Map, number: int) -> SavedKeyframe:
+    """Return what is to be saved of where a key frame is."""
     k = map_.keyframes[number]
     links = tuple(sorted(n for n in map_.links[number] if n < number))
     T, T_middle_stamp, covariance = (_copy(M) for M in (k.T_camera_map, k.T_middle_stamp, k.covariance_since_start))

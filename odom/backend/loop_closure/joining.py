@@ -1,0 +1,115 @@
+"""Parts of a map that were made apart, joined where many recognitions agree: nobody is there to look once more.
+
+One recognition by descriptors alone can be wrong: of a thing that was carried elsewhere, or of a room with the same
+furniture. So two parts are merged by the recognition with which most of those between them agree (pairwise consistency:
+J. Mangelson et al., ICRA 2018), and only where these are several, and where most key frames are recognised that stand
+where one of the other part does. Every other recognition is then held against the chain, as in a walk.
+"""
+
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+
+import numpy as np
+
+from odom.backend.loop_closure.closing import close_loops, merge_segment
+from odom.backend.loop_closure.tuning import TUNING
+from odom.backend.loop_closure.verification import contradiction, disagreement
+from odom.backend.map.keyframe import apart
+from odom.backend.map.map import Map
+from odom.backend.map.pose_covariance import independent_covariance
+from odom.backend.map.pose_graph import Edge
+from odom.geometry import se3
+
+
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """The recognitions that became registrations, and how many were refused."""
+
+    closures: tuple[Edge, ...]
+    refused: int
+
+
+def join_parts(map_: Map, recognised: Sequence[Edge], calibration_error: float) -> Joined:
+    """Merge the segments of a map that `recognised` registrations join, and adjust its key frames to all that agree.
+
+    Of two, the one of the higher number moves.
+    `calibration_error` is the share of a motion by which chains may err as a whole.
+    """
+    weighed = dict(zip(recognised, _weighed(recognised), strict=True))
+    while (surest := _surest(map_, recognised, calibration_error)) is not None:
+        edge = weighed[surest]
+        older = min(edge.a, edge.b, key=lambda n: map_.keyframes[n].segment)
+        merge_segment(map_, edge.seen_from(older))
+    closures = tuple(
+        replace(weighed[edge], is_loop=True)
+        for edge in recognised
+        if map_.keyframes[edge.a].segment == map_.keyframes[edge.b].segment
+        and not contradiction(map_, edge, calibration_error)
+    )
+    close_loops(map_, closures)
+    return Joined(closures, len(recognised) - len(closures))
+
+
+def _weighed(recognised: Sequence[Edge]) -> list[Edge]:
+    """Return recognitions with the covariances that they have among so many.
+
+    A key frame's features err alike in all of those that it has a part in, so that together they say as much as one.
+    """
+    parts = Counter(chain.from_iterable((edge.a, edge.b) for edge in recognised))
+    return [
+        replace(e, covariance=0.5 * (parts[e.a] + parts[e.b]) * independent_covariance(e.covariance))
+        for e in recognised
+    ]
+
+
+def _surest(map_: Map, recognised: Sequence[Edge], calibration_error: float) -> Edge | None:
+    """Return the recognition between two segments with which most others agree, None where too few do for any two."""
+    between: defaultdict[tuple[int, int], list[Edge]] = defaultdict(list)
+    for edge in recognised:
+        segments = map_.keyframes[edge.a].segment, map_.keyframes[edge.b].segment
+        if segments[0] != segments[1]:
+            between[min(segments), max(segments)].append(edge)
+    surest, most = None, 0
+    for _, edges in sorted(between.items()):
+        for seed in sorted(edges, key=lambda edge: edge.variance)[: TUNING.join_seeds]:
+            agreeing = [e for e in edges if _agrees(map_, seed, e, calibration_error)]
+            distinct = min(len({e.a for e in agreeing}), len({e.b for e in agreeing}))
+            if distinct >= TUNING.join_least and len(agreeing) > most and _is_found_again(map_, seed, agreeing):
+                surest, most = seed, len(agreeing)
+    return surest
+
+
+def _is_found_again(map_: Map, seed: Edge, agreeing: Sequence[Edge]) -> bool:
+    """Return whether most key frames that stand, by the `seed`, where one of the other segment does are recognised."""
+    a, b = map_.keyframes[seed.a], map_.keyframes[seed.b]
+    T_b_a = se3.inverse(b.T_camera_map) @ se3.inverse(seed.T_a_b) @ a.T_camera_map
+    there = np.array([k.T_camera_map for k in map_.keyframes if k.segment == a.segment])
+    near = {
+        k.number
+        for k in map_.keyframes
+        if k.segment == b.segment and apart(k.T_camera_map @ T_b_a, there).min() < TUNING.join_near
+    }
+    found = {number for edge in agreeing for number in (edge.a, edge.b)}
+    return len(near & found) > TUNING.join_share * len(near)
+
+
+def _agrees(map_: Map, seed: Edge, other: Edge, calibration_error: float) -> bool:
+    """Return whether two recognitions, by way of the chains between them, say the same of where two segments are."""
+    if map_.keyframes[other.a].segment != map_.keyframes[seed.a].segment:
+        other = other.seen_from(other.b)
+    to_a, from_b = _chain(map_, other.a, seed.a), _chain(map_, seed.b, other.b)
+    if to_a is None or from_b is None:
+        return False
+    sure = replace(seed, covariance=independent_covariance(seed.covariance))
+    way = to_a.then(sure).then(from_b)
+    return not disagreement(way.T_a_b, way.covariance, other, calibration_error)
+
+
+def _chain(map_: Map, a: int, b: int) -> Edge | None:
+    """Return what the registrations between two key frames of a segment say, None where they are not connected."""
+    covariance = map_.registrations.covariance_between(a, b)
+    if covariance is None:
+        return None
+    return Edge(a, b, map_.keyframes[a].T_camera_map @ se3.inverse(map_.keyframes[b].T_camera_map), covariance)

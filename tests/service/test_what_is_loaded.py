@@ -62,17 +62,20 @@ def test_help_is_there_at_once() -> None:
 @pytest.mark.wallclock
 @pytest.mark.long
 def test_a_run_of_thirty_frames_costs_little_beside_its_frames(tmp_path: Path, shared_data: Path) -> None:
-    """Bar: 5 s of CPU of all processes from start to plot, with everything compiled; 3.9 when this was written."""
+    """Bar: 7 times the CPU that it takes to load the libraries once; all processes, from start to plot."""
     source, out = str(shared_data / "tum_fr1_xyz"), str(tmp_path / "out")
-    command = [sys.executable, "-m", "odom", "run", source, "--end", "1", "--headless", "--out", out]
+    run = [sys.executable, "-m", "odom", "run", source, "--end", "1", "--headless", "--out", out]
+    load = [sys.executable, "-c", "import cv2, matplotlib.pyplot, numba, scipy.spatial, zenoh"]
 
-    def cpu_s() -> float:
+    def cpu_s(command: list[str]) -> float:
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         subprocess.run(command, check=True, capture_output=True)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
-    assert min(cpu_s() for _ in range(4)) <= 5.0
+    runs, loads = zip(*((cpu_s(run), cpu_s(load)) for _ in range(4)), strict=True)
+    print(f"{min(runs):.2f} s, the libraries {min(loads):.2f} s")
+    assert min(runs) <= 7.0 * min(loads)
 
 
 @pytest.mark.parametrize(("expected", "has_truth"), [(True, False), (False, True)])

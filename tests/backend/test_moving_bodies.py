@@ -88,5 +88,7 @@ def test_people_in_the_arena_cost_little(people: int, ate_m: float) -> None:
     found = verdict(estimates, Trajectory.of(odometry.finish()), truth)
     print(f"{people} people: ATE {found.ate_m}, NEES {found.nees}, wrong {found.wrong}, lost {found.lost}")
     assert found.ate_m is not None
+    assert found.nees is not None
     assert found.ate_m <= ate_m
     assert found.wrong <= 0.005
+    assert found.nees <= 9.0

@@ -6,25 +6,21 @@ import numpy as np
 
 from odom.backend.map.map import Map
 from odom.backend.settings import OdometrySettings
-from odom.backend.tracking.consensus import FollowedFeatures, consensus, is_contested
+from odom.backend.tracking.consensus import is_contested
+from odom.backend.tracking.found_landmarks import FoundLandmarks
 from odom.backend.tracking.frame_state import FrameState, MotionPrior, Tracked
-from odom.backend.tracking.motion_model import ANY_VELOCITY, Agility
-from odom.backend.tracking.pose_solver import PoseFit, fit_pose
+from odom.backend.tracking.motion_model import ANY_VELOCITY
 from odom.backend.tracking.prediction import predict_pose
 from odom.backend.tracking.quality import has_enough_inliers, is_known_place, is_plausible_motion, is_same_view
-from odom.backend.tracking.row_velocity import fit_velocity
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.images import FrameImages
-from odom.frontend.features.measurement import Measurements, measure
 from odom.frontend.features.view import View
 from odom.frontend.matching.landmark_search import Candidates, find_landmarks
 from odom.frontend.matching.line_of_sight import LineOfSight
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index
-
-_WHITE = Agility(steady_s=0.0)
 
 
 class FrameTracker:
@@ -71,40 +67,22 @@ class FrameTracker:
         row and fitted once more with that: with a noisy velocity the shutter would seem faster than it is.
         """
         L = self._map.landmarks
-        found = find_landmarks(
+        in_view = find_landmarks(
             L, self._candidates(local, T_start), T_start, view.images, sensor, self._settings.max_features
         )
-        found = found.take(view.stands(found.uv))
-        covariance_uv = found.covariance_uv * TUNING.image_noise**2
-        points, covariances = L.position[found.rows], L.covariance[found.rows]
-
-        def fitted(twist: Array, T: Array) -> tuple[Measurements, PoseFit]:
-            m = measure(view, sensor, found.uv, covariance_uv, twist, found.inverse_depth)
-            return m, fit_pose(points, covariances, m.values, m.covariance, T)
-
-        measured, fit = fitted(twist, T_start)
+        landmarks = FoundLandmarks.of(view, sensor, in_view.take(view.stands(in_view.uv)), L)
+        measured, fit = landmarks.fitted(twist, T_start)
+        expected = None if prior is None else prior.expected
         outliers = fit.chi2[:, 0] >= TUNING.inlier_chi2
-        expected_pose = None if prior is None else prior.expected
-        if expected_pose is not None and is_contested(outliers, np.ones_like(outliers)):
-            rays, pixel = measured.values[:, :2], 1.0 / sensor.lens.intrinsics[0]
-            eye = se3.inverse(T_start)[:3, 3]
-            features = FollowedFeatures(points, eye, rays, found.uv, L.seen[found.rows], TUNING.found_sigma_px, pixel)
-            T = consensus(features, fit.T_camera_map, expected_pose)
-            T = fit.T_camera_map if T is None else T
-            chi2 = fit_pose(points, covariances, measured.values, measured.covariance, T, iterations=0).chi2[:, 0]
-            agrees = chi2 < TUNING.member_chi2
-            found, covariance_uv = found.take(agrees), covariance_uv[agrees]
-            points, covariances = points[agrees], covariances[agrees]
-            measured, fit = fitted(twist, T)
+        if expected is not None and is_contested(outliers, np.ones_like(outliers)):
+            landmarks, T = landmarks.settled(measured, fit, expected)
+            measured, fit = landmarks.fitted(twist, T)
         velocity = ANY_VELOCITY
         if prior is not None:
-            row_s = (found.uv[:, 1] / view.images.full.shape[0] - 0.5) * sensor.timing.readout_s
-            expected = prior.motion.after(prior.since_s, _WHITE)
-            velocity = fit_velocity(
-                points, covariances, measured, row_s, fit.T_camera_map, twist, expected, prior.scale
-            )
+            velocity = landmarks.velocity(measured, fit.T_camera_map, twist, prior)
             twist = velocity.twist
-            measured, fit = fitted(twist, fit.T_camera_map)
+            measured, fit = landmarks.fitted(twist, fit.T_camera_map)
+        found = landmarks.found
         inliers = fit.chi2[:, 0] < TUNING.inlier_chi2
         missed = np.setdiff1d(found.looked_for, found.rows[inliers])
         return Tracked(

@@ -70,6 +70,12 @@ class Tuning:
     jerk_m_s2: float = tuned(8.0, unit="m/s^2", source="accelerations of hand-held cameras, fr1",
         effect="a change of velocity that halves the votes; smaller: knocks are missed; larger: bodies are followed")
     jerk_rad_s2: float = tuned(40.0, unit="rad/s^2", source="as jerk_m_s2", effect="as jerk_m_s2")
+    # departing
+    departing_neighbours: int = tuned(12, unit="landmarks", source=_BODIES,
+        effect="judged together; fewer: chance outliers take good ones along; more: limbs and small things go unseen")
+    departing_share: float = tuned(0.35, unit="share of the neighbours", source=_BODIES,
+        effect="that used to be found and now disagree; smaller: good landmarks are left out; larger: who sets off "
+        "draws the camera along")
     # pose_solver and row_velocity
     cauchy_chi2: float = tuned(9.0, unit="chi-squared", source="three sigma",
         effect="where a residual's weight is one half; smaller: less information is used; larger: outliers pull")

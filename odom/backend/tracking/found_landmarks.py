@@ -1,0 +1,98 @@
+"""The landmarks found in a view, and the pose and velocity fitted to those of them that stand still."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from odom.backend.map.landmarks import Landmarks
+from odom.backend.tracking.consensus import ExpectedPose, FollowedFeatures, consensus
+from odom.backend.tracking.departing import departing
+from odom.backend.tracking.frame_state import MotionPrior
+from odom.backend.tracking.motion_model import Agility, Velocity
+from odom.backend.tracking.pose_solver import PoseFit, fit_pose
+from odom.backend.tracking.row_velocity import fit_velocity
+from odom.backend.tracking.tuning import TUNING
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.measurement import Measurements, measure
+from odom.frontend.features.view import View
+from odom.frontend.matching.landmark_search import Found
+from odom.geometry import se3
+from odom.geometry.arrays import Array, Index, Mask
+
+_WHITE = Agility(steady_s=0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class FoundLandmarks:
+    """n landmarks at `points` (n x 3, m, map frame) with `covariances` (n x 3 x 3, m^2), `found` in a `view`.
+
+    `seen` (n) counts the frames in which each was found before, `found_before` (n) is their share of those in which it
+    was looked for. The pose is fitted to those that are `standing` (n).
+    """
+
+    view: View
+    sensor: SensorModel
+    found: Found
+    points: Array
+    covariances: Array
+    seen: Index
+    found_before: Array
+    standing: Mask
+
+    @classmethod
+    def of(cls, view: View, sensor: SensorModel, found: Found, landmarks: Landmarks) -> "FoundLandmarks":
+        """Return the landmarks that were `found` in a view, all standing."""
+        rows = found.rows
+        seen = landmarks.seen[rows]
+        found_before = np.minimum((seen + 1.0) / (landmarks.tried[rows] + 1.0), 1.0)
+        standing = np.ones(len(rows), dtype=np.bool_)
+        position, covariance = landmarks.position[rows], landmarks.covariance[rows]
+        return cls(view, sensor, found, position, covariance, seen, found_before, standing)
+
+    def fitted(self, twist: Array, T_start: Array) -> tuple[Measurements, PoseFit]:
+        """Return what is measured of them in motion with `twist` (6, SI), and the pose from the start `T_start`."""
+        covariance_uv = self.found.covariance_uv * TUNING.image_noise**2
+        measured = measure(self.view, self.sensor, self.found.uv, covariance_uv, twist, self.found.inverse_depth)
+        values, variances = measured.values, measured.covariance
+        fit = fit_pose(self.points, self.covariances, values, variances, T_start, self.standing)
+        if self.standing.all():
+            return measured, fit
+        return measured, replace(fit, chi2=self._chi2(measured, fit.T_camera_map))
+
+    def settled(self, measured: Measurements, fit: PoseFit, expected: ExpectedPose) -> tuple["FoundLandmarks", Array]:
+        """Return those that have a say where many disagree with a `fit`, and the pose that most of the image shows."""
+        eye, pixel = se3.inverse(fit.T_camera_map)[:3, 3], 1.0 / self.sensor.lens.intrinsics[0]
+        rays, uv, sigma_px = measured.values[:, :2], self.found.uv, TUNING.found_sigma_px
+        features = FollowedFeatures(self.points, eye, rays, uv, self.seen, sigma_px, pixel)
+        T = consensus(features, fit.T_camera_map, expected)
+        T = fit.T_camera_map if T is None else T
+        chi2 = self._chi2(measured, T)[:, 0]
+        standing = ~departing(self.points, self.found_before, chi2 < TUNING.inlier_chi2)
+        members = chi2 < TUNING.member_chi2
+        if np.count_nonzero(members & standing) < TUNING.sure_inliers:
+            standing[:] = True
+        return self._take(members, standing), T
+
+    def velocity(self, measured: Measurements, T_camera_map: Array, twist: Array, prior: MotionPrior) -> Velocity:
+        """Return the velocity that the image's rows show from a pose, taken in motion with `twist` (6, SI)."""
+        used = np.flatnonzero(self.standing)
+        row_s = (self.found.uv[used, 1] / self.view.images.full.shape[0] - 0.5) * self.sensor.timing.readout_s
+        expected = prior.motion.after(prior.since_s, _WHITE)
+        points, covariances = self.points[used], self.covariances[used]
+        return fit_velocity(points, covariances, measured.take(used), row_s, T_camera_map, twist, expected, prior.scale)
+
+    def _chi2(self, measured: Measurements, T_camera_map: Array) -> Array:
+        """Return chi2 (n x 2: ray, depth) of all at a pose."""
+        values, variances = measured.values, measured.covariance
+        return fit_pose(self.points, self.covariances, values, variances, T_camera_map, iterations=0).chi2
+
+    def _take(self, members: Mask, standing: Mask) -> "FoundLandmarks":
+        return replace(
+            self,
+            found=self.found.take(members),
+            points=self.points[members],
+            covariances=self.covariances[members],
+            seen=self.seen[members],
+            found_before=self.found_before[members],
+            standing=standing[members],
+        )

@@ -109,3 +109,28 @@ def merge(
     typer.echo(f"{len(joined.closures)} recognitions join sessions, {joined.refused} were refused")
     if parts > 1:
         typer.echo(f"{parts} parts share no place that was recognised: each has coordinates of its own")
+
+
+@map_.command("prune")
+def prune(
+    file: MapName,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Name of the new map.")],
+    keyframes: Annotated[int, typer.Option(min=1, help="Key frames to keep.")],
+) -> None:
+    """Make a smaller map: of key frames that see the same, those that say most stay.
+
+    Registrations of those that go are handed on, so that nothing falls apart. The map itself stays as it is.
+
+    Example: odom map prune lab.map -o small.map --keyframes 100
+    """
+    from contextlib import closing
+
+    from odom.map_file.map_file import MapFile
+    from odom.map_file.pruned import prune as prune_map
+    from odom.map_file.summary import lines_of
+
+    with closing(MapFile(file, is_written=False)) as opened:
+        prune_map(opened, out, keyframes)
+    with closing(MapFile(out, is_written=False)) as made:
+        for line in lines_of(made):
+            typer.echo(line)

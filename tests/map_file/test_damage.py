@@ -1,13 +1,7 @@
 """A map that was cut, flipped or filled up is refused with what to do, or gives what was written: nothing else."""
 
-import os
 import re
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
-from pathlib import Path
 
 import made_up_map
 import numpy as np
@@ -22,18 +16,6 @@ from odom.map_file.arrays import pack, unpack
 from odom.map_file.map_file import MapFile
 
 KEYFRAMES = 12
-WRITER = """
-import sys, made_up_map
-from pathlib import Path
-from odom.map_file.map_file import MapFile
-opened = MapFile(Path(sys.argv[1]), is_written=True)
-opened.begin(made_up_map.CAMERA)
-for number in range(int(sys.argv[2]), 100_000):
-    opened.put(made_up_map.changes(number))
-    if number % 5 == 0:
-        opened.flush()
-        print(number, flush=True)
-"""
 
 
 @pytest.fixture(scope="module")
@@ -180,25 +162,3 @@ def test_a_full_disk_is_counted_and_made_good(tmp_path):
     opened._writer._db.execute("PRAGMA max_page_count = 100000")
     opened.close()
     assert len(read(path)[0]) == 4
-
-
-def test_killed_at_any_moment_it_leaves_a_map_that_opens(tmp_path):
-    path, next_number = tmp_path / "killed.map", 0
-    rng = np.random.default_rng(1)
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
-    for _ in range(4):
-        writer = subprocess.Popen(
-            [sys.executable, "-c", WRITER, str(path), str(next_number)], stdout=subprocess.PIPE, text=True,
-            env=environment,
-        )  # fmt: skip
-        assert writer.stdout is not None
-        flushed = int(writer.stdout.readline())
-        time.sleep(rng.uniform(0.0, 0.2))
-        writer.send_signal(signal.SIGKILL)
-        flushed = max([flushed, *(int(line) for line in writer.stdout.read().split())])
-        writer.wait()
-        poses, edges, details, _ = read(path)
-        next_number = len(poses)
-        assert next_number > flushed
-        assert len(edges) == next_number - 1
-        assert None not in details

@@ -17,6 +17,9 @@ from odom.wire.ros2.qos import TRANSFORMS_DEPTH, Qos
 
 NODE = "odom_bridge"
 _IMPLEMENTATION = "RMW_IMPLEMENTATION"
+_TRANSPORTS, _LARGE_MESSAGES = "FASTDDS_BUILTIN_TRANSPORTS", "DEFAULT?sockets_size=16MB"
+"""Memory that FastDDS shares with readers on this machine, half of what it takes. Its own 512 KB do not hold an image:
+what does not fit comes by repair, up to .3 s late. Larger: more of /dev/shm (a container has 64 MB)."""
 
 Receive = Callable[[bytes], None]
 
@@ -40,6 +43,7 @@ def ros() -> ModuleType:
         raise ConfigError(
             f"{_IMPLEMENTATION}={os.environ[_IMPLEMENTATION]}: ROS 2 on Zenoh needs no bridge, see --ros2"
         )
+    os.environ.setdefault(_TRANSPORTS, _LARGE_MESSAGES)
     try:
         return importlib.import_module("rclpy")
     except ImportError as error:

@@ -36,10 +36,14 @@ class Transforms:
 
         return DomainParticipant(self._domain)
 
+    @cached_property
+    def _guid_prefix(self) -> bytes:
+        return bytes(self._participant.guid.bytes[:PREFIX_BYTES])
+
     @property
     def gid_prefix(self) -> bytes:
         """How the gids of what it publishes begin; empty while it publishes nothing."""
-        return bytes(self._participant.guid.bytes[:PREFIX_BYTES]) if self._writers else b""
+        return self._guid_prefix if self._writers else b""
 
     def offer(self, topic: str, qos: Qos) -> None:
         """Declare a topic that will be published; does nothing for one that is."""

@@ -4,7 +4,7 @@ import fcntl
 import os
 import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 from odom.errors import ConfigError, MapError
@@ -52,6 +52,8 @@ def connect(path: Path, is_written: bool) -> sqlite3.Connection:
     elif not is_written:
         raise ConfigError(f"there is no map {path}: make it with `odom run SOURCE --map {path}`")
     with damage_told(path):
+        if not is_written:
+            _undo_half_a_change(path)
         mode = "rwc" if is_written else "ro"
         db = sqlite3.connect(f"{path.resolve().as_uri()}?mode={mode}", uri=True, check_same_thread=False, timeout=10.0)
         try:
@@ -62,6 +64,13 @@ def connect(path: Path, is_written: bool) -> sqlite3.Connection:
             db.close()
             raise
     return db
+
+
+def _undo_half_a_change(path: Path) -> None:
+    """Bring a map back to what it was before a change that a killed process has left half done; readers must not."""
+    if path.with_name(f"{path.name}-journal").exists():
+        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", uri=True, timeout=10.0)) as db:
+            db.execute("SELECT count(*) FROM sqlite_schema").fetchone()
 
 
 def _prepare(path: Path, db: sqlite3.Connection, is_written: bool) -> None:

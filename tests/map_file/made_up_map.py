@@ -24,8 +24,8 @@ def keyframe(number: int) -> SavedKeyframe:
     return SavedKeyframe(number, 0, Stamp(10**9 * (1 + number)), 0, 0, T, np.eye(4), 1e-4 * np.eye(6), links)
 
 
-def details(number: int, features: int = 60) -> SavedDetails:
-    rng = np.random.default_rng(number)
+def details(number: int, features: int = 60, day: int = 0) -> SavedDetails:
+    rng = np.random.default_rng([day, number])
     identities = np.arange(OWN * number + 1, OWN * (number + 1) + 1)
     measured = Measurements(
         rng.normal(size=(OWN, 3)), rng.normal(size=(OWN, 3, 3)), rng.random((OWN, 4)), rng.normal(size=(OWN, 2))
@@ -45,16 +45,16 @@ def details(number: int, features: int = 60) -> SavedDetails:
     return SavedDetails(ShutterTiming(0.02, 0.0, 0.01), identities, rng.random((OWN, 2)), measured, landmarks, place)
 
 
-def changes(number: int) -> MapChanges:
-    """Key frame `number` as if it were new."""
+def changes(number: int, day: int = 0) -> MapChanges:
+    """Key frame `number` as if it were new; what it shows is another thing each `day`."""
     edges = (Edge(number - 1, number, np.eye(4), 1e-4 * np.eye(6)),) if number else ()
-    return MapChanges((keyframe(number),), edges, {number: details(number)}, OWN * (number + 1) + 1)
+    return MapChanges((keyframe(number),), edges, {number: details(number, day=day)}, OWN * (number + 1) + 1)
 
 
-def make(path: Path, keyframes: int) -> None:
+def make(path: Path, keyframes: int, day: int = 0) -> None:
     """Make a map of so many key frames."""
     opened = MapFile(path, is_written=True)
     opened.begin(CAMERA)
     for number in range(keyframes):
-        opened.put(changes(number))
+        opened.put(changes(number, day))
     opened.close()

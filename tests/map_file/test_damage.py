@@ -1,6 +1,7 @@
 """A map that was cut, flipped or filled up is refused with what to do, or gives what was written: nothing else."""
 
 import re
+import sqlite3
 from dataclasses import replace
 
 import made_up_map
@@ -82,6 +83,22 @@ def test_a_cut_file_is_refused_or_right(whole, tmp_path, share):
     path = tmp_path / "cut.map"
     path.write_bytes(content[: int(share * len(content))])
     assert refusal_of(path, expected) or share > 0.9
+
+
+def test_a_change_that_was_cut_short_is_undone_by_whoever_reads_next(whole, tmp_path):
+    expected, path = read(whole), tmp_path / "cut-short.map"
+    path.write_bytes(whole.read_bytes())
+    db = sqlite3.connect(path, isolation_level=None)
+    db.execute("PRAGMA cache_size = 1")  # what is changed goes to the file at once
+    db.execute("BEGIN IMMEDIATE")
+    db.execute("UPDATE details SET content = zeroblob(length(content))")
+    left = tmp_path / "left.map"  # as a process leaves it that is killed now
+    for end in ("", "-journal"):
+        left.with_name(left.name + end).write_bytes(path.with_name(path.name + end).read_bytes())
+    db.close()
+    assert is_right(read(left), expected)
+    assert None not in read(left)[2]
+    assert not left.with_name("left.map-journal").exists()
 
 
 def test_mending_saves_what_is_whole(whole, tmp_path):

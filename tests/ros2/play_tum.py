@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -61,15 +62,20 @@ def driver_messages(folder: Path, compressed: bool, start: float = 0.0, end: flo
 
 def paced(messages: Iterable[Message], rate: float) -> Iterator[Message]:
     """Yield the first messages at once, the others when the listener has got ready, at their stamps' pace."""
+    every = iter(messages)
+    for message in islice(every, FIRST):
+        time.sleep(1 / 30)
+        yield message
+    time.sleep(READY_S)
+    yield from on_time(every, rate)
+
+
+def on_time(messages: Iterable[Message], rate: float = 1.0) -> Iterator[Message]:
+    """Yield messages at their stamps' pace."""
     begun: tuple[float, int] | None = None
-    for i, message in enumerate(messages):
-        if i == FIRST:
-            time.sleep(READY_S)
-        if i >= FIRST:
-            begun = begun or (time.monotonic(), message.stamp)
-            time.sleep(max(0.0, begun[0] + (message.stamp - begun[1]) / 1e9 / rate - time.monotonic()))
-        else:
-            time.sleep(1 / 30)
+    for message in messages:
+        begun = begun or (time.monotonic(), message.stamp)
+        time.sleep(max(0.0, begun[0] + (message.stamp - begun[1]) / 1e9 / rate - time.monotonic()))
         yield message
 
 

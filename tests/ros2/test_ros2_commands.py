@@ -1,20 +1,24 @@
 """`--ros2` as users type it."""
 
+import json
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
+from play_tum import driver_messages, on_time
 from ros2_network import DOMAIN, other_node, tokens
 from typer.testing import CliRunner
 
 from odom.cli import app
 from odom.cli.optional_domain import filled_in
 from odom.wire import WireSettings
-from odom.wire.ros2.names import endpoint_of
+from odom.wire.ros2 import Ros2Node
+from odom.wire.ros2.names import NodeName, endpoint_of
 from odom.wire.ros2.node import ros2_wire
 from odom.wire.session import _listeners
 from odom.wire.settings import ANY_LOCAL_PORT, LOCAL
@@ -79,3 +83,34 @@ def test_a_run_is_seen_by_ros_with_all_its_topics(port: int, tmp_path: Path) -> 
             process.send_signal(signal.SIGINT)
             assert process.wait(60) == 0
     assert not any(topic.endswith(("/ack/odometry", "/history")) for _, topic in seen)
+
+
+@pytest.mark.long
+@pytest.mark.wallclock
+def test_the_doctor_looks_at_a_camera_of_ros_as_at_any_source(port: int, shared_data: Path, tmp_path: Path) -> None:
+    folder, findings = shared_data / "tum_fr1_xyz", tmp_path / "findings.json"
+    where = [f"--option=domain={DOMAIN}", f"--option=router=tcp/127.0.0.1:{port}", "--option=start_s=20"]
+    command = [sys.executable, "-m", "odom", "doctor", "ros2:/camera", *where, "--seconds", "5"]
+    stop = threading.Event()
+    with other_node(port) as session:
+        node = Ros2Node(session.zenoh, NodeName(DOMAIN, str(session.zenoh.info.zid()), 0, "/", "camera"))
+
+        def publish() -> None:
+            for message in on_time(driver_messages(folder, compressed=False)):
+                node.tell(message)
+                if stop.is_set():
+                    return
+
+        driver = threading.Thread(target=publish)
+        driver.start()
+        done = subprocess.run([*command, "--json", str(findings)], capture_output=True, text=True, timeout=300)
+        stop.set()
+        driver.join()
+        node.close()
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "ros2:/camera: nothing would spoil the odometry" in done.stdout
+    told = {each["check"]: each for each in json.loads(findings.read_text())}
+    for check in ("pairs", "exposure", "valid depth", "depth noise", "depth registration", "focal length", "tracking"):
+        assert told[check]["verdict"] == "good", told[check]
+    assert "fx 517.3, fy 516.5 px" in told["focal length"]["value"]
+    assert "(sensor 30.0)" in told["colour frames"]["value"]

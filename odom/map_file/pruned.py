@@ -3,13 +3,13 @@
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
+from odom.backend.map.map import Map
 from odom.backend.map.memory import open_map, saved_keyframe
 from odom.backend.map.pruning import forget
 from odom.backend.map.thinning import landmarks_shown, least_telling
 from odom.errors import ConfigError
-from odom.geometry.arrays import Array
+from odom.frontend.camera.lens import Lens
+from odom.map_file.inheritance import Family, Inherited
 from odom.map_file.map_file import MapFile
 from odom.map_file.new_map import Gathered, Origin, refuse_to_replace, renumbered, write_new
 
@@ -17,26 +17,22 @@ from odom.map_file.new_map import Gathered, Origin, refuse_to_replace, renumbere
 def prune(opened: MapFile, out: Path, keyframes: int) -> int:
     """Write the map `out` of at most so many key frames of another one, and return their number.
 
-    The first key frame of each part stays, and where poses begin to be unsure of each other nothing falls apart: a
-    key frame that goes leaves its registrations to its heir (see `pruning`). Raises ConfigError where there is a file
-    `out` already or nothing is to be left out, MapError where the map is damaged.
+    The first key frame of each part stays. A key frame that goes leaves its registrations to its heir (see `pruning`),
+    and its landmarks to those that have measured them. Raises ConfigError where there is a file `out` already or
+    nothing is to be left out, MapError where the map is damaged.
     """
     refuse_to_replace(out)
-    sessions = opened.sessions()
-    if not sessions or len(opened.keyframes()) <= keyframes:
-        raise ConfigError(f"{opened.path} has {len(opened.keyframes())} key frames: give fewer")
+    sessions, count = opened.sessions(), len(opened.keyframes())
+    if not sessions or count <= keyframes:
+        raise ConfigError(f"{opened.path} has {count} key frames: give fewer")
     camera = sessions[0].camera
-    saved = replace(opened.begin(camera), is_fixed=False)
-    every = Gathered([Origin(opened, k.number) for k in saved.keyframes])
-    map_ = open_map(replace(saved, details=every))
+    every = Gathered([Origin(opened, n) for n in range(count)])
+    saved = replace(opened.begin(camera), details=every, is_fixed=False)
+    map_ = open_map(saved)
     map_.remembered, map_.away = sorted(map_.away), set()
-
-    def landmarks_of(number: int) -> Array:
-        details = every.fetch(number)
-        return np.zeros((0, 3)) if details is None else details.landmarks.position
-
-    shown = landmarks_shown(map_, camera, landmarks_of)
-    for number in least_telling(shown, len(saved.keyframes) - keyframes, {k.first for k in map_.keyframes}):
+    family = Family(every, [k.T_camera_map for k in map_.keyframes], _linked(map_), Lens.of(camera))
+    shown = landmarks_shown(map_, camera, lambda number: family.details(number).landmarks.position)
+    for number in least_telling(shown, count - keyframes, {k.first for k in map_.keyframes}):
         forget(map_, number)
     new = {old: number for number, old in enumerate(map_.remembered)}
     edges = sorted(map_.registrations.among(new.keys()), key=lambda e: (min(e.a, e.b), max(e.a, e.b)))
@@ -44,7 +40,13 @@ def prune(opened: MapFile, out: Path, keyframes: int) -> int:
         saved,
         keyframes=tuple(renumbered(saved_keyframe(map_, old), new) for old in new),
         edges=tuple(replace(e, a=new[e.a], b=new[e.b]) for e in edges),
-        details=Gathered([Origin(opened, old) for old in new]),
+        details=Inherited(family, list(new)),
     )
     write_new(out, sessions, kept)
     return len(new)
+
+
+def _linked(map_: Map) -> list[list[int]]:
+    """Return the key frames that each is linked with, nearest first."""
+    each = zip(map_.keyframes, map_.links, strict=True)
+    return [map_.nearest(sorted(linked), k.T_camera_map).tolist() if linked else [] for k, linked in each]

@@ -63,6 +63,17 @@ def test_a_chain_through_what_is_gone_is_none_the_surer(made, half):
         assert np.trace(now) > 0.999 * np.trace(then)
 
 
+def test_landmarks_that_others_have_measured_stay(made, half):
+    one, before = opened(half), opened(made[0])
+    details = [one.fetch(k.number) for k in one.keyframes()]
+    own = np.concatenate([d.landmarks.identity for d in details])
+    measured = np.unique(np.concatenate([d.identities for d in details]))
+    was = np.concatenate([before.fetch(k.number).landmarks.identity for k in before.keyframes()])
+    assert len(np.unique(own)) == len(own)
+    assert set(own) <= set(was)
+    assert len(own) > 0.9 * np.isin(was, measured).sum()
+
+
 def test_the_camera_is_found_in_it(half):
     for start in (0.6, 2.2, 4.1):
         truth = [stroll(start + k / 30.0) for k in range(12)]

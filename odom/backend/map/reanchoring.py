@@ -1,0 +1,78 @@
+"""Landmarks of a key frame as another one sees them, so that they stay when the one that saw them first goes."""
+
+from dataclasses import fields
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.backend.map.saved import SavedLandmarks
+from odom.frontend.camera.lens import Lens, project
+from odom.frontend.features.patch_warp import WARP_LIMITS, affinities
+from odom.frontend.features.patches import RADIUS
+from odom.geometry import se3
+from odom.geometry.arrays import Array, Mask
+
+_CENTRE = np.array([RADIUS, RADIUS], dtype=np.float64)
+
+
+def take(landmarks: SavedLandmarks, chosen: Mask) -> SavedLandmarks:
+    """Return the chosen ones."""
+    return SavedLandmarks(*(getattr(landmarks, f.name)[chosen] for f in fields(landmarks)))
+
+
+def joined(one: SavedLandmarks, other: SavedLandmarks) -> SavedLandmarks:
+    """Return the landmarks of both, in this order."""
+    return SavedLandmarks(*(np.concatenate([getattr(one, f.name), getattr(other, f.name)]) for f in fields(one)))
+
+
+def seen_from(landmarks: SavedLandmarks, T_new_old: Array, lens: Lens) -> SavedLandmarks:
+    """Return those of n landmarks that another key frame sees well enough, in its camera frame, patches warped.
+
+    `T_new_old` is the motion from the key frame that saw them first. Left out are those out of the other's image,
+    seen from behind, too steeply, or from much farther or nearer.
+    """
+    height, width = lens.rays.shape[:2]
+    at = project(landmarks.position, T_new_old, lens.intrinsics, lens.distortion, width, height, 0.0)
+    nobody = np.zeros(len(at), dtype=np.int64)
+    A_old_new, usable = affinities(
+        landmarks.uv, landmarks.plane, nobody, T_new_old[None], lens.rays, lens.intrinsics, lens.distortion, WARP_LIMITS
+    )
+    chosen = usable & np.isfinite(at[:, 0])
+    kept, A = take(landmarks, chosen), A_old_new[chosen]
+    R = T_new_old[:3, :3]
+    return SavedLandmarks(
+        kept.identity,
+        se3.apply(T_new_old, kept.position),
+        R @ kept.covariance @ R.T,
+        at[chosen, :2],
+        _planes(kept, T_new_old, lens),
+        _warped(kept.patch_full, A),
+        _warped(kept.patch_half, A),
+        kept.seen,
+        kept.tried,
+    )
+
+
+def _planes(landmarks: SavedLandmarks, T_new_old: Array, lens: Lens) -> Array:
+    """Return inverse depth and slopes (n x 3) of the surfaces in another camera; about a landmark the lens is straight.
+
+    A surface n' X = 1 has the inverse depth n' (x, y, 1) at the ray (x, y).
+    """
+    f = lens.intrinsics[:2]
+    slope, position = landmarks.plane[:, 1:] * f, landmarks.position
+    ray = position[:, :2] / position[:, 2:]
+    n_old = np.column_stack([slope, 1.0 / position[:, 2] - np.sum(slope * ray, axis=1)])
+    n_new = n_old @ T_new_old[:3, :3].T
+    n_new /= 1.0 + n_new @ T_new_old[:3, 3:]
+    return np.column_stack([1.0 / se3.apply(T_new_old, position)[:, 2], n_new[:, :2] / f])
+
+
+def _warped(patches: NDArray[np.uint8], A_old_new: Array) -> NDArray[np.uint8]:
+    """Return patches (n x side x side) of which an offset in the new ones is A times as large in the old ones."""
+    out = np.empty_like(patches)
+    for k, A in enumerate(A_old_new):
+        to_old = np.column_stack([A, _CENTRE - A @ _CENTRE])
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        out[k] = cv2.warpAffine(patches[k], to_old, patches[k].shape, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+    return out

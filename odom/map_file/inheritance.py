@@ -1,0 +1,68 @@
+"""Landmarks of key frames that are left out go to those that have measured them, the nearest first."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from odom.backend.map.reanchoring import joined, seen_from, take
+from odom.backend.map.saved import SavedDetails, SavedLandmarks
+from odom.errors import MapError
+from odom.frontend.camera.lens import Lens
+from odom.frontend.features.place_descriptor import Place
+from odom.geometry import se3
+from odom.geometry.arrays import Array, Index
+from odom.map_file.new_map import Gathered
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """All key frames of a map: their poses T_camera_map, by number, and those linked with each, nearest first."""
+
+    every: Gathered
+    T_camera_map: Sequence[Array]
+    near: Sequence[Sequence[int]]
+    lens: Lens
+
+    def details(self, number: int) -> SavedDetails:
+        """Return the details of a key frame; raises MapError where they cannot be read."""
+        found = self.every.fetch(number)
+        if found is None:
+            raise MapError(f"key frame {number} cannot be read")
+        return found
+
+
+class Inherited:
+    """Details of the key frames of a `family` that are `kept`, under new numbers (see `Details`)."""
+
+    def __init__(self, family: Family, kept: Sequence[int]) -> None:
+        self._family, self._kept = family, kept
+        self._measured: dict[int, Index] = {n: family.details(n).identities for n in kept}
+        self._shares = lru_cache(maxsize=64)(self._shares_of)
+
+    def fetch(self, number: int) -> SavedDetails:
+        """Return the details of a key frame, with the landmarks that it inherits."""
+        heir = self._kept[number]
+        details = self._family.details(heir)
+        own = details.landmarks
+        for gone in sorted(set(self._family.near[heir]).difference(self._measured)):
+            own = joined(own, self._shares(gone)[heir])
+        return replace(details, landmarks=own)
+
+    def fetch_place(self, number: int) -> Place | None:
+        """Return the place alone, None where the key frame has none."""
+        return self._family.every.fetch_place(self._kept[number])
+
+    def _shares_of(self, gone: int) -> Mapping[int, SavedLandmarks]:
+        """Return what each heir of a key frame gets: landmarks that it has measured and sees well enough."""
+        family, left = self._family, self._family.details(gone).landmarks
+        shares: dict[int, SavedLandmarks] = {}
+        for heir in family.near[gone]:
+            if heir not in self._measured:
+                continue
+            T_heir_gone = family.T_camera_map[heir] @ se3.inverse(family.T_camera_map[gone])
+            measured = take(left, np.isin(left.identity, self._measured[heir]))
+            shares[heir] = seen_from(measured, T_heir_gone, family.lens)
+            left = take(left, ~np.isin(left.identity, shares[heir].identity))
+        return shares

@@ -3,11 +3,11 @@
 One recognition by descriptors alone can be wrong: of a thing that was carried elsewhere, or of a room with the same
 furniture. So two parts are merged by the recognition with which most of those between them agree (pairwise consistency:
 J. Mangelson et al., ICRA 2018), and only where these are several, and where most key frames are recognised that stand
-where one of the other part does. Every other recognition is then held against the chain, as in a walk.
+where one of the other part does. All others are refused.
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -15,12 +15,13 @@ import numpy as np
 
 from odom.backend.loop_closure.closing import close_loops, merge_segment
 from odom.backend.loop_closure.tuning import TUNING
-from odom.backend.loop_closure.verification import contradiction, disagreement
+from odom.backend.loop_closure.verification import disagreement
 from odom.backend.map.keyframe import apart
 from odom.backend.map.map import Map
 from odom.backend.map.pose_covariance import independent_covariance
 from odom.backend.map.pose_graph import Edge
 from odom.geometry import se3
+from odom.geometry.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,25 +32,28 @@ class Joined:
     refused: int
 
 
+@dataclass(frozen=True, eq=False)
+class _Join:
+    """A recognition between two segments, and those that agree with it, itself among them."""
+
+    seed: Edge
+    agreeing: tuple[Edge, ...] = ()
+
+
 def join_parts(map_: Map, recognised: Sequence[Edge], calibration_error: float) -> Joined:
     """Merge the segments of a map that `recognised` registrations join, and adjust its key frames to all that agree.
 
-    Of two, the one of the higher number moves.
-    `calibration_error` is the share of a motion by which chains may err as a whole.
+    Of two, the one of the higher number moves. `calibration_error` is the share of a motion by which chains may err as
+    a whole.
     """
     weighed = dict(zip(recognised, _weighed(recognised), strict=True))
-    while (surest := _surest(map_, recognised, calibration_error)) is not None:
-        edge = weighed[surest]
-        older = min(edge.a, edge.b, key=lambda n: map_.keyframes[n].segment)
-        merge_segment(map_, edge.seen_from(older))
-    closures = tuple(
-        replace(weighed[edge], is_loop=True)
-        for edge in recognised
-        if map_.keyframes[edge.a].segment == map_.keyframes[edge.b].segment
-        and not contradiction(map_, edge, calibration_error)
-    )
+    closures: list[Edge] = []
+    while (join := _surest(map_, recognised, calibration_error)) is not None:
+        edge = weighed[join.seed]
+        merge_segment(map_, edge.seen_from(min(edge.a, edge.b, key=lambda n: map_.keyframes[n].segment)))
+        closures += [replace(weighed[agreeing], is_loop=True) for agreeing in join.agreeing]
     close_loops(map_, closures)
-    return Joined(closures, len(recognised) - len(closures))
+    return Joined(tuple(closures), len(recognised) - len(closures))
 
 
 def _weighed(recognised: Sequence[Edge]) -> list[Edge]:
@@ -64,25 +68,27 @@ def _weighed(recognised: Sequence[Edge]) -> list[Edge]:
     ]
 
 
-def _surest(map_: Map, recognised: Sequence[Edge], calibration_error: float) -> Edge | None:
+def _surest(map_: Map, recognised: Sequence[Edge], calibration_error: float) -> _Join | None:
     """Return the recognition between two segments with which most others agree, None where too few do for any two."""
     between: defaultdict[tuple[int, int], list[Edge]] = defaultdict(list)
     for edge in recognised:
         segments = map_.keyframes[edge.a].segment, map_.keyframes[edge.b].segment
         if segments[0] != segments[1]:
             between[min(segments), max(segments)].append(edge)
-    surest, most = None, 0
+    surest: _Join | None = None
     for _, edges in sorted(between.items()):
         for seed in sorted(edges, key=lambda edge: edge.variance)[: TUNING.join_seeds]:
-            agreeing = [e for e in edges if _agrees(map_, seed, e, calibration_error)]
-            distinct = min(len({e.a for e in agreeing}), len({e.b for e in agreeing}))
-            if distinct >= TUNING.join_least and len(agreeing) > most and _is_found_again(map_, seed, agreeing):
-                surest, most = seed, len(agreeing)
+            join = _Join(seed, _agreeing(map_, seed, edges, calibration_error))
+            distinct = min(len({e.a for e in join.agreeing}), len({e.b for e in join.agreeing}))
+            is_more = surest is None or len(join.agreeing) > len(surest.agreeing)
+            if distinct >= TUNING.join_least and is_more and _is_found_again(map_, join):
+                surest = join
     return surest
 
 
-def _is_found_again(map_: Map, seed: Edge, agreeing: Sequence[Edge]) -> bool:
-    """Return whether most key frames that stand, by the `seed`, where one of the other segment does are recognised."""
+def _is_found_again(map_: Map, join: _Join) -> bool:
+    """Return whether most key frames that stand, by the seed, where one of the other segment does are recognised."""
+    seed = join.seed
     a, b = map_.keyframes[seed.a], map_.keyframes[seed.b]
     T_b_a = se3.inverse(b.T_camera_map) @ se3.inverse(seed.T_a_b) @ a.T_camera_map
     there = np.array([k.T_camera_map for k in map_.keyframes if k.segment == a.segment])
@@ -91,25 +97,27 @@ def _is_found_again(map_: Map, seed: Edge, agreeing: Sequence[Edge]) -> bool:
         for k in map_.keyframes
         if k.segment == b.segment and apart(k.T_camera_map @ T_b_a, there).min() < TUNING.join_near
     }
-    found = {number for edge in agreeing for number in (edge.a, edge.b)}
+    found = {number for edge in join.agreeing for number in (edge.a, edge.b)}
     return len(near & found) > TUNING.join_share * len(near)
 
 
-def _agrees(map_: Map, seed: Edge, other: Edge, calibration_error: float) -> bool:
-    """Return whether two recognitions, by way of the chains between them, say the same of where two segments are."""
-    if map_.keyframes[other.a].segment != map_.keyframes[seed.a].segment:
-        other = other.seen_from(other.b)
-    to_a, from_b = _chain(map_, other.a, seed.a), _chain(map_, seed.b, other.b)
-    if to_a is None or from_b is None:
-        return False
+def _agreeing(map_: Map, seed: Edge, edges: Sequence[Edge], calibration_error: float) -> tuple[Edge, ...]:
+    """Return the recognitions that, by way of the chains between, say of where two segments are what the seed says."""
     sure = replace(seed, covariance=independent_covariance(seed.covariance))
-    way = to_a.then(sure).then(from_b)
-    return not disagreement(way.T_a_b, way.covariance, other, calibration_error)
+    from_a, from_b = (map_.registrations.covariances_from(n) for n in (seed.a, seed.b))
+    agreeing: list[Edge] = []
+    for edge in edges:
+        other = edge if edge.a in from_a else edge.seen_from(edge.b)
+        if other.a not in from_a or other.b not in from_b:
+            continue
+        to_a = _chain(map_, seed.a, other.a, from_a).seen_from(other.a)
+        way = to_a.then(sure).then(_chain(map_, seed.b, other.b, from_b))
+        if not disagreement(way.T_a_b, way.covariance, other, calibration_error):
+            agreeing.append(edge)
+    return tuple(agreeing)
 
 
-def _chain(map_: Map, a: int, b: int) -> Edge | None:
-    """Return what the registrations between two key frames of a segment say, None where they are not connected."""
-    covariance = map_.registrations.covariance_between(a, b)
-    if covariance is None:
-        return None
-    return Edge(a, b, map_.keyframes[a].T_camera_map @ se3.inverse(map_.keyframes[b].T_camera_map), covariance)
+def _chain(map_: Map, a: int, b: int, covariances: Mapping[int, Array]) -> Edge:
+    """Return what the registrations between two key frames of a segment say; `covariances` are those from `a`."""
+    T_a_b = map_.keyframes[a].T_camera_map @ se3.inverse(map_.keyframes[b].T_camera_map)
+    return Edge(a, b, T_a_b, covariances[b])

@@ -2,7 +2,7 @@
 
 import heapq
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -94,23 +94,22 @@ class Registrations:
             total = se3.compose_covariance(total, edge.T_a_b, edge.covariance)
         return total
 
+    def covariances_from(self, a: int) -> dict[int, Array]:
+        """Return the 6 x 6 covariances (`se3`, frame b) of T_a_b along the surest ways, by b, `a` itself included."""
+        found = {a: np.zeros((6, 6))}
+        for at, start, edge in self._outward(a):
+            onward = edge.seen_from(start)
+            found[at] = se3.compose_covariance(found[start], onward.T_a_b, onward.covariance)
+        return found
+
     def _surest_way(self, a: int, b: int) -> list[Edge] | None:
-        """Return the registrations from `a` to `b`, each as seen from where it is left (Dijkstra's algorithm)."""
+        """Return the registrations from `a` to `b`, each as seen from where it is left."""
         left_from: dict[int, tuple[int, Edge]] = {}
-        variance, waiting, done = {a: 0.0}, [(0.0, a)], set()
-        while waiting:
-            far, at = heapq.heappop(waiting)
+        for at, start, edge in self._outward(a) if a != b else ():
+            left_from[at] = start, edge
             if at == b:
                 break
-            if at in done:
-                continue
-            done.add(at)
-            for other, edge in self._of[at].items():
-                farther = far + edge.variance
-                if farther < variance.get(other, np.inf):
-                    variance[other], left_from[other] = farther, (at, edge)
-                    heapq.heappush(waiting, (farther, other))
-        else:
+        if a != b and b not in left_from:
             return None
         way: list[Edge] = []
         while b != a:
@@ -118,3 +117,20 @@ class Registrations:
             way.insert(0, edge.seen_from(start))
             b = start
         return way
+
+    def _outward(self, a: int) -> Iterator[tuple[int, int, Edge]]:
+        """Yield key frames from the surest of `a` on, and from where and how each is reached (Dijkstra's algorithm)."""
+        left_from: dict[int, tuple[int, Edge]] = {}
+        variance, waiting, done = {a: 0.0}, [(0.0, a)], set()
+        while waiting:
+            far, at = heapq.heappop(waiting)
+            if at in done:
+                continue
+            done.add(at)
+            if at != a:
+                yield at, *left_from[at]
+            for other, edge in self._of[at].items():
+                farther = far + edge.variance
+                if farther < variance.get(other, np.inf):
+                    variance[other], left_from[other] = farther, (at, edge)
+                    heapq.heappush(waiting, (farther, other))

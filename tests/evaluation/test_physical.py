@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -113,6 +114,24 @@ def test_a_painted_plane_is_registered_by_each_front_end(front_end):
     corners = np.column_stack([u.ravel(), v.ravel()])
     outcomes = judge(pairs_by(front_end, look, look, (corners, corners)), Truth(np.eye(4)), 0, front_end.value)
     assert by_name(outcomes, True)["RF"].rmse_mm < 1.0
+
+
+def test_a_followed_corner_is_as_uncertain_as_its_texture_makes_it():
+    rng = np.random.default_rng(3)
+    faint = PAINTED.astype(float)
+    faint[:, 160:] = 128.0 + (faint[:, 160:] - 128.0) / 8.0  # the right half is the same painting, in pale paint
+    seen = [np.clip(faint + rng.normal(0.0, 2.0, (240, 320, 1)), 0, 255).astype(np.uint8) for _ in range(2)]
+    u, v = np.meshgrid(np.arange(24.0, 300, 8.0), np.arange(24.0, 220, 8.0))
+    corners = np.column_stack([u.ravel(), v.ravel()])
+    exact = sensor_model(CAMERA, noise=FeatureNoise(1e-3, np.array([[0.2, 2.0], [1e-6, 1e-6]])))
+    looks = (replace(look_of(color, FAR), sensor=exact) for color in seen)
+    pairs = pairs_by(FrontEnd.FOLLOWED, *looks, (corners, corners))
+    off_m = np.linalg.norm((pairs.points_target - pairs.points_source)[:, :2], axis=1)
+    stated_m = np.sqrt(np.trace(pairs.covariances_source[:, :2, :2], axis1=1, axis2=2))
+    is_faint = pairs.points_target[:, 0] > 0.0
+    shown, stated = (np.median(each[is_faint]) / np.median(each[~is_faint]) for each in (off_m, stated_m))
+    assert shown > 4.0
+    assert stated == pytest.approx(shown, rel=0.4)
 
 
 def test_the_interval_holds_the_mean_and_comes_out_the_same_twice():

@@ -116,3 +116,11 @@ def test_a_black_image_describes_no_place():
     black = FrameImages.of(np.zeros_like(frame.color))
     place = describe_place(view_of(frame, black), SENSOR, np.zeros(6))
     assert len(place.points) == len(place.descriptors) == 0
+
+
+def test_a_feature_is_as_exact_as_the_caller_says():
+    view = view_of(PaintedRoom().frame(CAMERA, 0, stroll(0.0)))
+    exact, half, whole = (describe_place(view, SENSOR, np.zeros(6), px).covariances for px in (0.0, 0.5, 1.0))
+    assert np.allclose(whole - exact, 4.0 * (half - exact))
+    assert (np.trace(half - exact, axis1=1, axis2=2) > 0.0).all()
+    assert np.array_equal(whole, describe_place(view, SENSOR, np.zeros(6)).covariances)

@@ -12,6 +12,7 @@ from odom.frontend.cloud_features.cloud import cloud_of
 from odom.frontend.cloud_features.matching import CloudFeatures, cloud_features, match_features
 from odom.frontend.cloud_features.tuning import TUNING
 from odom.frontend.features.measurement import measure, points_of
+from odom.frontend.features.patches import PATCH_LIMITS, align_patches, cut_patches
 from odom.frontend.features.place_descriptor import Place, describe_place
 from odom.frontend.features.view import View
 from odom.frontend.matching.optical_flow import follow_features
@@ -22,10 +23,16 @@ from odom.registration import Pairs
 
 _THERE_AND_BACK_PX = 1.0
 """A corner followed to the other image and back must end where it began, but for this."""
-_FOLLOWED_PX = 0.25
-"""Standard deviation of a corner's place after a quarter of a second of following, beyond the stream's own pixel noise:
-what the arena's pairs show against truth is .2 px (older Kinect) to .35 px (newer). Less makes RF and KF trust pixels
-against depth, more costs nothing much up to .5 px."""
+_GREY_NOISE = 8.0
+"""Standard deviation of a corner's patch in grey levels, of an image in motion: it makes the places of corners as
+uncertain as the arena's pairs show against truth (.15, .5, 1.0 px stated, .14, .6, .93 px shown; both Kinects). Less
+makes weak corners count too much for RF and KF; more, only strong ones."""
+_ORB_PX = 0.35
+"""Standard deviation of an ORB feature's place at full scale, for looks a quarter of a second apart: what the arena's
+pairs show against truth (.5, .7, 1.2, 1.8 px stated by scale, .52, .7, 1.13, 1.62 px shown; both Kinects). More makes
+RF and KF trust depth against pixels: with 1 px, KF is behind EM-ICP; less takes right pairs for wrong ones."""
+_STEPS = 10
+"""Gauss-Newton steps of an alignment at most: most need three."""
 _NO_PAIRS = Pairs(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3, 3)))
 
 
@@ -59,7 +66,7 @@ class Look:
     @cached_property
     def place(self) -> Place:
         """ORB features with their points, at the middle row's time."""
-        return describe_place(self.view, self.sensor, self.twist)
+        return describe_place(self.view, self.sensor, self.twist, _ORB_PX)
 
     @cached_property
     def features(self) -> CloudFeatures:
@@ -101,15 +108,23 @@ def pairs_by(front_end: FrontEnd, source: Look, target: Look, followed: tuple[Ar
 
 
 def _followed(source: Look, target: Look, uv_target: Array, uv_guess: Array) -> Pairs:
-    """Return the corners found again from image to image, and back, with the depth that both images have."""
+    """Return the corners found again from image to image, and back, with the depth that both images have.
+
+    Their patches are aligned, which gives each corner the covariance that its own texture allows.
+    """
     there, back = target.view.images.full, source.view.images.full
     uv_source, found = follow_features(there, back, uv_target, uv_guess)
     uv_again, again = follow_features(back, there, uv_source, uv_target)
     kept = found & again & (np.linalg.norm(uv_again - uv_target, axis=1) < _THERE_AND_BACK_PX)
-    none = np.zeros((int(np.count_nonzero(kept)), 3))
-    astray = none + np.array([1.0, 0.0, 1.0]) * _FOLLOWED_PX**2
-    first = measure(source.view, source.sensor, uv_source[kept], astray, source.twist)
-    second = measure(target.view, target.sensor, uv_target[kept], none, target.twist)
+    straight = np.tile(np.eye(2), (len(kept), 1, 1))
+    patches = cut_patches(there, uv_target)
+    score, covariance = align_patches(
+        back, patches, straight, uv_source, kept, _STEPS, _THERE_AND_BACK_PX, PATCH_LIMITS
+    )
+    kept = score > 0.0
+    exact = np.zeros((int(np.count_nonzero(kept)), 3))
+    first = measure(source.view, source.sensor, uv_source[kept], covariance[kept] * _GREY_NOISE**2, source.twist)
+    second = measure(target.view, target.sensor, uv_target[kept], exact, target.twist)
     deep = (first.values[:, 2] > 0.0) & (second.values[:, 2] > 0.0)
     points_source, covariances_source = points_of(first.take(deep))
     points_target, covariances_target = points_of(second.take(deep))

@@ -27,10 +27,11 @@ class Place:
     covariances: Array
 
 
-def describe_place(view: View, sensor: SensorModel, twist: Array) -> Place:
+def describe_place(view: View, sensor: SensorModel, twist: Array, sigma_px: float = 1.0) -> Place:
     """Return the place that a view shows, seen while moving with `twist` (6, SI, camera frame).
 
-    Features without depth are left out. ORB: E. Rublee et al., ICCV 2011.
+    `sigma_px` is the standard deviation of a feature's place at full scale, beyond the sensor's own noise: the default
+    is careful, for looks from far apart. Features without depth are left out. ORB: E. Rublee et al., ICCV 2011.
     """
     orb = cv2.ORB.create(
         nfeatures=TUNING.place_features, scaleFactor=TUNING.place_scale, fastThreshold=TUNING.place_fast_threshold
@@ -39,7 +40,7 @@ def describe_place(view: View, sensor: SensorModel, twist: Array) -> Place:
     if descriptors is None:
         return Place(np.zeros((0, 32), np.uint8), np.zeros((0, 3)), np.zeros((0, 3, 3)))
     uv = np.array([k.pt for k in keypoints], dtype=np.float64)
-    variance = np.array([k.size / _ORB_PATCH_PX for k in keypoints]) ** 2
+    variance = np.array([sigma_px * k.size / _ORB_PATCH_PX for k in keypoints]) ** 2
     covariance_uv = np.stack([variance, np.zeros_like(variance), variance], axis=1)
     measured = measure(view, sensor, uv, covariance_uv, twist)
     deep = (measured.values[:, 2] > 0.0) & view.stands(uv)

@@ -1,13 +1,15 @@
 """When a pose is in doubt since much of the view moves, and when it is sure again."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 
 from odom.backend.odometry.moving_view import MovingView
 from odom.backend.odometry.tuning import TUNING
+from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.matching.moving_surfaces import MovingCells
 
 
@@ -21,21 +23,36 @@ class Shown:
         return None if self.share is None else MovingCells(np.zeros((2, 2), bool), self.share, (8, 8))
 
 
-def told(shares: list[float | None], period_s: float = 0.1, found: int = 0, missed: int = 0) -> list[MovingView]:
-    """What is known after each look, `period_s` apart; old landmarks are `found` by the pose, others `missed`."""
-    landmarks = SimpleNamespace(identity=np.zeros(100, dtype=np.int64), next_identity=1)
+def tracked_by(found: int, missed: int) -> tuple[Any, Any]:
+    """A tracked frame and its landmarks, all of one age: old ones are `found` by the pose, others `missed`."""
     tracked = SimpleNamespace(
         rows=np.arange(found),
         inliers=np.ones(found, dtype=np.bool_),
         missed=np.arange(missed),
         sight=SimpleNamespace(hidden=np.zeros(missed, dtype=np.bool_)),
     )
+    return tracked, SimpleNamespace(identity=np.zeros(100, dtype=np.int64), next_identity=1)
+
+
+def told(
+    shares: list[float | None],
+    period_s: float = 0.1,
+    found: int = 0,
+    missed: int = 0,
+    keyframes: Mapping[int, float] = MappingProxyType({}),
+) -> list[MovingView]:
+    """What is known after each look, `period_s` apart (see `tracked_by`).
+
+    Looks that became `keyframes` had corners that moved in such a share of their view.
+    """
+    tracked, landmarks = tracked_by(found, missed)
     moving, every = MovingView(), []
     for i, share in enumerate(shares):
-        view = SimpleNamespace(steady_stamp=round(1.001e9 * i * period_s))
-        moving = moving.after(
-            cast(Any, view), cast(Any, tracked), cast(Any, Shown(share)), cast(Any, landmarks), cast(Any, None)
-        )
+        stamp = SteadyStamp(round(1.001e9 * i * period_s))
+        view = cast(Any, SimpleNamespace(steady_stamp=stamp))
+        moving = moving.after(view, tracked, cast(Any, Shown(share)), landmarks, cast(Any, None))
+        if i in keyframes:
+            moving = moving.after_keyframe(stamp, keyframes[i], tracked, landmarks)
         every.append(moving)
     return every
 
@@ -76,3 +93,20 @@ def test_what_stood_still_before_tells_that_the_camera_was_not_taken_along() -> 
 
 def test_views_that_cannot_tell_end_no_doubt() -> None:
     assert told([*STILL, 0.6, *[None] * 30])[-1].doubt == "most of the view moved"
+
+
+BEGUN, LASTS = len(STILL), round(TUNING.moved_parts_s * 10)
+
+
+def test_a_pose_is_in_doubt_from_a_key_frame_whose_corners_do_not_stand_until_one_whose_corners_do() -> None:
+    shown = told([0.0] * (BEGUN + LASTS + 2), keyframes={BEGUN: 0.7})
+    assert not shown[BEGUN - 1].is_doubtful
+    assert all(moving.doubt == "most of the view moved" for moving in shown[BEGUN : BEGUN + LASTS - 2])
+    assert not shown[-1].is_doubtful
+    assert not told([0.0] * (BEGUN + 3), keyframes={BEGUN: 0.7, BEGUN + 2: 0.1})[-1].is_doubtful
+    assert not told([0.0] * (BEGUN + 3), keyframes={BEGUN: 0.4})[-1].is_doubtful
+
+
+def test_landmarks_from_before_say_that_a_quick_turn_is_none_of_a_body_that_is_followed() -> None:
+    assert not told([0.0] * (BEGUN + 1), found=60, missed=40, keyframes={BEGUN: 0.7})[-1].is_doubtful
+    assert told([0.0] * (BEGUN + 3), found=60, missed=80, keyframes={BEGUN: 0.7})[-1].is_doubtful

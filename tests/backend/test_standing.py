@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from odom.backend.mapping.standing import Evidence, standing_corners
+from odom.backend.mapping.standing import Evidence, moved_share, standing_corners
 from odom.frontend.matching.look_back import Sighting
 
 WALL = np.column_stack([np.linspace(-1.0, 1.0, 40), np.zeros(40), np.full(40, 2.0)])
@@ -43,3 +43,27 @@ def test_without_any_view_or_any_movement_every_corner_is_kept() -> None:
     assert standing_corners(POINTS, Evidence.nothing(60)).all()
     assert standing_corners(POINTS, evidence(NONE, NONE, ~NONE)).all()
     assert standing_corners(np.zeros((0, 3)), Evidence.nothing(0)).shape == (0,)
+
+
+def corners_of(parts: int, each: int) -> np.ndarray:
+    """Corners (px) of so many parts of an image, `each` of them in one."""
+    uv = np.stack(np.meshgrid(np.arange(parts) * 64.0 + 1.0, np.arange(each) * 10.0), axis=-1)
+    return uv.transpose(1, 0, 2).reshape(-1, 2)
+
+
+def test_the_share_of_the_view_that_moved_is_that_of_its_parts_not_that_of_its_corners() -> None:
+    uv = np.concatenate([corners_of(10, 3), np.tile([[30.0, 30.0]], (300, 1))])  # many on a print in the first part
+    moved = np.concatenate([np.zeros(30, bool), np.ones(300, bool)])
+    assert moved_share(uv, moved) == 0.1
+
+
+def test_most_corners_decide_for_a_part() -> None:
+    uv = corners_of(10, 5)
+    assert moved_share(uv, np.arange(50) % 5 < 3) == 1.0
+    assert moved_share(uv, np.arange(50) % 5 < 2) == 0.0
+
+
+def test_too_few_corners_do_not_tell_how_much_moved() -> None:
+    assert moved_share(np.zeros((0, 2)), np.zeros(0, bool)) == 0.0
+    assert moved_share(corners_of(4, 9), np.ones(36, bool)) == 0.0
+    assert moved_share(corners_of(20, 2), np.ones(40, bool)) == 0.0

@@ -65,6 +65,8 @@ class KeyframeInserter:
         self._is_worn_out = False
         self.undescribed: list[KeyframeView] = []
         self.recent = RecentViews(map_)
+        self.moved_share = 0.0
+        """In how much of the last key frame's view most corners had moved."""
 
     def could_begin(self, view: View, sensor: SensorModel) -> bool:
         """Return whether a frame has corners enough, with depth, for the next one to be found by them."""
@@ -83,7 +85,8 @@ class KeyframeInserter:
         """Make a key frame of a tracked frame with motion `twist` (6, SI) and `covariance` (6 x 6) of its pose."""
         T, seen, reference = tracked.T_camera_map, tracked.inlying, tracked.reference
         corners = self._new_corners(view, seen.uv, twist, sensor)
-        corners = corners.take(self.recent.standing(view, tracked, corners, sensor))
+        stands, self.moved_share = self.recent.standing(view, tracked, corners, sensor)
+        corners = corners.take(stands)
         keyframe = self._map.add_keyframe(view, T, seen, corners, sensor.timing, reference, covariance)
         self._work_on(keyframe, view, twist)
         self._newest, self._coverage_at_keyframe = self.undescribed[-1], None

@@ -50,10 +50,11 @@ class RecentViews:
         """Forget all: the next frame is of another segment."""
         self._views.clear()
 
-    def standing(self, view: View, tracked: Tracked, corners: Corners, sensor: SensorModel) -> Mask:
-        """Return which `corners` (n) of a tracked view may become landmarks (see `standing_corners`).
+    def standing(self, view: View, tracked: Tracked, corners: Corners, sensor: SensorModel) -> tuple[Mask, float]:
+        """Return which `corners` (n) of a tracked view may become landmarks, and in how much of the view most moved.
 
-        They are measured again with the velocity that the rows of the image show: a mean one shears a quick turn.
+        See `standing_corners` and `moved_share`. They are measured again with the velocity that the rows of the image
+        show: a mean one shears a quick turn.
         """
         nothing = np.zeros((len(corners.uv), 3))
         measured = measure(view, sensor, corners.uv, nothing, tracked.twist)
@@ -66,12 +67,14 @@ class RecentViews:
             )
         stands = np.zeros(len(corners.uv), dtype=np.bool_)
         stands[known] = standing_corners(patches.position, evidence)
+        judged = evidence.weight > 0.0
+        moved = moved_share(corners.uv[known[judged]], ~stands[known[judged]])
         moving = self.moving(view, tracked, sensor)
         if moving is None:
-            return stands
+            return stands, moved
         if moving.share > TUNING.moving_crowd:
-            stands[known[evidence.weight == 0.0]] = False
-        return stands & ~moving.at(corners.uv)
+            stands[known[~judged]] = False
+        return stands & ~moving.at(corners.uv), moved
 
     def moving(self, view: View, tracked: Tracked, sensor: SensorModel) -> MovingCells | None:
         """Return which part of a tracked view moves, looked at once; None where no view is recent enough to tell."""
@@ -140,3 +143,17 @@ def standing_corners(points: Array, evidence: Evidence) -> Mask:
     near = cKDTree(points[judged]).query(points, min(TUNING.judged_neighbours, len(judged)))[1]
     around = own[judged][near.reshape(len(points), -1)].mean(axis=1)
     return np.asarray(own + TUNING.neighbours_weight * around > 0.0)
+
+
+def moved_share(uv: Array, moved: Mask) -> float:
+    """Return the share of an image's parts that moved: those where most of the corners did, at `uv` (n x 2 px).
+
+    Only parts with a few corners count, and there must be enough of them; otherwise nothing is said to have moved.
+    """
+    column, row = (uv // TUNING.part_px).astype(np.int64).T
+    part = column + (row << 32)
+    _, part, corners = np.unique(part, return_inverse=True, return_counts=True)
+    tells = corners >= TUNING.part_corners
+    if np.count_nonzero(tells) < TUNING.parts_least:
+        return 0.0
+    return float((np.bincount(part, moved) > 0.5 * corners)[tells].mean())

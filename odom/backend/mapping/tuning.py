@@ -36,6 +36,13 @@ class Tuning:
     # standing
     recent_apart_s: float = tuned(0.08, unit="s", source=_BODIES,
         effect="between the views kept; smaller: more memory; larger: short glimpses are missed")
+    part_px: int = tuned(64, unit="px", source=_BODIES,
+        effect="side of a part of the image that moves or stands; smaller: too few corners in one; larger: people and "
+        "scene in one")
+    part_corners: int = tuned(3, unit="corners", source="most of two is both",
+        effect="fewer: single false matches count as motion; more: poor scenes tell nothing")
+    parts_least: int = tuned(8, unit="parts", source=_BODIES,
+        effect="fewer: a corner of the image speaks for all of it; more: poor scenes tell nothing")
     recent_s: float = tuned(0.6, unit="s", source=_BODIES,
         effect="how far corners are looked back for; smaller: slow bodies become landmarks; larger: fewer were in view")
     newest_s: float = tuned(0.25, unit="s", source="fr1_xyz thinned to 2 Hz",

@@ -35,6 +35,7 @@ class MovingView:
     begun: SteadyStamp | None = None
     calm: SteadyStamp | None = None
     proven: int = 0
+    strayed: SteadyStamp | None = None
 
     def after(
         self, view: View, tracked: Tracked, recent: RecentViews, landmarks: Landmarks, sensor: SensorModel
@@ -46,23 +47,34 @@ class MovingView:
         cells = recent.moving(view, tracked, sensor)
         if cells is None:
             return replace(self, stamp=stamp, cells=None)
+        is_back = is_supported(tracked, landmarks, self.proven, TUNING.moved_support)
+        has_strayed = self.strayed is not None and (stamp - self.strayed) * 1e-9 < TUNING.moved_parts_s and not is_back
+        strayed = self.strayed if has_strayed else None
         begun = stamp if self.begun is None else self.begun
         is_young = (stamp - begun) * 1e-9 < TUNING.moving_young_s and (
             self.is_young or cells.share > TUNING.moving_little
         )
         if cells.share > TUNING.moving_most:
             is_crowded = not is_supported(tracked, landmarks, self.proven)
-            return MovingView(stamp, cells, is_crowded, is_young, begun, None, self.proven)
+            return MovingView(stamp, cells, is_crowded, is_young, begun, None, self.proven, strayed)
         calm = stamp if self.calm is None else self.calm
         is_calm = (stamp - calm) * 1e-9 >= TUNING.moving_calm_s
         is_crowded = self.is_crowded and not is_calm
-        proven = landmarks.next_identity if is_calm and not is_crowded and not is_young else self.proven
-        return MovingView(stamp, cells, is_crowded, is_young, begun, calm, proven)
+        is_sure = is_calm and not is_crowded and not is_young and strayed is None
+        proven = landmarks.next_identity if is_sure else self.proven
+        return MovingView(stamp, cells, is_crowded, is_young, begun, calm, proven, strayed)
+
+    def after_keyframe(
+        self, stamp: SteadyStamp, moved_share: float, tracked: Tracked, landmarks: Landmarks
+    ) -> "MovingView":
+        """Return what is known after a key frame, of whose view a `moved_share` was seen to move by its corners."""
+        is_strayed = moved_share > TUNING.moved_parts and not is_supported(tracked, landmarks, self.proven)
+        return replace(self, strayed=stamp if is_strayed else None)
 
     @property
     def is_doubtful(self) -> bool:
         """Whether what moves leaves the pose in doubt."""
-        return self.is_crowded or self.is_young
+        return self.is_crowded or self.is_young or self.strayed is not None
 
     @property
     def doubt(self) -> str:
@@ -74,8 +86,11 @@ class MovingView:
         return f"{self.cells.share:.0%} {VIEW_MOVED}"
 
 
-def is_supported(tracked: Tracked, landmarks: Landmarks, proven: int) -> bool:
-    """Return whether landmarks made before `proven` (an identity) agree with a pose: enough, most of those in view."""
+def is_supported(tracked: Tracked, landmarks: Landmarks, proven: int, times: float = 1.0) -> bool:
+    """Return whether landmarks made before `proven` (an identity) agree with a pose: enough, most of those in view.
+
+    Most: at least so many `times` as many as do not.
+    """
     found = int(np.count_nonzero(landmarks.identity[tracked.rows[tracked.inliers]] < proven))
     missed = int(np.count_nonzero((landmarks.identity[tracked.missed] < proven) & ~tracked.sight.hidden))
-    return bool(found >= max(TRACKING.sure_inliers, missed))
+    return bool(found >= max(TRACKING.sure_inliers, times * missed))

@@ -43,6 +43,14 @@ class Tuning:
     moving_calm_s: float = tuned(1.5, unit="s", source=_BODIES,
         effect="in which no more than moving_most moves before the pose is sure again; smaller: a body that fills "
         "the view counts as the scene; larger: UNCERTAIN for longer")
+    moved_parts: float = tuned(0.6, unit="share of the view", source=_BODIES,
+        effect="in which the corners of a key frame moved, before the pose is UNCERTAIN; smaller: quick turns are "
+        "called unsure; larger: a body that is followed is not noticed")
+    moved_parts_s: float = tuned(5.0, unit="s", source=_BODIES,
+        effect="for which that holds, unless landmarks from before agree; smaller: a body that is followed counts as "
+        "the scene between two key frames; larger: UNCERTAIN for longer")
+    moved_support: float = tuned(2.0, unit="landmarks from before found for each one missed", source=_BODIES,
+        effect="that end this doubt sooner; smaller: as a smaller moved_parts_s; larger: as a larger one")
     mask_most: float = tuned(0.95, unit="share of the image", source="nothing is left to track by",
         effect="masked beyond which a segmenter's mask is ignored; smaller: true ones are; larger: LOST by a wrong one")
     mask_reasons: int = tuned(16, unit="1", source="more than there are kinds of wrong masks",

@@ -23,10 +23,10 @@ def walk(offset):
     return [se3.exp(np.array([offset, 0.0, 0.15 * k, 0.0, 0.08 * k, 0.0])) for k in range(COUNT)]
 
 
-def two_walks(seed=0):
-    """A map of two walks along the same way, the second in coordinates of its own; and where all truly are."""
-    rng = np.random.default_rng(seed)
-    map_, true = Map(), [*walk(0.0), *walk(0.1)]
+def two_walks(beside=0.1):
+    """A map of two walks `beside` each other, the second in coordinates of its own; and where all truly are."""
+    rng = np.random.default_rng(0)
+    map_, true = Map(), [*walk(0.0), *walk(beside)]
     for number, T in enumerate(true):
         segment = number // COUNT
         T_map = T if segment == 0 else T_ELSEWHERE @ T
@@ -91,6 +91,14 @@ def test_a_map_that_shares_a_corner_alone_is_joined_there():
     rng = np.random.default_rng(4)
     joined = join_parts(map_, [seen(true, a, COUNT + a, rng) for a in range(4)], 0.0)
     assert len(joined.closures) == 4
+
+
+def test_a_walk_on_the_other_side_of_the_room_is_joined_by_what_both_see():
+    map_, true = two_walks(beside=0.9)
+    rng = np.random.default_rng(6)
+    join_parts(map_, [seen(true, a, COUNT + a, rng) for a in range(2, COUNT)], 0.0)
+    assert {k.segment for k in map_.keyframes} == {0}
+    assert off(map_, true) < 0.006
 
 
 def test_the_same_recognitions_give_the_same_map():

@@ -23,6 +23,18 @@ LAP = 961
 """Frames of a session."""
 
 
+def map_of(path: Path, options: ArenaOptions) -> Path:
+    """Walk a lap in the arena and leave its map."""
+    opened = MapFile(path, is_written=True)
+    odometry = Odometry(options.camera, None, opened.begin(options.camera))
+    for number in range(LAP):
+        odometry.process(frame(options, number).rgbd())
+    odometry.finish()
+    opened.put(odometry.take_map_changes())
+    opened.close()
+    return path
+
+
 def first_pose(
     opened: MapFile, options: ArenaOptions, start: int, looks: int
 ) -> tuple[Estimate, Array, int] | tuple[None, None, int]:

@@ -5,18 +5,14 @@ wakes in one of them on another day (other noise and way, dimmer light, four thi
 are not in the map. Every pose given must be that of the room it is in, to 5 cm and 2 deg.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from kidnaps import LAP, T_world_map, away, first_pose
+from kidnaps import LAP, T_world_map, away, first_pose, map_of
 from typer.testing import CliRunner
 
-from odom.backend import Odometry
 from odom.cli import app
 from odom.map_file.map_file import MapFile
 from sensors.arena import ArenaOptions
-from sensors.arena.frames import frame
 
 pytestmark = [pytest.mark.slow, pytest.mark.rendered]
 
@@ -28,24 +24,11 @@ LOOKS = 6
 """Frames in which the camera may be found."""
 
 
-def map_of(path: Path, seed: int) -> Path:
-    """Walk a lap in a laboratory and leave its map."""
-    options = ArenaOptions(seed=seed)
-    opened = MapFile(path, is_written=True)
-    odometry = Odometry(options.camera, None, opened.begin(options.camera))
-    for number in range(LAP):
-        odometry.process(frame(options, number).rgbd())
-    odometry.finish()
-    opened.put(odometry.take_map_changes())
-    opened.close()
-    return path
-
-
 @pytest.fixture(scope="module")
 def rooms(tmp_path_factory):
     """The map of three laboratories: three parts, none joined with another."""
     folder = tmp_path_factory.mktemp("rooms")
-    made = [str(map_of(folder / f"{seed}.map", seed)) for seed in MAPPED]
+    made = [str(map_of(folder / f"{seed}.map", ArenaOptions(seed=seed))) for seed in MAPPED]
     said = CliRunner().invoke(app, ["map", "merge", *made, "-o", str(folder / "rooms.map")], catch_exceptions=False)
     assert "0 recognitions join sessions" in said.output
     opened = MapFile(folder / "rooms.map", is_written=False)

@@ -1,5 +1,7 @@
 """A map of fewer key frames: the camera is still found in it, nothing falls apart, and nothing else is changed."""
 
+import shutil
+
 import numpy as np
 import pytest
 from painted_room import SMALL, stroll
@@ -80,6 +82,15 @@ def test_the_camera_is_found_in_it(half):
         estimates, _ = walk(half, shown(truth, ROOM, HOUR), localize=True)
         assert [e.state for e in estimates[:2]] == [State.RECOVERED, State.TRACKING]
         assert all(away(stroll(0.0) @ e.T_odom_camera, T)[0] < 0.006 for e, T in zip(estimates, truth, strict=True))
+
+
+def test_a_session_goes_on_in_it(half, tmp_path):
+    path = shutil.copy(half, tmp_path / "half.map")
+    truth = [stroll(4.0 + k / 30.0) for k in range(45)]
+    estimates, odometry = walk(path, shown(truth, ROOM, HOUR))
+    assert estimates[0].state is State.RECOVERED
+    assert len(odometry.map.keyframes) > odometry.map.earlier > 0
+    assert all(away(stroll(0.0) @ e.T_odom_camera, T)[0] < 0.01 for e, T in zip(estimates, truth, strict=True))
 
 
 def test_the_same_map_gives_the_same_bytes(made, half, tmp_path):

@@ -87,18 +87,20 @@ def _surest(map_: Map, recognised: Sequence[Edge], calibration_error: float) -> 
 
 
 def _is_found_again(map_: Map, join: _Join) -> bool:
-    """Return whether most key frames that stand, by the seed, where one of the other segment does are recognised."""
-    seed = join.seed
-    a, b = map_.keyframes[seed.a], map_.keyframes[seed.b]
-    T_b_a = se3.inverse(b.T_camera_map) @ se3.inverse(seed.T_a_b) @ a.T_camera_map
-    there = np.array([k.T_camera_map for k in map_.keyframes if k.segment == a.segment])
-    near = {
-        k.number
-        for k in map_.keyframes
-        if k.segment == b.segment and apart(k.T_camera_map @ T_b_a, there).min() < TUNING.join_near
-    }
-    found = {number for edge in join.agreeing for number in (edge.a, edge.b)}
-    return len(near & found) > TUNING.join_share * len(near)
+    """Return whether most key frames of a segment are recognised that, by the seed, stand near one of the other.
+
+    Near is twice as far as half of the recognised ones are.
+    """
+    a, b = map_.keyframes[join.seed.a], map_.keyframes[join.seed.b]
+    T_b_a = se3.inverse(b.T_camera_map) @ se3.inverse(join.seed.T_a_b) @ a.T_camera_map
+    there = {k.number: k.T_camera_map for k in map_.keyframes if k.segment == a.segment}
+    here = {k.number: k.T_camera_map @ T_b_a for k in map_.keyframes if k.segment == b.segment}
+    pairs = [(edge.a, edge.b) if edge.a in there else (edge.b, edge.a) for edge in join.agreeing]
+    near = TUNING.join_near * float(np.median([apart(here[other], there[one][None])[0] for one, other in pairs]))
+    others = np.array(list(there.values()))
+    expected = {number for number, T in here.items() if apart(T, others).min() <= near}
+    found = expected.intersection(other for _, other in pairs)
+    return len(found) > TUNING.join_share * len(expected)
 
 
 def _agreeing(map_: Map, seed: Edge, edges: Sequence[Edge], calibration_error: float) -> tuple[Edge, ...]:

@@ -29,19 +29,19 @@ class Tuning:
         source="visits of the arena, where one of 30 recognitions between two maps is of a moved thing",
     )
     join_near: float = tuned(
-        0.5,
-        unit="m + rad",
-        effect="key frames of two maps so near must recognise each other; smaller: few do, by chance; larger: they see "
-        "other things",
-        source="visits of the arena, where all but one of 40 are nearer than .4",
+        2.0,
+        unit="of the median distance of the recognised",
+        effect="within it key frames of two maps must recognise each other; smaller: few do, by chance; larger: they "
+        "see other things",
+        source="visits of the arena, where this is .6 m + rad and all but one or two of 40 key frames are nearer",
     )
     join_share: float = tuned(
         0.5,
         unit="share of key frames",
-        effect="of those near that must be recognised; smaller: look-alike rooms are joined; larger: a room in other "
-        "light is not",
-        source="95 to 100 % in visits of one arena and 67 to 100 % in cuts of fr1_xyz, 10 to 35 % in arenas of other "
-        "seeds, which are furnished alike",
+        effect="of those so near that must be recognised; smaller: look-alike rooms are joined; larger: a room in "
+        "other light is not",
+        source="93 to 100 % between visits of one arena, 67 to 100 % between cuts of fr1_xyz, 10 to 34 % between "
+        "arenas of other seeds, which are furnished alike",
     )
 
 

@@ -39,6 +39,8 @@ class Inherited:
     def __init__(self, family: Family, kept: Sequence[int]) -> None:
         self._family, self._kept = family, kept
         self._measured: dict[int, Index] = {n: family.details(n).identities for n in kept}
+        gone = (n for n in range(len(family.T_camera_map)) if n not in self._measured)
+        self._left: dict[int, Index] = {n: family.details(n).landmarks.identity for n in gone}
         self._shares = lru_cache(maxsize=64)(self._shares_of)
 
     def fetch(self, number: int) -> SavedDetails:
@@ -46,8 +48,9 @@ class Inherited:
         heir = self._kept[number]
         details = self._family.details(heir)
         own = details.landmarks
-        for gone in sorted(set(self._family.near[heir]).difference(self._measured)):
-            own = joined(own, self._shares(gone)[heir])
+        for gone in sorted(self._left.keys() & set(self._family.near[heir])):
+            if np.isin(self._left[gone], self._measured[heir]).any() and heir in (shares := self._shares(gone)):
+                own = joined(own, shares[heir])
         return replace(details, landmarks=own)
 
     def fetch_place(self, number: int) -> Place | None:
@@ -59,10 +62,10 @@ class Inherited:
         family, left = self._family, self._family.details(gone).landmarks
         shares: dict[int, SavedLandmarks] = {}
         for heir in family.near[gone]:
-            if heir not in self._measured:
+            is_measured = np.isin(left.identity, self._measured.get(heir, ()))
+            if not is_measured.any():
                 continue
             T_heir_gone = family.T_camera_map[heir] @ se3.inverse(family.T_camera_map[gone])
-            measured = take(left, np.isin(left.identity, self._measured[heir]))
-            shares[heir] = seen_from(measured, T_heir_gone, family.lens)
+            shares[heir] = seen_from(take(left, is_measured), T_heir_gone, family.lens)
             left = take(left, ~np.isin(left.identity, shares[heir].identity))
         return shares

@@ -15,11 +15,11 @@ from odom.map_file.new_map import Gathered, Origin, refuse_to_replace, renumbere
 
 
 def prune(opened: MapFile, out: Path, keyframes: int) -> int:
-    """Write the map `out` of at most so many key frames of another one, and return their number.
+    """Write the map `out` of so many key frames of another one, and return their number.
 
-    The first key frame of each part stays. A key frame that goes leaves its registrations to its heir (see `pruning`),
-    and its landmarks to those that have measured them. Raises ConfigError where there is a file `out` already or
-    nothing is to be left out, MapError where the map is damaged.
+    The first key frame of each part stays, even where these are more. One that goes leaves its registrations to its
+    heir (see `pruning`), and its landmarks to those that have measured them. Raises ConfigError where there is a file
+    `out` already or nothing is to be left out, MapError where the map is damaged.
     """
     refuse_to_replace(out)
     sessions, count = opened.sessions(), len(opened.keyframes())

@@ -15,8 +15,10 @@ _AHEAD = 0.2
 """The eye looks so far ahead of the way's middle, as a share of the median depth: at what the camera sees."""
 _FRUSTUM = 0.06
 """Depth of the camera's pyramid over the eye's distance: larger hides the way, smaller the image in it."""
-_OUTGROWN = 1.5
-"""The eye steps back when it is too near by this factor: rarely, since each time takes the user's own view away."""
+_LEAST_BY_WAY = 2.3
+"""The eye steps back when its distance is less than so many times what the way leads away from where it looks."""
+_ROOM_TO_GROW = 1.8
+"""The eye steps back by so much more than the way needs: rarely, since each time takes the user's own view away."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,20 +31,25 @@ class Frame:
 
 
 class Framing:
-    """Chooses the frame by the first depth image, and anew when the way has outgrown it."""
+    """Chooses the frame by the first depth image, and anew when the way leaves it."""
 
     def __init__(self) -> None:
         self._distance_m = 0.0
+        self._middle = np.zeros(3)
 
     def fit(self, median_depth_m: float | None, way: Array) -> Frame | None:
         """Return the frame for a scene at this depth and a way (n x 3, m), None while the last one still fits."""
         if median_depth_m is None:
             return None
-        low, high = (way.min(axis=0), way.max(axis=0)) if len(way) else (np.zeros(3), np.zeros(3))
-        radius_m = 0.5 * float(np.linalg.norm(high - low))
-        distance_m = max(_BY_DEPTH * median_depth_m, _BY_WAY * radius_m)
-        if self._distance_m and _BY_WAY * radius_m < _OUTGROWN * self._distance_m:
+        if self._distance_m and _LEAST_BY_WAY * _reach(way, self._middle) <= self._distance_m:
             return None
-        self._distance_m = distance_m
-        look_at = 0.5 * (low + high) + np.array([0.0, 0.0, _AHEAD * median_depth_m])
-        return Frame(look_at + distance_m * _BEHIND, look_at, _FRUSTUM * distance_m)
+        room = _ROOM_TO_GROW if self._distance_m else 1.0
+        self._middle = 0.5 * (way.min(axis=0) + way.max(axis=0)) if len(way) else np.zeros(3)
+        self._distance_m = max(_BY_DEPTH * median_depth_m, room * _BY_WAY * _reach(way, self._middle))
+        look_at = self._middle + np.array([0.0, 0.0, _AHEAD * median_depth_m])
+        return Frame(look_at + self._distance_m * _BEHIND, look_at, _FRUSTUM * self._distance_m)
+
+
+def _reach(way: Array, middle: Array) -> float:
+    """Return how far a way (n x 3, m) leads away from its middle."""
+    return float(np.linalg.norm(way - middle, axis=1).max(initial=0.0))

@@ -49,14 +49,19 @@ def test_what_the_camera_sees_at_a_desk_is_in_view() -> None:
     assert frame.frustum_m < 0.1 < Framing().fit(3.0, HALL).frustum_m  # type: ignore[union-attr]
 
 
-def test_the_eye_stays_until_the_way_has_outgrown_the_view() -> None:
-    framing, way = Framing(), HALL * 0.02
-    assert framing.fit(None, way) is None  # no depth yet
-    assert framing.fit(2.0, way) is not None
-    steps = [framing.fit(2.0, HALL * scale) for scale in np.linspace(0.02, 1.0, 500)]
-    taken = [step for step in steps if step is not None]
-    assert 1 <= len(taken) <= 7
-    assert framing.fit(9.0, HALL) is None  # a look at a far wall does not move the eye
+def test_the_eye_stays_until_the_way_leaves_the_view_and_the_way_is_always_seen() -> None:
+    framing, frame = Framing(), None
+    assert framing.fit(None, HALL * 0.02) is None  # no depth yet
+    turns = np.linspace(0.0, 2.0 * np.pi, 500)
+    lap = np.stack([5.0 * np.sin(turns), 0.0 * turns, 5.0 - 5.0 * np.cos(turns)], axis=-1)
+    taken = 0
+    for walked in range(1, len(lap) + 1):
+        step = framing.fit(2.0, lap[:walked])
+        taken, frame = taken + (step is not None), step or frame
+        assert frame is not None
+        assert all(_angles(point, frame.eye, frame.look_at) < _VIEW for point in lap[:walked:7])
+    assert 2 <= taken <= 7
+    assert framing.fit(9.0, lap) is None  # a look at a far wall does not move the eye
 
 
 def test_ellipsoids_stand_apart_and_the_newest_is_drawn() -> None:

@@ -49,17 +49,20 @@ class FoundLandmarks:
         position, covariance = landmarks.position[rows], landmarks.covariance[rows]
         return cls(view, sensor, found, position, covariance, seen, found_before, standing)
 
-    def fitted(self, twist: Array, T_start: Array) -> tuple[Measurements, PoseFit]:
-        """Return what is measured of them in motion with `twist` (6, SI), and the pose from the start `T_start`."""
+    def measured(self, twist: Array) -> Measurements:
+        """Return what is measured of them in motion with `twist` (6, SI)."""
         covariance_uv = self.found.covariance_uv * TUNING.image_noise**2
-        measured = measure(self.view, self.sensor, self.found.uv, covariance_uv, twist, self.found.inverse_depth)
+        return measure(self.view, self.sensor, self.found.uv, covariance_uv, twist, self.found.inverse_depth)
+
+    def fit(self, measured: Measurements, T_start: Array) -> PoseFit:
+        """Return the pose fitted to what was `measured`, from the start `T_start`, and chi2 of all at it."""
         values, variances = measured.values, measured.covariance
         fit = fit_pose(self.points, self.covariances, values, variances, T_start, self.standing)
-        if self.standing.all():
-            return measured, fit
-        return measured, replace(fit, chi2=self._chi2(measured, fit.T_camera_map))
+        return fit if self.standing.all() else replace(fit, chi2=self._chi2(measured, fit.T_camera_map))
 
-    def settled(self, measured: Measurements, fit: PoseFit, expected: ExpectedPose) -> tuple["FoundLandmarks", Array]:
+    def settled(
+        self, measured: Measurements, fit: PoseFit, expected: ExpectedPose
+    ) -> tuple["FoundLandmarks", Measurements, Array]:
         """Return those that have a say where many disagree with a `fit`, and the pose that most of the image shows."""
         eye, pixel = se3.inverse(fit.T_camera_map)[:3, 3], 1.0 / self.sensor.lens.intrinsics[0]
         rays, uv, sigma_px = measured.values[:, :2], self.found.uv, TUNING.found_sigma_px
@@ -71,7 +74,7 @@ class FoundLandmarks:
         members = chi2 < TUNING.member_chi2
         if np.count_nonzero(members & standing) < TUNING.sure_inliers:
             standing[:] = True
-        return self._take(members, standing), T
+        return self._take(members, standing), measured.take(members), T
 
     def velocity(self, measured: Measurements, T_camera_map: Array, twist: Array, prior: MotionPrior) -> Velocity:
         """Return the velocity that the image's rows show from a pose, taken in motion with `twist` (6, SI)."""

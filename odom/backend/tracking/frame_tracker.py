@@ -71,17 +71,19 @@ class FrameTracker:
             L, self._candidates(local, T_start), T_start, view.images, sensor, self._settings.max_features
         )
         landmarks = FoundLandmarks.of(view, sensor, in_view.take(view.stands(in_view.uv)), L)
-        measured, fit = landmarks.fitted(twist, T_start)
+        measured = landmarks.measured(twist)
+        fit = landmarks.fit(measured, T_start)
         expected = None if prior is None else prior.expected
         outliers = fit.chi2[:, 0] >= TUNING.inlier_chi2
         if expected is not None and is_contested(outliers, np.ones_like(outliers)):
-            landmarks, T = landmarks.settled(measured, fit, expected)
-            measured, fit = landmarks.fitted(twist, T)
+            landmarks, measured, T = landmarks.settled(measured, fit, expected)
+            fit = landmarks.fit(measured, T)
         velocity = ANY_VELOCITY
         if prior is not None:
             velocity = landmarks.velocity(measured, fit.T_camera_map, twist, prior)
             twist = velocity.twist
-            measured, fit = landmarks.fitted(twist, fit.T_camera_map)
+            measured = landmarks.measured(twist)
+            fit = landmarks.fit(measured, fit.T_camera_map)
         found = landmarks.found
         inliers = fit.chi2[:, 0] < TUNING.inlier_chi2
         missed = np.setdiff1d(found.looked_for, found.rows[inliers])

@@ -11,7 +11,7 @@ from odom.geometry import se3
 from odom.map_file.map_file import MapFile
 from sensors.arena import ArenaOptions
 
-pytestmark = [pytest.mark.slow, pytest.mark.rendered]
+pytestmark = [pytest.mark.slow, pytest.mark.rendered, pytest.mark.timeout(3600)]
 
 VISITS = range(5)
 STARTS = 40

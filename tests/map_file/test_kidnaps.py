@@ -14,7 +14,7 @@ from odom.cli import app
 from odom.map_file.map_file import MapFile
 from sensors.arena import ArenaOptions
 
-pytestmark = [pytest.mark.slow, pytest.mark.rendered]
+pytestmark = [pytest.mark.slow, pytest.mark.rendered, pytest.mark.timeout(3600)]
 
 MAPPED, UNKNOWN = (1, 2, 3), (4, 5)
 """Seeds of the laboratories."""

@@ -112,6 +112,7 @@ def test_a_map_opens_after_some_kills_and_goes_on(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 def test_two_hundred_kills_cost_no_map_more_than_the_last_second(tmp_path):
     left = kill_often(tmp_path, times=200, longest_s=2.0, seed=2)
     assert len(left) == 201

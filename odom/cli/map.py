@@ -1,4 +1,4 @@
-"""`odom map`: what is in a map that outlives its runs, whether it is whole, and its trajectories."""
+"""`odom map`: what is in maps that outlive their runs, whether they are whole; one of several, a smaller one of one."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,7 +7,7 @@ import typer
 
 from odom.errors import ConfigError, OdomError
 
-map_ = typer.Typer(help="Maps that outlive a run: look into them, check and mend them.", no_args_is_help=True)
+map_ = typer.Typer(help="Maps that outlive a run: look into them, mend, merge and prune them.", no_args_is_help=True)
 MapName = Annotated[Path, typer.Argument(help="A map that `odom run SOURCE --map FILE` has made.")]
 
 
@@ -119,7 +119,8 @@ def prune(
 ) -> None:
     """Make a smaller map: of key frames that see the same, those that say most stay.
 
-    Registrations of those that go are handed on, so that nothing falls apart. The map itself stays as it is.
+    Landmarks and registrations of those that go are handed on, so that nothing falls apart. The map itself stays as it
+    is.
 
     Example: odom map prune lab.map -o small.map --keyframes 100
     """

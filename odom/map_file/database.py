@@ -49,11 +49,12 @@ def connect(path: Path, is_written: bool) -> sqlite3.Connection:
                 raise ConfigError(
                     f"{path} is no map: give one that `odom run SOURCE --map FILE` has made, or a new name"
                 )
-    elif not is_written:
+        if not is_written:
+            with damage_told(path):
+                _undo_half_a_change(path)
+    if not is_written and not is_there(path):
         raise ConfigError(f"there is no map {path}: make it with `odom run SOURCE --map {path}`")
     with damage_told(path):
-        if not is_written:
-            _undo_half_a_change(path)
         mode = "rwc" if is_written else "ro"
         db = sqlite3.connect(f"{path.resolve().as_uri()}?mode={mode}", uri=True, check_same_thread=False, timeout=10.0)
         try:

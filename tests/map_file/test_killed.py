@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from made_up_map import CAMERA
 
+from odom.errors import ConfigError
 from odom.map_file.map_file import MapFile
 
 pytestmark = pytest.mark.process
@@ -25,6 +26,7 @@ PROMISED_S = 1.0
 
 def write_until_killed(path: Path, number: int, to_test: Connection) -> None:
     """Add key frames from `number` on, session by session; tell which were put, when, and which were waited for."""
+    to_test.send((-1, time.monotonic(), False))
     while True:
         opened = MapFile(path, is_written=True)
         opened.begin(CAMERA)
@@ -49,14 +51,14 @@ class Told:
 
 
 def killed(path: Path, number: int, after_s: float) -> Told:
-    """Write to a map in a process that is killed `after_s` it has begun; return what it had told."""
+    """Write to a map in a process that is killed `after_s` it opens the map; return what it had told."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["made_up_map", "test_killed"])
+    context.set_forkserver_preload(["odom.map_file.map_file"])
     ours, theirs = context.Pipe(duplex=False)
     process = context.Process(target=write_until_killed, args=(path, number, theirs), daemon=True)
     process.start()
     theirs.close()
-    ours.poll(60.0)  # it writes: what comes before takes a time of its own
+    ours.poll(60.0)  # what comes before it opens the map takes a time of its own
     time.sleep(after_s)
     process.kill()
     end = time.monotonic()
@@ -109,6 +111,24 @@ def test_a_map_opens_after_some_kills_and_goes_on(tmp_path):
     left = kill_often(tmp_path, times=8, longest_s=0.6, seed=1)
     assert left == sorted(left)
     assert left[-1] > SESSION
+
+
+def test_killed_while_it_is_made_a_map_is_there_or_not(tmp_path):
+    rng, seen = np.random.default_rng(3), set[bool]()
+    for k in range(30):
+        path = tmp_path / f"{k}.map"
+        told = killed(path, 0, rng.uniform(0.0, 0.05))
+        said = ""
+        try:
+            check(path, told)
+        except ConfigError as error:
+            said = str(error)
+        assert not said or ("there is no map" in said and told.waited_for < 0)
+        seen.add(bool(said))
+        opened = MapFile(path, is_written=True)
+        opened.begin(CAMERA)
+        opened.close()
+    assert False in seen
 
 
 @pytest.mark.slow

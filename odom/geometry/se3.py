@@ -6,10 +6,13 @@ the SOURCE frame. Formulas: J. Sola et al., "A micro Lie theory for state estima
 appendices B (SO(3)) and D (SE(3)).
 """
 
+import math
+
 import numpy as np
 
 from odom.geometry.arrays import Array
 
+_I3, _I4 = np.eye(3), np.eye(4)
 _SMALL = 1e-5
 """rad; below it series to the second order are exact to rounding, where quotients of sines lose digits."""
 _NEAR_A_HALF_TURN = -0.9
@@ -18,23 +21,23 @@ _NEAR_A_HALF_TURN = -0.9
 
 def hat(phi: Array) -> Array:
     """Return the 3 x 3 matrix with `hat(phi) @ v == cross(phi, v)`."""
-    x, y, z = phi
+    x, y, z = phi.tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def so3_exp(phi: Array) -> Array:
     """Return the rotation matrix of the rotation vector `phi` (3, radians): Rodrigues' formula."""
-    theta = float(np.sqrt(phi @ phi))
+    theta = math.sqrt(phi @ phi)
     W = hat(phi)
     if theta < _SMALL:
-        return np.asarray(np.eye(3) + W + 0.5 * W @ W)
-    return np.asarray(np.eye(3) + np.sin(theta) / theta * W + (1.0 - np.cos(theta)) / theta**2 * W @ W)
+        return np.asarray(_I3 + W + 0.5 * W @ W)
+    return np.asarray(_I3 + np.sin(theta) / theta * W + (1.0 - np.cos(theta)) / theta**2 * W @ W)
 
 
 def so3_log(R: Array) -> Array:
     """Return the rotation vector (3, radians, norm at most pi) of the rotation matrix `R`."""
     twice_sine = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    sine, cosine = 0.5 * float(np.sqrt(twice_sine @ twice_sine)), 0.5 * float(R[0, 0] + R[1, 1] + R[2, 2] - 1.0)
+    sine, cosine = 0.5 * math.sqrt(twice_sine @ twice_sine), 0.5 * float(R[0, 0] + R[1, 1] + R[2, 2] - 1.0)
     if cosine > _NEAR_A_HALF_TURN:
         return np.asarray(twice_sine * (0.5 if sine < _SMALL else 0.5 * np.arctan2(sine, cosine) / sine))
     k = int(np.argmax(np.diagonal(R)))
@@ -46,18 +49,18 @@ def so3_log(R: Array) -> Array:
 
 def left_jacobian(phi: Array) -> Array:
     """Return the 3 x 3 left Jacobian of SO(3) at `phi`: `exp((rho, phi))` has translation `J rho`."""
-    theta = float(np.sqrt(phi @ phi))
+    theta = math.sqrt(phi @ phi)
     W = hat(phi)
     if theta < _SMALL:
-        return np.asarray(np.eye(3) + 0.5 * W + W @ W / 6.0)
+        return np.asarray(_I3 + 0.5 * W + W @ W / 6.0)
     a = (1.0 - np.cos(theta)) / theta**2
     b = (theta - np.sin(theta)) / theta**3
-    return np.asarray(np.eye(3) + a * W + b * W @ W)
+    return np.asarray(_I3 + a * W + b * W @ W)
 
 
 def exp(xi: Array) -> Array:
     """Return the 4 x 4 rigid motion of the tangent vector `xi` = (rho, phi)."""
-    T = np.eye(4)
+    T = _I4.copy()
     T[:3, :3] = so3_exp(xi[3:])
     T[:3, 3] = left_jacobian(xi[3:]) @ xi[:3]
     return T
@@ -71,7 +74,7 @@ def log(T: Array) -> Array:
 
 def inverse(T: Array) -> Array:
     """Return the inverse of the rigid motion `T`."""
-    out = np.eye(4)
+    out = _I4.copy()
     out[:3, :3] = T[:3, :3].T
     out[:3, 3] = -T[:3, :3].T @ T[:3, 3]
     return out
@@ -81,7 +84,7 @@ def orthonormal(T: Array) -> Array:
     """Return `T` with its rotation, drifted by rounding, brought back onto SO(3) (one Newton step)."""
     R = T[:3, :3]
     out = T.copy()
-    out[:3, :3] = 0.5 * R @ (3.0 * np.eye(3) - R.T @ R)
+    out[:3, :3] = 0.5 * R @ (3.0 * _I3 - R.T @ R)
     return out
 
 

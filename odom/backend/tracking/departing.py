@@ -6,17 +6,19 @@ from odom.backend.tracking.tuning import TUNING
 from odom.geometry.arrays import Array, Mask
 
 
-def departing(points: Array, found_before: Array, agrees: Mask) -> Mask:
+def departing(points: Array, eye: Array, found_before: Array, agrees: Mask) -> Mask:
     """Return which of n landmarks at `points` (n x 3, m) lie on something that begins to move.
 
-    `found_before` (n) is the share of frames in which each was found so far, `agrees` (n) whether it lies where the
-    pose puts it. Some on a body that sets off happen to agree: near as they are, they would draw the camera along.
-    Landmarks that were hardly ever found surprise nobody when they are off.
+    `eye` (3, m) is where they are seen from, `found_before` (n) the share of frames in which each was found so far,
+    `agrees` (n) whether it lies where the pose puts it. Some on a body that sets off happen to agree: near as they are,
+    they would draw the camera along. Landmarks that were hardly ever found surprise nobody when they are off, and
+    where landmarks are sparse their neighbours are other things.
     """
     n = len(points)
     if n <= TUNING.departing_neighbours:
         return np.zeros(n, dtype=np.bool_)
     from scipy.spatial import cKDTree
 
-    near = cKDTree(points).query(points, TUNING.departing_neighbours)[1]
-    return np.asarray((found_before - agrees)[near].mean(axis=1) > TUNING.departing_share)
+    away_m, near = cKDTree(points).query(points, TUNING.departing_neighbours)
+    is_one_thing = np.asarray(away_m)[:, -1] < TUNING.departing_within * np.linalg.norm(points - eye, axis=1)
+    return np.asarray(is_one_thing & ((found_before - agrees)[near].mean(axis=1) > TUNING.departing_share))

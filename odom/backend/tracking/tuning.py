@@ -73,6 +73,9 @@ class Tuning:
     # departing
     departing_neighbours: int = tuned(12, unit="landmarks", source=_BODIES,
         effect="judged together; fewer: chance outliers take good ones along; more: limbs and small things go unseen")
+    departing_within: float = tuned(0.15, unit="share of the distance", source=_BODIES,
+        effect="within which all these neighbours lie; smaller: who sets off draws the camera along; larger: good "
+        "landmarks are left out where there are few")
     departing_share: float = tuned(0.35, unit="share of the neighbours", source=_BODIES,
         effect="that used to be found and now disagree; smaller: good landmarks are left out; larger: who sets off "
         "draws the camera along")

@@ -53,7 +53,7 @@ class FrameReceiver:
             TRUTH,
         )
         self.uncalibrated = 0
-        self.source_ended = False
+        self._has_ended = False
         self.refused_cameras = 0
         self._color_keys, self._depth_keys = keys[:2], keys[2:4]
         self._colors: dict[Stamp, Message] = {}
@@ -65,6 +65,11 @@ class FrameReceiver:
         self._unusable: Camera | None = None
         self.arrivals = ArrivalQueue(live_room)
         self._thread = threading.Thread(target=self._run, name="intake", daemon=True)
+
+    @property
+    def source_ended(self) -> bool:
+        """Whether the end of the source has come, and nothing since: known before the sensor learns that it has."""
+        return self._has_ended or self._consumer.ended is not None
 
     def start(self, until_end: bool = False) -> None:
         """Begin to receive, with `until_end` no longer than to the end of the source: `close` need not wait then."""
@@ -129,7 +134,7 @@ class FrameReceiver:
             if delivery is not None:
                 self._take_message(delivery)
             elif self._consumer.ended is not None:
-                self.source_ended = True
+                self._has_ended = True
                 for frame in self.assembler.finish():
                     self._put_frame(frame, None)
                 self.arrivals.put(EndArrival(self._consumer.ended))
@@ -140,7 +145,7 @@ class FrameReceiver:
             self._put_frame(frame, None)
 
     def _take_message(self, delivery: Delivery) -> None:
-        self.source_ended = False
+        self._has_ended = False
         message = delivery.message
         if message.topic.startswith("truth/"):
             self._take_truth(message)

@@ -14,12 +14,23 @@ from odom.wire.settings import ANY_LOCAL_PORT
 
 
 @pytest.mark.parametrize("until_end", [True, False])
-def test_receiving_ends_with_the_source_only_where_that_was_asked_for(until_end: bool) -> None:
+def test_receiving_ends_with_the_source_only_where_that_was_asked_for(
+    until_end: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     topics, endpoint = Topics(), free_endpoint()
     here = WireSettings(connect=(), listen=(endpoint,))
     there = WireSettings(connect=(endpoint,), listen=(ANY_LOCAL_PORT,))
     with open_session(here) as session, open_session(there) as sensor:
         receiver = FrameReceiver(session, topics, live_room=4)
+        known, consumer = [], receiver._consumer
+        report = consumer._report
+
+        def reporting(waiting: bool) -> None:
+            if consumer.ended is not None:
+                known.append(receiver.source_ended)
+            report(waiting)
+
+        monkeypatch.setattr(consumer, "_report", reporting)
         receiver.start(until_end)
         publisher = sensor.publisher(lossless=True)
         deadline = time.monotonic() + 30.0
@@ -29,6 +40,7 @@ def test_receiving_ends_with_the_source_only_where_that_was_asked_for(until_end:
         arrival = receiver.arrivals.take(30.0)
         assert isinstance(arrival, EndArrival)
         assert arrival.reason == "end of source"
+        assert known[0], "known before the sensor hears that its end has come, and goes"
         intake = next((thread for thread in threading.enumerate() if thread.name == "intake"), None)
         if intake is not None and until_end:
             intake.join(timeout=10.0)

@@ -13,6 +13,7 @@ from odom.backend.tracking.frame_state import Tracked
 from odom.backend.tracking.motion_model import AT_REST
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.corners import detect_corners
+from odom.frontend.features.image_parts import parts_of
 from odom.frontend.features.measurement import Measurements, measure
 from odom.frontend.features.view import View
 from odom.geometry import se3
@@ -20,8 +21,6 @@ from odom.geometry.arrays import Array
 
 _CERTAIN = np.zeros((6, 6))
 """Covariance of a segment's first pose, which is certain by definition."""
-_KEY = np.array([1.0, 1000.0])
-"""Makes one number of a cell's column and row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +42,7 @@ class Coverage:
     @classmethod
     def of(cls, uv: Array) -> "Coverage":
         """Return the coverage by landmarks found at `uv` (n x 2 px)."""
-        return cls(len(uv), len(np.unique(uv // TUNING.coverage_cell_px @ _KEY)))
+        return cls(len(uv), len(np.unique(parts_of(uv, TUNING.coverage_cell_px))))
 
     def is_worn(self, at_keyframe: "Coverage") -> bool:
         """Return whether too little is left of what was seen right after the last key frame."""

@@ -10,6 +10,7 @@ from odom.backend.mapping.tuning import TUNING
 from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
+from odom.frontend.features.image_parts import parts_of
 from odom.frontend.features.measurement import measure
 from odom.frontend.features.view import View
 from odom.frontend.matching.look_back import CornerPatches, EarlierView, Sighting, look_back
@@ -150,9 +151,8 @@ def moved_share(uv: Array, moved: Mask) -> float:
 
     Only parts with a few corners count, and there must be enough of them; otherwise nothing is said to have moved.
     """
-    column, row = (uv // TUNING.part_px).astype(np.int64).T
-    part = column + (row << 32)
-    _, part, corners = np.unique(part, return_inverse=True, return_counts=True)
+    part = parts_of(uv, TUNING.part_px)
+    corners = np.bincount(part)
     tells = corners >= TUNING.part_corners
     if np.count_nonzero(tells) < TUNING.parts_least:
         return 0.0

@@ -47,9 +47,12 @@ class MovingView:
         cells = recent.moving(view, tracked, sensor)
         if cells is None:
             return replace(self, stamp=stamp, cells=None)
-        is_back = is_supported(tracked, landmarks, self.proven, TUNING.moved_support)
-        has_strayed = self.strayed is not None and (stamp - self.strayed) * 1e-9 < TUNING.moved_parts_s and not is_back
-        strayed = self.strayed if has_strayed else None
+        strayed = self.strayed
+        if strayed is not None and (
+            (stamp - strayed) * 1e-9 >= TUNING.moved_parts_s
+            or is_supported(tracked, landmarks, self.proven, TUNING.moved_support)
+        ):
+            strayed = None
         begun = stamp if self.begun is None else self.begun
         is_young = (stamp - begun) * 1e-9 < TUNING.moving_young_s and (
             self.is_young or cells.share > TUNING.moving_little

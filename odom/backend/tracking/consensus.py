@@ -15,6 +15,7 @@ import numpy as np
 from odom.backend.tracking.pose_solver import projected
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.rolling_shutter import interaction_matrix
+from odom.frontend.features.image_parts import parts_of
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index, Mask
 from odom.geometry.compiled import compiled
@@ -73,8 +74,7 @@ class FollowedFeatures:
         """How much each feature counts (n)."""
         if not len(self.uv):
             return np.zeros(0)
-        column, row = (np.maximum(self.uv, 0.0) // TUNING.vote_cell_px).astype(np.int64).T
-        cell = column + (int(column.max()) + 1) * row
+        cell = parts_of(self.uv, TUNING.vote_cell_px)
         proven = np.minimum(1.0, (1.0 + self.seen) / TUNING.proven_frames)
         away = np.linalg.norm(self.points - self.eye, axis=1)
         in_order = np.sort(away)

@@ -15,6 +15,7 @@ from sensors.calibration_file import Calibration
 log = logging.getLogger(__name__)
 
 _SIZE = (640, 480)
+"""Width and height of a Kinect's images, pixels."""
 _TUM = {
     "1": Camera(*_SIZE, 517.306408, 516.469215, 318.643040, 255.313989,
                 (0.262383, -0.953104, -0.005358, 0.002628, 1.163314)),

@@ -19,6 +19,7 @@ from sensors.default_camera import image_size
 from sensors.image_lists import TumEntry, read_list
 
 _RATE_HZ = 30
+"""Frames a second assumed where a folder has no stamps: a Kinect's. It scales velocities, not the trajectory."""
 _LISTS = ("associations.txt", "associate.txt", "association.txt")
 _SEVEN_SCENES = Camera(640, 480, 585.0, 585.0, 320.0, 240.0)
 """The camera that 7-Scenes publishes for its images; 65535 stands for unknown depth there."""

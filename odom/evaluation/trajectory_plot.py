@@ -20,6 +20,7 @@ TRUTH, FINAL, ONLINE, BAND = "#1a1a1a", "#0072B2", "#D55E00", "#56B4E9"
 """Colours of M. Okabe and K. Ito's palette; each line also differs in width and dashes."""
 
 _DASHES = (0, (3, 1.4))
+"""Length of a dash and of the gap after it, in line widths."""
 _CLEARLY_UP = 0.7
 """Cosine between the camera's mean up direction and the world axis that counts as up: below it, none does."""
 _HOLE_PERIODS = 5

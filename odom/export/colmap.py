@@ -17,6 +17,7 @@ from odom.geometry import se3
 from odom.geometry.arrays import Array, Index
 
 _PINHOLE = 1
+"""COLMAP's number of the camera model PINHOLE (fx, fy, cx, cy)."""
 _MOST_PX = 4.0
 """Keypoints farther from their point's projection are no part of its track: COLMAP's own bound."""
 

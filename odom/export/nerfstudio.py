@@ -13,6 +13,7 @@ from odom.geometry.arrays import Array
 
 _OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 _MILLIMETRES = 0.001
+"""Metres in a unit of the depth images."""
 
 
 def transforms(camera: Camera, images: Iterable[tuple[str, Array]]) -> dict[str, object]:

@@ -16,6 +16,7 @@ _GLTF_MAP = np.array([1.0, -1.0, -1.0])
 _FLOAT, _BYTE, _INT = 5126, 5121, 5125
 _VERTICES, _TRIANGLES = 34962, 34963
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
+"""Numbers of glTF 2.0: component types, buffer targets, and the types of a .glb file's chunks."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,11 +11,13 @@ from odom.geometry.arrays import Array
 FIELD_TERMS = ("1", "x", "y", "xx", "xy", "yy")
 """Terms of a smooth field over the image, of x and y that run from -1 to 1 over its width, 0 in the middle."""
 _EXACT = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""Numbers of a depth that is right: scale 1, nothing else."""
 _FIRST_GUESS, _LOOKS = 0.5, 3
 """Inverse depth (1/m) at which a pixel is first looked for in a depth image from beside, and how often it is."""
 _LEAST_INVERSE = 1.0 / 65.0
 """Least inverse depth (1/m) that fits into 16 bits of millimetres."""
 _NO_FIELD = (0.0,) * len(FIELD_TERMS)
+"""A field that is zero everywhere."""
 
 
 @dataclass(frozen=True)

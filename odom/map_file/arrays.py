@@ -21,6 +21,7 @@ from odom.errors import MapError
 _TYPES = ("<f8", "<f4", "<i8", "<i4", "<u4", "|u1")
 _NUMBER = struct.Struct("<I")
 _LEVEL = 3
+"""Compression level of zstd, its default. Larger: slower, with hardly smaller files."""
 _MOST_BYTES = 1 << 30
 """What a value may unpack to: a damaged length must not take all memory."""
 

@@ -15,6 +15,7 @@ _APPLICATION = 0x6F646F6D
 """Says that an SQLite file is a map (`PRAGMA application_id`): odom in ASCII."""
 _SQLITE = b"SQLite format 3\0"
 _PAGE_BYTES = 16384
+"""SQLite's page: a key frame fills several; smaller pages mean more of them to read, larger ones more to write."""
 _TABLES = """
 CREATE TABLE meta (name TEXT PRIMARY KEY, content BLOB NOT NULL) WITHOUT ROWID;
 CREATE TABLE session (number INTEGER PRIMARY KEY, content BLOB NOT NULL);

@@ -22,6 +22,7 @@ _UPPER = np.triu_indices(6)
 _UPPER_3 = np.triu_indices(3)
 _HEAD = struct.Struct("<qqqqq")
 _POSE, _COVARIANCE = 12, 21
+"""Numbers of a packed pose (3 x 4), and of a covariance (upper half of 6 x 6)."""
 _KEYFRAME = _HEAD.size + 8 * (2 * _POSE + _COVARIANCE)
 _EDGE = np.dtype([("a", "<i8"), ("b", "<i8"), ("is_loop", "<i8"), ("T", "<f8", 12), ("covariance", "<f8", 21)])
 

@@ -16,6 +16,7 @@ from odom.map_file.database import connect, transaction
 
 _LOG = logging.getLogger(__name__)
 _RETRY_S = 1.0
+"""Pause before a write that failed is tried again, seconds: longer, a full disk that has room again is seen later."""
 _MOST_DETAILS = 500
 """Key frames that may wait for a full disk, some .3 MB each; beyond, what the oldest measured is lost."""
 

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Rgb = tuple[int, int, int]
+Rgba = tuple[int, int, int, int]
 
 ONLINE: Rgb = (230, 159, 0)
 CORRECTED: Rgb = (86, 180, 233)
@@ -14,16 +15,17 @@ CHAIN_CLOSED: Rgb = (150, 100, 255)
 BOUND: Rgb = (150, 150, 150)
 LOOP_ACCEPTED: Rgb = (0, 200, 140)
 LOOP_REFUSED: Rgb = (96, 62, 82)
-ELLIPSOID = (86, 180, 233, 120)
+ELLIPSOID: Rgba = (86, 180, 233, 120)
 GOOD: Rgb = (0, 200, 140)
-MOVING = (255, 110, 60, 160)
+MOVING: Rgba = (255, 110, 60, 160)
 WARN: Rgb = (240, 228, 66)
 BAD: Rgb = (255, 110, 60)
-LANDMARK = (255, 255, 255, 110)
-UNUSED = (150, 150, 150, 110)
+LANDMARK: Rgba = (255, 255, 255, 110)
+UNUSED: Rgba = (150, 150, 150, 110)
 
 _RESIDUAL = np.array([[0, 200, 140], [240, 228, 66], [255, 90, 30]], dtype=np.float64)
 _RESIDUAL_AT = (0.0, 1.5, 3.0)
+"""The colours of residuals, and at how many sigma each stands."""
 
 
 def tinted(colors: NDArray[np.uint8], tint: Rgb) -> NDArray[np.uint8]:

@@ -3,6 +3,7 @@
 import ctypes
 
 _M_MMAP_THRESHOLD = -3
+"""The setting's number in glibc's malloc.h."""
 _LARGE_BYTES = 128 << 10
 """Size from which a freed block goes back to the system at once: glibc's own threshold at the start of a process.
 Larger: holes stay in memory, with which a recorder grew by some 15 MB an hour; smaller: more page faults."""

@@ -15,6 +15,7 @@ THIGH, SHIN, ANKLE = 0.245, 0.246, 0.039
 SPINE, SHOULDER, NECK = 0.05, 0.245, 0.262
 UPPER_ARM, FOREARM = 0.172, 0.146
 HALF_HIPS, HALF_SHOULDERS = 0.052, 0.122
+"""Shares of the height, as said above."""
 LEG_SWING, ARM_SWING, KNEE_SWING = 0.42, 0.45, 0.95
 """Radians at a brisk walk; the leg's fits the length of a stride, so that a foot on the ground slides little."""
 SEATED_RAD = 1.45

@@ -14,6 +14,7 @@ from sensors.arena.noise_tiles import TILE, Tiles
 from sensors.arena.renderer import DepthView
 
 FOCAL_PX, CENTER = 585.0, (318.0, 241.0)
+"""Focal length and principal point of the infrared camera, pixels."""
 INFRARED = Camera(640, 480, FOCAL_PX, FOCAL_PX, *CENTER)
 """The infrared camera, pixels: a typical calibration of a Kinect v1."""
 SHAPE = (INFRARED.height, INFRARED.width)

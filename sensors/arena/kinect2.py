@@ -22,7 +22,9 @@ T_COLOR_INFRARED = np.array([[1, 0, 0, -0.052], [0, 1, 0, 0.0], [0, 0, 1, 0.0], 
 MODULATION_HZ = 80e6
 """The middle one of the sensor's three frequencies; the others only settle its whole turns."""
 SPEED_OF_LIGHT = 299_792_458.0
+"""Metres a second."""
 RADIANS_PER_METRE = 4 * np.pi * MODULATION_HZ / SPEED_OF_LIGHT
+"""Phase by which light comes back later for each metre of distance, there and back."""
 STRAY = 0.006
 """Share of all light that the lens spreads over the image: larger pulls dark things towards the mean depth."""
 DETOUR = 0.025

@@ -9,6 +9,7 @@ from odom.frontend.features.patches import RADIUS
 from odom.geometry.arrays import Array, Index
 
 _SIDE = 2 * RADIUS + 1
+"""Pixels across a stored patch."""
 _FIRST_ROWS = 4096
 """Rows allocated at first, some 7 MB: a desk fits in."""
 

@@ -23,6 +23,7 @@ _STYLE: dict[Any, Any] = {
     "legend.frameon": False, "xtick.color": "#444444", "ytick.color": "#444444",
 }  # fmt: skip
 _COLUMNS = 4
+"""Axes beside each other: four fit on a page's width with their labels readable."""
 _ROOM = 1.6
 """Space on the logarithmic axis beyond the least and the largest ATE, a factor."""
 

@@ -9,6 +9,7 @@ from odom.evaluation.robustness.axes import Axis, Level
 from odom.evaluation.robustness.verdict import Verdict
 
 _DOUBLE = 2.0
+"""The factor by which the ATE has grown where it is said to double."""
 _LEAST_SHARE = 0.5
 """An ATE over a smaller share of the frames is no figure of the recording: the odometry has failed on it."""
 

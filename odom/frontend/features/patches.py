@@ -16,6 +16,7 @@ RADIUS = 12
 _HALF = 5
 """An aligned patch is (2 _HALF + 1) = 11 pixels square; smaller ones are ambiguous, larger ones cost more and bend."""
 _PIXELS = (2 * _HALF + 1) ** 2
+"""Pixels of an aligned patch."""
 _LEAST_DETERMINANT = 1e-3
 """Determinant of the structure tensor over its squared trace: below, the patch is an edge and slides along itself."""
 PATCH_LIMITS = (TUNING.patch_least_contrast, TUNING.patch_least_gain, TUNING.patch_converged_px**2)

@@ -17,8 +17,10 @@ TABLES, BITS = 6, 20
 _LOCAL_BITS = 32 - BITS
 """Lower bits of an entry: which place of the block."""
 MOST_PLACES = 1 << _LOCAL_BITS
+"""Places that a block can hold: as many as these bits can number."""
 _SAMPLED = np.array([np.random.default_rng(t).choice(256, BITS, replace=False) for t in range(TABLES)])
 _WEIGHTS = 1 << np.arange(BITS)
+"""What each sampled bit counts in a key."""
 
 
 def keys_of(descriptors: Descriptors) -> Index:

@@ -17,6 +17,7 @@ from odom.geometry.arrays import Index
 _NUMBER_BITS = 32
 """Lower bits of an entry, which hold the place's number."""
 _NUMBERS = (1 << _NUMBER_BITS) - 1
+"""The bits of a place's number in an entry."""
 _FALL = 4
 """How many times larger a level at least is than the next one."""
 

@@ -12,6 +12,7 @@ from odom.frame import Stamp
 from odom.wire.message import Message
 
 SECOND = 1_000_000_000
+"""Nanoseconds in a second."""
 
 STRING = "std_msgs/msg/String"
 NUMBERS = "std_msgs/msg/UInt64MultiArray"

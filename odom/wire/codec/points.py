@@ -12,6 +12,7 @@ from odom.wire.codec import cdr
 from odom.wire.message import Message
 
 _FLOAT32 = 7
+"""The type's number in sensor_msgs/PointField."""
 _MAX_POINTS = 4_000_000
 """Points beyond which a cloud is refused: far more than an image has pixels. Larger: a message with a false size could
 take more memory (16 bytes a coloured point)."""

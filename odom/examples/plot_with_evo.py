@@ -2,7 +2,7 @@
 
 import sys
 
-from evo.core import metrics, sync
+from evo.core import metrics
 from evo.core.trajectory import PoseTrajectory3D
 from evo.tools import plot
 from matplotlib import pyplot
@@ -17,8 +17,9 @@ estimate = odom.Trajectory.of(odometry.finish())
 body, truth = next(iter(recording.truth().items()))
 if body != "camera":  # markers on the camera, on a clock of their own: both are estimated
     truth = odom.calibrate(estimate, truth).camera_truth(truth)
-both = [PoseTrajectory3D(poses_se3=list(t.T_world_body), timestamps=1e-9 * t.stamps) for t in (truth, estimate)]
-reference, estimated = sync.associate_trajectories(*both, max_diff=0.01)
+T_true, matched = truth.at(estimate.stamps, 0.1)  # evo itself takes the nearest true pose, some milliseconds away
+both = (T_true[matched], estimate.T_world_body[matched])
+reference, estimated = (PoseTrajectory3D(poses_se3=list(T), timestamps=1e-9 * estimate.stamps[matched]) for T in both)
 estimated.align(reference)
 ape = metrics.APE(metrics.PoseRelation.translation_part)
 ape.process_data((reference, estimated))

@@ -6,6 +6,7 @@ can be written beside this file, the folder is in the user's cache or in a priva
 
 Arithmetic is rounded as written (IEEE 754), without fused multiply-adds: the compiler would find other ones where it
 inlines other calls, which depends on whether a loop was compiled or loaded, and a replay would differ in the last bits.
+Where a function calls no other compiled one this cannot happen: its sums may be `vectorised`.
 """
 
 import hashlib
@@ -75,11 +76,23 @@ def compiled(function: F) -> F:
 
     The cache is below NUMBA_CACHE_DIR if that is set.
     """
+    return _compiled(function, fastmath=False)
+
+
+def vectorised(function: F) -> F:
+    """Compile a `function` that calls no other compiled one so that its sums are added up several terms at a time.
+
+    The order of the terms, and so the rounding, is fixed when the function is compiled; it is the processor's.
+    """
+    return _compiled(function, fastmath={"reassoc", "contract", "nsz"})
+
+
+def _compiled(function: F, fastmath: bool | set[str]) -> F:
     settings = vars(config)
     before = settings["CACHE_DIR"]
     settings["CACHE_DIR"] = _cache_folder(*function.__module__.split(".")[1:2])  # read when a function is decorated
     try:
-        jitted: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+        jitted: Any = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=fastmath)(function)
     finally:
         settings["CACHE_DIR"] = before
     return cast(F, jitted)

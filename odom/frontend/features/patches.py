@@ -9,13 +9,15 @@ from numpy.typing import NDArray
 
 from odom.frontend.tuning import TUNING
 from odom.geometry.arrays import Array, Image, Mask
-from odom.geometry.compiled import compiled
+from odom.geometry.compiled import compiled, vectorised
 
 RADIUS = 12
 """A stored patch is (2 RADIUS + 1) pixels square: an aligned one turned by 45 degrees and magnified by half fits in."""
 _HALF = 5
 """An aligned patch is (2 _HALF + 1) = 11 pixels square; smaller ones are ambiguous, larger ones cost more and bend."""
-_PIXELS = (2 * _HALF + 1) ** 2
+_ROWS, _ROW, _BORDERED = 2 * _HALF + 1, 2 * _HALF + 2, 2 * _HALF + 3
+"""Rows of an aligned patch; pixels of a row with the one that interpolation needs; rows with a border on both sides."""
+_PIXELS = _ROWS**2
 """Pixels of an aligned patch."""
 _LEAST_DETERMINANT = 1e-3
 """Determinant of the structure tensor over its squared trace: below, the patch is an edge and slides along itself."""
@@ -46,7 +48,7 @@ def cut_patches(image: Image, uv: Array) -> Image:
     return out
 
 
-@compiled
+@vectorised
 def align_patches(
     image: Image,
     patches: Image,
@@ -65,73 +67,86 @@ def align_patches(
     the patch; and (n x 3) the covariance (uu, uv, vv in px^2) for one grey level of image noise, by the structure
     tensor. With template T, gradient g and image I the step solves H du = -sum g (I - gain T - offset) / gain, where g
     was made orthogonal to T and to 1, so that gain and offset need not be estimated (Baker, Matthews, 2004, part 3).
+
+    Rows of pixels lie one behind the other in buffers, with one more pixel for the interpolation: all loops but those
+    that read pixels run over whole buffers, several pixels at a time. What lies outside the patch is 0 in `inside`.
     """
     least_variance, least_gain, converged_px2 = limits
     height, width = image.shape
     n = uv.shape[0]
     score = np.zeros(n, np.float32)
     covariance = np.zeros((n, 3))
-    T = np.empty(_PIXELS, np.float32)
-    gx = np.empty(_PIXELS, np.float32)
-    gy = np.empty(_PIXELS, np.float32)
-    side = 2 * _HALF + 3
-    warped = np.empty((side, side), np.float32)
+    pixels, radius, half, size = np.float32(_PIXELS), np.float32(RADIUS), np.float32(0.5), np.int32(2 * RADIUS + 1)
+    inside = np.zeros(_ROWS * _ROW, np.float32)
+    for y in range(_ROWS):
+        inside[y * _ROW : y * _ROW + _ROWS] = np.float32(1)
+    T, gx, gy = np.zeros_like(inside), np.zeros_like(inside), np.zeros_like(inside)
+    # the template with a border of one pixel: offsets, place in the patch, weights, and the four neighbours there
+    border = np.arange(_BORDERED * _BORDERED)
+    dx = (border % _BORDERED - _HALF - 1).astype(np.float32)
+    dy = (border // _BORDERED - _HALF - 1).astype(np.float32)
+    warped, a_at, b_at = np.zeros_like(dx), np.zeros_like(dx), np.zeros_like(dx)
+    p00, p01, p10, p11 = np.zeros_like(dx), np.zeros_like(dx), np.zeros_like(dx), np.zeros_like(dx)
+    place = np.zeros(len(dx), np.int32)
+    right, below, across = np.uint32(1), np.uint32(size), np.uint32(size + 1)
+    # the image under the patch, and the same between its columns; a row and a pixel more than is used
+    seen, between = np.zeros((_ROWS + 1) * _ROW + 1, np.float32), np.zeros((_ROWS + 1) * _ROW, np.float32)
     for k in range(n):
         if not valid[k]:
             continue
-        a00, a01 = A_reference_current[k, 0, 0], A_reference_current[k, 0, 1]
-        a10, a11 = A_reference_current[k, 1, 0], A_reference_current[k, 1, 1]
+        a00, a01 = np.float32(A_reference_current[k, 0, 0]), np.float32(A_reference_current[k, 0, 1])
+        a10, a11 = np.float32(A_reference_current[k, 1, 0]), np.float32(A_reference_current[k, 1, 1])
         reach = (_HALF + 1) * max(abs(a00) + abs(a01), abs(a10) + abs(a11))
         if reach > RADIUS - 0.01:
             continue
-        # the reference patch as the predicted pose shows it, with a border of one pixel for its gradient (bilinear)
-        patch = patches[k]
-        for y in range(side):
-            for x in range(side):
-                dx, dy = np.float32(x - _HALF - 1), np.float32(y - _HALF - 1)
-                u = np.float32(a00 * dx + a01 * dy + RADIUS)
-                v = np.float32(a10 * dx + a11 * dy + RADIUS)
-                j, i = int(u), int(v)
-                a, b = u - j, v - i
-                p00, p01 = np.float32(patch[i, j]), np.float32(patch[i, j + 1])
-                p10, p11 = np.float32(patch[i + 1, j]), np.float32(patch[i + 1, j + 1])
-                top = p00 + a * (p01 - p00)
-                warped[y, x] = top + b * (p10 + a * (p11 - p10) - top)
+        # the reference patch as the predicted pose shows it (bilinear)
+        patch = patches[k].reshape(-1)
+        for m in range(len(dx)):
+            u, v = a00 * dx[m] + a01 * dy[m] + radius, a10 * dx[m] + a11 * dy[m] + radius
+            j, i = np.int32(u), np.int32(v)
+            a_at[m], b_at[m], place[m] = u - np.float32(j), v - np.float32(i), i * size + j
+        for m in range(len(dx)):
+            q = np.uint32(place[m])
+            p00[m], p01[m], p10[m], p11[m] = patch[q], patch[q + right], patch[q + below], patch[q + across]
+        for m in range(len(dx)):
+            top = p00[m] + a_at[m] * (p01[m] - p00[m])
+            warped[m] = top + b_at[m] * (p10[m] + a_at[m] * (p11[m] - p10[m]) - top)
         # template T without its mean, its gradient, and the sums of their products
-        mean = np.float32(0)
-        for y in range(1, side - 1):
-            for x in range(1, side - 1):
-                mean += warped[y, x]
-        mean /= _PIXELS
+        for y in range(_ROWS):
+            above = warped[y * _BORDERED : (y + 1) * _BORDERED]
+            here = warped[(y + 1) * _BORDERED : (y + 2) * _BORDERED]
+            under = warped[(y + 2) * _BORDERED : (y + 3) * _BORDERED]
+            row = slice(y * _ROW, (y + 1) * _ROW)
+            T_row, gx_row, gy_row = T[row], gx[row], gy[row]
+            for x in range(_ROWS):
+                T_row[x] = here[x + 1]
+                gx_row[x] = half * (here[x + 2] - here[x])
+                gy_row[x] = half * (under[x + 1] - above[x + 1])
+        mean = T.sum() / pixels
         sxx = sxy = syy = sxt = syt = sx = sy = stt = np.float32(0)
-        m = 0
-        for y in range(1, side - 1):
-            for x in range(1, side - 1):
-                t = warped[y, x] - mean
-                dx = np.float32(0.5) * (warped[y, x + 1] - warped[y, x - 1])
-                dy = np.float32(0.5) * (warped[y + 1, x] - warped[y - 1, x])
-                T[m], gx[m], gy[m] = t, dx, dy
-                m += 1
-                sxx += dx * dx
-                sxy += dx * dy
-                syy += dy * dy
-                sxt += dx * t
-                syt += dy * t
-                sx += dx
-                sy += dy
-                stt += t * t
+        for m in range(len(T)):
+            T[m] = (T[m] - mean) * inside[m]
+            sxx += gx[m] * gx[m]
+            sxy += gx[m] * gy[m]
+            syy += gy[m] * gy[m]
+            sxt += gx[m] * T[m]
+            syt += gy[m] * T[m]
+            sx += gx[m]
+            sy += gy[m]
+            stt += T[m] * T[m]
         if stt < least_variance * _PIXELS:
             continue
         # gain and offset are eliminated: gradients are made orthogonal to T and to 1; h is the Hessian that remains
-        hxx = sxx - sxt * sxt / stt - sx * sx / _PIXELS
-        hxy = sxy - sxt * syt / stt - sx * sy / _PIXELS
-        hyy = syy - syt * syt / stt - sy * sy / _PIXELS
+        hxx = sxx - sxt * sxt / stt - sx * sx / pixels
+        hxy = sxy - sxt * syt / stt - sx * sy / pixels
+        hyy = syy - syt * syt / stt - sy * sy / pixels
         determinant = hxx * hyy - hxy * hxy
         if determinant < _LEAST_DETERMINANT * (hxx + hyy) * (hxx + hyy) or determinant <= 0:
             continue
-        for m in range(_PIXELS):
-            gx[m] -= sxt / stt * T[m] + sx / _PIXELS
-            gy[m] -= syt / stt * T[m] + sy / _PIXELS
+        along_x, along_y, mean_x, mean_y = sxt / stt, syt / stt, sx / pixels, sy / pixels
+        for m in range(len(T)):
+            gx[m] -= (along_x * T[m] + mean_x) * inside[m]
+            gy[m] -= (along_y * T[m] + mean_y) * inside[m]
         # Gauss-Newton steps: b = sum g I over the patch at the present position (bilinear)
         u0, v0 = uv[k, 0], uv[k, 1]
         u, v = u0, v0
@@ -144,21 +159,23 @@ def align_patches(
                 good = False
                 break
             a, b = np.float32(u - j0), np.float32(v - i0)
-            w00, w01, w10, w11 = (1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b
+            for y in range(_ROWS + 1):
+                pixel_row = image[i0 - _HALF + y, j0 - _HALF : j0 + _HALF + 2]
+                seen_row = seen[y * _ROW : (y + 1) * _ROW]
+                for x in range(_ROW):
+                    seen_row[x] = pixel_row[x]
+            for m in range(len(between)):
+                between[m] = seen[m] + a * (seen[m + 1] - seen[m])
             bx = by = si = np.float32(0)
             sit = sii = np.float32(0)
-            m = 0
-            for y in range(-_HALF, _HALF + 1):
-                row0, row1 = image[i0 + y], image[i0 + y + 1]
-                for x in range(j0 - _HALF, j0 + _HALF + 1):
-                    value = w00 * row0[x] + w01 * row0[x + 1] + w10 * row1[x] + w11 * row1[x + 1]
-                    bx += gx[m] * value
-                    by += gy[m] * value
-                    sit += T[m] * value
-                    si += value
-                    sii += value * value
-                    m += 1
-            sii -= si * si / _PIXELS
+            for m in range(len(T)):
+                value = (between[m] + b * (between[m + _ROW] - between[m])) * inside[m]
+                bx += gx[m] * value
+                by += gy[m] * value
+                sit += T[m] * value
+                si += value
+                sii += value * value
+            sii -= si * si / pixels
             gain = sit / stt
             if gain < least_gain:
                 good = False

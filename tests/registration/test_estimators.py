@@ -274,3 +274,24 @@ def test_results_repeat_to_the_byte(rng):
         one, two = estimator(pairs), estimator(pairs)
         assert one.T_target_source.tobytes() == two.T_target_source.tobytes()
         assert one.covariance.tobytes() == two.covariance.tobytes()
+
+
+def distorted(seed, D):
+    """Pairs whose target is distorted by `D` (3 x 3), which no covariance tells of."""
+    T, pairs = noisy_pairs(np.random.default_rng(seed), 200, angle=0.2)
+    return T, replace(pairs, points_target=pairs.points_target @ D.T)
+
+
+def test_an_axis_that_reads_wrong_is_set_right_and_a_distortion_in_all_directions_is_not_taken_for_one():
+    """Neighbouring pixels share a shutter, a lens and late depth: that distorts a cloud in all six directions."""
+    axis, mixed = [], []
+    for seed in range(40):
+        rng = np.random.default_rng(1000 + seed)
+        D = rng.normal(0.0, 0.004, (3, 3))
+        for found, given_D in ((axis, np.diag([1.0, 1.0, 1.02])), (mixed, np.eye(3) + 0.5 * (D + D.T))):
+            T, pairs = distorted(seed, given_D)
+            result, plain = robust(pairs), robust(pairs, adaptive=False)
+            error, before = (np.linalg.norm(log(inverse(T) @ one.T_target_source)) for one in (result, plain))
+            found.append((result.details["axis_scale"] != 1.0, error < before))
+    assert np.mean(axis, axis=0).min() > 0.9
+    assert np.mean(mixed, axis=0)[0] < 0.1

@@ -21,6 +21,8 @@ from odom.registration.tangent import tangent_basis
 
 _SUFFICIENT = 20.5
 """The .999 quantile of chi-square with 5 degrees of freedom."""
+_OUTSTANDING = 37.7
+"""The .99 quantile of Fisher's F with 1 and 5 degrees of freedom, for the best of six axes."""
 
 
 @unique
@@ -40,11 +42,13 @@ class Bias:
     scale: float
 
 
-def possible_biases(solution: Solution, factor: float) -> list[Bias]:
+def possible_biases(solution: Solution, misfit: float, factor: float) -> list[Bias]:
     """Return the biased axes that could explain why the twelve states are no rigid motion, the best first.
 
-    `factor` is the variance of the noise relative to that of `solution`. Empty where no single axis suffices, or the
-    twelve states are not determined.
+    `misfit` is their squared distance from it, `factor` the variance of the noise relative to that of `solution`. Empty
+    where no single axis suffices, or the twelve states are not determined. What an axis takes away must stand out from
+    what it leaves in the other five directions, whatever the noise: errors that neighbouring pairs share (a shutter, a
+    lens, late depth) distort in all six, and the largest of them is no axis.
     """
     if np.linalg.cond(solution.Y) > 1e12:
         return []
@@ -53,6 +57,7 @@ def possible_biases(solution: Solution, factor: float) -> list[Bias]:
         bias
         for bias, rest in sorted(found, key=lambda item: item[1])
         if rest < _SUFFICIENT * factor
+        and misfit - rest > _OUTSTANDING * rest / 5.0
         and abs(math.log(max(bias.scale, 1e-9))) < math.log(1.0 + TUNING.plausible_axis_error)
     ]
 

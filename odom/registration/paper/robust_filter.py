@@ -60,7 +60,7 @@ def _learnt(
         misfit = affine_misfit(seen.Y, solution.y, solution.T) or misfit
     best = arrays, solution, judgement
     if misfit > _MISFIT * judgement.inflation:
-        for bias in possible_biases(seen, judgement.inflation):
+        for bias in possible_biases(seen, misfit, judgement.inflation):
             corrected = unbiased(arrays, bias)
             again = solve(corrected, prior, solution.T, first.weights)
             again, verdict = _noise_learnt(corrected, prior, again, judgement._replace(inflation=1.0))

@@ -72,6 +72,9 @@ class ChainClosing:
 class ClosedChain:
     """How the chain moves when `closures` are met as well as its links; `refused` ones have no part in it.
 
+    It has so many `pieces`: 1, and one more for each hole over which nothing joins it. Where one stands to another is
+    not known, and there is no `closing` test between two.
+
     At n `stamps` (ns, ascending) its poses are multiplied by `T_closed_chain` (n x 4 x 4) from the left, which gives
     `T_closed_camera` (n x 4 x 4, at the middle row's time).
     """
@@ -81,6 +84,7 @@ class ClosedChain:
     T_closed_camera: Array
     closures: int
     refused: int
+    pieces: int
     closing: ChainClosing | None
 
     __repr__ = brief

@@ -40,7 +40,8 @@ def _of_the_chain(closed: ClosedChain | None) -> dict[str, object] | None:
     """
     if closed is None:
         return None
-    fields: dict[str, object] = {"closures": closed.closures, "refused": closed.refused, "closing": None}
+    counts = {"closures": closed.closures, "refused": closed.refused, "pieces": closed.pieces}
+    fields: dict[str, object] = {**counts, "closing": None}
     if (test := closed.closing) is not None:
         fields["closing"] = {
             "first_last": _motion(test.direct.T_earlier_current),

@@ -4,8 +4,9 @@ Where the map's search found the same landmark in both frames it is used; corner
 followed by the chain itself. The map's pose only says where to look. What is known of a frame's stamp, its rows and
 its depth's lag is used as it is for the map: all is carried to the time of the image's middle row.
 
-Links are composed as if their errors were independent. Neighbouring links share the frame between them, whose errors
-enter both with opposite signs as long as a patch lives: the chain's covariance is then larger than its error.
+The chain's covariance is joint: neighbouring links share the frame between them, whose errors enter both with opposite
+signs (see `shared_errors`). Between the nodes of the pose graph links are added up as if independent, which is never
+less than that: a pose graph takes its edges to be independent.
 """
 
 from dataclasses import dataclass
@@ -15,12 +16,14 @@ import numpy as np
 from odom.backend.chain.closures import ChainNode, Closures
 from odom.backend.chain.own_corners import OwnCorners, cut_corners
 from odom.backend.chain.pairwise import PairwisePose, register_frames
+from odom.backend.chain.shared_errors import FrameErrors
 from odom.backend.chain.sight import Sight
 from odom.backend.chain.tuning import TUNING
 from odom.backend.estimate import ChainPose, RelativePose
 from odom.backend.map.map import Map
 from odom.backend.map.pose_covariance import calibration_covariance
 from odom.backend.publication import Publication
+from odom.frame import Stamp
 from odom.frontend.camera.noise_monitor import NoiseMonitor
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.view import View
@@ -58,10 +61,12 @@ class Chain:
         self.T_chain_camera: Array = np.eye(4)
         self.covariance: Array = np.zeros((6, 6))
         self.closures = Closures()
-        self._total: Array = np.zeros((6, 6))
+        self._summed: Array = np.zeros((6, 6))
+        self._part = 0
         self._end: ChainFrame | None = None
         self._start_covariance: Array = np.zeros((6, 6))
         self._corners = OwnCorners.nothing()
+        self._errors = FrameErrors.nothing()
         self._after_renewal = 0
         self._next_name = -1
 
@@ -85,8 +90,11 @@ class Chain:
             if isinstance(found, str):
                 why = found
             else:
-                link, why = self._append(end, frame, found, sensor), ""
-                self._corners = self._corners.found_again(sight.names[now[found.inliers]])
+                names, root = sight.names[now], np.sqrt(sensor.noise.covariance_scale)
+                shared = self._errors.shared_with(names, root * found.of_previous)
+                self._errors = FrameErrors.of(names, sight.measured.take(now), root * found.of_current)
+                link, why = self._append(end, frame, found, shared, sensor), ""
+                self._corners = self._corners.found_again(names[found.inliers])
         if link is None:
             self._begin_anew(end, frame, sensor)
             sight = frame.sight
@@ -100,8 +108,8 @@ class Chain:
         """
         end = self._end
         if end is not None and (is_keyframe or self.closures.are_due(end.view.stamp)):
-            keyframe = map_.keyframes[-1].number if is_keyframe else None
-            node = self.closures.add(end.view.stamp, keyframe, self.T_chain_camera, self._total)
+            node = self._node(end.view.stamp, map_.keyframes[-1].number if is_keyframe else None)
+            self.closures.add(node)
             self.closures.close(node, end.sight, reference, map_, noise)
 
     @property
@@ -116,14 +124,24 @@ class Chain:
         stamp, nodes = self._end.view.stamp, self.closures.nodes
         if nodes and nodes[-1].stamp == stamp:
             return nodes[-1]
-        return ChainNode(self.closures.taken, stamp, None, self.T_chain_camera, self._total)
+        return self._node(stamp, None)
 
-    def _append(self, end: ChainFrame, frame: ChainFrame, found: PairwisePose, sensor: SensorModel) -> RelativePose:
-        """Move the chain's end to a registered frame; return the link between the two stamps."""
+    def _node(self, stamp: Stamp, keyframe: int | None) -> ChainNode:
+        return ChainNode(self.closures.taken, stamp, keyframe, self.T_chain_camera, self._summed, self._part)
+
+    def _append(
+        self, end: ChainFrame, frame: ChainFrame, found: PairwisePose, shared: Array, sensor: SensorModel
+    ) -> RelativePose:
+        """Move the chain's end to a registered frame; return the link between the two stamps.
+
+        `shared` (6 x 6) is the covariance of the last link's error with this one's.
+        """
         covariance = sensor.noise.covariance_scale * found.covariance
         self.T_chain_camera = se3.orthonormal(self.T_chain_camera @ found.T_previous_current)
+        correlated = se3.adjoint(se3.inverse(found.T_previous_current)) @ shared
         self.covariance = se3.compose_covariance(self.covariance, found.T_previous_current, covariance)
-        self._total = se3.compose_covariance(self._total, found.T_previous_current, covariance)
+        self.covariance = self.covariance + correlated + correlated.T
+        self._summed = se3.compose_covariance(self._summed, found.T_previous_current, covariance)
         T_middles = found.T_previous_current
         T = se3.inverse(end.published.T_middle_stamp) @ T_middles @ frame.published.T_middle_stamp
         covariance = covariance + end.stamp_covariance(sensor) + frame.stamp_covariance(sensor)
@@ -133,10 +151,10 @@ class Chain:
         """Let a frame stand, at its stamp, where the chain's end stood."""
         T_chain_stamp = self.T_chain_camera if end is None else self.T_chain_camera @ end.published.T_middle_stamp
         self.T_chain_camera = T_chain_stamp @ se3.inverse(frame.published.T_middle_stamp)
-        self.covariance = np.zeros((6, 6))
-        self._total = self._total + (0.0 if end is None else TUNING.hole_sigma**2) * np.eye(6)
+        self.covariance, self._summed = np.zeros((6, 6)), np.zeros((6, 6))
+        self._part += end is not None
         self._start_covariance = frame.stamp_covariance(sensor)
-        self._corners, self._after_renewal = OwnCorners.nothing(), 0
+        self._corners, self._errors, self._after_renewal = OwnCorners.nothing(), FrameErrors.nothing(), 0
 
     def _renewed(self, frame: ChainFrame, sight: Sight, sensor: SensorModel) -> ChainFrame:
         """Return a frame with all that it measured; new corners are cut where too little is left of what was seen."""

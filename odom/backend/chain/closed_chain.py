@@ -3,6 +3,8 @@
 from itertools import pairwise
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from odom.backend.chain.chain import Chain
 from odom.backend.chain.closures import ChainNode, closure
@@ -15,31 +17,43 @@ from odom.geometry.arrays import Array
 
 
 def close_chain(chain: Chain, map_: Map, noise: NoiseMonitor) -> ClosedChain | None:
-    """Return how the chain moves when its closures are met as well as its links.
+    """Return how the chain moves when its closures are met as well as its links; None where it has not begun.
 
-    None where it has not begun, and where a hole leaves the graph undetermined.
-
-    The closing test compares the last frame, registered against the first one, with what chain and graph say of it; so
-    the graph leaves out what the last frame itself closes.
+    Over a hole that closures join, they decide; over one that nothing joins the closed chain stands still, as the chain
+    does. The closing test compares the last frame, registered against the first one, with what chain and graph say of
+    it; so the graph leaves out what the last frame itself closes.
     """
     closures, end = chain.closures, chain.end_node()
     if not closures.nodes or end is None:
         return None
     nodes = [*(node for node in closures.nodes if node.number != end.number), end]
     first = nodes[0]
-    links = [a.edge_to(b) for a, b in pairwise(nodes)]
     met = [edge for edge in closures.edges if edge.b != end.number]
+    piece = _pieces(nodes, met)
+    steps = list(pairwise(nodes))
+    links = [a.edge_to(b) for a, b in steps if a.part == b.part]
+    holes = [a.edge_to(b) for a, b in steps if piece[a.part] != piece[b.part]]
     T_chain = {node.number: node.T_chain_camera for node in nodes}
-    try:
-        T_closed, covariance = optimise_with_covariance(T_chain, first.number, [*links, *met], end.number)
-    except RuntimeError:  # gtsam: nothing determines the motion over a hole
-        return None
+    T_closed, covariance = optimise_with_covariance(T_chain, first.number, [*links, *met, *holes], end.number)
     moved = np.array([T_closed[node.number] @ se3.inverse(node.T_chain_camera) for node in nodes])
     stamps = np.array([node.stamp for node in nodes], dtype=np.int64)
     closed = se3.inverse(T_closed[first.number]) @ T_closed[end.number]
-    closing = _closing(chain, first, end, map_, noise, Edge(first.number, end.number, closed, covariance))
+    closing = None
+    if piece[first.part] == piece[end.part]:
+        closing = _closing(chain, first, end, map_, noise, Edge(first.number, end.number, closed, covariance))
     poses = np.array([T_closed[node.number] for node in nodes])
-    return ClosedChain(stamps, moved, poses, len(closures.edges), closures.refused, closing)
+    pieces = len(set(piece.values()))
+    return ClosedChain(stamps, moved, poses, len(closures.edges), closures.refused, pieces, closing)
+
+
+def _pieces(nodes: list[ChainNode], closures: list[Edge]) -> dict[int, int]:
+    """Return the piece that each part of the chain belongs to: parts with a closure between them are one."""
+    part_of = {node.number: node.part for node in nodes}
+    parts = sorted(set(part_of.values()))
+    ends = np.array([[parts.index(part_of[edge.a]), parts.index(part_of[edge.b])] for edge in closures], dtype=np.intp)
+    a, b = ends.reshape(-1, 2).T
+    joined = coo_array((np.ones(len(a)), (a, b)), shape=(len(parts), len(parts)))
+    return dict(zip(parts, connected_components(joined, directed=False)[1].tolist(), strict=True))
 
 
 def _closing(

@@ -26,21 +26,24 @@ from odom.geometry.arrays import Array
 class ChainNode:
     """A frame of the chain, numbered in order; `keyframe` is its number in the map, None where it is no key frame.
 
-    `T_chain_camera` is its pose at its middle row's time, `total_covariance` (6 x 6, `se3`) that of the whole motion
-    since the first frame, holes included.
+    `T_chain_camera` is its pose at its middle row's time, `summed_covariance` (6 x 6, `se3`) that of the motion since
+    the `part` of the chain that it is in began, its links added up as if independent. Holes are between parts.
     """
 
     number: int
     stamp: Stamp
     keyframe: int | None
     T_chain_camera: Array
-    total_covariance: Array
+    summed_covariance: Array
+    part: int = 0
 
     def edge_to(self, later: "ChainNode") -> Edge:
-        """Return the chain's motion to a later node: links add up as if independent, so it is the difference."""
+        """Return the chain's motion to a later node; its covariance is the sums' difference, over a hole a guess."""
         T = se3.inverse(self.T_chain_camera) @ later.T_chain_camera
+        if later.part != self.part:
+            return Edge(self.number, later.number, T, TUNING.hole_sigma**2 * np.eye(6))
         A = se3.adjoint(se3.inverse(T))
-        covariance = later.total_covariance - A @ self.total_covariance @ A.T
+        covariance = later.summed_covariance - A @ self.summed_covariance @ A.T
         return Edge(self.number, later.number, T, 0.5 * (covariance + covariance.T))
 
 
@@ -61,16 +64,14 @@ class Closures:
         """Return whether a frame at `stamp` should become a node, even if it is no key frame."""
         return not self.nodes or stamp - self.nodes[-1].stamp >= TUNING.closure_every_s * 1e9
 
-    def add(self, stamp: Stamp, keyframe: int | None, T_chain_camera: Array, total_covariance: Array) -> ChainNode:
-        """Make a node of a frame; return it."""
-        node = ChainNode(self.taken, stamp, keyframe, T_chain_camera.copy(), total_covariance.copy())
+    def add(self, node: ChainNode) -> None:
+        """Take in a new node, numbered `taken`."""
         self.taken += 1
         self.nodes.append(node)
         if len(self.nodes) > TUNING.closed_most_nodes:
             gone = {one.number for one in self.nodes[1 : len(self.nodes) // 2 : 2]}
             self.nodes = [one for one in self.nodes if one.number not in gone]
             self.edges = [edge for edge in self.edges if not {edge.a, edge.b} & gone]
-        return node
 
     def close(self, node: ChainNode, sight: Sight, reference: int, map_: Map, noise: NoiseMonitor) -> None:
         """Register a node, near key frame `reference`, against those of long ago that share most landmarks with it."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from odom.backend.chain.shared_errors import gains_of
 from odom.backend.chain.tuning import TUNING
 from odom.backend.tracking.pose_solver import fit_pose
 from odom.frontend.features.measurement import Measurements, points_of
@@ -18,11 +19,17 @@ from odom.registration import Pairs, Prior, register
 
 @dataclass(frozen=True, eq=False)
 class PairwisePose:
-    """The pose `T_previous_current`, its 6 x 6 covariance (`se3`), and which of the n pairs agree with it."""
+    """The pose `T_previous_current`, its 6 x 6 covariance (`se3`), and which of the n pairs agree with it.
+
+    `of_previous` and `of_current` (n x 6 x 3) are what errors of the two frames' `values` do to it (see
+    `shared_errors`).
+    """
 
     T_previous_current: Array
     covariance: Array
     inliers: Mask
+    of_previous: Array
+    of_current: Array
 
 
 def register_frames(previous: Measurements, current: Measurements, T_hint: Array) -> PairwisePose | str:
@@ -38,7 +45,9 @@ def register_frames(previous: Measurements, current: Measurements, T_hint: Array
         return found
     T_current_previous = found.T_previous_current
     covariance = se3.inverse_covariance(T_current_previous, found.covariance)
-    return PairwisePose(se3.inverse(T_current_previous), covariance, found.inliers)
+    turned = -se3.adjoint(T_current_previous)
+    of_previous, of_current = turned @ found.of_current, turned @ found.of_previous
+    return PairwisePose(se3.inverse(T_current_previous), covariance, found.inliers, of_previous, of_current)
 
 
 def _of_points(source: Measurements, target: Measurements, deep: Mask, T_hint: Array) -> PairwisePose | str:
@@ -74,4 +83,6 @@ def _of_points(source: Measurements, target: Measurements, deep: Mask, T_hint: A
         return f"{np.count_nonzero(agrees)} features do not determine the motion"
     inliers = np.zeros(len(deep), dtype=np.bool_)
     inliers[rows[agrees]] = True
-    return PairwisePose(se3.inverse(fit.T_camera_map), covariance, inliers)
+    of_source, of_target = np.zeros((len(deep), 6, 3)), np.zeros((len(deep), 6, 3))
+    of_source[rows], of_target[rows] = gains_of(fit, covariance, points, covariances, source, target, agrees)
+    return PairwisePose(se3.inverse(fit.T_camera_map), covariance, inliers, of_source, of_target)

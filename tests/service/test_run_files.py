@@ -131,7 +131,7 @@ def test_the_closed_chain_is_the_chain_moved_with_the_holes_still_said(tmp_path:
         files.append(estimate(i, hole="nothing in common" if i == 3 else ""))
     moved = se3.exp(np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.2]))
     closed = ClosedChain(
-        np.array([stamp(0), stamp(4)]), np.array([np.eye(4), moved]), np.array([np.eye(4), moved]), 1, 0, None
+        np.array([stamp(0), stamp(4)]), np.array([np.eye(4), moved]), np.array([np.eye(4), moved]), 1, 0, 1, None
     )
     files.write_trajectory([TrajectoryPose(stamp(i), np.eye(4), 0) for i in range(5)], closed)
     written = read_tum(tmp_path / "chain_closed.txt")

@@ -134,17 +134,16 @@ def test_every_tracked_frame_is_linked_to_the_one_before_also_where_depth_was_lo
     assert evaluate(chain, truth).ate_m < 0.012
 
 
-def test_the_chain_is_the_product_of_its_links_and_its_covariance_grows(room_frames):
+def test_the_chain_is_the_product_of_its_links_and_holds_the_errors_of_both_its_ends(room_frames):
     ran = run(SMALL, room_frames)
     T = np.eye(4)
-    sigma = []
     for e in ran.estimates:
         if e.pairwise is not None:
             T = T @ e.pairwise.T_earlier_current
         np.testing.assert_allclose(e.chain.T_chain_camera, T, atol=1e-9)
         assert np.linalg.eigvalsh(e.chain.covariance)[0] > -1e-15
-        sigma.append(np.trace(e.chain.covariance))
-    assert sigma[-1] > sigma[10] > 0.0
+        if e.pairwise is not None:
+            assert np.trace(e.chain.covariance) > 0.5 * np.trace(e.pairwise.covariance)
 
 
 def test_after_frames_that_show_nothing_the_link_goes_to_the_last_one_that_did(room_frames):

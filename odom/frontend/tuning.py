@@ -22,6 +22,11 @@ class Tuning:
         effect="fewer: a line through too little; more: the first frames keep their jitter for longer")
     clock_longest_gap_s: float = tuned(0.5, unit="s", source=_KINECT,
         effect="smaller: the line begins anew after a few lost frames; larger: periods over a gap are miscounted")
+    clock_longest_gap_periods: float = tuned(2.5, unit="periods", source="one lost frame and its jitter",
+        effect="the same for slow streams; smaller: the line begins anew after a lost frame; larger: as above")
+    clock_slowest_s: float = tuned(2.0, unit="s", source="one frame a second, of which one is lost",
+        effect="longest period that is learnt; smaller: each frame of a slow stream is taken for one after a gap; "
+        "larger: two gaps in a row of a quick stream pass for a period")
     clock_gain: float = tuned(0.2, unit="1", source=_KINECT,
         effect="share of a stamp's error taken over while periods are counted; too small or large: a period is "
         "miscounted")

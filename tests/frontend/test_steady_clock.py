@@ -44,6 +44,19 @@ def test_missing_frames_and_a_late_stamp_do_not_move_the_others():
     assert np.abs(np.delete(errors[60:], 150 - 60)).max() < 0.002
 
 
+@pytest.mark.parametrize("period_s", [0.6, 1.0])
+def test_the_period_of_a_slow_stream_is_learnt(period_s):
+    *_, clock = clocks_of(stamps_of(period_s * np.arange(5)))
+    assert clock.period_s == pytest.approx(period_s, rel=1e-6)
+    *_, slowed_down = clocks_of(stamps_of(np.concatenate([np.arange(9) / 30.0, 1.0 + period_s * np.arange(5)])))
+    assert slowed_down.period_s == pytest.approx(period_s, rel=1e-6)
+
+
+def test_a_gap_is_not_a_period():
+    *_, clock = clocks_of(stamps_of(np.concatenate([np.arange(40), 40 + 45 + np.arange(3)]) / 30.0))
+    assert clock.period_s == pytest.approx(1 / 30, rel=1e-6)
+
+
 def test_exact_stamps_stay_as_they_are():
     for stamp, clock in zip(stamps := stamps_of(np.arange(100) / 30.0), clocks_of(stamps), strict=True):
         assert abs(clock.steady - stamp) < 1000

@@ -1,6 +1,6 @@
 """When a frame becomes a key frame, and what it adds to the map: too little is left of what the last one saw."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from odom.backend.map.map import Corners, Map
 from odom.backend.mapping.standing import RecentViews
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.settings import OdometrySettings
-from odom.backend.tracking.frame_state import Tracked
+from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.backend.tracking.motion_model import AT_REST
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.corners import detect_corners
@@ -90,6 +90,19 @@ class KeyframeInserter:
         self._work_on(keyframe, view, twist)
         self._newest, self._coverage_at_keyframe = self.undescribed[-1], None
         return keyframe
+
+    def kept(self, state: FrameState, sensor: SensorModel) -> FrameState:
+        """Make the newest frame, that of `state`, a key frame after all unless it is one; return its state then."""
+        tracked = state.tracked
+        if tracked is None or self._map.keyframes[state.reference].stamp == state.view.stamp:
+            return state
+        inliers = tracked.inliers & self._map.landmarks.alive[tracked.rows]
+        tracked = replace(tracked, T_camera_map=state.T_camera_map, inliers=inliers, reference=state.reference)
+        covariance = tracked.covariance * sensor.noise.covariance_scale
+        keyframe = self.insert(state.view, tracked, state.twist, covariance, sensor)
+        late_s = state.view.late_s + sensor.timing.readout_s / 2.0
+        keyframe.T_middle_stamp = se3.exp(state.twist * late_s)
+        return replace(state, tracked=tracked, reference=keyframe.number, rows=keyframe.rows, uv=keyframe.uv)
 
     def is_due(self, tracked: Tracked) -> bool:
         """Return whether too little is left in a frame of what the last key frame saw, and the camera has moved."""

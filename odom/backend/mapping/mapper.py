@@ -78,7 +78,7 @@ class Mapper:
                 for seen, place, excluded in zip(waiting, places, linked, strict=True)
             ]
 
-        self._background.start(count, adjustment, describe)
+        self._background.start(count, sensor.clock.steady, adjustment, describe)
 
     def take_background(
         self, count: int | None, sensor: SensorModel
@@ -88,7 +88,7 @@ class Mapper:
         Returns the sensor with the timing adjusted, and the key frames that can be recognised from now on; None where
         nothing was due and the map is as it was.
         """
-        taken = self._background.take(count)
+        taken = self._background.take(count, sensor.clock.steady)
         if taken is None:
             return None
         adjustment, bundle, described = taken

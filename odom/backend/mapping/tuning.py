@@ -75,6 +75,10 @@ class Tuning:
         "larger: what was carried away is looked for in vain, and found elsewhere")
     gone_step_s: float = tuned(0.1, unit="s", source="three looks at least, as `gone_s`",
         effect="most that one frame counts; smaller: slow streams keep what has left; larger: one bad look counts")
+    # background
+    background_s: float = tuned(0.15, unit="s", source="three times what a task takes",
+        effect="after which a result is taken, though fewer frames came; smaller: frames of slow streams wait for it; "
+        "larger: slow streams recognise new places late")
     # mapper
     recalled_at_once: int = tuned(2, unit="key frames", source="some 2 ms each",
         effect="brought back in one frame; fewer: fast walks see landmarks late; more: frames wait for the disk")

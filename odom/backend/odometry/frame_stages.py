@@ -13,6 +13,7 @@ from odom.backend.map.memory import open_map
 from odom.backend.map.saved import SavedMap
 from odom.backend.mapping.mapper import Mapper
 from odom.backend.mapping.presence import note_sightings
+from odom.backend.mapping.wide_step import follow_wide_step
 from odom.backend.odometry.judged_frame import JudgedFrame
 from odom.backend.odometry.moving_view import MovingView
 from odom.backend.odometry.published_trajectory import PublishedTrajectory
@@ -27,7 +28,7 @@ from odom.backend.tracking.frame_tracker import FrameTracker
 from odom.backend.tracking.motion_model import AT_REST
 from odom.backend.tracking.noise_check import is_noise_check_due, observe_noise
 from odom.backend.tracking.quality import judge_pose
-from odom.backend.tracking.relocalizer import follow_wide_step, relocalise
+from odom.backend.tracking.relocalizer import relocalise
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.place_descriptor import describe_place
 from odom.frontend.features.view import View
@@ -69,9 +70,8 @@ class FrameStages:
         if not is_blind:
             place = describe_place(view, self.sensor, AT_REST)
             features = len(place.points)
-            tracked = follow_wide_step(self.tracker, self.state, view, place, self.sensor)
-            if tracked is not None:
-                self.mapper.inserter.wear_out()
+            inserter = self.mapper.inserter
+            self.state, tracked = follow_wide_step(self.tracker, inserter, self.state, view, place, self.sensor)
             is_recovered = tracked is None or self.published.is_lost or not self._is_soon(view)
             if tracked is None:
                 tracked = relocalise(self.map, self.tracker, self.state, view, place, self.sensor)

@@ -129,6 +129,9 @@ class Tuning:
         effect="smaller: fast motions are LOST; larger: jumps pass for motion")
     fastest_rad_s: float = tuned(12.0, unit="rad/s", source="a flick of the wrist",
         effect="as fastest_m_s")
+    near_s: float = tuned(1.0, unit="s", source="rooms that look alike are more than a metre apart",
+        effect="of a likely motion within which a place is known more easily; smaller: LOST for longer; larger: "
+        "look-alike places are taken for known ones")
     wide_away_m: float = tuned(0.1, unit="m", source="registrations of frames a quarter second apart against truth",
         effect="how far landmarks may move a pose from where descriptors put it; smaller: wide steps are LOST; "
         "larger: chance landmarks count")

@@ -38,9 +38,16 @@ class StampClock:
         """The steady time of the newest stamp."""
         return SteadyStamp(self.stamps[-1] - round(self.late_s * 1e9))
 
+    @property
+    def _longest_gap_s(self) -> float:
+        """The longest time to the next stamp that is no gap; after a gap, any period that a stream may have."""
+        if len(self.stamps) < 2:
+            return TUNING.clock_slowest_s
+        return max(TUNING.clock_longest_gap_s, TUNING.clock_longest_gap_periods * self.period_s)
+
     def after(self, stamp: Stamp) -> "StampClock":
         """Return the clock after one more stamp."""
-        if not self.stamps or not 0 < stamp - self.stamps[-1] < TUNING.clock_longest_gap_s * 1e9:
+        if not self.stamps or not 0 < stamp - self.stamps[-1] < self._longest_gap_s * 1e9:
             return replace(self, stamps=(stamp,), late_s=0.0, sigma_s=self.jitter_s)
         stamps = (*self.stamps, stamp)[-TUNING.clock_window :]
         seconds = (np.array(stamps) - stamp) * 1e-9

@@ -1,0 +1,31 @@
+"""A wide step: a frame that could not be followed is matched with the newest one by descriptors.
+
+What the newest frame saw besides the map's landmarks is needed now, so it becomes a key frame after all.
+"""
+
+from odom.backend.mapping.keyframe_inserter import KeyframeInserter
+from odom.backend.tracking.frame_state import FrameState, Tracked
+from odom.backend.tracking.frame_tracker import FrameTracker
+from odom.backend.tracking.relocalizer import registered_step, track_wide_step
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.place_descriptor import Place
+from odom.frontend.features.view import View
+
+
+def follow_wide_step(
+    tracker: FrameTracker,
+    inserter: KeyframeInserter,
+    state: FrameState | None,
+    view: View,
+    place: Place,
+    sensor: SensorModel,
+) -> tuple[FrameState | None, Tracked | None]:
+    """Return the newest frame's `state` afterwards, and the frame that shows `place` tracked from there, or None."""
+    registration = None if state is None else registered_step(state, view, place, sensor)
+    if state is None or registration is None:
+        return state, None
+    state = inserter.kept(state, sensor)
+    tracked = track_wide_step(tracker, state, view, registration, sensor)
+    if tracked is not None:
+        inserter.wear_out()
+    return state, tracked

@@ -6,6 +6,7 @@ import numpy as np
 
 from odom.backend.map.map import Map
 from odom.backend.settings import OdometrySettings
+from odom.backend.tracking.candidates import candidates_of
 from odom.backend.tracking.consensus import is_contested
 from odom.backend.tracking.found_landmarks import FoundLandmarks
 from odom.backend.tracking.frame_state import FrameState, MotionPrior, Tracked
@@ -19,7 +20,6 @@ from odom.frontend.features.images import FrameImages
 from odom.frontend.features.view import View
 from odom.frontend.matching.landmark_search import Candidates, find_landmarks
 from odom.frontend.matching.line_of_sight import LineOfSight
-from odom.geometry import se3
 from odom.geometry.arrays import Array, Index
 
 
@@ -31,7 +31,7 @@ class FrameTracker:
 
     def predict(self, state: FrameState, images: FrameImages, stamp: SteadyStamp, sensor: SensorModel) -> Array:
         """Return T_camera_map of the `images` taken at `stamp`, as predicted without depth (see `predict_pose`)."""
-        return predict_pose(self._map.landmarks, state, images, stamp, sensor.lens)
+        return predict_pose(self._map, state, images, stamp, sensor)
 
     def follow(self, state: FrameState, view: View, sensor: SensorModel, T_predicted: Array) -> Tracked | None:
         """Return the frame tracked from `T_predicted` (T_camera_map), None where what is found cannot be it.
@@ -116,11 +116,9 @@ class FrameTracker:
     def _candidates(self, local: Index, T_camera_map: Array) -> Candidates:
         """Return the landmarks of the key frames `local`, of which the first is the reference."""
         L, all_keyframes = self._map.landmarks, self._map.keyframes
-        T_map_camera = se3.inverse(T_camera_map)
         keyframes = np.sort(local)
-        T_camera_keyframe = np.array([se3.inverse(all_keyframes[k].T_camera_map @ T_map_camera) for k in keyframes])
         is_local = np.zeros(len(all_keyframes), dtype=np.bool_)
         is_local[keyframes] = True
         rows = np.flatnonzero(L.alive & is_local[L.keyframe])
         priority = L.seen[rows] + TUNING.reference_rank * (L.keyframe[rows] == int(local[0]))
-        return Candidates(rows, priority, keyframes, T_camera_keyframe)
+        return candidates_of(self._map, rows, priority, keyframes, T_camera_map)

@@ -11,10 +11,9 @@ import numpy as np
 
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.rolling_shutter import interaction_matrix
-from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
 from odom.geometry.compiled import compiled
-from odom.geometry.compiled_se3 import moved, solve_definite
+from odom.geometry.compiled_se3 import moved, orthonormalise, solve_definite
 
 _NEAREST_M = 0.05
 """Nearer points count as behind the camera: no depth camera measures so near, and 1/z would run away."""
@@ -177,10 +176,9 @@ def fit_pose(
     `Measurements`; `used` (n) says which of them count, `cauchy` at which chi-squared a weight is one half.
     """
     chosen = np.ones(len(points_map), dtype=np.bool_) if used is None else used
-    T, information, chi2 = _fitted(
-        points_map, covariances_map, values, variances, T_camera_map, chosen, iterations, float(cauchy)
+    return PoseFit(
+        *_fitted(points_map, covariances_map, values, variances, T_camera_map, chosen, iterations, float(cauchy))
     )
-    return PoseFit(se3.orthonormal(T), information, chi2)
 
 
 @compiled
@@ -205,4 +203,5 @@ def _fitted(
         H, g, chi2 = _accumulate(T, points, covariances, values, variances, used, cauchy)
         if np.abs(step).max() < _CONVERGED:
             break
+    orthonormalise(T)
     return T, H + prior, chi2

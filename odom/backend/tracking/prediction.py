@@ -5,13 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.backend.map.landmarks import Landmarks
+from odom.backend.map.map import Map
+from odom.backend.tracking.candidates import candidates_of
 from odom.backend.tracking.consensus import FollowedFeatures, consensus, is_contested, is_exact
 from odom.backend.tracking.frame_state import FrameState
 from odom.backend.tracking.pose_solver import fit_pose
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.lens import Lens, project, rays_at
+from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.images import FrameImages
+from odom.frontend.matching.landmark_search import find_coarsely
 from odom.frontend.matching.optical_flow import follow_features
 from odom.geometry.arrays import Array, Index, Mask
 
@@ -20,16 +24,22 @@ _BORDER_PX = 2.0
 _GATES_PX = (TUNING.coarse_gate_px, TUNING.middle_gate_px, TUNING.last_gate_px)
 
 
-def predict_pose(landmarks: Landmarks, state: FrameState, images: FrameImages, stamp: SteadyStamp, lens: Lens) -> Array:
+def predict_pose(map_: Map, state: FrameState, images: FrameImages, stamp: SteadyStamp, sensor: SensorModel) -> Array:
     """Return T_camera_map of the `images` taken at `stamp`, after the frame of `state`.
 
-    The fit's gate closes step by step (graduated non-convexity), so that a wrong constant velocity does no harm. Where
-    many features disagree with it, the motion is chosen that most of the image shows. Where too few are followed the
-    constant velocity stands.
+    As long as the camera moves about as it did, patches are found around where constant velocity puts them. Where it
+    surprises, features are followed from the image before, however far they went: the fit's gate closes step by step
+    (graduated non-convexity), so that a wrong constant velocity does no harm. Where many features disagree with it, the
+    motion is chosen that most of the image shows. Where too few are followed the constant velocity stands.
     """
     since_s = state.since_s(stamp)
     T_predicted = state.predicted_after(since_s)
-    followed = _follow(landmarks, state, images, T_predicted, lens)
+    searched = _search(map_, state, images, T_predicted, sensor)
+    coarse = searched.fitted(T_predicted, searched.found, _GATES_PX[1:])
+    if np.count_nonzero(coarse.agrees) >= max(TUNING.followed_least, TUNING.unsurprised_share * len(searched.rows)):
+        return coarse.T_camera_map
+    landmarks = map_.landmarks
+    followed = _follow(landmarks, state, images, T_predicted, sensor.lens)
     coarse = followed.fitted(T_predicted, followed.found, _GATES_PX)
     features = followed.features(landmarks, state.T_map_camera[:3, 3])
     rival = None
@@ -63,6 +73,13 @@ class _Followed:
     found: Mask
     lens: Lens
 
+    @classmethod
+    def at(cls, landmarks: Landmarks, rows: Index, uv: Array, found: Mask, lens: Lens) -> "_Followed":
+        """Return what was found of the landmarks `rows` at `uv`."""
+        rays = np.full((len(rows), 3), np.nan)
+        rays[:, :2] = rays_at(lens.rays, np.where(found[:, None], uv, 0.0))
+        return cls(rows, landmarks.position[rows], landmarks.covariance[rows], uv, rays, found, lens)
+
     def features(self, landmarks: Landmarks, eye: Array) -> FollowedFeatures:
         """Return the found ones, seen from about `eye` (3, m, map frame)."""
         found = self.found
@@ -92,18 +109,31 @@ class _Followed:
         return np.tile(pixel * [sigma_px**2, 0.0, sigma_px**2, 1.0], (len(self.points), 1))
 
 
-def _follow(landmarks: Landmarks, state: FrameState, images: FrameImages, T_predicted: Array, lens: Lens) -> _Followed:
-    """Follow what the frame of `state` saw into the next `images`, from where `T_predicted` puts it."""
+def _followed_before(landmarks: Landmarks, state: FrameState) -> tuple[Index, Array]:
+    """Return the rows (n) of landmarks that the frame of `state` saw, as many as are followed, and where (n x 2 px)."""
     alive = landmarks.alive[state.rows]
-    rows, uv_previous = state.rows[alive], state.uv[alive]
+    rows, uv = state.rows[alive], state.uv[alive]
     if len(rows) > TUNING.followed:
         chosen = np.linspace(0, len(rows) - 1, TUNING.followed).astype(np.int64)
-        rows, uv_previous = rows[chosen], uv_previous[chosen]
+        rows, uv = rows[chosen], uv[chosen]
+    return rows, uv
+
+
+def _search(map_: Map, state: FrameState, images: FrameImages, T_predicted: Array, sensor: SensorModel) -> _Followed:
+    """Look for what the frame of `state` saw in the half-size image, by patches, around where `T_predicted` puts it."""
+    rows, _ = _followed_before(map_.landmarks, state)
+    keyframes = np.unique(map_.landmarks.keyframe[rows])
+    candidates = candidates_of(map_, rows, np.zeros(len(rows)), keyframes, T_predicted)
+    return _Followed.at(
+        map_.landmarks, *find_coarsely(map_.landmarks, candidates, T_predicted, images, sensor), sensor.lens
+    )
+
+
+def _follow(landmarks: Landmarks, state: FrameState, images: FrameImages, T_predicted: Array, lens: Lens) -> _Followed:
+    """Follow what the frame of `state` saw into the next `images`, from where `T_predicted` puts it."""
+    rows, uv_previous = _followed_before(landmarks, state)
     height, width = images.full.shape
-    points, covariances = landmarks.position[rows], landmarks.covariance[rows]
-    seen = project(points, T_predicted, lens.intrinsics, lens.distortion, width, height, _BORDER_PX)
+    seen = project(landmarks.position[rows], T_predicted, lens.intrinsics, lens.distortion, width, height, _BORDER_PX)
     guess = np.where(np.isnan(seen[:, :2]), uv_previous, seen[:, :2])
     uv, found = follow_features(state.view.images.full, images.full, uv_previous, guess)
-    rays = np.full((len(rows), 3), np.nan)
-    rays[:, :2] = rays_at(lens.rays, np.where(found[:, None], uv, 0.0))
-    return _Followed(rows, points, covariances, uv, rays, found, lens)
+    return _Followed.at(landmarks, rows, uv, found, lens)

@@ -21,6 +21,9 @@ class Tuning:
         effect="followed by optical flow for the prediction; fewer: fast turns are lost; more: slower without gain")
     followed_least: int = tuned(15, unit="features", source=_SWEEP,
         effect="fewer: a prediction from chance matches; more: the constant velocity is used too often")
+    unsurprised_share: float = tuned(0.6, unit="share of the features", source=_SWEEP,
+        effect="found by patches around the motion expected, nothing need be followed; smaller: surprises and bodies "
+        "that move are overlooked; larger: slower")
     coarse_gate_px: float = tuned(30.0, unit="px", source=_SWEEP,
         effect="first sigma of graduated non-convexity; smaller: surprises are not followed; larger: hardly anything")
     middle_gate_px: float = tuned(6.0, unit="px", source=_SWEEP, effect="second sigma; as coarse_gate_px")

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from odom.frontend.camera.lens import project
 from odom.frontend.camera.sensor_model import SensorModel
@@ -104,6 +105,61 @@ class Found:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class _Expected:
+    """n landmarks that a pose shows in an image: `rows` in the map, `uv` (n x 2 px), `depth_m` (n).
+
+    `A_reference_current` (n x 2 x 2) warps their patches as far as they are `usable` (n), see `affinities`.
+    """
+
+    rows: Index
+    uv: Array
+    depth_m: Array
+    A_reference_current: Array
+    usable: Mask
+
+    @classmethod
+    def of(
+        cls, landmarks: LandmarkPatches, candidates: Candidates, T_camera_map: Array, sensor: SensorModel, most: int
+    ) -> "_Expected":
+        """Return up to `most` of the `candidates`, spread over the image of a camera at `T_camera_map`."""
+        lens, cell_px, margin_px = sensor.lens, TUNING.search_cell_px, TUNING.search_margin_px
+        rows, priority = candidates.rows, candidates.priority
+        height, width = lens.rays.shape[:2]
+        position = landmarks.position[rows]
+        seen = project(position, T_camera_map, lens.intrinsics, lens.distortion, width, height, margin_px)
+        visible = np.isfinite(seen[:, 0])
+        rows, seen, priority = rows[visible], seen[visible], priority[visible]
+        if len(rows) > most:
+            chosen = _spread(seen[:, :2], priority, most, width // cell_px + 1, cell_px)
+            rows, seen = rows[chosen], seen[chosen]
+        A, usable = affinities(
+            landmarks.uv[rows],
+            landmarks.plane[rows],
+            np.searchsorted(candidates.keyframes, landmarks.keyframe[rows]),
+            candidates.T_camera_keyframe,
+            lens.rays,
+            lens.intrinsics,
+            lens.distortion,
+            WARP_LIMITS,
+        )
+        return cls(rows, seen[:, :2].copy(), seen[:, 2], A, usable)
+
+    def aligned(
+        self, image: Image, patches: Image, uv: Array, valid: Mask, limit_px: float
+    ) -> tuple[NDArray[np.float32], Array]:
+        """Align the patches in an image from `uv`, which changes (see `align_patches`)."""
+        A, iterations = self.A_reference_current, TUNING.search_iterations
+        return align_patches(image, patches, A, uv, valid, iterations, limit_px, PATCH_LIMITS)
+
+    def aligned_coarsely(self, landmarks: LandmarkPatches, images: FrameImages) -> tuple[Array, Mask]:
+        """Return where the half-size image shows them (n x 2 px of the full one), and which were found there."""
+        uv = self.uv / 2.0
+        limit_px = TUNING.search_coarse_limit_px
+        score, _ = self.aligned(images.half, landmarks.patch_half[self.rows], uv, self.usable, limit_px)
+        return 2.0 * uv, score > TUNING.search_coarse_score
+
+
 def find_landmarks(
     landmarks: LandmarkPatches,
     candidates: Candidates,
@@ -117,36 +173,22 @@ def find_landmarks(
 
     `is_near`: within `search_fine_limit_px`, so that the half-size image need not be searched first.
     """
-    lens, cell_px, margin_px = sensor.lens, TUNING.search_cell_px, TUNING.search_margin_px
-    rows, priority = candidates.rows, candidates.priority
-    height, width = images.full.shape
-    seen = project(landmarks.position[rows], T_camera_map, lens.intrinsics, lens.distortion, width, height, margin_px)
-    visible = np.isfinite(seen[:, 0])
-    rows, seen, priority = rows[visible], seen[visible], priority[visible]
-    if len(rows) > most:
-        chosen = _spread(seen[:, :2], priority, most, width // cell_px + 1, cell_px)
-        rows, seen = rows[chosen], seen[chosen]
-    A, usable = affinities(
-        landmarks.uv[rows],
-        landmarks.plane[rows],
-        np.searchsorted(candidates.keyframes, landmarks.keyframe[rows]),
-        candidates.T_camera_keyframe,
-        lens.rays,
-        lens.intrinsics,
-        lens.distortion,
-        WARP_LIMITS,
-    )
-    patches_full = landmarks.patch_full[rows]
-    iterations = TUNING.search_iterations
-    uv = seen[:, :2].copy()
+    expected = _Expected.of(landmarks, candidates, T_camera_map, sensor, most)
+    rows, uv, valid = expected.rows, expected.uv.copy(), expected.usable
     if not is_near:
-        uv /= 2.0
-        patches_half = landmarks.patch_half[rows]
-        limit_px = TUNING.search_coarse_limit_px
-        score, _ = align_patches(images.half, patches_half, A, uv, usable, iterations, limit_px, PATCH_LIMITS)
-        usable &= score > TUNING.search_coarse_score
-        uv *= 2.0
-    limit_px = TUNING.search_fine_limit_px
-    score, covariance = align_patches(images.full, patches_full, A, uv, usable, iterations, limit_px, PATCH_LIMITS)
+        uv, valid = expected.aligned_coarsely(landmarks, images)
+    patches, limit_px = landmarks.patch_full[rows], TUNING.search_fine_limit_px
+    score, covariance = expected.aligned(images.full, patches, uv, valid, limit_px)
     found = score > TUNING.search_fine_score
-    return Found(rows[found], uv[found], covariance[found], 1.0 / seen[found, 2], rows)
+    return Found(rows[found], uv[found], covariance[found], 1.0 / expected.depth_m[found], rows)
+
+
+def find_coarsely(
+    landmarks: LandmarkPatches, candidates: Candidates, T_camera_map: Array, images: FrameImages, sensor: SensorModel
+) -> tuple[Index, Array, Mask]:
+    """Look for all `candidates` that `T_camera_map` shows in the half-size image, some eight pixels around.
+
+    Returns their rows (n), where they are (n x 2 px of the full image), and which of them were found.
+    """
+    expected = _Expected.of(landmarks, candidates, T_camera_map, sensor, len(candidates.rows))
+    return (expected.rows, *expected.aligned_coarsely(landmarks, images))

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from odom.geometry import se3
-from odom.geometry.compiled_se3 import moved, solve_definite
+from odom.geometry.compiled_se3 import moved, orthonormalise, solve_definite
 
 
 @given(xi=arrays(float, 6, elements=st.floats(-2.0, 2.0)), at=arrays(float, 6, elements=st.floats(-2.0, 2.0)))
@@ -20,6 +20,15 @@ def test_a_step_is_the_exponential_times_the_pose(xi, at):
 def test_small_turns_are_exact_on_both_sides_of_the_series(size):
     xi = np.array([0.1, -0.2, 0.3, size, -size, 0.5 * size])
     np.testing.assert_allclose(moved(xi, np.eye(4)), se3.exp(xi), atol=1e-12)
+
+
+@given(xi=arrays(float, 6, elements=st.floats(-2.0, 2.0)), noise=arrays(float, (3, 3), elements=st.floats(-1e-6, 1e-6)))
+def test_a_drifted_rotation_is_brought_back_as_by_the_plain_function(xi, noise):
+    T = se3.exp(xi)
+    T[:3, :3] += noise
+    expected = se3.orthonormal(T)
+    orthonormalise(T)
+    np.testing.assert_allclose(T, expected, atol=1e-14)
 
 
 @given(A=arrays(float, (9, 6), elements=st.floats(-10.0, 10.0)), g=arrays(float, 6, elements=st.floats(-10.0, 10.0)))

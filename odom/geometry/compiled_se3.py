@@ -42,6 +42,18 @@ def moved(xi: Array, T: Array) -> Array:
 
 
 @compiled
+def orthonormalise(T: Array) -> None:
+    """Bring the rotation of `T` (4 x 4), drifted by rounding, back onto SO(3), as `se3.orthonormal` does."""
+    R = T[:3, :3].copy()
+    for i in range(3):
+        for j in range(3):
+            T[i, j] = 1.5 * R[i, j]
+            for k in range(3):
+                overlap = R[0, k] * R[0, j] + R[1, k] * R[1, j] + R[2, k] * R[2, j]
+                T[i, j] -= 0.5 * R[i, k] * overlap
+
+
+@compiled
 def solve_definite(H: Array, g: Array) -> Array:
     """Return x with `H @ x == g` for a symmetric positive definite `H` (n x n); NaN or infinite where it is not."""
     n = len(g)

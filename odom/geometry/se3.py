@@ -4,6 +4,8 @@ A tangent vector is `xi = (rho, phi)`: translation first (metres), rotation last
 A 6 x 6 covariance of `T_target_source` describes `xi` in `T_true = T_estimate @ exp(xi)`, so it is expressed in
 the SOURCE frame. Formulas: J. Sola et al., "A micro Lie theory for state estimation in robotics", 2018,
 appendices B (SO(3)) and D (SE(3)).
+
+What is called tens of times a frame is written out in numbers: numpy takes longer to look at so small arrays.
 """
 
 import math
@@ -12,7 +14,7 @@ import numpy as np
 
 from odom.geometry.arrays import Array
 
-_I3, _I4 = np.eye(3), np.eye(4)
+_I3 = np.eye(3)
 _SMALL = 1e-5
 """rad; below it series to the second order are exact to rounding, where quotients of sines lose digits."""
 _NEAR_A_HALF_TURN = -0.9
@@ -36,47 +38,83 @@ def so3_exp(phi: Array) -> Array:
 
 def so3_log(R: Array) -> Array:
     """Return the rotation vector (3, radians, norm at most pi) of the rotation matrix `R`."""
-    twice_sine = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    sine, cosine = 0.5 * math.sqrt(twice_sine @ twice_sine), 0.5 * float(R[0, 0] + R[1, 1] + R[2, 2] - 1.0)
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    x, y, z = h - f, c - g, d - b  # the axis times twice the sine
+    sine, cosine = 0.5 * math.sqrt(x * x + y * y + z * z), 0.5 * (a + e + i - 1.0)
     if cosine > _NEAR_A_HALF_TURN:
-        return np.asarray(twice_sine * (0.5 if sine < _SMALL else 0.5 * np.arctan2(sine, cosine) / sine))
+        scale = 0.5 if sine < _SMALL else 0.5 * math.atan2(sine, cosine) / sine
+        return np.array([scale * x, scale * y, scale * z])
     k = int(np.argmax(np.diagonal(R)))
     axis = 0.5 * (R[:, k] + R[k])  # of cos I + (1 - cos) a a', the symmetric part: the sine is near 0 here
     axis[k] -= cosine
     axis *= np.arctan2(sine, cosine) / np.sqrt(axis @ axis)
-    return np.asarray(-axis if axis @ twice_sine < 0.0 else axis)
-
-
-def left_jacobian(phi: Array) -> Array:
-    """Return the 3 x 3 left Jacobian of SO(3) at `phi`: `exp((rho, phi))` has translation `J rho`."""
-    theta = math.sqrt(phi @ phi)
-    W = hat(phi)
-    if theta < _SMALL:
-        return np.asarray(_I3 + 0.5 * W + W @ W / 6.0)
-    a = (1.0 - np.cos(theta)) / theta**2
-    b = (theta - np.sin(theta)) / theta**3
-    return np.asarray(_I3 + a * W + b * W @ W)
+    return np.asarray(-axis if axis @ np.array([x, y, z]) < 0.0 else axis)
 
 
 def exp(xi: Array) -> Array:
     """Return the 4 x 4 rigid motion of the tangent vector `xi` = (rho, phi)."""
-    T = _I4.copy()
-    T[:3, :3] = so3_exp(xi[3:])
-    T[:3, 3] = left_jacobian(xi[3:]) @ xi[:3]
-    return T
+    r, s, t, x, y, z = xi.tolist()
+    theta2 = x * x + y * y + z * z
+    theta = math.sqrt(theta2)
+    if theta < _SMALL:
+        a, b, c = 1.0, 0.5, 1.0 / 6.0
+    else:
+        a, b = math.sin(theta) / theta, (1.0 - math.cos(theta)) / theta2
+        c = (1.0 - a) / theta2
+    # with W = hat(phi), W^2 = phi phi' - theta^2 I: R = I + a W + b W^2 and the translation rho + b W rho + c W^2 rho
+    d = 1.0 - b * theta2
+    xy, xz, yz = b * x * y, b * x * z, b * y * z
+    u, v, w = y * t - z * s, z * r - x * t, x * s - y * r
+    return np.array(
+        [
+            [d + b * x * x, xy - a * z, xz + a * y, r + b * u + c * (y * w - z * v)],
+            [xy + a * z, d + b * y * y, yz - a * x, s + b * v + c * (z * u - x * w)],
+            [xz - a * y, yz + a * x, d + b * z * z, t + b * w + c * (x * v - y * u)],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
 
 
 def log(T: Array) -> Array:
     """Return the tangent vector (rho, phi) of the rigid motion `T`."""
-    phi = so3_log(T[:3, :3])
-    return np.concatenate([np.linalg.solve(left_jacobian(phi), T[:3, 3]), phi])
+    x, y, z = so3_log(T[:3, :3]).tolist()
+    r, s, t = T[:3, 3].tolist()
+    theta2 = x * x + y * y + z * z
+    theta = math.sqrt(theta2)
+    # the inverse of the left Jacobian: I - W / 2 + d W^2
+    d = 1.0 / 12.0 if theta < _SMALL else (1.0 - 0.5 * theta / math.tan(0.5 * theta)) / theta2
+    u, v, w = y * t - z * s, z * r - x * t, x * s - y * r
+    return np.array(
+        [
+            r - 0.5 * u + d * (y * w - z * v),
+            s - 0.5 * v + d * (z * u - x * w),
+            t - 0.5 * w + d * (x * v - y * u),
+            x,
+            y,
+            z,
+        ]
+    )
 
 
 def inverse(T: Array) -> Array:
     """Return the inverse of the rigid motion `T`."""
-    out = _I4.copy()
-    out[:3, :3] = T[:3, :3].T
-    out[:3, 3] = -T[:3, :3].T @ T[:3, 3]
+    (a, b, c, x), (d, e, f, y), (g, h, i, z), _ = T.tolist()
+    return np.array(
+        [
+            [a, d, g, -(a * x + d * y + g * z)],
+            [b, e, h, -(b * x + e * y + h * z)],
+            [c, f, i, -(c * x + f * y + i * z)],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+
+
+def inverses(T: Array) -> Array:
+    """Return the inverses (n x 4 x 4) of n rigid motions."""
+    out = np.zeros_like(T)
+    R = T[:, :3, :3].transpose(0, 2, 1)
+    out[:, :3, :3], out[:, 3, 3] = R, 1.0
+    out[:, :3, 3] = -(R @ T[:, :3, 3, None])[:, :, 0]
     return out
 
 

@@ -8,11 +8,15 @@ import numpy as np
 from odom.calibration.adjustment import FREE, Fit, Prior, fit
 from odom.calibration.held_out import Residuals, compare, is_better
 from odom.calibration.parameters import GROUPS, NAMES, SCALE_NUMBER, camera_of, numbers_of, prior_sigma, vector_of
+from odom.calibration.prior_width import narrowed
 from odom.calibration.sureness import sigmas
 from odom.calibration.survey import Survey
 from odom.calibration.tuning import TUNING
 from odom.frame import Camera
 from odom.geometry.arrays import Array, Mask
+
+_ROUNDS_MORE = 2
+"""Linearisations under the narrowed prior, which moves the camera by a few sigmas at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +24,7 @@ class Calibrated:
     """A `camera`, the standard deviations `sigma` (28) of its numbers, and which the walk has `shown` (28).
 
     `vector` (28) is that of the camera, and `start` the one it began with; what was not shown is as it was there, with
-    the prior's sigma. `fitted` is the last adjustment.
+    the prior's sigma. `fitted` is the last adjustment, under `prior`.
     """
 
     camera: Camera
@@ -29,6 +33,7 @@ class Calibrated:
     sigma: Array
     shown: Mask
     fitted: Fit
+    prior: Prior
 
     def hidden(self) -> list[str]:
         """Return in words what the walk did not show, and what motion would."""
@@ -45,15 +50,16 @@ def calibrated(
 ) -> Calibrated:
     """Return the camera that fits a survey best; `start` is the one that was given, and the prior.
 
-    Numbers that become hardly surer than they were before are left as they were. `earlier` is the result of the round
-    before, whose change counts as unsureness. Raises ConfigError for a lens that cannot be calibrated.
+    Numbers that become hardly surer than they were before are left as they were, the others move as far as the walk
+    makes it probable (see `prior_width`). `earlier` is the result of the round before, whose change counts as
+    unsureness. Raises ConfigError for a lens that cannot be calibrated.
     """
     mean, prior_s = vector_of(start), prior_sigma(start)
     given = vector_of(survey.camera)
     mean[SCALE_NUMBER] = given[SCALE_NUMBER]  # which the images do not show
     prior = Prior(mean, prior_s)
     free, found = FREE, None
-    for _ in range(3):
+    while True:
         found = fit(survey, prior, free, found, stopped)
         sure = sigmas(survey, found, prior)
         shown = sure < TUNING.shown_share * prior_s[free]
@@ -62,14 +68,16 @@ def calibrated(
         vector = mean.copy()
         vector[free[shown]] = found.vector[free[shown]]
         free = free[shown]
-        found = Fit(vector, free, found.information, found.bundle)
-    assert found is not None
+        found = Fit(vector, free, np.eye(len(free)), found.bundle)
+    if shown.any():
+        prior = narrowed(prior, found, sure)
+        found = fit(survey, prior, free, found, stopped, _ROUNDS_MORE)
     sigma, is_shown = prior_s.copy(), np.zeros(len(NAMES), dtype=np.bool_)
     sigma[free], is_shown[free] = sure, shown
     vector = np.where(is_shown, found.vector, mean)
     if earlier is not None:
         sigma[free] = np.hypot(sigma[free], TUNING.sure_moved * np.abs(vector - earlier.vector)[free])
-    return Calibrated(camera_of(vector, start), vector_of(start), vector, sigma, is_shown, found)
+    return Calibrated(camera_of(vector, start), vector_of(start), vector, sigma, is_shown, found, prior)
 
 
 @dataclass(frozen=True)
@@ -84,6 +92,5 @@ class Judgement:
 
 def judge(survey: Survey, result: Calibrated, stopped: Callable[[], bool] = lambda: False) -> Judgement:
     """Return how a calibration does on frames that it is fitted without."""
-    prior = Prior(result.start, prior_sigma(result.camera))
-    (before, after), fits = compare(survey, result.start, result.fitted, prior, stopped)
+    (before, after), fits = compare(survey, result.start, result.fitted, result.prior, stopped)
     return Judgement(before, after, is_better(before, after), fits)

@@ -55,11 +55,6 @@ class Tuning:
         effect="newest ones that are looked at; fewer: less is seen of the image's border; more: slower on long walks")
     self_observations: int = tuned(8000, unit="observations", source=_WALKS,
         effect="fewer: good calibrations look poor by chance, as a third does with 1500; more: slower")
-    self_poor_px: float = tuned(3.7, unit="px", source="sheets: up to 2.7 px; an average Kinect's: 4.7 px and more",
-        effect="error of rays or of depth beside colour from which a calibration is replaced; smaller: good ones are "
-        "replaced, which loses accuracy; larger: poor ones stay")
-    self_gain: float = tuned(0.25, unit="share of the held-out rays' cost", source="sheets: up to .17; poor ones: .13 "
-        "to .44", effect="gain from which a calibration is replaced as well; smaller and larger: as self_poor_px")
 # fmt: on
 
 

@@ -11,6 +11,7 @@ from odom.calibration.parameters import NAMES, SCALE, SCALE_NUMBER, camera_of, v
 from odom.calibration.result import Calibrated, Judgement, calibrated, judge
 from odom.calibration.survey import Survey, joined, survey_of
 from odom.calibration.tuning import TUNING
+from odom.calibration.unit_of_length import in_unit_of_depth
 from odom.errors import ConfigError, InputError, RecordingError
 from odom.evaluation.diagnosis.scale import ScaleFit
 from odom.evaluation.trajectory import Trajectory
@@ -89,7 +90,7 @@ def calibrate_recordings(
         progress("adjusting")
         scale = _scale(walks)
         earlier = None if best is None else best.result
-        result = _with_scale(_calibrated(survey, start, earlier, stopped), survey.camera, scale)
+        result = _in_metres(_calibrated(survey, start, earlier, stopped), survey, scale)
         if len(walks) > 1 and number == 1:
             _check_same_camera(walks, start, stopped)
         best = Outcome(start, result, survey, None, scale if best is None else best.scale, number)
@@ -187,18 +188,16 @@ def _check_same_camera(walks: Sequence[Walk], start: Camera, stopped: Callable[[
                 )
 
 
-def _with_scale(result: Calibrated, measured_with: Camera, scale: ScaleFit | None) -> Calibrated:
-    """Return the result with its depth brought to the truth's unit, as far as that is surer than the sensor's own."""
-    if scale is None:
-        return result
+def _in_metres(result: Calibrated, survey: Survey, scale: ScaleFit | None) -> Calibrated:
+    """Return the result with its depth brought to the truth's unit, or left in its own where that is the surer one."""
+    own, seen = TUNING.prior_field, np.inf if scale is None else scale.sigma / scale.ratio
+    sure = float(own / np.sqrt(1.0 + (own / seen) ** 2))
+    if scale is None or sure >= TUNING.shown_share * own:
+        return in_unit_of_depth(result, survey)
     vector, sigma, shown = result.vector.copy(), result.sigma.copy(), result.shown.copy()
-    own, seen = TUNING.prior_field, scale.sigma / scale.ratio
-    weight = own**2 / (own**2 + seen**2)
-    sigma[SCALE_NUMBER] = np.sqrt(weight) * seen
-    shown[SCALE_NUMBER] = sigma[SCALE_NUMBER] < TUNING.shown_share * own
-    if not shown[SCALE_NUMBER]:
-        return result
-    unit = vector_of(measured_with)[SCALE_NUMBER] / scale.ratio
+    weight = (sure / seen) ** 2
+    sigma[SCALE_NUMBER], shown[SCALE_NUMBER] = sure, True
+    unit = vector_of(survey.camera)[SCALE_NUMBER] / scale.ratio
     mean = weight * unit + (1.0 - weight) * result.start[SCALE_NUMBER]
     vector[SCALE] *= mean / vector[SCALE_NUMBER]
     return replace(result, camera=camera_of(vector, result.camera), vector=vector, sigma=sigma, shown=shown)

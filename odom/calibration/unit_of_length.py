@@ -1,0 +1,81 @@
+"""The unit of length after a calibration, which neither images nor depth show.
+
+With steps, landmarks and depth longer by one factor, everything looks the same. A fit to images must therefore not
+change the unit by the way: corrections of depth that grow or fall with range would, and so does a longer focal length,
+which makes steps to the side smaller. What is believed of the unit beforehand decides.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from odom.calibration.parameters import BASELINE, OFFSET, SCALE, camera_of
+from odom.calibration.rays import rays_of, turned_onto
+from odom.calibration.result import Calibrated
+from odom.calibration.survey import Survey
+from odom.calibration.tuning import TUNING
+from odom.frame import Camera
+from odom.geometry.arrays import Array
+
+_LEAST_INVERSE = 1e-3
+"""Inverse depth (1/m) that a correction leaves at least: of a kilometre."""
+
+
+def in_unit_of_depth(result: Calibrated, survey: Survey) -> Calibrated:
+    """Return a calibration by which depth is, for the usual observation, as long as by the calibration given."""
+    return _scaled(result, float(np.exp(-depth_change(result, survey))))
+
+
+def in_believed_unit(result: Calibrated, survey: Survey) -> Calibrated:
+    """Return a calibration in the unit that is expected where nothing was measured against a metre.
+
+    Where the lens is found to be longer by a share d, either depth's unit is right, and walks are shorter by d than the
+    calibration given made them. Or their size was right: whoever ties depth to a board of known size does so by the
+    focal length that he believes in, so that the errors of both cancel. The expected unit lies between.
+    """
+    lens = lens_change(result.camera, survey)
+    return _scaled(result, float(np.exp(-depth_change(result, survey) - size_belief(lens) * lens)))
+
+
+def size_belief(lens: float) -> float:
+    """Return the probability that the size was right where the lens changes by `lens` (natural logarithm).
+
+    By Bayes' rule, even odds beforehand: then depth's unit was off by so much, else the focal length was, and its prior
+    is the wider one. Small changes let the size be, large ones are the focal length's.
+    """
+    unit, focal = TUNING.prior_field, TUNING.prior_focal
+    odds = focal / unit * np.exp(-0.5 * lens**2 * (unit**-2.0 - focal**-2.0))
+    return float(odds / (1.0 + odds))
+
+
+def depth_change(result: Calibrated, survey: Survey) -> float:
+    """Return the median change of depth over a survey's observations, a natural logarithm; 0 without depth."""
+    has_depth = survey.inverse_depth > 0.0
+    if not has_depth.any():
+        return 0.0
+    terms, measured = survey.terms[has_depth], survey.inverse_depth[has_depth]
+
+    def inverse(vector: Array) -> Array:
+        return np.maximum((measured - terms @ vector[OFFSET]) / (terms @ vector[SCALE]), _LEAST_INVERSE)
+
+    return float(np.median(np.log(inverse(result.start) / inverse(result.vector))))
+
+
+def lens_change(camera: Camera, survey: Survey) -> float:
+    """Return how much wider `camera` sees what the survey's camera saw, by the spread of x/z, y/z: a logarithm.
+
+    A longer lens gives a negative one: the same pixels are seen closer together, and steps to the side are smaller.
+    """
+    given = rays_of(survey.camera, survey.uv)
+    found = turned_onto(rays_of(camera, survey.uv), given)
+    a, b = (rays[:, :2] / rays[:, 2:] for rays in (given, found))
+    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    return float(np.log((a * b).sum() / (a * a).sum()))
+
+
+def _scaled(result: Calibrated, factor: float) -> Calibrated:
+    """Return a calibration by which all lengths are `factor` times as long, with the same images."""
+    vector = result.vector.copy()
+    vector[SCALE] *= factor
+    vector[BASELINE] *= factor
+    return replace(result, camera=camera_of(vector, result.camera), vector=vector)

@@ -133,6 +133,9 @@ class Tuning:
         effect="noise of an image in motion: blurred corners are not told apart; as look_back_sigmas")
     look_back_px: float = tuned(1.0, unit="px", source=_BODIES,
         effect="what is not known of the pose and the rolling shutter; as look_back_sigmas")
+    look_back_step: float = tuned(0.02, unit="share of the way in the image", source=_BODIES,
+        effect="what is not known of the velocities, by which rolling shutters bend quick turns; smaller: quick turns "
+        "look like motion; larger: slow bodies in quick turns become landmarks")
     look_back_flow_px: float = tuned(1.0, unit="px", source=_BODIES,
         effect="sigma of a corner followed by flow; as look_back_sigmas")
     look_back_return_px: float = tuned(0.5, unit="px of the half-size image", source=_BODIES,

@@ -15,6 +15,7 @@ from odom.evaluation.trajectory import Trajectory
     ("name", "every", "least_complete", "most_ate_m"),
     [
         ("tum_fr1_xyz", 16, 0.98, 0.0085),
+        ("tum_fr1_rpy_part", 2, 0.97, 0.0185),
         ("tum_fr1_rpy_part", 4, 0.95, 0.018),
         ("tum_fr1_rpy_part", 8, 0.95, 0.033),
         ("hololens_part", 1, 0.98, 0.06),
@@ -29,7 +30,8 @@ def test_wide_steps_make_one_segment_with_hardly_a_frame_lost(
     trajectory = Trajectory.of(odometry.finish())
     report = evaluate(trajectory, recording.truth()["camera"])
     assert np.mean([e.state is not State.LOST for e in estimates]) >= least_complete
-    assert np.mean([e.state is State.RECOVERED for e in estimates]) <= 0.05, "followed, not found again each time"
+    is_sure = [e.state is State.TRACKING for e in estimates]
+    assert np.mean(is_sure) >= 0.95, "followed, not found again each time; and nothing is taken for moving"
     assert trajectory.segment is not None
     assert len(set(trajectory.segment.tolist())) == 1
     assert report.ate_m <= most_ate_m

@@ -36,6 +36,13 @@ def test_a_room_stands_still_while_the_camera_walks() -> None:
     assert seen.visible.sum() > 100
 
 
+def test_a_quick_turn_whose_speed_is_known_to_two_per_cent_does_not_look_like_motion() -> None:
+    turned, told = (se3.exp(np.array([0.0, 0.0, 0.0, 0.0, rad, 0.0])) for rad in (0.40, 0.408))
+    _, seen = seen_back(ROOM.frame(SMALL, 36, turned), ROOM.frame(SMALL, 30, np.eye(4)), told)
+    assert seen.stands.sum() > 60
+    assert seen.moves.sum() < 0.05 * seen.visible.sum()
+
+
 def test_a_body_moves_and_the_wall_behind_it_stands() -> None:
     painter = Painter(SMALL, passers_by(SMALL, 0.9, share=0.4), START, anchor_before_camera, Lens.of(SMALL))
     (now, mask), (earlier, _) = (painter.paint(ROOM.frame(SMALL, number, np.eye(4))) for number in (70, 64))

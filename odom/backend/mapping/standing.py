@@ -54,8 +54,8 @@ class RecentViews:
     def standing(self, view: View, tracked: Tracked, corners: Corners, sensor: SensorModel) -> tuple[Mask, float]:
         """Return which `corners` (n) of a tracked view may become landmarks, and in how much of the view most moved.
 
-        See `standing_corners` and `moved_share`. They are measured again with the velocity that the rows of the image
-        show: a mean one shears a quick turn.
+        See `standing_corners` and `moved_share`; landmarks found where the pose puts them count as standing. Corners
+        are measured again with the velocity that the rows of the image show: a mean one shears a quick turn.
         """
         nothing = np.zeros((len(corners.uv), 3))
         measured = measure(view, sensor, corners.uv, nothing, tracked.twist)
@@ -69,7 +69,9 @@ class RecentViews:
         stands = np.zeros(len(corners.uv), dtype=np.bool_)
         stands[known] = standing_corners(patches.position, evidence)
         judged = evidence.weight > 0.0
-        moved = moved_share(corners.uv[known[judged]], ~stands[known[judged]])
+        uv = np.concatenate([corners.uv[known[judged]], tracked.inlying.uv])
+        moves = np.concatenate([~stands[known[judged]], np.zeros(tracked.inlier_count, dtype=np.bool_)])
+        moved = moved_share(uv, moves)
         moving = self.moving(view, tracked, sensor)
         if moving is None:
             return stands, moved

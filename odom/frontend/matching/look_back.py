@@ -161,9 +161,11 @@ def _found(
     is_followed &= came_back & (np.linalg.norm(back - uv_missed, axis=1) < TUNING.look_back_return_px)
     flow = np.tile([TUNING.look_back_flow_px**2, 0.0, TUNING.look_back_flow_px**2], (len(missed), 1))
     covariance = np.concatenate([found.covariance_uv * TUNING.look_back_noise**2, flow[is_followed]])
-    covariance[:, [0, 2]] += TUNING.look_back_px**2
+    rows_found = np.concatenate([found.rows, missed[is_followed]])
+    step_px = np.linalg.norm(expected.uv[np.searchsorted(expected.rows, rows_found)] - corners.uv[rows_found], axis=1)
+    covariance[:, [0, 2]] += (TUNING.look_back_px**2 + (TUNING.look_back_step * step_px) ** 2)[:, None]
     return (
-        np.concatenate([found.rows, missed[is_followed]]),
+        rows_found,
         np.concatenate([found.uv, 2.0 * uv[is_followed]]),
         covariance,
     )

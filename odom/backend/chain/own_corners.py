@@ -81,7 +81,7 @@ class OwnCorners:
         if not n:
             return Sight.nothing()
         T_camera_keyframe = T_camera_chain @ self.T_chain_keyframe
-        candidates = Candidates(np.arange(n), np.zeros(n), np.arange(len(T_camera_keyframe)), T_camera_keyframe)
+        candidates = Candidates.all_of(np.arange(n), np.arange(len(T_camera_keyframe)), T_camera_keyframe)
         found = find_landmarks(self, candidates, T_camera_chain, view.images, sensor, n, is_near=True)
         covariance_uv = found.covariance_uv * TRACKING.image_noise**2
         measured = measure(view, sensor, found.uv, covariance_uv, twist, found.inverse_depth)

@@ -6,11 +6,11 @@ import numpy as np
 
 from odom.backend.map.map import Map
 from odom.backend.settings import OdometrySettings
-from odom.backend.tracking.candidates import candidates_of
 from odom.backend.tracking.consensus import is_contested
 from odom.backend.tracking.found_landmarks import FoundLandmarks
 from odom.backend.tracking.frame_state import FrameState, MotionPrior, Tracked
 from odom.backend.tracking.motion_model import ANY_VELOCITY
+from odom.backend.tracking.motions import motions_from
 from odom.backend.tracking.prediction import predict_pose
 from odom.backend.tracking.quality import has_enough_inliers, is_known_place, is_plausible_motion, is_same_view
 from odom.backend.tracking.tuning import TUNING
@@ -120,5 +120,7 @@ class FrameTracker:
         is_local = np.zeros(len(all_keyframes), dtype=np.bool_)
         is_local[keyframes] = True
         rows = np.flatnonzero(L.alive & is_local[L.keyframe])
-        priority = L.seen[rows] + TUNING.reference_rank * (L.keyframe[rows] == int(local[0]))
-        return candidates_of(self._map, rows, priority, keyframes, T_camera_map)
+        chance = (L.seen[rows] + 1.0) / (L.tried[rows] + 2.0)  # Laplace's rule of succession
+        priority = chance**2 * (L.seen[rows] + TUNING.reference_rank * (L.keyframe[rows] == int(local[0])))
+        T_camera_keyframe = motions_from(self._map, keyframes, T_camera_map)
+        return Candidates(rows, priority, chance, keyframes, T_camera_keyframe)

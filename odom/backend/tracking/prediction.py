@@ -6,16 +6,16 @@ import numpy as np
 
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.map.map import Map
-from odom.backend.tracking.candidates import candidates_of
 from odom.backend.tracking.consensus import FollowedFeatures, consensus, is_contested, is_exact
 from odom.backend.tracking.frame_state import FrameState
+from odom.backend.tracking.motions import motions_from
 from odom.backend.tracking.pose_solver import fit_pose
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.lens import Lens, project, rays_at
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.images import FrameImages
-from odom.frontend.matching.landmark_search import find_coarsely
+from odom.frontend.matching.landmark_search import Candidates, find_coarsely
 from odom.frontend.matching.optical_flow import follow_features
 from odom.geometry.arrays import Array, Index, Mask
 
@@ -34,13 +34,13 @@ def predict_pose(map_: Map, state: FrameState, images: FrameImages, stamp: Stead
     """
     since_s = state.since_s(stamp)
     T_predicted = state.predicted_after(since_s)
-    searched = _search(map_, state, images, T_predicted, sensor)
-    coarse = searched.fitted(T_predicted, searched.found, _GATES_PX[1:])
-    if np.count_nonzero(coarse.agrees) >= max(TUNING.followed_least, TUNING.unsurprised_share * len(searched.rows)):
-        return coarse.T_camera_map
     landmarks = map_.landmarks
-    followed = _follow(landmarks, state, images, T_predicted, sensor.lens)
-    coarse = followed.fitted(T_predicted, followed.found, _GATES_PX)
+    followed = _search(map_, state, images, T_predicted, sensor)
+    coarse = followed.fitted(T_predicted, followed.found, _GATES_PX[1:])
+    least = max(TUNING.followed_least, TUNING.unsurprised_share * len(followed.rows))
+    if np.count_nonzero(coarse.agrees) < least or is_contested(followed.found & ~coarse.agrees, followed.found):
+        followed = _follow(landmarks, state, images, T_predicted, sensor.lens)
+        coarse = followed.fitted(T_predicted, followed.found, _GATES_PX)
     features = followed.features(landmarks, state.T_map_camera[:3, 3])
     rival = None
     if is_contested(followed.found & ~coarse.agrees, followed.found):
@@ -123,7 +123,7 @@ def _search(map_: Map, state: FrameState, images: FrameImages, T_predicted: Arra
     """Look for what the frame of `state` saw in the half-size image, by patches, around where `T_predicted` puts it."""
     rows, _ = _followed_before(map_.landmarks, state)
     keyframes = np.unique(map_.landmarks.keyframe[rows])
-    candidates = candidates_of(map_, rows, np.zeros(len(rows)), keyframes, T_predicted)
+    candidates = Candidates.all_of(rows, keyframes, motions_from(map_, keyframes, T_predicted))
     return _Followed.at(
         map_.landmarks, *find_coarsely(map_.landmarks, candidates, T_predicted, images, sensor), sensor.lens
     )

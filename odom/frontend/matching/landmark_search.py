@@ -17,25 +17,28 @@ from odom.geometry.compiled import compiled
 
 
 @compiled
-def _spread(uv: Array, priority: Array, most: int, across: int, cell_px: int) -> Mask:
-    """Choose up to `most` of n points evenly over the image: the best of each square, then the second best, ..."""
+def _spread(uv: Array, priority: Array, chance: Array, enough: float, most: int, across: int, cell_px: int) -> Mask:
+    """Choose from n points those that are likely to be found, evenly over the image.
+
+    In each square those of highest `priority` (n) come first; each counts by its `chance` (n) to be found, over how
+    many are expected to be found in its square already: the greedy maximum of the sum of log(1 + expected) over the
+    squares. Up to `most`, and no more than it takes to find `enough`.
+    """
     n = uv.shape[0]
     order = np.argsort(-priority, kind="mergesort")
-    count = np.zeros(across * (int(uv[:, 1].max()) // cell_px + 1), np.int64)
-    rank = np.zeros(n, np.int64)
+    expected = np.zeros(across * (int(uv[:, 1].max()) // cell_px + 1))
+    gain = np.zeros(n)
     for k in order:
         square = int(uv[k, 1] // cell_px) * across + int(uv[k, 0] // cell_px)
-        rank[k] = count[square]
-        count[square] += 1
+        gain[k] = chance[k] / (1.0 + expected[square])
+        expected[square] += chance[k]
     chosen = np.zeros(n, np.bool_)
-    taken = 0
-    for depth in range(n):
-        for k in order:
-            if rank[k] == depth:
-                chosen[k] = True
-                taken += 1
-                if taken == most:
-                    return chosen
+    found = 0.0
+    for k in order[np.argsort(-gain[order], kind="mergesort")][:most]:
+        chosen[k] = True
+        found += chance[k]
+        if found >= enough:
+            break
     return chosen
 
 
@@ -71,13 +74,20 @@ class LandmarkPatches(Protocol):
 class Candidates:
     """Landmarks that may be looked for: `rows` (n), and `priority` (n) within one part of the image.
 
+    `chance` (n) is how likely each is found: of those, no more are looked for than are needed.
     `T_camera_keyframe` (K x 4 x 4) is the motion from their `keyframes` (K numbers, ascending), for the warp.
     """
 
     rows: Index
     priority: Array
+    chance: Array
     keyframes: Index
     T_camera_keyframe: Array
+
+    @classmethod
+    def all_of(cls, rows: Index, keyframes: Index, T_camera_keyframe: Array) -> "Candidates":
+        """Return landmarks of which every one is to be looked for."""
+        return cls(rows, np.zeros(len(rows)), np.zeros(len(rows)), keyframes, T_camera_keyframe)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,14 +134,15 @@ class _Expected:
     ) -> "_Expected":
         """Return up to `most` of the `candidates`, spread over the image of a camera at `T_camera_map`."""
         lens, cell_px, margin_px = sensor.lens, TUNING.search_cell_px, TUNING.search_margin_px
-        rows, priority = candidates.rows, candidates.priority
+        rows, priority, chance = candidates.rows, candidates.priority, candidates.chance
         height, width = lens.rays.shape[:2]
         position = landmarks.position[rows]
         seen = project(position, T_camera_map, lens.intrinsics, lens.distortion, width, height, margin_px)
         visible = np.isfinite(seen[:, 0])
-        rows, seen, priority = rows[visible], seen[visible], priority[visible]
-        if len(rows) > most:
-            chosen = _spread(seen[:, :2], priority, most, width // cell_px + 1, cell_px)
+        rows, seen, priority, chance = rows[visible], seen[visible], priority[visible], chance[visible]
+        if len(rows) > most or chance.sum() > TUNING.search_enough:
+            across, enough = width // cell_px + 1, TUNING.search_enough
+            chosen = _spread(seen[:, :2], priority, chance, enough, most, across, cell_px)
             rows, seen = rows[chosen], seen[chosen]
         A, usable = affinities(
             landmarks.uv[rows],

@@ -151,7 +151,7 @@ def _found(
     if not len(rows):
         return rows, np.zeros((0, 2)), np.zeros((0, 3))
     T, view = earlier.T_view_corners, earlier.view
-    candidates = Candidates(rows, np.zeros(len(rows)), np.zeros(1, dtype=np.int64), T[None])
+    candidates = Candidates.all_of(rows, np.zeros(1, dtype=np.int64), T[None])
     found = find_landmarks(corners, candidates, T, view.images, sensor, len(rows))
     missed = np.setdiff1d(rows, found.rows)
     here, there, uv_missed = corners.images.half, view.images.half, corners.uv[missed] / 2.0

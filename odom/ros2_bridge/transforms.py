@@ -14,7 +14,7 @@ from odom.wire.ros2.qos import Qos
 _BLOCKING_S = 0.1
 """Longest wait for a reader that is behind, in seconds. Longer: it holds other topics back."""
 _AT_ONCE = 100
-"""Messages taken in one go; what is left comes with the next."""
+"""Messages taken in one go."""
 PREFIX_BYTES = 12
 """Bytes of an endpoint's gid that are those of its participant, in DDS."""
 
@@ -70,7 +70,11 @@ class Transforms:
         return True
 
     def listen(self, topic: str, qos: Qos, receive: Callable[[bytes], None]) -> None:
-        """Call `receive`, from a thread of DDS, with the bytes of each message of others; once a topic."""
+        """Call `receive` with the bytes of each message of others; once a topic.
+
+        It is called from a thread of DDS, and from this one for what was kept by publishers that are known already:
+        that arrives before Cyclone DDS has a name for the reader.
+        """
         from cyclonedds.core import Listener
         from cyclonedds.sub import DataReader
 
@@ -78,15 +82,20 @@ class Transforms:
             return
         message_type = transform_types().message
 
-        class Arrivals(Listener):  # type: ignore[misc]  # Cyclone DDS gives no types
-            def on_data_available(self, reader: Any) -> None:
-                for sample in reader.take(_AT_ONCE):
+        def take(reader: Any) -> None:
+            while samples := reader.take(_AT_ONCE):
+                for sample in samples:
                     if isinstance(sample, message_type):  # and no notice that a publisher has gone
                         receive(sample.serialize(use_version_2=False))
 
-        self._readers[topic] = DataReader(
-            self._participant, self._topic(topic), qos=_policies(qos, reads=True), listener=Arrivals()
-        )
+        class Arrivals(Listener):  # type: ignore[misc]  # Cyclone DDS gives no types
+            def on_data_available(self, reader: Any) -> None:
+                if reader is not None:
+                    take(reader)
+
+        reader = DataReader(self._participant, self._topic(topic), qos=_policies(qos, reads=True), listener=Arrivals())
+        self._readers[topic] = reader
+        take(reader)
 
     def leave(self, topic: str) -> None:
         """Listen to a topic no longer."""
@@ -135,21 +144,24 @@ class TransformTypes:
 
 @lru_cache(maxsize=1)
 def transform_types() -> TransformTypes:
-    """Return the types, named as ROS 2 names them on DDS."""
+    """Return the types: the message is named as ROS 2 names it on DDS, what is in it has names of its own.
+
+    Cyclone DDS for Python tells the other participants of its types, and FastDDS cannot read what it tells. It then
+    waits for ever for a type of that name, also where others tell it: with ROS's own names no topic whose messages have
+    a header would be discovered any more.
+    """
     from cyclonedds.idl import IdlStruct, types
 
-    def struct(package: str, name: str, fields: dict[str, Any]) -> Any:
-        named = {"typename": f"{package}::msg::dds_::{name}_"}
+    def struct(name: str, fields: dict[str, Any], typename: str = "") -> Any:
+        named = {"typename": typename or f"odom_bridge::{name}"}
         return dataclass(new_class(name, (IdlStruct,), named, lambda body: body.update(__annotations__=fields)))
 
     number = types.float64
-    time = struct("builtin_interfaces", "Time", {"sec": types.int32, "nanosec": types.uint32})
-    header = struct("std_msgs", "Header", {"stamp": time, "frame_id": str})
-    vector = struct("geometry_msgs", "Vector3", dict.fromkeys("xyz", number))
-    quaternion = struct("geometry_msgs", "Quaternion", dict.fromkeys("xyzw", number))
-    transform = struct("geometry_msgs", "Transform", {"translation": vector, "rotation": quaternion})
-    stamped = struct(
-        "geometry_msgs", "TransformStamped", {"header": header, "child_frame_id": str, "transform": transform}
-    )
-    message = struct("tf2_msgs", "TFMessage", {"transforms": types.sequence[stamped]})
+    time = struct("Time", {"sec": types.int32, "nanosec": types.uint32})
+    header = struct("Header", {"stamp": time, "frame_id": str})
+    vector = struct("Vector3", dict.fromkeys("xyz", number))
+    quaternion = struct("Quaternion", dict.fromkeys("xyzw", number))
+    transform = struct("Transform", {"translation": vector, "rotation": quaternion})
+    stamped = struct("TransformStamped", {"header": header, "child_frame_id": str, "transform": transform})
+    message = struct("TFMessage", {"transforms": types.sequence[stamped]}, "tf2_msgs::msg::dds_::TFMessage_")
     return TransformTypes(message, stamped, transform, header, time, vector, quaternion)

@@ -1,6 +1,6 @@
 """Readers of Cyclone DDS, without anything of this project or of ROS; prints one JSON object for each message.
 
-Argument: domain.
+Argument: domain. Types within messages have names of their own, see `odom.ros2_bridge.transforms.transform_types`.
 """
 
 import json
@@ -18,33 +18,33 @@ from cyclonedds.util import duration
 
 
 @dataclass
-class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
+class Time(IdlStruct, typename="cyclone_node::Time_"):
     sec: int32
     nanosec: uint32
 
 
 @dataclass
-class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
+class Header(IdlStruct, typename="cyclone_node::Header_"):
     stamp: Time
     frame_id: str
 
 
 @dataclass
-class Point(IdlStruct, typename="geometry_msgs::msg::dds_::Point_"):
+class Point(IdlStruct, typename="cyclone_node::Point_"):
     x: float64
     y: float64
     z: float64
 
 
 @dataclass
-class Vector3(IdlStruct, typename="geometry_msgs::msg::dds_::Vector3_"):
+class Vector3(IdlStruct, typename="cyclone_node::Vector3_"):
     x: float64
     y: float64
     z: float64
 
 
 @dataclass
-class Quaternion(IdlStruct, typename="geometry_msgs::msg::dds_::Quaternion_"):
+class Quaternion(IdlStruct, typename="cyclone_node::Quaternion_"):
     x: float64
     y: float64
     z: float64
@@ -52,7 +52,7 @@ class Quaternion(IdlStruct, typename="geometry_msgs::msg::dds_::Quaternion_"):
 
 
 @dataclass
-class Pose(IdlStruct, typename="geometry_msgs::msg::dds_::Pose_"):
+class Pose(IdlStruct, typename="cyclone_node::Pose_"):
     position: Point
     orientation: Quaternion
 
@@ -64,13 +64,13 @@ class PoseStamped(IdlStruct, typename="geometry_msgs::msg::dds_::PoseStamped_"):
 
 
 @dataclass
-class Transform(IdlStruct, typename="geometry_msgs::msg::dds_::Transform_"):
+class Transform(IdlStruct, typename="cyclone_node::Transform_"):
     translation: Vector3
     rotation: Quaternion
 
 
 @dataclass
-class TransformStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TransformStamped_"):
+class TransformStamped(IdlStruct, typename="cyclone_node::TransformStamped_"):
     header: Header
     child_frame_id: str
     transform: Transform

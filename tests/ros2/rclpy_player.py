@@ -1,7 +1,7 @@
 """A node of rclpy, without anything of this project; publishes messages that come on standard input.
 
 Argument: domain. Each message is a line `topic type bytes` and then so many bytes of CDR. It is read into a message of
-its type, so that what is published was written by ROS.
+its type, so that what is published was written by ROS. It says `ready` on standard output when it is.
 """
 
 import importlib
@@ -15,6 +15,7 @@ def main(domain):
     rclpy.init(domain_id=int(domain))
     node = rclpy.create_node("camera")
     publishers = {}
+    print("ready", flush=True)
     for line in iter(sys.stdin.buffer.readline, b""):
         topic, type_name, size = line.decode().split()
         package, _, name = type_name.partition("/msg/")

@@ -20,6 +20,17 @@ def _robust_cost(chi2: float, cauchy: float) -> float:
 
 
 @compiled
+def _longest_run(landmark: Index) -> int:
+    """Return how many observations a landmark has at the most; `landmark` (N) is sorted."""
+    longest, begun = 0, 0
+    for o in range(len(landmark)):
+        if landmark[o] != landmark[begun]:
+            begun = o
+        longest = max(longest, o + 1 - begun)
+    return longest
+
+
+@compiled
 def reduce_to_poses(
     T_camera_map: Array,
     landmarks: Array,
@@ -55,6 +66,10 @@ def reduce_to_poses(
     KI = np.zeros((timings, 3))
     value = np.zeros(3)
     V = np.zeros((3, 3))
+    most = _longest_run(landmark)
+    width = 6 * most + timings
+    across_0, across_1, across_2 = np.zeros(width), np.zeros(width), np.zeros(width)
+    place, begin = np.zeros(width, np.int64), np.zeros(most + 2, np.int64)
     cost = 0.0
     start = 0
     while start < N:
@@ -97,7 +112,7 @@ def reduce_to_poses(
                 KI[a, 1] = -(ixy * K[0, a] + iyy * K[1, a])
                 KI[a, 2] = -iww * K[2, a]
                 rhs[timing + a] += KI[a, 0] * r[0] + KI[a, 1] * r[1] + KI[a, 2] * r[2]
-                for b in range(timings):
+                for b in range(a, timings):
                     S[timing + a, timing + b] -= KI[a, 0] * K[0, b] + KI[a, 1] * K[1, b] + KI[a, 2] * K[2, b]
                 for b in range(3):
                     W_timing[point, a, b] += KI[a, 0] * P[0, b] + KI[a, 1] * P[1, b] + KI[a, 2] * P[2, b]
@@ -111,14 +126,12 @@ def reduce_to_poses(
                 JI[a, 1] = ixy * J[0, a] + iyy * J[1, a]
                 JI[a, 2] = iww * J[2, a]
                 rhs[f + a] += JI[a, 0] * r[0] + JI[a, 1] * r[1] + JI[a, 2] * r[2]
-                for b in range(6):
+                for b in range(a, 6):
                     S[f + a, f + b] += JI[a, 0] * J[0, b] + JI[a, 1] * J[1, b] + JI[a, 2] * J[2, b]
                 for b in range(3):
                     W[o, a, b] = JI[a, 0] * P[0, b] + JI[a, 1] * P[1, b] + JI[a, 2] * P[2, b]
                 for b in range(timings):
-                    cross = -(JI[a, 0] * K[0, b] + JI[a, 1] * K[1, b] + JI[a, 2] * K[2, b])
-                    S[f + a, timing + b] += cross
-                    S[timing + b, f + a] += cross
+                    S[f + a, timing + b] -= JI[a, 0] * K[0, b] + JI[a, 1] * K[1, b] + JI[a, 2] * K[2, b]
         # inv(V), damped, by cofactors
         for a in range(3):
             V[a, a] += damping * V[a, a] + 1e-9
@@ -133,30 +146,39 @@ def reduce_to_poses(
         inverse[2, 2] = (V[0, 0] * V[1, 1] - V[0, 1] * V[0, 1]) / determinant
         inverse[1, 0], inverse[2, 0], inverse[2, 1] = inverse[0, 1], inverse[0, 2], inverse[1, 2]
         b_l = b_landmark[point]
-        # S -= W inv(V) W', rhs -= W inv(V) b over all pairs of blocks: poses (6 x 3), then timing (t x 3)
+        # S -= W inv(V) W', rhs -= W inv(V) b: poses (6 x 3) and timing (t x 3), whose W lie side by side in `across`,
+        # in runs of poses that follow each other; each pair is computed once
+        width, runs = 0, 0
         for o in range(start, stop + 1):
-            is_timing = o == stop
-            if is_timing:
-                row, height, left = timing, timings, W_timing[point]
-            else:
-                row = free[keyframe[o]] * 6
-                height, left = 6, W[o]
-                if row < 0:
-                    continue
-            for a in range(height):
-                y0 = left[a, 0] * inverse[0, 0] + left[a, 1] * inverse[1, 0] + left[a, 2] * inverse[2, 0]
-                y1 = left[a, 0] * inverse[0, 1] + left[a, 1] * inverse[1, 1] + left[a, 2] * inverse[2, 1]
-                y2 = left[a, 0] * inverse[0, 2] + left[a, 1] * inverse[1, 2] + left[a, 2] * inverse[2, 2]
-                rhs[row + a] -= y0 * b_l[0] + y1 * b_l[1] + y2 * b_l[2]
-                for q in range(start, stop):
-                    column = free[keyframe[q]] * 6
-                    if column >= 0:
-                        for b in range(6):
-                            S[row + a, column + b] -= y0 * W[q, b, 0] + y1 * W[q, b, 1] + y2 * W[q, b, 2]
-                for b in range(timings):
-                    right = W_timing[point]
-                    S[row + a, timing + b] -= y0 * right[b, 0] + y1 * right[b, 1] + y2 * right[b, 2]
+            row = timing if o == stop else free[keyframe[o]] * 6
+            if row >= 0:
+                left = W_timing[point] if o == stop else W[o]
+                if width == 0 or row != place[width - 1] + 1:
+                    begin[runs] = width
+                    runs += 1
+                for a in range(left.shape[0]):
+                    across_0[width + a], across_1[width + a], across_2[width + a] = left[a, 0], left[a, 1], left[a, 2]
+                    place[width + a] = row + a
+                width += left.shape[0]
+        begin[runs] = width
+        first = 0
+        for a in range(width):
+            w0, w1, w2 = across_0[a], across_1[a], across_2[a]
+            y0 = w0 * inverse[0, 0] + w1 * inverse[1, 0] + w2 * inverse[2, 0]
+            y1 = w0 * inverse[0, 1] + w1 * inverse[1, 1] + w2 * inverse[2, 1]
+            y2 = w0 * inverse[0, 2] + w1 * inverse[1, 2] + w2 * inverse[2, 2]
+            rhs[place[a]] -= y0 * b_l[0] + y1 * b_l[1] + y2 * b_l[2]
+            first += begin[first + 1] <= a
+            for run in range(first, runs):
+                left_end, right_end = max(a, begin[run]), begin[run + 1]
+                x0, x1, x2 = across_0[left_end:right_end], across_1[left_end:right_end], across_2[left_end:right_end]
+                entries = S[place[a], place[left_end] : place[left_end] + right_end - left_end]
+                for b in range(len(entries)):
+                    entries[b] -= y0 * x0[b] + y1 * x1[b] + y2 * x2[b]
         start = stop
+    for a in range(dimension):  # what was summed up on one side of the diagonal
+        for b in range(a):
+            S[a, b] = S[b, a] = S[a, b] + S[b, a]
     return S, rhs, V_inverse, b_landmark, W_timing, W, cost
 
 

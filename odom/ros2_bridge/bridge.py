@@ -1,6 +1,7 @@
 """Which topics go where: each is offered on the other side, and carried while somebody there listens."""
 
 import logging
+import sys
 import threading
 import time
 from collections import Counter
@@ -23,6 +24,9 @@ _LOOK_S = 0.25
 """Seconds between two looks at both graphs. Shorter: more time for nothing; longer: who comes gets messages later."""
 _SPIN_S = 0.05
 """Longest wait for a message of DDS before anything else is looked at. Chosen by hand."""
+_SWITCH_S = 0.0005
+"""Seconds for which a thread may keep the interpreter while others wait for it. Python's own 5 ms: an image that comes
+while both graphs are looked at waits for so long; shorter: more switches, nothing else."""
 _DEPTH = 10
 """Messages of a topic that may wait for DDS; the newest win. Larger: a stall costs more memory (9 MB at 10 images);
 smaller: a short stall loses messages."""
@@ -62,6 +66,7 @@ class Bridge:
 
     def run(self, stop: threading.Event) -> None:
         """Carry messages until `stop` is set."""
+        sys.setswitchinterval(_SWITCH_S)
         carrier = threading.Thread(target=self._carry_to_dds, args=(stop,), name="to dds")
         carrier.start()
         due = 0.0

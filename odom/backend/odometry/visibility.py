@@ -37,9 +37,11 @@ class Visibility:
         return replace(self, landmark_depth_stamp=stamp, searching_s=0.0)
 
     def with_search(self, since_last_s: float) -> "Visibility":
-        """Return the visibility after a frame with depth that could not be placed, so long after the last frame."""
-        is_one_time = 0.0 < since_last_s < TUNING.new_time_s
-        return replace(self, searching_s=self.searching_s + since_last_s) if is_one_time else self
+        """Return the visibility after a frame with depth that could not be placed, so long after the last frame.
+
+        Of a long pause hardly anything was a search, and of a step back in time nothing.
+        """
+        return replace(self, searching_s=self.searching_s + min(max(since_last_s, 0.0), TUNING.new_time_s))
 
     def is_blind(self, stamp: Stamp, longest_s: float) -> bool:
         """Return whether, at `stamp`, no depth image has shown anything for longer than `longest_s`."""

@@ -47,6 +47,15 @@ def keyframe_of(content: bytes) -> SavedKeyframe:
     return SavedKeyframe(number, session, Stamp(stamp), segment, first, T, T_stamp, covariance, tuple(links.tolist()))
 
 
+def at_pose(content: bytes, T_camera_map: Array) -> bytes:
+    """Return a key frame's row with another pose; raises MapError where the row is damaged."""
+    inside = unchecked(content)
+    if len(inside) < _KEYFRAME:
+        raise MapError("a key frame is cut")
+    pose = T_camera_map[:3].astype("<f8").tobytes()
+    return checked(inside[: _HEAD.size] + pose + inside[_HEAD.size + len(pose) :])
+
+
 def edge_bytes(edge: Edge) -> bytes:
     """Return a registration's row."""
     row = np.zeros((), dtype=_EDGE)

@@ -3,13 +3,15 @@
 import logging
 import sqlite3
 import threading
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from odom.backend.map.pose_graph import Edge
 from odom.backend.map.saved import MapChanges, SavedDetails, SavedKeyframe
-from odom.errors import OdomError
+from odom.errors import MapError, OdomError
 from odom.frontend.camera.sensor_memory import SensorMemory
+from odom.geometry.arrays import Array
 from odom.map_file import records
 from odom.map_file.counts import Counts
 from odom.map_file.database import connect, transaction
@@ -26,11 +28,15 @@ class _Waiting:
     keyframes: dict[int, SavedKeyframe] = field(default_factory=dict)
     edges: dict[tuple[int, int], Edge] = field(default_factory=dict)
     details: dict[int, SavedDetails] = field(default_factory=dict)
+    poses: dict[int, Array] = field(default_factory=dict)
     next_identity: int = 1
     sensor: SensorMemory | None = None
 
     def add(self, changes: MapChanges) -> None:
         self.keyframes |= {k.number: k for k in changes.keyframes}
+        self.poses |= changes.poses
+        for keyframe in changes.keyframes:
+            self.poses.pop(keyframe.number, None)
         self.edges |= {(min(e.a, e.b), max(e.a, e.b)): e for e in changes.edges}
         self.details |= changes.details
         self.next_identity = max(self.next_identity, changes.next_identity)
@@ -38,11 +44,11 @@ class _Waiting:
 
     def changes(self) -> MapChanges:
         keyframes, edges = tuple(self.keyframes.values()), tuple(self.edges.values())
-        return MapChanges(keyframes, edges, self.details, self.next_identity, self.sensor)
+        return MapChanges(keyframes, edges, self.details, self.next_identity, self.sensor, self.poses)
 
     @property
     def is_empty(self) -> bool:
-        return not (self.keyframes or self.edges or self.details)
+        return not (self.keyframes or self.edges or self.details or self.poses)
 
 
 class MapWriter:
@@ -138,6 +144,7 @@ def write(db: sqlite3.Connection, counts: Counts, changes: MapChanges) -> None:
     places = [(n, records.place_bytes(n, one.place)) for n, one in changes.details.items() if one.place is not None]
     with transaction(db):
         db.executemany("REPLACE INTO keyframe VALUES (?, ?)", keyframes)
+        db.executemany("UPDATE keyframe SET content = ? WHERE number = ?", _carried(db, changes.poses))
         db.executemany("REPLACE INTO edge VALUES (?, ?, ?)", edges)
         db.executemany("REPLACE INTO details VALUES (?, ?)", details)
         db.executemany("REPLACE INTO place VALUES (?, ?)", places)
@@ -145,3 +152,13 @@ def write(db: sqlite3.Connection, counts: Counts, changes: MapChanges) -> None:
         meta = {"counts": replace(counts, keyframes=held[0], edges=held[1]).to_bytes()}
         meta |= {} if changes.sensor is None else {"sensor": records.sensor_bytes(changes.sensor)}
         db.executemany("REPLACE INTO meta VALUES (?, ?)", meta.items())
+
+
+def _carried(db: sqlite3.Connection, poses: Mapping[int, Array]) -> Iterator[tuple[bytes, int]]:
+    """Yield the rows of key frames at their new poses; what is not there, or is damaged, stays as it is."""
+    for number, T_camera_map in poses.items():
+        row = db.execute("SELECT content FROM keyframe WHERE number = ?", (number,)).fetchone()
+        try:
+            yield records.at_pose(row[0] if row else b"", T_camera_map), number
+        except MapError:
+            continue

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from odom.backend import Odometry, OdometrySettings
-from odom.backend.map.pose_graph import Edge, optimise
+from odom.backend.map.pose_graph import Edge, EdgeArrays, optimise
 from odom.backend.tracking import consensus
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.matching import moving_surfaces
@@ -67,8 +67,8 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
     consensus.warm_up()
     moving_surfaces.warm_up()
     codec.encode_status(topics.status, codec.Status(stamp, "", 0, "", RunStatistics().status()))
-    still = np.eye(4)
-    optimise({0: still, 1: still}, [0], [Edge(0, 1, still, np.eye(6))])
+    still = np.tile(np.eye(4), (2, 1, 1))
+    optimise(still, np.array([True, False]), EdgeArrays.of([Edge(0, 1, np.eye(4), np.eye(6), True)]))
     patience.cancel()
     del odometry
     gc.collect()

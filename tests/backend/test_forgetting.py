@@ -139,7 +139,7 @@ def test_a_forgotten_place_is_not_found_and_leaves_nothing_in_the_index():
     looks = rng.integers(0, 256, (5, 200, 32), dtype=np.uint8)
     places = [Place(look, np.zeros((200, 3)), np.tile(np.eye(3), (200, 1, 1))) for look in looks]
     for number, place in enumerate(places):
-        index.add(number, place)
+        index.adopt(index.grown({number: place}))
     assert index.look_up(places[3], set(), 1) == [3]
     index.forget(3)
     index.forget(3)
@@ -148,7 +148,7 @@ def test_a_forgotten_place_is_not_found_and_leaves_nothing_in_the_index():
     for number in (0, 1, 2, 4):
         index.forget(number)
     assert not index.places
-    assert not any(level.size for level in index._tables._levels)
+    assert not index.grown({}).blocks
 
 
 def test_parts_that_no_landmark_joins_any_more_are_each_held():

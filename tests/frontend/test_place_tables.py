@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from odom.frontend.features.place_descriptor import Place
-from odom.frontend.matching.place_block import PlaceBlock, first_at_least, keys_of
+from odom.frontend.matching import place_block
+from odom.frontend.matching.place_block import PlaceBlock, first_at_least, keys_of, merged
 from odom.frontend.matching.place_recognition import PlaceIndex
-from odom.frontend.matching.place_tables import PlaceTables
 from odom.frontend.tuning import TUNING
 
 LOOKS = np.random.default_rng(0).integers(0, 256, (12, 32), dtype=np.uint8)
@@ -40,16 +40,13 @@ chosen = st.lists(st.integers(0, len(LOOKS) - 1), max_size=4)
 @settings(max_examples=60, deadline=None)
 @given(
     st.lists(st.tuples(chosen, st.booleans()), max_size=90), chosen, st.sets(st.integers(0, 90), max_size=5),
-    st.randoms(use_true_random=False), st.booleans(),
+    st.randoms(use_true_random=False),
 )  # fmt: skip
-def test_it_answers_as_one_list_does(places, asked, excluded, random, is_shuffled):
-    numbers = list(range(len(places)))
-    if is_shuffled:
-        random.shuffle(numbers)
+def test_it_answers_as_one_list_does(places, asked, excluded, random):
     index, held = PlaceIndex(), {}
-    for number, (looks, is_forgotten) in zip(numbers, places, strict=True):
+    for number, (looks, is_forgotten) in enumerate(places):
         held[number] = LOOKS[looks]
-        index.add(number, place_of(LOOKS[looks]))
+        index.adopt(index.grown({number: place_of(LOOKS[looks])}))
         if is_forgotten and len(held) > 2:
             index.forget(gone := random.choice(sorted(held)))
             del held[gone]
@@ -57,30 +54,37 @@ def test_it_answers_as_one_list_does(places, asked, excluded, random, is_shuffle
     assert found == expected(held, LOOKS[asked], excluded, 40)
 
 
-def test_blocks_and_tables_answer_alike():
-    rng = np.random.default_rng(1)
-    described = [LOOKS[rng.integers(0, len(LOOKS), 3)] for _ in range(100)]
-    tables, block = PlaceTables(), PlaceBlock.of(range(100), described)
-    for number, one in enumerate(described):
-        tables.add(number, one)
-    keys = keys_of(LOOKS)
-    assert sorted(tables.voted(keys)) == sorted(block.voted(keys))
+def test_it_can_be_asked_while_it_grows():
+    index = PlaceIndex()
+    index.adopt(index.grown({0: place_of(LOOKS[:3])}))
+    grown = index.grown({1: place_of(LOOKS[:3])})
+    assert index.look_up(place_of(LOOKS[:3]), set(), 5) == [0]
+    index.adopt(grown)
+    assert index.look_up(place_of(LOOKS[:3]), set(), 5) == [0, 1]
+
+
+def test_places_of_a_block_are_left_out_as_if_they_had_never_been_in_it():
+    described = [LOOKS[k : k + 3] for k in range(9)]
+    block, gone = PlaceBlock.of(range(9), described).without({0, 4, 8}), {0, 4, 8}
+    again = PlaceBlock.of([n for n in range(9) if n not in gone], [described[n] for n in range(9) if n not in gone])
+    np.testing.assert_array_equal(block.numbers, again.numbers)
+    for a, b in zip(block.tables, again.tables, strict=True):
+        np.testing.assert_array_equal(a, b)
 
 
 def test_an_entry_is_copied_a_few_times_however_many_places_there_are(monkeypatch):
     copied = 0
-    sort = np.sort
 
-    def counted(entries, **how):
+    def counted(a, b):
         nonlocal copied
-        copied += len(entries)
-        return sort(entries, **how)
+        copied += len(a) + len(b)
+        return merged(a, b)
 
-    rng, tables = np.random.default_rng(2), PlaceTables()
+    rng, index = np.random.default_rng(2), PlaceIndex()
     looks = rng.integers(0, 256, (2000, 10, 32), dtype=np.uint8)
-    monkeypatch.setattr(np, "sort", counted)
+    monkeypatch.setattr(place_block, "merged", counted)
     for number, look in enumerate(looks):
-        tables.add(number, look)
+        index.adopt(index.grown({number: place_of(look)}))
     assert copied < 25 * looks.shape[0] * looks.shape[1] * 6
 
 

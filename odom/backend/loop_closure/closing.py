@@ -1,11 +1,12 @@
-"""What a confirmed registration does to the map: loops are closed, segments merged."""
+"""What confirmed registrations do to the map: loops are closed, segments merged."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from odom.backend.loop_closure.graph import SegmentGraph, members_of
 from odom.backend.map.map import Map
-from odom.backend.map.pose_graph import Edge, optimise
+from odom.backend.map.pose_graph import Edge
 from odom.geometry import se3
 
 _NO_ROWS = np.zeros(0, dtype=np.int64)
@@ -13,27 +14,18 @@ _NO_ROWS = np.zeros(0, dtype=np.int64)
 
 
 def close_loops(map_: Map, closures: Sequence[Edge]) -> None:
-    """Move the key frames of a segment to where all registrations, the `closures` among them, agree best.
-
-    The oldest one is held, or whatever of a map is fixed; forgotten ones follow.
-    """
+    """Move key frames at once to where all registrations, the `closures` among them, agree best."""
     for closure in closures:
         map_.register(closure)
     for segment in sorted({map_.keyframes[closure.b].segment for closure in closures}):
-        members = _members(map_, segment)
-        held = members[:1]
-        if map_.is_fixed:
-            free = [n for n in members if n >= map_.earlier]
-            held = sorted({edge.b for n in free for edge in map_.registrations.of(n)}.difference(free))
-            members = [*held, *free]
-        T_map_keyframe = {n: se3.inverse(map_.keyframes[n].T_camera_map) for n in members}
-        moved = optimise(T_map_keyframe, held, map_.registrations.among(T_map_keyframe.keys()))
-        numbers = np.array(sorted(moved.keys() - held if map_.is_fixed else moved))
-        map_.move_keyframes(numbers, np.array([se3.inverse(moved[int(n)]) for n in numbers]), _NO_ROWS)
+        graph = SegmentGraph.of(map_, segment)
+        graph.take_over(map_, graph.optimised())
 
 
-def merge_segment(map_: Map, edge: Edge) -> None:
+def merge_segment(map_: Map, edge: Edge) -> list[int]:
     """Move the whole segment of key frame `edge.b` into the map of `edge.a`'s segment, as the registration says.
+
+    Returns the numbers of its key frames.
 
     From then on its covariances since the start are those of that segment, by way of the registration. What earlier
     sessions made stays where it is: then the other segment moves.
@@ -43,7 +35,7 @@ def merge_segment(map_: Map, edge: Edge) -> None:
     a, b = map_.keyframes[edge.a], map_.keyframes[edge.b]
     merged = [k for k in map_.keyframes if k.segment == b.segment]
     T_old_new = se3.inverse(b.T_camera_map) @ se3.inverse(edge.T_a_b) @ a.T_camera_map
-    numbers = np.array(_members(map_, b.segment))
+    numbers = np.array(members_of(map_, b.segment))
     T_camera_map = np.array([map_.keyframes[int(n)].T_camera_map @ T_old_new for n in numbers])
     map_.move_keyframes(numbers, T_camera_map, _NO_ROWS)
     map_.journal.move(k.number for k in merged)
@@ -57,11 +49,7 @@ def merge_segment(map_: Map, edge: Edge) -> None:
             reached.add(step.b)
             onward += [e for e in map_.registrations.of(step.b) if not e.is_loop]
             map_.propagate_covariance(step)
-
-
-def _members(map_: Map, segment: int) -> list[int]:
-    """Return the key frames of a segment that are not forgotten, in memory or not."""
-    return [n for n in sorted(map_.away.union(map_.remembered)) if map_.keyframes[n].segment == segment]
+    return [k.number for k in merged]
 
 
 def _is_earlier(map_: Map, number: int) -> bool:

@@ -15,6 +15,25 @@ class Tuning:
         effect="sigmas of chain and closure count so much; smaller: true closures are refused; larger: false ones pass",
         source="false recognitions in look-alike rooms of the arena",
     )
+    closing_frames: int = tuned(
+        2,
+        unit="frames",
+        effect="that closing loops may take in the background, however small the map; fewer: frames wait for it; more: "
+        "loops are closed later",
+        source="4 ms of CPU for 400 key frames (tests/backend/test_large_maps.py), on a crowded machine",
+    )
+    closing_keyframes: int = tuned(
+        300,
+        unit="key frames a frame",
+        effect="that the background is trusted to close; more: frames wait for it; fewer: loops are closed later",
+        source="30 to 75 us of CPU a key frame (tests/backend/test_large_maps.py): a third of the time that this gives",
+    )
+    most_waiting: int = tuned(
+        100,
+        unit="recognitions",
+        effect="that may wait while loops are closed; fewer: some are lost in large maps; more: memory",
+        source="two key frames a second for the minute that 100,000 key frames take",
+    )
     join_least: int = tuned(
         3,
         unit="key frames",

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from odom.backend.loop_closure.graph import SegmentGraph
 from odom.backend.loop_closure.tuning import TUNING
-from odom.backend.map.map import Map
 from odom.backend.map.pose_covariance import calibration_covariance, independent_covariance
 from odom.backend.map.pose_graph import Edge
 from odom.geometry import se3
@@ -13,16 +13,17 @@ _CHI2_6_9999 = 27.86
 """The .9999 quantile of chi-squared with 6 degrees of freedom."""
 
 
-def contradiction(map_: Map, closure: Edge, calibration_error: float) -> str:
+def contradiction(graph: SegmentGraph, closure: Edge, calibration_error: float) -> str:
     """Return how a `closure` contradicts the chain of key frames between its two; empty where it does not.
 
     `calibration_error` is the share of a motion by which the chain may err as a whole.
     """
-    a, b = map_.keyframes[closure.a], map_.keyframes[closure.b]
-    chain = map_.registrations.covariance_between(closure.a, closure.b)
+    if not graph.holds(closure):
+        return "forgotten meanwhile"
+    chain = graph.covariance_between(closure.a, closure.b)
     if chain is None:
         return ""
-    return disagreement(a.T_camera_map @ se3.inverse(b.T_camera_map), chain, closure, calibration_error)
+    return disagreement(graph.T_between(closure.a, closure.b), chain, closure, calibration_error)
 
 
 def disagreement(T_a_b: Array, chain: Array, closure: Edge, calibration_error: float) -> str:

@@ -10,6 +10,7 @@ from odom.backend.map.saved import SavedDetails
 class Journal:
     """Key frames that are new or elsewhere (`moved`), whose details are other (`measured`), and registrations.
 
+    `carried` are those of which nothing but the pose is other: a closed loop moves thousands at once.
     `thinned` are those that have lost landmarks: they are saved again at the end, or when they leave memory.
     `set_aside` holds the details of key frames that left memory before they were taken. Of a map that is not saved
     nothing is noted: it `is_kept` False.
@@ -17,6 +18,7 @@ class Journal:
 
     is_kept: bool = False
     moved: set[int] = field(default_factory=set)
+    carried: set[int] = field(default_factory=set)
     measured: set[int] = field(default_factory=set)
     thinned: set[int] = field(default_factory=set)
     registered: set[tuple[int, int]] = field(default_factory=set)
@@ -26,6 +28,11 @@ class Journal:
         """Note that key frames are new, elsewhere, or linked with others."""
         if self.is_kept:
             self.moved.update(keyframes)
+
+    def carry(self, keyframes: Iterable[int]) -> None:
+        """Note that key frames are elsewhere, and otherwise as they were."""
+        if self.is_kept:
+            self.carried.update(keyframes)
 
     def measure(self, keyframes: Iterable[int]) -> None:
         """Note that the details of key frames are other than they were."""
@@ -45,6 +52,7 @@ class Journal:
     def clear(self) -> None:
         """Forget what has changed: it was taken."""
         self.moved.clear()
+        self.carried.clear()
         self.measured.clear()
         self.registered.clear()
         self.set_aside.clear()

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from odom.backend.estimate import TrajectoryPose
+from odom.backend.map.carrying import carry_landmarks, changes_in_map, followed
 from odom.backend.map.journal import Journal
 from odom.backend.map.keyframe import Keyframe, Measured, apart
 from odom.backend.map.landmarks import Landmarks
@@ -21,11 +21,6 @@ from odom.frontend.features.view import View
 from odom.frontend.matching.place_recognition import PlaceIndex
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index, Mask
-
-_MOST_CLOUD_POINTS = 20_000
-"""Points of the published cloud of landmarks (240 kB a message): more are not told apart on a screen."""
-_MOST_FAR_IN_PATH = 2_000
-"""Key frames in the published path that are not in memory, which bounds the message (some 200 kB)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,18 +175,6 @@ class Map:
         """Return the key frames of a segment that are remembered."""
         return [k for n in self.remembered if (k := self.keyframes[n]).segment == segment]
 
-    def path(self) -> tuple[TrajectoryPose, ...]:
-        """Return the key frames' poses at their stamps; of forgotten ones at most 2,000, thinned evenly."""
-        far = sorted(self.away.union(self.forgotten))
-        shown = [self.keyframes[n] for n in sorted([*far[:: 1 + len(far) // _MOST_FAR_IN_PATH], *self.remembered])]
-        T_map_camera = np.linalg.inv([k.T_camera_map for k in shown]) @ [k.T_middle_stamp for k in shown]
-        return tuple(TrajectoryPose(k.stamp, T, k.segment) for k, T in zip(shown, T_map_camera, strict=True))
-
-    def cloud(self) -> Array:
-        """Return landmarks (n x 3, m, map frame) that were seen more than once, thinned evenly to at most 20,000."""
-        rows = np.flatnonzero(self.landmarks.alive & (self.landmarks.seen > 1))
-        return np.asarray(self.landmarks.position[rows[:: 1 + len(rows) // _MOST_CLOUD_POINTS]])
-
     def neighbours(self, keyframe: int, T_camera_map: Array, most: int, but: Collection[int] = frozenset()) -> Index:
         """Return up to `most` key frames linked to `keyframe` over a few hops, nearest to the pose first.
 
@@ -228,17 +211,29 @@ class Map:
 
         `numbers` (n), `T_camera_map` (n x 4 x 4); `adjusted_rows` are the landmarks that were moved already.
         """
+        if not len(numbers):
+            return
         L = self.landmarks
         follows = L.alive.copy()
         follows[adjusted_rows] = False
-        self.journal.move(numbers.tolist())
-        for number, T in zip(numbers, T_camera_map, strict=True):
-            keyframe = self.keyframes[number]
-            T_new_old = se3.inverse(T) @ keyframe.T_camera_map
-            rows = np.flatnonzero(follows & (L.keyframe == number))
-            L.position[rows] = se3.apply(T_new_old, L.position[rows])
-            R_new_old = T_new_old[:3, :3]
-            L.covariance[rows] = R_new_old @ L.covariance[rows] @ R_new_old.T
-            keyframe.T_camera_map = se3.orthonormal(T)
-            for follower in (self.keyframes[n] for n in self.followers.get(int(number), ())):
-                follower.T_camera_map = se3.orthonormal(follower.T_camera_map @ se3.inverse(T_new_old))
+        moved = [self.keyframes[number] for number in numbers.tolist()]
+        here = np.flatnonzero([number not in self.away for number in numbers.tolist()])
+        before = np.array([moved[row].T_camera_map for row in here.tolist()]).reshape(-1, 4, 4)
+        T_new_old = changes_in_map(before, T_camera_map[here])
+        row_of = np.full(len(self.keyframes), -1, dtype=np.int64)
+        row_of[numbers[here]] = np.arange(len(here))
+        carry_landmarks(T_new_old, row_of, L.keyframe, follows, L.position, L.covariance)
+        for keyframe, T in zip(moved, followed(T_camera_map, np.eye(4)[None], np.zeros_like(numbers)), strict=True):
+            keyframe.T_camera_map = T
+        self.journal.carry(numbers.tolist())
+        self._follow(numbers[here].tolist(), T_new_old)
+
+    def _follow(self, heirs: list[int], T_new_old: Array) -> None:
+        """Move what follows each of the `heirs` (n) as the map around it was, by `T_new_old` (n x 4 x 4)."""
+        following = [(n, row) for row, heir in enumerate(heirs) for n in self.followers.get(heir, ())]
+        if following:
+            behind = [self.keyframes[n] for n, _ in following]
+            rows = np.array([row for _, row in following])
+            T = followed(np.array([k.T_camera_map for k in behind]), T_new_old, rows)
+            for follower, T_camera_map in zip(behind, T, strict=True):
+                follower.T_camera_map = T_camera_map

@@ -182,6 +182,7 @@ def take_changes(map_: Map) -> MapChanges:
         tuple(map_.registrations.between(a, b) for a, b in sorted(journal.registered)),
         details | journal.set_aside,
         map_.landmarks.next_identity,
+        poses={n: map_.keyframes[n].T_camera_map for n in journal.carried - journal.moved},
     )
     journal.clear()
     return changes

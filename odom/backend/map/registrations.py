@@ -7,23 +7,31 @@ from dataclasses import replace
 
 import numpy as np
 
+from odom.backend.map.edge_table import EdgeTable
 from odom.backend.map.journal import Journal
 from odom.backend.map.keyframe import Keyframe
 from odom.backend.map.pose_graph import Edge
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 
+_MOST_CACHED = 4096
+"""Covariances between key frames that are kept, some 2 MB; then all are found anew."""
+
 
 class Registrations:
-    """The graph of registrations: for every key frame its own, by the other one's number.
+    """The graph of registrations: for every key frame its own, by the other one's number; all of them as a `table`.
 
     A forgotten key frame keeps the one with its heir, which is not in the heir's own list. Covariances that were asked
-    for are cached until something changes; a `journal` notes what does.
+    for are cached until ways change; a `journal` notes what does.
     """
 
     def __init__(self) -> None:
         self._of: defaultdict[int, dict[int, Edge]] = defaultdict(dict)
         self._between: dict[tuple[int, int], Array | None] = {}
+        self._leaf_of: dict[int, int] = {}
+        """Key frames that began as the end of a way, and where that way left the others: older ones reach it by no
+        other, until it is joined elsewhere."""
+        self.table = EdgeTable()
         self.journal = Journal()
 
     def add(self, edge: Edge) -> None:
@@ -35,11 +43,19 @@ class Registrations:
         if known is not None:
             is_loop = edge.is_loop and known.is_loop
             edge = replace(min(edge, known, key=lambda e: e.variance), is_loop=is_loop)
+        if edge.a < edge.b and not self._of[edge.b]:
+            self._leaf_of[edge.b] = edge.a
+        else:
+            self._forget_ways()
         self._put(edge)
 
-    def _put(self, edge: Edge) -> None:
+    def _forget_ways(self) -> None:
         self._between.clear()
+        self._leaf_of.clear()
+
+    def _put(self, edge: Edge) -> None:
         self._of[edge.a][edge.b] = self._of[edge.b][edge.a] = edge
+        self.table.put(edge)
         self.journal.register(edge.a, edge.b)
 
     def between(self, a: int, b: int) -> Edge:
@@ -55,7 +71,10 @@ class Registrations:
         return [edge for n in numbers for m, edge in self._of[n].items() if n < m and m in numbers]
 
     def adjust(self, numbers: Iterable[int], keyframes: Sequence[Keyframe]) -> None:
-        """Set the registrations of the key frames `numbers` to what their poses are after an adjustment."""
+        """Set the registrations of the key frames `numbers` to what their poses are after an adjustment.
+
+        Covariances that are cached stay: they turn by no more than the poses do.
+        """
         for edge in [edge for n in numbers for edge in self._of[n].values()]:
             T_a_b = keyframes[edge.a].T_camera_map @ se3.inverse(keyframes[edge.b].T_camera_map)
             self._put(replace(edge, T_a_b=T_a_b))
@@ -66,13 +85,15 @@ class Registrations:
         Each is composed with the registration of the two, so that no chain's covariance shrinks, and one through both
         stays as it was.
         """
-        self._between.clear()
+        self._forget_ways()
         known = self._of[number].pop(heir).seen_from(heir)
         others = self.of(number)
         for edge in others:
             del self._of[edge.b][number]
+            self.table.drop(edge.b, number)
             self.add(known.then(edge))
         del self._of[heir][number]
+        self.table.drop(heir, number)
         self._of[number] = {heir: known}
         return [edge.b for edge in others]
 
@@ -81,9 +102,19 @@ class Registrations:
 
         Of two key frames, only `a` may be forgotten.
         """
+        onward: list[Edge] = []
+        while (a, b) not in self._between and a < b and b in self._leaf_of:
+            onward.append(self._of[b][self._leaf_of[b]].seen_from(self._leaf_of[b]))
+            b = self._leaf_of[b]
+        if len(self._between) > _MOST_CACHED:
+            self._between.clear()
         if (a, b) not in self._between:
             self._between[a, b] = self._covariance_of(self._surest_way(a, b))
-        return self._between[a, b]
+        found = self._between[a, b]
+        for edge in reversed(onward):
+            found = None if found is None else se3.compose_covariance(found, edge.T_a_b, edge.covariance)
+            self._between[a, edge.b] = found
+        return found
 
     @staticmethod
     def _covariance_of(way: list[Edge] | None) -> Array | None:

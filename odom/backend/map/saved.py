@@ -94,15 +94,19 @@ class SavedMap:
 
 @dataclass(frozen=True, eq=False)
 class MapChanges:
-    """What is new or other since changes were last taken: values that take the place of earlier ones."""
+    """What is new or other since changes were last taken: values that take the place of earlier ones.
+
+    `poses` are T_camera_map of further key frames, by number, of which nothing else is other.
+    """
 
     keyframes: tuple[SavedKeyframe, ...] = ()
     edges: tuple[Edge, ...] = ()
     details: Mapping[int, SavedDetails] = field(default_factory=dict)
     next_identity: int = 1
     sensor: SensorMemory | None = None
+    poses: Mapping[int, Array] = field(default_factory=dict)
 
     @property
     def is_empty(self) -> bool:
         """Whether nothing has changed."""
-        return not (self.keyframes or self.edges or self.details)
+        return not (self.keyframes or self.edges or self.details or self.poses)

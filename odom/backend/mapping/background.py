@@ -1,64 +1,44 @@
-"""Work in the background: the newest key frames are adjusted, and their places described and recognised."""
+"""Work beside the frames, whose results are taken at fixed frames, so that replays are equal."""
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
-from odom.backend.mapping.bundle_adjustment import Bundle
-from odom.backend.mapping.keyframe_inserter import KeyframeView
-from odom.backend.mapping.local_adjustment import Adjustment
-from odom.backend.mapping.tuning import TUNING
 from odom.frontend.camera.stamp_clock import SteadyStamp
-from odom.frontend.features.place_descriptor import Place
-from odom.frontend.matching.place_recognition import Recognition
+
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, eq=False)
-class DescribedKeyframe:
-    """The place that a key frame shows, and the earlier ones that look like it."""
-
-    seen: KeyframeView
-    place: Place
-    recognitions: list[Recognition]
-
-
-@dataclass(frozen=True, eq=False)
-class _Task:
+class _Task(Generic[Result]):
     due: int
-    begun: SteadyStamp
-    adjustment: Adjustment
-    result: Future[tuple[Bundle, list[DescribedKeyframe]]]
+    due_stamp: SteadyStamp
+    result: Future[Result]
 
 
-class Background:
-    """One task at a time, in a thread; its result is taken at a fixed frame, so that replays are equal.
+class Background(Generic[Result]):
+    """One task at a time, in a thread of its own."""
 
-    That is `delay_frames` later, or the first one after some time: a slow stream has time enough between two frames.
-    """
-
-    def __init__(self, delay_frames: int) -> None:
-        self._delay_frames = delay_frames
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix="odom-background")
-        self._task: _Task | None = None
+    def __init__(self, name: str) -> None:
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix=f"odom-{name}")
+        self._task: _Task[Result] | None = None
 
     @property
     def is_busy(self) -> bool:
         """Whether there is a task whose result has not been taken yet."""
         return self._task is not None
 
-    def start(
-        self, count: int, stamp: SteadyStamp, adjustment: Adjustment, describe: Callable[[], list[DescribedKeyframe]]
-    ) -> None:
-        """Begin to run an adjustment, then `describe`; frame `count`, taken at `stamp`, is the newest."""
-        work = self._pool.submit(lambda: (adjustment.run(), describe()))
-        self._task = _Task(count + self._delay_frames, stamp, adjustment, work)
+    def start(self, due: int, due_stamp: SteadyStamp, work: Callable[[], Result]) -> None:
+        """Begin to work; the result is due at frame number `due`, or at the first one from `due_stamp` on.
 
-    def take(self, count: int | None, stamp: SteadyStamp) -> tuple[Adjustment, Bundle, list[DescribedKeyframe]] | None:
+        A slow stream has time enough between two frames.
+        """
+        self._task = _Task(due, due_stamp, self._pool.submit(work))
+
+    def take(self, count: int | None, stamp: SteadyStamp) -> Result | None:
         """Return what is due at frame `count` of `stamp` (None: whatever there is), None where nothing is."""
-        if self._task is None:
-            return None
-        is_long_ago = (stamp - self._task.begun) * 1e-9 > TUNING.background_s
-        if count is not None and count < self._task.due and not is_long_ago:
+        if self._task is None or (count is not None and count < self._task.due and stamp < self._task.due_stamp):
             return None
         task, self._task = self._task, None
-        return task.adjustment, *task.result.result()
+        return task.result.result()

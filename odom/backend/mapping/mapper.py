@@ -1,22 +1,36 @@
 """Keeping the map adjusted and bounded while it grows."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from odom.backend.map.map import Map
 from odom.backend.map.memory import farthest_beyond, recall_near, set_aside
 from odom.backend.map.pruning import forget, oldest_beyond
 from odom.backend.mapping import local_adjustment
-from odom.backend.mapping.background import Background, DescribedKeyframe
+from odom.backend.mapping.background import Background
 from odom.backend.mapping.bundle_adjustment import Bundle
+from odom.backend.mapping.described import DescribedKeyframe
 from odom.backend.mapping.intermediate_frames import IntermediateFrames
 from odom.backend.mapping.keyframe_inserter import KeyframeInserter
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.place_descriptor import describe_place
-from odom.frontend.matching.place_recognition import recognise
+from odom.frontend.matching.place_recognition import GrownIndex, recognise
 from odom.geometry.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Done:
+    """What the background has made: an adjustment with its result, new key frames, and the index with their places."""
+
+    adjustment: local_adjustment.Adjustment
+    bundle: Bundle
+    described: list[DescribedKeyframe]
+    places: GrownIndex
 
 
 class Mapper:
@@ -26,8 +40,13 @@ class Mapper:
         self._map, self._settings = map_, settings
         self.inserter = KeyframeInserter(map_, settings)
         self.intermediate = IntermediateFrames()
-        self._background = Background(settings.background_delay_frames)
+        self._background = Background[_Done]("mapping")
         self._settled = map_.earlier
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether nothing is adjusted in the background, so that the map may move."""
+        return not self._background.is_busy
 
     def prune(self, state: FrameState | None) -> bool:
         """Forget the oldest key frames beyond `map_keyframes`; return whether there were any.
@@ -71,14 +90,15 @@ class Mapper:
         linked = [self._map.linked(seen.keyframe) for seen in waiting]
         index = self._map.places
 
-        def describe() -> list[DescribedKeyframe]:
+        def work() -> _Done:
+            bundle = adjustment.run()
             places = [describe_place(seen.view, sensor, seen.twist) for seen in waiting]
-            return [
-                DescribedKeyframe(seen, place, recognise(index, place, excluded))
-                for seen, place, excluded in zip(waiting, places, linked, strict=True)
-            ]
+            found = [recognise(index, place, known) for place, known in zip(places, linked, strict=True)]
+            described = [DescribedKeyframe(*one) for one in zip(waiting, places, found, strict=True)]
+            return _Done(adjustment, bundle, described, index.grown({d.seen.keyframe: d.place for d in described}))
 
-        self._background.start(count, sensor.clock.steady, adjustment, describe)
+        due_stamp = SteadyStamp(sensor.clock.steady + round(TUNING.background_s * 1e9))
+        self._background.start(count + self._settings.background_delay_frames, due_stamp, work)
 
     def take_background(
         self, count: int | None, sensor: SensorModel
@@ -91,12 +111,10 @@ class Mapper:
         taken = self._background.take(count, sensor.clock.steady)
         if taken is None:
             return None
-        adjustment, bundle, described = taken
-        sensor = self._take_over(adjustment, bundle, sensor)
-        for one in described:
-            self._map.places.add(one.seen.keyframe, one.place)
-        self._note_measured([one.seen.keyframe for one in described])
-        return sensor, described
+        sensor = self._take_over(taken.adjustment, taken.bundle, sensor)
+        self._map.places.adopt(taken.places)
+        self._note_measured([one.seen.keyframe for one in taken.described])
+        return sensor, taken.described
 
     def keep_for_the_end(self, number: int, tracked: Tracked, sensor: SensorModel) -> None:
         """Keep what the tracked frame `number` measured, for `finish`."""

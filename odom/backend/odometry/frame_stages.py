@@ -7,6 +7,7 @@ import numpy as np
 from odom.backend.chain.chain import Chain, ChainFrame
 from odom.backend.chain.sight import Sight
 from odom.backend.estimate import Estimate, Features, State
+from odom.backend.loop_closure.loop_closure import LoopCloser
 from odom.backend.map.frame_log import LoggedFrame
 from odom.backend.map.map import Map
 from odom.backend.map.memory import open_map
@@ -39,8 +40,8 @@ class FrameStages:
     """The stages of every frame, and what one frame hands to the next.
 
     `state` is the newest frame with a pose, None before the first; `sensor` what is known of the camera, with the
-    newest frame's stamp in its clock. The map grows by `mapper`; `published` and `chain` are what goes out; `moving`
-    tells what moves in the view.
+    newest frame's stamp in its clock. The map grows by `mapper`, and `closer` closes its loops; `published` and `chain`
+    are what goes out; `moving` tells what moves in the view.
     """
 
     def __init__(self, sensor: SensorModel, settings: OdometrySettings, saved: SavedMap | None = None) -> None:
@@ -49,6 +50,7 @@ class FrameStages:
         self.map = Map() if saved is None else open_map(saved)
         self.tracker = FrameTracker(self.map, settings)
         self.mapper = Mapper(self.map, settings)
+        self.closer = LoopCloser(self.map, self.tracker)
         self.published = PublishedTrajectory(self.map)
         self.chain = Chain()
         self._settings = settings

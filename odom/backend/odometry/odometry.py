@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from odom.backend.chain.closed_chain import close_chain
 from odom.backend.estimate import ClosedChain, ClosingTest, Estimate, LoopCandidate, TrajectoryPose
 from odom.backend.loop_closure.closed_walk import closing_test
-from odom.backend.loop_closure.loop_closure import close_recognised
 from odom.backend.map.map import Map
 from odom.backend.map.memory import take_changes
 from odom.backend.map.saved import MapChanges, SavedMap
+from odom.backend.map.shown import cloud_of, path_of
 from odom.backend.mapping.intermediate_frames import IntermediateFrame, IntermediateFrames, corrected
 from odom.backend.odometry.final_trajectory import trajectory
 from odom.backend.odometry.frame_stages import FrameStages
@@ -164,7 +164,7 @@ class Odometry:
         if frames.state is not None:
             frames.mapper.recall(frames.state)
         if map_moved or estimate.is_keyframe:
-            estimate = replace(estimate, path=frames.map.path(), landmarks_map=frames.map.cloud())
+            estimate = replace(estimate, path=path_of(frames.map), landmarks_map=cloud_of(frames.map))
         return replace(estimate, loops=loops, timings_ms=watch.laps_ms)
 
     def take_map_changes(self) -> MapChanges:
@@ -173,7 +173,7 @@ class Odometry:
         return changes if changes.is_empty else replace(changes, sensor=SensorMemory.of(self._frames.sensor))
 
     def _take_background(self, count: int | None) -> tuple[tuple[LoopCandidate, ...], bool]:
-        """Take over what the background has for frame `count` (None: all it has); return loops, and if the map moved.
+        """Take over what the background has for frame `count` (None: all); return what loops came to, if the map moved.
 
         The current pose moves with the map; over a closure, the pose in odom stays what it was.
         """
@@ -182,16 +182,17 @@ class Odometry:
             return (), False
         T_reference_camera = state.T_reference_camera(frames.map)
         taken = frames.mapper.take_background(count, frames.sensor)
-        if taken is None:
-            return (), False
-        frames.sensor, described = taken
-        reference = frames.map.keyframes[state.reference]
-        T_reference_adjusted = reference.T_camera_map
-        loops = close_recognised(frames.map, frames.tracker, described, frames.sensor)
-        if any(loop.accepted for loop in loops):
-            frames.published.correct(se3.inverse(reference.T_camera_map) @ T_reference_adjusted)
-        frames.state = state.moved_with(frames.map, T_reference_camera)
-        return loops, True
+        frames.sensor, described = taken or (frames.sensor, [])
+        T_reference_adjusted = frames.map.keyframes[state.reference].T_camera_map
+        loops = frames.closer.judge(described, frames.sensor)
+        if frames.mapper.is_idle:  # what is being adjusted must not move meanwhile
+            loops += frames.closer.close(count, frames.sensor)
+        if is_closed := any(loop.accepted for loop in loops):
+            T_reference_map = frames.map.keyframes[state.reference].T_camera_map
+            frames.published.correct(se3.inverse(T_reference_map) @ T_reference_adjusted)
+        if map_moved := is_closed or taken is not None:
+            frames.state = state.moved_with(frames.map, T_reference_camera)
+        return tuple(loops), map_moved
 
     def finish(self) -> tuple[TrajectoryPose, ...]:
         """Return the final corrected trajectory after adjusting the whole map once more.

@@ -1,6 +1,6 @@
 """Up to 4,096 places in an index that does not change any more: 4 bytes for each sampled key of each feature."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.frontend.features.place_descriptor import Descriptors
-from odom.frontend.tuning import TUNING
-from odom.geometry.arrays import Index
+from odom.geometry.arrays import Index, Mask
 from odom.geometry.compiled import compiled
 
 TABLES, BITS = 6, 20
@@ -50,20 +49,55 @@ class PlaceBlock:
     def joined(self, newer: "PlaceBlock") -> "PlaceBlock":
         """Return the block of these places and of `newer` ones, no more than MOST_PLACES together."""
         shift = np.uint32(len(self.numbers))
-        tables = tuple(np.sort(np.concatenate([a, b + shift])) for a, b in zip(self.tables, newer.tables, strict=True))
+        tables = tuple(merged(a, b + shift) for a, b in zip(self.tables, newer.tables, strict=True))
         return PlaceBlock(np.concatenate([self.numbers, newer.numbers]), tables)
 
-    def voted(self, keys: Index) -> Index:
-        """Return the places that share one of `keys` (n x TABLES), once for each; of each key the newest few."""
-        found = [_newest(table, own) for table, own in zip(self.tables, keys.T, strict=True)]
-        return np.asarray(self.numbers[np.concatenate(found)])
+    def without(self, gone: Collection[int]) -> "PlaceBlock":
+        """Return the block without the places `gone`."""
+        stays = ~np.isin(self.numbers, list(gone))
+        if stays.all():
+            return self
+        local, place = np.uint32(MOST_PLACES - 1), (np.cumsum(stays) - 1).astype(np.uint32)
+        kept = [table[stays[table & local]] for table in self.tables]
+        return PlaceBlock(self.numbers[stays], tuple((table & ~local) | place[table & local] for table in kept))
+
+    def vote(self, keys: Index, is_gone: Mask, room: Index, votes: Index) -> None:
+        """Add to `votes` one for each of `keys` (n x TABLES) that a place shares, the newest first.
+
+        Of each key as many count as there is `room` for (n x TABLES, which shrinks); places that are gone do not.
+        `is_gone` and `votes` are by number.
+        """
+        for table, own, left in zip(self.tables, keys.T, room.T, strict=True):
+            _vote(table, first_at_least(table, (own + 1) << _LOCAL_BITS), own, self.numbers, is_gone, left, votes)
 
 
-def _newest(table: NDArray[np.uint32], keys: Index) -> Index:
-    first = keys << _LOCAL_BITS
-    stop = first_at_least(table, first + MOST_PLACES)
-    count = np.minimum(stop - first_at_least(table, first), TUNING.place_bucket)
-    return np.asarray(table[last_of_each(stop, count)] & np.uint32(MOST_PLACES - 1), dtype=np.int64)
+@compiled
+def _vote(
+    table: NDArray[Any], stop: Index, keys: Index, numbers: Index, is_gone: Mask, room: Index, votes: Index
+) -> None:
+    for k in range(len(keys)):
+        at = stop[k] - 1
+        while at >= 0 and room[k] > 0 and np.int64(table[at]) >> _LOCAL_BITS == keys[k]:
+            number = numbers[np.int64(table[at]) & (MOST_PLACES - 1)]
+            if not is_gone[number]:
+                votes[number] += 1
+                room[k] -= 1
+            at -= 1
+
+
+@compiled
+def merged(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
+    """Return two sorted arrays as a sorted one."""
+    out = np.empty(len(a) + len(b), a.dtype)
+    i = j = 0
+    for k in range(len(out)):
+        if j == len(b) or (i < len(a) and a[i] <= b[j]):
+            out[k] = a[i]
+            i += 1
+        else:
+            out[k] = b[j]
+            j += 1
+    return out
 
 
 @compiled
@@ -83,9 +117,3 @@ def first_at_least(table: NDArray[Any], values: Index) -> Index:
             at[k] += (probed - at[k]) * is_below
         step //= 2
     return at
-
-
-def last_of_each(stop: Index, count: Index) -> Index:
-    """Return, one after the other, the `count` (n) positions before each `stop` (n), ascending."""
-    within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    return np.asarray(np.repeat(stop - count, count) + within)

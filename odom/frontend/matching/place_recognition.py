@@ -1,16 +1,27 @@
 """Places seen before: an index by what they look like, matching by descriptors, and registration by the points."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 
 from odom.frontend.features.place_descriptor import Place
-from odom.frontend.matching.place_block import PlaceBlock, keys_of
-from odom.frontend.matching.place_tables import PlaceTables
+from odom.frontend.matching.place_block import MOST_PLACES, PlaceBlock, keys_of
 from odom.frontend.tuning import TUNING
 from odom.registration import Pairs, Registration, register
+
+_FALL = 4
+"""How many times larger a block of the index at least is than the next one, before the two are merged."""
+
+
+@dataclass(frozen=True, eq=False)
+class GrownIndex:
+    """An index with `added` places: its blocks, and which of the places in them are forgotten."""
+
+    added: Mapping[int, Place]
+    blocks: tuple[PlaceBlock, ...]
+    gone: frozenset[int]
 
 
 @dataclass(eq=False)
@@ -18,24 +29,39 @@ class PlaceIndex:
     """Places by number, found by sampled bits of their descriptors (locality-sensitive hashing, A. Gionis, 1999).
 
     Of the places that share a feature's bits only the newest ones count, so that a place seen often hardly makes a
-    look-up slower. Places of a saved map are in `blocks`; they are not in memory, like those that were set aside, but
-    had from `elsewhere`.
+    look-up slower. The `blocks` fall in size and are merged as they fill, up to a bound, so that an entry
+    is copied some four times for each size (a log-structured merge tree, P. O'Neil et al., 1996); those of forgotten
+    places, which are `gone`, stay until then. Places that are not in memory are had from `elsewhere`.
     """
 
     places: dict[int, Place] = field(default_factory=dict)
     blocks: tuple[PlaceBlock, ...] = ()
     elsewhere: Callable[[int], Place | None] | None = None
-    _tables: PlaceTables = field(default_factory=PlaceTables)
+    gone: frozenset[int] = frozenset()
 
-    def add(self, number: int, place: Place) -> None:
-        """Remember `place` under `number`."""
-        self.places[number] = place
-        self._tables.add(number, place.descriptors)
+    def grown(self, added: Mapping[int, Place]) -> GrownIndex:
+        """Return this index with further places of higher numbers; it stays as it is itself, and can be asked."""
+        blocks = [block.without(self.gone) if self._is_half_gone(block) else block for block in self.blocks]
+        for number, place in sorted(added.items()):
+            blocks.append(PlaceBlock.of([number], [place.descriptors]))
+            while len(blocks) > 1 and _is_to_be_merged(*blocks[-2:]):
+                older, newer = (block.without(self.gone) for block in blocks[-2:])
+                blocks[-2:] = [older.joined(newer)]
+        left = self.gone.intersection(n for block in blocks for n in block.numbers.tolist())
+        return GrownIndex(added, tuple(block for block in blocks if len(block.numbers)), left)
+
+    def _is_half_gone(self, block: PlaceBlock) -> bool:
+        return bool(self.gone) and 2 * np.isin(block.numbers, list(self.gone)).sum() > len(block.numbers)
+
+    def adopt(self, grown: GrownIndex) -> None:
+        """Become what `grown` has made of this index, if nothing was forgotten since."""
+        self.places.update(grown.added)
+        self.blocks, self.gone = grown.blocks, grown.gone
 
     def forget(self, number: int) -> None:
         """Forget the place of this `number`, if there is one."""
         if self.places.pop(number, None) is not None:
-            self._tables.forget(number)
+            self.gone |= {number}
 
     def set_aside(self, number: int) -> None:
         """Drop a place from memory; it is still found, and had from `elsewhere`."""
@@ -49,25 +75,33 @@ class PlaceIndex:
     def look_up(self, place: Place, excluded: set[int], most: int) -> list[int]:
         """Return up to `most` places that look most like `place`, best first, without the `excluded`."""
         keys = np.sort(keys_of(place.descriptors), axis=0)  # neighbouring keys are near each other in memory
-        votes = np.bincount(np.concatenate([self._tables.voted(keys), *(block.voted(keys) for block in self.blocks)]))
+        size = 1 + max((int(block.numbers[-1]) for block in self.blocks), default=0)
+        votes, is_gone = np.zeros(size, dtype=np.int64), np.zeros(size, dtype=np.bool_)
+        is_gone[list(self.gone)] = True
+        room = np.full(keys.shape, TUNING.place_bucket)
+        for block in reversed(self.blocks):
+            block.vote(keys, is_gone, room, votes)
         numbers = np.flatnonzero(votes)
         ranked = numbers[np.argsort(-votes[numbers], kind="stable")]
         return [number for number in ranked.tolist() if number not in excluded][:most]
+
+
+def _is_to_be_merged(older: PlaceBlock, newer: PlaceBlock) -> bool:
+    a, b = len(older.numbers), len(newer.numbers)
+    return b * _FALL > a and a + b <= MOST_PLACES
 
 
 def match_places(source: Place, target: Place) -> Pairs | None:
     """Return the pairs of features that look alike in both and unlike any other, None when there are fewer than 3."""
     if min(len(source.points), len(target.points)) < 3:
         return None
-    matches = cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(source.descriptors, target.descriptors, k=2)
-    good = [
-        (m.queryIdx, m.trainIdx)
-        for m, second in matches
-        if m.distance < min(TUNING.place_ratio * second.distance, TUNING.place_most_different)
-    ]
-    if len(good) < 3:
+    bits, nearest = cv2.batchDistance(
+        source.descriptors, target.descriptors, cv2.CV_32S, None, None, cv2.NORM_HAMMING, 2
+    )
+    s = np.flatnonzero(bits[:, 0] < np.minimum(TUNING.place_ratio * bits[:, 1], TUNING.place_most_different))
+    if len(s) < 3:
         return None
-    s, t = np.array(good).T
+    t = nearest[s, 0]
     return Pairs(source.points[s], target.points[t], source.covariances[s], target.covariances[t])
 
 

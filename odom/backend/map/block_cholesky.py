@@ -1,0 +1,139 @@
+"""Cholesky factors of large sparse symmetric matrices of 6 x 6 blocks, one row and column of blocks for each pose.
+
+The factor's pattern follows from which poses have a common block (T. Davis, "Direct methods for sparse linear systems",
+2006, chapter 4): it is found once, by scipy, on the matrix of one number a block. The blocks are eliminated in the
+order of least fill (SuperLU's minimum degree). All loops run without the GIL, so that frames need not wait for them.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.linalg import splu
+
+from odom.geometry.arrays import Array, Index, Mask
+from odom.geometry.compiled import compiled
+
+
+@dataclass(frozen=True, eq=False)
+class BlockPattern:
+    """Where the factor of an n x n matrix of blocks has blocks: `row` (ascending) of each, by column from `start` on.
+
+    `place` (n) is the row and column that a block of the matrix has in the factor, after reordering; the first block of
+    a column is that of the diagonal. `slot` (m) says where the blocks off the diagonal go that the pattern was made of,
+    and `is_turned` which of them are transposed there.
+    """
+
+    place: Index
+    start: Index
+    row: Index
+    slot: Index
+    is_turned: Mask
+
+    @classmethod
+    def of(cls, n: int, a: Index, b: Index) -> "BlockPattern":
+        """Return the pattern of a matrix with blocks on the diagonal and in rows `a` (m), columns `b`, and (b, a)."""
+        weight = -np.ones(len(a))
+        diagonal = np.bincount(a, minlength=n) + np.bincount(b, minlength=n) + 1.0
+        entries = np.concatenate([weight, weight, diagonal])
+        every = np.arange(n)
+        at = np.concatenate([a, b, every]), np.concatenate([b, a, every])
+        factors = splu(
+            coo_matrix((entries, at), shape=(n, n)).tocsc(),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+        lower = factors.L
+        lower.sort_indices()
+        place = factors.perm_c.astype(np.int64)
+        start, row = lower.indptr.astype(np.int64), lower.indices.astype(np.int64)
+        first, second = place[a], place[b]
+        column, below = np.minimum(first, second), np.maximum(first, second)
+        slot = _slots(start, row, column, below)
+        return cls(place, start, row, slot, first < second)
+
+
+@compiled
+def _slots(start: Index, row: Index, column: Index, below: Index) -> Index:
+    out = np.empty(len(column), np.int64)
+    for e in range(len(column)):
+        low, high = start[column[e]], start[column[e] + 1] - 1
+        while low < high:
+            middle = (low + high) // 2
+            if row[middle] < below[e]:
+                low = middle + 1
+            else:
+                high = middle
+        out[e] = low
+    return out
+
+
+@compiled
+def factorise(start: Index, row: Index, L: Array) -> bool:
+    """Turn the lower triangle `L` (blocks x 6 x 6, by the pattern) into its Cholesky factor; False where it has none.
+
+    Column by column: each is divided by the root of its diagonal block, and its products leave the columns that its
+    rows name (right-looking).
+    """
+    for j in range(len(start) - 1):
+        first, stop = start[j], start[j + 1]
+        D = L[first]
+        for i in range(6):
+            for k in range(i + 1):
+                rest = D[i, k]
+                for c in range(k):
+                    rest -= D[i, c] * D[k, c]
+                if i > k:
+                    D[i, k] = rest / D[k, k]
+                elif rest > 0.0:
+                    D[i, i] = math.sqrt(rest)
+                else:
+                    return False
+        for p in range(first + 1, stop):
+            B = L[p]
+            for i in range(6):
+                for k in range(6):
+                    rest = B[i, k]
+                    for c in range(k):
+                        rest -= B[i, c] * D[k, c]
+                    B[i, k] = rest / D[k, k]
+        for p in range(first + 1, stop):
+            at = start[row[p]]
+            for q in range(p, stop):
+                while row[at] < row[q]:
+                    at += 1
+                for i in range(6):
+                    for k in range(6):
+                        product = 0.0
+                        for c in range(6):
+                            product += L[q, i, c] * L[p, k, c]
+                        L[at, i, k] -= product
+    return True
+
+
+@compiled
+def solve(start: Index, row: Index, L: Array, x: Array) -> None:
+    """Replace `x` (n x 6, reordered) by the solution of `L L' y = x`."""
+    n = len(start) - 1
+    for j in range(n):
+        D = L[start[j]]
+        for i in range(6):
+            for c in range(i):
+                x[j, i] -= D[i, c] * x[j, c]
+            x[j, i] /= D[i, i]
+        for p in range(start[j] + 1, start[j + 1]):
+            for i in range(6):
+                for c in range(6):
+                    x[row[p], i] -= L[p, i, c] * x[j, c]
+    for j in range(n - 1, -1, -1):
+        D = L[start[j]]
+        for p in range(start[j] + 1, start[j + 1]):
+            for i in range(6):
+                for c in range(6):
+                    x[j, i] -= L[p, c, i] * x[row[p], c]
+        for i in range(5, -1, -1):
+            for c in range(i + 1, 6):
+                x[j, i] -= D[c, i] * x[j, c]
+            x[j, i] /= D[i, i]

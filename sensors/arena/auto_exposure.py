@@ -7,6 +7,7 @@ import numpy as np
 from odom.geometry.arrays import Array
 from odom.geometry.se3 import inverse
 from sensors.arena.array_types import Float32
+from sensors.arena.building import Building
 from sensors.arena.camera_path import LAP_S, Infinity, Walk
 from sensors.arena.color_chip import unpack
 from sensors.arena.renderer import JITTER, Moments, Renderer
@@ -26,7 +27,7 @@ SHAPE = (24, 32)
 
 
 @lru_cache(maxsize=4)
-def _gains(scene: Renderer, walk: Walk, seconds: float) -> Array:
+def _gains(scene: Renderer | Building, walk: Walk, seconds: float) -> Array:
     """Return n x 3 gains, every STEP_S of the walk (of one lap, if it repeats)."""
     K = np.array([26.0, 26.0, 15.5, 11.5])
     periodic = isinstance(walk, Infinity)
@@ -48,7 +49,7 @@ def _gains(scene: Renderer, walk: Walk, seconds: float) -> Array:
     return np.concatenate([out, out[:1] if periodic else out[-1:]])
 
 
-def exposure_gain(scene: Renderer, walk: Walk, seconds: float, t: float, seed: int) -> Float32:
+def exposure_gain(scene: Renderer | Building, walk: Walk, seconds: float, t: float, seed: int) -> Float32:
     """Return the gain of red, green and blue display values at `t` seconds of a walk that lasts `seconds`."""
     gains = _gains(scene, walk, seconds)
     at = np.clip((t % LAP_S if isinstance(walk, Infinity) else t) / STEP_S, 0, len(gains) - 1.001)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from odom.geometry.arrays import Array
 from odom.geometry.se3 import so3_exp
-from sensors.arena.options import FRAMES_PER_KEY_POSE, KEY_POSES, RATE_HZ, ArenaOptions
+from sensors.arena.options import FRAMES_PER_KEY_POSE, KEY_POSES, RATE_HZ, WALKING_M_S, ArenaOptions
+from sensors.arena.ring import way
 
 HARMONICS = 24
 """Fourier terms of a lap's course: fewer cut the eight's bends (mm at 24), more repeat what is there."""
@@ -20,6 +21,8 @@ LAP_S = KEY_POSES * FRAMES_PER_KEY_POSE / RATE_HZ
 """Seconds of a lap of the infinity."""
 JOINED_AT_S = LAP_S + 0.5 / RATE_HZ
 """When the walk through two rooms changes from one to the other, seconds: between two frames."""
+LATER_VISIT_M = 17.0
+"""So much later on the way round a building each visit begins."""
 LATER_VISIT_S = 11.0
 """So much later on the lap each visit to a room begins."""
 
@@ -137,6 +140,28 @@ class Corridor:
         return looking(position, heading, np.deg2rad(-10 + 3 * np.sin(0.23 * t)) + shake[4], shake[5])
 
 
+@dataclass(frozen=True)
+class Round:
+    """Round a building of so many rooms (see `ring`), looking ahead and at the furnished side; begun on the way."""
+
+    rooms: int
+    seed: int = 1
+    begun_m: float = 0.0
+    height_m: float = 1.3
+
+    @cached_property
+    def _shake(self) -> Shake:
+        return Shake(self.seed, 97.0)
+
+    def T_world_camera(self, t: float) -> Array:
+        """See Walk."""
+        shake = self._shake(t)
+        (x, y), heading = way(self.rooms, self.begun_m + WALKING_M_S * t)
+        heading += np.deg2rad(48 + 14 * np.sin(0.31 * t)) + shake[3]
+        pitch = np.deg2rad(-8 + 3 * np.sin(0.23 * t)) + shake[4]
+        return looking(np.array([x, y, self.height_m]) + shake[:3], heading, pitch, shake[5])
+
+
 @dataclass(frozen=True, eq=False)
 class Joined:
     """One walk, then at `change_s` another one whose world begins at `offset_m`."""
@@ -158,6 +183,8 @@ class Joined:
 @lru_cache(maxsize=4)
 def make_walk(options: ArenaOptions) -> Walk:
     """Return the path that the options name."""
+    if options.rooms:
+        return Round(options.rooms, options.own_seed, LATER_VISIT_M * options.visit)
     infinity = Infinity(options.seed) if not options.visit else _another_lap(options)
     if options.walk == "rest":
         return Rest(infinity.T_world_camera(2.0))

@@ -12,6 +12,7 @@ from odom.geometry.se3 import inverse
 from sensors.arena import kinect1, kinect2, rooms
 from sensors.arena.array_types import DepthImage, Float32, Light
 from sensors.arena.auto_exposure import exposure_gain
+from sensors.arena.building import Building, building
 from sensors.arena.camera_path import Joined, Walk, make_walk
 from sensors.arena.color_chip import picture, unpack
 from sensors.arena.depth_to_color import intrinsics, to_color
@@ -51,6 +52,11 @@ class ArenaFrame:
     def rgbd(self) -> RgbdFrame:
         """Return the frame as the odometry takes it."""
         return RgbdFrame(self.index, self.stamp, self.rgb, self.depth_stamp, self.depth_mm)
+
+
+@lru_cache(maxsize=1)
+def _building(seed: int, rooms_: int, is_later: bool) -> Building:
+    return building(seed, rooms_, is_later)
 
 
 @lru_cache(maxsize=2)
@@ -111,8 +117,10 @@ def frame(options: ArenaOptions, index: int) -> ArenaFrame:
     )
 
 
-def _place(options: ArenaOptions, walk: Walk, t: float) -> tuple[Renderer, Walk, float]:
+def _place(options: ArenaOptions, walk: Walk, t: float) -> tuple[Renderer | Building, Walk, float]:
     """Return the scene that is seen at `t`, and the walk and time in the scene's own world."""
+    if options.rooms:
+        return _building(options.seed, options.rooms, options.visit > 0), walk, t
     if isinstance(walk, Joined) and t >= walk.change_s:
         return _scene("laboratory", options.seed + 1, options.people, options.visit > 0), walk.second, t - walk.change_s
     name = "corridor" if options.walk == "corridor" else "laboratory"
@@ -123,13 +131,13 @@ def _place(options: ArenaOptions, walk: Walk, t: float) -> tuple[Renderer, Walk,
 def _color(options: ArenaOptions, walk: Walk, index: int, t: float, dark: bool) -> Image:
     """Draw the image stamped `t`."""
     t -= READOUT_S / 2 if options.faults else 0.0
-    scene, walk, t = _place(options, walk, t)
-    light = _light(options, scene, walk, t)
+    place, walk, t = _place(options, walk, t)
+    light = _light(options, place.near(walk.T_world_camera(t)), walk, t)
     if dark:
         light[:] = np.uint64(0)
     if not options.faults:
         return unpack(light)
-    gain = exposure_gain(scene, walk, options.frames / RATE_HZ, t, options.seed)
+    gain = exposure_gain(place, walk, options.frames / RATE_HZ, t, options.seed)
     return picture(light, gain, _tiles(options.seed), frame_random(options.own_seed, index, 13))
 
 
@@ -171,7 +179,8 @@ def moving_mask(options: ArenaOptions, index: int) -> Mask:
     """
     walk, drawn = make_walk(options), _drawn_camera(options)
     t = color_time(options, index) - (READOUT_S / 2 if options.faults else 0.0)
-    scene, walk, t = _place(options, walk, t)
+    place, walk, t = _place(options, walk, t)
+    scene = place.near(walk.T_world_camera(t))
     moments = Moments(np.array([t]), READOUT_S if options.faults else 0.0, options.camera.height)
     T_camera_world = inverse(walk.T_world_camera(t))
     mask, inverse_depth = scene.moving(T_camera_world, intrinsics(drawn), (drawn.height, drawn.width), moments)
@@ -187,7 +196,8 @@ def _depth(options: ArenaOptions, walk: Walk, index: int, t: float, dark: bool) 
     if dark:
         return np.zeros((camera.height, camera.width), np.uint16)
     t -= DEPTH_LATENCY_S if options.faults else 0.0
-    scene, walk, t = _place(options, walk, t)
+    place, walk, t = _place(options, walk, t)
+    scene = place.near(walk.T_world_camera(t))
     sensor = kinect1 if options.sensor == "kinect1" else kinect2
     infrared, K = sensor.INFRARED, intrinsics(sensor.INFRARED)
     T_infrared_world = inverse(walk.T_world_camera(t) @ sensor.T_COLOR_INFRARED)

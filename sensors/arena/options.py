@@ -7,6 +7,7 @@ from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
 from odom.frame import Camera, Stamp
+from sensors.arena.ring import ROWS, round_m
 from sensors.source_options import read_options
 
 KEY_POSES = 120
@@ -24,6 +25,11 @@ BARREL = (0.12, -0.22, 0.0008, -0.0006, 0.0)
 START = Stamp(1_700_000_000_000_000_000)
 """First stamp of a session that is not live: a day in 2023."""
 
+WALKING_M_S = 0.6
+"""How fast the camera is carried round a building, metres a second."""
+PAST_M = 12.0
+"""How far a round goes on past where it began, metres: so that what is there is seen again."""
+
 Count = Annotated[int, Field(ge=1)]
 Ratio = Annotated[float, Field(ge=0.8, le=1.25)]
 Shift = Annotated[float, Field(ge=-50, le=50)]
@@ -35,8 +41,10 @@ class ArenaOptions:
 
     `walk`: `infinity` (a closed lying eight, 960 frames a lap), `rest` (a tripod), `corridor` (past identical
     rooms), `joined` (a lap in one room, then in another one, without a way between). `laps` repeats the infinity;
-    `seconds` sets the length instead (0: the walk's own). `every` keeps each n-th frame only (8: the key poses) and
-    `half` halves the images' sides, as the sensor's small mode does. `jpeg_quality` is that of colour sent as JPEG.
+    `rooms` (a multiple of 4; 0: none) makes a building of so many instead, of different kinds and of look-alike ones,
+    and a walk round it: 92 of them are 300 m. `seconds` sets the length instead (0: the walk's own). `every` keeps each
+    n-th frame only (8: the key poses) and `half` halves the images' sides, as the sensor's small mode does.
+    `jpeg_quality` is that of colour sent as JPEG.
     `faults=False` gives perfect images. `blackout` names what is missing (`frames`, `color`, `depth`) from
     `blackout_start_s` for `blackout_s`. `distortion` bends the colour lens. `mocap_offset_s` is the motion capture's
     clock minus the camera's; `marker_m` and `marker_deg` are how far the marker `body` is from the camera.
@@ -52,6 +60,7 @@ class ArenaOptions:
     """
 
     seed: Annotated[int, Field(ge=0)] = 1
+    rooms: Annotated[int, Field(ge=0, le=400, multiple_of=ROWS)] = 0
     visit: Annotated[int, Field(ge=0, le=1000)] = 0
     sensor: Literal["kinect1", "kinect2"] = "kinect1"
     walk: Literal["infinity", "rest", "corridor", "joined"] = "infinity"
@@ -84,6 +93,9 @@ class ArenaOptions:
     def __post_init__(self) -> None:
         if self.people and self.walk == "corridor":
             raise ValueError("people are in the laboratory only: choose another walk than corridor, or people=0")
+
+        if self.rooms and (self.people or self.walk != "infinity"):
+            raise ValueError("a building has its own walk, without people: leave out rooms, or people and walk")
 
     @classmethod
     def from_texts(cls, texts: dict[str, str]) -> Self:
@@ -120,6 +132,8 @@ class ArenaOptions:
         """How many frames the session has at 30 Hz, kept or not."""
         if self.seconds:
             return max(1, round(self.seconds * RATE_HZ))
+        if self.rooms:
+            return round((self.laps * round_m(self.rooms) + PAST_M) / WALKING_M_S * RATE_HZ)
         lap = KEY_POSES * FRAMES_PER_KEY_POSE
         whole = {"infinity": lap * self.laps + 1, "rest": 1800, "corridor": 1800, "joined": 2 * (lap + 1)}
         return whole[self.walk]

@@ -53,6 +53,10 @@ class Renderer:
         size = atlas.level_size[surfaces.patch, 0].astype(float)
         self._texels_per_m2 = size[:, 0] * size[:, 1] / area
 
+    def near(self, T_world_camera: Array) -> "Renderer":
+        """Return what draws the surroundings of a camera: this, which draws all that there is."""
+        return self
+
     def depth(self, T_camera_world: Array, K: Array, shape: tuple[int, int], t: float) -> DepthView:
         """Return what a camera with the intrinsics `K` (fx, fy, cx, cy) and images of `shape` (H, W) sees at `t`."""
         surfaces, normal = self._surfaces, self._normal

@@ -11,11 +11,10 @@ from sensors.arena.lighting import bake, lit
 from sensors.arena.people import People, seats
 from sensors.arena.rasteriser import Surfaces
 from sensors.arena.renderer import Renderer
+from sensors.arena.ring import BAY_M
 from sensors.arena.scene_builder import Lamps, Panel, moved
 from sensors.arena.scene_file import SceneBuilder
 
-BAY_M = 3.2
-"""Length of one of the corridor's rooms, metres: that of its walls and floor; shorter, its furniture overlaps."""
 LATER_LIGHT = 0.6
 """Share of their first light that the lamps have on a later visit."""
 BAYS = 9
@@ -71,7 +70,7 @@ def draw(
     def pictures() -> Iterator[Image]:
         for panel, on_it in zip([*rooms[0], *moving], [*light, *light_on_people], strict=True):
             image = panel.paint()
-            tones.append(panel.material.infrared * _tone(image))
+            tones.append(panel.material.infrared * tone(image))
             yield lit(image, on_it)
 
     atlas = pack(pictures())
@@ -88,6 +87,6 @@ def draw(
     return Renderer(surfaces, atlas, people)
 
 
-def _tone(image: Image) -> float:
+def tone(image: Image) -> float:
     """Return how bright a picture is in near infrared: less contrast than to the eye."""
     return 0.35 + 0.65 * float(image.mean()) / 255

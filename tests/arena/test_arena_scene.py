@@ -25,6 +25,7 @@ def test_the_rooms_use_every_thing_of_the_file(monkeypatch: pytest.MonkeyPatch) 
     builder = SceneBuilder(np.random.default_rng(1))
     builder.add("laboratory", np.eye(4))
     builder.add("bay", np.eye(4), length=3.2)
+    builder.add("corner", np.eye(4))
     builder.add("stool", np.eye(4), height=0.45)
     builder.add("carton to carry", np.eye(4), depth=0.3)
     assert used == {*things(), *scene_file.MADE}

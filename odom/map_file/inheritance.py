@@ -1,6 +1,6 @@
 """Landmarks of key frames that are left out go to those that have measured them, the nearest first."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -42,6 +42,9 @@ class Inherited:
         gone = (n for n in range(len(family.T_camera_map)) if n not in self._measured)
         self._left: dict[int, Index] = {n: family.details(n).landmarks.identity for n in gone}
         self._shares = lru_cache(maxsize=64)(self._shares_of)
+
+    def expect(self, numbers: Iterable[int]) -> None:
+        """Read nothing ahead: each is fetched once, in order."""
 
     def fetch(self, number: int) -> SavedDetails:
         """Return the details of a key frame, with the landmarks that it inherits."""

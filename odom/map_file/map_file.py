@@ -4,7 +4,7 @@ import logging
 import os
 import sqlite3
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from hashlib import sha256
@@ -20,6 +20,7 @@ from odom.frontend.features.place_descriptor import Place
 from odom.map_file import index, records
 from odom.map_file.counts import Counts
 from odom.map_file.database import UNREADABLE, connect, damage_told, damaged, lock, transaction
+from odom.map_file.read_ahead import ReadAhead
 from odom.map_file.sessions import Session, is_same_camera
 from odom.map_file.writer import MapWriter
 
@@ -39,6 +40,7 @@ class MapFile:
         self._lock = threading.Lock()
         self._held = lock(path) if is_written else None
         self._writer: MapWriter | None = None
+        self._ahead = ReadAhead(self._read)
         try:
             self._db = connect(path, is_written)
         except BaseException:
@@ -128,8 +130,15 @@ class MapFile:
         with damage_told(self.path), self._lock, transaction(self._db):
             self._db.execute("INSERT INTO session VALUES (?, ?)", (session.number, session.to_bytes()))
 
+    def expect(self, numbers: Iterable[int]) -> None:
+        """Begin to read key frames that may soon be fetched."""
+        self._ahead.ask(numbers)
+
     def fetch(self, number: int) -> SavedDetails | None:
         """Return what a key frame measured; None, counted and logged, where it cannot be read."""
+        return self._ahead.get(number)
+
+    def _read(self, number: int) -> SavedDetails | None:
         waiting = None if self._writer is None else self._writer.waiting(number)
         if waiting is not None:
             return waiting
@@ -161,6 +170,7 @@ class MapFile:
 
     def put(self, changes: MapChanges) -> None:
         """Take over changes; they are on disk within a second, or said and tried again."""
+        self._ahead.forget(changes.details)
         if self._writer is not None:
             self._writer.put(changes)
 
@@ -176,6 +186,7 @@ class MapFile:
 
     def close(self) -> None:
         """Write what waits, and leave one plain file behind; safe to call twice."""
+        self._ahead.close()
         if self._writer is not None:
             self._writer.close()
             self._writer = None

@@ -1,6 +1,6 @@
 """A new map file made of key frames of others: written beside its name, which it is given when it is whole."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -37,6 +37,9 @@ class Gathered:
 
     origins: Sequence[Origin]
     is_rest: bool = False
+
+    def expect(self, numbers: Iterable[int]) -> None:
+        """Read nothing ahead: each is fetched once, in order."""
 
     def fetch(self, number: int) -> SavedDetails | None:
         """Return the details of a key frame, its place among them."""

@@ -127,8 +127,17 @@ def recall_near(map_: Map, keyframe: int, T_camera_map: Array, at_once: int = TU
     if not map_.away:
         return False
     nearest = map_.nearest(sorted(map_.around(keyframe, TUNING.recalled)), T_camera_map)[: TUNING.recalled]
-    wanted = [keyframe, *nearest.tolist()]
-    return recall(map_, [n for n in wanted if n in map_.away][:at_once])
+    wanted = [n for n in [keyframe, *nearest.tolist()] if n in map_.away]
+    if map_.details is not None:
+        map_.details.expect(wanted[at_once:])
+    return recall(map_, wanted[:at_once])
+
+
+def expect_around(map_: Map, keyframes: Iterable[int]) -> None:
+    """Let the disk be read for those that were set aside around key frames: those made right before and after them."""
+    if map_.details is not None:
+        half = TUNING.recalled // 2
+        map_.details.expect([n for k in keyframes for n in range(k - half, k + half + 1) if n in map_.away])
 
 
 def farthest_beyond(map_: Map, most: int, needed: Index, T_camera_map: Array | None) -> list[int]:

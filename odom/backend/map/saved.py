@@ -4,7 +4,7 @@ Landmarks are held in the camera frame of the key frame that saw them first, so 
 new details. `Landmarks.identity` names a landmark for ever: that is how details refer to those of other key frames.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -65,6 +65,9 @@ class SavedDetails:
 
 class Details(Protocol):
     """Where details of key frames are kept while they are not in memory; asked from the background as well."""
+
+    def expect(self, numbers: Iterable[int]) -> None:
+        """Begin to read key frames that may soon be fetched; nothing else depends on it."""
 
     def fetch(self, number: int) -> SavedDetails | None:
         """Return the details of a key frame, None where they cannot be had."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.backend.map.map import Map
-from odom.backend.map.memory import farthest_beyond, recall_near, set_aside
+from odom.backend.map.memory import expect_around, farthest_beyond, recall_near, set_aside
 from odom.backend.map.pruning import forget, oldest_beyond
 from odom.backend.mapping import local_adjustment
 from odom.backend.mapping.background import Background
@@ -94,6 +94,7 @@ class Mapper:
             bundle = adjustment.run()
             places = [describe_place(seen.view, sensor, seen.twist) for seen in waiting]
             found = [recognise(index, place, known) for place, known in zip(places, linked, strict=True)]
+            expect_around(self._map, [r.candidate for one in found for r in one if not r.refusal])
             described = [DescribedKeyframe(*one) for one in zip(waiting, places, found, strict=True)]
             return _Done(adjustment, bundle, described, index.grown({d.seen.keyframe: d.place for d in described}))
 

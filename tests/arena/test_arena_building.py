@@ -60,7 +60,7 @@ def test_a_frame_is_the_same_in_whatever_order_it_is_asked_for_and_another_visit
     first, later = building(1, 8), building(1, 8, is_later=True)
     assert later.atlas.texels.shape == first.atlas.texels.shape
     bright, dim = (np.mean(b.atlas.texels & 0xFF) for b in (first, later))
-    assert dim < 0.95 * bright
+    assert dim < 0.97 * bright  # half of the light is that of the surroundings
     assert any(not np.allclose(a.origin, b.origin) for a, b in zip(first.sections, later.sections, strict=True))
 
 

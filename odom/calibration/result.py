@@ -1,7 +1,7 @@
 """A calibration from walks: what was found, how surely, and whether to use it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -78,6 +78,17 @@ def calibrated(
     if earlier is not None:
         sigma[free] = np.hypot(sigma[free], TUNING.sure_moved * np.abs(vector - earlier.vector)[free])
     return Calibrated(camera_of(vector, start), vector_of(start), vector, sigma, is_shown, found, prior)
+
+
+def as_measured(result: Calibrated) -> Calibrated:
+    """Return a calibration whose sigmas allow for errors of measuring that are alike in all of a walk.
+
+    Patches that are found aside, or depth that is rounded into the colour image's pixels, err alike in every part of
+    it, so that no comparison of the parts shows it. The unit of depth does not come from patches.
+    """
+    is_measured = result.shown & (np.arange(len(NAMES)) != SCALE_NUMBER)
+    sigma = np.where(is_measured, TUNING.sure_measured * result.sigma, result.sigma)
+    return replace(result, sigma=sigma)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from odom.backend.mapping.local_adjustment import Adjustment
 from odom.calibration.adjustment import Fit, Prior, fit
 from odom.calibration.parameters import BASELINE, NAMES, SHIFT, TIMINGS, prior_sigma, vector_of
 from odom.calibration.rays import rays_of, turned_onto
-from odom.calibration.result import Calibrated, calibrated, judge
+from odom.calibration.result import Calibrated, as_measured, calibrated, judge
 from odom.calibration.survey import Survey, surveyed
 from odom.calibration.tuning import TUNING
 from odom.calibration.unit_of_length import in_believed_unit
@@ -58,7 +58,7 @@ def self_calibrated(odometry: Odometry) -> SelfCalibration:
         off_px = surely_off_px(found.camera, found.sigma, few)
         if not judge(few, found).is_better:
             return SelfCalibration(off_px, _GOOD)
-        found = in_believed_unit(found, few)
+        found = as_measured(in_believed_unit(found, few))
         return SelfCalibration(off_px, "", found, _trajectory(odometry, survey, frames, found))
     except (InputError, ConfigError, np.linalg.LinAlgError) as error:
         return SelfCalibration(reason=str(error))

@@ -8,7 +8,7 @@ import numpy as np
 from odom.backend import Odometry, OdometrySettings, State
 from odom.calibration.metric_scale import metric_scale
 from odom.calibration.parameters import NAMES, SCALE, SCALE_NUMBER, camera_of, vector_of
-from odom.calibration.result import Calibrated, Judgement, calibrated, judge
+from odom.calibration.result import Calibrated, Judgement, as_measured, calibrated, judge
 from odom.calibration.survey import Survey, joined, survey_of
 from odom.calibration.tuning import TUNING
 from odom.calibration.unit_of_length import in_unit_of_depth
@@ -85,7 +85,7 @@ def calibrate_recordings(
                 break
         assert start is not None
         if stopped() and best is not None:
-            return best
+            break
         survey = joined([one.survey for one in walks])
         progress("adjusting")
         scale = _scale(walks)
@@ -97,6 +97,7 @@ def calibrate_recordings(
         if stopped() or (earlier is not None and _has_settled(earlier, result)):
             break
     assert best is not None
+    best = replace(best, result=as_measured(best.result))
     if stopped():
         return best
     progress("judging")

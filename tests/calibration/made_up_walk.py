@@ -36,12 +36,25 @@ def straight(frames, rng):
     return T
 
 
-def made_up_survey(vector, walk=turning, seed=0, points=400, noise=1.0):
-    """The survey by SHEET of a camera that is really `vector`, with noise as it claims; poses and points begin off."""
+def along_a_wall(frames, rng):
+    """T_camera_map of a camera that slides along a wall, and turns about its own axis alone."""
+    t = np.linspace(0, 2 * np.pi, frames)
+    still = np.zeros_like(t)
+    steps = np.column_stack([0.5 * np.sin(t), 0.4 * np.cos(t), still, still, still, 0.8 * np.sin(2 * t)])
+    return np.array([se3.exp(step) for step in steps])
+
+
+def made_up_survey(vector, walk=turning, seed=0, points=400, noise=1.0, wall=False):
+    """The survey by SHEET of a camera that is really `vector`, with noise as it claims; poses and points begin off.
+
+    `wall`: all there is to see is a wall two metres away, instead of slanted surfaces at 1.2 to 3.5 m.
+    """
     rng, frames = np.random.default_rng(seed), 40
     T_camera_map = walk(frames, rng)
     X = rng.uniform((-2.2, -1.8, 1.2), (2.2, 1.8, 3.5), (points, 3))
     normal = rng.normal(size=(points, 3)) * 0.6 + (0, 0, -1)
+    if wall:
+        X[:, 2], normal = 2.0, np.tile([0.0, 0.0, -1.0], (points, 1))
     number, landmark = np.meshgrid(np.arange(frames), np.arange(points))
     number, landmark = number.ravel(), landmark.ravel()
     T = T_camera_map[number]

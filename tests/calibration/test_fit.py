@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from made_up_walk import SHEET, made_up_survey, spoilt, straight, turning
+from made_up_walk import SHEET, along_a_wall, made_up_survey, spoilt, straight, turning
 
 from odom.calibration.adjustment import start_of
 from odom.calibration.linearised import linearised
 from odom.calibration.parameters import NAMES, TIMINGS, prior_sigma, vector_of
 from odom.calibration.projection import project
-from odom.calibration.result import calibrated, judge
+from odom.calibration.result import as_measured, calibrated, judge
 
 WRONG = {
     "focal": {"fx": 20.0, "fy": -15.0},
@@ -52,6 +52,27 @@ def test_a_straight_slide_shows_no_focal_length_and_says_what_would():
     assert found.vector[k] == start[k]
     assert found.sigma[k] == prior_sigma(SHEET)[k]
     assert any("turn the camera" in line for line in found.hidden())
+
+
+@pytest.mark.parametrize("numbers", [{}, {"fx": 15.0, "baseline_u": -13.0, "offset_1": 0.01}])
+def test_a_wall_shows_neither_focal_length_nor_how_depth_errs_with_range(numbers):
+    survey = made_up_survey(spoilt(**numbers), along_a_wall, wall=True)
+    found, start = calibrated(survey, SHEET), vector_of(SHEET)
+    for name in ("fx", "fy", "shift_u_px", "shift_v_px", "baseline_u", "baseline_v", "offset_1"):
+        k = NAMES.index(name)
+        assert not found.shown[k], name
+        assert found.vector[k] == start[k]
+        assert found.sigma[k] == prior_sigma(SHEET)[k]
+    assert any("from near and from far" in line for line in found.hidden())
+    assert not judge(survey, found).is_better
+
+
+def test_sigmas_that_are_told_allow_for_what_parts_of_a_walk_do_not_show():
+    found = calibrated(made_up_survey(spoilt(fx=15.0), points=100), SHEET)
+    told = as_measured(found)
+    assert (told.sigma[found.shown] > found.sigma[found.shown]).all()
+    np.testing.assert_array_equal(told.sigma[~found.shown], found.sigma[~found.shown])
+    np.testing.assert_array_equal(told.vector, found.vector)
 
 
 def test_a_better_calibration_is_told_from_one_that_is_no_better():

@@ -15,6 +15,7 @@ from odom.calibration.tuning import TUNING
 from odom.frame import Camera
 from odom.geometry.arrays import Array, Mask
 
+_FOCAL = (NAMES.index("fx"), NAMES.index("fy"))
 _ROUNDS_MORE = 2
 """Linearisations under the narrowed prior, which moves the camera by a few sigmas at most."""
 
@@ -24,7 +25,9 @@ class Calibrated:
     """A `camera`, the standard deviations `sigma` (28) of its numbers, and which the walk has `shown` (28).
 
     `vector` (28) is that of the camera, and `start` the one it began with; what was not shown is as it was there, with
-    the prior's sigma. `fitted` is the last adjustment, under `prior`.
+    the prior's sigma. `fitted` is the last adjustment, under `prior`. `contradicted`: the walk as a whole would
+    determine the focal length, yet its parts disagree so much that it is not shown; what was measured is not of a still
+    scene seen by such a camera.
     """
 
     camera: Camera
@@ -34,6 +37,7 @@ class Calibrated:
     shown: Mask
     fitted: Fit
     prior: Prior
+    contradicted: bool
 
     def hidden(self) -> list[str]:
         """Return in words what the walk did not show, and what motion would."""
@@ -58,11 +62,13 @@ def calibrated(
     given = vector_of(survey.camera)
     mean[SCALE_NUMBER] = given[SCALE_NUMBER]  # which the images do not show
     prior = Prior(mean, prior_s)
-    free, found = FREE, None
+    free, found, contradicted = FREE, None, False
     while True:
         found = fit(survey, prior, free, found, stopped)
-        sure = sigmas(survey, found, prior)
-        shown = sure < TUNING.shown_share * prior_s[free]
+        sure, enough = sigmas(survey, found, prior), TUNING.shown_share * prior_s[free]
+        shown = sure < enough
+        plain = np.sqrt(np.diag(np.linalg.inv(found.information)))
+        contradicted |= bool((~shown & (plain < enough) & np.isin(free, _FOCAL)).any())
         if shown.all() or not shown.any():
             break
         vector = mean.copy()
@@ -77,7 +83,13 @@ def calibrated(
     vector = np.where(is_shown, found.vector, mean)
     if earlier is not None:
         sigma[free] = np.hypot(sigma[free], TUNING.sure_moved * np.abs(vector - earlier.vector)[free])
-    return Calibrated(camera_of(vector, start), vector_of(start), vector, sigma, is_shown, found, prior)
+    return Calibrated(camera_of(vector, start), vector_of(start), vector, sigma, is_shown, found, prior, contradicted)
+
+
+CONTRADICTED = (
+    "parts of the walk contradict each other on the focal length: the calibration given is that of another camera, or "
+    "the scene moves; give one of this camera or of an average one, or leave out what moves; odom doctor looks at both"
+)
 
 
 def as_measured(result: Calibrated) -> Calibrated:

@@ -14,7 +14,7 @@ from odom.backend.mapping.local_adjustment import Adjustment
 from odom.calibration.adjustment import Fit, Prior, fit
 from odom.calibration.parameters import BASELINE, NAMES, SHIFT, TIMINGS, prior_sigma, vector_of
 from odom.calibration.rays import rays_of, turned_onto
-from odom.calibration.result import Calibrated, as_measured, calibrated, judge
+from odom.calibration.result import CONTRADICTED, Calibrated, as_measured, calibrated, judge
 from odom.calibration.survey import Survey, surveyed
 from odom.calibration.tuning import TUNING
 from odom.calibration.unit_of_length import in_believed_unit
@@ -55,6 +55,8 @@ def self_calibrated(odometry: Odometry) -> SelfCalibration:
         survey, frames = surveyed(odometry)
         few = survey.newest(TUNING.self_frames).thinned(TUNING.self_observations, _SEED)
         found = calibrated(few, camera)
+        if found.contradicted:
+            return SelfCalibration(reason=CONTRADICTED)
         off_px = surely_off_px(found.camera, found.sigma, few)
         if not judge(few, found).is_better:
             return SelfCalibration(off_px, _GOOD)

@@ -8,7 +8,7 @@ import numpy as np
 from odom.backend import Odometry, OdometrySettings, State
 from odom.calibration.metric_scale import metric_scale
 from odom.calibration.parameters import NAMES, SCALE, SCALE_NUMBER, camera_of, vector_of
-from odom.calibration.result import Calibrated, Judgement, as_measured, calibrated, judge
+from odom.calibration.result import CONTRADICTED, Calibrated, Judgement, as_measured, calibrated, judge
 from odom.calibration.survey import Survey, joined, survey_of
 from odom.calibration.tuning import TUNING
 from odom.calibration.unit_of_length import in_unit_of_depth
@@ -90,9 +90,9 @@ def calibrate_recordings(
         progress("adjusting")
         scale = _scale(walks)
         earlier = None if best is None else best.result
-        result = _in_metres(_calibrated(survey, start, earlier, stopped), survey, scale)
         if len(walks) > 1 and number == 1:
             _check_same_camera(walks, start, stopped)
+        result = _in_metres(_calibrated(survey, start, earlier, stopped), survey, scale)
         best = Outcome(start, result, survey, None, scale if best is None else best.scale, number)
         if stopped() or (earlier is not None and _has_settled(earlier, result)):
             break
@@ -162,15 +162,18 @@ def _scale(walks: Sequence[Walk]) -> ScaleFit | None:
 
 
 def _calibrated(survey: Survey, start: Camera, earlier: Calibrated | None, stopped: Callable[[], bool]) -> Calibrated:
-    """Return what `calibrated` does; raises InputError where the recording leads to an impossible camera."""
+    """Return what `calibrated` does; raises InputError where a recording leads to no camera that is possible."""
     vector_of(start)  # of another lens than can be calibrated, this says so
     try:
-        return calibrated(survey, start, earlier, stopped)
+        found = calibrated(survey, start, earlier, stopped)
     except (np.linalg.LinAlgError, ConfigError) as error:
         raise InputError(
             f"the recording leads to no possible camera ({error}): is the scene still, and the calibration given that "
             "of this camera?"
         ) from error
+    if found.contradicted:
+        raise InputError(CONTRADICTED)
+    return found
 
 
 def _check_same_camera(walks: Sequence[Walk], start: Camera, stopped: Callable[[], bool]) -> None:

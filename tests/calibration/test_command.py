@@ -37,6 +37,18 @@ def test_a_wrong_focal_length_is_mended(tmp_path):
     assert "--overwrite" in errors
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("times", [0.7, 1.6])
+def test_the_calibration_of_another_camera_is_refused_with_the_reason(tmp_path, times):
+    other, out, average = tmp_path / "other.yaml", tmp_path / "camera.yaml", kinect_camera(320, 240)
+    camera = replace(average, fx=times * average.fx, fy=times * average.fy)
+    other.write_text(calibration_text(Calibration(camera)))
+    status, _, errors = calibrate(RECORDING, "--camera", other, "--out", out)
+    assert status == 1
+    assert "another camera" in errors
+    assert not out.exists()
+
+
 @pytest.mark.long
 def test_a_camera_at_rest_shows_nothing_and_nothing_is_written(tmp_path):
     out = tmp_path / "camera.yaml"

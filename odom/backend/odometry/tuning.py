@@ -43,7 +43,7 @@ class Tuning:
     moving_calm_s: float = tuned(1.5, unit="s", source=_BODIES,
         effect="in which no more than moving_most moves before the pose is sure again; smaller: a body that fills "
         "the view counts as the scene; larger: UNCERTAIN for longer")
-    moved_parts: float = tuned(0.6, unit="share of the view", source=_BODIES,
+    moved_parts: float = tuned(0.4, unit="share of the view", source=_BODIES,
         effect="in which the corners of a key frame moved, before the pose is UNCERTAIN; smaller: quick turns are "
         "called unsure; larger: a body that is followed is not noticed")
     moved_parts_s: float = tuned(5.0, unit="s", source=_BODIES,

@@ -116,7 +116,7 @@ class Tuning:
         effect="smaller: patches are cut by the border; larger: landmarks at the border are not used")
     search_cell_px: int = tuned(40, unit="px", source=_SWEEP,
         effect="smaller: crowds of landmarks are all looked for; larger: bare regions are left out")
-    search_enough: float = tuned(200.0, unit="landmarks expected to be found", source=_SWEEP,
+    search_enough: float = tuned(250.0, unit="landmarks expected to be found", source=_SWEEP,
         effect="no more are looked for; smaller: poses tremble and their covariance is too small; larger: slower "
         "without gain")
     search_coarse_limit_px: float = tuned(4.0, unit="px of the half-size image", source=_SWEEP,

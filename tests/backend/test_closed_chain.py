@@ -8,10 +8,10 @@ import pytest
 from painted_room import SMALL, PaintedRoom, stroll
 
 from odom.backend import ClosedChain, Odometry
-from odom.backend.chain.closed_chain import _pieces
+from odom.backend.chain.closed_chain import _closed_poses, _pieces
 from odom.backend.chain.closures import ChainNode, Closures
 from odom.backend.chain.tuning import TUNING as CHAIN
-from odom.backend.map.pose_graph import Edge, optimise
+from odom.backend.map.pose_graph import Edge
 from odom.frame import Stamp
 from odom.geometry import se3
 
@@ -148,6 +148,22 @@ def test_a_hole_that_closures_join_is_theirs_to_bridge():
     met = [Edge(a, b, se3.inverse(true[a]) @ true[b], 1e-4 * np.eye(6), is_loop=True) for a, b in ((2, 7), (1, 9))]
     assert _pieces(nodes, met) == {0: 0, 1: 0}
     assert _pieces(nodes, []) == {0: 0, 1: 1}
-    links = [a.edge_to(b) for a, b in pairwise(nodes) if a.part == b.part]
-    solved = optimise({n.number: n.T_chain_camera for n in nodes}, [0], [*links, *met])
+    solved, _ = _closed_poses(nodes, met, _pieces(nodes, met))
     np.testing.assert_allclose([solved[k] for k in range(12)], true, atol=1e-3)
+
+
+def test_pieces_are_closed_by_themselves_however_sure_their_links_are():
+    """Two circles with a hole between them: the second one is closed, and begins where the first one now ends."""
+    closures, _, chained, covariance = walked(drift=0.1)
+    first = [replace(node, summed_covariance=1e-8 * node.summed_covariance) for node in closures.nodes]
+    second = [replace(node, number=node.number + len(first), part=1) for node in first]
+    nodes, piece = [*first, *second], {0: 0, 1: 1}
+    last = len(nodes) - 1
+    ends = se3.inverse(chained[0]) @ chained[-1] @ se3.exp(np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    loops = [Edge(a, b, ends, 1e-12 * covariance) for a, b in ((0, len(first) - 1), (len(first), last))]
+    T, sure = _closed_poses(nodes, loops, piece)
+    for a, b in ((0, len(first) - 1), (len(first), last)):
+        np.testing.assert_allclose(se3.inverse(T[a]) @ T[b], ends, atol=1e-3)
+    over = first[-1].edge_to(second[0]).T_a_b
+    np.testing.assert_allclose(se3.inverse(T[len(first) - 1]) @ T[len(first)], over, atol=1e-9)
+    assert np.linalg.eigvalsh(sure).min() > 0.0

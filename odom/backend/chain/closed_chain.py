@@ -30,18 +30,14 @@ def close_chain(chain: Chain, map_: Map, noise: NoiseMonitor) -> ClosedChain | N
     first = nodes[0]
     met = [edge for edge in closures.edges if edge.b != end.number]
     piece = _pieces(nodes, met)
-    steps = list(pairwise(nodes))
-    links = [a.edge_to(b) for a, b in steps if a.part == b.part]
-    holes = [a.edge_to(b) for a, b in steps if piece[a.part] != piece[b.part]]
-    T_chain = {node.number: node.T_chain_camera for node in nodes}
-    T_closed, covariance = optimise_with_covariance(T_chain, first.number, [*links, *met, *holes], end.number)
-    moved = np.array([T_closed[node.number] @ se3.inverse(node.T_chain_camera) for node in nodes])
+    T_closed, covariance = _closed_poses(nodes, met, piece)
+    poses = np.array([T_closed[node.number] for node in nodes])
+    moved = np.array([T @ se3.inverse(node.T_chain_camera) for T, node in zip(poses, nodes, strict=True)])
     stamps = np.array([node.stamp for node in nodes], dtype=np.int64)
     closed = se3.inverse(T_closed[first.number]) @ T_closed[end.number]
     closing = None
     if piece[first.part] == piece[end.part]:
         closing = _closing(chain, first, end, map_, noise, Edge(first.number, end.number, closed, covariance))
-    poses = np.array([T_closed[node.number] for node in nodes])
     pieces = len(set(piece.values()))
     return ClosedChain(stamps, moved, poses, len(closures.edges), closures.refused, pieces, closing)
 
@@ -54,6 +50,28 @@ def _pieces(nodes: list[ChainNode], closures: list[Edge]) -> dict[int, int]:
     a, b = ends.reshape(-1, 2).T
     joined = coo_array((np.ones(len(a)), (a, b)), shape=(len(parts), len(parts)))
     return dict(zip(parts, connected_components(joined, directed=False)[1].tolist(), strict=True))
+
+
+def _closed_poses(
+    nodes: list[ChainNode], closures: list[Edge], piece: dict[int, int]
+) -> tuple[dict[int, Array], Array]:
+    """Return T_chain_camera of each node, by number, with links and closures met, and the last one's covariance.
+
+    Each `piece` of the chain is adjusted by itself, its first node held: nothing is known of the motion between two.
+    Then each is carried to where the one before it ends. The covariance (6 x 6) is against the first node of the last
+    one's piece.
+    """
+    steps = list(pairwise(nodes))
+    links = [a.edge_to(b) for a, b in steps if a.part == b.part]
+    begins = {piece[node.part]: node.number for node in reversed(nodes)}
+    T_chain = {node.number: node.T_chain_camera for node in nodes}
+    held = sorted(begins.values())
+    T_closed, covariance = optimise_with_covariance(T_chain, held, [*links, *closures], nodes[-1].number)
+    carried = {piece[nodes[0].part]: np.eye(4)}
+    for a, b in steps:
+        if piece[b.part] not in carried:
+            carried[piece[b.part]] = carried[piece[a.part]] @ T_closed[a.number] @ se3.inverse(a.T_chain_camera)
+    return {node.number: carried[piece[node.part]] @ T_closed[node.number] for node in nodes}, covariance
 
 
 def _closing(

@@ -137,7 +137,7 @@ def optimise(T_camera_map: Array, is_held: Mask, edges: EdgeArrays) -> Array:
 
 
 def optimise_with_covariance(
-    T_map_keyframe: dict[int, Array], held: int, edges: list[Edge], wanted: int
+    T_map_keyframe: dict[int, Array], held: Collection[int], edges: list[Edge], wanted: int
 ) -> tuple[dict[int, Array], Array]:
     """Return T_map_keyframe as `optimise` does, and the 6 x 6 covariance (`se3`) of the `wanted` one against the held.
 
@@ -145,7 +145,7 @@ def optimise_with_covariance(
     """
     import gtsam
 
-    graph, result = _solved(T_map_keyframe, [held], edges)
+    graph, result = _solved(T_map_keyframe, held, edges)
     covariance = gtsam.Marginals(graph, result).marginalCovariance(wanted)[np.ix_(_SWAP, _SWAP)]
     return {number: np.asarray(result.atPose3(number).matrix()) for number in T_map_keyframe}, np.asarray(covariance)
 

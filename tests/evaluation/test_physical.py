@@ -234,7 +234,7 @@ def test_bench_physical_prints_saves_and_draws_for_a_recording(tmp_path):
     assert {each["kind"] for each in found["wrong_pairs"]} == set(KINDS)
     offset_ms = re.search(r"clock offset ([\d.]+) ms", found["notes"][""][0])
     assert offset_ms is not None
-    assert float(offset_ms[1]) == pytest.approx(37.0, abs=1.0)
+    assert float(offset_ms[1]) == pytest.approx(37.0, abs=3.0)  # at .4 m/s, where poses err by a millimetre
     assert plot.stat().st_size > 30_000
     for word in ("corners followed", "the last cloud, behind the gate", "wrong pairs at which"):
         assert word in run.stdout

@@ -13,7 +13,8 @@ warm_up(OdometrySettings(), Topics())
 loaded = set(sys.modules)
 import odom.backend.map.pose_graph as graph
 import numpy as np
-graph.optimise({0: np.eye(4), 1: np.eye(4)}, [0], [graph.Edge(0, 1, np.eye(4), np.eye(6))])
+edges = graph.EdgeArrays.of([graph.Edge(0, 1, np.eye(4), np.eye(6))])
+graph.optimise(np.tile(np.eye(4), (2, 1, 1)), np.array([True, False]), edges)
 print(sorted(set(sys.modules) - loaded))
 """
 

@@ -67,21 +67,22 @@ class PlaceBlock:
         Of each key as many count as there is `room` for (n x TABLES, which shrinks); places that are gone do not.
         `is_gone` and `votes` are by number.
         """
-        for table, own, left in zip(self.tables, keys.T, room.T, strict=True):
-            _vote(table, first_at_least(table, (own + 1) << _LOCAL_BITS), own, self.numbers, is_gone, left, votes)
+        for t, table in enumerate(self.tables):
+            stop = first_at_least(table, (keys[:, t] + 1) << _LOCAL_BITS)
+            _vote(t, table, stop, keys, self.numbers, is_gone, room, votes)
 
 
 @compiled
 def _vote(
-    table: NDArray[Any], stop: Index, keys: Index, numbers: Index, is_gone: Mask, room: Index, votes: Index
+    t: int, table: NDArray[Any], stop: Index, keys: Index, numbers: Index, is_gone: Mask, room: Index, votes: Index
 ) -> None:
     for k in range(len(keys)):
         at = stop[k] - 1
-        while at >= 0 and room[k] > 0 and np.int64(table[at]) >> _LOCAL_BITS == keys[k]:
+        while at >= 0 and room[k, t] > 0 and np.int64(table[at]) >> _LOCAL_BITS == keys[k, t]:
             number = numbers[np.int64(table[at]) & (MOST_PLACES - 1)]
             if not is_gone[number]:
                 votes[number] += 1
-                room[k] -= 1
+                room[k, t] -= 1
             at -= 1
 
 

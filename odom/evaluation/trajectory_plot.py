@@ -26,7 +26,7 @@ _CLEARLY_UP = 0.7
 _HOLE_PERIODS = 5
 """A line is interrupted where samples are missing for longer than so many periods."""
 
-_SHEET = {"left": 0.0625, "right": 0.99, "top": 0.918, "bottom": 0.063, "wspace": 0.138, "hspace": 1.6}
+_SHEET = {"left": 0.07, "right": 0.99, "top": 0.918, "bottom": 0.063, "wspace": 0.138, "hspace": 1.6}
 """Where the axes stand, as shares of the sheet: a layout that measures all texts first takes as long as the drawing."""
 _REMARKS, _REMARK = 0.012, 0.018
 """Height of the remarks below the axes, as a share of the sheet: the space above them, and each line."""

@@ -6,12 +6,10 @@ import numpy as np
 from odom.frame import Camera
 from odom.geometry.arrays import Array
 
-_NO_DISTORTION = (0.0,) * 5
-
 
 def rays_of(camera: Camera, uv: Array) -> Array:
     """Return the unit vectors (n x 3, camera frame) along which a camera sees the pixels `uv` (n x 2)."""
-    lens = np.array(camera.distortion or _NO_DISTORTION)
+    lens = np.array(camera.distortion or (0.0,) * 5)
     xy = cv2.undistortPoints(uv.reshape(-1, 1, 2), camera.matrix, lens).reshape(-1, 2)
     rays = np.column_stack([xy, np.ones(len(xy))])
     return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))

@@ -25,7 +25,7 @@ from odom.geometry.arrays import Array
 _SEED = 1
 """Of the chance that draws landmarks: a run calibrates itself alike every time."""
 _GRID = 16, 12
-"""Rays that are compared over the image, columns and rows."""
+"""Rays that are compared over the image: along its height and its width."""
 _GOOD = "good as far as this walk shows: no other explains frames better that were held out"
 _SURELY, _SHIFT_FLOOR_PX = 2.0, 0.4
 """Sigmas by which depth must lie beside colour, and the least sigma that is believed of one walk."""

@@ -35,3 +35,15 @@ def test_wide_steps_make_one_segment_with_hardly_a_frame_lost(
     assert trajectory.segment is not None
     assert len(set(trajectory.segment.tolist())) == 1
     assert report.ate_m <= most_ate_m
+
+
+@pytest.mark.parametrize(("every", "first"), [(16, 4), (16, 8), (20, 7), (20, 13)])
+def test_a_time_lapse_of_fast_turns_hardly_falls_to_pieces(shared_data: Path, every: int, first: int) -> None:
+    recording = read_recording(shared_data / "tum_fr1_rpy_part")
+    odometry = Odometry(recording.camera)
+    estimates = [odometry.process(frame) for frame in list(recording)[first::every]]
+    trajectory = Trajectory.of(odometry.finish())
+    assert np.mean([e.state is not State.LOST for e in estimates]) >= 0.85
+    assert trajectory.segment is not None
+    assert np.bincount(trajectory.segment).max() >= 0.75 * len(estimates), "most are joined"
+    assert evaluate(trajectory.longest_segment(), recording.truth()["camera"]).ate_m <= 0.033

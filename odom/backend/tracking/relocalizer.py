@@ -1,6 +1,6 @@
 """A camera found again by descriptors: near the newest frame after a wide step, or at any place it has seen before."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from odom.frontend.features.place_descriptor import Place, describe_place
 from odom.frontend.features.view import View
 from odom.frontend.matching.place_recognition import believable, match_places, recognise
 from odom.geometry import se3
+from odom.geometry.arrays import Array
 from odom.registration import Registration, register
 
 
@@ -43,10 +44,8 @@ def track_wide_step(
     prior = replace(prior, expected=None)
     tracked = tracker.track_twice(view, sensor, T_camera_map, prior.twist_to(T_camera_map), state.reference, prior)
     is_motion = is_plausible_motion(prior.twist_to(tracked.T_camera_map))
-    away = se3.log(tracked.T_camera_map @ se3.inverse(T_camera_map))
-    is_same = np.linalg.norm(away[:3]) < TUNING.wide_away_m and np.linalg.norm(away[3:]) < TUNING.wide_away_rad
-    least = TUNING.least_inliers if is_same and believable(registration) else TUNING.found_again
-    return tracked if is_motion and tracked.found_again >= least else None
+    is_found = tracked.found_again >= TUNING.found_again or _agree(tracked, registration, T_camera_map)
+    return tracked if is_motion and is_found else None
 
 
 def relocalise(
@@ -57,31 +56,69 @@ def relocalise(
     `state` is the newest frame with a pose: in its segment, the camera must have been able to get here since.
     """
     for recognition in recognise(map_.places, place, set()):
-        if recognition.refusal or recognition.registration is None:
+        registration = recognition.registration
+        if registration is None or not registration.ok:
             continue
         keyframe = map_.keyframes[recognition.candidate]
-        T_camera_map = se3.inverse(recognition.registration.T_target_source) @ keyframe.T_camera_map
+        T_camera_map = se3.inverse(registration.T_target_source) @ keyframe.T_camera_map
         recall_near(map_, keyframe.number, T_camera_map)
         motion = Motion.of(se3.inverse(T_camera_map), TUNING.place_sigma**2 * np.eye(6))
         prior = MotionPrior(motion, 0.0, sensor.noise.covariance_scale)
         tracked = tracker.track_twice(view, sensor, T_camera_map, AT_REST, keyframe.number, prior)
-        is_near = state is not None and _is_near(map_, state, tracked, view)
-        if is_known_place(tracked, is_near) and (state is None or _is_within_reach(map_, state, tracked, view)):
+        seen = None if state is None else _last_seen(map_, state, tracked.reference, view, sensor.clock.period_s)
+        is_near = seen is not None and seen.is_near(tracked)
+        is_soon = is_near and seen is not None and seen.is_soon
+        is_known = not recognition.refusal and is_known_place(tracked, is_near)
+        is_known = is_known or (is_soon and _agree(tracked, registration, T_camera_map))
+        if is_known and (state is None or _is_within_reach(map_, state, tracked, view)):
             return tracked
     return None
 
 
-def _is_near(map_: Map, state: FrameState, tracked: Tracked, view: View) -> bool:
-    """Return whether the tracked pose is no farther from the newest one, of `state`, than a camera goes in that time.
+def _agree(tracked: Tracked, registration: Registration, T_registered: Array) -> bool:
+    """Return whether landmarks say what the descriptors' registration does, T_camera_map, and either are many.
 
-    That speaks for it as a chain does; after long it says nothing.
+    Enough for a camera that could not have gone far; elsewhere places may look alike.
     """
-    since_s = state.since_s(view.steady_stamp)
-    if map_.keyframes[state.reference].segment != map_.keyframes[tracked.reference].segment or since_s <= 0.0:
-        return False
-    step, likely_s = state.step_to(tracked), min(since_s, TUNING.near_s)
-    away_m, away_rad = np.linalg.norm(step[:3]), np.linalg.norm(step[3:])
-    return bool(away_m < TUNING.velocity_sigma_m_s * likely_s and away_rad < TUNING.velocity_sigma_rad_s * likely_s)
+    away = se3.log(tracked.T_camera_map @ se3.inverse(T_registered))
+    is_same = np.linalg.norm(away[:3]) < TUNING.wide_away_m and np.linalg.norm(away[3:]) < TUNING.wide_away_rad
+    is_sure = believable(registration) or tracked.found_again >= TUNING.share_in_chain * tracked.visible_count
+    return bool(is_same and is_sure and tracked.found_again >= TUNING.least_inliers)
+
+
+@dataclass(frozen=True, eq=False)
+class _LastSeen:
+    """Where a segment's last frame was, `T_camera_map`, and how many seconds ago; `is_soon`: few frames ago."""
+
+    T_camera_map: Array
+    since_s: float
+    is_soon: bool
+
+    def is_near(self, tracked: Tracked) -> bool:
+        """Return whether a tracked pose is no farther away than a camera goes in that time.
+
+        That speaks for it as a chain does; after long it says nothing.
+        """
+        step = se3.log(tracked.T_camera_map @ se3.inverse(self.T_camera_map))
+        likely_s = min(self.since_s, TUNING.near_s)
+        away_m, away_rad = np.linalg.norm(step[:3]), np.linalg.norm(step[3:])
+        return bool(away_m < TUNING.velocity_sigma_m_s * likely_s and away_rad < TUNING.velocity_sigma_rad_s * likely_s)
+
+
+def _last_seen(map_: Map, state: FrameState, reference: int, view: View, period_s: float) -> _LastSeen | None:
+    """Return the last frame in the segment of key frame `reference`, None if another began since, and long ago."""
+    soon_s = max(TUNING.near_s, TUNING.near_periods * period_s)
+    segment = map_.keyframes[reference].segment
+    if map_.keyframes[state.reference].segment == segment:
+        since_s = state.since_s(view.steady_stamp)
+        return _LastSeen(state.T_camera_map, since_s, since_s < soon_s) if since_s > 0.0 else None
+    for keyframe in reversed(map_.keyframes):
+        since_s = (view.stamp - keyframe.stamp) * 1e-9
+        if not 0.0 < since_s < soon_s:
+            return None
+        if keyframe.segment == segment:
+            return _LastSeen(keyframe.T_camera_map, since_s, True)
+    return None
 
 
 def _is_within_reach(map_: Map, state: FrameState, tracked: Tracked, view: View) -> bool:

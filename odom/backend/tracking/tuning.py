@@ -135,6 +135,9 @@ class Tuning:
     near_s: float = tuned(1.0, unit="s", source="rooms that look alike are more than a metre apart",
         effect="of a likely motion within which a place is known more easily; smaller: LOST for longer; larger: "
         "look-alike places are taken for known ones")
+    near_periods: float = tuned(10.0, unit="frames", source="fr1_rpy and fr1_xyz at 1.5 to 2 Hz",
+        effect="after so many, or near_s, a place is known by descriptors only if its landmarks agree; fewer: slow "
+        "streams fall to pieces; more: look-alike places are taken for known ones")
     wide_away_m: float = tuned(0.1, unit="m", source="registrations of frames a quarter second apart against truth",
         effect="how far landmarks may move a pose from where descriptors put it; smaller: wide steps are LOST; "
         "larger: chance landmarks count")

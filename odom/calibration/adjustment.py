@@ -1,19 +1,33 @@
-"""All poses and landmarks of a survey and the camera's numbers, adjusted together (Gauss-Newton, robust)."""
+"""All poses and landmarks of a survey and the camera's numbers, adjusted together (Levenberg-Marquardt, robust)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import cho_solve, cholesky, solve_triangular
 
-from odom.backend.mapping.bundle_adjustment import Bundle, adjust
-from odom.calibration.linearised import linearised
+from odom.backend.mapping.bundle_adjustment import Bundle
+from odom.backend.tracking.tuning import TUNING as TRACKING
+from odom.calibration.normal_equations import reduce_survey, stepped
+from odom.calibration.observation_terms import CameraArrays
 from odom.calibration.parameters import NAMES, SCALE_NUMBER, vector_of
+from odom.calibration.resection import resected
 from odom.calibration.survey import Survey
 from odom.calibration.tuning import TUNING
-from odom.geometry.arrays import Array, Index
+from odom.geometry.arrays import Array, Index, Mask
 
 FREE = np.array([k for k in range(len(NAMES)) if k != SCALE_NUMBER])
 """The numbers that images and depth can show; the scale of depth needs motion capture."""
+_DAMPING = 1e-8
+"""Levenberg-Marquardt's, at first and at the least: far above rounding, far below what a second ray says of a landmark
+of which only rays are known. A poor calibration is found in a few full steps; damped ones would creep along the
+directions in which the camera and its walk look nearly alike."""
+_DAMPED = 100.0
+"""Factor of the damping after a step that makes it worse."""
+_SETTLED, _ROUNDING = 1e-3, 1e-6
+"""Share of the cost that the last step gains at the most, and that a step may lose by rounding."""
+_HELD = 1e-9
+"""Added to the diagonal, so that a pose without observations does not move."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +51,63 @@ class Fit:
     bundle: Bundle
 
 
+@dataclass(frozen=True, eq=False)
+class System:
+    """The normal equations at one camera, with poses T_camera_map (K x 4 x 4) and landmarks (see `reduce_survey`)."""
+
+    T_camera_map: Array
+    landmarks: Array
+    vector: Array
+    S: Array
+    rhs: Array
+    V_inverse: Array
+    b: Array
+    W_number: Array
+    W: Array
+    cost: float
+
+    @classmethod
+    def of(cls, survey: Survey, vector: Array, bundle: Bundle, free: Index, damping: float = _DAMPING) -> "System":
+        """Return the normal equations of a survey in its poses and the numbers `free` (p)."""
+        T, landmarks, camera = bundle.T_camera_map, bundle.landmarks, camera_arrays(survey, vector, free)
+        pose, cauchy = places(survey), TRACKING.cauchy_chi2
+        return cls(T, landmarks, vector, *reduce_survey(T, landmarks, camera, pose, survey.arrays, damping, cauchy))
+
+    @property
+    def bundle(self) -> Bundle:
+        """The poses and landmarks."""
+        return Bundle(self.T_camera_map, self.landmarks, np.zeros(0))
+
+    def factor(self, known: Array, damping: float) -> Array:
+        """Return the lower triangle of S with what is `known` of the numbers (p, information); raises LinAlgError."""
+        S, numbers = self.S.copy(), len(known)
+        S.flat[:: len(S) + 1] += damping * np.diag(S) + _HELD
+        S.flat[(len(S) - numbers) * (len(S) + 1) :: len(S) + 1] += known
+        return np.asarray(cholesky(S, lower=True, overwrite_a=True, check_finite=False))
+
+    def stepped(self, survey: Survey, step: Array) -> Bundle:
+        """Return the poses and landmarks after a `step` of all unknowns but the landmarks, which follow."""
+        T, landmarks = stepped(
+            self.T_camera_map, self.landmarks, places(survey), survey.frame, survey.landmark, self.V_inverse, self.b,
+            self.W_number, self.W, step,
+        )  # fmt: skip
+        return Bundle(T, landmarks, np.zeros(0))
+
+
+def camera_arrays(survey: Survey, vector: Array, free: Index) -> CameraArrays:
+    """Return a camera with `vector` (28) for compiled loops, with columns for its numbers `free` (p)."""
+    column = np.full(len(NAMES), -1, dtype=np.int64)
+    column[free] = np.arange(len(free))
+    size = np.array([survey.camera.width, survey.camera.height], dtype=np.float64)
+    return vector, vector_of(survey.camera), size, column
+
+
+def places(survey: Survey) -> Index:
+    """Return where each frame's six unknowns begin (K), -1 for a pose that is held."""
+    is_free = ~survey.is_fixed
+    return np.where(is_free, 6 * (np.cumsum(is_free) - 1), -1)
+
+
 def start_of(survey: Survey) -> Bundle:
     """Return the poses and landmarks with which a survey begins."""
     return Bundle(survey.T_camera_map, survey.landmarks, np.zeros(0))
@@ -48,27 +119,63 @@ def fit(
     free: Index,
     start: Fit | None = None,
     stopped: Callable[[], bool] = lambda: False,
-    rounds: int = TUNING.fit_rounds,
+    steps: int = TUNING.fit_steps,
 ) -> Fit:
     """Return the camera's numbers `free` that fit a survey best; the others stay at those of `start`, or the survey's.
 
-    It is linearised anew `rounds` times at most. Ends early, with what was found so far, once `stopped` says so.
+    At most `steps` are made, each from equations of its own. Ends early, with what was found so far, once `stopped`
+    says so. Raises LinAlgError where the equations have no solution.
     """
     vector = vector_of(survey.camera) if start is None else start.vector.copy()
     bundle = start_of(survey) if start is None else start.bundle
-    known = np.diag(prior.sigma[free] ** -2.0)
-    information = known
-    for _ in range(rounds):
-        change = vector[free] - prior.mean[free]
-        lines = linearised(survey, vector, bundle)
-        observations = lines.observations(survey, free, change)
-        begin = Bundle(bundle.T_camera_map, bundle.landmarks, change)
-        bundle = adjust(begin, survey.is_fixed, observations, known, TUNING.fit_steps)
-        assert bundle.information_timing is not None
-        information = bundle.information_timing + known
-        step = bundle.timing_change - change
-        vector[free] = prior.mean[free] + bundle.timing_change
-        sigma = np.sqrt(np.diag(np.linalg.inv(information)))
-        if stopped() or (np.abs(step) < TUNING.fit_settled * sigma).all():
+    known = prior.sigma[free] ** -2.0
+    damping = _DAMPING
+
+    def off(vector: Array) -> Array:
+        return vector[free] - prior.mean[free]
+
+    def cost_of(system: System) -> float:
+        return system.cost + float(known @ off(system.vector) ** 2)
+
+    now = System.of(survey, vector, bundle, free, damping)
+    information, poses = np.diag(known), len(now.S) - len(free)
+    for _ in range(steps):
+        gradient = now.rhs.copy()
+        gradient[poses:] -= known * off(now.vector)
+        factor = now.factor(known, damping)
+        information = factor[poses:, poses:] @ factor[poses:, poses:].T  # the numbers come last
+        step = cho_solve((factor, True), gradient, check_finite=False)
+        moved, less = now.vector.copy(), max(0.1 * damping, _DAMPING)
+        moved[free] += step[poses:]
+        trial = System.of(survey, moved, now.stepped(survey, step), free, less)
+        gained = cost_of(now) - cost_of(trial)
+        if gained > 0.0:
+            sigma = np.sqrt(np.diag(np.linalg.inv(information)))
+            is_small = bool((np.abs(step[poses:]) < TUNING.fit_settled * sigma).all())
+            settled = is_small and gained < _SETTLED * cost_of(trial)
+            now, damping = trial, less
+        else:
+            settled = gained > -_ROUNDING * cost_of(now)
+            damping *= _DAMPED
+            now = System.of(survey, now.vector, now.bundle, free, damping)
+        if settled or stopped():
             break
-    return Fit(vector, free, information, bundle)
+    return Fit(now.vector, free, information, now.bundle)
+
+
+def likely_gain(survey: Survey, prior: Prior, free: Index) -> float:
+    """Return by what share of the cost the numbers `free` could lower it, beyond what poses and landmarks can.
+
+    From the equations at the survey's own camera alone: a score test.
+    """
+    system = System.of(survey, vector_of(survey.camera), start_of(survey), free)
+    factor = system.factor(prior.sigma[free] ** -2.0, _DAMPING)
+    explained = solve_triangular(factor, system.rhs, lower=True, check_finite=False)[-len(free) :]
+    return float(explained @ explained / system.cost)
+
+
+def placed(survey: Survey, free: Mask, T_camera_map: Array, by: Fit, steps: int) -> Array:
+    """Return poses (K x 4 x 4), those of the frames `free` (K) each placed by itself among the landmarks of `by`."""
+    pose = np.where(free, np.arange(len(free)), -1)
+    camera = camera_arrays(survey, by.vector, np.zeros(0, dtype=np.int64))
+    return resected(T_camera_map, by.bundle.landmarks, camera, pose, survey.arrays, steps, TRACKING.cauchy_chi2)

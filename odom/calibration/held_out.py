@@ -17,8 +17,6 @@ from odom.geometry.arrays import Array, Mask
 _STRETCHES, _EVERY = 20, 4
 """The survey is cut into stretches of time, of which every fourth is held out."""
 _TIMING = np.arange(TIMINGS)
-_TWICE = 2
-"""Fits in a row, for both to settle: they begin at poses that suit the one camera better than the other."""
 
 
 @dataclass(frozen=True)
@@ -48,17 +46,17 @@ def compare(
 ) -> tuple[tuple[Residuals, Residuals], tuple[Fit, Fit]]:
     """Return the residuals on held-out observations by the camera `before` (28) and by one that is fitted anew.
 
-    With them come the two fits, which have not seen these observations.
+    With them come the two fits, which have not seen these observations. Each begins where all observations by its
+    camera left the poses and landmarks: from elsewhere, some landmarks would not find to where they belong.
     """
     held = split(survey)
     seen = survey.part(~held)
+    timing = replace(prior, mean=before)
+    given = fit(survey, timing, _TIMING, Fit(before, _TIMING, np.eye(TIMINGS), start_of(survey)), stopped)
     fits = []
-    for known, free in ((before, _TIMING), (after.vector, after.free)):
-        found = Fit(known, free, np.eye(len(free)), start_of(survey))
-        mean = np.where(np.isin(np.arange(len(known)), free), prior.mean, known)
-        for _ in range(_TWICE):
-            found = fit(seen, replace(prior, mean=mean), free, found, stopped)
-        fits.append(found)
+    for found in (given, after):
+        mean = np.where(np.isin(np.arange(len(found.vector)), found.free), prior.mean, found.vector)
+        fits.append(fit(seen, replace(prior, mean=mean), found.free, found, stopped))
     old, new = fits
     rest = survey.part(held)
     return (residuals(rest, old), residuals(rest, new)), (old, new)

@@ -1,8 +1,7 @@
-"""A survey's residuals against a camera, linear in the camera's numbers, in the coordinates that are adjusted.
+"""A survey's residuals against a camera, in x/z, y/z, 1/z.
 
-Residuals are those of the image (pixel, inverse depth as measured); only then are they carried, by derivatives at the
-predicted point, into x/z, y/z, 1/z. Carrying the measured points themselves would let a longer focal length or a larger
-scale make every residual smaller, which biases both.
+Residuals are those of the image (pixel, inverse depth as measured), carried by derivatives at the predicted point.
+Carrying the measured points themselves would let a longer focal length or a larger scale make every residual smaller.
 """
 
 from dataclasses import dataclass
@@ -10,11 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.backend.mapping.bundle_adjustment import Bundle
-from odom.backend.mapping.observations import Observations
-from odom.calibration.parameters import BASELINE, LENS, NAMES, OFFSET, SCALE, SHIFT, TIMINGS, vector_of
+from odom.calibration.parameters import BASELINE, LENS, OFFSET, SCALE, SHIFT, TIMINGS, vector_of
 from odom.calibration.projection import project
 from odom.calibration.survey import Survey
-from odom.geometry.arrays import Array, Index
+from odom.geometry.arrays import Array
 
 _NEAREST_M = 0.05
 """Predicted depth is at least so much: a landmark that comes nearer is refused by the adjustment anyhow."""
@@ -22,31 +20,19 @@ _NEAREST_M = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """N observations as predicted and as measured, around a camera.
+    """N observations as predicted and as measured.
 
-    `predicted` and `values` (N x 3): x/z, y/z, 1/z; `by_number` (N x 3 x 28) is the change of `values` by the camera's
-    numbers, `variances` (N x 4) as in `Measurements`; `in_camera` (N x 3, m) are the landmarks seen.
+    `predicted` and `values` (N x 3): x/z, y/z, 1/z; `variances` (N x 4) as in `Measurements`.
     """
 
     predicted: Array
     values: Array
-    by_number: Array
     variances: Array
-    in_camera: Array
 
     @property
     def residuals(self) -> Array:
         """What `values` exceed the prediction by (N x 3)."""
         return np.asarray(self.values - self.predicted)
-
-    def observations(self, survey: Survey, free: Index, change: Array) -> Observations:
-        """Return the observations for an adjustment of the numbers `free` (p), which begins at `change` (p).
-
-        `change` counts from where the prior of the adjustment stands.
-        """
-        by_free = np.ascontiguousarray(self.by_number[:, :, free])
-        values = self.values - by_free @ change
-        return Observations(survey.frame, survey.landmark, values, by_free, self.variances)
 
 
 def linearised(survey: Survey, vector: Array, bundle: Bundle) -> Linearised:
@@ -55,7 +41,7 @@ def linearised(survey: Survey, vector: Array, bundle: Bundle) -> Linearised:
     points = np.einsum("nij,nj->ni", T[:, :3, :3], bundle.landmarks[survey.landmark]) + T[:, :3, 3]
     w = 1.0 / np.maximum(points[:, 2], _NEAREST_M)
     xy = points[:, :2] * w[:, None]
-    uv, by_direction, by_lens = project(xy, vector[LENS])
+    uv, by_direction, _ = project(xy, vector[LENS])
     to_direction = np.linalg.inv(by_direction)
     terms = survey.terms
     offset, scale = terms @ vector[OFFSET], terms @ vector[SCALE]
@@ -67,20 +53,12 @@ def linearised(survey: Survey, vector: Array, bundle: Bundle) -> Linearised:
     values[:, :2] = xy + np.einsum("nij,nj->ni", to_direction, survey.uv - uv)
     values[:, 2] = w + (measured - (offset + scale * w)) / scale
     values += survey.by_timing @ vector[:TIMINGS]
-    by_number = np.zeros((len(survey), 3, len(NAMES)))
-    by_number[:, :, :TIMINGS] = survey.by_timing
-    by_number[:, :2, LENS] = -to_direction @ by_lens
-    by_number[:, 2, SHIFT] = -survey.slope / scale[:, None]
-    by_number[:, 2, BASELINE] = -survey.slope * (w / scale)[:, None]
-    by_number[:, 2, OFFSET] = -terms / scale[:, None]
-    by_number[:, 2, SCALE] = -terms * (w / scale)[:, None]
-
     uu, across, vv = survey.variance_uv.T
     C = np.stack([uu, across, across, vv], axis=1).reshape(-1, 2, 2)
     S = to_direction @ C @ to_direction.transpose(0, 2, 1)
     variances = np.column_stack([S[:, 0, 0], S[:, 0, 1], S[:, 1, 1], survey.variance_depth / scale**2])
     predicted = np.column_stack([xy, w])
-    return Linearised(predicted, values, by_number, variances, points)
+    return Linearised(predicted, values, variances)
 
 
 def chi_squared(lines: Linearised) -> tuple[Array, Array]:

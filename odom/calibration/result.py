@@ -16,8 +16,8 @@ from odom.frame import Camera
 from odom.geometry.arrays import Array, Mask
 
 _FOCAL = (NAMES.index("fx"), NAMES.index("fy"))
-_ROUNDS_MORE = 2
-"""Linearisations under the narrowed prior, which moves the camera by a few sigmas at most."""
+_STEPS_MORE = 4
+"""Steps under the narrowed prior, which moves the camera by a few sigmas at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ def calibrated(
         found = Fit(vector, free, np.eye(len(free)), found.bundle)
     if shown.any():
         prior = narrowed(prior, found, sure)
-        found = fit(survey, prior, free, found, stopped, _ROUNDS_MORE)
+        found = fit(survey, prior, free, found, stopped, _STEPS_MORE)
     sigma, is_shown = prior_s.copy(), np.zeros(len(NAMES), dtype=np.bool_)
     sigma[free], is_shown[free] = sure, shown
     vector = np.where(is_shown, found.vector, mean)

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.backend import Odometry, TrajectoryPose
-from odom.backend.mapping.bundle_adjustment import Bundle
 from odom.backend.mapping.local_adjustment import Adjustment
-from odom.calibration.adjustment import Fit, Prior, fit
+from odom.calibration.adjustment import FREE, Fit, Prior, fit, likely_gain, placed, start_of
 from odom.calibration.parameters import BASELINE, NAMES, SHIFT, TIMINGS, prior_sigma, vector_of
 from odom.calibration.rays import rays_of, turned_onto
 from odom.calibration.result import CONTRADICTED, Calibrated, as_measured, calibrated, judge
@@ -30,8 +29,10 @@ _GOOD = "good as far as this walk shows: no other explains frames better that we
 _SURELY, _SHIFT_FLOOR_PX = 2.0, 0.4
 """Sigmas by which depth must lie beside colour, and the least sigma that is believed of one walk."""
 _TIMING = np.arange(TIMINGS)
-_POSE_ROUNDS = 2
-"""Linearisations of all poses once the camera is known."""
+_TWICE = 2
+"""Frames by which a landmark must have been adjusted for other frames to be placed by it."""
+_POSE_STEPS = 4
+"""Steps of all poses once the camera is known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +54,10 @@ def self_calibrated(odometry: Odometry) -> SelfCalibration:
     camera = odometry.camera
     try:
         survey, frames = surveyed(odometry)
-        few = survey.newest(TUNING.self_frames).thinned(TUNING.self_observations, _SEED)
+        newest = survey.newest(TUNING.self_frames)
+        few = newest.of_frames(newest.every_nth(TUNING.self_times)).thinned(TUNING.self_observations, _SEED)
+        if likely_gain(few, Prior(vector_of(camera), prior_sigma(camera)), FREE) < TUNING.accept_gain:
+            return SelfCalibration(reason=_GOOD)
         found = calibrated(few, camera)
         if found.contradicted:
             return SelfCalibration(reason=CONTRADICTED)
@@ -91,9 +95,16 @@ def _trajectory(
 ) -> tuple[TrajectoryPose, ...]:
     """Return the trajectory with all poses of a survey adjusted anew by the camera that was found."""
     vector = found.vector.copy()
-    start = Fit(vector, _TIMING, np.eye(TIMINGS), Bundle(survey.T_camera_map, survey.landmarks, np.zeros(0)))
     prior = Prior(np.where(np.arange(len(NAMES)) < TIMINGS, 0.0, vector), prior_sigma(odometry.camera))
-    poses = fit(survey, prior, _TIMING, start, rounds=_POSE_ROUNDS).bundle.T_camera_map
+    kept = survey.every_nth(TUNING.self_times)
+    some = survey.of_frames(kept)
+    start = Fit(vector, _TIMING, np.eye(TIMINGS), start_of(some))
+    by_some = fit(some, prior, _TIMING, start, steps=_POSE_STEPS)
+    poses = survey.T_camera_map.copy()
+    poses[kept] = by_some.bundle.T_camera_map
+    seen_twice = np.bincount(some.landmark, minlength=len(some.landmarks)) >= _TWICE
+    rest = survey.part(~kept[survey.frame] & seen_twice[survey.landmark])
+    poses = placed(rest, ~kept, poses, by_some, _POSE_STEPS)
     keyframes = len(frames.numbers)
     return odometry.trajectory_with(
         dict(zip(frames.numbers.tolist(), poses[:keyframes], strict=True)),

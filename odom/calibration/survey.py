@@ -8,6 +8,7 @@ import numpy as np
 from odom.backend import Odometry
 from odom.backend.map.keyframe import Observed
 from odom.backend.mapping.local_adjustment import Adjustment, everything
+from odom.calibration.observation_terms import SeenArrays
 from odom.calibration.parameters import LENS, OFFSET, SCALE, vector_of
 from odom.calibration.projection import project
 from odom.errors import InputError
@@ -58,14 +59,25 @@ class Survey:
 
     def newest(self, most: int) -> "Survey":
         """Return the survey of the `most` newest frames, of which one is fixed at least."""
-        if len(self.T_camera_map) <= most:
+        kept = np.zeros(len(self.T_camera_map), dtype=np.bool_)
+        kept[np.argsort(self.seconds, kind="stable")[-most:]] = True
+        return self.of_frames(kept)
+
+    def every_nth(self, times: float) -> Mask:
+        """Return every n-th frame (K), n so large that the usual landmark is still seen in `times` of them."""
+        usual = len(self) / max(len(self.landmarks), 1)
+        kept = np.zeros(len(self.T_camera_map), dtype=np.bool_)
+        kept[np.argsort(self.seconds, kind="stable")[:: -max(1, int(usual / times))]] = True
+        return kept
+
+    def of_frames(self, kept: Mask) -> "Survey":
+        """Return the survey of the frames `kept` (K), of which the first in time is fixed at least."""
+        if kept.all():
             return self
-        kept = np.sort(np.argsort(self.seconds, kind="stable")[-most:])
-        number = np.full(len(self.T_camera_map), -1, dtype=np.int64)
-        number[kept] = np.arange(most)
+        number = np.cumsum(kept) - 1
         is_fixed = self.is_fixed[kept]
         is_fixed[np.argmin(self.seconds[kept])] |= not is_fixed.any()
-        seen = self.part(number[self.frame] >= 0)
+        seen = self.part(kept[self.frame])
         return replace(
             seen,
             frame=number[seen.frame],
@@ -84,6 +96,14 @@ class Survey:
         number[drawn] = np.arange(len(drawn))
         seen = self.part(number[self.landmark] >= 0)
         return replace(seen, landmark=number[seen.landmark], landmarks=self.landmarks[drawn])
+
+    @property
+    def arrays(self) -> SeenArrays:
+        """What compiled loops take of the observations."""
+        return (
+            self.frame, self.landmark, self.uv, self.inverse_depth, self.slope, self.by_timing, self.variance_uv,
+            self.variance_depth,
+        )  # fmt: skip
 
     @property
     def terms(self) -> Array:

@@ -34,10 +34,8 @@ class Tuning:
     prior_field: float = tuned(0.02, unit="1", source=_CAMERAS,
         effect="smaller: bent depth is believed; larger: it is bent to hide other errors")
     # adjustment
-    fit_rounds: int = tuned(4, unit="linearisations", source=_WALKS,
+    fit_steps: int = tuned(12, unit="steps", source=_WALKS,
         effect="fewer: far calibrations are not reached in one go; more: slower without gain")
-    fit_steps: int = tuned(3, unit="steps each", source=_WALKS,
-        effect="fewer: landmarks lag behind the camera; more: slower without gain")
     fit_settled: float = tuned(0.1, unit="sigma", source="far below what is claimed",
         effect="largest step that ends the fit; smaller: slower; larger: ends early")
     # sureness
@@ -53,8 +51,10 @@ class Tuning:
     accept_gain: float = tuned(0.01, unit="share of the held-out cost", source=_WALKS,
         effect="least gain on held-out frames; smaller: chance changes the camera; larger: small errors stay")
     # self-calibration of a run, at its end
-    self_frames: int = tuned(150, unit="frames", source="time on fr1_xyz, which grows with their square",
+    self_frames: int = tuned(150, unit="frames", source="time on fr1_xyz",
         effect="newest ones that are looked at; fewer: less is seen of the image's border; more: slower on long walks")
+    self_times: float = tuned(12.0, unit="frames that see the usual landmark", source=_WALKS,
+        effect="beyond which only some frames are adjusted; fewer: noisier; more: slower, with their square")
     self_observations: int = tuned(8000, unit="observations", source=_WALKS,
         effect="fewer: good calibrations look poor by chance, as a third does with 1500; more: slower")
 # fmt: on

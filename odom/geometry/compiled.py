@@ -24,7 +24,7 @@ from numba.core import config
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-_FLOORS = ("geometry", "registration", "frontend", "backend")
+_FLOORS = ("geometry", "registration", "frontend", "backend", "calibration")
 """The packages that hold compiled loops; each calls only those before it."""
 
 

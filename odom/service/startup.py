@@ -12,6 +12,7 @@ import numpy as np
 from odom.backend import Odometry, OdometrySettings
 from odom.backend.map.pose_graph import Edge, EdgeArrays, optimise
 from odom.backend.tracking import consensus
+from odom.calibration import warm_up as calibration
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.matching import moving_surfaces
 from odom.registration import gated_registration as registration
@@ -66,6 +67,8 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
     registration.warm_up()
     consensus.warm_up()
     moving_surfaces.warm_up()
+    if settings.self_calibration:
+        calibration.warm_up()
     codec.encode_status(topics.status, codec.Status(stamp, "", 0, "", RunStatistics().status()))
     still = np.tile(np.eye(4), (2, 1, 1))
     optimise(still, np.array([True, False]), EdgeArrays.of([Edge(0, 1, np.eye(4), np.eye(6), True)]))

@@ -1,14 +1,18 @@
 """The camera's numbers come out of a made-up walk, with sigmas that hold; what a walk cannot show is left alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_up_walk import SHEET, along_a_wall, made_up_survey, spoilt, straight, turning
 
-from odom.calibration.adjustment import start_of
-from odom.calibration.linearised import linearised
+from odom.calibration.adjustment import camera_arrays, start_of
+from odom.calibration.linearised import chi_squared, linearised
+from odom.calibration.observation_terms import whitened_terms
 from odom.calibration.parameters import NAMES, TIMINGS, prior_sigma, vector_of
 from odom.calibration.projection import project
 from odom.calibration.result import as_measured, calibrated, judge
+from odom.geometry import se3
 
 WRONG = {
     "focal": {"fx": 20.0, "fy": -15.0},
@@ -94,15 +98,50 @@ def test_derivatives_of_the_projection_are_those_of_its_values():
         np.testing.assert_allclose(by_lens[:, :, k], numeric, atol=1e-4)
 
 
+def terms_of(survey, vector, bundle):
+    """Whitened residual and derivatives by pose, point and all numbers, of every observation."""
+    out = []
+    for o in range(len(survey)):
+        J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, len(NAMES))), np.zeros(3)
+        T, point = bundle.T_camera_map[survey.frame[o]], bundle.landmarks[survey.landmark[o]]
+        camera = camera_arrays(survey, vector, np.arange(len(NAMES)))
+        whitened_terms(o, T, point, camera, survey.arrays, 4.0, J, P, C, r)
+        out.append((r, J, P, C))
+    return [np.array(part) for part in zip(*out, strict=True)]
+
+
 def test_derivatives_of_the_residuals_are_those_of_their_values_where_there_is_no_residual():
     vector = spoilt(fx=5.0, k1=0.05, shift_u_px=1.0, baseline_v=2.0, offset_1=0.003, scale_x=0.01)
     survey = made_up_survey(vector, points=20, noise=0.0)
-    lines = linearised(survey, vector, start_of(survey))
-    np.testing.assert_allclose(lines.residuals, 0.0, atol=1e-9)
-    for k in range(TIMINGS, len(NAMES)):
-        step = 1e-5 * np.eye(len(NAMES))[k]
-        ahead, back = (linearised(survey, vector + side * step, start_of(survey)).values for side in (1, -1))
-        np.testing.assert_allclose((ahead - back) / 2e-5, lines.by_number[:, :, k], atol=1e-6, err_msg=NAMES[k])
+    survey.by_timing[:] = np.random.default_rng(1).normal(0.0, 0.1, survey.by_timing.shape)
+    start = start_of(survey)
+    r, J, P, C = terms_of(survey, vector, start)
+    np.testing.assert_allclose(r, 0.0, atol=1e-5)
+    step = 1e-6
+    for k in range(len(NAMES)):
+        ahead, back = (terms_of(survey, vector + side * np.eye(len(NAMES))[k], start)[0] for side in (step, -step))
+        scale = 1.0 + np.abs(C[:, :, k]).max()
+        np.testing.assert_allclose((back - ahead) / (2 * step), C[:, :, k], atol=1e-4 * scale, err_msg=NAMES[k])
+    for k in range(6):
+        by_pose = [
+            replace(start, T_camera_map=se3.exp(side * np.eye(6)[k]) @ start.T_camera_map) for side in (step, -step)
+        ]
+        ahead, back = (terms_of(survey, vector, bundle)[0] for bundle in by_pose)
+        np.testing.assert_allclose((back - ahead) / (2 * step), J[:, :, k], atol=0.1)
+    for k in range(3):
+        by_point = [replace(start, landmarks=start.landmarks + side * np.eye(3)[k]) for side in (step, -step)]
+        ahead, back = (terms_of(survey, vector, bundle)[0] for bundle in by_point)
+        np.testing.assert_allclose((back - ahead) / (2 * step), P[:, :, k], atol=0.1)
+
+
+def test_residuals_are_those_that_are_drawn():
+    vector = spoilt(fx=5.0, k1=0.05, shift_u_px=1.0, baseline_v=2.0, offset_1=0.003, scale_x=0.01)
+    survey = made_up_survey(vector, points=20)
+    r = terms_of(survey, vector, start_of(survey))[0]
+    ray, depth = chi_squared(linearised(survey, vector, start_of(survey)))
+    weight = np.column_stack([1.0 + ray / 4.0, 1.0 + ray / 4.0, 1.0 + depth / 4.0])
+    np.testing.assert_allclose((r**2 * weight)[:, :2].sum(axis=1), ray, rtol=1e-9)
+    np.testing.assert_allclose((r**2 * weight)[:, 2], depth, rtol=1e-9)
 
 
 def test_the_walk_that_turns_shows_more_than_the_straight_one():

@@ -1,0 +1,238 @@
+"""The normal equations of a survey with poses, landmarks and the camera's numbers, the landmarks eliminated.
+
+Derivatives are computed observation by observation and summed up at once: kept for all of them, they would be the
+largest thing that a run holds. Source: B. Triggs et al., "Bundle adjustment - a modern synthesis", 2000, section 6.1.
+"""
+
+import numpy as np
+
+from odom.calibration.observation_terms import CameraArrays, SeenArrays, whitened_terms
+from odom.calibration.parameters import DEPTH
+from odom.geometry.arrays import Array, Index
+from odom.geometry.compiled import compiled
+from odom.geometry.compiled_se3 import moved, orthonormalise
+
+_DEPTH = DEPTH.start
+
+
+@compiled
+def reduce_survey(
+    T_camera_map: Array,
+    landmarks: Array,
+    camera: CameraArrays,
+    pose: Index,
+    seen: SeenArrays,
+    damping: float,
+    cauchy: float,
+) -> tuple[Array, Array, Array, Array, Array, Array, float]:
+    """Return the reduced system (S, rhs); for each landmark inv(V), b, W_number; for each observation W; and the cost.
+
+    `pose` (K) is the place of each frame's six unknowns in S, -1 for a pose that is held; behind the poses come the
+    camera's numbers. With poses' and numbers' unknowns x and landmarks' y, the normal equations
+    are [U W; W' V] [x; y] = [a; b], V block diagonal; S = U - W inv(V) W', rhs = a - W inv(V) b.
+    """
+    (_, _, _, column), (frame, landmark) = camera, seen[:2]
+    N, L, numbers, plain, poses = len(frame), len(landmarks), 0, 0, 0
+    for k in range(len(column)):
+        numbers += column[k] >= 0
+        plain += k < _DEPTH and column[k] >= 0  # those of timing and lens stand before those of the depth model
+    for k in range(len(pose)):
+        poses = max(poses, pose[k] + 6)
+    dimension = poses + numbers
+    S, rhs = np.zeros((dimension, dimension)), np.zeros(dimension)
+    W, W_number = np.zeros((N, 6, 3)), np.zeros((L, numbers, 3))
+    V_inverse, b = np.zeros((L, 3, 3)), np.zeros((L, 3))
+    J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, numbers)), np.zeros(3)
+    most, begun = 0, 0
+    for o in range(N):
+        if landmark[o] != landmark[begun]:
+            begun = o
+        most = max(most, o + 1 - begun)
+    width = 6 * most + numbers
+    across = np.zeros((3, width))
+    place, begin = np.zeros(width, np.int64), np.zeros(most + 2, np.int64)
+    V = np.zeros((3, 3))
+    cost = 0.0
+    start = 0
+    while start < N:
+        point = landmark[start]
+        stop = start
+        V[:] = 0.0
+        while stop < N and landmark[stop] == point:
+            o = stop
+            stop += 1
+            cost += whitened_terms(o, T_camera_map[frame[o]], landmarks[point], camera, seen, cauchy, J, P, C, r)
+            # V, b and W of the landmark
+            for i in range(3):
+                b[point, i] += P[0, i] * r[0] + P[1, i] * r[1] + P[2, i] * r[2]
+                for j in range(3):
+                    V[i, j] += P[0, i] * P[0, j] + P[1, i] * P[1, j] + P[2, i] * P[2, j]
+            # U and a of the numbers, and their W; what the lens does to depth, and the depth model to the pixel, is 0
+            for i in range(numbers):
+                c0, c1, c2 = C[0, i], C[1, i], C[2, i]
+                rhs[poses + i] += c0 * r[0] + c1 * r[1] + c2 * r[2]
+                row = S[poses + i, poses:]
+                for j in range(i, plain):
+                    row[j] += c0 * C[0, j] + c1 * C[1, j]
+                if c2 != 0.0:
+                    for j in range(i, numbers):
+                        row[j] += c2 * C[2, j]
+                for j in range(3):
+                    W_number[point, i, j] += c0 * P[0, j] + c1 * P[1, j] + c2 * P[2, j]
+            # U and a of the pose, its block of U with the numbers, and its W
+            f = pose[frame[o]]
+            if f < 0:
+                continue
+            for i in range(6):
+                j0, j1, j2 = J[0, i], J[1, i], J[2, i]
+                rhs[f + i] += j0 * r[0] + j1 * r[1] + j2 * r[2]
+                for j in range(i, 6):
+                    S[f + i, f + j] += j0 * J[0, j] + j1 * J[1, j] + j2 * J[2, j]
+                row = S[f + i, poses:]
+                for j in range(plain):
+                    row[j] += j0 * C[0, j] + j1 * C[1, j]
+                if j2 != 0.0:
+                    for j in range(numbers):
+                        row[j] += j2 * C[2, j]
+                for j in range(3):
+                    W[o, i, j] = j0 * P[0, j] + j1 * P[1, j] + j2 * P[2, j]
+        # inv(V), damped, by cofactors
+        for i in range(3):
+            V[i, i] += damping * V[i, i] + 1e-9
+        c00 = V[1, 1] * V[2, 2] - V[1, 2] * V[2, 1]
+        c01 = V[0, 2] * V[2, 1] - V[0, 1] * V[2, 2]
+        c02 = V[0, 1] * V[1, 2] - V[0, 2] * V[1, 1]
+        determinant = V[0, 0] * c00 + V[1, 0] * c01 + V[2, 0] * c02
+        inverse = V_inverse[point]
+        inverse[0, 0], inverse[0, 1], inverse[0, 2] = c00 / determinant, c01 / determinant, c02 / determinant
+        inverse[1, 1] = (V[0, 0] * V[2, 2] - V[0, 2] * V[0, 2]) / determinant
+        inverse[1, 2] = (V[0, 2] * V[0, 1] - V[0, 0] * V[1, 2]) / determinant
+        inverse[2, 2] = (V[0, 0] * V[1, 1] - V[0, 1] * V[0, 1]) / determinant
+        inverse[1, 0], inverse[2, 0], inverse[2, 1] = inverse[0, 1], inverse[0, 2], inverse[1, 2]
+        # S -= W inv(V) W', rhs -= W inv(V) b: the W of poses (6 x 3) and numbers (p x 3) lie side by side in `across`,
+        # in runs of unknowns that follow each other; each pair is computed once
+        width, runs = 0, 0
+        for o in range(start, stop + 1):
+            first = poses if o == stop else pose[frame[o]]
+            if first >= 0:
+                left = W_number[point] if o == stop else W[o]
+                if width == 0 or first != place[width - 1] + 1:
+                    begin[runs] = width
+                    runs += 1
+                for i in range(left.shape[0]):
+                    across[0, width], across[1, width], across[2, width] = left[i, 0], left[i, 1], left[i, 2]
+                    place[width] = first + i
+                    width += 1
+        begin[runs] = width
+        first = 0
+        for i in range(width):
+            w0, w1, w2 = across[0, i], across[1, i], across[2, i]
+            y0 = w0 * inverse[0, 0] + w1 * inverse[1, 0] + w2 * inverse[2, 0]
+            y1 = w0 * inverse[0, 1] + w1 * inverse[1, 1] + w2 * inverse[2, 1]
+            y2 = w0 * inverse[0, 2] + w1 * inverse[1, 2] + w2 * inverse[2, 2]
+            rhs[place[i]] -= y0 * b[point, 0] + y1 * b[point, 1] + y2 * b[point, 2]
+            first += begin[first + 1] <= i
+            for run in range(first, runs):
+                left_end, right_end = max(i, begin[run]), begin[run + 1]
+                x0, x1, x2 = across[0, left_end:right_end], across[1, left_end:right_end], across[2, left_end:right_end]
+                entries = S[place[i], place[left_end] : place[left_end] + right_end - left_end]
+                for j in range(len(entries)):
+                    entries[j] -= y0 * x0[j] + y1 * x1[j] + y2 * x2[j]
+        start = stop
+    for i in range(dimension):  # what was summed up on one side of the diagonal
+        for j in range(i):
+            S[i, j] = S[j, i] = S[i, j] + S[j, i]
+    return S, rhs, V_inverse, b, W_number, W, cost
+
+
+@compiled
+def stepped(
+    T_camera_map: Array,
+    landmarks: Array,
+    pose: Index,
+    frame: Index,
+    landmark: Index,
+    V_inverse: Array,
+    b: Array,
+    W_number: Array,
+    W: Array,
+    step: Array,
+) -> tuple[Array, Array]:
+    """Return poses and landmarks after a `step` of poses and numbers: landmarks move by inv(V) (b - W' step)."""
+    K, numbers = len(pose), W_number.shape[1]
+    T = T_camera_map.copy()
+    for k in range(K):
+        if pose[k] >= 0:
+            T[k] = moved(step[pose[k] : pose[k] + 6], T_camera_map[k])
+            orthonormalise(T[k])
+    points = landmarks.copy()
+    rest = b.copy()
+    for o in range(len(frame)):
+        f = pose[frame[o]]
+        if f >= 0:
+            for j in range(3):
+                for i in range(6):
+                    rest[landmark[o], j] -= W[o, i, j] * step[f + i]
+    last = len(step) - numbers
+    for k in range(len(landmarks)):
+        for j in range(3):
+            for i in range(numbers):
+                rest[k, j] -= W_number[k, i, j] * step[last + i]
+        for i in range(3):
+            for j in range(3):
+                points[k, i] += V_inverse[k, i, j] * rest[k, j]
+    return T, points
+
+
+@compiled
+def scores_of(
+    follows: Array,
+    V_inverse: Array,
+    W_number: Array,
+    W: Array,
+    T_camera_map: Array,
+    landmarks: Array,
+    camera: CameraArrays,
+    pose: Index,
+    seen: SeenArrays,
+    cauchy: float,
+) -> Array:
+    """Return each observation's pull at the camera's numbers (N x p); poses and landmarks follow every number.
+
+    `follows` (6 free poses x p) is how the poses do; the landmarks do by inv(V) (-W' step).
+    """
+    frame, landmark = seen[:2]
+    N, L, numbers = len(frame), len(landmarks), W_number.shape[1]
+    J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, numbers)), np.zeros(3)
+    rest, point = np.zeros((L, 3, numbers)), np.zeros((L, 3, numbers))
+    for k in range(L):
+        for j in range(3):
+            for i in range(numbers):
+                rest[k, j, i] = -W_number[k, i, j]
+    for o in range(N):
+        f = pose[frame[o]]
+        if f >= 0:
+            for j in range(3):
+                for a in range(6):
+                    for i in range(numbers):
+                        rest[landmark[o], j, i] -= W[o, a, j] * follows[f + a, i]
+    for k in range(L):
+        for a in range(3):
+            for j in range(3):
+                for i in range(numbers):
+                    point[k, a, i] += V_inverse[k, a, j] * rest[k, j, i]
+    scores = np.zeros((N, numbers))
+    for o in range(N):
+        whitened_terms(o, T_camera_map[frame[o]], landmarks[landmark[o]], camera, seen, cauchy, J, P, C, r)
+        f = pose[frame[o]]
+        for c in range(3):
+            for i in range(numbers):
+                scores[o, i] += r[c] * C[c, i]
+            for j in range(3):
+                for i in range(numbers):
+                    scores[o, i] += r[c] * P[c, j] * point[landmark[o], j, i]
+            if f >= 0:
+                for a in range(6):
+                    for i in range(numbers):
+                        scores[o, i] += r[c] * J[c, a] * follows[f + a, i]
+    return scores

@@ -1,0 +1,48 @@
+"""Poses of frames that were not adjusted, among landmarks that were, in compiled loops."""
+
+import numpy as np
+
+from odom.calibration.observation_terms import CameraArrays, SeenArrays, whitened_terms
+from odom.geometry.arrays import Array, Index
+from odom.geometry.compiled import compiled
+from odom.geometry.compiled_se3 import moved, orthonormalise, solve_definite
+
+_PRIOR = 1e-6
+"""Information (1/m^2, 1/rad^2) that keeps a pose of which nothing was measured; it is never felt otherwise."""
+
+
+@compiled
+def resected(
+    T_camera_map: Array,
+    landmarks: Array,
+    camera: CameraArrays,
+    pose: Index,
+    seen: SeenArrays,
+    steps: int,
+    cauchy: float,
+) -> Array:
+    """Return poses (K x 4 x 4), those with a place in `pose` each adjusted by itself to landmarks that are held.
+
+    `camera` has no columns.
+    """
+    K, frame, landmark = len(pose), seen[0], seen[1]
+    J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, 0)), np.zeros(3)
+    T = T_camera_map.copy()
+    for _ in range(steps):
+        H, g = np.zeros((K, 6, 6)), np.zeros((K, 6))
+        for o in range(len(frame)):
+            k = frame[o]
+            if pose[k] < 0:
+                continue
+            whitened_terms(o, T[k], landmarks[landmark[o]], camera, seen, cauchy, J, P, C, r)
+            for i in range(6):
+                g[k, i] += J[0, i] * r[0] + J[1, i] * r[1] + J[2, i] * r[2]
+                for j in range(6):
+                    H[k, i, j] += J[0, i] * J[0, j] + J[1, i] * J[1, j] + J[2, i] * J[2, j]
+        for k in range(K):
+            if pose[k] >= 0:
+                for i in range(6):
+                    H[k, i, i] += _PRIOR
+                T[k] = moved(solve_definite(H[k], g[k]), T[k])
+                orthonormalise(T[k])
+    return T

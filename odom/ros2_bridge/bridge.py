@@ -10,12 +10,23 @@ from dataclasses import dataclass, field
 
 from odom.errors import WireError
 from odom.frame import Stamp
-from odom.ros2_bridge.dds import NODE, DdsNode, DdsTopic, can_carry
-from odom.wire.codec.cdr import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, TRANSFORMS
+from odom.ros2_bridge.dds import NODE, DdsNode, DdsTopic, can_carry, load
+from odom.wire.codec.cdr import (
+    CAMERA_INFO,
+    COMPRESSED_IMAGE,
+    DIAGNOSTICS,
+    IMAGE,
+    ODOMETRY,
+    PATH,
+    POINT_CLOUD,
+    POSE,
+    STRING,
+    TRANSFORMS,
+)
 from odom.wire.message import Message
 from odom.wire.ros2.graph import RosGraph, several, strange_type
 from odom.wire.ros2.inbox import Inbox
-from odom.wire.ros2.names import SUBSCRIBER, Endpoint, NodeName
+from odom.wire.ros2.names import SUBSCRIBER, Endpoint, NodeName, type_hash
 from odom.wire.ros2.node import Ros2Node
 from odom.wire.session import WireSession
 
@@ -34,6 +45,8 @@ _OF_EVERY_NODE = ("/rosout", "/parameter_events")
 """Topics of ROS itself, which every node of both sides has."""
 _OF_ONE_CAMERA = (IMAGE, COMPRESSED_IMAGE, CAMERA_INFO)
 """Types of topics that several nodes publish by mistake only."""
+_USUAL = (*_OF_ONE_CAMERA, DIAGNOSTICS, ODOMETRY, PATH, POINT_CLOUD, POSE, STRING, TRANSFORMS)
+"""Types that are loaded at the start: it takes .3 s, for which whatever is carried by then would wait."""
 
 
 @dataclass
@@ -52,6 +65,9 @@ class Bridge:
 
     def __init__(self, session: WireSession, dds: DdsNode, domain: int, below: Collection[str] = ()) -> None:
         self.to_dds, self.to_zenoh = Traffic(), Traffic()
+        for type_name in _USUAL:
+            type_hash(type_name)
+            load(type_name)
         self._dds = dds
         self._below = tuple("/" + name.strip("/") + "/" for name in below)
         self._node = Ros2Node(session.zenoh, NodeName(domain, str(session.zenoh.info.zid()), 0, "/", NODE))

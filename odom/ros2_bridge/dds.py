@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import Any
 
 from odom.errors import ConfigError
-from odom.ros2_bridge.transforms import PREFIX_BYTES, Transforms
+from odom.ros2_bridge.transforms import PREFIX_BYTES, Transforms, transform_types
 from odom.wire.codec.cdr import TRANSFORMS
 from odom.wire.ros2.qos import TRANSFORMS_DEPTH, Qos
 
@@ -67,6 +67,12 @@ def can_carry(type_name: str) -> bool:
     """Whether messages of a type can be carried: its package is installed, or it is of transforms, Cyclone DDS is."""
     is_possible = type_name == TRANSFORMS and find_spec("cyclonedds") is not None
     return is_possible or message_class(type_name) is not None
+
+
+def load(type_name: str) -> None:
+    """Import what messages of a type need, if it is installed."""
+    if message_class(type_name) is None and can_carry(type_name):
+        transform_types()
 
 
 class DdsNode:

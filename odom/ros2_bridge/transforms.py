@@ -146,6 +146,8 @@ class TransformTypes:
 def transform_types() -> TransformTypes:
     """Return the types: the message is named as ROS 2 names it on DDS, what is in it has names of its own.
 
+    The first call takes some tenths of a second: all that Cyclone DDS makes of them is made now.
+
     Cyclone DDS for Python tells the other participants of its types, and FastDDS cannot read what it tells. It then
     waits for ever for a type of that name, also where others tell it: with ROS's own names no topic whose messages have
     a header would be discovered any more.
@@ -164,4 +166,5 @@ def transform_types() -> TransformTypes:
     transform = struct("Transform", {"translation": vector, "rotation": quaternion})
     stamped = struct("TransformStamped", {"header": header, "child_frame_id": str, "transform": transform})
     message = struct("TFMessage", {"transforms": types.sequence[stamped]}, "tf2_msgs::msg::dds_::TFMessage_")
+    message.__idl__.fill_type_data()
     return TransformTypes(message, stamped, transform, header, time, vector, quaternion)

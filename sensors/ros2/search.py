@@ -1,4 +1,7 @@
-"""Finds a driver's topics: listens to all that may be its images until colour, depth and calibration have come."""
+"""Finds a driver's topics: listens to all that may be its images until colour, depth and calibration have come.
+
+What it looks at goes on waiting in the inbox: the source begins with the first images.
+"""
 
 import logging
 import time
@@ -19,18 +22,23 @@ from sensors.ros2.static_transforms import StaticTransforms
 
 _LOG = logging.getLogger(__name__)
 _SETTLING_S = 1.0
-"""Seconds from the first message on in which better topics than the first may come (depth registered to colour).
-Shorter: a driver that is starting is taken for one that has no such topic; longer: the first image comes later."""
+"""Seconds from the first message on in which better topics than the first may come (depth registered to colour), unless
+all have been there for so long and speak: a recording that waits to be played. Shorter: a driver that is starting is
+taken for one that has no such topic; longer: the first image comes later."""
 _MOST_TOPICS = 24
 """Images and calibrations that are listened to while searching; a driver of several cameras has some twenty."""
-_POLL_S = 0.1
-"""Longest wait for a message, in seconds, before the graph is looked at again. Chosen by hand."""
+_POLL_S = 0.05
+"""Seconds between two looks at the graph and at what has come. Longer: more than the few images that may wait come in
+between (2 at 30 Hz); shorter: more time for nothing."""
 _TF_STATIC = f"/{TF_STATIC}"
 
 
 @dataclass
 class Search:
-    """What has been found below `prefix` so far; `named` (role to topic) and `camera` are what the user said."""
+    """What has been found below `prefix` so far; `named` (role to topic) and `camera` are what the user said.
+
+    `_joined` and `_spoke` are when the last topic was joined, and when the first message came (monotonic seconds).
+    """
 
     graph: RosGraph
     inbox: Inbox
@@ -40,27 +48,32 @@ class Search:
     camera: Camera | None
     first: dict[str, Message] = field(default_factory=dict)
     transforms: StaticTransforms = field(default_factory=StaticTransforms)
+    _joined: float = 0.0
+    _spoke: float = 0.0
 
     def run(self) -> CameraTopics:
         """Return the topics once they are clear, and listen to no others; raises ConfigError with what is missing."""
-        begun, settled = time.monotonic(), None
+        begun = time.monotonic()
         missing = "nothing has come yet"
         while time.monotonic() < begun + self.settings.start_s:
             self._listen()
-            message = self.inbox.receive(_POLL_S)
-            if message is not None:
-                self._take(message)
-                settled = settled or time.monotonic() + _SETTLING_S
-            if settled is None or time.monotonic() < settled:
+            time.sleep(_POLL_S)
+            self._look()
+            if not self._is_settled():
                 continue
             try:
                 found = camera_topics(self.first, self.named, self.camera, self.transforms)
             except (RecordingError, WireError) as error:
-                missing, settled = str(error), time.monotonic() + _POLL_S
+                missing = str(error)
                 continue
             self._leave_others(found)
             return found
         raise ConfigError(self._what_is_missing(missing))
+
+    def _is_settled(self) -> bool:
+        now = time.monotonic()
+        all_speak = self.first.keys() >= set(self.inbox.topics) - {_TF_STATIC}
+        return bool(self.first) and now >= _SETTLING_S + (self._joined if all_speak else self._spoke)
 
     def _listen(self) -> None:
         topics = self.graph.endpoints(self.prefix)
@@ -71,19 +84,23 @@ class Search:
         for topic in (_TF_STATIC, *wanted[:_MOST_TOPICS]):
             if everything[topic] and topic not in self.inbox.topics:
                 self.inbox.subscribe(_known(everything[topic]))
+                self._joined = time.monotonic()
 
     @property
     def _named(self) -> set[str]:
         return {"/" + topic.removeprefix("/") for topic in self.named.values()}
 
-    def _take(self, message: Message) -> None:
-        if message.topic != _TF_STATIC:
-            self.first.setdefault(message.topic, message)
-            return
-        try:
-            self.transforms.take(decode_tf(message))
-        except WireError as error:
-            _LOG.debug("%s: %s", _TF_STATIC, error)
+    def _look(self) -> None:
+        if not self.first:
+            self._spoke = time.monotonic()
+        for message in self.inbox.waiting():
+            if message.topic != _TF_STATIC:
+                self.first.setdefault(message.topic, message)
+                continue
+            try:
+                self.transforms.take(decode_tf(message))
+            except WireError as error:
+                _LOG.debug("%s: %s", _TF_STATIC, error)
 
     def _leave_others(self, found: CameraTopics) -> None:
         streams = (found.streams.color, found.streams.depth, found.streams.camera_info)

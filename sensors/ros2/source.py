@@ -72,6 +72,8 @@ class Ros2Source:
         """Yield calibration, colour and depth as they come, until `close`, `--seconds` or `end_s` without an image."""
         begun = heard = time.monotonic()
         is_silent = False
+        if early := self._inbox.counts["dropped"]:
+            _LOG.info("%d messages came before they could be taken, and were dropped for newer ones", early)
         yield from self._calibration()
         while not self._closed:
             message = self._inbox.receive(_POLL_S)

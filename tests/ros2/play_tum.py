@@ -7,7 +7,6 @@ import sys
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -23,8 +22,6 @@ from odom.wire.ros2.names import NodeName
 from sensors.source import SourceOptions
 from sensors.tum import open_tum
 
-FIRST, READY_S = 90, 15.0
-"""Messages that are sent before the rest, so that the topics are found, and the time for the odometry to get ready."""
 FRAME = "camera_color_optical_frame"
 COLOR, DEPTH = "camera/rgb/image_raw", "camera/depth_registered/image_raw"
 
@@ -60,16 +57,6 @@ def driver_messages(folder: Path, compressed: bool, start: float = 0.0, end: flo
                 yield raw(DEPTH, at, "32FC1", np.where(depth_mm, depth_mm, np.nan).astype(np.float32) / 1000)
 
 
-def paced(messages: Iterable[Message], rate: float) -> Iterator[Message]:
-    """Yield the first messages at once, the others when the listener has got ready, at their stamps' pace."""
-    every = iter(messages)
-    for message in islice(every, FIRST):
-        time.sleep(1 / 30)
-        yield message
-    time.sleep(READY_S)
-    yield from on_time(every, rate)
-
-
 def on_time(messages: Iterable[Message], rate: float = 1.0) -> Iterator[Message]:
     """Yield messages at their stamps' pace."""
     begun: tuple[float, int] | None = None
@@ -82,7 +69,7 @@ def on_time(messages: Iterable[Message], rate: float = 1.0) -> Iterator[Message]
 def main(folder: str, port: str, domain: str, form: str, rate: str) -> None:
     with other_node(int(port)) as session:
         node = Ros2Node(session.zenoh, NodeName(int(domain), str(session.zenoh.info.zid()), 0, "/", "camera"))
-        for message in paced(driver_messages(Path(folder), form == "compressed"), float(rate)):
+        for message in on_time(driver_messages(Path(folder), form == "compressed"), float(rate)):
             node.tell(message)
         node.close()
 

@@ -1,5 +1,6 @@
 """`ros2:/camera`: topics of drivers as they are, found and read through a router of ROS 2."""
 
+import logging
 import subprocess
 import sys
 import threading
@@ -30,8 +31,9 @@ from odom.wire.codec import (
     encode_depth,
     encode_depth_compressed,
     encode_tf,
+    restamp,
 )
-from odom.wire.ros2 import check_no_loop
+from odom.wire.ros2 import Ros2Node, check_no_loop
 from odom.wire.ros2.names import Endpoint, NodeName
 from odom.wire.ros2.qos import Qos
 from sensors.catalogue import check_source, open_source
@@ -157,6 +159,37 @@ def test_depth_of_its_own_camera_is_registered_by_tf_static(port: int) -> None:
     told = refusal(port, [INFO, COLOR, depth, depth_info])
     assert "/tf_static does not say" in told
     assert "no camera_info of its size" in refusal(port, [INFO, COLOR, depth, tf])
+
+
+def test_of_a_recording_that_waits_to_be_played_no_image_is_lost(port: int) -> None:
+    with other_node(port) as session:
+        node = Ros2Node(session.zenoh, NodeName(DOMAIN, str(session.zenoh.info.zid()), 0, "/", "player"))
+        for message in (INFO, COLOR, ALIGNED):
+            node.offer(message.topic, message.type_name, Qos())
+
+        def play() -> None:
+            for i in range(1, 11):
+                for message in (INFO, COLOR, ALIGNED):
+                    node.tell(restamp(message, Stamp(i)))
+                time.sleep(0.01 if i < 3 else 0.5)
+
+        timer = threading.Timer(2.0, play)  # long after the source has begun to look
+        timer.start()
+        messages = some(open_source("ros2:/camera", options(port, start_s="30")), 15)
+        timer.join()
+        node.close()
+    for topic in (KEYS.color, KEYS.depth):
+        stamps = [message.stamp for message in messages if message.topic == topic]
+        assert stamps == list(range(1, len(stamps) + 1))
+        assert len(stamps) > 2
+
+
+def test_what_went_by_before_it_could_be_taken_is_told(port: int, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.INFO), driver(port, [INFO, COLOR, ALIGNED]):
+        source = open_source("ros2:/camera", options(port, waiting="1"))
+        time.sleep(0.5)
+        some(source)
+    assert "messages came before they could be taken, and were dropped for newer ones" in caplog.text
 
 
 def test_topics_may_be_named_wherever_they_are(port: int) -> None:

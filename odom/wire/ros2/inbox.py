@@ -81,6 +81,11 @@ class Inbox:
         """The topics that are listened to."""
         return tuple(self._topics)
 
+    def waiting(self) -> tuple[Message, ...]:
+        """Return the messages that wait, oldest first; they go on waiting."""
+        with self._ready:
+            return tuple(self._queue)
+
     def receive(self, timeout: float) -> Message | None:
         """Return the next message, its `topic` with the slash before; None after `timeout` s or `close`."""
         with self._ready:

@@ -29,7 +29,10 @@ def odom(*arguments, **environment):
 
 
 def finished(process, status=0, timeout=3000):
-    words, _ = process.communicate(timeout=timeout)
+    try:
+        words, _ = process.communicate(timeout=timeout)
+    finally:
+        process.kill()  # and its runs end with it
     assert process.returncode == status, words
     return words
 
@@ -112,6 +115,7 @@ def _against(recordings, out, baseline, kept):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1200)
 def test_a_recording_that_fails_is_named_and_tried_again(tmp_path):
     recordings, out = cut(tmp_path / "pieces", 1, 1.2, 3.0), tmp_path / "out"
     (recordings / "spoilt.mcap").write_bytes(b"no recording")
@@ -122,6 +126,7 @@ def test_a_recording_that_fails_is_named_and_tried_again(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(5400)
 def test_sixty_recordings_by_killed_processes_and_by_a_killed_cluster_equal_one_after_another(tmp_path):
     distributed = pytest.importorskip("distributed", reason="pip install 'rgbd-odom[fleet]'")
     recordings = cut(tmp_path / "pieces", 60, 1.6, 0.45)

@@ -28,8 +28,7 @@ taken for one that has no such topic; longer: the first image comes later."""
 _MOST_TOPICS = 24
 """Images and calibrations that are listened to while searching; a driver of several cameras has some twenty."""
 _POLL_S = 0.05
-"""Seconds between two looks at the graph and at what has come. Longer: more than the few images that may wait come in
-between (2 at 30 Hz); shorter: more time for nothing."""
+"""Seconds between two looks at the graph and at what has come. Chosen by hand."""
 _TF_STATIC = f"/{TF_STATIC}"
 
 

@@ -16,6 +16,7 @@ from odom.wire.ros2.node import Ros2Node, ros2_wire
 from odom.wire.session import open_session
 from sensors.calibration_file import load_calibration
 from sensors.encoder import ImageEncoder
+from sensors.ros2.catching_up import AT_START, CatchingUp
 from sensors.ros2.search import Search
 from sensors.ros2.settings import Ros2Settings
 from sensors.source import SourceOptions
@@ -48,7 +49,7 @@ class Ros2Source:
             node = Ros2Node(session.zenoh, name)
             session.at_close(node.close)
             self._graph = RosGraph(session, settings.domain)
-            self._inbox = Inbox(node, settings.waiting)
+            self._inbox = Inbox(node, AT_START)
             session.at_close(self._inbox.close)
             search = Search(self._graph, self._inbox, prefix, settings, dict(options.topics_from), camera)
             self._topics = search.run()
@@ -72,11 +73,12 @@ class Ros2Source:
         """Yield calibration, colour and depth as they come, until `close`, `--seconds` or `end_s` without an image."""
         begun = heard = time.monotonic()
         is_silent = False
+        arrivals = CatchingUp(self._inbox, self._settings.waiting)
         if early := self._inbox.counts["dropped"]:
             _LOG.info("%d messages came before they could be taken, and were dropped for newer ones", early)
         yield from self._calibration()
         while not self._closed:
-            message = self._inbox.receive(_POLL_S)
+            message = arrivals.receive(_POLL_S)
             now = time.monotonic()
             if self._options.seconds is not None and now - begun >= self._options.seconds:
                 return

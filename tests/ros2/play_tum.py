@@ -16,7 +16,7 @@ from ros2_network import other_node
 
 from odom.frame import Stamp
 from odom.wire import Message, Topics
-from odom.wire.codec import cdr, decode_color, decode_depth, encode_color_jpeg, encode_depth_compressed, restamp
+from odom.wire.codec import cdr, decode_color, decode_depth, encode_depth_compressed, restamp
 from odom.wire.ros2 import Ros2Node
 from odom.wire.ros2.names import NodeName
 from sensors.source import SourceOptions
@@ -44,11 +44,10 @@ def driver_messages(folder: Path, compressed: bool, start: float = 0.0, end: flo
             info = replace(message, topic="camera/rgb/camera_info")
         elif message.topic == keys.color_compressed:
             yield restamp(info, at)
-            color = decode_color(message)
-            if compressed:
-                yield encode_color_jpeg(f"{COLOR}/compressed", at, color, FRAME, 95)
+            if compressed:  # the folder's own files: compressing them once more would make other images of them
+                yield replace(message, topic=f"{COLOR}/compressed")
             else:
-                yield raw(COLOR, at, "bgr8", cv2.cvtColor(color, cv2.COLOR_RGB2BGR))
+                yield raw(COLOR, at, "bgr8", cv2.cvtColor(decode_color(message), cv2.COLOR_RGB2BGR))
         elif message.topic == keys.depth:
             depth_mm = decode_depth(message)
             if compressed:

@@ -20,6 +20,9 @@ from odom.wire.ros2.node import Ros2Node
 from odom.wire.ros2.qos import TRANSFORMS_DEPTH, Qos
 
 _LOG = logging.getLogger(__name__)
+_MOST_WAITING_BYTES = 256 << 20
+"""Bytes of all messages that wait. Fewer: a camera of large images loses some while others are searched for; more: a
+flood takes more memory."""
 _MOST_BYTES = 64 << 20
 """Bytes of a single message beyond which it is no image but a mistake: an image of 4K in four channels takes 33 MB."""
 
@@ -81,6 +84,13 @@ class Inbox:
         """The topics that are listened to."""
         return tuple(self._topics)
 
+    def limit(self, depth: int) -> None:
+        """From now on let `depth` messages of a topic wait."""
+        with self._ready:
+            self._depth = depth
+            for topic, known in self._topics.items():
+                self._drop_old(topic, known.type_name)
+
     def waiting(self) -> tuple[Message, ...]:
         """Return the messages that wait, oldest first; they go on waiting."""
         with self._ready:
@@ -117,12 +127,18 @@ class Inbox:
         message = Message(topic, type_name, Stamp(0) if stamp is None else stamp, payload)
         with self._ready:
             self._count(topic, sample)
-            waiting = [other for other in self._queue if other.topic == topic]
-            if len(waiting) >= self._depth_of(type_name):
-                self._queue.remove(waiting[0])
-                self.counts["dropped"] += 1
             self._queue.append(message)
+            self._drop_old(topic, type_name)
+            while sum(len(other.payload) for other in self._queue) > _MOST_WAITING_BYTES:
+                self._queue.popleft()
+                self.counts["dropped"] += 1
             self._ready.notify()
+
+    def _drop_old(self, topic: str, type_name: str) -> None:
+        waiting = [message for message in self._queue if message.topic == topic]
+        for old in waiting[: -self._depth_of(type_name)]:
+            self._queue.remove(old)
+            self.counts["dropped"] += 1
 
     def _count(self, topic: str, sample: zenoh.Sample) -> None:
         self.counts["received"] += 1

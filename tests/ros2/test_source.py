@@ -67,7 +67,7 @@ def options(port: int, **extra: str) -> SourceOptions:
     return SourceOptions(topics=KEYS, extra=tuple(given.items()))
 
 
-def some(source: Source, count: int = 8) -> list[Message]:
+def some(source: Source, count: int = 40) -> list[Message]:
     with closing(source):
         return list(islice(source.messages(), count))
 
@@ -92,7 +92,7 @@ def test_a_foreign_publisher_feeds_the_source(port: int) -> None:
     camera = str(Path(__file__).with_name("sdk_camera.py"))
     with subprocess.Popen([sys.executable, camera, str(port), str(DOMAIN)]) as process:
         try:
-            messages = some(open_source("ros2:/camera", options(port, start_s="20")), 12)
+            messages = some(open_source("ros2:/camera", options(port, start_s="20")), 40)
         finally:
             process.kill()
     assert decode_camera_info(of(messages, KEYS.camera_info)) == Camera(64, 48, 50.0, 50.0, 31.5, 23.5)

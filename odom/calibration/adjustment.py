@@ -18,10 +18,10 @@ from odom.geometry.arrays import Array, Index, Mask
 
 FREE = np.array([k for k in range(len(NAMES)) if k != SCALE_NUMBER])
 """The numbers that images and depth can show; the scale of depth needs motion capture."""
-_DAMPING = 1e-8
+_DAMPING = 1e-10
 """Levenberg-Marquardt's, at first and at the least: far above rounding, far below what a second ray says of a landmark
 of which only rays are known. A poor calibration is found in a few full steps; damped ones would creep along the
-directions in which the camera and its walk look nearly alike."""
+directions in which a camera and its walk look nearly alike."""
 _DAMPED = 100.0
 """Factor of the damping after a step that makes it worse."""
 _SETTLED, _ROUNDING = 1e-3, 1e-6
@@ -85,6 +85,17 @@ class System:
         S.flat[(len(S) - numbers) * (len(S) + 1) :: len(S) + 1] += known
         return np.asarray(cholesky(S, lower=True, overwrite_a=True, check_finite=False))
 
+    def follows(self, numbers: int) -> Array:
+        """Return how the free poses follow the last unknowns, the `numbers` (6 free poses x p)."""
+        S_poses = self.S[:-numbers, :-numbers].copy()
+        S_poses.flat[:: len(S_poses) + 1] += _HELD
+        return np.ascontiguousarray(-np.linalg.solve(S_poses, self.S[:-numbers, -numbers:]))
+
+    def information(self, known: Array, follows: Array) -> Array:
+        """Return what the observations say of the numbers (p x p), and what is `known` of them (p), without damping."""
+        numbers = len(known)
+        return np.asarray(self.S[-numbers:, -numbers:] + self.S[-numbers:, :-numbers] @ follows + np.diag(known))
+
     def stepped(self, survey: Survey, step: Array) -> Bundle:
         """Return the poses and landmarks after a `step` of all unknowns but the landmarks, which follow."""
         T, landmarks = stepped(
@@ -138,19 +149,19 @@ def fit(
         return system.cost + float(known @ off(system.vector) ** 2)
 
     now = System.of(survey, vector, bundle, free, damping)
-    information, poses = np.diag(known), len(now.S) - len(free)
+    poses = len(now.S) - len(free)
     for _ in range(steps):
         gradient = now.rhs.copy()
         gradient[poses:] -= known * off(now.vector)
         factor = now.factor(known, damping)
-        information = factor[poses:, poses:] @ factor[poses:, poses:].T  # the numbers come last
         step = cho_solve((factor, True), gradient, check_finite=False)
         moved, less = now.vector.copy(), max(0.1 * damping, _DAMPING)
         moved[free] += step[poses:]
         trial = System.of(survey, moved, now.stepped(survey, step), free, less)
         gained = cost_of(now) - cost_of(trial)
         if gained > 0.0:
-            sigma = np.sqrt(np.diag(np.linalg.inv(information)))
+            end = factor[poses:, poses:]  # of the numbers' information, since they come last
+            sigma = np.sqrt(np.diag(np.linalg.inv(end @ end.T)))
             is_small = bool((np.abs(step[poses:]) < TUNING.fit_settled * sigma).all())
             settled = is_small and gained < _SETTLED * cost_of(trial)
             now, damping = trial, less
@@ -160,7 +171,9 @@ def fit(
             now = System.of(survey, now.vector, now.bundle, free, damping)
         if settled or stopped():
             break
-    return Fit(now.vector, free, information, now.bundle)
+    if damping > _DAMPING:  # what is said of the numbers must not depend on the damping that the steps ended with
+        now = System.of(survey, now.vector, now.bundle, free)
+    return Fit(now.vector, free, now.information(known, now.follows(len(free))), now.bundle)
 
 
 def likely_gain(survey: Survey, prior: Prior, free: Index) -> float:

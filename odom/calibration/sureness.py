@@ -1,7 +1,6 @@
 """How sure the numbers of a fit are, where neighbouring errors hang together."""
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from odom.backend.tracking.tuning import TUNING as TRACKING
 from odom.calibration.adjustment import Fit, Prior, System, camera_arrays, places
@@ -19,13 +18,8 @@ def sigmas(survey: Survey, fitted: Fit, prior: Prior) -> Array:
     depth image errs alike for a second, and a landmark that was chosen badly errs in every frame.
     """
     system = System.of(survey, fitted.vector, fitted.bundle, fitted.free)
-    poses = len(system.S) - len(fitted.free)
-    S_poses, S_across = system.S[:poses, :poses].copy(), system.S[:poses, poses:]
-    S_poses.flat[:: poses + 1] += 1e-9
-    follows = -np.ascontiguousarray(
-        cho_solve(cho_factor(S_poses, overwrite_a=True, check_finite=False), S_across, check_finite=False)
-    )
-    information = system.S[poses:, poses:] + S_across.T @ follows + np.diag(prior.sigma[fitted.free] ** -2.0)
+    follows = system.follows(len(fitted.free))
+    information = system.information(prior.sigma[fitted.free] ** -2.0, follows)
     scores = scores_of(
         follows, system.V_inverse, system.W_number, system.W, fitted.bundle.T_camera_map, fitted.bundle.landmarks,
         camera_arrays(survey, fitted.vector, fitted.free), places(survey), survey.arrays, TRACKING.cauchy_chi2,

@@ -36,6 +36,11 @@ def straight(frames, rng):
     return T
 
 
+def at_rest(frames, rng):
+    """T_camera_map of a camera that stands still."""
+    return np.tile(np.eye(4), (frames, 1, 1))
+
+
 def along_a_wall(frames, rng):
     """T_camera_map of a camera that slides along a wall, and turns about its own axis alone."""
     t = np.linspace(0, 2 * np.pi, frames)

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_up_walk import SHEET, along_a_wall, made_up_survey, spoilt, straight, turning
+from made_up_walk import SHEET, along_a_wall, at_rest, made_up_survey, spoilt, straight, turning
 
 from odom.calibration.adjustment import camera_arrays, start_of
 from odom.calibration.linearised import chi_squared, linearised
 from odom.calibration.observation_terms import whitened_terms
-from odom.calibration.parameters import NAMES, TIMINGS, prior_sigma, vector_of
+from odom.calibration.parameters import LENS, NAMES, TIMINGS, prior_sigma, vector_of
 from odom.calibration.projection import project
 from odom.calibration.result import as_measured, calibrated, judge
 from odom.geometry import se3
@@ -56,6 +56,14 @@ def test_a_straight_slide_shows_no_focal_length_and_says_what_would():
     assert found.vector[k] == start[k]
     assert found.sigma[k] == prior_sigma(SHEET)[k]
     assert any("turn the camera" in line for line in found.hidden())
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_camera_at_rest_shows_no_number_of_its_lens_and_is_not_taken_for_another(seed):
+    found = calibrated(made_up_survey(spoilt(fx=15.0), at_rest, seed=seed, points=100), SHEET)
+    assert not found.contradicted
+    assert not found.shown[LENS].any()
+    np.testing.assert_array_equal(found.vector[LENS], vector_of(SHEET)[LENS])
 
 
 @pytest.mark.parametrize("numbers", [{}, {"fx": 15.0, "baseline_u": -13.0, "offset_1": 0.01}])

@@ -14,7 +14,7 @@ from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.place_descriptor import Place, describe_place
 from odom.frontend.features.view import View
-from odom.frontend.matching.place_recognition import believable, match_places, recognise
+from odom.frontend.matching.place_recognition import match_places, recognise
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 from odom.registration import Registration, register
@@ -82,8 +82,9 @@ def _agree(tracked: Tracked, registration: Registration, T_registered: Array) ->
     """
     away = se3.log(tracked.T_camera_map @ se3.inverse(T_registered))
     is_same = np.linalg.norm(away[:3]) < TUNING.wide_away_m and np.linalg.norm(away[3:]) < TUNING.wide_away_rad
-    is_sure = believable(registration) or tracked.found_again >= TUNING.share_in_chain * tracked.visible_count
-    return bool(is_same and is_sure and tracked.found_again >= TUNING.least_inliers)
+    is_many = int(registration.inliers.sum()) >= TUNING.least_inliers
+    is_known = is_many or tracked.found_again >= TUNING.share_in_chain * tracked.visible_count
+    return bool(is_same and is_known and tracked.found_again >= TUNING.least_inliers)
 
 
 @dataclass(frozen=True, eq=False)

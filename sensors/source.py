@@ -60,3 +60,8 @@ def refused_images(source: Source) -> Mapping[tuple[str, str], int]:
     """Return how many images a source left out, by stream (`colour`, `depth`) and reason; most leave out none."""
     refused: Mapping[tuple[str, str], int] = getattr(source, "refused", {})
     return {key: count for key, count in refused.items() if key[0] in ("colour", "depth")}
+
+
+def serial_of(source: Source) -> str:
+    """Return the serial number of a source that is a device, empty for any other."""
+    return str(getattr(source, "serial", ""))

@@ -7,6 +7,7 @@ import numpy as np
 
 from odom.calibration.adjustment import FREE, Fit, Prior, fit
 from odom.calibration.held_out import Residuals, compare, is_better
+from odom.calibration.linearised import chi_squared, linearised
 from odom.calibration.parameters import GROUPS, NAMES, SCALE_NUMBER, camera_of, numbers_of, prior_sigma, vector_of
 from odom.calibration.prior_width import narrowed
 from odom.calibration.sureness import sigmas
@@ -16,6 +17,8 @@ from odom.frame import Camera
 from odom.geometry.arrays import Array, Mask
 
 _FOCAL = (NAMES.index("fx"), NAMES.index("fy"))
+_SEVERAL = 3
+"""Frames that must see a landmark for it to be judged."""
 _STEPS_MORE = 4
 """Steps under the narrowed prior, which moves the camera by a few sigmas at most."""
 
@@ -90,6 +93,23 @@ CONTRADICTED = (
     "parts of the walk contradict each other on the focal length: the calibration given is that of another camera, or "
     "the scene moves; give one of this camera or of an average one, or leave out what moves; odom doctor looks at both"
 )
+
+
+RESTLESS = (
+    "the scene moves: {:.0%} of the landmarks stay nowhere, whatever the camera; leave out what moves, or walk where "
+    "nothing does"
+)
+
+
+def restless_share(survey: Survey, result: Calibrated) -> float:
+    """Return the share of landmarks that most frames see elsewhere than the fit has them: they moved meanwhile.
+
+    The robust fit leaves them aside as far as they are few, yet they pull all the same.
+    """
+    ray, _ = chi_squared(linearised(survey, result.fitted.vector, result.fitted.bundle))
+    seen = np.bincount(survey.landmark, minlength=len(survey.landmarks))
+    elsewhere = np.bincount(survey.landmark, ray > TUNING.restless_chi2, minlength=len(survey.landmarks))
+    return float((elsewhere > 0.5 * seen)[seen >= _SEVERAL].mean()) if (seen >= _SEVERAL).any() else 0.0
 
 
 def as_measured(result: Calibrated) -> Calibrated:

@@ -13,7 +13,7 @@ from odom.backend.mapping.local_adjustment import Adjustment
 from odom.calibration.adjustment import FREE, Fit, Prior, fit, likely_gain, placed, start_of
 from odom.calibration.parameters import BASELINE, NAMES, SHIFT, TIMINGS, prior_sigma, vector_of
 from odom.calibration.rays import rays_of, turned_onto
-from odom.calibration.result import CONTRADICTED, Calibrated, as_measured, calibrated, judge
+from odom.calibration.result import CONTRADICTED, RESTLESS, Calibrated, as_measured, calibrated, judge, restless_share
 from odom.calibration.survey import Survey, surveyed
 from odom.calibration.tuning import TUNING
 from odom.calibration.unit_of_length import in_believed_unit
@@ -61,6 +61,8 @@ def self_calibrated(odometry: Odometry) -> SelfCalibration:
         found = calibrated(few, camera)
         if found.contradicted:
             return SelfCalibration(reason=CONTRADICTED)
+        if (moving := restless_share(few, found)) > TUNING.restless_most:
+            return SelfCalibration(reason=RESTLESS.format(moving))
         off_px = surely_off_px(found.camera, found.sigma, few)
         if not judge(few, found).is_better:
             return SelfCalibration(off_px, _GOOD)

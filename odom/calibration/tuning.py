@@ -50,6 +50,11 @@ class Tuning:
         effect="a number surer than that is shown by the walk; smaller: less is calibrated; larger: guesses are given")
     accept_gain: float = tuned(0.01, unit="share of the held-out cost", source=_WALKS,
         effect="least gain on held-out frames; smaller: chance changes the camera; larger: small errors stay")
+    restless_chi2: float = tuned(9.0, unit="1", source="three sigma",
+        effect="beyond which a landmark is elsewhere; smaller: noise counts as motion; larger: slow motion is missed")
+    restless_most: float = tuned(0.05, unit="share of the landmarks", source="1 % and less on fr1, the arena and a "
+        "hololens; a body counts with the share of the view it fills",
+        effect="elsewhere in most frames; smaller: good walks are refused; larger: what moves bends the lens")
     # self-calibration of a run, at its end
     self_frames: int = tuned(150, unit="frames", source="time on fr1_xyz",
         effect="newest ones that are looked at; fewer: less is seen of the image's border; more: slower on long walks")

@@ -36,6 +36,9 @@ def run(
     map_: options.MapFileOption = None,
     localize: options.Localize = False,
     camera: options.Calibration = None,
+    remember: Annotated[
+        bool, typer.Option("--remember", help="Use the calibration that is found in this device's next runs, too.")
+    ] = False,
     start: options.Start = 0.0,
     end: options.End = None,
     realtime: Annotated[bool, typer.Option("--realtime", help="Play a recording like a live sensor.")] = False,
@@ -101,6 +104,7 @@ def run(
         overwrite=overwrite,
         viewer_arguments=viewer if rrd or not headless else None,
         stay=stay,
+        remember=remember,
     )
 
     def tell(report: dict[str, Any]) -> None:

@@ -87,7 +87,7 @@ def _publish(
     from odom.wire.session import open_session
     from sensors.catalogue import open_source
     from sensors.process import END_OF_SOURCE, SensorProcess
-    from sensors.source import refused_images
+    from sensors.source import refused_images, serial_of
 
     cv2.setNumThreads(1)
     opened = open_source(source, selected)
@@ -100,7 +100,8 @@ def _publish(
                 report = process.run(stop, progress)
             finally:
                 has_ended = process.ended == END_OF_SOURCE
-                hand_up(source_report(process.frames, opened.length, has_ended, refused_images(opened)))
+                said = source_report(process.frames, opened.length, has_ended, refused_images(opened))
+                hand_up(said | {"serial": serial_of(opened)})
     finally:
         opened.close()
     lost = f", {report.lost} messages lost by consumers" if report.lost else ""

@@ -5,7 +5,9 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from odom.errors import ConfigError, OdomError
 from sensors.calibration_file import Calibration, calibration_text, depth_scale_of
+from sensors.remembered import remember
 
 if TYPE_CHECKING:
     from odom.calibration.self_calibration import SelfCalibration
@@ -34,3 +36,22 @@ def keep_depth_scale(folder: Path, source: str, camera: Path | None) -> None:
         scale = depth_scale_of(source, camera)
         text = re.sub(r"(?m)^depth_scale: .*$", f"depth_scale: {scale!r}", path.read_text(encoding="utf-8"))
         path.write_text(text, encoding="utf-8")
+
+
+def remember_calibration(folder: Path, serial: str) -> None:
+    """Keep a calibration that was offered for the next runs with the device of that `serial` number, and say so.
+
+    Says why, too, where nothing is kept: a run that has ended well does not fail by it.
+    """
+    offered = folder / CALIBRATION_FILE
+    if not offered.is_file():
+        _LOG.info("no calibration to remember: the one given was kept, as report.json says")
+        return
+    try:
+        if not serial:
+            raise ConfigError("the source is no device with a serial number")
+        path = remember(serial, offered.read_text(encoding="utf-8"))
+    except (OdomError, OSError) as error:
+        _LOG.warning("the calibration cannot be remembered (%s): give it with --camera %s", error, offered)
+    else:
+        _LOG.info("the calibration is remembered for serial %s: %s; delete it to forget it", serial, path)

@@ -8,7 +8,16 @@ import numpy as np
 from odom.backend import Odometry, OdometrySettings, State
 from odom.calibration.metric_scale import metric_scale
 from odom.calibration.parameters import NAMES, SCALE, SCALE_NUMBER, camera_of, vector_of
-from odom.calibration.result import CONTRADICTED, Calibrated, Judgement, as_measured, calibrated, judge
+from odom.calibration.result import (
+    CONTRADICTED,
+    RESTLESS,
+    Calibrated,
+    Judgement,
+    as_measured,
+    calibrated,
+    judge,
+    restless_share,
+)
 from odom.calibration.survey import Survey, joined, survey_of
 from odom.calibration.tuning import TUNING
 from odom.calibration.unit_of_length import in_unit_of_depth
@@ -100,6 +109,8 @@ def calibrate_recordings(
     best = replace(best, result=as_measured(best.result))
     if stopped():
         return best
+    if (moving := restless_share(best.survey, best.result)) > TUNING.restless_most:
+        raise InputError(RESTLESS.format(moving))
     progress("judging")
     return replace(best, judgement=judge(best.survey, best.result, stopped))
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from odom.errors import ConfigError, OdomError
 from odom.service import previous_results
-from odom.service.calibration_offer import keep_depth_scale
+from odom.service.calibration_offer import keep_depth_scale, remember_calibration
 from odom.service.failed_tracking import why_not_tracked, why_poor
 from odom.service.input_report import with_source
 from odom.service.progress import open_display
@@ -77,6 +77,8 @@ def _run(
         try:
             report = complete_report(plan.out, processes)
             keep_depth_scale(plan.out, plan.source, plan.camera)
+            if plan.remember:
+                remember_calibration(plan.out, (processes.reports["sensor"] or {}).get("serial", ""))
             if report.get("frames"):
                 tell(report)
             if plan.stay and not stop.is_set():

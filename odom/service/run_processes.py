@@ -36,7 +36,7 @@ class RunPlan:
     """What to start: arguments of sensor, odometry and viewer (None: no viewer), and where files go.
 
     With `overwrite` the file of `record` may be replaced. With `stay` the viewer is kept open after the end of the
-    source.
+    source. With `remember` the calibration that the run finds is kept for the device's next runs.
     """
 
     source: str
@@ -48,6 +48,7 @@ class RunPlan:
     overwrite: bool = False
     viewer_arguments: Sequence[str] | None = None
     stay: bool = False
+    remember: bool = False
 
     @property
     def viewer_writes(self) -> bool:

@@ -43,13 +43,18 @@ class LiveKinect:
         self._closed = False
         device = self.capture.opened
         try:
-            self._encoder = DeviceEncoder(options, settings, device.color_camera, device.registered)
+            self._encoder = DeviceEncoder(options, settings, device.color_camera, device.registered, device.serial)
         except OdomError:
             self.capture.close()
             raise
         by = "by the driver" if device.registered else "not by the driver"
         _log.info("%s %s, serial %s, depth registered %s", device.name, device.uri, device.serial or "unknown", by)
         self.capture.start()
+
+    @property
+    def serial(self) -> str:
+        """The device's serial number, empty where its driver does not say it."""
+        return self.capture.serial
 
     @property
     def counters(self) -> dict[str, int]:

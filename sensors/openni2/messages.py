@@ -12,6 +12,7 @@ from sensors.depth_registration import DepthRegistration, load_depth_registratio
 from sensors.encoder import ImageEncoder
 from sensors.openni2.device import RawFrame
 from sensors.openni2.settings import KinectSettings, Registration
+from sensors.remembered import remembered_file
 from sensors.source import SourceOptions
 
 _log = logging.getLogger(__name__)
@@ -20,14 +21,23 @@ _log = logging.getLogger(__name__)
 class DeviceEncoder:
     """Turns images into messages, depth registered in software where that is asked.
 
-    `camera` is the calibration file's or, without one, `factory`, or a Kinect's where the driver says none. Raises
-    ConfigError when the file's is of another size, or when software registration lacks its extrinsic.
+    `camera` is the calibration file's or, without one, that remembered for the device's `serial` number, else
+    `factory`, or a Kinect's where the driver says none. Raises ConfigError when the file's is of another size, or when
+    software registration lacks its extrinsic.
     """
 
     def __init__(
-        self, options: SourceOptions, settings: KinectSettings, factory: Camera | None, registered: bool
+        self,
+        options: SourceOptions,
+        settings: KinectSettings,
+        factory: Camera | None,
+        registered: bool,
+        serial: str = "",
     ) -> None:
-        camera = load_calibration(options.camera).camera if options.camera else factory
+        if options.camera:
+            camera: Camera | None = load_calibration(options.camera).camera
+        else:
+            camera = _remembered(serial, settings.width_height) or factory
         if camera is None:
             camera = kinect_camera(*settings.width_height)
             _log.warning(
@@ -69,3 +79,21 @@ class DeviceEncoder:
         if frame.is_color:
             return self._images.color(stamp, frame.image)
         return self._images.depth(stamp, frame.image if self._registration is None else self._registration(frame.image))
+
+
+def _remembered(serial: str, size: tuple[int, int]) -> Camera | None:
+    """Return the camera that `odom run --remember` left for a device, None where there is none of images of a size."""
+    try:
+        path = remembered_file(serial)
+        if not path.is_file():
+            return None
+        camera = load_calibration(path).camera
+    except ConfigError as error:
+        if serial:
+            _log.warning("no remembered calibration is used: %s", error)
+        return None
+    if (camera.width, camera.height) != size:
+        _log.info("the calibration remembered for serial %s is for images of another size, and not used", serial)
+        return None
+    _log.info("the calibration remembered for serial %s is used (%s; --camera FILE gives another)", serial, path)
+    return camera

@@ -49,10 +49,11 @@ def along_a_wall(frames, rng):
     return np.array([se3.exp(step) for step in steps])
 
 
-def made_up_survey(vector, walk=turning, seed=0, points=400, noise=1.0, wall=False):
+def made_up_survey(vector, walk=turning, seed=0, points=400, noise=1.0, wall=False, moving=0.0):
     """The survey by SHEET of a camera that is really `vector`, with noise as it claims; poses and points begin off.
 
-    `wall`: all there is to see is a wall two metres away, instead of slanted surfaces at 1.2 to 3.5 m.
+    `wall`: all there is to see is a wall two metres away, instead of slanted surfaces at 1.2 to 3.5 m. `moving` is the
+    share of the points that lie on a body, which walks a metre to the side and half a metre nearer, and turns.
     """
     rng, frames = np.random.default_rng(seed), 40
     T_camera_map = walk(frames, rng)
@@ -63,7 +64,10 @@ def made_up_survey(vector, walk=turning, seed=0, points=400, noise=1.0, wall=Fal
     number, landmark = np.meshgrid(np.arange(frames), np.arange(points))
     number, landmark = number.ravel(), landmark.ravel()
     T = T_camera_map[number]
-    seen = np.einsum("nij,nj->ni", T[:, :3, :3], X[landmark]) + T[:, :3, 3]
+    way = np.where(X[landmark, 0] < np.quantile(X[:, 0], moving), number / frames, 0.0)[:, None]
+    walked = np.array([se3.exp(a) for a in way * (1.0, 0.0, -0.5, 0.0, 0.3, 0.0)])
+    at = np.einsum("nij,nj->ni", walked[:, :3, :3], X[landmark]) + walked[:, :3, 3]
+    seen = np.einsum("nij,nj->ni", T[:, :3, :3], at) + T[:, :3, 3]
     ahead = seen[:, 2] > 0.5
     uv, by_direction, _ = project(seen[:, :2] / np.where(ahead, seen[:, 2], 1.0)[:, None], vector[LENS])
     inside = (

@@ -1,0 +1,41 @@
+"""A scene in which much moves is refused, and a little of it does not change a good calibration."""
+
+import pytest
+
+from odom.calibration.adjustment import FREE, Prior, likely_gain
+from odom.calibration.parameters import prior_sigma, vector_of
+from odom.calibration.result import calibrated, restless_share
+from odom.calibration.self_calibration import surely_off_px
+from odom.calibration.tuning import TUNING
+from tests.calibration.made_up_walk import SHEET, made_up_survey, spoilt
+
+POOR = {"fx": 15.0, "k1": 0.1}
+
+
+@pytest.mark.parametrize("numbers", [{}, POOR])
+@pytest.mark.parametrize("moving", [0.1, 0.3, 0.5, 0.7])
+def test_what_moves_is_counted(numbers, moving):
+    survey = made_up_survey(spoilt(**numbers), points=150, moving=moving)
+    assert restless_share(survey, calibrated(survey, SHEET)) > TUNING.restless_most
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("numbers", [{}, POOR])
+def test_a_scene_that_stands_still_is_not_taken_for_one_that_moves(numbers, seed):
+    survey = made_up_survey(spoilt(**numbers), points=150, seed=seed)
+    assert restless_share(survey, calibrated(survey, SHEET)) < 0.2 * TUNING.restless_most
+
+
+@pytest.mark.parametrize("moving", [0.04, 0.1, 0.3])
+def test_a_body_that_walks_by_does_not_make_a_good_calibration_poor(moving):
+    survey = made_up_survey(spoilt(), points=250, moving=moving)
+    assert likely_gain(survey, Prior(vector_of(SHEET), prior_sigma(SHEET)), FREE) < TUNING.accept_gain
+    found = calibrated(survey, SHEET)
+    assert surely_off_px(found.camera, found.sigma, survey) < 0.5
+
+
+def test_a_poor_calibration_has_something_to_gain_and_a_good_one_has_not():
+    prior = Prior(vector_of(SHEET), prior_sigma(SHEET))
+    gains = [likely_gain(made_up_survey(spoilt(**numbers), points=250), prior, FREE) for numbers in ({}, POOR)]
+    assert gains[0] < 0.1 * TUNING.accept_gain
+    assert gains[1] > TUNING.accept_gain

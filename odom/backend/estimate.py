@@ -3,15 +3,18 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, unique
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from odom.frame import Stamp
 from odom.frame.brief import brief
-from odom.frontend.matching.moving_surfaces import MovingCells
 from odom.geometry import se3
 from odom.geometry.arrays import Array
+
+if TYPE_CHECKING:
+    from odom.frontend.matching.moving_surfaces import MovingCells  # which loads the compiler
 
 
 @unique
@@ -171,7 +174,7 @@ class Estimate:
     chain: ChainPose | None = None
     loops: tuple[LoopCandidate, ...] = ()
     features: Features | None = None
-    moving: MovingCells | None = None
+    moving: "MovingCells | None" = None
     path: tuple[TrajectoryPose, ...] | None = None
     landmarks_map: Array | None = None
     timings_ms: Mapping[str, float] = field(default_factory=dict)

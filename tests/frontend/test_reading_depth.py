@@ -3,10 +3,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from odom.frontend.features.depth_plane import PLANE_LIMITS, read_plane
+from odom.frontend.features.depth_plane import PLANE_LIMITS, read_planes
 
 LIMITS = (0.03, *PLANE_LIMITS[1:])
 V, U = np.mgrid[0:40, 0:50].astype(np.float64)
+
+
+def read_plane(depth_mm, u, v, limits):
+    return read_planes(depth_mm, np.array([[u, v]]), limits)[0]
 
 
 def millimetres(inverse_depth):
@@ -25,7 +29,7 @@ def test_a_plane_in_inverse_depth_is_read_to_the_depth_images_resolution(w, slop
     found = read_plane(millimetres(inverse_depth), u, v, LIMITS)
     resolution = 0.5e-3 * inverse_depth.max() ** 2
     assert abs(found[0] - w) <= 2.0 * resolution
-    assert np.abs(np.array(found[1:]) - w * np.array([slope_u, slope_v])).max() <= 0.5 * resolution
+    assert np.abs(found[1:] - w * np.array([slope_u, slope_v])).max() <= 0.5 * resolution
 
 
 @given(st.floats(0.3, 1.5), st.floats(1.12, 3.0), st.booleans(), st.floats(5.0, 44.0), st.floats(5.0, 34.0))

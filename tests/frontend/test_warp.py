@@ -4,7 +4,7 @@ from painted_room import PaintedRoom
 
 from odom.frame import Camera
 from odom.frontend.camera.lens import Lens, project, ray_at
-from odom.frontend.features.depth_plane import PLANE_LIMITS, read_plane
+from odom.frontend.features.depth_plane import PLANE_LIMITS, read_planes
 from odom.frontend.features.patch_warp import WARP_LIMITS, affinities
 from odom.frontend.features.patches import PATCH_LIMITS, align_patches, cut_patches
 from odom.geometry import se3
@@ -32,7 +32,7 @@ def seen_patches(camera, T_reference_current):
     current, _ = room.render(camera, T_room_reference @ T_reference_current)
     v, u = np.mgrid[60:430:37, 60:590:41]
     uv = np.column_stack([u.ravel(), v.ravel()]).astype(np.float64)
-    plane = np.array([read_plane(depth_mm, *p, (0.05, *PLANE_LIMITS[1:])) for p in uv])
+    plane = read_planes(depth_mm, uv, (0.05, *PLANE_LIMITS[1:]))
     uv, plane = uv[plane[:, 0] > 0], plane[plane[:, 0] > 0]
     z = 1.0 / plane[:, 0]
     points = np.array([[*ray_at(lens.rays, *p), 1.0] for p in uv]) * z[:, None]

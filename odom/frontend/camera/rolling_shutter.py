@@ -56,13 +56,12 @@ def interaction_matrix(x: float, y: float, w: float, J: Array) -> None:
 def point_flow(x: float, y: float, w: float, twist: Array) -> tuple[float, float, float]:
     """Return the rates (1/s) of (x/z, y/z, 1/z) of a resting point seen by a camera that moves with `twist`.
 
-    `twist` (6) is the camera's velocity (m/s, rad/s) in its own frame.
+    `twist` (6) is the camera's velocity (m/s, rad/s) in its own frame: the rates are minus `interaction_matrix` times it.
     """
-    J = np.empty((3, 6))
-    interaction_matrix(x, y, w, J)
-    xd = yd = wd = 0.0
-    for k in range(6):
-        xd -= J[0, k] * twist[k]
-        yd -= J[1, k] * twist[k]
-        wd -= J[2, k] * twist[k]
-    return xd, yd, wd
+    tx, ty, tz, rx, ry, rz = twist[0], twist[1], twist[2], twist[3], twist[4], twist[5]
+    turn = x * ry - y * rx
+    return (
+        w * (x * tz - tx) - ry - x * turn + y * rz,
+        w * (y * tz - ty) + rx - y * turn - x * rz,
+        w * (w * tz - turn),
+    )

@@ -5,14 +5,15 @@ from numpy.typing import NDArray
 
 from odom.frontend.tuning import TUNING
 from odom.geometry.arrays import Array
-from odom.geometry.compiled import compiled
+from odom.geometry.compiled import vectorised
 
 _WINDOW = 3
-"""The window is 2 * 3 + 1 = 7 pixels square: compiled in, since the loops over it are."""
+_SIDE = 2 * _WINDOW + 1
+"""The window is 7 pixels square: compiled in, since the loops over it are."""
 _SAMPLED_EVERY = 8
 """Pixels apart of the sample that tells whether an image shows depth at all: 4,800 of a VGA image."""
 PLANE_LIMITS = (TUNING.depth_step, TUNING.depth_share_valid, TUNING.depth_share_on_surface)
-"""What `read_plane` demands of a neighbourhood."""
+"""What `read_planes` demands of a neighbourhood."""
 
 
 def has_depth(depth_mm: NDArray[np.uint16]) -> bool:
@@ -21,97 +22,82 @@ def has_depth(depth_mm: NDArray[np.uint16]) -> bool:
     return bool(np.count_nonzero(sample) >= TUNING.depth_least_share * sample.size)
 
 
-@compiled
-def median_of(values: Array, m: int, room: Array) -> float:
-    """Return the median of the first `m` of some `values`, in `room` as large as they are (Hoare's selection)."""
-    room[:m] = values[:m]
-    k, low, high = m // 2, 0, m - 1
-    while low < high:
-        pivot = room[(low + high) // 2]
-        i, j = low, high
-        while i <= j:
-            while room[i] < pivot:
-                i += 1
-            while room[j] > pivot:
-                j -= 1
-            if i <= j:
-                room[i], room[j] = room[j], room[i]
-                i += 1
-                j -= 1
-        if k <= j:
-            high = j
-        elif k >= i:
-            low = i
-        else:
-            break
-    if m % 2:
-        return float(room[k])
-    below = room[0]
-    for i in range(1, k):
-        below = max(below, room[i])
-    return float(0.5 * (below + room[k]))
+@vectorised
+def read_planes(depth_mm: NDArray[np.uint16], uv: Array, limits: tuple[float, float, float]) -> Array:
+    """Return (n x 3): inverse depth (1/m) at places `uv` (n x 2 px), and its slope per pixel in u and v.
 
-
-@compiled
-def read_plane(
-    depth_mm: NDArray[np.uint16], u: float, v: float, limits: tuple[float, float, float]
-) -> tuple[float, float, float]:
-    """Return inverse depth (1/m) at (u, v) and its slope per pixel in u and v; all NaN where it cannot be trusted.
-
-    The inverse depth of a plane is affine in the pixel, so an affine function is fitted to those of the 7 x 7
-    neighbours that lie near their median. `limits` (see `PLANE_LIMITS`) are: how far from the median a neighbour may
-    lie, as a share of it; which share of the window must be measured; which share of that must lie near the median.
-    Otherwise the pixel is at a depth edge, where a sensor mixes foreground and background.
+    All three are NaN where the depth cannot be trusted. The inverse depth of a plane is affine in the pixel, so an
+    affine function is fitted to those of the 7 x 7 neighbours that lie near their median. `limits` (see `PLANE_LIMITS`)
+    are: how far from the median a neighbour may lie, as a share of it; which share of the window must be measured;
+    which share of that must lie near the median. Otherwise the pixel is at a depth edge, where a sensor mixes
+    foreground and background.
     """
     step, share_valid, share_on_surface = limits
     height, width = depth_mm.shape
-    nothing = (np.nan, np.nan, np.nan)
-    if not (_WINDOW <= u < width - _WINDOW - 1 and _WINDOW <= v < height - _WINDOW - 1):
-        return nothing
-    size = (2 * _WINDOW + 1) ** 2
-    values = np.empty(size)
-    du = np.empty(size)
-    dv = np.empty(size)
-    in_order = np.empty(size)
-    j0, i0 = round(u), round(v)
-    m = 0
-    for i in range(i0 - _WINDOW, i0 + _WINDOW + 1):
-        for j in range(j0 - _WINDOW, j0 + _WINDOW + 1):
-            if depth_mm[i, j] > 0:
-                values[m] = 1000.0 / depth_mm[i, j]
-                du[m] = j - u
-                dv[m] = i - v
-                m += 1
-    if m < share_valid * size:
-        return nothing
-    median = median_of(values, m, in_order)
-    # sums of the normal equations of w = b0 + b1 du + b2 dv over the neighbours near the median
-    count = 0
-    a01 = a02 = a11 = a12 = a22 = b0 = b1 = b2 = 0.0
-    for s in range(m):
-        if abs(values[s] - median) <= step * median:
-            count += 1
-            a01 += du[s]
-            a02 += dv[s]
-            a11 += du[s] * du[s]
-            a12 += du[s] * dv[s]
-            a22 += dv[s] * dv[s]
-            b0 += values[s]
-            b1 += values[s] * du[s]
-            b2 += values[s] * dv[s]
-    if count < share_on_surface * m or count < share_valid * size:
-        return nothing
-    # solved by Cramer's rule: cofactors of the symmetric 3 x 3 matrix
-    a00 = float(count)
-    c00 = a11 * a22 - a12 * a12
-    c01 = a02 * a12 - a01 * a22
-    c02 = a01 * a12 - a02 * a11
-    c11 = a00 * a22 - a02 * a02
-    c12 = a01 * a02 - a00 * a12
-    c22 = a00 * a11 - a01 * a01
-    determinant = a00 * c00 + a01 * c01 + a02 * c02
-    return (
-        (c00 * b0 + c01 * b1 + c02 * b2) / determinant,
-        (c01 * b0 + c11 * b1 + c12 * b2) / determinant,
-        (c02 * b0 + c12 * b1 + c22 * b2) / determinant,
-    )
+    n = uv.shape[0]
+    out = np.full((n, 3), np.nan)
+    size = _SIDE * _SIDE
+    place = np.arange(size)
+    dx, dy = (place % _SIDE - _WINDOW).astype(np.float64), (place // _SIDE - _WINDOW).astype(np.float64)
+    values, counts, in_order = np.zeros(size), np.zeros(size), np.zeros(size)
+    for k in range(n):
+        u, v = uv[k, 0], uv[k, 1]
+        if not (_WINDOW <= u < width - _WINDOW - 1 and _WINDOW <= v < height - _WINDOW - 1):
+            continue
+        # inverse depths of the window, and 1 where there is one
+        j0, i0 = round(u), round(v)
+        for y in range(_SIDE):
+            row = depth_mm[i0 - _WINDOW + y, j0 - _WINDOW : j0 + _WINDOW + 1]
+            for x in range(_SIDE):
+                values[y * _SIDE + x] = row[x]
+        measured = 0.0
+        for s in range(size):
+            is_measured = 1.0 if values[s] > 0.0 else 0.0
+            values[s] = is_measured * (1000.0 / max(values[s], 1.0))
+            counts[s] = is_measured
+            measured += is_measured
+        if measured < share_valid * size:
+            continue
+        # those near the median count: all, where the farthest two are near each other
+        least, most = np.inf, 0.0
+        for s in range(size):
+            least = min(least, values[s] if values[s] > 0.0 else np.inf)
+            most = max(most, values[s])
+        if most - least > step * least:
+            m = 0
+            for s in range(size):
+                if values[s] > 0.0:
+                    in_order[m] = values[s]
+                    m += 1
+            in_order[:m].sort()
+            median = 0.5 * (in_order[(m - 1) // 2] + in_order[m // 2])
+            for s in range(size):
+                counts[s] = counts[s] if abs(values[s] - median) <= step * median else 0.0
+        # sums of the normal equations of w = b0 + b1 dx + b2 dy over them, from the middle pixel
+        a00 = a01 = a02 = a11 = a12 = a22 = b0 = b1 = b2 = 0.0
+        for s in range(size):
+            x, y = counts[s] * dx[s], counts[s] * dy[s]
+            a00 += counts[s]
+            a01 += x
+            a02 += y
+            a11 += x * dx[s]
+            a12 += x * dy[s]
+            a22 += y * dy[s]
+            b0 += counts[s] * values[s]
+            b1 += x * values[s]
+            b2 += y * values[s]
+        if a00 < share_on_surface * measured or a00 < share_valid * size:
+            continue
+        # solved by Cramer's rule: cofactors of the symmetric 3 x 3 matrix
+        c00 = a11 * a22 - a12 * a12
+        c01 = a02 * a12 - a01 * a22
+        c02 = a01 * a12 - a02 * a11
+        c11 = a00 * a22 - a02 * a02
+        c12 = a01 * a02 - a00 * a12
+        c22 = a00 * a11 - a01 * a01
+        determinant = a00 * c00 + a01 * c01 + a02 * c02
+        slope_u = (c01 * b0 + c11 * b1 + c12 * b2) / determinant
+        slope_v = (c02 * b0 + c12 * b1 + c22 * b2) / determinant
+        out[k, 0] = (c00 * b0 + c01 * b1 + c02 * b2) / determinant + slope_u * (u - j0) + slope_v * (v - i0)
+        out[k, 1], out[k, 2] = slope_u, slope_v
+    return out

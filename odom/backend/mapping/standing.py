@@ -17,6 +17,7 @@ from odom.frontend.matching.look_back import CornerPatches, EarlierView, Sightin
 from odom.frontend.matching.moving_surfaces import DepthGrid, MovingCells, moving_cells
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
+from odom.geometry.neighbours import nearest
 
 _MOST_VIEWS = 16
 """Views kept, some 1 MB each."""
@@ -140,11 +141,9 @@ def standing_corners(points: Array, evidence: Evidence) -> Mask:
     judged = np.flatnonzero(evidence.weight > 0.0)
     if np.count_nonzero(evidence.moves) < max(TUNING.moving_least, TUNING.moving_share * len(judged)):
         return np.asarray(~evidence.moves)
-    from scipy.spatial import cKDTree
-
     own = evidence.score / np.where(evidence.weight > 0.0, evidence.weight, 1.0)
-    near = cKDTree(points[judged]).query(points, min(TUNING.judged_neighbours, len(judged)))[1]
-    around = own[judged][near.reshape(len(points), -1)].mean(axis=1)
+    near = nearest(points, points[judged], min(TUNING.judged_neighbours, len(judged)))[0]
+    around = own[judged][near].mean(axis=1)
     return np.asarray(own + TUNING.neighbours_weight * around > 0.0)
 
 

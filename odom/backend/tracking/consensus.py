@@ -84,8 +84,8 @@ class FollowedFeatures:
 
     def off_px(self, T_camera_map: Array) -> Array:
         """Return how far each feature is from where a pose puts it (n, px)."""
-        points = se3.apply(T_camera_map, self.points)
-        return np.asarray(np.linalg.norm(points[:, :2] / points[:, 2:] - self.rays, axis=1) / self.pixel)
+        points, rays, T = (np.ascontiguousarray(each) for each in (self.points, self.rays, T_camera_map))
+        return np.asarray(_off(points, rays, T) / self.pixel)
 
     def exact_votes(self, T_camera_map: Array) -> float:
         """Return the share of the votes of features that lie just where a pose puts them."""
@@ -144,6 +144,16 @@ def warm_up() -> None:
     rays = points[:, :2] / points[:, 2:]
     features = FollowedFeatures(points, np.zeros(3), rays, points[:, :2], np.ones(9, np.int64), 1.0, 1e-3)
     consensus(features, np.eye(4), ExpectedPose.at_unknown_velocity(np.eye(4), 1.0))
+
+
+@compiled
+def _off(points: Array, rays: Array, T: Array) -> Array:
+    """Return how far the rays of points are from where the pose `T` puts them (n); infinite behind the camera."""
+    out = np.empty(points.shape[0])
+    for k in range(points.shape[0]):
+        x, y, w = projected(T, points, k)
+        out[k] = np.hypot(rays[k, 0] - x, rays[k, 1] - y) if w > 0.0 else np.inf
+    return out
 
 
 @compiled

@@ -4,6 +4,7 @@ import numpy as np
 
 from odom.backend.tracking.tuning import TUNING
 from odom.geometry.arrays import Array, Mask
+from odom.geometry.neighbours import nearest
 
 
 def departing(points: Array, eye: Array, found_before: Array, agrees: Mask) -> Mask:
@@ -14,11 +15,8 @@ def departing(points: Array, eye: Array, found_before: Array, agrees: Mask) -> M
     they would draw the camera along. Landmarks that were hardly ever found surprise nobody when they are off, and
     where landmarks are sparse their neighbours are other things.
     """
-    n = len(points)
-    if n <= TUNING.departing_neighbours:
-        return np.zeros(n, dtype=np.bool_)
-    from scipy.spatial import cKDTree
-
-    away_m, near = cKDTree(points).query(points, TUNING.departing_neighbours)
-    is_one_thing = np.asarray(away_m)[:, -1] < TUNING.departing_within * np.linalg.norm(points - eye, axis=1)
+    if len(points) <= TUNING.departing_neighbours:
+        return np.zeros(len(points), dtype=np.bool_)
+    near, within_m2 = nearest(points, points, TUNING.departing_neighbours)
+    is_one_thing = within_m2 < (TUNING.departing_within * np.linalg.norm(points - eye, axis=1)) ** 2
     return np.asarray(is_one_thing & ((found_before - agrees)[near].mean(axis=1) > TUNING.departing_share))

@@ -70,7 +70,9 @@ class FrameTracker:
         in_view = find_landmarks(
             L, self._candidates(local, T_start), T_start, view.images, sensor, self._settings.max_features
         )
-        landmarks = FoundLandmarks.of(view, sensor, in_view.take(view.stands(in_view.uv)), L)
+        if view.may_move is not None:
+            in_view = in_view.take(view.stands(in_view.uv))
+        landmarks = FoundLandmarks.of(view, sensor, in_view, L)
         measured = landmarks.measured(twist)
         fit = landmarks.fit(measured, T_start)
         expected = None if prior is None else prior.expected
@@ -86,7 +88,7 @@ class FrameTracker:
             fit = landmarks.fit(measured, fit.T_camera_map)
         found = landmarks.found
         inliers = fit.chi2[:, 0] < TUNING.inlier_chi2
-        missed = np.setdiff1d(found.looked_for, found.rows[inliers])
+        missed = found.missed(inliers)
         return Tracked(
             fit.T_camera_map,
             fit.information,

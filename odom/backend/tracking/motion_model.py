@@ -44,14 +44,15 @@ class Agility:
 
     def noise(self, dt: float) -> Array:
         """Return what unknown acceleration adds to the covariance (12 x 12) of pose and twist in `dt` seconds."""
-        variance = np.repeat([self.linear**2, self.angular**2], 3)
         Q = np.zeros((12, 12))
         if dt == 0.0:
             return Q
+        variance = np.array([self.linear**2] * 3 + [self.angular**2] * 3)
         unsteady = dt * dt / (dt * dt + self.steady_s**2) / 12.0
-        Q[:6, :6] = np.diag((0.25 + unsteady) * dt**4 * variance)
-        Q[:6, 6:] = Q[6:, :6] = np.diag(0.5 * dt**3 * variance)
-        Q[6:, 6:] = np.diag(dt**2 * variance)
+        diagonal = Q.reshape(-1)
+        diagonal[:78:13] = (0.25 + unsteady) * dt**4 * variance
+        diagonal[6:78:13] = diagonal[72::13][:6] = 0.5 * dt**3 * variance
+        diagonal[78::13] = dt**2 * variance
         return Q
 
     def after(self, acceleration: Array, dt: float) -> "Agility":
@@ -89,9 +90,10 @@ class Motion:
 
     def after(self, dt: float, agility: Agility) -> "Motion":
         """Return the motion predicted `dt` seconds later, of a camera as agile as that."""
-        F = np.eye(12)
-        F[:6, 6:] = dt * np.eye(6)
-        return Motion(self.T_fixed_camera @ se3.exp(self.twist * dt), self.twist, F @ self.P @ F.T + agility.noise(dt))
+        P = self.P.copy()
+        P[:, :6] += dt * self.P[:, 6:]
+        P[:6] += dt * P[6:]
+        return Motion(self.T_fixed_camera @ se3.exp(self.twist * dt), self.twist, P + agility.noise(dt))
 
     def corrected(self, T_fixed_camera: Array, covariance: Array) -> "Motion":
         """Return the motion after the pose has been measured with `covariance` (6 x 6)."""

@@ -19,8 +19,8 @@ _NEAREST_M = 0.05
 """Nearer points count as behind the camera: no depth camera measures so near, and 1/z would run away."""
 _BEHIND_CAMERA_CHI2 = 1e9
 """Stands for a point behind the camera: far above any gate."""
-_CONVERGED = 1e-6
-"""Step (m, rad) below which the fit ends: a thousandth of the best pose's sigma."""
+_CONVERGED = 1e-5
+"""Step (m, rad) below which the fit ends: a hundredth of the best pose's sigma, and each is a fraction of the last."""
 _PRIOR = 1e-6
 """Information (1/m^2, 1/rad^2) that keeps the start where the landmarks say nothing; it is never felt otherwise."""
 _ITERATIONS = 10

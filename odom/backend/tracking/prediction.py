@@ -105,8 +105,10 @@ class _Followed:
         return _CoarsePose(T, self.found & (chi2 < TUNING.coarse_chi2))
 
     def _variances(self, sigma_px: float) -> Array:
-        pixel = np.array([self.lens.intrinsics[0] ** -2, 0.0, self.lens.intrinsics[1] ** -2, 1.0])
-        return np.tile(pixel * [sigma_px**2, 0.0, sigma_px**2, 1.0], (len(self.points), 1))
+        fx, fy = self.lens.intrinsics[:2].tolist()
+        out = np.empty((len(self.points), 4))
+        out[:] = (sigma_px / fx) ** 2, 0.0, (sigma_px / fy) ** 2, 1.0
+        return out
 
 
 def _followed_before(landmarks: Landmarks, state: FrameState) -> tuple[Index, Array]:

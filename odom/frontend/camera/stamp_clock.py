@@ -13,6 +13,7 @@ import numpy as np
 from odom.frame import Stamp
 from odom.frontend.tuning import TUNING
 from odom.geometry.arrays import Array
+from odom.geometry.compiled import compiled
 
 SteadyStamp = NewType("SteadyStamp", int)
 """Nanoseconds since the Unix epoch by the camera's steady clock, in contrast to a `Stamp` as it was sent."""
@@ -51,30 +52,41 @@ class StampClock:
             return replace(self, stamps=(stamp,), late_s=0.0, sigma_s=self.jitter_s)
         stamps = (*self.stamps, stamp)[-TUNING.clock_window :]
         seconds = (np.array(stamps) - stamp) * 1e-9
-        period = float(np.median(np.diff(seconds)))
+        steps = np.sort(seconds[1:] - seconds[:-1])
+        period = float(0.5 * (steps[(len(steps) - 1) // 2] + steps[len(steps) // 2]))
         if len(stamps) < TUNING.clock_least:
             jitter = self.jitter_s or TUNING.clock_unknown * period
             return StampClock(stamps, 0.0, jitter, period, jitter)
-        late, jitter, period = _fit_line(seconds, period)
+        late, jitter, period = _fit_line(seconds, period, TUNING.clock_gain, TUNING.clock_outlier)
         if jitter > TUNING.clock_most_unsteady * period:
             return StampClock(stamps, 0.0, 0.0, period, 0.0)
         return StampClock(stamps, late, jitter * 2.0 / np.sqrt(len(stamps)), period, jitter)
 
 
-def _fit_line(seconds: Array, period: float) -> tuple[float, float, float]:
-    """Return how far the last of `seconds` (n) lies above a line over whole periods, the line's noise and slope (s)."""
-    counts = np.zeros(len(seconds))
+@compiled
+def _fit_line(seconds: Array, period: float, gain: float, outlier: float) -> tuple[float, float, float]:
+    """Return how far the last of `seconds` (n) lies above a line over whole periods, the line's noise and slope (s).
+
+    `gain` is the share of a stamp's error taken over while periods are counted; what lies more than `outlier` sigmas
+    off a first line has no say in the second one.
+    """
+    n = len(seconds)
+    counts = np.zeros(n)
     expected = seconds[0]
-    for k in range(1, len(seconds)):
+    for k in range(1, n):
         periods = max(1, round((seconds[k] - expected) / period))
         expected += periods * period
-        expected += TUNING.clock_gain * (seconds[k] - expected)
+        expected += gain * (seconds[k] - expected)
         counts[k] = counts[k - 1] + periods
-    weight = np.ones(len(seconds))
-    for _ in range(2):  # the second time without outliers
-        count, second = np.average(counts, weights=weight), np.average(seconds, weights=weight)
-        slope = np.sum(weight * (counts - count) * (seconds - second)) / np.sum(weight * (counts - count) ** 2)
+    weight, residual = np.ones(n), np.zeros(n)
+    slope = variance = 0.0
+    for _ in range(2):
+        total = weight.sum()
+        count, second = (weight * counts).sum() / total, (weight * seconds).sum() / total
+        slope = (weight * (counts - count) * (seconds - second)).sum() / (weight * (counts - count) ** 2).sum()
         residual = seconds - second - slope * (counts - count)
-        sigma = 1.4826 * np.median(np.abs(residual)) + 1e-9
-        weight = (np.abs(residual) < TUNING.clock_outlier * sigma).astype(np.float64)
-    return float(residual[-1]), float(np.sqrt(np.average(residual**2, weights=weight))), float(slope)
+        in_order = np.sort(np.abs(residual))
+        sigma = 1.4826 * 0.5 * (in_order[(n - 1) // 2] + in_order[n // 2]) + 1e-9
+        weight = np.where(np.abs(residual) < outlier * sigma, 1.0, 0.0)
+        variance = (weight * residual**2).sum() / weight.sum()
+    return residual[n - 1], np.sqrt(variance), slope

@@ -47,7 +47,13 @@ class Measurements:
 
     def take(self, rows: Mask | Index) -> "Measurements":
         """Return the chosen rows."""
-        return Measurements(self.values[rows], self.jacobian_timing[rows], self.covariance[rows], self.slope[rows])
+        chosen = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
+        return Measurements(
+            self.values.take(chosen, 0),
+            self.jacobian_timing.take(chosen, 0),
+            self.covariance.take(chosen, 0),
+            self.slope.take(chosen, 0),
+        )
 
     def joined(self, other: "Measurements") -> "Measurements":
         """Return these measurements followed by the `other` ones."""
@@ -68,16 +74,26 @@ def points_of(measurements: Measurements, share_of_ray: float = 1.0) -> tuple[Ar
 
     `share_of_ray` scales the variance across the ray.
     """
-    x, y, w = measurements.values.T
-    z = 1.0 / w
-    J = np.zeros((len(z), 3, 3))
-    J[:, 0, 0] = J[:, 1, 1] = z
-    J[:, 0, 2], J[:, 1, 2], J[:, 2, 2] = -x * z * z, -y * z * z, -z * z
-    S = np.zeros((len(z), 3, 3))
-    S[:, 0, 0], S[:, 1, 1] = measurements.covariance[:, 0] * share_of_ray, measurements.covariance[:, 2] * share_of_ray
-    S[:, 0, 1] = S[:, 1, 0] = measurements.covariance[:, 1] * share_of_ray
-    S[:, 2, 2] = measurements.covariance[:, 3]
-    return np.column_stack([x * z, y * z, z]), J @ S @ J.transpose(0, 2, 1)
+    return _points_of(measurements.values, measurements.covariance, share_of_ray)
+
+
+@compiled
+def _points_of(values: Array, covariance: Array, share_of_ray: float) -> tuple[Array, Array]:
+    """Return points and covariances as `points_of` does: J S J' with the derivative J of (x z, y z, z), z = 1 / w."""
+    n = values.shape[0]
+    points, covariances = np.empty((n, 3)), np.empty((n, 3, 3))
+    for k in range(n):
+        x, y, z = values[k, 0], values[k, 1], 1.0 / values[k, 2]
+        points[k, 0], points[k, 1], points[k, 2] = x * z, y * z, z
+        across = z * z * share_of_ray
+        along = z**4 * covariance[k, 3]
+        C = covariances[k]
+        C[0, 0] = across * covariance[k, 0] + x * x * along
+        C[0, 1] = across * covariance[k, 1] + x * y * along
+        C[1, 1] = across * covariance[k, 2] + y * y * along
+        C[0, 2], C[1, 2], C[2, 2] = x * along, y * along, along
+        C[1, 0], C[2, 0], C[2, 1] = C[0, 1], C[0, 2], C[1, 2]
+    return points, covariances
 
 
 @compiled
@@ -230,8 +246,7 @@ def measure(
 
 
 def _looked_up(depth_mm: NDArray[np.uint16], uv: Array, errors: Array, model: Array) -> Array:
-    """Return the inverse depth (n, 1/m) about at features, as the depth image alone shows it; where it shows none, that
-    of 2 m.
+    """Return the inverse depth (n, 1/m) about at features, as the depth image shows it; that of 2 m where it does not.
 
     Where a feature lies in a depth image that was taken from beside depends on how far it is, which is looked up there.
     """

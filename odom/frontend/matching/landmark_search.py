@@ -1,6 +1,6 @@
 """Landmarks found in a frame: chosen among those the predicted pose shows, then their patches aligned."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -95,7 +95,7 @@ class Found:
     """n landmarks found in a frame, by their `rows` in the map.
 
     Sub-pixel positions `uv` (n x 2), their `covariance_uv` (n x 3: uu, uv, vv, px^2 for one grey level of noise), the
-    predicted `inverse_depth` (n, 1/m), and the rows of all that were `looked_for`.
+    predicted `inverse_depth` (n, 1/m), and the rows of all that were `looked_for`, ascending.
     """
 
     rows: Index
@@ -106,13 +106,20 @@ class Found:
 
     def take(self, chosen: Mask) -> "Found":
         """Return the chosen ones of those found."""
-        return replace(
-            self,
-            rows=self.rows[chosen],
-            uv=self.uv[chosen],
-            covariance_uv=self.covariance_uv[chosen],
-            inverse_depth=self.inverse_depth[chosen],
+        rows = np.flatnonzero(chosen)
+        return Found(
+            self.rows.take(rows),
+            self.uv.take(rows, 0),
+            self.covariance_uv.take(rows, 0),
+            self.inverse_depth.take(rows),
+            self.looked_for,
         )
+
+    def missed(self, inliers: Mask) -> Index:
+        """Return the rows of those that were looked for and are not among the found ones that are `inliers`."""
+        is_missed = np.ones(len(self.looked_for), dtype=np.bool_)
+        is_missed[np.searchsorted(self.looked_for, self.rows[inliers])] = False
+        return self.looked_for[is_missed]
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,18 +143,19 @@ class _Expected:
         lens, cell_px, margin_px = sensor.lens, TUNING.search_cell_px, TUNING.search_margin_px
         rows, priority, chance = candidates.rows, candidates.priority, candidates.chance
         height, width = lens.rays.shape[:2]
-        position = landmarks.position[rows]
+        position = landmarks.position.take(rows, 0)
         seen = project(position, T_camera_map, lens.intrinsics, lens.distortion, width, height, margin_px)
-        visible = np.isfinite(seen[:, 0])
-        rows, seen, priority, chance = rows[visible], seen[visible], priority[visible], chance[visible]
+        visible = np.flatnonzero(seen[:, 2] > 0.0)
+        rows, seen = rows.take(visible), seen.take(visible, 0)
+        priority, chance = priority.take(visible), chance.take(visible)
         if len(rows) > most or chance.sum() > TUNING.search_enough:
             across, enough = width // cell_px + 1, TUNING.search_enough
             chosen = _spread(seen[:, :2], priority, chance, enough, most, across, cell_px)
             rows, seen = rows[chosen], seen[chosen]
         A, usable = affinities(
-            landmarks.uv[rows],
-            landmarks.plane[rows],
-            np.searchsorted(candidates.keyframes, landmarks.keyframe[rows]),
+            landmarks.uv.take(rows, 0),
+            landmarks.plane.take(rows, 0),
+            np.searchsorted(candidates.keyframes, landmarks.keyframe.take(rows)),
             candidates.T_camera_keyframe,
             lens.rays,
             lens.intrinsics,
@@ -167,7 +175,7 @@ class _Expected:
         """Return where the half-size image shows them (n x 2 px of the full one), and which were found there."""
         uv = self.uv / 2.0
         limit_px = TUNING.search_coarse_limit_px
-        score, _ = self.aligned(images.half, landmarks.patch_half[self.rows], uv, self.usable, limit_px)
+        score, _ = self.aligned(images.half, landmarks.patch_half.take(self.rows, 0), uv, self.usable, limit_px)
         return 2.0 * uv, score > TUNING.search_coarse_score
 
 
@@ -188,10 +196,11 @@ def find_landmarks(
     rows, uv, valid = expected.rows, expected.uv.copy(), expected.usable
     if not is_near:
         uv, valid = expected.aligned_coarsely(landmarks, images)
-    patches, limit_px = landmarks.patch_full[rows], TUNING.search_fine_limit_px
+    patches, limit_px = landmarks.patch_full.take(rows, 0), TUNING.search_fine_limit_px
     score, covariance = expected.aligned(images.full, patches, uv, valid, limit_px)
-    found = score > TUNING.search_fine_score
-    return Found(rows[found], uv[found], covariance[found], 1.0 / expected.depth_m[found], rows)
+    found = np.flatnonzero(score > TUNING.search_fine_score)
+    inverse_depth = 1.0 / expected.depth_m.take(found)
+    return Found(rows.take(found), uv.take(found, 0), covariance.take(found, 0), inverse_depth, rows)
 
 
 def find_coarsely(

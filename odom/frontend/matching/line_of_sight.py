@@ -3,16 +3,19 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from odom.frame.depth_model import as_measured
 from odom.frontend.camera.lens import project
 from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.measurement import sigma_at
 from odom.frontend.features.view import View
 from odom.frontend.tuning import TUNING
 from odom.geometry.arrays import Array, Mask
+from odom.geometry.compiled import compiled
 
-_AROUND = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 2)
-"""Where depth is looked at (9 x 2), in steps of `sight_step_px`."""
+_PLACES = 9
+"""Where depth is looked at around a landmark: a square of three by three."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,27 +34,52 @@ class LineOfSight:
         Depth is looked at all around: rolling shutters, and depth that comes later than colour, show things elsewhere
         than in the middle row. So neither is said of a landmark near an edge of the depth, or where little is measured.
         """
-        T, lens, noise = T_camera_points, sensor.lens, sensor.noise.noise.inverse_depth_sigma
-        height, width = view.depth_mm.shape
-        step_px = TUNING.sight_step_px
-        uvz = project(points, T, lens.intrinsics, lens.distortion, width, height, step_px)
-        visible = np.flatnonzero(np.isfinite(uvz[:, 0]))
+        lens, depth_mm = sensor.lens, view.depth_mm
+        height, width = depth_mm.shape
+        uvz = project(
+            points, T_camera_points, lens.intrinsics, lens.distortion, width, height, float(TUNING.sight_step_px)
+        )
+        visible = np.flatnonzero(uvz[:, 2] > 0.0)
         expected = 1.0 / uvz[visible, 2]
-        across = expected[:, None] ** 2 * T[2, :3]
-        variance = np.einsum("ni,nij,nj->n", across, covariances[visible], across)
-        sigma = np.sqrt(variance + np.interp(expected, noise[0], noise[1]) ** 2)
+        sigma = _sigma(expected, covariances[visible], T_camera_points, sensor.noise.noise.inverse_depth_sigma)
         gate = TUNING.look_back_depth_sigmas * sigma + TUNING.look_back_depth_share * expected
-        uv, expected, scale = as_measured(lens.depth_model, uvz[visible, :2], expected, width, height)
-        gate = gate * scale
-        u, v = (uv[:, None].round().astype(int) + step_px * _AROUND).transpose(2, 0, 1)
-        is_inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
-        depth_mm = view.depth_mm[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)].astype(np.float64)
-        is_measured = is_inside & (depth_mm > 0.0)
-        inverse_depth = 1000.0 / np.where(is_measured, depth_mm, 1.0)
-        nearest = np.where(is_measured, inverse_depth, -np.inf).max(axis=1)
-        farthest = np.where(is_measured, inverse_depth, np.inf).min(axis=1)
-        is_known = np.count_nonzero(is_measured, axis=1) > len(_AROUND) // 2
+        uv, measured, scale = as_measured(lens.depth_model, uvz[visible, :2], expected, width, height)
         hidden, seen_through = (np.zeros(len(points), dtype=np.bool_) for _ in range(2))
-        hidden[visible] = is_known & (farthest > expected + gate)
-        seen_through[visible] = is_known & (nearest < expected - gate)
+        hidden[visible], seen_through[visible] = _looked(depth_mm, uv, measured, gate * scale, TUNING.sight_step_px)
         return cls(hidden, seen_through)
+
+
+@compiled
+def _sigma(expected: Array, covariances: Array, T: Array, noise: Array) -> Array:
+    """Return one sigma (n) of the inverse depth that landmarks and the depth image together have."""
+    out = np.empty(len(expected))
+    for k in range(len(expected)):
+        C, w = covariances[k], expected[k]
+        variance = 0.0
+        for i in range(3):
+            for j in range(3):
+                variance += T[2, i] * C[i, j] * T[2, j]
+        out[k] = np.sqrt(w**4 * variance + sigma_at(noise, w) ** 2)
+    return out
+
+
+@compiled
+def _looked(depth_mm: NDArray[np.uint16], uv: Array, expected: Array, gate: Array, step_px: int) -> tuple[Mask, Mask]:
+    """Return around which of `uv` (n x 2 px) all is nearer than `expected` (n, 1/m) by a `gate` (n), or all farther.
+
+    Depth is looked at in nine places, each `step_px` from the next, and must be measured in five of them.
+    """
+    height, width = depth_mm.shape
+    hidden, seen_through = np.zeros(len(uv), np.bool_), np.zeros(len(uv), np.bool_)
+    for k in range(len(uv)):
+        column, row = round(uv[k, 0]), round(uv[k, 1])
+        count, nearest, farthest = 0, 0.0, np.inf
+        for i in range(row - step_px, row + step_px + 1, step_px):
+            for j in range(column - step_px, column + step_px + 1, step_px):
+                if 0 <= i < height and 0 <= j < width and depth_mm[i, j] > 0:
+                    w = 1000.0 / depth_mm[i, j]
+                    count, nearest, farthest = count + 1, max(nearest, w), min(farthest, w)
+        if count > _PLACES // 2:
+            hidden[k] = farthest > expected[k] + gate[k]
+            seen_through[k] = nearest < expected[k] - gate[k]
+    return hidden, seen_through

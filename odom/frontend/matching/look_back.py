@@ -153,7 +153,7 @@ def _found(
     T, view = earlier.T_view_corners, earlier.view
     candidates = Candidates.all_of(rows, np.zeros(1, dtype=np.int64), T[None])
     found = find_landmarks(corners, candidates, T, view.images, sensor, len(rows))
-    missed = np.setdiff1d(rows, found.rows)
+    missed = np.setdiff1d(rows, found.rows, assume_unique=True)
     here, there, uv_missed = corners.images.half, view.images.half, corners.uv[missed] / 2.0
     guess = expected.uv[np.searchsorted(expected.rows, missed)] / 2.0
     uv, is_followed = follow_features(here, there, uv_missed, guess)

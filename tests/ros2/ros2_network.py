@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -30,26 +30,40 @@ _LISTENER = Path(__file__).with_name("sdk_listener.py")
 
 
 @contextmanager
+def again_and_again(
+    publish: Callable[[Message], None], messages: Sequence[Message], period_s: float = 0.1
+) -> Iterator[None]:
+    """Publish messages by a thread, all of them every so many seconds."""
+    stop = threading.Event()
+
+    def run() -> None:
+        while not stop.wait(period_s):
+            for message in messages:
+                publish(message)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+
+
+@contextmanager
 def driver(port: int, messages: Sequence[Message], node: str = "camera", period_s: float = 0.05) -> Iterator[None]:
     """Publish messages again and again, each time with the stamp of the moment, as a node of ROS 2."""
-    stop = threading.Event()
     with other_node(port) as session:
         name = NodeName(DOMAIN, str(session.zenoh.info.zid()), 0, "/", node)
         publisher = Ros2Node(session.zenoh, name)
 
-        def publish() -> None:
-            while not stop.wait(period_s):
-                now = Stamp(time.time_ns())
-                for message in messages:
-                    publisher.tell(restamp(message, now))
+        def publish(message: Message) -> None:
+            publisher.tell(restamp(message, Stamp(time.time_ns())))
 
-        thread = threading.Thread(target=publish)
-        thread.start()
         try:
-            yield
+            with again_and_again(publish, messages, period_s):
+                yield
         finally:
-            stop.set()
-            thread.join()
             publisher.close()
 
 

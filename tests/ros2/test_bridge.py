@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from play_tum import raw
-from ros2_network import DOMAIN, driver, free_port, wire_of
+from ros2_network import DOMAIN, again_and_again, driver, free_port, wire_of
 
 from odom.frame import Camera, Stamp
 from odom.wire import Message, Topics
@@ -156,25 +156,15 @@ def test_a_node_of_rclpy_reads_every_topic_with_the_fields_that_were_written() -
     read: dict[str, Any] = {}
     with bridge() as (port, _), open_session(wire_of(port)) as session:
         publisher = session.publisher(mirror=join_ros2(session, wire_of(port), "odometry"))
-        stop = threading.Event()
-
-        def publish() -> None:
-            for message in messages[:2]:
-                publisher.put(message)
-            while not stop.wait(0.1):
-                for message in messages[2:]:
-                    publisher.put(message)
-
-        thread = threading.Thread(target=publish)
-        thread.start()
-        time.sleep(2.0)  # the listener joins late
-        with listener("fields", *topics) as heard:
-            for told in heard:
-                read[told["topic"].removeprefix("/")] = told["fields"]
-                if len(read) == len(messages):
-                    break
-        stop.set()
-        thread.join()
+        for message in messages[:2]:
+            publisher.put(message)
+        with again_and_again(publisher.put, messages[2:]):
+            time.sleep(2.0)  # the listener joins late
+            with listener("fields", *topics) as heard:
+                for told in heard:
+                    read[told["topic"].removeprefix("/")] = told["fields"]
+                    if len(read) == len(messages):
+                        break
     stamp = {"sec": AT // 10**9, "nanosec": AT % 10**9}
     assert all(read[m.topic]["header"]["stamp"] == stamp for m in messages if m.topic != KEYS.end)
     info = read[KEYS.camera_info]

@@ -1,7 +1,6 @@
 """A camera whose driver is on DDS as `ros2:/camera`, through `odom ros2`: nodes of rclpy and of Cyclone DDS."""
 
 import subprocess
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
@@ -9,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from play_tum import raw
-from ros2_network import DOMAIN, driver, other_node
+from ros2_network import DOMAIN, again_and_again, driver, other_node
 from test_bridge import AT, CAMERA, PYTHON, bridge, player, pytestmark  # noqa: F401  # the same are needed here
 
 from odom.frame import Camera
@@ -33,21 +32,8 @@ ALIGNED = raw("camera/aligned_depth_to_color/image_raw", AT, "32FC1", np.full((4
 @contextmanager
 def camera(messages: Sequence[Message]) -> Iterator[None]:
     """Publish the messages by a node of rclpy on DDS, again and again."""
-    stop = threading.Event()
-    with player() as play:
-
-        def publish() -> None:
-            while not stop.wait(0.05):
-                for message in messages:
-                    play(message)
-
-        thread = threading.Thread(target=publish)
-        thread.start()
-        try:
-            yield
-        finally:
-            stop.set()
-            thread.join()
+    with player() as play, again_and_again(play, messages, 0.05):
+        yield
 
 
 def read(port: int) -> dict[str, Message]:

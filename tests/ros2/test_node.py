@@ -1,5 +1,4 @@
 import logging
-import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -8,7 +7,7 @@ import numpy as np
 import pytest
 import zenoh
 import zenoh.ext
-from ros2_network import DOMAIN, free_port, listener, other_node, router, tokens, wire_of
+from ros2_network import DOMAIN, again_and_again, free_port, listener, other_node, router, tokens, wire_of
 
 from odom.frame import Camera, Stamp
 from odom.wire import Message, Topics
@@ -59,22 +58,10 @@ def test_a_foreign_subscriber_reads_images_and_odometry(port: int) -> None:
         publisher = session.publisher(mirror=join_ros2(session, wire_of(port), "odometry"))
         odometry, depth = results()[1], encode_depth(KEYS.depth, Stamp(BEGIN), np.zeros((48, 64), np.uint16))
         found: dict[str, dict[str, Any]] = {}
-        stop = threading.Event()
-
-        def publish() -> None:
-            while not stop.wait(0.1):
-                publisher.put(odometry)
-                publisher.put(depth)
-
-        thread = threading.Thread(target=publish)
-        thread.start()
-        try:
+        with again_and_again(publisher.put, [odometry, depth]):
             while len(found) < 2:
                 told = next(heard)
                 found[told["topic"]] = told
-        finally:
-            stop.set()
-            thread.join()
     assert found["/cam0/odom"]["frame"] == "odom"
     assert found["/cam0/odom"]["stamp"] == BEGIN
     assert found["/cam0/odom"]["position"] == [0.1, 0.2, 0.3]

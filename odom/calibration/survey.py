@@ -1,7 +1,7 @@
 """What one recording tells of its camera: all that key frames and frames between measured of common landmarks."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -182,19 +182,21 @@ def steady_slopes(seen: Measurements, by_direction: Array, R_camera_map: Array, 
 def _gathered(frames: list[Observed], odometry: Odometry, rows: Index) -> tuple[Measurements, Index, Index]:
     """Return what the frames measured of the landmarks in `rows` (ascending), with frame and landmark numbers."""
     landmarks, timing = odometry.map.landmarks, odometry.timing.vector
-    numbers, places = [], []
-    found = Measurements.nothing()
+    numbers, places, measured = [], [], []
     for number, frame in enumerate(frames):
         place = np.searchsorted(rows, frame.rows)
         known = rows[np.minimum(place, len(rows) - 1)] == frame.rows
         chosen = frame.current(landmarks) & known
         one = frame.measurements.take(chosen)
-        found = found.joined(replace(one, values=one.retimed(timing - frame.timing.vector)))
+        measured.append(replace(one, values=one.retimed(timing - frame.timing.vector)))
         numbers.append(np.full(len(one), number))
         places.append(place[chosen])
     number_of, place_of = np.concatenate(numbers), np.concatenate(places)
     order = np.argsort(place_of, kind="stable")
-    return found.take(order), number_of[order], place_of[order]
+    found = Measurements(
+        *(np.concatenate([getattr(one, f.name) for one in measured])[order] for f in fields(Measurements))
+    )
+    return found, number_of[order], place_of[order]
 
 
 def joined(surveys: Sequence[Survey]) -> Survey:

@@ -96,8 +96,8 @@ CONTRADICTED = (
 
 
 RESTLESS = (
-    "the scene moves: {:.0%} of the landmarks stay nowhere, whatever the camera; leave out what moves, or walk where "
-    "nothing does"
+    "{:.0%} of the landmarks stay nowhere, whatever the camera: the scene moves, or two cameras are mixed; leave out "
+    "what moves, walk where nothing does, or calibrate the cameras one by one"
 )
 
 

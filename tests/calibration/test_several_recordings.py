@@ -5,8 +5,9 @@ import pytest
 from made_up_walk import SHEET, made_up_survey, spoilt
 
 from odom.calibration.parameters import NAMES
-from odom.calibration.result import calibrated
+from odom.calibration.result import calibrated, judge, restless_share
 from odom.calibration.survey import joined
+from odom.calibration.tuning import TUNING
 from odom.errors import InputError
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera
@@ -41,3 +42,15 @@ def test_images_of_two_sizes_are_refused():
     object.__setattr__(other, "camera", Camera(320, 240, 262.5, 262.5, 159.5, 119.5))
     with pytest.raises(InputError, match="320 x 240"):
         joined([one, other])
+
+
+@pytest.mark.parametrize("apart", [20.0, 80.0, 160.0])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_two_cameras_in_one_recording_change_nothing_or_are_told(apart, seed):
+    half = 0.5 * apart
+    cameras = [spoilt(fx=side * half, fy=side * half) for side in (1.0, -1.0)]
+    mixed = joined([made_up_survey(one, points=150, seed=seed + k) for k, one in enumerate(cameras)])
+    found = calibrated(mixed, SHEET)
+    if restless_share(mixed, found) <= TUNING.restless_most:
+        assert apart < 0.1 * SHEET.fx
+        assert not judge(mixed, found).is_better

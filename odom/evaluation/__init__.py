@@ -4,10 +4,14 @@
 files is in `odom.evaluation.files` and `odom.evaluation.relative`, drawing in `odom.evaluation.trajectory_plot`.
 """
 
-from odom.evaluation.alignment import Alignment, align
-from odom.evaluation.metrics import Nees, RelativeError, nees, relative_error
-from odom.evaluation.report import EvaluationOptions, Report, evaluate
-from odom.evaluation.trajectory import Trajectory
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from odom.evaluation.alignment import Alignment, align
+    from odom.evaluation.metrics import Nees, RelativeError, nees, relative_error
+    from odom.evaluation.report import EvaluationOptions, Report, evaluate
+    from odom.evaluation.trajectory import Trajectory
 
 __all__ = [
     "Alignment",
@@ -21,3 +25,24 @@ __all__ = [
     "nees",
     "relative_error",
 ]
+
+_MODULES = {
+    "Alignment": "alignment",
+    "EvaluationOptions": "report",
+    "Nees": "metrics",
+    "RelativeError": "metrics",
+    "Report": "report",
+    "Trajectory": "trajectory",
+    "align": "alignment",
+    "evaluate": "report",
+    "nees": "metrics",
+    "relative_error": "metrics",
+}
+"""The module of each name."""
+
+
+def __getattr__(name: str) -> Any:
+    """Import a name on first use: who needs one module of this package does not load scipy for the others."""
+    if name in _MODULES:
+        return getattr(import_module(f"odom.evaluation.{_MODULES[name]}"), name)
+    raise AttributeError(name)

@@ -1,0 +1,115 @@
+"""Features seen in motion: where the depth image shows them, and all carried to the time of the middle row."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odom.frontend.camera.lens import ray_at
+from odom.frontend.camera.rolling_shutter import point_flow
+from odom.geometry.arrays import Array
+from odom.geometry.compiled import compiled
+
+
+@compiled
+def depth_errors(uv: Array, width: int, height: int, model: Array) -> Array:
+    """Return offset and scale (n x 2) at pixels `uv`: inverse depth as measured is offset + scale times the true one.
+
+    Both are fields over the image (see `DepthModel`, whose vector `model` is).
+    """
+    m = model
+    out = np.empty((uv.shape[0], 2))
+    for k in range(uv.shape[0]):
+        a, b = (uv[k, 0] - (width - 1) / 2) / (width / 2), (uv[k, 1] - (height - 1) / 2) / (width / 2)
+        out[k, 0] = m[4] + m[5] * a + m[6] * b + m[7] * a * a + m[8] * a * b + m[9] * b * b
+        out[k, 1] = m[10] + m[11] * a + m[12] * b + m[13] * a * a + m[14] * a * b + m[15] * b * b
+    return out
+
+
+@compiled
+def moving(
+    rays: NDArray[np.float32],
+    intrinsics: Array,
+    uv: Array,
+    near: Array,
+    twist: Array,
+    depth_delay_s: float,
+    readout_s: float,
+    depth_readout_s: float,
+    model: Array,
+) -> tuple[Array, Array]:
+    """Return rays (n x 2) with their rates and that of inverse depth (n x 5 together), and where to read depth (n x 2).
+
+    `near` (n, 1/m) are inverse depths, about. The depth is read at the pixel where the feature was when its row of the
+    depth image was taken.
+    """
+    height = rays.shape[0]
+    n = uv.shape[0]
+    flow, places = np.empty((n, 5)), np.empty((n, 2))
+    for k in range(n):
+        u, v = uv[k, 0], uv[k, 1]
+        x, y = ray_at(rays, u, v)
+        xd, yd, wd = point_flow(x, y, near[k], twist)
+        since_seen_s = depth_delay_s + (v / height - 0.5) * (depth_readout_s - readout_s)
+        flow[k, 0], flow[k, 1], flow[k, 2], flow[k, 3], flow[k, 4] = x, y, xd, yd, wd
+        places[k, 0] = u + xd * intrinsics[0] * since_seen_s - model[0] - model[2] * near[k]
+        places[k, 1] = v + yd * intrinsics[1] * since_seen_s - model[1] - model[3] * near[k]
+    return flow, places
+
+
+@compiled
+def sigma_at(table: Array, inverse_depth: float) -> float:
+    """Return one sigma of an inverse depth (1/m) by the `table` of a `FeatureNoise`, as `np.interp` does."""
+    w, last = inverse_depth, table.shape[1] - 1
+    if not w > table[0, 0]:
+        return float(table[1, 0]) if w <= table[0, 0] else np.nan
+    for k in range(last):
+        if w <= table[0, k + 1]:
+            share = (w - table[0, k]) / (table[0, k + 1] - table[0, k])
+            return float(table[1, k] + share * (table[1, k + 1] - table[1, k]))
+    return float(table[1, last])
+
+
+@compiled
+def carried(
+    flow: Array,
+    planes: Array,
+    errors: Array,
+    intrinsics: Array,
+    uv: Array,
+    covariance_uv: Array,
+    pixel_variance: float,
+    depth_noise: Array,
+    height: int,
+    depth_delay_s: float,
+    readout_s: float,
+    depth_readout_s: float,
+) -> tuple[Array, Array, Array, Array]:
+    """Return values, their derivative by the timing, covariance and slopes (see `Measurements`).
+
+    `flow` is as from `moving`, `planes` (n x 3) were read in the depth image, which errs by `errors` (n x 2, see
+    `depth_errors`); `depth_noise` is the table of the `FeatureNoise`.
+    """
+    n = uv.shape[0]
+    values, jacobian = np.empty((n, 3)), np.zeros((n, 3, 3))
+    covariance, slope = np.empty((n, 4)), np.zeros((n, 2))
+    fx, fy = intrinsics[0], intrinsics[1]
+    for k in range(n):
+        x, y, xd, yd, wd = flow[k, 0], flow[k, 1], flow[k, 2], flow[k, 3], flow[k, 4]
+        offset, scale = errors[k, 0], errors[k, 1]
+        w, su, sv = (planes[k, 0] - offset) / scale, planes[k, 1] / scale, planes[k, 2] / scale
+        # ray and depth are carried from the time of their rows to that of the colour image's middle row
+        row = uv[k, 1] / height - 0.5
+        values[k, 0] = x - xd * row * readout_s
+        values[k, 1] = y - yd * row * readout_s
+        values[k, 2] = w - wd * (depth_delay_s + row * depth_readout_s)
+        jacobian[k, 0, 0] = -xd * row
+        jacobian[k, 1, 0] = -yd * row
+        if w > 0.0:
+            jacobian[k, 2, 1] = su * xd * fx + sv * yd * fy - wd
+            jacobian[k, 2, 0] = (0.5 - row) * jacobian[k, 2, 1] - wd * row
+            jacobian[k, 2, 2] = row * jacobian[k, 2, 1]
+            slope[k, 0], slope[k, 1] = su, sv
+        covariance[k, 0] = (covariance_uv[k, 0] + pixel_variance) / (fx * fx)
+        covariance[k, 1] = covariance_uv[k, 1] / (fx * fy)
+        covariance[k, 2] = (covariance_uv[k, 2] + pixel_variance) / (fy * fy)
+        covariance[k, 3] = sigma_at(depth_noise, values[k, 2]) ** 2
+    return values, jacobian, covariance, slope

@@ -19,5 +19,5 @@ def test_three_hundred_metres_are_closed_where_they_began(tmp_path: Path) -> Non
     assert how.closed_after_m is not None
     assert how.ate_m <= 0.05
     assert how.nees_before <= 9
-    assert how.cpu_ms_p99[1] <= 1.1 * how.cpu_ms_p99[0]
+    assert how.cpu_ms_p99[-1] <= 1.1 * how.cpu_ms_p99[0]
     assert max(how.rss_mb) <= 1.1 * how.rss_mb_at_100_m

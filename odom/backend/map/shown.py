@@ -10,7 +10,7 @@ from odom.geometry.arrays import Array
 _MOST_CLOUD_POINTS = 20_000
 """Points of the published cloud of landmarks (240 kB a message): more are not told apart on a screen."""
 _MOST_FAR_IN_PATH = 500
-"""Key frames in the published path that are not in memory: bounds the message (some 80 kB) and what it takes (.7 ms)."""
+"""Key frames in the published path that are not in memory: more take a millisecond of each key frame."""
 
 
 def path_of(map_: Map) -> tuple[TrajectoryPose, ...]:

@@ -15,6 +15,7 @@ from odom.backend.tracking import consensus
 from odom.calibration import warm_up as calibration
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.matching import moving_surfaces
+from odom.geometry.neighbours import nearest
 from odom.registration import gated_registration as registration
 from odom.service.estimate_messages import feature_message, keyframe_message, landmark_message, pose_messages
 from odom.service.path_topics import PathTopics
@@ -67,6 +68,7 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
     registration.warm_up()
     consensus.warm_up()
     moving_surfaces.warm_up()
+    nearest(np.zeros((1, 3)), np.zeros((1, 3)), 1)
     if settings.self_calibration:
         calibration.warm_up()
     codec.encode_status(topics.status, codec.Status(stamp, "", 0, "", RunStatistics().status()))

@@ -44,8 +44,7 @@ def track_wide_step(
     prior = replace(prior, expected=None)
     tracked = tracker.track_twice(view, sensor, T_camera_map, prior.twist_to(T_camera_map), state.reference, prior)
     is_motion = is_plausible_motion(prior.twist_to(tracked.T_camera_map))
-    is_found = tracked.found_again >= TUNING.found_again or _agree(tracked, registration, T_camera_map)
-    return tracked if is_motion and is_found else None
+    return tracked if is_motion and _agree(tracked, registration, T_camera_map) else None
 
 
 def relocalise(
@@ -76,15 +75,16 @@ def relocalise(
 
 
 def _agree(tracked: Tracked, registration: Registration, T_registered: Array) -> bool:
-    """Return whether landmarks say what the descriptors' registration does, T_camera_map, and either are many.
+    """Return whether landmarks say what the descriptors' registration does, T_camera_map, and both together are many.
 
-    Enough for a camera that could not have gone far; elsewhere places may look alike.
+    Fewer landmarks do where they are found just there. Enough for a camera that could not have gone far; elsewhere
+    places may look alike.
     """
     away = se3.log(tracked.T_camera_map @ se3.inverse(T_registered))
     is_same = np.linalg.norm(away[:3]) < TUNING.wide_away_m and np.linalg.norm(away[3:]) < TUNING.wide_away_rad
-    is_many = int(registration.inliers.sum()) >= TUNING.least_inliers
-    is_known = is_many or tracked.found_again >= TUNING.share_in_chain * tracked.visible_count
-    return bool(is_same and is_known and tracked.found_again >= TUNING.least_inliers)
+    least = TUNING.least_inliers if is_same else TUNING.found_again
+    evidence = tracked.found_again + int(registration.inliers.sum())
+    return tracked.found_again >= least and evidence >= TUNING.share_with_matches * tracked.visible_count
 
 
 @dataclass(frozen=True, eq=False)

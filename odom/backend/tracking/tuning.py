@@ -118,6 +118,9 @@ class Tuning:
         effect="fewer: look-alike places are taken for known ones; more: places are not recognised")
     share_in_chain: float = tuned(0.2, unit="share of those looked for", source="as found_again",
         effect="for closures, where the chain must agree as well; smaller: false closures; larger: true ones refused")
+    share_with_matches: float = tuned(0.22, unit="landmarks found and matches of descriptors, of landmarks looked for",
+        source="at most .18 in rooms that look alike; .27 and more after wide steps of fr1_rpy and a head-worn camera",
+        effect="by which a camera is known that was near a few frames ago; as share_in_chain")
     share_without_chain: float = tuned(0.35, unit="share of those looked for", source="as found_again",
         effect="for relocalisation; as share_in_chain")
     sure_found_again: int = tuned(60, unit="landmarks", source="twice found_again",

@@ -6,6 +6,7 @@ largest thing that a run holds. Source: B. Triggs et al., "Bundle adjustment - a
 
 import numpy as np
 
+from odom.backend.mapping.landmark_elimination import invert_damped, longest_run, mirror_upper
 from odom.calibration.observation_terms import CameraArrays, SeenArrays, whitened_terms
 from odom.calibration.parameters import DEPTH
 from odom.geometry.arrays import Array, Index
@@ -43,11 +44,7 @@ def reduce_survey(
     W, W_number = np.zeros((N, 6, 3)), np.zeros((L, numbers, 3))
     V_inverse, b = np.zeros((L, 3, 3)), np.zeros((L, 3))
     J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, numbers)), np.zeros(3)
-    most, begun = 0, 0
-    for o in range(N):
-        if landmark[o] != landmark[begun]:
-            begun = o
-        most = max(most, o + 1 - begun)
+    most = longest_run(landmark)
     width = 6 * most + numbers
     across = np.zeros((3, width))
     place, begin = np.zeros(width, np.int64), np.zeros(most + 2, np.int64)
@@ -96,19 +93,8 @@ def reduce_survey(
                         row[j] += j2 * C[2, j]
                 for j in range(3):
                     W[o, i, j] = j0 * P[0, j] + j1 * P[1, j] + j2 * P[2, j]
-        # inv(V), damped, by cofactors
-        for i in range(3):
-            V[i, i] += damping * V[i, i] + 1e-9
-        c00 = V[1, 1] * V[2, 2] - V[1, 2] * V[2, 1]
-        c01 = V[0, 2] * V[2, 1] - V[0, 1] * V[2, 2]
-        c02 = V[0, 1] * V[1, 2] - V[0, 2] * V[1, 1]
-        determinant = V[0, 0] * c00 + V[1, 0] * c01 + V[2, 0] * c02
         inverse = V_inverse[point]
-        inverse[0, 0], inverse[0, 1], inverse[0, 2] = c00 / determinant, c01 / determinant, c02 / determinant
-        inverse[1, 1] = (V[0, 0] * V[2, 2] - V[0, 2] * V[0, 2]) / determinant
-        inverse[1, 2] = (V[0, 2] * V[0, 1] - V[0, 0] * V[1, 2]) / determinant
-        inverse[2, 2] = (V[0, 0] * V[1, 1] - V[0, 1] * V[0, 1]) / determinant
-        inverse[1, 0], inverse[2, 0], inverse[2, 1] = inverse[0, 1], inverse[0, 2], inverse[1, 2]
+        invert_damped(V, damping, inverse)
         # S -= W inv(V) W', rhs -= W inv(V) b: the W of poses (6 x 3) and numbers (p x 3) lie side by side in `across`,
         # in runs of unknowns that follow each other; each pair is computed once
         width, runs = 0, 0
@@ -139,9 +125,7 @@ def reduce_survey(
                 for j in range(len(entries)):
                     entries[j] -= y0 * x0[j] + y1 * x1[j] + y2 * x2[j]
         start = stop
-    for i in range(dimension):  # what was summed up on one side of the diagonal
-        for j in range(i):
-            S[i, j] = S[j, i] = S[i, j] + S[j, i]
+    mirror_upper(S)
     return S, rhs, V_inverse, b, W_number, W, cost
 
 

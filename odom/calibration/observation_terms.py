@@ -6,6 +6,7 @@ scale of depth can make them smaller.
 
 import math
 
+from odom.backend.mapping.landmark_elimination import BEHIND_CAMERA_COST
 from odom.calibration.parameters import BASELINE, LENS, OFFSET, SCALE, SHIFT, TIMINGS
 from odom.frontend.camera.rolling_shutter import interaction_matrix
 from odom.geometry.arrays import Array, Index
@@ -13,8 +14,6 @@ from odom.geometry.compiled import compiled
 
 _NEAREST_M = 0.05
 """A landmark that comes nearer counts as behind the camera."""
-_BEHIND_CAMERA_COST = 100.0
-"""Cost of a landmark behind the camera, more than the robust cost of any residual: such steps are refused."""
 CameraArrays = tuple[Array, Array, Array, Index]
 """A camera's vector (28), that of the one it was measured with (28), the image's size (2), and the columns in which
 derivatives by its numbers stand (28, -1: nowhere); timing and lens come before the depth model."""
@@ -51,7 +50,7 @@ def whitened_terms(
     C[:] = 0.0
     if Z < _NEAREST_M:
         J[:], P[:], r[:] = 0.0, 0.0, 0.0
-        return _BEHIND_CAMERA_COST
+        return BEHIND_CAMERA_COST
     w = 1.0 / Z
     x, y = X * w, Y * w
     # the pixel (OpenCV's plumb_bob) and its derivative d by x/z, y/z

@@ -5,29 +5,16 @@ Source: B. Triggs et al., "Bundle adjustment - a modern synthesis", 2000, sectio
 
 import numpy as np
 
+from odom.backend.mapping.landmark_elimination import BEHIND_CAMERA_COST, invert_damped, longest_run, mirror_upper
 from odom.backend.tracking.pose_solver import projection_terms
 from odom.geometry.arrays import Array, Index
 from odom.geometry.compiled import compiled
-
-_BEHIND_CAMERA_COST = 100.0
-"""Cost of a landmark behind the camera, more than the robust cost of any residual: such steps are refused."""
 
 
 @compiled
 def _robust_cost(chi2: float, cauchy: float) -> float:
     """Return Cauchy's cost of a residual, whose derivative is the weight 1 / (1 + chi2 / cauchy)."""
     return float(cauchy * np.log1p(chi2 / cauchy))
-
-
-@compiled
-def _longest_run(landmark: Index) -> int:
-    """Return how many observations a landmark has at the most; `landmark` (N) is sorted."""
-    longest, begun = 0, 0
-    for o in range(len(landmark)):
-        if landmark[o] != landmark[begun]:
-            begun = o
-        longest = max(longest, o + 1 - begun)
-    return longest
 
 
 @compiled
@@ -66,7 +53,7 @@ def reduce_to_poses(
     KI = np.zeros((timings, 3))
     value = np.zeros(3)
     V = np.zeros((3, 3))
-    most = _longest_run(landmark)
+    most = longest_run(landmark)
     width = 6 * most + timings
     across_0, across_1, across_2 = np.zeros(width), np.zeros(width), np.zeros(width)
     place, begin = np.zeros(width, np.int64), np.zeros(most + 2, np.int64)
@@ -86,7 +73,7 @@ def reduce_to_poses(
                 for b in range(timings):
                     value[a] += K[a, b] * timing_change[b]
             if not projection_terms(T_camera_map[keyframe[o]], landmarks[point], value, J, P, r):
-                cost += _BEHIND_CAMERA_COST
+                cost += BEHIND_CAMERA_COST
                 continue
             # its robust information: ixx, ixy, iyy of the ray, iww of the inverse depth (0 where not measured)
             sxx, sxy, syy, sww = variances[o, 0], variances[o, 1], variances[o, 2], variances[o, 3]
@@ -132,19 +119,8 @@ def reduce_to_poses(
                     W[o, a, b] = JI[a, 0] * P[0, b] + JI[a, 1] * P[1, b] + JI[a, 2] * P[2, b]
                 for b in range(timings):
                     S[f + a, timing + b] -= JI[a, 0] * K[0, b] + JI[a, 1] * K[1, b] + JI[a, 2] * K[2, b]
-        # inv(V), damped, by cofactors
-        for a in range(3):
-            V[a, a] += damping * V[a, a] + 1e-9
-        c00 = V[1, 1] * V[2, 2] - V[1, 2] * V[2, 1]
-        c01 = V[0, 2] * V[2, 1] - V[0, 1] * V[2, 2]
-        c02 = V[0, 1] * V[1, 2] - V[0, 2] * V[1, 1]
-        determinant = V[0, 0] * c00 + V[1, 0] * c01 + V[2, 0] * c02
         inverse = V_inverse[point]
-        inverse[0, 0], inverse[0, 1], inverse[0, 2] = c00 / determinant, c01 / determinant, c02 / determinant
-        inverse[1, 1] = (V[0, 0] * V[2, 2] - V[0, 2] * V[0, 2]) / determinant
-        inverse[1, 2] = (V[0, 2] * V[0, 1] - V[0, 0] * V[1, 2]) / determinant
-        inverse[2, 2] = (V[0, 0] * V[1, 1] - V[0, 1] * V[0, 1]) / determinant
-        inverse[1, 0], inverse[2, 0], inverse[2, 1] = inverse[0, 1], inverse[0, 2], inverse[1, 2]
+        invert_damped(V, damping, inverse)
         b_l = b_landmark[point]
         # S -= W inv(V) W', rhs -= W inv(V) b: poses (6 x 3) and timing (t x 3), whose W lie side by side in `across`,
         # in runs of poses that follow each other; each pair is computed once
@@ -176,9 +152,7 @@ def reduce_to_poses(
                 for b in range(len(entries)):
                     entries[b] -= y0 * x0[b] + y1 * x1[b] + y2 * x2[b]
         start = stop
-    for a in range(dimension):  # what was summed up on one side of the diagonal
-        for b in range(a):
-            S[a, b] = S[b, a] = S[a, b] + S[b, a]
+    mirror_upper(S)
     return S, rhs, V_inverse, b_landmark, W_timing, W, cost
 
 

@@ -313,3 +313,15 @@ def test_every_mutually_nearest_pair_of_a_real_kinect_is_found(shared_data: Path
     pairs += pairer.finish()
     assert mutual <= {(pair.color_stamp, pair.depth_stamp) for pair in pairs}
     assert len(mutual) > 0.98 * len(color)
+
+
+@pytest.mark.parametrize("scale", [None, 1000.0])
+def test_a_long_recording_is_read_by_the_compiled_reader_with_the_same_result(
+    tmp_path: Path, scale: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = write_folder(tmp_path / "run", scale=scale)
+    cv2.imwrite(str(folder / "depth" / "1.png"), np.full((24, 32), 7, dtype=np.uint8))  # not depth: left out by both
+    few = list(open_source(str(folder), SourceOptions()).messages())
+    monkeypatch.setattr("sensors.tum._MANY_IMAGES", 1)
+    many = list(open_source(str(folder), SourceOptions()).messages())
+    assert many == few

@@ -56,6 +56,20 @@ def test_raw_images_return_bit_for_bit() -> None:
     assert np.array_equal(codec.decode_color(codec.encode_color("c", STAMP, strided)), strided)
 
 
+@given(st.text(st.characters(codec="utf-8"), max_size=9), st.integers(0, 2**31 - 1))
+def test_images_are_written_as_rosbags_writes_them(frame_id: str, seconds: int) -> None:
+    stamp = Stamp(seconds * 1_000_000_000 + 5)
+    for message in (
+        codec.encode_depth("d", stamp, DEPTH, frame_id),
+        codec.encode_color("c", stamp, RGB, frame_id),
+        codec.encode_color("c", stamp, RGB[..., 0], frame_id),
+        codec.encode_color_jpeg("c", stamp, RGB, frame_id),
+    ):
+        decoded = cdr.deserialise(message, message.type_name)
+        assert decoded.header.frame_id == frame_id
+        assert message == cdr.serialise(message.topic, message.type_name, stamp, decoded)
+
+
 @pytest.mark.parametrize("name", ["rvl", "png"])
 def test_compressed_depth_is_lossless(name: str) -> None:
     for depth in (DEPTH, np.zeros_like(DEPTH), np.full_like(DEPTH, 65535)):

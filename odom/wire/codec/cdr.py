@@ -58,7 +58,7 @@ def schema(type_name: str) -> bytes:
 
 def header(stamp: Stamp, frame_id: str) -> Any:
     """Return std_msgs/Header; raises WireError for a stamp beyond the years 1901 to 2038."""
-    seconds, nanoseconds = _seconds(stamp)
+    seconds, nanoseconds = ros_time(stamp)
     time = build("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
     return build("std_msgs/msg/Header", stamp=time, frame_id=frame_id)
 
@@ -91,7 +91,7 @@ def restamp(message: Message, stamp: Stamp) -> Message:
     if stamp_of(message.type_name, message.payload) is None:
         raise WireError(f"{message.type_name} has no stamp")
     payload = bytearray(message.payload)
-    _TIME[payload[1]].pack_into(payload, _STAMP_OFFSET[message.type_name], *_seconds(stamp))
+    _TIME[payload[1]].pack_into(payload, _STAMP_OFFSET[message.type_name], *ros_time(stamp))
     return Message(message.topic, message.type_name, stamp, bytes(payload))
 
 
@@ -132,7 +132,7 @@ def _message_class(type_name: str) -> Any:
         raise WireError(f"message type {type_name!r} is not known") from None
 
 
-def _seconds(stamp: Stamp) -> tuple[int, int]:
+def ros_time(stamp: Stamp) -> tuple[int, int]:
     """Return the seconds and nanoseconds of a ROS time."""
     seconds, nanoseconds = divmod(stamp, SECOND)
     if not -(2**31) <= seconds < 2**31:

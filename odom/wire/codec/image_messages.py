@@ -17,6 +17,7 @@ from odom.geometry.arrays import Image
 from odom.wire.codec import cdr
 from odom.wire.codec.compressed_depth import Depth, decode_compressed_depth, encode_compressed_depth
 from odom.wire.codec.image_files import MAX_PIXELS, decode_file, decode_file_small
+from odom.wire.codec.image_layout import compressed_bytes, image_bytes
 from odom.wire.message import Message
 
 OPTICAL_FRAME = "camera_color_optical_frame"
@@ -149,23 +150,15 @@ def metres_to_mm(depth_m: NDArray[Any]) -> Depth:
 
 def _encode_image(topic: str, stamp: Stamp, image: NDArray[Any], encoding: str, frame_id: str) -> Message:
     pixels = np.ascontiguousarray(image)
-    return cdr.encode(
-        topic,
-        cdr.IMAGE,
-        stamp,
-        frame_id,
-        height=image.shape[0],
-        width=image.shape[1],
-        encoding=encoding,
-        is_bigendian=0,
-        step=pixels.strides[0],
-        data=pixels.reshape(-1).view(np.uint8),
+    height, width = image.shape[:2]
+    payload = image_bytes(
+        stamp, frame_id, (height, width), encoding, pixels.strides[0], pixels.reshape(-1).view(np.uint8).data
     )
+    return Message(topic, cdr.IMAGE, stamp, payload)
 
 
 def _encode_compressed(topic: str, stamp: Stamp, image_format: str, data: bytes, frame_id: str) -> Message:
-    content = np.frombuffer(data, dtype=np.uint8)
-    return cdr.encode(topic, cdr.COMPRESSED_IMAGE, stamp, frame_id, format=image_format, data=content)
+    return Message(topic, cdr.COMPRESSED_IMAGE, stamp, compressed_bytes(stamp, frame_id, image_format, data))
 
 
 def _check_depth(depth_mm: Depth) -> None:

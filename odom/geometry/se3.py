@@ -135,6 +135,18 @@ def adjoint(T: Array) -> Array:
     return out
 
 
+def adjoints(T: Array) -> Array:
+    """Return the `adjoint` (n x 6 x 6) of each of n rigid motions."""
+    out = np.zeros((len(T), 6, 6))
+    R, (x, y, z) = T[:, :3, :3], T[:, :3, 3].T
+    out[:, :3, :3] = out[:, 3:, 3:] = R
+    skew = np.zeros((len(T), 3, 3))
+    skew[:, 0, 1], skew[:, 0, 2], skew[:, 1, 2] = -z, y, -x
+    skew[:, 1, 0], skew[:, 2, 0], skew[:, 2, 1] = z, -y, x
+    out[:, :3, 3:] = skew @ R
+    return out
+
+
 def apply(T: Array, points_source: Array) -> Array:
     """Return the n x 3 points mapped into the target frame."""
     return np.asarray(points_source @ T[:3, :3].T + T[:3, 3])

@@ -64,6 +64,7 @@ def unchecked(content: bytes) -> bytes:
     """Return bytes without the checksum before them; raises MapError where it is not theirs."""
     if not isinstance(content, bytes) or len(content) < _NUMBER.size:
         raise MapError("cut")
-    if _NUMBER.unpack_from(content)[0] != zlib.crc32(content[_NUMBER.size :]):
+    inside = content[_NUMBER.size :]
+    if _NUMBER.unpack_from(content)[0] != zlib.crc32(inside):
         raise MapError("not what was written: its checksum is wrong")
-    return content[_NUMBER.size :]
+    return inside

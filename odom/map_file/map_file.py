@@ -66,7 +66,7 @@ class MapFile:
         """Return the registrations; raises MapError where one is missing or damaged."""
         rows = self._rows("SELECT a, content FROM edge ORDER BY a, b")
         with self._telling():
-            found = [records.edge_of(content) for _, content in rows]
+            found = records.edges_of([content for _, content in rows])
             if len(found) != self.counts().edges:
                 raise MapError("registrations are missing")
         return found

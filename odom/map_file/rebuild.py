@@ -101,7 +101,7 @@ def _edges(db: sqlite3.Connection, found: Found, a: int) -> Iterator[Edge]:
     try:
         for b, content in db.execute("SELECT b, content FROM edge WHERE a = ?", (a,)):
             try:
-                yield records.edge_of(content)
+                yield from records.edges_of([content])
             except MapError as error:
                 found.damage.append(f"edge {a} to {b}: {error}")
     except UNREADABLE as error:

@@ -1,6 +1,7 @@
 """The values of a map as the bytes of one row each, and back; every row says by its checksum whose it is."""
 
 import struct
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -64,13 +65,18 @@ def edge_bytes(edge: Edge) -> bytes:
     return checked(row.tobytes())
 
 
-def edge_of(content: bytes) -> Edge:
-    """Return the registration of a row; raises MapError where it is damaged."""
-    inside = unchecked(content)
-    if len(inside) != _EDGE.itemsize:
+def edges_of(contents: Sequence[bytes]) -> list[Edge]:
+    """Return the registrations of n rows; raises MapError where one is damaged."""
+    inside = [unchecked(content) for content in contents]
+    if any(len(one) != _EDGE.itemsize for one in inside):
         raise MapError("a registration is cut")
-    row = np.frombuffer(inside, _EDGE)[0]
-    return Edge(int(row["a"]), int(row["b"]), _pose(row["T"]), symmetric(row["covariance"]), bool(row["is_loop"]))
+    rows = np.frombuffer(b"".join(inside), _EDGE)
+    T_a_b = np.tile(np.eye(4), (len(rows), 1, 1))
+    T_a_b[:, :3] = rows["T"].reshape(-1, 3, 4)
+    covariance = np.zeros((len(rows), 6, 6))
+    covariance[:, *_UPPER] = covariance[:, _UPPER[1], _UPPER[0]] = rows["covariance"]
+    ends = rows["a"].tolist(), rows["b"].tolist(), T_a_b, covariance, (rows["is_loop"] != 0).tolist()
+    return [Edge(*one) for one in zip(*ends, strict=True)]
 
 
 def details_bytes(number: int, details: SavedDetails) -> bytes:

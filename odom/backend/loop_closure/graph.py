@@ -87,7 +87,7 @@ class SegmentGraph:
         if way is None:
             return None
         ends = np.array([self.poses[row] for row in self.edges.b[way]]).reshape(-1, 4, 4)
-        A = _adjoints(self.poses[row_b] @ changes_in_map(np.tile(np.eye(4), (len(way), 1, 1)), ends))
+        A = se3.adjoints(self.poses[row_b] @ changes_in_map(np.tile(np.eye(4), (len(way), 1, 1)), ends))
         return np.asarray((A @ self.edges.covariance[way] @ A.transpose(0, 2, 1)).sum(axis=0))
 
     def _surest_way(self, row_a: int, row_b: int) -> Index | None:
@@ -156,15 +156,3 @@ def members_of(map_: Map, segment: int) -> list[int]:
     """Return the key frames of a segment that are not forgotten, in memory or not, in order."""
     keyframes = map_.keyframes
     return [n for n in sorted(map_.away.union(map_.remembered)) if keyframes[n].segment == segment]
-
-
-def _adjoints(T: Array) -> Array:
-    """Return `se3.adjoint` of each of n motions."""
-    out = np.zeros((len(T), 6, 6))
-    R, (x, y, z) = T[:, :3, :3], T[:, :3, 3].T
-    out[:, :3, :3] = out[:, 3:, 3:] = R
-    hat = np.zeros((len(T), 3, 3))
-    hat[:, 0, 1], hat[:, 0, 2], hat[:, 1, 2] = -z, y, -x
-    hat[:, 1, 0], hat[:, 2, 0], hat[:, 2, 1] = z, -y, x
-    out[:, :3, 3:] = hat @ R
-    return out

@@ -12,8 +12,8 @@ import numpy as np
 from odom.backend.map.journal import Journal
 from odom.backend.map.keyframe import Keyframe
 from odom.backend.map.map import Map
-from odom.backend.map.pose_covariance import independent_covariance
 from odom.backend.map.saved import MapChanges, SavedDetails, SavedKeyframe, SavedLandmarks, SavedMap
+from odom.backend.map.shape_covariance import shape_covariances
 from odom.backend.map.tuning import TUNING
 from odom.frontend.features.place_descriptor import Place
 from odom.geometry import se3
@@ -21,7 +21,10 @@ from odom.geometry.arrays import Array, Index
 
 
 def open_map(saved: SavedMap) -> Map:
-    """Return the map that was saved, with all key frames set aside."""
+    """Return the map that was saved, with all key frames set aside.
+
+    In a fixed one, the camera is as far off as the key frames around it (see `shape_covariances`).
+    """
     map_ = Map(details=saved.details)
     map_.places.blocks, map_.places.elsewhere = saved.blocks, saved.details.fetch_place
     map_.landmarks.next_identity = saved.next_identity
@@ -38,6 +41,12 @@ def open_map(saved: SavedMap) -> Map:
     for edge in saved.edges:
         map_.registrations.add(edge)
         map_.link(edge.a, edge.b)
+    if saved.is_fixed:
+        everywhere = np.ones(len(map_.keyframes), dtype=np.bool_)
+        poses = np.array([k.T_camera_map for k in map_.keyframes]).reshape(-1, 4, 4)
+        shape = shape_covariances(poses, map_.registrations.table.among(everywhere))
+        for keyframe, covariance in zip(map_.keyframes, shape, strict=True):
+            keyframe.covariance_since_start = covariance
     map_.away = set(range(len(saved.keyframes)))
     map_.earlier = len(saved.keyframes)
     map_.journal = map_.registrations.journal = Journal(is_kept=not saved.is_fixed)
@@ -102,24 +111,11 @@ def recall(map_: Map, numbers: Iterable[int]) -> bool:
         keyframe.identities, keyframe.uv, keyframe.timing = found.identities.copy(), found.uv, found.timing
         keyframe.measurements = found.measurements
         keyframe.rows = np.zeros(len(found.identities), dtype=np.int64)
-        if map_.is_fixed:
-            keyframe.covariance_since_start = _covariance_in_map(map_, number)
         map_.away.discard(number)
         insort(map_.remembered, number)
         recalled.append(number)
     _bind(map_, set(recalled).union(*(map_.links[n] for n in recalled)) - map_.away)
     return bool(recalled)
-
-
-def _covariance_in_map(map_: Map, number: int) -> Array:
-    """Return how well a key frame is tied to its neighbours in a fixed map (6 x 6, `se3`, its camera frame).
-
-    The map is the measure of itself as a whole, but each key frame was placed by registrations.
-    """
-    ties = [edge.seen_from(edge.b).covariance for edge in map_.registrations.of(number)]
-    if not ties:
-        return np.zeros((6, 6))
-    return independent_covariance(np.linalg.inv(np.sum(np.linalg.inv(ties), axis=0)))
 
 
 def recall_near(map_: Map, keyframe: int, T_camera_map: Array, at_once: int = TUNING.recalled) -> bool:

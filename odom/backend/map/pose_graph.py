@@ -89,40 +89,67 @@ class EdgeArrays:
         return EdgeArrays(*(np.concatenate([getattr(self, name), getattr(more, name)]) for name in names))
 
 
+class Equations:
+    """The normal equations of a pose graph: of poses (K), of which some are held, and the `edges` between their rows.
+
+    `L` is the lower triangle, or its factor, by `pattern`, and `g` (n x 6) the right side; `place` (K) is a pose's row
+    in both, negative where it is held.
+    """
+
+    def __init__(self, is_held: Mask, edges: EdgeArrays) -> None:
+        free = np.flatnonzero(~is_held)
+        place = np.full(len(is_held), -1, dtype=np.int64)
+        place[free] = np.arange(len(free))
+        edges = edges.take(np.flatnonzero((place[edges.a] >= 0) | (place[edges.b] >= 0)))
+        is_inner = np.flatnonzero((place[edges.a] >= 0) & (place[edges.b] >= 0))
+        self.pattern = BlockPattern.of(len(free), place[edges.a[is_inner]], place[edges.b[is_inner]])
+        place[free] = self.pattern.place
+        self.place = place
+        slot, is_turned = np.zeros(len(edges.a), dtype=np.int64), np.zeros(len(edges.a), dtype=np.bool_)
+        slot[is_inner], is_turned[is_inner] = self.pattern.slot, self.pattern.is_turned
+        information = np.asarray(np.linalg.inv(edges.covariance + _LEAST_VARIANCE * np.eye(6)))
+        self.L, self.g = np.zeros((len(self.pattern.row), 6, 6)), np.zeros((len(free), 6))
+        self._measured = edges.a, edges.b, edges.T_a_b, information, edges.is_loop
+        self._slots = slot, is_turned
+
+    def set_up(self, T_camera_map: Array) -> float:
+        """Set both sides to those at the poses (K x 4 x 4); return the cost there."""
+        start = self.pattern.start
+        return accumulate(
+            T_camera_map, *self._measured, _ROBUST_FROM_SIGMA, self.place, start, *self._slots, self.L, self.g
+        )
+
+    def damp(self, share: float) -> None:
+        """Add a `share` of the diagonal to it."""
+        self.L[self.pattern.start[:-1]] += share * (self.L[self.pattern.start[:-1]] * np.eye(6))
+
+    def factorise(self) -> bool:
+        """Replace the left side by its Cholesky factor; return False where it has none."""
+        return factorise(self.pattern.start, self.pattern.row, self.L)
+
+    def solve(self) -> None:
+        """Replace the right side by the solution, once factorised."""
+        solve(self.pattern.start, self.pattern.row, self.L, self.g)
+
+
 def optimise(T_camera_map: Array, is_held: Mask, edges: EdgeArrays) -> Array:
     """Return the poses (K x 4 x 4) that agree best with all `edges`, whose ends are their rows.
 
     Those that are held stay where they are; something must be held of each part that edges connect. Levenberg-Marquardt
     with Huber's weights on loops.
     """
-    place = np.full(len(T_camera_map), -1, dtype=np.int64)
-    free = np.flatnonzero(~is_held)
-    if not len(free) or not len(edges.a):
+    if is_held.all() or not len(edges.a):
         return T_camera_map
-    place[free] = np.arange(len(free))
-    edges = edges.take(np.flatnonzero((place[edges.a] >= 0) | (place[edges.b] >= 0)))
-    is_inner = np.flatnonzero((place[edges.a] >= 0) & (place[edges.b] >= 0))
-    pattern = BlockPattern.of(len(free), place[edges.a[is_inner]], place[edges.b[is_inner]])
-    place[free] = pattern.place
-    slot, is_turned = np.zeros(len(edges.a), dtype=np.int64), np.zeros(len(edges.a), dtype=np.bool_)
-    slot[is_inner], is_turned[is_inner] = pattern.slot, pattern.is_turned
-    information = np.linalg.inv(edges.covariance + _LEAST_VARIANCE * np.eye(6))
-    L, g = np.zeros((len(pattern.row), 6, 6)), np.zeros((len(free), 6))
-
-    measured = edges.a, edges.b, edges.T_a_b, np.asarray(information), edges.is_loop
-
-    def equations(T: Array) -> float:
-        return accumulate(T, *measured, _ROBUST_FROM_SIGMA, place, pattern.start, slot, is_turned, L, g)
-
+    equations = Equations(is_held, edges)
     best, damping = T_camera_map, _FIRST_DAMPING
-    cost = equations(best)
+    cost = equations.set_up(best)
     for _ in range(_MOST_STEPS):
-        L[pattern.start[:-1]] += damping * (L[pattern.start[:-1]] * np.eye(6))
-        is_definite = factorise(pattern.start, pattern.row, L)
+        equations.damp(damping)
+        is_definite = equations.factorise()
         if is_definite:
-            solve(pattern.start, pattern.row, L, g)
-        trial = moved_by(best, place, g)
-        lower = equations(trial) if is_definite else np.inf
+            equations.solve()
+        trial = moved_by(best, equations.place, equations.g)
+        lower = equations.set_up(trial) if is_definite else np.inf
         if lower < cost:
             gained, best, cost = cost - lower, trial, lower
             damping = max(0.1 * damping, _LEAST_DAMPING)
@@ -132,7 +159,7 @@ def optimise(T_camera_map: Array, is_held: Mask, edges: EdgeArrays) -> Array:
             break
         else:
             damping *= 100.0
-            equations(best)
+            equations.set_up(best)
     return best
 
 

@@ -114,15 +114,17 @@ def recall(map_: Map, numbers: Iterable[int]) -> bool:
         map_.away.discard(number)
         insort(map_.remembered, number)
         recalled.append(number)
-    _bind(map_, set(recalled).union(*(map_.links[n] for n in recalled)) - map_.away)
+    if recalled:
+        _bind(map_, set(recalled).union(*(map_.links[n] for n in recalled)) - map_.away)
     return bool(recalled)
 
 
 def recall_near(map_: Map, keyframe: int, T_camera_map: Array, at_once: int = TUNING.recalled) -> bool:
     """Bring back up to `at_once` of the key frames around `keyframe` that are nearest to a pose; return as `recall`."""
-    if not map_.away:
+    around = map_.around(keyframe, TUNING.recalled)
+    if map_.away.isdisjoint(around):
         return False
-    nearest = map_.nearest(sorted(map_.around(keyframe, TUNING.recalled)), T_camera_map)[: TUNING.recalled]
+    nearest = map_.nearest(sorted(around), T_camera_map)[: TUNING.recalled]
     wanted = [n for n in [keyframe, *nearest.tolist()] if n in map_.away]
     if map_.details is not None:
         map_.details.expect(wanted[at_once:])

@@ -5,6 +5,7 @@ import numpy as np
 from odom.backend.estimate import TrajectoryPose
 from odom.backend.map.carrying import changes_in_map
 from odom.backend.map.map import Map
+from odom.frame import Stamp
 from odom.geometry.arrays import Array
 
 _MOST_CLOUD_POINTS = 20_000
@@ -12,14 +13,36 @@ _MOST_CLOUD_POINTS = 20_000
 _MOST_FAR_IN_PATH = 500
 """Key frames in the published path that are not in memory: more take a millisecond of each key frame."""
 
+_Shown = tuple[Array, Array, TrajectoryPose]
+"""T_camera_map and T_middle_stamp of a key frame, the very arrays, and the pose that is shown of it."""
+_NOTHING: _Shown = (np.eye(4), np.eye(4), TrajectoryPose(Stamp(0), None, -1))
 
-def path_of(map_: Map) -> tuple[TrajectoryPose, ...]:
-    """Return the key frames' poses at their stamps; of forgotten ones at most 500, thinned evenly."""
-    far = sorted(map_.away.union(map_.forgotten))
-    shown = [map_.keyframes[n] for n in sorted([*far[:: 1 + len(far) // _MOST_FAR_IN_PATH], *map_.remembered])]
-    T_middle_stamp = np.array([k.T_middle_stamp for k in shown]).reshape(-1, 4, 4)
-    T_map_stamp = changes_in_map(T_middle_stamp, np.array([k.T_camera_map for k in shown]).reshape(-1, 4, 4))
-    return tuple(TrajectoryPose(k.stamp, T, k.segment) for k, T in zip(shown, T_map_stamp, strict=True))
+
+class ShownPath:
+    """The key frames' poses at their stamps; of those not in memory at most 500, thinned evenly.
+
+    Poses that are where they were last time are not worked out again: most of a large map stays where it is.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[int, _Shown] = {}
+
+    def of(self, map_: Map) -> tuple[TrajectoryPose, ...]:
+        """Return the path of a map, always of the same one."""
+        far = sorted(map_.away.union(map_.forgotten))
+        numbers = sorted([*far[:: 1 + len(far) // _MOST_FAR_IN_PATH], *map_.remembered])
+        keyframes, known = map_.keyframes, self._known
+        moved = []
+        for n in numbers:
+            k, one = keyframes[n], known.get(n, _NOTHING)
+            if one[0] is not k.T_camera_map or one[1] is not k.T_middle_stamp or one[2].segment != k.segment:
+                moved.append(k)
+        T_middle_stamp = np.array([k.T_middle_stamp for k in moved]).reshape(-1, 4, 4)
+        T_map_stamp = changes_in_map(T_middle_stamp, np.array([k.T_camera_map for k in moved]).reshape(-1, 4, 4))
+        for k, T in zip(moved, T_map_stamp, strict=True):
+            known[k.number] = k.T_camera_map, k.T_middle_stamp, TrajectoryPose(k.stamp, T, k.segment)
+        self._known = {n: known[n] for n in numbers}
+        return tuple([pose for _, _, pose in self._known.values()])
 
 
 def cloud_of(map_: Map) -> Array:

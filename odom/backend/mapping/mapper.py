@@ -20,7 +20,7 @@ from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.place_descriptor import describe_place
 from odom.frontend.matching.place_recognition import GrownIndex, recognise
-from odom.geometry.arrays import Array
+from odom.geometry.arrays import Array, Index
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +42,8 @@ class Mapper:
         self.intermediate = IntermediateFrames()
         self._background = Background[_Done]("mapping")
         self._settled = map_.earlier
+        self._farthest: list[int] = []
+        """Key frames that are set aside next, farthest first; as many as are chosen at once."""
 
     @property
     def is_idle(self) -> bool:
@@ -66,13 +68,23 @@ class Mapper:
         newest = max(self._settings.window_keyframes, self._settings.background_delay_frames)
         needed = np.concatenate([around, [state.reference], map_.remembered[-newest:]])
         if map_.journal.is_kept:
-            for number in farthest_beyond(map_, most, needed, state.T_camera_map):
-                set_aside(map_, number)
+            self._set_aside(len(map_.remembered) - most, needed, state)
             return False
         oldest = oldest_beyond(map_, most, needed)
         for number in oldest:
             (set_aside if number < map_.earlier else forget)(map_, number)
         return bool(oldest)
+
+    def _set_aside(self, surplus: int, needed: Index, state: FrameState) -> None:
+        """Set aside some of the key frames that were farthest when that was last looked at, without those `needed`."""
+        map_, most = self._map, self._settings.map_keyframes
+        free = set(map_.remembered).difference(needed.tolist())
+        waiting = [n for n in self._farthest if n in free]
+        if len(waiting) < surplus:
+            waiting = farthest_beyond(map_, most - TUNING.set_aside_ahead, needed, state.T_camera_map)
+        for number in waiting[:surplus]:
+            set_aside(map_, number)
+        self._farthest = waiting[surplus:]
 
     def recall(self, state: FrameState) -> None:
         """Bring back a few key frames of a saved map that the camera comes near to, if there is room."""

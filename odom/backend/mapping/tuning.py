@@ -82,6 +82,8 @@ class Tuning:
     # mapper
     recalled_at_once: int = tuned(2, unit="key frames", source="some 2 ms each",
         effect="brought back in one frame; fewer: fast walks see landmarks late; more: frames wait for the disk")
+    set_aside_ahead: int = tuned(8, unit="key frames", source=".5 ms to look for the farthest of 400",
+        effect="chosen at once, to be set aside one by one; fewer: slower; more: by where the camera was long ago")
     # local_adjustment
     adjust_fixed: int = tuned(10, unit="key frames", source=_SWEEP,
         effect="older key frames that hold the newest ones; fewer: drift; more: slower")

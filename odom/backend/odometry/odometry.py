@@ -9,7 +9,7 @@ from odom.backend.loop_closure.closed_walk import closing_test
 from odom.backend.map.map import Map
 from odom.backend.map.memory import take_changes
 from odom.backend.map.saved import MapChanges, SavedMap
-from odom.backend.map.shown import cloud_of, path_of
+from odom.backend.map.shown import ShownPath, cloud_of
 from odom.backend.mapping.intermediate_frames import IntermediateFrame, IntermediateFrames, corrected
 from odom.backend.odometry.final_trajectory import trajectory
 from odom.backend.odometry.frame_stages import FrameStages
@@ -73,7 +73,7 @@ class Odometry:
         self._frames = FrameStages(sensor, self.settings, saved)
         self.segmentation = Segmentation(segmenter)
         self._prepared: _Prepared | None = None
-        self._hurried = 0
+        self._path, self._hurried = ShownPath(), 0
         self._adjusted: dict[int, Array] = {}
         self.late_loops: tuple[LoopCandidate, ...] = ()
         """What the last `finish` judged, after the last frame."""
@@ -164,7 +164,7 @@ class Odometry:
         if frames.state is not None:
             frames.mapper.recall(frames.state)
         if map_moved or estimate.is_keyframe:
-            estimate = replace(estimate, path=path_of(frames.map), landmarks_map=cloud_of(frames.map))
+            estimate = replace(estimate, path=self._path.of(frames.map), landmarks_map=cloud_of(frames.map))
         return replace(estimate, loops=loops, timings_ms=watch.laps_ms)
 
     def take_map_changes(self) -> MapChanges:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from odom.errors import InputError
 from odom.frame.brief import brief
 from odom.geometry.arrays import Array
+from odom.geometry.compiled import compiled
 
 _ROUNDING = 1e-6
 """How far a covariance may be from symmetric, relative to its largest entry: more than rounding ever makes."""
@@ -22,15 +23,28 @@ def _points(name: str, value: Array | None, n: int | None = None) -> Array:
     return points
 
 
+@compiled
+def _first_uneven(covariances: Array) -> int:
+    """Return the first of n 3 x 3 matrices that is not finite and symmetric but for rounding, -1 where all are."""
+    for k in range(len(covariances)):
+        C = covariances[k]
+        largest = uneven = 0.0
+        for i in range(3):
+            for j in range(3):
+                largest = max(largest, abs(C[i, j]))
+                uneven = max(uneven, abs(C[i, j] - C[j, i]))
+        if not uneven <= _ROUNDING * largest or not np.isfinite(C).all():
+            return k
+    return -1
+
+
 def _covariances(name: str, value: Array | None, n: int) -> Array | None:
     if value is None:
         return None
     covariances = np.ascontiguousarray(value, dtype=np.float64)
     if covariances.shape == (n, 3, 3):
-        uneven = np.abs(covariances - covariances.transpose(0, 2, 1)).max(axis=(1, 2), initial=0.0)
-        wrong = np.flatnonzero(~(uneven <= _ROUNDING * np.abs(covariances).max(axis=(1, 2), initial=0.0)))
-        if len(wrong):
-            raise InputError(f"{name}: that of pair {wrong[0]} is not finite and symmetric; leave the pair out")
+        if (wrong := _first_uneven(covariances)) >= 0:
+            raise InputError(f"{name}: that of pair {wrong} is not finite and symmetric; leave the pair out")
         return covariances
     if covariances.shape == (n, 3):
         diagonal = np.zeros((n, 3, 3))

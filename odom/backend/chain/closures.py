@@ -20,6 +20,7 @@ from odom.frame import Stamp
 from odom.frontend.camera.noise_monitor import NoiseMonitor
 from odom.geometry import se3
 from odom.geometry.arrays import Array
+from odom.geometry.numbered import places_of, shared
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,9 +80,9 @@ class Closures:
         until = node.stamp - TUNING.closure_after_s * 1e9
         places = [one for one in self.nodes if one.keyframe in near and one.stamp <= until]
         keyframes = [map_.keyframes[one.keyframe] for one in places if one.keyframe is not None]
-        shared = [int(np.isin(keyframe.identities, sight.names).sum()) for keyframe in keyframes]
-        for k in sorted(range(len(places)), key=lambda k: -shared[k])[: TUNING.closures_each]:
-            if shared[k] < TUNING.closure_least:
+        counts = [int(np.count_nonzero(places_of(each.identities, sight.names) >= 0)) for each in keyframes]
+        for k in sorted(range(len(places)), key=lambda k: -counts[k])[: TUNING.closures_each]:
+            if counts[k] < TUNING.closure_least:
                 break
             chained = places[k].edge_to(node)
             edge = closure(places[k].number, keyframes[k], node.number, sight, chained.T_a_b, noise)
@@ -96,7 +97,7 @@ def closure(a: int, place: Keyframe, b: int, sight: Sight, T_hint: Array, noise:
 
     `T_hint` is T_a_b as expected. None where they cannot be registered.
     """
-    _, here, there = np.intersect1d(place.identities, sight.names, assume_unique=True, return_indices=True)
+    here, there = shared(place.identities, sight.names)
     found = register_frames(place.measurements.take(here), sight.measured.take(there), T_hint)
     if isinstance(found, str):
         return None

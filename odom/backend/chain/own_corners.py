@@ -19,6 +19,7 @@ from odom.frontend.features.view import View
 from odom.frontend.matching.landmark_search import Candidates, find_landmarks
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Image, Index, Mask
+from odom.geometry.numbered import places_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +70,7 @@ class OwnCorners:
 
     def found_again(self, names: Index) -> "OwnCorners":
         """Return what is left after a frame in which the corners `names` (m) were found, and no others."""
-        missed = np.where(np.isin(self.names, names), 0, self.missed + 1)
+        missed = np.where(places_of(self.names, names) >= 0, 0, self.missed + 1)
         return replace(self, missed=missed)._take(missed < TUNING.corner_misses)
 
     def look_for(self, view: View, T_camera_chain: Array, twist: Array, sensor: SensorModel) -> Sight:

@@ -16,6 +16,7 @@ from odom.frontend.camera.rolling_shutter import interaction_matrix
 from odom.frontend.features.measurement import Measurements
 from odom.geometry.arrays import Array, Index, Mask
 from odom.geometry.compiled import compiled
+from odom.geometry.numbered import shared
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +44,7 @@ class FrameErrors:
 
     def shared_with(self, names: Index, gains: Array) -> Array:
         """Return the covariance (6 x 6) of this link's error with the next one's, which features enter by `gains`."""
-        _, here, there = np.intersect1d(self.names, names, assume_unique=True, return_indices=True)
+        here, there = shared(self.names, names)
         return np.asarray(np.tensordot(self.moved[here], gains[there], axes=([0, 2], [0, 2])))
 
 

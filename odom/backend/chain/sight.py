@@ -7,6 +7,7 @@ import numpy as np
 from odom.backend.tracking.frame_state import Tracked
 from odom.frontend.features.measurement import Measurements
 from odom.geometry.arrays import Array, Index
+from odom.geometry.numbered import shared
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,5 +48,4 @@ class Sight:
 
     def shared_with(self, other: "Sight") -> tuple[Index, Index]:
         """Return the rows here and in the `other` sight of the features that both measured."""
-        _, here, there = np.intersect1d(self.names, other.names, assume_unique=True, return_indices=True)
-        return here, there
+        return shared(self.names, other.names)

@@ -107,7 +107,7 @@ def is_exact(features: FollowedFeatures, T_predicted: Array, T_fitted: Array) ->
     if not len(features.uv):
         return False
     exact = features.exact_votes(T_predicted)
-    return exact > max(TUNING.exact_share, TUNING.consensus_gain * features.exact_votes(T_fitted))
+    return exact > TUNING.exact_share and exact > TUNING.consensus_gain * features.exact_votes(T_fitted)
 
 
 def consensus(features: FollowedFeatures, T_camera_map: Array, expected: ExpectedPose) -> Array | None:

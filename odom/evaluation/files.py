@@ -4,12 +4,12 @@ import re
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from odom.errors import SourceError
 from odom.evaluation.trajectory import Stamps, Trajectory
 from odom.frame import from_seconds
 from odom.geometry.arrays import Array
+from odom.geometry.rotations import matrices_of, quaternions_of
 
 _ROTATION_TOLERANCE, _LENGTH_TOLERANCE = 1e-2, 0.1
 """How far a rotation matrix and a quaternion may be off by rounding: a wrong order of columns is off by far more."""
@@ -82,7 +82,7 @@ def read_kitti(path: Path, times: Path) -> Trajectory:
         raise SourceError(f"{path} has {len(P)} poses but {times} has {len(stamps)} times: give the poses' own times")
     if not np.allclose(P[:, :, :3] @ P[:, :, :3].transpose(0, 2, 1), np.eye(3), atol=_ROTATION_TOLERANCE):
         raise SourceError(f"{path}: the left 3 x 3 of a pose is not a rotation")
-    quaternions = Rotation.from_matrix(P[:, :, :3]).as_quat() if len(P) else np.zeros((0, 4))
+    quaternions = quaternions_of(P[:, :, :3])
     return trajectory_of(path, stamps, np.column_stack([P[:, :, 3], quaternions]))
 
 
@@ -108,15 +108,14 @@ def poses_of(path: Path, values: Array) -> Array:
     lengths = np.linalg.norm(values[:, 3:], axis=1)
     if not np.isfinite(values).all() or (np.abs(lengths - 1.0) > _LENGTH_TOLERANCE).any():
         raise SourceError(f"{path}: a pose is not finite or its quaternion has not length one")
-    T[:, :3, :3] = Rotation.from_quat(values[:, 3:]).as_matrix()
+    T[:, :3, :3] = matrices_of(values[:, 3:])
     T[:, :3, 3] = values[:, :3]
     return T
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
     """Write a trajectory as TUM text, stamps with nine decimals."""
-    rotations = trajectory.T_world_body[:, :3, :3]
-    quaternions = Rotation.from_matrix(rotations).as_quat() if len(trajectory) else np.zeros((0, 4))
+    quaternions = quaternions_of(trajectory.T_world_body[:, :3, :3])
     with path.open("w") as file:
         for stamp, t, q in zip(trajectory.stamps, trajectory.positions, quaternions, strict=True):
             seconds = f"{stamp // 1_000_000_000}.{stamp % 1_000_000_000:09d}"

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from odom.evaluation.alignment import align
 from odom.evaluation.drift import Whitener
@@ -20,6 +19,7 @@ from odom.evaluation.sandwich import sandwich_sigma
 from odom.evaluation.trajectory import Trajectory, inverse_all
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
+from odom.geometry.rotations import mean_of, vectors_of
 
 MINIMUM = 20
 """Poses that a calibration needs at least."""
@@ -104,16 +104,16 @@ class HandEye:
             hands = [self.imposed]
         else:
             stride = max(1, min(len(W) // 4, round(0.7 * len(W) / max(self.estimate.duration_s, 1e-3))))
-            A = Rotation.from_matrix((inverse_all(W[:-stride]) @ W[stride:])[:, :3, :3]).as_rotvec()
-            B = Rotation.from_matrix((inverse_all(C[:-stride]) @ C[stride:])[:, :3, :3]).as_rotvec()
+            A = vectors_of((inverse_all(W[:-stride]) @ W[stride:])[:, :3, :3])
+            B = vectors_of((inverse_all(C[:-stride]) @ C[stride:])[:, :3, :3])
             R_world_odom = align(C[:, :3, 3], W[:, :3, 3]).T_truth_estimate[:3, :3]
             hands = [np.eye(4) for _ in range(3)]
             hands[0][:3, :3] = align(np.vstack([B, -B]), np.vstack([A, -A])).T_truth_estimate[:3, :3]
-            hands[1][:3, :3] = _mean(W[:, :3, :3].transpose(0, 2, 1) @ R_world_odom @ C[:, :3, :3])
+            hands[1][:3, :3] = mean_of(W[:, :3, :3].transpose(0, 2, 1) @ R_world_odom @ C[:, :3, :3])
         states = []
         for X in hands:
             Y = np.eye(4)
-            Y[:3, :3] = _mean(W[:, :3, :3] @ X[:3, :3] @ C[:, :3, :3].transpose(0, 2, 1))
+            Y[:3, :3] = mean_of(W[:, :3, :3] @ X[:3, :3] @ C[:, :3, :3].transpose(0, 2, 1))
             Y[:3, 3] = ((W @ X)[:, :3, 3] - C[:, :3, 3] @ Y[:3, :3].T).mean(axis=0)
             states.append(State(X, Y, self.offset_s))
         return states
@@ -122,7 +122,7 @@ class HandEye:
         """Return the errors of n frames, n x 6 (m, rad), each in its estimated camera frame."""
         camera = self._body(offset_s) @ state.T_body_camera
         step = inverse_all(state.T_world_odom @ self.estimate.T_world_body) @ camera
-        return np.column_stack([step[:, :3, 3], Rotation.from_matrix(step[:, :3, :3]).as_rotvec()])
+        return np.column_stack([step[:, :3, 3], vectors_of(step[:, :3, :3])])
 
     def _errors(self, state: State) -> Array:
         """Return the errors of m groups, m x 6."""
@@ -187,7 +187,3 @@ class HandEye:
 def _averaged(rows: Array, group: int) -> Array:
     whole = len(rows) // group * group
     return np.asarray(rows[:whole].reshape(-1, group, *rows.shape[1:]).mean(axis=1))
-
-
-def _mean(R: Array) -> Array:
-    return np.asarray(Rotation.from_matrix(R).mean().as_matrix())

@@ -9,13 +9,13 @@ turned against each other; orientations do.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from odom.errors import InputError
 from odom.evaluation.alignment import align
 from odom.evaluation.trajectory import inverse_all
 from odom.geometry import se3
 from odom.geometry.arrays import Array
+from odom.geometry.rotations import mean_of, vectors_of
 
 _ITERATIONS, _CONVERGED = 50, 1e-10
 """Gauss-Newton steps at most (some five are needed), ended by a smaller step (m, rad)."""
@@ -131,7 +131,7 @@ def figures(found: PoseAlignment, T_estimate: Array, T_truth: Array) -> PoseFigu
 def pose_errors(T_truth_estimate: Array, T_estimate: Array, T_truth: Array) -> Array:
     """Return n x 6 errors (m, rad) of the aligned poses, each in its estimated camera frame."""
     step = inverse_all(T_truth_estimate @ T_estimate) @ T_truth
-    return np.column_stack([step[:, :3, 3], Rotation.from_matrix(step[:, :3, :3]).as_rotvec()])
+    return np.column_stack([step[:, :3, 3], vectors_of(step[:, :3, :3])])
 
 
 def _refined(T: Array, T_estimate: Array, T_truth: Array, AW: Array, H: Array) -> Array:
@@ -153,7 +153,7 @@ def _by_orientations(T_estimate: Array, T_truth: Array) -> Array:
     """Return the alignment of the mean turn and the mean shift."""
     T = np.eye(4)
     turns = T_truth[:, :3, :3] @ T_estimate[:, :3, :3].transpose(0, 2, 1)
-    T[:3, :3] = Rotation.from_matrix(turns).mean().as_matrix()
+    T[:3, :3] = mean_of(turns)
     T[:3, 3] = (T_truth[:, :3, 3] - T_estimate[:, :3, 3] @ T[:3, :3].T).mean(axis=0)
     return T
 

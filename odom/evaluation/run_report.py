@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from odom.errors import InputError
 from odom.evaluation.chain_report import chain_fields, trajectory_fields
@@ -17,6 +16,8 @@ from odom.evaluation.trajectory import Trajectory
 from odom.evaluation.trajectory_plot import ClaimedError, plot
 from odom.evaluation.trajectory_plot import load_drawing as load_drawing
 from odom.evaluation.truth_noise import truth_noise, widened
+from odom.geometry.quaternion import quaternion_from_rotation
+from odom.geometry.rotations import angles_of
 
 CAMERA = "camera"
 """Body whose truth is that of the colour camera's optical frame itself, on the camera's own clock."""
@@ -119,7 +120,7 @@ def calibration_fields(calibration: Calibration | None, body: str) -> dict[str, 
             "parent": body,
             "child": "camera_optical_frame",
             "translation_m": calibration.T_body_camera[:3, 3].tolist(),
-            "quaternion_xyzw": Rotation.from_matrix(calibration.T_body_camera[:3, :3]).as_quat().tolist(),
+            "quaternion_xyzw": quaternion_from_rotation(calibration.T_body_camera[:3, :3]).tolist(),
             "sigma_m": sigma[:3].tolist(),
             "sigma_deg": np.degrees(sigma[3:]).tolist(),
         },
@@ -131,7 +132,7 @@ def remarks(calibration: Calibration | None) -> tuple[str, ...]:
     if calibration is None:
         return ()
     t, sigma = 1e3 * calibration.T_body_camera[:3, 3], calibration.hand_eye_sigma
-    turn = np.degrees(Rotation.from_matrix(calibration.T_body_camera[:3, :3]).magnitude())
+    turn = np.degrees(angles_of(calibration.T_body_camera[None, :3, :3])[0])
     return (
         f"Estimated with the alignment: clock offset {1e3 * calibration.offset_s:.1f} ± "
         f"{1e3 * calibration.offset_sigma_s:.1f} ms; camera in marker body ({t[0]:.0f}, {t[1]:.0f}, {t[2]:.0f}) mm "

@@ -5,9 +5,9 @@ rotations are smoothed in the tangent space of the middle sample.
 """
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from odom.evaluation.trajectory import Trajectory, inverse_all
+from odom.geometry.rotations import matrices_of_vectors, vectors_of
 
 _HALF_WINDOW_S = 0.035
 """Half the window: longer ones flatten a hand's motion, shorter ones leave the noise."""
@@ -38,9 +38,9 @@ def smooth(trajectory: Trajectory) -> Trajectory:
     for weight, lag in zip(weights, range(-half, half + 1), strict=True):
         relative = inverse @ T[whole + lag]
         shift += weight * relative[:, :3, 3]
-        turn += weight * Rotation.from_matrix(relative[:, :3, :3]).as_rotvec()
+        turn += weight * vectors_of(relative[:, :3, :3])
     step = np.tile(np.eye(4), (len(whole), 1, 1))
-    step[:, :3, :3] = Rotation.from_rotvec(turn).as_matrix()
+    step[:, :3, :3] = matrices_of_vectors(turn)
     step[:, :3, 3] = shift
     out = T.copy()
     out[whole] = T[whole] @ step

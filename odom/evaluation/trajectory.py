@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from odom.errors import InputError
 from odom.frame.brief import brief
 from odom.geometry.arrays import Array, Mask
+from odom.geometry.rotations import angles_of, matrices_of_vectors, vectors_of
 
 if TYPE_CHECKING:
     from odom.backend import TrajectoryPose
@@ -117,10 +117,10 @@ class Trajectory:
         valid = (stamps >= self.stamps[0]) & (stamps <= self.stamps[-1]) & ((gap <= max_gap_s * 1e9) | at_a_pose)
         if valid.any():
             w = fraction[valid, None]
-            first = Rotation.from_matrix(self.T_world_body[left[valid], :3, :3])
-            turn = first.inv() * Rotation.from_matrix(self.T_world_body[right[valid], :3, :3])
+            first, second = (self.T_world_body[side[valid], :3, :3] for side in (left, right))
+            turn = vectors_of(first.transpose(0, 2, 1) @ second)
             poses[valid] = np.eye(4)
-            poses[valid, :3, :3] = (first * Rotation.from_rotvec(w * turn.as_rotvec())).as_matrix()
+            poses[valid, :3, :3] = first @ matrices_of_vectors(w * turn)
             poses[valid, :3, 3] = (1 - w) * self.positions[left[valid]] + w * self.positions[right[valid]]
         return poses, valid
 
@@ -142,4 +142,4 @@ def inverse_all(T: Array) -> Array:
 
 def angles(R: Array) -> Array:
     """Return the rotation angles (n, radians) of n rotation matrices (n x 3 x 3)."""
-    return np.asarray(Rotation.from_matrix(R).magnitude()) if len(R) else np.zeros(0)
+    return angles_of(R)

@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from odom.geometry.arrays import Array
+from odom.geometry.rotations import vectors_of
 
 _I3 = np.eye(3)
 _SMALL = 1e-5
@@ -94,6 +95,16 @@ def log(T: Array) -> Array:
             z,
         ]
     )
+
+
+def logs(T: Array) -> Array:
+    """Return the tangent vectors (n x 6) of n rigid motions, as `log` does."""
+    phi, t = vectors_of(T[:, :3, :3]), T[:, :3, 3]
+    theta2 = np.square(phi).sum(axis=1)
+    half = 0.5 * np.sqrt(np.maximum(theta2, _SMALL**2))
+    d = np.where(theta2 < _SMALL**2, 1.0 / 12.0, (1.0 - half / np.tan(half)) / (4.0 * half * half))
+    turned = np.cross(phi, t)
+    return np.column_stack([t - 0.5 * turned + d[:, None] * np.cross(phi, turned), phi])
 
 
 def inverse(T: Array) -> Array:

@@ -4,10 +4,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import rerun as rr
-from scipy.spatial.transform import Rotation
 
 from odom.frame import Stamp
 from odom.geometry.arrays import Array
+from odom.geometry.rotations import quaternions_of
 from odom.viewer import entities, palette
 from odom.viewer.entities import EntityUpdate, update
 from odom.wire.codec import StampedPose
@@ -38,7 +38,7 @@ def ellipsoids(stamp: Stamp, poses: Sequence[StampedPose], covariances: Sequence
         rr.Ellipsoids3D(
             centers=centres[apart],
             half_sizes=3.0 * np.sqrt(np.maximum(variances[apart], 1e-12)),
-            quaternions=Rotation.from_matrix((rotations @ axes)[apart]).as_quat(),
+            quaternions=quaternions_of((rotations @ axes)[apart]),
             colors=palette.ELLIPSOID,
             line_radii=-0.6,
             fill_mode=rr.components.FillMode.DenseWireframe,

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from odom.errors import InputError
 from odom.evaluation import Trajectory, align
@@ -21,6 +20,7 @@ from odom.evaluation.truth_noise import truth_noise
 from odom.frame import Stamp
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
+from odom.geometry.rotations import angles_of
 from odom.viewer.claimed_covariances import ClaimedCovariances
 
 MAX_GAP_S = 0.1
@@ -217,7 +217,7 @@ class Comparison:
         T = np.array([entry[1] for entry in judged])
         E = inverse_all(T) @ np.where(valid[:, None, None], T_true, np.eye(4))
         metres = np.linalg.norm(E[:, :3, 3], axis=1)
-        degrees = np.degrees(Rotation.from_matrix(E[:, :3, :3]).magnitude())
+        degrees = np.degrees(angles_of(E[:, :3, :3]))
         for entry, ok, m, deg in zip(judged, valid, metres, degrees, strict=True):
             if ok:
                 yield PoseError(entry[0], float(m), float(deg), *fit.bounds(entry[1], entry[2]))

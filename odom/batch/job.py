@@ -13,7 +13,7 @@ import odom
 from odom.batch.recordings import ContentHashes, Recording
 from odom.errors import ConfigError
 
-_NUMERICS = ("gtsam", "numba", "numpy", "opencv-python-headless", "scipy")
+_NUMERICS = ("numba", "numpy", "opencv-python-headless", "scipy")
 """Libraries by whose version the last bits of a result may change."""
 _SOURCES = Path(odom.__file__).parents[1]
 

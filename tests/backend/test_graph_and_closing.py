@@ -1,6 +1,8 @@
 from itertools import pairwise
 
+import gtsam
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_up_scene import bare_keyframe, chain_of_keyframes
@@ -84,11 +86,47 @@ def test_poses_agree_as_gtsam_has_it(seed, loops, is_torn):
         a, b = sorted(rng.choice(COUNT, 2, replace=False).tolist())
         away = se3.exp(0.002 * rng.normal(size=6) + is_torn * rng.normal(size=6))
         edges.append(Edge(a, b, se3.inverse(true[a]) @ true[b] @ away, SMALL * rng.uniform(0.1, 2.0), True))
-    expected, _ = optimise_with_covariance(dict(enumerate(start)), [0], edges, COUNT - 1)
+    expected, claimed = as_gtsam_has_it(start, edges)
     found = optimised(start, edges)
     assert cost(found, edges) < 1.001 * cost([expected[k] for k in range(COUNT)], edges) + 1e-6
     if not is_torn:
         assert max(gap(found[k], expected[k]) for k in range(COUNT)) < 3e-4  # a third of a link's sigma
+        poses, covariance = optimise_with_covariance(dict(enumerate(start)), [0], edges, COUNT - 1)
+        assert max(gap(poses[k], found[k]) for k in range(COUNT)) < 1e-9
+        scale = np.sqrt(np.diag(claimed))
+        assert np.abs((covariance - claimed) / np.outer(scale, scale)).max() < 0.02
+
+
+def as_gtsam_has_it(poses, edges):
+    """T_map_keyframe that meet the edges, the first one held, and the covariance of the last."""
+    swap = np.r_[3:6, 0:3]  # gtsam's tangent has the rotation first
+    graph, start = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    for number, T in enumerate(poses):
+        start.insert(number, gtsam.Pose3(T))
+    still = gtsam.noiseModel.Isotropic.Sigma(6, 1e-6)
+    graph.add(gtsam.PriorFactorPose3(0, gtsam.Pose3(poses[0]), still))
+    for edge in edges:
+        noise = gtsam.noiseModel.Gaussian.Covariance(edge.covariance[np.ix_(swap, swap)] + 1e-12 * np.eye(6))
+        if edge.is_loop:
+            noise = gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Huber.Create(3.0), noise)
+        graph.add(gtsam.BetweenFactorPose3(edge.a, edge.b, gtsam.Pose3(edge.T_a_b), noise))
+    result = gtsam.LevenbergMarquardtOptimizer(graph, start).optimize()
+    last = len(poses) - 1
+    covariance = gtsam.Marginals(graph, result).marginalCovariance(last)[np.ix_(swap, swap)]
+    return [result.atPose3(k).matrix() for k in range(len(poses))], covariance
+
+
+def test_poses_that_nothing_determines_are_told():
+    poses = {k: np.eye(4) for k in range(3)}
+    with pytest.raises(RuntimeError):
+        optimise_with_covariance(poses, [0], [Edge(0, 1, np.eye(4), SMALL)], 2)
+
+
+def test_a_held_pose_has_no_covariance():
+    poses = {7: np.eye(4), 9: np.eye(4)}
+    found, covariance = optimise_with_covariance(poses, [7], [Edge(7, 9, se3.exp(np.full(6, 0.1)), SMALL)], 7)
+    assert gap(found[9], se3.exp(np.full(6, 0.1))) < 1e-9
+    assert not covariance.any()
 
 
 def cost(poses, edges):

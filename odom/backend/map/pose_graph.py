@@ -1,12 +1,11 @@
 """The pose graph of key frames: registrations as edges, loop closures with robust weights.
 
-What works beside frames is compiled and leaves the interpreter to them; gtsam, which holds it, is asked at the end.
+What works beside frames is compiled and leaves the interpreter to them.
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -17,8 +16,6 @@ from odom.geometry.arrays import Array, Index, Mask
 
 _ROBUST_FROM_SIGMA = 3.0
 """Huber's bound on loop closures, in sigmas: beyond, the cost grows linearly."""
-_SWAP = np.r_[3:6, 0:3]
-"""Order of a tangent's entries in gtsam, which has the rotation first."""
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-6, 1e-9, 1e6
 """Levenberg-Marquardt's, as a share of the diagonal: a graph with one closure is nearly linear. Where even the most
 gains nothing, the poses stay."""
@@ -170,29 +167,22 @@ def optimise_with_covariance(
 
     Raises RuntimeError where the edges do not determine the poses.
     """
-    import gtsam
-
-    graph, result = _solved(T_map_keyframe, held, edges)
-    covariance = gtsam.Marginals(graph, result).marginalCovariance(wanted)[np.ix_(_SWAP, _SWAP)]
-    return {number: np.asarray(result.atPose3(number).matrix()) for number in T_map_keyframe}, np.asarray(covariance)
-
-
-def _solved(T_map_keyframe: dict[int, Array], held: Collection[int], edges: list[Edge]) -> tuple[Any, Any]:
-    """Return gtsam's graph and the values that solve it."""
-    import gtsam
-
-    graph, start = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    for number, T in T_map_keyframe.items():
-        start.insert(number, gtsam.Pose3(T))
-    for number in held:
-        still = gtsam.noiseModel.Isotropic.Sigma(6, 1e-6)
-        graph.add(gtsam.PriorFactorPose3(number, gtsam.Pose3(T_map_keyframe[number]), still))
-    for edge in edges:
-        noise: gtsam.noiseModel.Base = gtsam.noiseModel.Gaussian.Covariance(
-            edge.covariance[np.ix_(_SWAP, _SWAP)] + 1e-12 * np.eye(6)
-        )
-        if edge.is_loop:
-            robust = gtsam.noiseModel.mEstimator.Huber.Create(_ROBUST_FROM_SIGMA)
-            noise = gtsam.noiseModel.Robust.Create(robust, noise)
-        graph.add(gtsam.BetweenFactorPose3(edge.a, edge.b, gtsam.Pose3(edge.T_a_b), noise))
-    return graph, gtsam.LevenbergMarquardtOptimizer(graph, start).optimize()
+    numbers = list(T_map_keyframe)
+    row = {number: k for k, number in enumerate(numbers)}
+    is_held = np.array([number in held for number in numbers])
+    joined = EdgeArrays.of([replace(edge, a=row[edge.a], b=row[edge.b]) for edge in edges])
+    best = optimise(se3.inverses(np.array(list(T_map_keyframe.values()))), is_held, joined)
+    found = dict(zip(numbers, se3.inverses(best), strict=True))
+    if is_held[row[wanted]]:
+        return found, np.zeros((6, 6))
+    equations = Equations(is_held, joined)
+    equations.set_up(best)
+    if not equations.factorise():
+        raise RuntimeError(f"{len(edges)} registrations do not determine {len(numbers)} poses")
+    place, columns = equations.place[row[wanted]], np.zeros((6, 6))
+    for j in range(6):
+        equations.g[:] = 0.0
+        equations.g[place, j] = 1.0
+        equations.solve()
+        columns[:, j] = equations.g[place]
+    return found, 0.5 * (columns + columns.T)

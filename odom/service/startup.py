@@ -37,6 +37,7 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
     Otherwise the first frames would wait for imports and compilation, as would the first relocalisation and the first
     closed loop: so the camera is lost in between.
     """
+    gc.freeze()  # what has been imported stays: to look through it takes a tenth of a second
     cv2.setNumThreads(1)
     patience = threading.Timer(_PATIENCE_S, _LOG.info, ["compiling: the first start takes about half a minute longer"])
     patience.daemon = True

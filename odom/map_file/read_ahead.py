@@ -18,10 +18,13 @@ class ReadAhead:
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="odom-map-reader")
         self._lock = threading.Lock()
         self._coming: dict[int, Future[SavedDetails | None]] = {}
+        self._is_closed = False
 
     def ask(self, numbers: Iterable[int]) -> None:
         """Begin to read key frames that may soon be wanted."""
         with self._lock:
+            if self._is_closed:
+                return
             for number in numbers:
                 if number not in self._coming:
                     self._coming[number] = self._pool.submit(self._read, number)
@@ -42,5 +45,7 @@ class ReadAhead:
                     coming.cancel()
 
     def close(self) -> None:
-        """Read nothing more."""
+        """Read nothing more ahead."""
+        with self._lock:
+            self._is_closed = True
         self._pool.shutdown(cancel_futures=True)

@@ -136,3 +136,14 @@ def test_a_doubtful_recognition_waits_for_a_second_frame(made, monkeypatch):
     jump = [truth[0], rolled(stroll(0.0), 90.0), truth[2]]
     estimates, _ = walk(made[0], shown(jump, ROOM, HOUR), localize=True)
     assert {e.state for e in estimates} == {State.LOST}
+
+
+def test_a_closed_map_is_not_taken_for_a_damaged_one(made, caplog):
+    opened = MapFile(made[0], is_written=False)
+    opened.begin(SMALL)
+    opened.close()
+    opened.expect([0, 1])
+    assert opened.fetch(0) is None
+    assert opened.fetch_place(1) is None
+    assert opened.lost == 0
+    assert "left out" not in caplog.text

@@ -44,9 +44,6 @@ def serve(
     stop = signals.stop_event()
     from contextlib import ExitStack
 
-    from odom.service.one_heap import share_one_heap
-
-    share_one_heap()  # before the first library starts a thread
     from odom.service.map_keeper import MapKeeper
     from odom.service.odometry_process import serve as run_odometry
     from odom.service.result_files import RunFiles

@@ -104,6 +104,11 @@ def check_source(spec: str, options: SourceOptions) -> None:
         open_source(spec, options).close()
 
 
+def takes_calibration(spec: str) -> bool:
+    """Return whether a SOURCE can be told its camera's calibration; raises ConfigError as above."""
+    return "camera" in _TAKES[_kind(spec)]
+
+
 def _kind(spec: str) -> str:
     if spec == "arena":
         return "arena"

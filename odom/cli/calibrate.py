@@ -45,7 +45,7 @@ def calibrate(
 
     from odom.backend.settings import OdometrySettings
     from odom.errors import ConfigError
-    from odom.service.calibration_files import remarks
+    from odom.service.calibration_files import how_to_use, remarks
     from odom.service.calibration_run import calibrate_recordings
     from odom.service.progress import counting
     from odom.service.settings_sources import part_settings
@@ -79,7 +79,7 @@ def calibrate(
     for line in text:
         typer.echo(line)
     _settle(outcome, files, text, depth_scale_of(sources[0], camera))
-    typer.echo(f"use it: odom run {sources[0]} --camera {out}")
+    typer.echo(how_to_use(sources[0], out))
 
 
 def _settle(outcome: "Outcome", files: list[Path], text: list[str], depth_scale: float) -> None:

@@ -9,6 +9,7 @@ from odom.calibration.words import numbers, quality, registration
 from odom.frame import DepthModel
 from odom.service.calibration_run import Outcome
 from sensors.calibration_file import Calibration, calibration_text
+from sensors.catalogue import takes_calibration
 
 
 def remarks(outcome: Outcome, sources: Sequence[str]) -> list[str]:
@@ -30,6 +31,13 @@ def remarks(outcome: Outcome, sources: Sequence[str]) -> list[str]:
     lines += result.hidden()
     lines += ["interrupted: not judged on held-out frames"] if outcome.judgement is None else quality(outcome.judgement)
     return lines
+
+
+def how_to_use(source: str, calibration: Path) -> str:
+    """Return in words how a calibration is used that was found in `source`."""
+    if takes_calibration(source):
+        return f"use it: odom run {source} --camera {calibration}"
+    return f"use it with --camera {calibration}, for recordings of this camera; {source} itself takes no other camera"
 
 
 def write_calibration(files: Sequence[Path], outcome: Outcome, text: Iterable[str], depth_scale: float) -> None:

@@ -8,8 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from odom.errors import ConfigError
+from odom.service.calibration_files import how_to_use
 from sensors.calibration_file import Calibration, calibration_text, load_calibration
+from sensors.catalogue import check_source
 from sensors.default_camera import kinect_camera
+from sensors.source import SourceOptions
 
 RECORDING = Path(__file__).parents[2] / "recordings" / "arena.mcap"
 COMMAND = [sys.executable, "-m", "odom", "calibrate"]
@@ -56,6 +60,19 @@ def test_a_camera_at_rest_shows_nothing_and_nothing_is_written(tmp_path):
     assert status == 1, errors
     assert not out.exists()
     assert "not shown by this walk" in text or "walk on" in errors
+
+
+@pytest.mark.parametrize("source", [str(RECORDING), "kinect", "arena"])
+def test_the_advice_is_a_call_that_is_not_refused(tmp_path, source):
+    out = tmp_path / "camera.yaml"
+    out.write_text(calibration_text(Calibration(kinect_camera(320, 240))))
+    advice = how_to_use(source, out)
+    assert str(out) in advice
+    if "odom run" in advice:
+        check_source(source, SourceOptions(camera=out))
+    else:
+        with pytest.raises(ConfigError):
+            check_source(source, SourceOptions(camera=out))
 
 
 def test_another_name_than_yaml_is_refused(tmp_path):

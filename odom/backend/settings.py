@@ -22,7 +22,9 @@ class OdometrySettings(BaseModel, frozen=True, extra="forbid", allow_inf_nan=Fal
     bridge_s: float = Field(0.12, ge=0, le=10, description="a motion prediction may stand in for this long before LOST")
     new_segment_s: float = Field(1.0, ge=0.01, le=3600, description="LOST with sight for so long begins a new segment")
     self_calibration: bool = Field(
-        True, description="at the end, adjust all poses by a better calibration where the one given is clearly poor"
+        True,
+        description="look for a better calibration on the way and at the end, and go on with it where the one "
+        "given is clearly poor",
     )
     pixel_sigma_px: float = Field(0.6, ge=0.01, le=100, description="localisation noise of a feature, at the start")
     inverse_depth_sigma: float = Field(

@@ -121,7 +121,7 @@ def surveyed(odometry: Odometry) -> tuple[Survey, Adjustment]:
 
     Raises InputError when it holds too few frames to calibrate anything.
     """
-    map_, camera = odometry.map, odometry.camera
+    map_, camera = odometry.map, odometry.camera_in_use
     segments = {keyframe.segment for keyframe in map_.keyframes}
     if not segments:
         raise InputError("nothing could be tracked: look at the recording with odom doctor")
@@ -135,11 +135,16 @@ def surveyed(odometry: Odometry) -> tuple[Survey, Adjustment]:
         raise InputError(f"{len(frames)} frames are linked by common landmarks, too few: walk on for longer")
     seen, number, landmark = _gathered(frames, odometry, start.rows)
     stamps = [keyframe.stamp for keyframe in keyframes] + [odometry.stamp_of(frame) for frame in others]
+    R_own_told = odometry.sensor.lens.R_own_told
+    if camera is not odometry.camera:
+        seen = turned(seen, R_own_told)
+    T_camera_map = start.bundle.T_camera_map.copy()
+    T_camera_map[:, :3] = R_own_told @ T_camera_map[:, :3]
     vector, S = vector_of(camera), seen.covariance
     uv, by_direction, _ = project(seen.values[:, :2], vector[LENS])
     terms = field_terms(uv, camera.width, camera.height)
     scale = terms @ vector[SCALE]
-    slope = steady_slopes(seen, by_direction, start.bundle.T_camera_map[number][:, :3, :3], landmark)
+    slope = steady_slopes(seen, by_direction, T_camera_map[number][:, :3, :3], landmark)
     fx, fy = camera.fx, camera.fy
     survey = Survey(
         camera=camera,
@@ -151,13 +156,19 @@ def surveyed(odometry: Odometry) -> tuple[Survey, Adjustment]:
         by_timing=seen.jacobian_timing,
         variance_uv=np.column_stack([S[:, 0] * fx**2, S[:, 1] * fx * fy, S[:, 2] * fy**2]),
         variance_depth=S[:, 3] * scale**2,
-        T_camera_map=start.bundle.T_camera_map,
+        T_camera_map=T_camera_map,
         landmarks=start.bundle.landmarks,
         is_fixed=start.is_fixed,
         seconds=(np.array(stamps) - min(stamps)) * 1e-9,
         recording=np.zeros(len(frames), dtype=np.int64),
     )
     return survey, start
+
+
+def turned(seen: Measurements, R_own_told: Array) -> Measurements:
+    """Return measurements in a camera's own axes that were told in those of another, a degree or two aside."""
+    own = np.column_stack([seen.values[:, :2], np.ones(len(seen))]) @ R_own_told.T
+    return replace(seen, values=np.column_stack([own[:, :2], seen.values[:, 2]]) / own[:, 2:])
 
 
 def steady_slopes(seen: Measurements, by_direction: Array, R_camera_map: Array, landmark: Index) -> Array:

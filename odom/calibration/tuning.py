@@ -7,6 +7,8 @@ from odom.geometry.tuning import in_use, tuned
 _CAMERAS = "cameras met so far, most of them within a half of it"
 _WALKS = "fr1_xyz, fr1_rpy and the arena, from an average Kinect's calibration"
 
+_LOOKS = "what is found after 1 to 26 s of fr1_xyz, fr1_rpy and a hololens, against what is found at the end"
+
 
 # fmt: off
 @dataclass(frozen=True)
@@ -55,6 +57,12 @@ class Tuning:
     restless_most: float = tuned(0.05, unit="share of the landmarks", source="1 % and less on fr1, the arena and a "
         "hololens; a body counts with the share of the view it fills",
         effect="elsewhere in most frames; smaller: good walks are refused; larger: what moves bends the lens")
+    # self-calibration while a run goes on
+    change_times: float = tuned(2.0, unit="times the pixels by which the camera found may be off", source=_LOOKS,
+        effect="by which the one in use must be off to be changed; smaller: first guesses are used; larger: a poor "
+        "camera stays in use until the end")
+    change_unsure_px: float = tuned(2.5, unit="px", source=_LOOKS,
+        effect="by which the camera found may be off at the most; as change_times")
     # self-calibration of a run, at its end
     self_frames: int = tuned(150, unit="frames", source="time on fr1_xyz",
         effect="newest ones that are looked at; fewer: less is seen of the image's border; more: slower on long walks")

@@ -10,11 +10,11 @@ from dataclasses import replace
 import numpy as np
 
 from odom.calibration.parameters import BASELINE, OFFSET, SCALE, camera_of
-from odom.calibration.rays import rays_of, turned_onto
 from odom.calibration.result import Calibrated
 from odom.calibration.survey import Survey
 from odom.calibration.tuning import TUNING
 from odom.frame import Camera
+from odom.frontend.camera.rays import rays_of, turned_onto
 from odom.geometry.arrays import Array
 
 _LEAST_INVERSE = 1e-3
@@ -33,7 +33,7 @@ def in_believed_unit(result: Calibrated, survey: Survey) -> Calibrated:
     calibration given made them. Or their size was right: whoever ties depth to a board of known size does so by the
     focal length that he believes in, so that the errors of both cancel. The expected unit lies between.
     """
-    lens = lens_change(result.camera, survey)
+    lens = lens_change(camera_of(result.start, result.camera), result.camera, survey)
     return _scaled(result, float(np.exp(-depth_change(result, survey) - size_belief(lens) * lens)))
 
 
@@ -61,14 +61,14 @@ def depth_change(result: Calibrated, survey: Survey) -> float:
     return float(np.median(np.log(inverse(result.start) / inverse(result.vector))))
 
 
-def lens_change(camera: Camera, survey: Survey) -> float:
-    """Return how much wider `camera` sees what the survey's camera saw, by the spread of x/z, y/z: a logarithm.
+def lens_change(given: Camera, camera: Camera, survey: Survey) -> float:
+    """Return how much wider `camera` sees what a survey saw than the one `given`: a logarithm, by the spread of rays.
 
     A longer lens gives a negative one: the same pixels are seen closer together, and steps to the side are smaller.
     """
-    given = rays_of(survey.camera, survey.uv)
-    found = turned_onto(rays_of(camera, survey.uv), given)
-    a, b = (rays[:, :2] / rays[:, 2:] for rays in (given, found))
+    before = rays_of(given, survey.uv)
+    found = turned_onto(rays_of(camera, survey.uv), before)
+    a, b = (rays[:, :2] / rays[:, 2:] for rays in (before, found))
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
     return float(np.log((a * b).sum() / (a * a).sum()))
 

@@ -28,6 +28,14 @@ def calibration_fields(odometry: Odometry, own: SelfCalibration) -> dict[str, ob
     return fields if found is not None else fields | {"calibration_kept": own.reason}
 
 
+def calibration_status(odometry: Odometry) -> dict[str, str]:
+    """Return what a status says of the camera that frames are tracked by: its focal lengths and centre, in pixels."""
+    camera = odometry.camera_in_use
+    names = ("fx", "fy", "cx", "cy")
+    origin = "given" if camera is odometry.camera else "found on the way"
+    return {"calibration": origin} | {name: f"{getattr(camera, name):.1f}" for name in names}
+
+
 def _timing(odometry: Odometry) -> dict[str, list[float]]:
     s, sensor = odometry.settings, odometry.sensor
     start = (s.readout_prior_s, s.depth_lag_prior_s, s.depth_readout_prior_s)

@@ -2,7 +2,8 @@
 
 import time
 
-from odom.backend import Odometry
+from odom.backend import Odometry, OdometrySettings
+from odom.calibration.mid_run import MidRunCalibrator
 from odom.calibration.self_calibration import SelfCalibration, self_calibrated
 from odom.service.calibration_fields import calibration_fields
 from odom.service.calibration_offer import offer_calibration
@@ -43,4 +44,15 @@ def _self_calibration(odometry: Odometry, keeper: MapKeeper) -> SelfCalibration:
         return SelfCalibration(reason="odometry.self_calibration is off")
     if keeper.has_map:
         return SelfCalibration(reason="the map is kept with the camera that it was made with")
-    return self_calibrated(odometry)
+    return self_calibrated(odometry, latest_calibration(odometry))
+
+
+def latest_calibration(odometry: Odometry) -> SelfCalibration | None:
+    """Return what was found while the run went on and is in use since, None where nothing was."""
+    calibrator, is_changed = odometry.calibrator, odometry.camera_in_use is not odometry.camera
+    return calibrator.latest if is_changed and isinstance(calibrator, MidRunCalibrator) else None
+
+
+def calibrator_for(settings: OdometrySettings, keeper: MapKeeper) -> MidRunCalibrator | None:
+    """Return what calibrates a run while it goes on, None where it keeps the camera that it is given."""
+    return MidRunCalibrator() if settings.self_calibration and not keeper.has_map else None

@@ -10,9 +10,10 @@ from odom.errors import OdomError, WireError
 from odom.frame import Camera
 from odom.frontend.matching.moving_surfaces import MovingCells
 from odom.service.arrival_queue import Arrival, CameraArrival, ColorArrival, EndArrival, FrameArrival, TruthArrival
+from odom.service.calibration_fields import calibration_status
 from odom.service.estimate_messages import keyframe_message, status_values
 from odom.service.estimate_publisher import EstimatePublisher
-from odom.service.final_results import save_results
+from odom.service.final_results import calibrator_for, latest_calibration, save_results
 from odom.service.frame_receiver import FrameReceiver
 from odom.service.map_keeper import MapKeeper
 from odom.service.neighbours import Neighbours
@@ -83,6 +84,7 @@ class OdometryProcess:
         self._last_at = time.monotonic()
         self._unsaved = False
         self._is_live = False
+        self._camera_in_use: Camera | None = None
         self._anticipated_ms = 0.0
         self._neighbours = Neighbours(session, topics, lambda: self._receiver.source_ended)
 
@@ -144,7 +146,8 @@ class OdometryProcess:
     def _calibrate(self, camera: Camera) -> None:
         saved = self._keeper.begin(camera, self._odometry)
         try:
-            self._odometry = Odometry(camera, self._settings.odometry, saved)
+            calibrator = calibrator_for(self._settings.odometry, self._keeper)
+            self._odometry = Odometry(camera, self._settings.odometry, saved, calibrator=calibrator)
         except OdomError as error:
             _LOG.error("the calibration is refused, another one may follow: %s", error)
             self._receiver.refuse(camera)
@@ -177,6 +180,7 @@ class OdometryProcess:
         latency_ms = None if origin is None else (time.time_ns() - origin) * 1e-6
         self.statistics.add(estimate, frame, processing_ms, latency_ms)
         self._log_changes(estimate)
+        self._log_camera(self._odometry, estimate)
         self._last, self._last_at, self._unsaved = estimate, time.monotonic(), True
         self._is_live = origin is not None
         self._publisher.pictures(estimate)
@@ -205,6 +209,14 @@ class OdometryProcess:
         if estimate.state is not before and State.LOST in (estimate.state, before):
             _LOG.info("frame %d: %s: %s", estimate.sequence, estimate.state.value, estimate.reason)
 
+    def _log_camera(self, odometry: Odometry, estimate: Estimate) -> None:
+        latest = latest_calibration(odometry)
+        if latest is None or odometry.camera_in_use is self._camera_in_use:
+            return
+        self._camera_in_use = odometry.camera_in_use
+        words = "frame %d: the calibration given is off by %.1f px; from here on it is tracked by one found on the way"
+        _LOG.info(words, estimate.sequence, latest.off_px)
+
     def _publish_status(self) -> None:
         self._update_counts()
         last, state = self._last, self._state
@@ -212,6 +224,7 @@ class OdometryProcess:
         reason = last.reason if last is not None and state is last.state else silent
         values = {"state": state.value if state is not None else "WAITING", "reason": reason}
         values |= {} if last is None else status_values(last)
+        values |= {} if self._odometry is None else calibration_status(self._odometry)
         self._publisher.status(state, reason, values | self._neighbours.status() | self.statistics.status())
 
     def _update_counts(self) -> None:

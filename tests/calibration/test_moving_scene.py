@@ -3,9 +3,9 @@
 import pytest
 
 from odom.calibration.adjustment import FREE, Prior, likely_gain
+from odom.calibration.off_by import surely_off_px
 from odom.calibration.parameters import prior_sigma, vector_of
 from odom.calibration.result import calibrated, restless_share
-from odom.calibration.self_calibration import surely_off_px
 from odom.calibration.tuning import TUNING
 from tests.calibration.made_up_walk import SHEET, made_up_survey, spoilt
 
@@ -31,7 +31,7 @@ def test_a_body_that_walks_by_does_not_make_a_good_calibration_poor(moving):
     survey = made_up_survey(spoilt(), points=250, moving=moving)
     assert likely_gain(survey, Prior(vector_of(SHEET), prior_sigma(SHEET)), FREE) < TUNING.accept_gain
     found = calibrated(survey, SHEET)
-    assert surely_off_px(found.camera, found.sigma, survey) < 0.5
+    assert surely_off_px(SHEET, found.camera, found.sigma, survey) < 0.5
 
 
 def test_a_poor_calibration_has_something_to_gain_and_a_good_one_has_not():

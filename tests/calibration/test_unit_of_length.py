@@ -35,8 +35,8 @@ def test_a_correction_of_depth_leaves_the_usual_depth_alone(numbers):
 
 def test_a_longer_lens_is_told_by_its_share_and_a_turned_one_hardly():
     longer = replace(SHEET, fx=1.02 * SHEET.fx, fy=1.02 * SHEET.fy)
-    assert lens_change(longer, SURVEY) == pytest.approx(-0.02, abs=2e-3)
-    assert lens_change(replace(SHEET, cx=SHEET.cx + 8.0), SURVEY) == pytest.approx(0.0, abs=2e-3)
+    assert lens_change(SHEET, longer, SURVEY) == pytest.approx(-0.02, abs=2e-3)
+    assert lens_change(SHEET, replace(SHEET, cx=SHEET.cx + 8.0), SURVEY) == pytest.approx(0.0, abs=2e-3)
 
 
 def test_small_changes_of_the_lens_are_thought_to_keep_the_size_and_large_ones_to_change_it():
@@ -48,7 +48,7 @@ def test_small_changes_of_the_lens_are_thought_to_keep_the_size_and_large_ones_t
 
 
 def test_lengths_change_as_believed_and_the_unit_of_depth_takes_the_rest():
-    lens = lens_change(FOUND.camera, SURVEY)
+    lens = lens_change(SHEET, FOUND.camera, SURVEY)
     assert lens == pytest.approx(-8.0 / 533.0, abs=3e-3)
     moved = depth_change(in_believed_unit(FOUND, SURVEY), SURVEY)
     assert moved == pytest.approx(-size_belief(lens) * lens, abs=1e-3)

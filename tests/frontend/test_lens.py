@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -6,6 +8,7 @@ from hypothesis import strategies as st
 from odom.errors import ConfigError
 from odom.frame import Camera
 from odom.frontend.camera.lens import Lens, project, rays_at
+from odom.frontend.features.carrying import depth_errors
 
 small = st.floats(-0.003, 0.003)
 
@@ -57,3 +60,34 @@ def test_a_model_with_terms_that_projection_does_not_have_is_refused():
     camera = Camera(640, 480, 525.0, 525.0, 319.5, 239.5, (*[0.0] * 8, 0.01, 0.0, -0.01, 0.0))
     with pytest.raises(ConfigError):
         Lens.of(camera)
+
+
+@settings(max_examples=25)
+@given(cameras(), st.integers(0, 1000))
+def test_a_lens_told_in_the_frame_of_another_camera_sees_nearly_as_that_one_and_projects_to_its_own_pixels(
+    camera, seed
+):
+    given = replace(camera, cx=camera.width / 2, cy=camera.height / 2, distortion=())
+    plain, own, told = Lens.of(given), Lens.of(camera), Lens.of(camera, told=given)
+    rng = np.random.default_rng(seed)
+    uv = rng.uniform((1, 1), (camera.width - 2, camera.height - 2), (200, 2))
+    z = rng.uniform(0.3, 8.0, (200, 1))
+    points = np.column_stack([rays_at(told.rays, uv) * z, z])
+    seen = project(points, np.eye(4), told.intrinsics, told.distortion, camera.width, camera.height, 0.0)
+    np.testing.assert_allclose(seen[:, :2], uv, atol=0.01)
+    away = [np.abs(np.median(lens.rays - plain.rays, axis=(0, 1))).max() for lens in (own, told)]
+    assert away[1] <= away[0] + 1e-3
+    assert away[1] < 0.01
+    np.testing.assert_allclose(told.R_own_told @ told.R_own_told.T, np.eye(3), atol=1e-12)
+
+
+def test_depth_along_a_turned_axis_is_the_distance_along_it():
+    camera = Camera(640, 480, 525.0, 520.0, 326.0, 262.0)
+    given = replace(camera, cx=319.5, cy=239.5)
+    told = Lens.of(camera, told=given)
+    uv = np.array([[60.0, 40.0], [600.0, 60.0], [320.0, 240.0], [50.0, 430.0]])
+    own = np.column_stack([rays_at(Lens.of(camera).rays, uv), np.ones(4)]) * 2.5
+    turned = own @ told.R_own_told
+    np.testing.assert_allclose(turned[:, :2] / turned[:, 2:], rays_at(told.rays, uv), atol=1e-5)
+    offset, scale = depth_errors(uv, 640, 480, told.depth_model).T
+    np.testing.assert_allclose((1 / 2.5 - offset) / scale, 1.0 / turned[:, 2], rtol=1e-3)

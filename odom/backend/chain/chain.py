@@ -9,7 +9,7 @@ signs (see `shared_errors`). Between the nodes of the pose graph links are added
 less than that: a pose graph takes its edges to be independent.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from odom.backend.publication import Publication
 from odom.frame import Stamp
 from odom.frontend.camera.noise_monitor import NoiseMonitor
 from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.lens_change import LensChange
 from odom.frontend.features.view import View
 from odom.geometry import se3
 from odom.geometry.arrays import Array
@@ -111,6 +112,13 @@ class Chain:
             node = self._node(end.view.stamp, map_.keyframes[-1].number if is_keyframe else None)
             self.closures.add(node)
             self.closures.close(node, end.sight, reference, map_, noise)
+
+    def see_through(self, change: LensChange) -> None:
+        """Go on through a new lens: what the newest frame and the chain's own corners showed is told by it."""
+        if self._end is not None:
+            sight = replace(self._end.sight, measured=change.measured(self._end.sight.measured))
+            self._end = replace(self._end, sight=sight)
+        self._corners = self._corners.see_through(change)
 
     @property
     def end_sight(self) -> Sight:

@@ -13,6 +13,7 @@ from odom.backend.chain.tuning import TUNING
 from odom.backend.tracking.tuning import TUNING as TRACKING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.corners import detect_corners
+from odom.frontend.features.lens_change import LensChange
 from odom.frontend.features.measurement import measure, points_of
 from odom.frontend.features.patches import RADIUS, cut_patches
 from odom.frontend.features.view import View
@@ -72,6 +73,16 @@ class OwnCorners:
         """Return what is left after a frame in which the corners `names` (m) were found, and no others."""
         missed = np.where(places_of(self.names, names) >= 0, 0, self.missed + 1)
         return replace(self, missed=missed)._take(missed < TUNING.corner_misses)
+
+    def see_through(self, change: LensChange) -> "OwnCorners":
+        """Return the corners as the frames that they were cut out of see them through a new lens."""
+        T = self.T_chain_keyframe[self.keyframe]
+        R, t = T[:, :3, :3], T[:, :3, 3]
+        seen = np.einsum("nji,nj->ni", R, self.position - t)
+        new = change.points(seen, self.plane[:, 1:])
+        plane = self.plane.copy()
+        plane[:, 0] *= seen[:, 2] / new[:, 2]
+        return replace(self, position=np.einsum("nij,nj->ni", R, new) + t, plane=plane)
 
     def look_for(self, view: View, T_camera_chain: Array, twist: Array, sensor: SensorModel) -> Sight:
         """Return those that a view shows close to where the pose `T_camera_chain` expects them.

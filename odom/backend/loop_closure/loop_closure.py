@@ -65,6 +65,15 @@ class LoopCloser:
         self._merged: list[int] = []
         """Key frames that were merged with another segment since the background began."""
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether no loop is being closed in the background."""
+        return not self._background.is_busy
+
+    def drop_waiting(self) -> None:
+        """Forget candidates that wait: they were measured through another lens."""
+        self._waiting = []
+
     def judge(self, described: Iterable[DescribedKeyframe], sensor: SensorModel) -> list[LoopCandidate]:
         """Track what key frames look like; merge segments, and return what is decided already.
 

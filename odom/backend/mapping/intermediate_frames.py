@@ -16,6 +16,7 @@ from odom.backend.map.landmarks import Landmarks
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.tracking.frame_state import Tracked
 from odom.frontend.camera.rolling_shutter import ShutterTiming
+from odom.frontend.features.lens_change import LensChange
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 
@@ -61,6 +62,14 @@ class IntermediateFrames:
         if len(self.kept) > self._most:
             self._every *= 2
             self.kept = [s for s in self.kept if self.wants(s.number)]
+
+    def see_through(self, change: LensChange, adjusted: Mapping[int, Array], keyframes: list[Keyframe]) -> None:
+        """Tell what was measured through a new lens, at the T_camera_map that were `adjusted` by it, by number."""
+        for frame in self.kept:
+            frame.measurements = change.measured(frame.measurements)
+            if frame.number in adjusted:
+                T_map_keyframe = se3.inverse(keyframes[frame.keyframe].T_camera_map)
+                frame.T_camera_keyframe = adjusted[frame.number] @ T_map_keyframe
 
     def among(self, members: list[Keyframe]) -> list[IntermediateFrame]:
         """Return the frames placed by the key frames `members`, thinned to as many as may be adjusted with them.

@@ -4,13 +4,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from odom.backend.map.keyframe import Keyframe
+from odom.backend.map.change_of_lens import carry_newer, positions_through
+from odom.backend.map.keyframe import Keyframe, Observed
 from odom.backend.map.map import Map
 from odom.backend.mapping.bundle_adjustment import Bundle, adjust
 from odom.backend.mapping.intermediate_frames import IntermediateFrame, IntermediateFrames
 from odom.backend.mapping.observations import Observations, gather_observations
 from odom.backend.mapping.tuning import TUNING
 from odom.frontend.camera.rolling_shutter import ShutterTiming
+from odom.frontend.features.lens_change import LensChange
 from odom.geometry.arrays import Array, Index, Mask
 
 
@@ -44,9 +46,13 @@ def _snapshot(
     timing: ShutterTiming,
     information: Array,
     iterations: int,
+    change: LensChange | None = None,
 ) -> Adjustment:
     keyframes = fixed + free
-    observations, rows = gather_observations([*keyframes, *between], map_.landmarks, timing)
+    seen: list[Observed] = [*keyframes, *between]
+    if change is not None:
+        seen = [replace(frame, measurements=change.measured(frame.measurements)) for frame in seen]
+    observations, rows = gather_observations(seen, map_.landmarks, timing)
     is_fixed = np.zeros(len(keyframes) + len(between), dtype=np.bool_)
     is_fixed[: max(1, len(fixed))] = True
     T_camera_map = [k.T_camera_map for k in keyframes]
@@ -94,16 +100,23 @@ def newest(map_: Map, window: int, timing: ShutterTiming, timing_information: Ar
 
 
 def everything(
-    map_: Map, intermediate: IntermediateFrames, segment: int, timing: ShutterTiming, timing_information: Array
+    map_: Map,
+    intermediate: IntermediateFrames,
+    segment: int,
+    timing: ShutterTiming,
+    timing_information: Array,
+    change: LensChange | None = None,
 ) -> Adjustment:
     """Return the adjustment of all remembered key frames of a segment, and of intermediate frames.
 
     The oldest key frame is held; where forgotten key frames had connected the others, the oldest of each part is.
-    So are those of earlier sessions, and those next to key frames that are away: the map must not tear there.
+    So are those of earlier sessions, and those next to key frames that are away: the map must not tear there. After a
+    `change` of the lens, what frames measured is told through the new one; the landmarks are not.
     """
     keyframes = map_.members(segment)
     between = intermediate.among(keyframes)
-    whole = _snapshot(map_, keyframes[:1], keyframes[1:], between, timing, timing_information, TUNING.finish_iterations)
+    iterations = TUNING.finish_iterations
+    whole = _snapshot(map_, keyframes[:1], keyframes[1:], between, timing, timing_information, iterations, change)
     frames = len(whole.is_fixed)
     is_oldest = _oldest_connected(whole.observations, frames) == np.arange(frames)
     is_held = np.zeros(frames, dtype=np.bool_)
@@ -111,8 +124,21 @@ def everything(
     return replace(whole, is_fixed=whole.is_fixed | is_oldest | is_held)
 
 
-def take_over(map_: Map, adjustment: Adjustment, result: Bundle) -> None:
-    """Write an adjustment's result into the map, except for landmarks that were culled meanwhile."""
+def through(
+    change: LensChange, map_: Map, intermediate: IntermediateFrames, segment: int, timing: ShutterTiming,
+    timing_information: Array,
+) -> Adjustment:  # fmt: skip
+    """Return the adjustment of a segment as a whole to what its frames would have measured through another lens."""
+    whole = everything(map_, intermediate, segment, timing, timing_information, change)
+    landmarks = positions_through(map_, change, whole.rows)[0]
+    return replace(whole, bundle=replace(whole.bundle, landmarks=landmarks))
+
+
+def take_over(map_: Map, adjustment: Adjustment, result: Bundle, carries_newer: bool = False) -> None:
+    """Write an adjustment's result into the map, except for landmarks that were culled meanwhile.
+
+    Where it `carries_newer`, key frames of the segment that were made since move along with the newest adjusted one.
+    """
     L = map_.landmarks
     valid = L.identity[adjustment.rows] == adjustment.identities
     rows = adjustment.rows[valid]
@@ -120,5 +146,8 @@ def take_over(map_: Map, adjustment: Adjustment, result: Bundle) -> None:
     if result.covariances is not None:
         L.covariance[rows] = result.covariances[valid]
     free = np.flatnonzero(~adjustment.is_fixed[: len(adjustment.numbers)])
-    map_.move_keyframes(adjustment.numbers[free], result.T_camera_map[free], rows)
-    map_.registrations.adjust(adjustment.numbers[free].tolist(), map_.keyframes)
+    numbers, T_camera_map = adjustment.numbers[free], result.T_camera_map[free]
+    if carries_newer and len(numbers):
+        numbers, T_camera_map = carry_newer(map_, numbers, T_camera_map)
+    map_.move_keyframes(numbers, T_camera_map, rows)
+    map_.registrations.adjust(numbers.tolist(), map_.keyframes)

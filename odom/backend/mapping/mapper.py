@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from odom.backend.map.change_of_lens import see_through
 from odom.backend.map.map import Map
 from odom.backend.map.memory import expect_around, farthest_beyond, recall_near, set_aside
 from odom.backend.map.pruning import forget, oldest_beyond
@@ -16,8 +17,10 @@ from odom.backend.mapping.keyframe_inserter import KeyframeInserter
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.frame_state import FrameState, Tracked
+from odom.frontend.camera.lens import Lens
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
+from odom.frontend.features.lens_change import LensChange
 from odom.frontend.features.place_descriptor import describe_place
 from odom.frontend.matching.place_recognition import GrownIndex, recognise
 from odom.geometry.arrays import Array, Index
@@ -25,16 +28,23 @@ from odom.geometry.arrays import Array, Index
 
 @dataclass(frozen=True, eq=False)
 class _Done:
-    """What the background has made: an adjustment with its result, new key frames, and the index with their places."""
+    """What the background has made: an adjustment with its result, new key frames, and the index with their places.
+
+    `change` is that of the lens by which all this was made, None where it stays.
+    """
 
     adjustment: local_adjustment.Adjustment
     bundle: Bundle
     described: list[DescribedKeyframe]
     places: GrownIndex
+    change: LensChange | None
 
 
 class Mapper:
-    """Adjusts and prunes `map_`; its `inserter` adds key frames, `intermediate` keeps frames for the end."""
+    """Adjusts and prunes `map_`; its `inserter` adds key frames, `intermediate` keeps frames for the end.
+
+    A `lens_to_come` takes the place of the sensor's with the next adjustment, which is then of a segment as a whole.
+    """
 
     def __init__(self, map_: Map, settings: OdometrySettings) -> None:
         self._map, self._settings = map_, settings
@@ -42,6 +52,7 @@ class Mapper:
         self.intermediate = IntermediateFrames()
         self._background = Background[_Done]("mapping")
         self._settled = map_.earlier
+        self.lens_to_come: Lens | None = None
         self._farthest: list[int] = []
         """Key frames that are set aside next, farthest first; as many as are chosen at once."""
 
@@ -91,13 +102,23 @@ class Mapper:
         if len(self._map.remembered) <= self._settings.map_keyframes:
             recall_near(self._map, state.reference, state.T_camera_map, TUNING.recalled_at_once)
 
-    def start_background(self, count: int, sensor: SensorModel) -> None:
-        """Begin to adjust the newest key frames and to describe their places, if idle; frame `count` is the newest."""
-        waiting = self.inserter.undescribed
-        if self._background.is_busy or not waiting:
+    def start_background(self, count: int, sensor: SensorModel, may_change: bool = False) -> None:
+        """Begin to adjust the newest key frames and to describe their places, if idle; frame `count` is the newest.
+
+        `may_change`: nothing else is at work that a new lens would make wrong.
+        """
+        waiting, change, times = self.inserter.undescribed, None, 1
+        if self._background.is_busy or not (waiting or (may_change and self.lens_to_come is not None)):
             return
         prior = sensor.timing_information / self._credit(sensor)
-        adjustment = local_adjustment.newest(self._map, self._settings.window_keyframes, sensor.timing, prior)
+        if may_change and self.lens_to_come is not None:
+            change, self.lens_to_come = LensChange(sensor.lens, self.lens_to_come), None
+            segment = self._map.keyframes[-1].segment
+            adjustment = local_adjustment.through(change, self._map, self.intermediate, segment, sensor.timing, prior)
+            sensor = sensor.with_lens(change.after)
+            times += len(adjustment.is_fixed) // TUNING.change_frames
+        else:
+            adjustment = local_adjustment.newest(self._map, self._settings.window_keyframes, sensor.timing, prior)
         self.inserter.undescribed = []
         linked = [self._map.linked(seen.keyframe) for seen in waiting]
         index = self._map.places
@@ -108,23 +129,32 @@ class Mapper:
             found = [recognise(index, place, known) for place, known in zip(places, linked, strict=True)]
             expect_around(self._map, [r.candidate for one in found for r in one if not r.refusal])
             described = [DescribedKeyframe(*one) for one in zip(waiting, places, found, strict=True)]
-            return _Done(adjustment, bundle, described, index.grown({d.seen.keyframe: d.place for d in described}))
+            return _Done(
+                adjustment, bundle, described, index.grown({d.seen.keyframe: d.place for d in described}), change
+            )
 
-        due_stamp = SteadyStamp(sensor.clock.steady + round(TUNING.background_s * 1e9))
-        self._background.start(count + self._settings.background_delay_frames, due_stamp, work)
+        due_stamp = SteadyStamp(sensor.clock.steady + round(times * TUNING.background_s * 1e9))
+        self._background.start(count + times * self._settings.background_delay_frames, due_stamp, work)
 
     def take_background(
         self, count: int | None, sensor: SensorModel
     ) -> tuple[SensorModel, list[DescribedKeyframe]] | None:
         """Write the background's results into the map if they are due at frame `count` (None: at once).
 
-        Returns the sensor with the timing adjusted, and the key frames that can be recognised from now on; None where
-        nothing was due and the map is as it was.
+        Returns the sensor with the timing adjusted, and the new lens if there is one, and the key frames that can be
+        recognised from now on; None where nothing was due and the map is as it was.
         """
         taken = self._background.take(count, sensor.clock.steady)
         if taken is None:
             return None
-        sensor = self._take_over(taken.adjustment, taken.bundle, sensor)
+        if taken.change is not None:
+            see_through(self._map, taken.change)
+            sensor = sensor.with_lens(taken.change.after)
+        sensor = self._take_over(taken.adjustment, taken.bundle, sensor, taken.change is not None)
+        if taken.change is not None:
+            poses = taken.bundle.T_camera_map[len(taken.adjustment.numbers) :]
+            adjusted = dict(zip(taken.adjustment.between.tolist(), poses, strict=True))
+            self.intermediate.see_through(taken.change, adjusted, self._map.keyframes)
         self._map.places.adopt(taken.places)
         self._note_measured([one.seen.keyframe for one in taken.described])
         return sensor, taken.described
@@ -158,8 +188,14 @@ class Mapper:
         self._settled = max(settled, default=self._settled - 1) + 1
         self._map.journal.measure([*described, *settled])
 
-    def _take_over(self, adjustment: local_adjustment.Adjustment, bundle: Bundle, sensor: SensorModel) -> SensorModel:
-        local_adjustment.take_over(self._map, adjustment, bundle)
+    def _take_over(
+        self,
+        adjustment: local_adjustment.Adjustment,
+        bundle: Bundle,
+        sensor: SensorModel,
+        carries_newer: bool = False,
+    ) -> SensorModel:
+        local_adjustment.take_over(self._map, adjustment, bundle, carries_newer)
         return sensor.with_timing_change(bundle.timing_change, bundle.information_timing, self._credit(sensor))
 
     def _credit(self, sensor: SensorModel) -> float:

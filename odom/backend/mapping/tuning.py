@@ -80,6 +80,8 @@ class Tuning:
         effect="after which a result is taken, though fewer frames came; smaller: frames of slow streams wait for it; "
         "larger: slow streams recognise new places late")
     # mapper
+    change_frames: int = tuned(10, unit="frames", source="as long as the newest key frames take, or less",
+        effect="adjusted by a new lens in the time of one task; fewer: it changes later; more: frames wait for it")
     recalled_at_once: int = tuned(2, unit="key frames", source="some 2 ms each",
         effect="brought back in one frame; fewer: fast walks see landmarks late; more: frames wait for the disk")
     set_aside_ahead: int = tuned(8, unit="key frames", source=".5 ms to look for the farthest of 400",

@@ -171,7 +171,7 @@ class FrameStages:
         tracked, mapper, count = judged.tracked, self.mapper, self.published.frames.count
         if mapper.intermediate.wants(count - 1):
             mapper.keep_for_the_end(count - 1, tracked, self.sensor)
-        mapper.start_background(count, self.sensor)
+        mapper.start_background(count, self.sensor, self.closer.is_idle)
         reference, seen = tracked.reference, tracked.inlying
         rows, uv, is_keyframe = seen.rows, seen.uv, False
         if judged.state is State.RECOVERED:

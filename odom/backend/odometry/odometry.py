@@ -1,7 +1,7 @@
 """Frames in order of time to poses: what needs no depth is done ahead, what can wait is done in the background."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from odom.backend.chain.closed_chain import close_chain
 from odom.backend.estimate import ClosedChain, ClosingTest, Estimate, LoopCandidate, TrajectoryPose
@@ -11,16 +11,20 @@ from odom.backend.map.memory import take_changes
 from odom.backend.map.saved import MapChanges, SavedMap
 from odom.backend.map.shown import ShownPath, cloud_of
 from odom.backend.mapping.intermediate_frames import IntermediateFrame, IntermediateFrames, corrected
+from odom.backend.odometry.change_of_lens import go_on_through_lens
 from odom.backend.odometry.final_trajectory import trajectory
+from odom.backend.odometry.frame_order import FrameOrder
 from odom.backend.odometry.frame_stages import FrameStages
+from odom.backend.odometry.prepared import Prepared
+from odom.backend.odometry.recalibration import Calibrator, Recalibration
 from odom.backend.odometry.segmentation import Segmentation, Segmenter
-from odom.backend.odometry.tuning import TUNING
 from odom.backend.odometry.unproven_sensor import unproven_sensor
 from odom.backend.settings import OdometrySettings
 from odom.backend.stopwatch import Stopwatch
-from odom.backend.tracking.frame_state import FrameState, Tracked
-from odom.errors import ConfigError, InputError
+from odom.backend.tracking.frame_state import Tracked
+from odom.errors import ConfigError
 from odom.frame import Camera, RgbdFrame, Stamp
+from odom.frontend.camera.lens import Lens
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.sensor_memory import SensorMemory
 from odom.frontend.camera.sensor_model import SensorModel
@@ -31,21 +35,6 @@ from odom.geometry.arrays import Array, Image
 
 _LEAST_SIDE_PX = 64
 """Narrower images hold no patches in which landmarks could be searched."""
-_SHORTEST_PERIOD_S = 1e-4
-"""No camera is faster: frames closer together are stamped in microseconds or milliseconds, or were given numbers."""
-_MOST_HURRIED = 3
-"""So many frames in a row may be closer, after a hiccup of the device's clock; the next ones are refused."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Prepared:
-    """What was computed of a colour image before its depth was there: T_camera_map as predicted from `state`."""
-
-    color: Image
-    images: FrameImages
-    state: FrameState
-    T_predicted: Array
-    laps_ms: dict[str, float]
 
 
 class Odometry:
@@ -54,7 +43,9 @@ class Odometry:
     Deterministic: what runs in the background takes effect at a fixed frame number, never by the clock; time is that
     of the frames' stamps. A frame that cannot be placed is LOST, a value. Raises ConfigError for a camera of which
     nothing can be tracked, or whose lens is not known here. With a `saved` map it goes on in that, or only finds the
-    camera there. No landmark lies on what a `segmenter` marks (see `segmentation`), for people as an example.
+    camera there. No landmark lies on what a `segmenter` marks (see `segmentation`), for people as an example. A
+    `calibrator` may find a better camera on the way (see `recalibration`): the map then moves, what is published goes
+    on from where it was, and poses remain in the frame of the camera given.
     """
 
     def __init__(
@@ -63,6 +54,7 @@ class Odometry:
         settings: OdometrySettings | None = None,
         saved: SavedMap | None = None,
         segmenter: Segmenter | None = None,
+        calibrator: Calibrator | None = None,
     ) -> None:
         if min(camera.width, camera.height) < _LEAST_SIDE_PX:
             raise ConfigError(f"{camera}: images need {_LEAST_SIDE_PX} pixels each way at least")
@@ -72,11 +64,19 @@ class Odometry:
         sensor = saved.sensor.recalled(unproven) if saved is not None and saved.sensor is not None else unproven
         self._frames = FrameStages(sensor, self.settings, saved)
         self.segmentation = Segmentation(segmenter)
-        self._prepared: _Prepared | None = None
-        self._path, self._hurried = ShownPath(), 0
+        self.calibrator = calibrator
+        self._recalibration = Recalibration(camera, calibrator)
+        self._prepared: Prepared | None = None
+        self._order = FrameOrder()
+        self._path = ShownPath()
         self._adjusted: dict[int, Array] = {}
         self.late_loops: tuple[LoopCandidate, ...] = ()
         """What the last `finish` judged, after the last frame."""
+
+    @property
+    def camera_in_use(self) -> Camera:
+        """The camera that frames are measured by: the one given, until a calibrator finds a better one."""
+        return self._recalibration.in_use
 
     @property
     def timing(self) -> ShutterTiming:
@@ -125,7 +125,7 @@ class Odometry:
         watch.lap("images")
         T_predicted = frames.tracker.predict(state, images, sensor.clock.steady, sensor)
         watch.lap("predict")
-        self._prepared = _Prepared(color, images, state, T_predicted, watch.laps_ms)
+        self._prepared = Prepared(color, images, state, T_predicted, watch.laps_ms)
 
     def process(self, frame: RgbdFrame) -> Estimate:
         """Return the estimate for the next frame.
@@ -134,20 +134,8 @@ class Odometry:
         second before it; a leap further back is a new time, in which the camera has to be found again. Refused, too,
         are stamps that stay less than 0.1 ms apart: they are in another unit than nanoseconds.
         """
-        if frame.depth_mm.shape != (self.camera.height, self.camera.width):
-            raise InputError(
-                f"a frame of {frame.depth_mm.shape[::-1]} pixels from {self.camera}: give that camera's own"
-            )
         frames = self._frames
-        since_last_s = frames.published.since_last_s(frame.stamp)
-        if -TUNING.new_time_s <= since_last_s <= 0.0:
-            raise InputError(f"frame {frame.sequence} is not later than the one before: give frames in order of time")
-        self._hurried = self._hurried + 1 if 0.0 < since_last_s < _SHORTEST_PERIOD_S else 0
-        if self._hurried > _MOST_HURRIED:
-            raise InputError(
-                f"frame {frame.sequence} is stamped {since_last_s:.1e} s after the one before: give stamps in "
-                "nanoseconds; odom.from_seconds(...) makes them of seconds"
-            )
+        self._order.check(frame, self.camera, frames.published.since_last_s(frame.stamp))
         frames.sensor = frames.sensor.with_stamp(frame.stamp)
         prepared, self._prepared = self._prepared, None
         if prepared is not None and (prepared.color is not frame.color or prepared.state is not frames.state):
@@ -163,6 +151,9 @@ class Odometry:
         estimate = frames.estimate(view, T_predicted, watch)
         if frames.state is not None:
             frames.mapper.recall(frames.state)
+        found = self._recalibration.after_frame(self, frames.published.frames.count, view.steady_stamp)
+        if found is not None:
+            frames.mapper.lens_to_come = Lens.of(found, told=self.camera)
         if map_moved or estimate.is_keyframe:
             estimate = replace(estimate, path=self._path.of(frames.map), landmarks_map=cloud_of(frames.map))
         return replace(estimate, loops=loops, timings_ms=watch.laps_ms)
@@ -181,8 +172,13 @@ class Odometry:
         if state is None:
             return (), False
         T_reference_camera = state.T_reference_camera(frames.map)
+        before = frames.sensor.lens
         taken = frames.mapper.take_background(count, frames.sensor)
         frames.sensor, described = taken or (frames.sensor, [])
+        if frames.sensor.lens is not before:
+            self._recalibration.adopt()
+            state = go_on_through_lens(frames, before, state, T_reference_camera)
+            T_reference_camera = state.T_reference_camera(frames.map)
         T_reference_adjusted = frames.map.keyframes[state.reference].T_camera_map
         loops = frames.closer.judge(described, frames.sensor)
         if frames.mapper.is_idle:  # what is being adjusted must not move meanwhile

@@ -19,6 +19,8 @@ from odom.geometry.arrays import Array
 
 _SECOND_S = 1.0
 """The longer of the two motions that are published goes over this time: RPE and NEES are judged by it."""
+_TINY = 1e-12
+"""A motion that is none (m, rad)."""
 _BRIDGE_SIGMA = np.repeat([TUNING.bridge_sigma_m_s, TUNING.bridge_sigma_rad_s], 3)
 """How fast a predicted pose gets worse (6, m/s and rad/s)."""
 
@@ -35,6 +37,7 @@ class PublishedTrajectory:
         self.T_map_odom = np.eye(4)
         self._map = map_
         self._recent: deque[Publication] = deque(maxlen=TUNING.recent)
+        self._T_map_odom_wanted: Array | None = None
         self._newest: Publication | None = None
         self._corrected: Publication | None = None
         self._agility = Agility()
@@ -54,7 +57,36 @@ class PublishedTrajectory:
     def correct(self, T_new_old: Array) -> None:
         """Keep odom continuous: a closure has moved the map around the camera by `T_new_old`."""
         self.T_map_odom = T_new_old @ self.T_map_odom
+        if self._T_map_odom_wanted is not None:
+            self._T_map_odom_wanted = T_new_old @ self._T_map_odom_wanted
         self._corrected = self._newest
+
+    def change_lens(self, T_new_old: Array) -> None:
+        """Keep odom continuous where a better lens has moved the map around the camera by `T_new_old`.
+
+        What the poor one had displaced is taken back little by little as the camera moves (see `_taken_back`).
+        """
+        self._T_map_odom_wanted = self.T_map_odom if self._T_map_odom_wanted is None else self._T_map_odom_wanted
+        self.T_map_odom = T_new_old @ self.T_map_odom
+        self._corrected = self._newest
+
+    def _taken_back(self, T_map_camera: Array) -> Array:
+        """Return T_odom_camera of the newest pose in the map, nearer to where a better lens would have had it.
+
+        By a small share of the motion since the last pose, which a calibration errs by anyway. Metres and radians count
+        alike: at a metre's depth, both move a feature about as far.
+        """
+        T_odom_camera = np.asarray(se3.inverse(self.T_map_odom) @ T_map_camera)
+        wanted = self._T_map_odom_wanted
+        if wanted is None or self._newest is None:
+            return T_odom_camera
+        left = se3.log(se3.inverse(T_odom_camera) @ se3.inverse(wanted) @ T_map_camera)
+        moved = TUNING.taken_back * _size(se3.log(se3.inverse(self._newest.T_odom_camera) @ T_odom_camera))
+        if moved >= _size(left):
+            self._T_map_odom_wanted, moved = None, _size(left)
+        T_odom_camera = se3.orthonormal(T_odom_camera @ se3.exp(moved / max(_size(left), _TINY) * left))
+        self.T_map_odom = T_map_camera @ se3.inverse(T_odom_camera)
+        return T_odom_camera
 
     def begin(self, stamp: Stamp, segment: int, keyframe: int, sensor: SensorModel) -> Publication:
         """Publish the first pose of a segment, which is its key frame's by definition."""
@@ -85,7 +117,7 @@ class PublishedTrajectory:
         last = self._recent[-1].frame.keyframe if self._recent else None
         if last is not None and self._map.keyframes[last].segment != middle.segment:
             self._recent.clear()
-        T_odom_middle = se3.inverse(self.T_map_odom) @ T_map_middle
+        T_odom_middle = self._taken_back(T_map_middle)
         if since_previous_s and self._filter is not None:
             self._filter = self._filter.tracked(T_odom_middle, covariance, since_previous_s)
         else:
@@ -158,6 +190,10 @@ class PublishedTrajectory:
                 T_since_camera = se3.inverse(since.T_odom_camera) @ T_odom_camera
                 return se3.compose_covariance(since.covariance, T_since_camera, moved)
         return covariance_since_start(self._map.keyframes, frame, error)
+
+
+def _size(motion: Array) -> float:
+    return float(np.linalg.norm(motion[:3]) + np.linalg.norm(motion[3:]))
 
 
 def _from_a_second(earlier: Publication, stamp: Stamp) -> float:

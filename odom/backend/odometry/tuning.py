@@ -55,6 +55,21 @@ class Tuning:
         effect="masked beyond which a segmenter's mask is ignored; smaller: true ones are; larger: LOST by a wrong one")
     mask_reasons: int = tuned(16, unit="1", source="more than there are kinds of wrong masks",
         effect="fewer: causes are mixed up; more: memory, where a segmenter's errors differ each time")
+    calibrate_least: int = tuned(24, unit="frames", source="fr1_xyz and fr1_rpy: some 3 s",
+        effect="key frames and frames between that a calibrator first looks at; fewer: they show too little; more: a "
+        "poor calibration is used for longer")
+    calibrate_again: float = tuned(2.0, unit="times as many frames", source="cost: a look takes .2 to .5 s of CPU",
+        effect="after which it looks again; smaller: costs more; larger: what a longer walk shows comes late")
+    calibrate_most: int = tuned(200, unit="frames", source="a map of so many is adjusted anew in 2 s",
+        effect="beyond which it does not look any more; fewer: walks that show little keep a poor camera; more: frames "
+        "wait for the map")
+    calibrate_frames: int = tuned(15, unit="frames", source="twice what it takes at 30 Hz",
+        effect="that a calibrator may take in the background; fewer: the stream waits for it; more: later")
+    calibrate_s: float = tuned(0.5, unit="s", source="as calibrate_frames",
+        effect="as calibrate_frames, in a slow stream")
+    taken_back: float = tuned(0.02, unit="share of a motion", source="what a poor lens errs by on fr1",
+        effect="by which a better lens takes back what a poor one had displaced; smaller: displaced for longer; "
+        "larger: steps are less exact meanwhile")
     patience: float = tuned(5.0, unit="times the time after which a segment begins", source=_BODIES,
         effect="that a camera looks for known places where most of the view moved; smaller: segments begin on bodies; "
         "larger: LOST for longer")

@@ -6,11 +6,14 @@ from functools import cached_property
 import numpy as np
 
 from odom.backend.map.keyframe import Measured
+from odom.backend.map.landmarks import Landmarks
 from odom.backend.map.map import Map
 from odom.backend.tracking.consensus import ExpectedPose
 from odom.backend.tracking.motion_model import Motion, Velocity
+from odom.backend.tracking.pose_solver import fit_pose
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.stamp_clock import SteadyStamp
+from odom.frontend.features.lens_change import LensChange
 from odom.frontend.features.measurement import Measurements
 from odom.frontend.features.view import View
 from odom.frontend.matching.line_of_sight import LineOfSight
@@ -144,6 +147,17 @@ class FrameState:
         if self.tracked is not None:
             motion = Motion.of(motion.T_fixed_camera, self.tracked.covariance * scale, self.tracked.velocity)
         return MotionPrior(motion, since_s, scale, self.expected_after(since_s))
+
+    def seen_through(self, change: LensChange, landmarks: Landmarks) -> "FrameState":
+        """Return this state through a new lens, its pose fitted to the `landmarks` as they are by that."""
+        tracked = self.tracked
+        if tracked is None:
+            return self
+        measured, rows = change.measured(tracked.measurements), tracked.rows
+        used = tracked.inliers & landmarks.alive[rows]
+        points, covariances = landmarks.position[rows], landmarks.covariance[rows]
+        T = fit_pose(points, covariances, measured.values, measured.covariance, self.T_camera_map, used).T_camera_map
+        return replace(self, tracked=replace(tracked, measurements=measured, T_camera_map=T), T_camera_map=T)
 
     def T_reference_camera(self, map_: Map) -> Array:
         """Return the pose relative to the reference key frame."""

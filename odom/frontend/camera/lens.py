@@ -1,4 +1,8 @@
-"""The colour camera's lens: pixels to rays and camera coordinates to pixels, distortion included."""
+"""The colour camera's lens: pixels to rays and camera coordinates to pixels, distortion included.
+
+A lens that is found to be another one in mid-run has its axis elsewhere in the image, which alone would turn the frame
+of the camera by a degree or two, and every pose with it. So its rays may be told in the frame of the camera given.
+"""
 
 from dataclasses import dataclass
 
@@ -8,6 +12,8 @@ from numpy.typing import NDArray
 
 from odom.errors import ConfigError
 from odom.frame import Camera
+from odom.frame.depth_model import field_terms
+from odom.frontend.camera.rays import grid_over, rays_of, turn_onto
 from odom.geometry.arrays import Array
 from odom.geometry.compiled import compiled
 
@@ -19,9 +25,10 @@ _NEAREST_M, _WIDEST = 0.1, 1.5
 class Lens:
     """The lens of one camera: a table of rays, and the coefficients of its model.
 
-    `rays` is H x W x 2: the normalised coordinates (x/z, y/z) seen by each pixel. `intrinsics` is
-    (fx, fy, cx, cy) and `distortion` the 8 coefficients (k1, k2, p1, p2, k3, k4, k5, k6), zeros where unused.
-    `depth_model` (16) is the vector of the `DepthModel` of the depth image that is registered to it.
+    `rays` is H x W x 2: the normalised coordinates (x/z, y/z) seen by each pixel. `intrinsics` is (fx, fy, cx, cy),
+    and `distortion` (17) holds the 8 coefficients (k1, k2, p1, p2, k3, k4, k5, k6), zeros where unused, and by rows the
+    rotation to the camera's own axes, which are aside where rays are told in another camera's frame. `depth_model` (16)
+    is the vector of the `DepthModel` of the depth image that is registered to it.
     """
 
     rays: NDArray[np.float32]
@@ -30,26 +37,54 @@ class Lens:
     depth_model: Array
 
     @classmethod
-    def of(cls, camera: Camera) -> "Lens":
+    def of(cls, camera: Camera, told: Camera | None = None) -> "Lens":
         """Return the lens of `camera`; the inverse distortion is solved once for every pixel (OpenCV).
 
-        Raises ConfigError for coefficients beyond the rational model's eight (thin prism, tilt) that are not 0.
+        Its rays, and inverse depths, are in the frame of the camera `told` (None: its own), to which it is turned by
+        the rotation that brings the rays of both nearest. Raises ConfigError for coefficients beyond the rational
+        model's eight (thin prism, tilt) that are not 0.
         """
         if any(camera.distortion[8:]):
             raise ConfigError(f"distortion {camera.distortion}: only the first 8 coefficients may differ from 0")
+        turn = None if told is None else _turn_between(camera, told)
+        R_told_own = np.eye(3) if turn is None else turn
         grid = np.stack(np.meshgrid(np.arange(camera.width), np.arange(camera.height)), axis=-1)
         pixels = grid.reshape(-1, 1, 2).astype(np.float64)
         coefficients = np.array(camera.distortion or (0.0,) * 5)
         criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-9)
-        rays = cv2.undistortPoints(pixels, camera.matrix, coefficients, None, None, None, criteria)
-        padded = np.zeros(8)
+        rays = cv2.undistortPoints(pixels, camera.matrix, coefficients, None, turn, None, criteria)
+        padded = np.zeros(17)
         padded[: min(8, len(camera.distortion))] = camera.distortion[:8]
+        padded[8:] = R_told_own.T.ravel()
         return cls(
             rays.reshape(camera.height, camera.width, 2).astype(np.float32),
             np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
             padded,
-            camera.depth.vector,
+            camera.depth.vector if told is None else _told_depth(camera, R_told_own),
         )
+
+    @property
+    def R_own_told(self) -> Array:
+        """The rotation (3 x 3) from the frame that rays are told in to the camera's own."""
+        return self.distortion[8:].reshape(3, 3)
+
+
+def _turn_between(camera: Camera, told: Camera) -> Array:
+    uv = grid_over(camera)
+    return turn_onto(rays_of(camera, uv), rays_of(told, uv))
+
+
+def _told_depth(camera: Camera, R_told_own: Array) -> Array:
+    """Return the vector (16) of a depth model by which inverse depths are along the turned axis.
+
+    The distance along it is that along the camera's own, times a linear function of the ray.
+    """
+    model, uv = camera.depth.vector, grid_over(camera)
+    rays = rays_of(camera, uv)
+    terms = field_terms(uv, camera.width, camera.height)
+    farther = rays @ R_told_own[2] / rays[:, 2]
+    model[10:] = np.linalg.lstsq(terms, (terms @ model[10:]) * farther, rcond=None)[0]
+    return model
 
 
 @compiled
@@ -70,7 +105,9 @@ def ray_at(rays: NDArray[np.float32], u: float, v: float) -> tuple[float, float]
 
 @compiled
 def pixel_of(x: float, y: float, intrinsics: Array, k: Array) -> tuple[float, float]:
-    """Return the pixel (u, v) of the normalised coordinates (x/z, y/z): OpenCV's rational model."""
+    """Return the pixel (u, v) of the normalised coordinates (x/z, y/z): OpenCV's rational model, in the lens's axes."""
+    z = k[14] * x + k[15] * y + k[16]
+    x, y = (k[8] * x + k[9] * y + k[10]) / z, (k[11] * x + k[12] * y + k[13]) / z
     r2 = x * x + y * y
     radial = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])))
     xd = x * radial + 2 * k[2] * x * y + k[3] * (r2 + 2 * x * x)

@@ -39,6 +39,10 @@ class SensorModel:
         """Return the model after one more colour image, stamped `stamp`."""
         return replace(self, clock=self.clock.after(stamp))
 
+    def with_lens(self, lens: Lens) -> "SensorModel":
+        """Return the model with another lens."""
+        return replace(self, lens=lens)
+
     def with_noise(self, noise: NoiseMonitor) -> "SensorModel":
         """Return the model with what the newest frame has shown of the noise."""
         return replace(self, noise=noise)

@@ -1,0 +1,50 @@
+"""A map as another lens would have made it: what was measured in it is told anew, poses stay for an adjustment."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from odom.backend.map.map import Map
+from odom.frontend.features.lens_change import LensChange
+from odom.geometry import se3
+from odom.geometry.arrays import Array, Index
+
+
+def positions_through(map_: Map, change: LensChange, rows: Index) -> tuple[Array, Array]:
+    """Return where landmarks (`rows`, n) are as the key frames that made them see them through a new lens.
+
+    Positions (n x 3, m, map frame), and inverse depths (n, 1/m) there.
+    """
+    L = map_.landmarks
+    makers, of = np.unique(L.keyframe[rows], return_inverse=True)
+    T_camera_map = np.array([map_.keyframes[k].T_camera_map for k in makers.tolist()]).reshape(-1, 4, 4)[of]
+    R, t = T_camera_map[:, :3, :3], T_camera_map[:, :3, 3]
+    seen = np.einsum("nij,nj->ni", R, L.position[rows]) + t
+    new = change.points(seen, L.plane[rows, 1:])
+    return np.einsum("nji,nj->ni", R, new - t), L.plane[rows, 0] * seen[:, 2] / new[:, 2]
+
+
+def see_through(map_: Map, change: LensChange) -> None:
+    """Tell all that key frames measured, their landmarks and their places, through the new lens."""
+    L = map_.landmarks
+    rows = np.flatnonzero(L.alive)
+    L.position[rows], L.plane[rows, 0] = positions_through(map_, change, rows)
+    for number in map_.remembered:
+        keyframe = map_.keyframes[number]
+        keyframe.measurements = change.measured(keyframe.measurements)
+    places = map_.places.places
+    for number, place in list(places.items()):
+        places[number] = replace(place, points=change.points(place.points))
+
+
+def carry_newer(map_: Map, adjusted: Index, T_camera_map: Array) -> tuple[Index, Array]:
+    """Return key frames with poses, and with them those of their segment that were made since, carried along.
+
+    `adjusted` (n) are numbers in ascending order, `T_camera_map` (n x 4 x 4) their new poses; the newest carries.
+    """
+    newest = map_.keyframes[int(adjusted[-1])]
+    T_old_new = se3.inverse(newest.T_camera_map) @ T_camera_map[-1]
+    newer = [k for k in map_.members(newest.segment) if k.number > newest.number]
+    carried = np.array([k.T_camera_map @ T_old_new for k in newer]).reshape(-1, 4, 4)
+    numbers = np.array([k.number for k in newer], dtype=np.int64)
+    return np.concatenate([adjusted, numbers]), np.concatenate([T_camera_map, carried])

@@ -1,0 +1,27 @@
+"""A better lens taken up between two frames: one event, after which nothing is left that an old one has measured.
+
+The mapper has adjusted the map by the new lens in the background, and has told key frames, landmarks, places and frames
+between through it (see `Mapper`). What the newest frame hands to the next one follows here. Recent views need nothing:
+they are images, measured when they are looked at. Loop candidates that wait are dropped.
+"""
+
+from odom.backend.odometry.frame_stages import FrameStages
+from odom.backend.tracking.frame_state import FrameState
+from odom.frontend.camera.lens import Lens
+from odom.frontend.features.lens_change import LensChange
+from odom.geometry.arrays import Array
+
+
+def go_on_through_lens(frames: FrameStages, before: Lens, state: FrameState, T_reference_camera: Array) -> FrameState:
+    """Go on through the sensor's new lens in the map adjusted by it; return the newest frame's state there.
+
+    `before` was the lens until now; `state` and `T_reference_camera` are the newest frame's in the map as it was.
+    The pose in odom stays what it was.
+    """
+    change = LensChange(before, frames.sensor.lens)
+    frames.closer.drop_waiting()
+    frames.chain.see_through(change)
+    moved = state.moved_with(frames.map, T_reference_camera).seen_through(change, frames.map.landmarks)
+    frames.published.change_lens(moved.T_map_camera @ state.T_camera_map)
+    frames.state = moved
+    return moved

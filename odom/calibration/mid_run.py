@@ -1,0 +1,50 @@
+"""The calibration of a run while it goes on: what is tracked from then on is tracked by a better camera."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from odom.backend import Odometry
+from odom.calibration.off_by import surely_off_px, unsure_px
+from odom.calibration.result import Calibrated
+from odom.calibration.self_calibration import SelfCalibration, judged
+from odom.calibration.survey import Survey, surveyed
+from odom.calibration.tuning import TUNING
+from odom.errors import ConfigError, InputError
+from odom.frame import Camera
+
+
+def is_sure(survey: Survey, found: Calibrated) -> bool:
+    """Return whether the camera in use is off by several times what the one that was found may be off itself.
+
+    Early in a walk numbers are found far from where they are: a wrong camera in mid-run does more harm than a poor one.
+    """
+    own_px = unsure_px(found)
+    off_px = surely_off_px(survey.camera, found.camera, found.sigma, survey)
+    return own_px < TUNING.change_unsure_px and off_px > TUNING.change_times * own_px
+
+
+class MidRunCalibrator:
+    """A calibrator for an `Odometry`; `latest` is what it found last, None as long as the camera given is kept."""
+
+    def __init__(self) -> None:
+        self.latest: SelfCalibration | None = None
+
+    def looked_at(self, odometry: Odometry) -> Callable[[], Camera | None]:
+        """Return the work that finds a better camera in what was measured so far (see `Calibrator`)."""
+        try:
+            survey, given = surveyed(odometry)[0], odometry.camera
+        except (InputError, ConfigError, np.linalg.LinAlgError):
+            return lambda: None
+
+        def work() -> Camera | None:
+            try:
+                found = judged(survey, given, lambda found: is_sure(survey, found))
+            except (InputError, ConfigError, np.linalg.LinAlgError):
+                return None
+            if found.found is None:
+                return None
+            self.latest = found
+            return found.found.camera
+
+        return work

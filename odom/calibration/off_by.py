@@ -1,0 +1,50 @@
+"""By how many pixels a calibration is off, and how surely that is known."""
+
+import numpy as np
+
+from odom.calibration.parameters import BASELINE, LENS, SHIFT, camera_of, vector_of
+from odom.calibration.result import Calibrated
+from odom.calibration.survey import Survey
+from odom.frame import Camera
+from odom.frontend.camera.rays import grid_over, rays_of, turned_onto
+from odom.geometry.arrays import Array
+
+_SURELY, _SHIFT_FLOOR_PX = 2.0, 0.4
+"""Sigmas by which depth must lie beside colour, and the least sigma that is believed of one walk."""
+
+
+def surely_off_px(given: Camera, camera: Camera, sigma: Array, survey: Survey) -> float:
+    """Return how far the camera `given` is from `camera`, whose numbers have standard deviations `sigma` (28).
+
+    In pixels: root mean square over the image of the rays, after the rotation that brings them nearest, or depth beside
+    colour at the survey's usual range less two sigmas, whichever is more.
+    """
+    uv = grid_over(given)
+    rays = rays_of(given, uv)
+    turned = turned_onto(rays_of(camera, uv), rays) - rays
+    rays_px = float(given.fx * np.sqrt((turned**2).sum(axis=1).mean()))
+    moved, usual = vector_of(camera) - vector_of(given), float(np.nanmedian(survey.inverse_depth))
+    unsure = np.hypot(np.minimum(sigma[SHIFT], usual * sigma[BASELINE]), _SHIFT_FLOOR_PX)
+    shift_px = float(np.linalg.norm(moved[SHIFT] + usual * moved[BASELINE]))
+    return max(rays_px, shift_px - _SURELY * float(unsure.max()))
+
+
+def unsure_px(found: Calibrated) -> float:
+    """Return by how many pixels the rays of a calibration that was found may be off themselves: one sigma.
+
+    Root mean square over the image, after the rotation that brings them nearest. The numbers' errors hang together: a
+    centre that is unsure by itself hardly matters.
+    """
+    free, uv = found.fitted.free, grid_over(found.camera)
+    plain = np.linalg.inv(found.fitted.information)
+    wider = found.sigma[free] / np.sqrt(np.diag(plain))
+    rays = rays_of(found.camera, uv)
+    moved = np.zeros((len(free), rays.size))
+    for row, number in enumerate(free.tolist()):
+        if LENS.start <= number < LENS.stop:
+            vector = found.vector.copy()
+            vector[number] += found.sigma[number]
+            aside = turned_onto(rays_of(camera_of(vector, found.camera), uv), rays) - rays
+            moved[row] = aside.ravel() / found.sigma[number]
+    variance = np.einsum("ap,ab,bp->p", moved, plain * np.outer(wider, wider), moved).sum() / len(rays)
+    return float(found.camera.fx * np.sqrt(variance))

@@ -1,0 +1,54 @@
+"""One lens in another's place: what was measured through the old one, as the new one would have measured it.
+
+Pixels and depth images stay what they are; the ray of a pixel and what its depth means change. Both lenses are told in
+one frame, so that poses mean the same before and after.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from odom.frontend.camera.lens import Lens, project, rays_at
+from odom.frontend.features.carrying import depth_errors
+from odom.frontend.features.measurement import Measurements
+from odom.geometry.arrays import Array
+
+_BEYOND_PX = 50.0
+"""How far outside of the image a feature may be that was carried to the middle row's time."""
+
+
+@dataclass(frozen=True, eq=False)
+class LensChange:
+    """The lens that was believed in, and the one that takes its place; of one camera, told in one frame."""
+
+    before: Lens
+    after: Lens
+
+    def values(self, values: Array, slope: Array) -> Array:
+        """Return x/z, y/z and 1/z (n x 3, NaN where not measured) through the new lens.
+
+        `slope` (n x 2) is that of inverse depth per pixel, on which a shift of depth against colour shows.
+        """
+        height, width = self.before.rays.shape[:2]
+        ahead = np.column_stack([values[:, :2], np.ones(len(values))])
+        old = self.before
+        uv = project(ahead, np.eye(4), old.intrinsics, old.distortion, width, height, -_BEYOND_PX)[:, :2]
+        is_seen = np.isfinite(uv[:, 0])
+        uv = np.where(is_seen[:, None], uv, 0.0)
+        (offset, scale), w = depth_errors(uv, width, height, old.depth_model).T, values[:, 2]
+        aside = self.after.depth_model[:4] - old.depth_model[:4]
+        read_px = aside[:2] + aside[2:] * w[:, None]
+        measured = offset + scale * (w - (slope * read_px).sum(axis=1))
+        offset, scale = depth_errors(uv, width, height, self.after.depth_model).T
+        new = np.column_stack([rays_at(self.after.rays, uv), (measured - offset) / scale])
+        return np.where(is_seen[:, None], new, values)
+
+    def measured(self, measurements: Measurements) -> Measurements:
+        """Return what a frame measured; how fast features move, and how noisy they are, is as it was."""
+        return replace(measurements, values=self.values(measurements.values, measurements.slope))
+
+    def points(self, points: Array, slope: Array | None = None) -> Array:
+        """Return points (n x 3, m, camera frame) that were made of a ray and a depth."""
+        slope = np.zeros((len(points), 2)) if slope is None else slope
+        new = self.values(np.column_stack([points[:, :2], np.ones(len(points))]) / points[:, 2:], slope)
+        return np.asarray(np.column_stack([new[:, :2], np.ones(len(points))]) / new[:, 2:])

@@ -1,0 +1,63 @@
+"""A camera is changed in mid-run only where the walk shows another one surely; what is tracked then gains."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from odom import Odometry, Trajectory, read_recording
+from odom.calibration.mid_run import MidRunCalibrator, is_sure
+from odom.calibration.off_by import unsure_px
+from odom.calibration.result import as_measured, calibrated
+from odom.evaluation.report import evaluate
+from sensors.default_camera import kinect_camera
+from tests.calibration.made_up_walk import SHEET, at_rest, made_up_survey, spoilt
+
+POOR = {"fx": 10.0, "fy": 8.0, "cy": 12.0, "k1": 0.15, "k2": -0.3}
+
+
+def found_in(survey):
+    return as_measured(calibrated(survey, SHEET))
+
+
+def test_a_poor_camera_is_changed_and_a_good_one_is_not():
+    poor, good = made_up_survey(spoilt(**POOR)), made_up_survey(spoilt())
+    assert is_sure(poor, found_in(poor))
+    assert not is_sure(good, found_in(good))
+
+
+def test_fewer_landmarks_leave_the_rays_less_sure():
+    unsure = [unsure_px(found_in(made_up_survey(spoilt(**POOR), points=points))) for points in (60, 400)]
+    assert 0.05 < unsure[1] < unsure[0]
+
+
+def test_a_camera_at_rest_changes_nothing():
+    survey = made_up_survey(spoilt(**POOR), walk=at_rest)
+    assert not is_sure(survey, found_in(survey))
+
+
+def test_the_centre_alone_hardly_counts_since_the_camera_may_be_turned_in_its_housing():
+    found = found_in(made_up_survey(spoilt(**POOR)))
+    sigma = found.sigma.copy()
+    sigma[5:7] *= 3.0
+    assert unsure_px(replace(found, sigma=sigma)) < 2.5 * unsure_px(found)
+
+
+@pytest.mark.long
+def test_from_an_average_kinect_the_causal_trajectory_comes_near_to_that_by_the_sheet(shared_data):
+    recording = read_recording(shared_data / "tum_fr1_xyz")
+    frames, truth = list(recording), recording.truth()["camera"]
+
+    def online(camera, calibrator):
+        odometry = Odometry(camera, calibrator=calibrator)
+        poses = [odometry.process(frame).T_odom_camera for frame in frames]
+        return evaluate(Trajectory(np.array([f.stamp for f in frames]), np.array(poses)), truth).ate_m, odometry
+
+    average = kinect_camera(640, 480)
+    sheet, _ = online(recording.camera, None)
+    kept, _ = online(average, None)
+    mended, odometry = online(average, MidRunCalibrator())
+    print(f"online ATE by the sheet {sheet:.5f}, by an average camera {kept:.5f}, mended on the way {mended:.5f}")
+    assert odometry.camera_in_use is not odometry.camera
+    assert mended < 0.85 * kept
+    assert mended < 1.5 * sheet

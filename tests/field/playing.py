@@ -45,10 +45,10 @@ class PlayingKinect:
         self.kinect.plug()
         self.out, self.recording = folder / "live", folder / "live.mcap"
 
-    def live(self, seconds: float) -> Process:
+    def live(self, seconds: float, *more: str) -> Process:
         arguments = ["run", "kinect", "--headless", "--out", self.out, "--record", self.recording, "--seconds", seconds]
         options = ["--sensor-option=--color=raw", f"--sensor-option=--option=size={self.size}"]
-        return Process("run", self.folder / "run.log", [*arguments, *options])
+        return Process("run", self.folder / "run.log", [*arguments, *options, *more])
 
 
 @pytest.fixture

@@ -52,7 +52,7 @@ def test_a_single_motion_has_no_rival() -> None:
 
 
 def test_a_motion_without_a_jerk_wins_against_more_features() -> None:
-    features = two_motions(np.random.default_rng(1), scene=40, body=140)
+    features = two_motions(np.random.default_rng(1), scene=22, body=200)
     assert consensus(features, BODY, ANYWHERE) is None
     T = consensus(features, BODY, ExpectedPose.after(np.eye(4), 1 / 30.0))
     assert T is not None

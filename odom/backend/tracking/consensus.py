@@ -3,7 +3,8 @@
 Random triples of features each give a pose, which the others then refine (M. Fischler, R. Bolles, CACM 24, 1981;
 O. Chum et al., DAGM 2003). Features vote for the poses they agree with; those that crowd in one part of the image
 share their votes. New landmarks count less than proven ones, and near ones less than far ones: who walks by hides the
-scene, and is not hidden by it. Poses that would be a jerk count less, too.
+scene, and is not hidden by it, and a pixel stands for a surface that grows with the square of the distance. Poses that
+would be a jerk count less, too.
 """
 
 import math
@@ -79,7 +80,7 @@ class FollowedFeatures:
         away = np.linalg.norm(self.points - self.eye, axis=1)
         in_order = np.sort(away)
         median = 0.5 * (in_order[(len(away) - 1) // 2] + in_order[len(away) // 2])
-        far = np.clip(away / median, 1.0 / TUNING.far_most, TUNING.far_most)
+        far = np.clip(away / median, 1.0 / TUNING.far_most, TUNING.far_most) ** 2
         return np.asarray(far * proven / np.sqrt(np.bincount(cell)[cell]))
 
     def off_px(self, T_camera_map: Array) -> Array:

@@ -58,8 +58,8 @@ class Tuning:
         effect="in which a landmark was found until it counts in full; smaller: bodies that start to move are "
         "followed; larger: the camera is held back in new surroundings")
     far_most: float = tuned(2.0, unit="ratio to the median distance", source=_BODIES,
-        effect="up to which far features count more and near ones less; smaller: near bodies are followed; larger: a "
-        "few far features decide")
+        effect="up to which far features count more and near ones less, by its square; smaller: near bodies are "
+        "followed; larger: a few far features decide")
     consensus_gain: float = tuned(1.1, unit="ratio of votes", source=_BODIES,
         effect="smaller: poses change for nothing; larger: passers-by are followed")
     exact_px: float = tuned(0.5, unit="px", source="a box that is snatched from a desk",

@@ -1,4 +1,4 @@
-"""A device whose driver tells a wrong field of view: a run remembers its own calibration, the next begins with it."""
+"""A device whose driver tells a wrong field of view: its own calibration is remembered, and begun with next time."""
 
 import json
 from pathlib import Path

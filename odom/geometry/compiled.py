@@ -9,6 +9,7 @@ inlines other calls, which depends on whether a loop was compiled or loaded, and
 Where a function calls no other compiled one this cannot happen: its sums may be `vectorised`.
 """
 
+import fcntl
 import hashlib
 import os
 import shutil
@@ -21,6 +22,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import config
+from numba.core.caching import FunctionCache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -71,6 +73,24 @@ def _cache_folder(package: str = "") -> str:
     raise AssertionError("a temporary folder was made, so one was returned")
 
 
+def compiled_before() -> bool:
+    """Return whether an earlier process has compiled loops of every package that holds some."""
+    return all(any(Path(_cache_folder(package)).rglob("*.nbc")) for package in _FLOORS)
+
+
+class _SharedCache(FunctionCache):
+    """A cache of compiled code that several processes fill at the same time.
+
+    Without a lock two of them may give the same file name to code for different types of arguments.
+    """
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Save what was compiled for a signature, while no other process saves anything in this folder."""
+        with (Path(self.cache_path).parent / "lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+
+
 def compiled(function: F) -> F:
     """Compile `function` on its first call: numba, cached, without the GIL, division by zero gives inf as in numpy.
 
@@ -92,7 +112,8 @@ def _compiled(function: F, fastmath: bool | set[str]) -> F:
     before = settings["CACHE_DIR"]
     settings["CACHE_DIR"] = _cache_folder(*function.__module__.split(".")[1:2])  # read when a function is decorated
     try:
-        jitted: Any = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=fastmath)(function)
+        jitted: Any = numba.njit(nogil=True, error_model="numpy", fastmath=fastmath)(function)
+        jitted._cache = _SharedCache(function)  # type: ignore[no-untyped-call]
     finally:
         settings["CACHE_DIR"] = before
     return cast(F, jitted)

@@ -2,9 +2,11 @@
 
 import gc
 import logging
+import multiprocessing
 import os
 import socket
 import threading
+from multiprocessing.process import BaseProcess
 
 import cv2
 import numpy as np
@@ -15,6 +17,7 @@ from odom.backend.tracking import consensus
 from odom.calibration import warm_up as calibration
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.matching import moving_surfaces
+from odom.geometry.compiled import compiled_before
 from odom.geometry.neighbours import nearest
 from odom.registration import gated_registration as registration
 from odom.service.estimate_messages import feature_message, keyframe_message, landmark_message, pose_messages
@@ -42,6 +45,7 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
     patience = threading.Timer(_PATIENCE_S, _LOG.info, ["compiling: the first start takes about half a minute longer"])
     patience.daemon = True
     patience.start()
+    compiler = _second_compiler(settings)
     camera = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)
     texture = np.random.default_rng(1).integers(0, 256, (60, 80), dtype=np.uint8)
     scene = np.asarray(cv2.resize(texture, (700, 500), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
@@ -66,19 +70,39 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
         feature_message(topics, estimate)
         keyframe_message(topics, frame, camera, jpeg, 100)
     odometry.finish()
-    registration.warm_up()
     consensus.warm_up()
     moving_surfaces.warm_up()
-    nearest(np.zeros((1, 3)), np.zeros((1, 3)), 1)
-    if settings.self_calibration:
-        calibration.warm_up()
     codec.encode_status(topics.status, codec.Status(stamp, "", 0, "", RunStatistics().status()))
-    still = np.tile(np.eye(4), (2, 1, 1))
-    optimise(still, np.array([True, False]), EdgeArrays.of([Edge(0, 1, np.eye(4), np.eye(6), True)]))
+    if compiler is not None:
+        compiler.join()
+    _warm_up_beside_frames(settings.self_calibration)
     patience.cancel()
     del odometry
     gc.collect()
     gc.freeze()
+
+
+def _second_compiler(settings: OdometrySettings) -> BaseProcess | None:
+    """Start a process that compiles what frames do not need at once, None where that was compiled before.
+
+    The compiler works in one thread; the two processes share what is on disk. It ends with this process.
+    """
+    if compiled_before():
+        return None
+    target, arguments = _warm_up_beside_frames, (settings.self_calibration,)
+    compiler = multiprocessing.get_context("spawn").Process(target=target, args=arguments, daemon=True)
+    compiler.start()
+    return compiler
+
+
+def _warm_up_beside_frames(self_calibration: bool) -> None:
+    """Register made-up pairs, adjust a small pose graph, and calibrate a made-up camera."""
+    registration.warm_up()
+    if self_calibration:
+        calibration.warm_up()
+    still = np.tile(np.eye(4), (2, 1, 1))
+    optimise(still, np.array([True, False]), EdgeArrays.of([Edge(0, 1, np.eye(4), np.eye(6), True)]))
+    nearest(np.zeros((1, 3)), np.zeros((1, 3)), 1)
 
 
 def notify_service_manager(state: str) -> None:

@@ -1,8 +1,10 @@
 """Where compiled loops are kept: a folder of these contents, one that can be written, this user's alone."""
 
+import fcntl
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +59,33 @@ def test_a_temporary_folder_that_others_may_write_is_not_trusted(tmp_path, monke
     places = list(compiled._places())
     assert tmp_path / f"odom-{os.getuid()}" not in places
     assert places[-1].stat().st_mode & 0o077 == 0
+
+
+def test_what_is_compiled_waits_while_another_process_saves_there(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+
+    @compiled.compiled
+    def double(a):
+        return 2 * a
+
+    folder = Path(compiled._cache_folder(*__name__.split(".")[1:2]))
+    waiting = threading.Thread(target=double, args=(1.0,))
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        waiting.start()
+        waiting.join(3.0)
+        assert waiting.is_alive()
+        assert not list(folder.rglob("*.nbi"))
+    waiting.join(30.0)
+    assert len(list(folder.rglob("*.nbc"))) == 1
+
+
+def test_nothing_counts_as_compiled_before_until_every_package_has_something(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    for package in compiled._FLOORS:
+        assert not compiled.compiled_before()
+        (Path(compiled._cache_folder(package)) / "loops.1.nbc").touch()
+    assert compiled.compiled_before()
 
 
 @pytest.mark.slow

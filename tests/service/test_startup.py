@@ -3,6 +3,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 PROGRAM = """
 import sys
 from odom.backend import OdometrySettings
@@ -151,3 +153,29 @@ def test_nothing_is_compiled_in_the_midst_of_a_walk():
 def test_nothing_is_compiled_or_imported_late_whatever_images_and_lens_a_source_has():
     """A second of compiling costs a live source 30 frames."""
     assert run(SOURCES) == "{} []"
+
+
+FIRST_START = """
+import resource, time
+from odom.backend import OdometrySettings
+from odom.service.startup import warm_up
+from odom.wire import Topics
+
+warm_up(OdometrySettings(), Topics())
+others = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(time.process_time(), others.ru_utime + others.ru_stime)
+"""
+
+
+@pytest.mark.long
+def test_two_processes_share_the_compilation_of_a_first_start(tmp_path):
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    starts = []
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", FIRST_START], capture_output=True, text=True, env=environment)
+        assert done.returncode == 0, done.stderr
+        starts.append([float(seconds) for seconds in done.stdout.split()])
+    (own, others), (own_again, others_again) = starts
+    assert max(own, others) < 0.7 * (own + others)
+    assert own_again < 0.3 * own
+    assert others_again == 0.0

@@ -54,7 +54,7 @@ class Odometry:
         settings: OdometrySettings | None = None,
         saved: SavedMap | None = None,
         segmenter: Segmenter | None = None,
-        calibrator: Calibrator | None = None,
+        calibrator: "Calibrator[Odometry] | None" = None,
     ) -> None:
         if min(camera.width, camera.height) < _LEAST_SIDE_PX:
             raise ConfigError(f"{camera}: images need {_LEAST_SIDE_PX} pixels each way at least")
@@ -151,7 +151,8 @@ class Odometry:
         estimate = frames.estimate(view, T_predicted, watch)
         if frames.state is not None:
             frames.mapper.recall(frames.state)
-        found = self._recalibration.after_frame(self, frames.published.frames.count, view.steady_stamp)
+        measured = len(self.map.remembered) + len(self.intermediate.kept)
+        found = self._recalibration.after_frame(self, measured, frames.published.frames.count, view.steady_stamp)
         if found is not None:
             frames.mapper.lens_to_come = Lens.of(found, told=self.camera)
         if map_moved or estimate.is_keyframe:

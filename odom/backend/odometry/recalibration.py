@@ -1,21 +1,21 @@
 """An optional hook: someone's calibrator looks at what was measured so far, and may find another camera in mid-run."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol
+from typing import Generic, Protocol, TypeVar
 
 from odom.backend.mapping.background import Background
 from odom.backend.odometry.tuning import TUNING
 from odom.frame import Camera
 from odom.frontend.camera.stamp_clock import SteadyStamp
 
-if TYPE_CHECKING:
-    from odom.backend.odometry.odometry import Odometry
+LookedAt = TypeVar("LookedAt", contravariant=True)
+"""What a calibrator looks at: the odometry, which stands above this module."""
 
 
-class Calibrator(Protocol):
+class Calibrator(Protocol[LookedAt]):
     """Looks at an odometry at certain frames, whose number does not depend on the clock."""
 
-    def looked_at(self, odometry: "Odometry") -> Callable[[], Camera | None]:
+    def looked_at(self, odometry: LookedAt, /) -> Callable[[], Camera | None]:
         """Return work for the background that finds a better camera than the one in use, or None.
 
         What it needs of the odometry is copied here. The work must be deterministic.
@@ -23,13 +23,13 @@ class Calibrator(Protocol):
         ...
 
 
-class Recalibration:
+class Recalibration(Generic[LookedAt]):
     """Asks a calibrator whenever some times as many frames were measured as the last time, until it finds something.
 
     `in_use` is the camera that frames are measured by.
     """
 
-    def __init__(self, given: Camera, calibrator: Calibrator | None = None) -> None:
+    def __init__(self, given: Camera, calibrator: Calibrator[LookedAt] | None = None) -> None:
         self.in_use = self._to_come = given
         self._calibrator = calibrator
         self._background = Background[Camera | None]("calibration")
@@ -39,14 +39,16 @@ class Recalibration:
         """Note that what was found last is in use from now on."""
         self.in_use = self._to_come
 
-    def after_frame(self, odometry: "Odometry", count: int, stamp: SteadyStamp) -> Camera | None:
-        """Return the camera to go on with after frame `count`, as soon as that can be; None to stay with what is."""
+    def after_frame(self, odometry: LookedAt, measured: int, count: int, stamp: SteadyStamp) -> Camera | None:
+        """Return the camera to go on with after frame `count`, as soon as that can be; None to stay with what is.
+
+        So far `measured` frames of the odometry have kept what they measured.
+        """
         if self._background.is_busy:
             found = self._background.take(count, stamp)
             if found is not None:
                 self._to_come, self._calibrator = found, None
             return found
-        measured = len(odometry.map.remembered) + len(odometry.intermediate.kept)
         if self._calibrator is not None and self._next <= measured <= TUNING.calibrate_most:
             self._next = TUNING.calibrate_again * measured
             due = SteadyStamp(stamp + round(TUNING.calibrate_s * 1e9))

@@ -1,6 +1,6 @@
 """How a depth image errs: where it lies against the colour image, and what it says of a distance."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,12 @@ class DepthModel:
             object.__setattr__(self, name, values)
         if not self.scale[0] > sum(map(abs, self.scale[1:])):
             raise ConfigError(f"scale of the depth model {self.scale}: it would be negative somewhere in the image")
+
+    def __repr__(self) -> str:
+        """Return what is not as in a depth image without errors, for the log."""
+        values = ((field, getattr(self, field.name)) for field in fields(self))
+        named = ((field.name, value) for field, value in values if value != field.default)
+        return f"DepthModel({', '.join(f'{name}={value}' for name, value in named)})"
 
     @property
     def vector(self) -> Array:

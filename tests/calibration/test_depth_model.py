@@ -96,3 +96,10 @@ def test_depth_is_read_where_it_is_and_corrected(seen_before):
     np.testing.assert_allclose(image[60:420, 60:580], true[60:420, 60:580], atol=2e-3)
     by_exact = measure(view, sensor_of(replace(camera, depth=DepthModel())), uv, np.zeros((50, 3)), np.zeros(6), guess)
     assert np.median(np.abs(by_exact.values[:, 2] - wanted)) > 5e-3
+
+
+def test_its_repr_names_what_differs_from_exact_depth_and_makes_it_again():
+    assert repr(DepthModel()) == "DepthModel()"
+    model = DepthModel(shift_px=(4.0, -2.0), scale=(1.02, 0.0, 0.0, 0.0, 0.0, 0.0))
+    assert repr(model) == "DepthModel(shift_px=(4.0, -2.0), scale=(1.02, 0.0, 0.0, 0.0, 0.0, 0.0))"
+    assert eval(repr(model)) == model

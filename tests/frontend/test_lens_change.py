@@ -10,6 +10,7 @@ from odom.frame.depth_model import as_measured
 from odom.frontend.camera.lens import Lens, rays_at
 from odom.frontend.features.carrying import depth_errors
 from odom.frontend.features.lens_change import LensChange
+from odom.geometry import se3
 
 GIVEN = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)
 FOUND = {
@@ -61,3 +62,16 @@ def test_points_of_a_ray_and_a_depth_move_as_these_do():
     new = change.values(values, FLAT)
     expected = np.column_stack([new[:, :2], np.ones(300)]) / new[:, 2:]
     np.testing.assert_allclose(change.points(points), expected, rtol=1e-9)
+
+
+def test_landmarks_move_as_points_do_in_the_frames_that_measured_them():
+    change = LensChange(Lens.of(GIVEN), Lens.of(FOUND["longer"], told=GIVEN))
+    values = values_through(change.before)
+    points = np.column_stack([values[:, :2], np.ones(300)]) / values[:, 2:]
+    T_camera_map = np.array([se3.exp(RNG.normal(size=6)) for _ in points])
+    T_map_camera = se3.inverses(T_camera_map)
+    in_map = (T_map_camera[:, :3, :3] @ points[:, :, None])[:, :, 0] + T_map_camera[:, :3, 3]
+    moved, ratio = change.positions(in_map, FLAT, T_camera_map)
+    seen = (T_camera_map[:, :3, :3] @ moved[:, :, None])[:, :, 0] + T_camera_map[:, :3, 3]
+    np.testing.assert_allclose(seen, change.points(points), atol=1e-9)
+    np.testing.assert_allclose(values[:, 2] * ratio, 1.0 / seen[:, 2], rtol=1e-9)

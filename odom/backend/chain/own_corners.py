@@ -76,13 +76,9 @@ class OwnCorners:
 
     def see_through(self, change: LensChange) -> "OwnCorners":
         """Return the corners as the frames that they were cut out of see them through a new lens."""
-        T = self.T_chain_keyframe[self.keyframe]
-        R, t = T[:, :3, :3], T[:, :3, 3]
-        seen = np.einsum("nji,nj->ni", R, self.position - t)
-        new = change.points(seen, self.plane[:, 1:])
-        plane = self.plane.copy()
-        plane[:, 0] *= seen[:, 2] / new[:, 2]
-        return replace(self, position=np.einsum("nij,nj->ni", R, new) + t, plane=plane)
+        T_keyframe_chain = se3.inverses(self.T_chain_keyframe)[self.keyframe]
+        position, ratio = change.positions(self.position, self.plane[:, 1:], T_keyframe_chain)
+        return replace(self, position=position, plane=np.column_stack([self.plane[:, 0] * ratio, self.plane[:, 1:]]))
 
     def look_for(self, view: View, T_camera_chain: Array, twist: Array, sensor: SensorModel) -> Sight:
         """Return those that a view shows close to where the pose `T_camera_chain` expects them.

@@ -18,10 +18,8 @@ def positions_through(map_: Map, change: LensChange, rows: Index) -> tuple[Array
     L = map_.landmarks
     makers, of = np.unique(L.keyframe[rows], return_inverse=True)
     T_camera_map = np.array([map_.keyframes[k].T_camera_map for k in makers.tolist()]).reshape(-1, 4, 4)[of]
-    R, t = T_camera_map[:, :3, :3], T_camera_map[:, :3, 3]
-    seen = np.einsum("nij,nj->ni", R, L.position[rows]) + t
-    new = change.points(seen, L.plane[rows, 1:])
-    return np.einsum("nji,nj->ni", R, new - t), L.plane[rows, 0] * seen[:, 2] / new[:, 2]
+    positions, ratio = change.positions(L.position[rows], L.plane[rows, 1:], T_camera_map)
+    return positions, L.plane[rows, 0] * ratio
 
 
 def see_through(map_: Map, change: LensChange) -> None:

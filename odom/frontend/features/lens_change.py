@@ -52,3 +52,14 @@ class LensChange:
         slope = np.zeros((len(points), 2)) if slope is None else slope
         new = self.values(np.column_stack([points[:, :2], np.ones(len(points))]) / points[:, 2:], slope)
         return np.asarray(np.column_stack([new[:, :2], np.ones(len(points))]) / new[:, 2:])
+
+    def positions(self, positions: Array, slope: Array, T_camera_map: Array) -> tuple[Array, Array]:
+        """Return where landmarks are as the cameras that measured them see them through the new lens.
+
+        `positions` (n x 3, m, map frame), `slope` (n x 2) as above, and the camera of each (n x 4 x 4). Second is what
+        its inverse depth is multiplied by (n).
+        """
+        R, t = T_camera_map[:, :3, :3], T_camera_map[:, :3, 3]
+        seen = np.einsum("nij,nj->ni", R, positions) + t
+        new = self.points(seen, slope)
+        return np.einsum("nji,nj->ni", R, new - t), seen[:, 2] / new[:, 2]

@@ -128,6 +128,16 @@ class Equations:
         """Replace the right side by the solution, once factorised."""
         solve(self.pattern.start, self.pattern.row, self.L, self.g)
 
+    def solved(self, right: Array) -> Array:
+        """Return the solutions (K x 6 x m) of m right sides (K x 6 x m), once factorised: 0 for what is held."""
+        out, is_free = np.zeros_like(right), self.place >= 0
+        place = self.place[is_free]
+        for column in range(right.shape[2]):
+            self.g[place] = right[is_free, :, column]
+            self.solve()
+            out[is_free, :, column] = self.g[place]
+        return out
+
 
 def optimise(T_camera_map: Array, is_held: Mask, edges: EdgeArrays) -> Array:
     """Return the poses (K x 4 x 4) that agree best with all `edges`, whose ends are their rows.
@@ -179,10 +189,7 @@ def optimise_with_covariance(
     equations.set_up(best)
     if not equations.factorise():
         raise RuntimeError(f"{len(edges)} registrations do not determine {len(numbers)} poses")
-    place, columns = equations.place[row[wanted]], np.zeros((6, 6))
-    for j in range(6):
-        equations.g[:] = 0.0
-        equations.g[place, j] = 1.0
-        equations.solve()
-        columns[:, j] = equations.g[place]
+    unit = np.zeros((len(numbers), 6, 6))
+    unit[row[wanted]] = np.eye(6)
+    columns = equations.solved(unit)[row[wanted]]
     return found, 0.5 * (columns + columns.T)

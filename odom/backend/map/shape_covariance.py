@@ -54,18 +54,14 @@ def _held_covariances(T_camera_map: Array, edges: EdgeArrays, held: Index, share
     Both are 0 for what is held. The sum goes over a part's poses, xi is a pose's error and its `share` 6 x 6.
     """
     K = len(T_camera_map)
-    own, with_sum, is_held = np.zeros((K, 6, 6)), np.zeros((K, 6, 6)), np.zeros(K, dtype=np.bool_)
+    own, is_held = np.zeros((K, 6, 6)), np.zeros(K, dtype=np.bool_)
     is_held[held] = True
     if is_held.all():
-        return own, with_sum
+        return own, np.zeros((K, 6, 6))
     equations = Equations(is_held, edges)
     equations.set_up(T_camera_map)
     equations.factorise()
-    pattern, free = equations.pattern, np.flatnonzero(~is_held)
-    place = equations.place[free]
-    own[free] = inverse_blocks(pattern.start, pattern.row, equations.L)[pattern.start[place]]
-    for axis in range(6):
-        equations.g[place] = share[free, :, axis]
-        equations.solve()
-        with_sum[free, :, axis] = equations.g[place]
-    return own, with_sum
+    pattern = equations.pattern
+    diagonal = pattern.start[equations.place[~is_held]]
+    own[~is_held] = inverse_blocks(pattern.start, pattern.row, equations.L)[diagonal]
+    return own, equations.solved(share)

@@ -37,6 +37,10 @@ class Adjustment:
         """Return the adjusted bundle."""
         return adjust(self.bundle, self.is_fixed, self.observations, self.timing_information, self.iterations)
 
+    def poses_between(self, bundle: Bundle) -> dict[int, Array]:
+        """Return T_camera_map of the intermediate frames in an adjusted `bundle`, by their numbers."""
+        return dict(zip(self.between.tolist(), bundle.T_camera_map[len(self.numbers) :], strict=True))
+
 
 def _snapshot(
     map_: Map,
@@ -125,9 +129,13 @@ def everything(
 
 
 def through(
-    change: LensChange, map_: Map, intermediate: IntermediateFrames, segment: int, timing: ShutterTiming,
+    change: LensChange,
+    map_: Map,
+    intermediate: IntermediateFrames,
+    segment: int,
+    timing: ShutterTiming,
     timing_information: Array,
-) -> Adjustment:  # fmt: skip
+) -> Adjustment:
     """Return the adjustment of a segment as a whole to what its frames would have measured through another lens."""
     whole = everything(map_, intermediate, segment, timing, timing_information, change)
     landmarks = positions_through(map_, change, whole.rows)[0]

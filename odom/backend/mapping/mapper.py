@@ -147,14 +147,13 @@ class Mapper:
         taken = self._background.take(count, sensor.clock.steady)
         if taken is None:
             return None
-        if taken.change is not None:
-            see_through(self._map, taken.change)
-            sensor = sensor.with_lens(taken.change.after)
-        sensor = self._take_over(taken.adjustment, taken.bundle, sensor, taken.change is not None)
-        if taken.change is not None:
-            poses = taken.bundle.T_camera_map[len(taken.adjustment.numbers) :]
-            adjusted = dict(zip(taken.adjustment.between.tolist(), poses, strict=True))
-            self.intermediate.see_through(taken.change, adjusted, self._map.keyframes)
+        change, adjustment, bundle = taken.change, taken.adjustment, taken.bundle
+        if change is None:
+            sensor = self._take_over(adjustment, bundle, sensor)
+        else:
+            see_through(self._map, change)
+            sensor = self._take_over(adjustment, bundle, sensor.with_lens(change.after), carries_newer=True)
+            self.intermediate.see_through(change, adjustment.poses_between(bundle), self._map.keyframes)
         self._map.places.adopt(taken.places)
         self._note_measured([one.seen.keyframe for one in taken.described])
         return sensor, taken.described
@@ -177,8 +176,7 @@ class Mapper:
                 adjustment = local_adjustment.everything(self._map, self.intermediate, segment, sensor.timing, prior)
                 bundle = adjustment.run()
                 sensor = self._take_over(adjustment, bundle, sensor)
-                poses = bundle.T_camera_map[len(adjustment.numbers) :]
-                adjusted |= zip(adjustment.between.tolist(), poses, strict=True)
+                adjusted |= adjustment.poses_between(bundle)
         self._map.journal.measure([*mine, *self._map.journal.thinned])
         return sensor, adjusted
 

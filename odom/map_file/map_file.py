@@ -41,7 +41,6 @@ class MapFile:
         self._held = lock(path) if is_written else None
         self._writer: MapWriter | None = None
         self._ahead = ReadAhead(self._read)
-        self._is_closed = False
         try:
             self._db = connect(path, is_written)
         except BaseException:
@@ -165,7 +164,7 @@ class MapFile:
             return None
 
     def _lose(self, number: int, error: Exception) -> None:
-        if self._is_closed:  # the background of an odometry that was not finished asks on
+        if self._ahead.is_closed:  # the background of an odometry that was not finished asks on
             return
         if not self.lost:
             _LOG.warning("%s: key frame %d is left out (others are counted): %s", self.path, number, error)
@@ -190,7 +189,6 @@ class MapFile:
     def close(self) -> None:
         """Write what waits, and leave one plain file behind; safe to call twice."""
         self._ahead.close()
-        self._is_closed = True
         if self._writer is not None:
             self._writer.close()
             self._writer = None

@@ -18,12 +18,13 @@ class ReadAhead:
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="odom-map-reader")
         self._lock = threading.Lock()
         self._coming: dict[int, Future[SavedDetails | None]] = {}
-        self._is_closed = False
+        self.is_closed = False
+        """Whether nothing more is read ahead: who asks on has missed the end."""
 
     def ask(self, numbers: Iterable[int]) -> None:
         """Begin to read key frames that may soon be wanted."""
         with self._lock:
-            if self._is_closed:
+            if self.is_closed:
                 return
             for number in numbers:
                 if number not in self._coming:
@@ -47,5 +48,5 @@ class ReadAhead:
     def close(self) -> None:
         """Read nothing more ahead."""
         with self._lock:
-            self._is_closed = True
+            self.is_closed = True
         self._pool.shutdown(cancel_futures=True)

@@ -66,9 +66,9 @@ class PublishedTrajectory:
 
         What the poor one had displaced is taken back little by little as the camera moves (see `_taken_back`).
         """
-        self._T_map_odom_wanted = self.T_map_odom if self._T_map_odom_wanted is None else self._T_map_odom_wanted
-        self.T_map_odom = T_new_old @ self.T_map_odom
-        self._corrected = self._newest
+        wanted = self.T_map_odom if self._T_map_odom_wanted is None else self._T_map_odom_wanted
+        self.correct(T_new_old)
+        self._T_map_odom_wanted = wanted
 
     def _taken_back(self, T_map_camera: Array) -> Array:
         """Return T_odom_camera of the newest pose in the map, nearer to where a better lens would have had it.

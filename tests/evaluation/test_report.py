@@ -8,11 +8,13 @@ import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 from synthetic import T_BODY_CAMERA, mocap, odometry, smooth, trajectory
 
 from odom.errors import InputError
 from odom.evaluation import EvaluationOptions, Trajectory, align, evaluate
 from odom.evaluation.files import write_tum
+from odom.evaluation.metrics import NEES_BOUND_95
 from odom.evaluation.run_report import report_with_truth
 from odom.frame import Stamp
 from odom.geometry import se3
@@ -212,3 +214,7 @@ def test_a_recording_with_truth_inside_is_judged_by_it(tmp_path, scene):
 def test_total_counts_frames_without_a_pose(scene):
     _, true, estimate, _ = scene
     assert evaluate(estimate, true, EvaluationOptions(total_frames=1234)).total == 1234
+
+
+def test_the_bound_of_nees_is_the_quantile_that_it_claims_to_be():
+    assert pytest.approx(chi2.ppf(0.95, 6), rel=1e-15) == NEES_BOUND_95

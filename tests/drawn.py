@@ -24,6 +24,9 @@ MOST_BYTES = 1 << 30
 _ROOT = Path(__file__).parents[1]
 _PAINTERS = ("sensors/arena", "odom/geometry", "odom/frame", "odom/frontend/camera", "tests/painted_room.py")
 
+_PREFIX = "drawn-"
+"""What the names of our own folders begin with: nothing else is ever removed."""
+
 _IMAGES = ("rgb", "grey", "depth_mm")
 """Arrays that are kept as PNG, the others as they are."""
 
@@ -33,11 +36,12 @@ Arrays = dict[str, NDArray[Any]]
 @cache
 def _folder() -> Path | None:
     """Return where frames of the present sources are kept, those of other sources removed; None: nowhere."""
-    if ENVIRONMENT not in os.environ:
+    place = os.environ.get(ENVIRONMENT)
+    if not place:
         return None
-    own = Path(os.environ[ENVIRONMENT]) / _digest()
+    own = Path(place) / f"{_PREFIX}{_digest()}"
     own.mkdir(parents=True, exist_ok=True)
-    for other in own.parent.iterdir():
+    for other in own.parent.glob(f"{_PREFIX}*"):
         if other != own:
             shutil.rmtree(other, ignore_errors=True)
     return own

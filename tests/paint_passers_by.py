@@ -4,7 +4,6 @@
 """
 
 import argparse
-import shutil
 from itertools import islice
 from pathlib import Path
 
@@ -93,7 +92,8 @@ def main() -> None:
         Lens.of(recording.camera),
         given.seed,
     )
-    shutil.rmtree(given.out, ignore_errors=True)
+    if given.out.exists():
+        raise SystemExit(f"{given.out} is there already: name a new folder")
     frames, share = write(recording, given.out, painter, camera_truth)
     print(f"{given.out}: {frames} frames, {share:.0%} of the view moves, bodies at {distance:.2f} m")
 

@@ -13,7 +13,8 @@ from sensors.arena import ArenaOptions, frame
 @pytest.fixture
 def kept_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv(drawn.ENVIRONMENT, str(tmp_path))
-    (tmp_path / "of other sources").mkdir()
+    (tmp_path / "drawn-by-other-sources").mkdir()
+    (tmp_path / "somebody's own").mkdir()
     drawn._folder.cache_clear()
     yield tmp_path
     drawn._folder.cache_clear()
@@ -29,7 +30,18 @@ def test_a_kept_frame_is_the_drawn_one_and_is_drawn_once(kept_here: Path, monkey
         assert (type(shot.stamp), shot.rgb.dtype, shot.depth_mm.dtype) == (int, np.uint8, np.uint16)
         for name in ("rgb", "depth_mm", "T_world_camera"):
             np.testing.assert_array_equal(getattr(shot, name), getattr(true, name))
-    assert not (kept_here / "of other sources").exists()
+    assert not (kept_here / "drawn-by-other-sources").exists()
+    assert (kept_here / "somebody's own").exists()
+
+
+def test_an_empty_name_of_the_folder_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(drawn.ENVIRONMENT, "")
+    (tmp_path / "drawn-by-other-sources").mkdir()
+    drawn._folder.cache_clear()
+    assert drawn._folder() is None
+    assert [path.name for path in tmp_path.iterdir()] == ["drawn-by-other-sources"]
+    drawn._folder.cache_clear()
 
 
 def test_a_kept_view_of_the_painted_room_is_the_drawn_one(kept_here: Path) -> None:

@@ -11,6 +11,7 @@ from odom.backend.mapping.local_adjustment import Adjustment, everything
 from odom.calibration.observation_terms import SeenArrays
 from odom.calibration.parameters import LENS, OFFSET, SCALE, vector_of
 from odom.calibration.projection import project
+from odom.calibration.row_motion import carried_anew, twists_at
 from odom.errors import InputError
 from odom.frame import Camera
 from odom.frame.depth_model import field_terms
@@ -112,14 +113,15 @@ class Survey:
 
 
 def survey_of(odometry: Odometry) -> Survey:
-    """Return the survey of the largest segment of an odometry that has finished (see `surveyed`)."""
-    return surveyed(odometry)[0]
+    """Return the survey of the largest segment of an odometry that has finished, its rays carried by the whole walk."""
+    return surveyed(odometry, is_carried_anew=True)[0]
 
 
-def surveyed(odometry: Odometry) -> tuple[Survey, Adjustment]:
-    """Return the survey of the largest segment of an odometry that has finished, and which frames it is of.
+def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey, Adjustment]:
+    """Return the survey of the largest segment of an odometry, and which frames it is of.
 
-    Raises InputError when it holds too few frames to calibrate anything.
+    `is_carried_anew`: rays are carried to the middle row's time by the motion of the whole walk (see `row_motion`),
+    for which the odometry must have finished. Raises InputError when it holds too few frames to calibrate anything.
     """
     map_, camera = odometry.map, odometry.camera_in_use
     segments = {keyframe.segment for keyframe in map_.keyframes}
@@ -134,17 +136,21 @@ def surveyed(odometry: Odometry) -> tuple[Survey, Adjustment]:
     if len(frames) < _LEAST_FRAMES or not len(start.rows):
         raise InputError(f"{len(frames)} frames are linked by common landmarks, too few: walk on for longer")
     seen, number, landmark = _gathered(frames, odometry, start.rows)
-    stamps = [keyframe.stamp for keyframe in keyframes] + [odometry.stamp_of(frame) for frame in others]
+    stamps = [keyframe.stamp for keyframe in keyframes] + [odometry.frames.stamp_of(s.number) for s in others]
     R_own_told = odometry.sensor.lens.R_own_told
     if camera is not odometry.camera:
         seen = turned(seen, R_own_told)
     T_camera_map = start.bundle.T_camera_map.copy()
     T_camera_map[:, :3] = R_own_told @ T_camera_map[:, :3]
+    at, points = T_camera_map[number], start.bundle.landmarks[landmark]
+    if is_carried_anew:
+        twist = (twists_at(stamps, odometry.frames, map_.keyframes).reshape(-1, 3) @ R_own_told.T).reshape(-1, 6)
+        seen = carried_anew(seen, camera, twist[number], at, points, odometry.timing.readout_s)
     vector, S = vector_of(camera), seen.covariance
     uv, by_direction, _ = project(seen.values[:, :2], vector[LENS])
     terms = field_terms(uv, camera.width, camera.height)
     scale = terms @ vector[SCALE]
-    slope = steady_slopes(seen, by_direction, T_camera_map[number][:, :3, :3], landmark)
+    slope = steady_slopes(seen, by_direction, at[:, :3, :3], landmark)
     fx, fy = camera.fx, camera.fy
     survey = Survey(
         camera=camera,

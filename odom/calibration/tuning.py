@@ -35,6 +35,10 @@ class Tuning:
         effect="smaller: depth that errs with the range is believed; larger: it drifts against the focal length")
     prior_field: float = tuned(0.02, unit="1", source=_CAMERAS,
         effect="smaller: bent depth is believed; larger: it is bent to hide other errors")
+    # survey
+    motion_window_s: float = tuned(0.07, unit="s", source="velocities against the arena's truth, .035 to .27 s",
+        effect="to both sides, over which velocities are read from the trajectory; smaller: noisier; larger: quick "
+        "turns are smoothed away")
     # adjustment
     fit_steps: int = tuned(12, unit="steps", source=_WALKS,
         effect="fewer: far calibrations are not reached in one go; more: slower without gain")

@@ -6,11 +6,12 @@ from dataclasses import replace
 from odom.backend.chain.closed_chain import close_chain
 from odom.backend.estimate import ClosedChain, ClosingTest, Estimate, LoopCandidate, TrajectoryPose
 from odom.backend.loop_closure.closed_walk import closing_test
+from odom.backend.map.frame_log import FrameLog
 from odom.backend.map.map import Map
 from odom.backend.map.memory import take_changes
 from odom.backend.map.saved import MapChanges, SavedMap
 from odom.backend.map.shown import ShownPath, cloud_of
-from odom.backend.mapping.intermediate_frames import IntermediateFrame, IntermediateFrames, corrected
+from odom.backend.mapping.intermediate_frames import IntermediateFrames, corrected
 from odom.backend.odometry.change_of_lens import go_on_through_lens
 from odom.backend.odometry.final_trajectory import trajectory
 from odom.backend.odometry.frame_order import FrameOrder
@@ -98,9 +99,10 @@ class Odometry:
         """What some frames between key frames measured: to be read, not changed."""
         return self._frames.mapper.intermediate
 
-    def stamp_of(self, frame: IntermediateFrame) -> Stamp:
-        """Return the stamp of one of the `intermediate` frames."""
-        return self._frames.published.frames.stamp_of(frame.number)
+    @property
+    def frames(self) -> FrameLog:
+        """All frames' poses for their middle rows' times: to be read, not changed."""
+        return self._frames.published.frames
 
     @property
     def forgotten_keyframes(self) -> int:

@@ -8,7 +8,7 @@ from painted_room import SMALL
 from rounds import ROUND, round_and_more
 
 from odom.backend import Odometry, State
-from odom.backend.loop_closure.loop_closure import track_place
+from odom.backend.loop_closure.candidate import track_place
 from odom.backend.mapping.keyframe_inserter import KeyframeView
 from odom.geometry import se3
 

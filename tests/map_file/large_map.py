@@ -20,7 +20,8 @@ from made_up_map import CAMERA
 
 import odom
 from odom.backend.estimate import LoopCandidate
-from odom.backend.loop_closure.loop_closure import LoopCloser, _Found
+from odom.backend.loop_closure.candidate import Found
+from odom.backend.loop_closure.loop_closure import LoopCloser
 from odom.backend.map.keyframe import Observed
 from odom.backend.map.map import Map
 from odom.backend.map.memory import open_map, recall, take_changes
@@ -129,7 +130,7 @@ FIRST, REST, CLOSURES = 1000, 100, 5
 """Number of the first frame, frames between closures, and how many loops are closed."""
 
 
-def found(map_: Map, a: int, b: int) -> _Found:
+def found(map_: Map, a: int, b: int) -> Found:
     """A closure that geometry has confirmed: b stands where a lap of no drift has it."""
     keyframes = map_.keyframes
     covariance = np.diag(SIGMA**2)
@@ -137,7 +138,7 @@ def found(map_: Map, a: int, b: int) -> _Found:
     candidate = LoopCandidate(keyframes[b].stamp, keyframes[a].stamp, 100, True, "made up", T_a_b)
     none = np.zeros(0, dtype=np.int64)
     nothing = Observed(rows=none, identities=none, measurements=Measurements.nothing(), timing=ShutterTiming())
-    return _Found(candidate, Edge(a, b, T_a_b, covariance, is_loop=True), np.zeros((0, 2)), nothing)
+    return Found(candidate, Edge(a, b, T_a_b, covariance, is_loop=True), np.zeros((0, 2)), nothing)
 
 
 def measure(path: Path, queries: int = 50) -> dict[str, float]:
@@ -186,6 +187,7 @@ def close_over_all(map_: Map, opened: MapFile) -> dict[str, float]:
             sensor = sensor.with_stamp(Stamp(10**9 + count * 33_333_333))
             begun = time.thread_time()
             is_closed = any(one.accepted for one in closer.close(count, sensor))
+            closer.look(count + 1, sensor, has_time=True)
             on_frame.append(time.thread_time() - begun)
             gaps += gaps_of_a_frame()
             count += 1

@@ -1,47 +1,30 @@
 """Places seen again: each candidate is tracked, held against the chain, and accepted or refused with a reason.
 
 What the chain says of a candidate, and how the map moves by those that agree with it, is worked out in the background:
-in a large map that takes longer than a frame.
+in a large map that takes longer than a frame. What would close a loop can wait, and is looked at, one candidate a
+frame, after frames that have time.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from odom.backend.estimate import LoopCandidate
+from odom.backend.loop_closure.candidate import Found, add_old_landmarks, refused_at_once, track_candidate
 from odom.backend.loop_closure.closing import merge_segment
 from odom.backend.loop_closure.graph import Moves, SegmentGraph
 from odom.backend.loop_closure.tuning import TUNING
 from odom.backend.loop_closure.verification import contradiction
-from odom.backend.map.keyframe import Observed
 from odom.backend.map.map import Map
-from odom.backend.map.memory import recall_near
 from odom.backend.map.pose_graph import Edge
 from odom.backend.mapping.background import Background
 from odom.backend.mapping.described import DescribedKeyframe
-from odom.backend.mapping.keyframe_inserter import KeyframeView
-from odom.backend.tracking.frame_state import Tracked
 from odom.backend.tracking.frame_tracker import FrameTracker
-from odom.backend.tracking.quality import is_known_place
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.matching.place_recognition import Recognition
-from odom.geometry import se3
-from odom.geometry.arrays import Array
 
 _FRAME_S = 1.0 / 30.0
 """Seconds in which a frame's worth of background work is done, however few frames come meanwhile."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """A `candidate` that geometry confirms: the registration, and what the key frame saw of old landmarks."""
-
-    candidate: LoopCandidate
-    edge: Edge
-    uv: Array
-    seen: Observed
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +32,7 @@ class _Closed:
     """Candidates, each with why it is refused (empty: it is not), and the `moves` by those that are not, if any."""
 
     graph: SegmentGraph
-    found: Sequence[_Found]
+    found: Sequence[Found]
     refusals: Sequence[str]
     moves: Moves | None
 
@@ -59,8 +42,12 @@ class LoopCloser:
 
     def __init__(self, map_: Map, tracker: FrameTracker) -> None:
         self._map, self._tracker = map_, tracker
-        self._waiting: list[_Found] = []
+        self._put_off: list[DescribedKeyframe] = []
+        """With what has not been tracked yet of their recognitions."""
+        self._waiting: list[Found] = []
         self._background = Background[_Closed]("closing")
+        self._is_stale = False
+        """Whether what the background works on is to be dropped."""
         self._rests_until = 0
         self._merged: list[int] = []
         """Key frames that were merged with another segment since the background began."""
@@ -72,42 +59,78 @@ class LoopCloser:
 
     def drop_waiting(self) -> None:
         """Forget candidates that wait: they were measured through another lens."""
-        self._waiting = []
+        self._put_off, self._waiting = [], []
+        self._is_stale = self._background.is_busy
 
     def judge(self, described: Iterable[DescribedKeyframe], sensor: SensorModel) -> list[LoopCandidate]:
-        """Track what key frames look like; merge segments, and return what is decided already.
+        """Track what key frames look like in other segments; merge these, and return what is decided already.
 
-        What would close a loop waits: `close` holds it against the chain.
+        Places that the chain contradicts at the first glance are not tracked.
+        What would close a loop waits to be tracked: see `look`.
         """
         decided: list[LoopCandidate] = []
         for one in described:
+            likely: list[Recognition] = []
             for recognition in one.recognitions:
-                found = self._track(one.seen, recognition, sensor)
-                if isinstance(found, LoopCandidate):
-                    decided.append(found)
-                    continue
-                if found.edge.is_loop:
-                    self._waiting = [*self._waiting, found][-TUNING.most_waiting :]
+                refused = refused_at_once(self._map, one.seen.keyframe, recognition, sensor.noise)
+                if refused is None:
+                    likely.append(recognition)
                 else:
-                    self._merged += merge_segment(self._map, found.edge)
-                    self._add_old_landmarks(found)
-                    decided.append(found.candidate)
-                break
+                    decided.append(refused)
+            rest = replace(one, recognitions=likely)
+            segment = self._map.keyframes[one.seen.keyframe].segment
+            if likely and all(self._map.keyframes[r.candidate].segment == segment for r in likely):
+                self._put_off.append(rest)
+                continue
+            while rest.recognitions:
+                rest = self._look_at(rest, sensor, decided)
+        return decided
+
+    def look(self, count: int, sensor: SensorModel, has_time: bool) -> list[LoopCandidate]:
+        """Do what was put off, after frame `count - 1` and if that `has_time`: track a candidate, or begin to close.
+
+        Returns what is refused. Where too much waits, time is taken.
+        """
+        decided: list[LoopCandidate] = []
+        if has_time and not self._put_off:
+            self._start(count, sensor)
+        while self._put_off and (has_time or len(self._put_off) > TUNING.most_put_off):
+            self._look_at_next(sensor, decided)
+            has_time = False
         return decided
 
     def close(self, count: int | None, sensor: SensorModel) -> list[LoopCandidate]:
-        """Move the map by what is due at frame `count`, and begin with what waits (None: do all now).
-
-        Returns what is decided by that.
-        """
+        """Move the map by what is due at frame `count` (None: do all that waits now); return what that decides."""
         decided = self._take(count, sensor.clock.steady)
-        if count is not None:
-            self._start(count, sensor)
-            return decided
-        while self._waiting:
+        while count is None and (self._put_off or self._waiting):
+            while self._put_off:
+                self._look_at_next(sensor, decided)
             self._start(self._rests_until, sensor)
             decided += self._take(None, sensor.clock.steady)
         return decided
+
+    def _look_at_next(self, sensor: SensorModel, decided: list[LoopCandidate]) -> None:
+        rest = self._look_at(self._put_off.pop(0), sensor, decided)
+        if rest.recognitions:
+            self._put_off.insert(0, rest)
+
+    def _look_at(self, one: DescribedKeyframe, sensor: SensorModel, decided: list[LoopCandidate]) -> DescribedKeyframe:
+        """Track the first of the places that a key frame looks like, and add to what is `decided`.
+
+        Returns it with the other places, with none if that was the right one.
+        """
+        first, *others = one.recognitions
+        found = track_candidate(self._map, self._tracker, one.seen, first, sensor)
+        if isinstance(found, LoopCandidate):
+            decided.append(found)
+            return replace(one, recognitions=others)
+        if found.edge.is_loop:
+            self._waiting = [*self._waiting, found][-TUNING.most_waiting :]
+        else:
+            self._merged += merge_segment(self._map, found.edge)
+            add_old_landmarks(self._map, found)
+            decided.append(found.candidate)
+        return replace(one, recognitions=[])
 
     def _start(self, count: int, sensor: SensorModel) -> None:
         """Begin to close what waits, of one segment, if idle and rested; frame `count` is the newest.
@@ -142,6 +165,9 @@ class LoopCloser:
         closed = self._background.take(count, stamp)
         if closed is None:
             return []
+        if self._is_stale:
+            self._is_stale = False
+            return []
         if any(self._segment_of(found) != closed.graph.segment for found in closed.found):
             self._waiting = [*closed.found, *self._waiting]
             return []
@@ -154,70 +180,12 @@ class LoopCloser:
                 decided.append(replace(found.candidate, accepted=False, reason=refusal))
                 continue
             self._map.register(found.edge)
-            self._add_old_landmarks(found)
+            add_old_landmarks(self._map, found)
             decided.append(found.candidate)
         return decided
 
-    def _segment_of(self, found: _Found) -> int:
+    def _segment_of(self, found: Found) -> int:
         return self._map.keyframes[found.edge.b].segment
 
     def _is_forgotten(self, edge: Edge) -> bool:
         return any(n not in self._map.away and n not in self._map.remembered for n in (edge.a, edge.b))
-
-    def _track(self, seen: KeyframeView, recognition: Recognition, sensor: SensorModel) -> _Found | LoopCandidate:
-        """Return a recognition that tracking confirms, with what it would do, or the candidate that is refused."""
-        map_ = self._map
-        keyframe, place = map_.keyframes[seen.keyframe], map_.keyframes[recognition.candidate]
-        registration = recognition.registration
-        inliers = 0 if registration is None else int(registration.inliers.sum())
-        candidate = LoopCandidate(keyframe.stamp, place.stamp, inliers, False, recognition.refusal)
-        if recognition.refusal or registration is None:
-            return candidate
-        T_start = se3.inverse(registration.T_target_source) @ place.T_camera_map
-        recall_near(map_, place.number, T_start)
-        tracked = track_place(map_, self._tracker, seen, place.number, T_start, sensor)
-        T_place_keyframe = place.T_camera_map @ tracked.T_map_camera
-        candidate = replace(candidate, inliers=tracked.found_again, T_candidate_current=T_place_keyframe)
-        is_loop = place.segment == keyframe.segment
-        if not is_known_place(tracked, must_agree_with_chain=is_loop):
-            reason = f"only {tracked.found_again} of {tracked.visible_count} landmarks found again"
-            return replace(candidate, reason=reason)
-        covariance = tracked.covariance * sensor.noise.covariance_scale
-        edge = Edge(place.number, keyframe.number, T_place_keyframe, covariance, is_loop)
-        reason = f"{tracked.found_again} landmarks found again"
-        reason = reason if is_loop else f"merges two segments: {reason}"
-        old = tracked.inlying
-        observed = Observed(
-            rows=old.rows,
-            identities=map_.landmarks.identity[old.rows].copy(),
-            measurements=old.measurements,
-            timing=sensor.timing,
-        )
-        return _Found(replace(candidate, accepted=True, reason=reason), edge, old.uv, observed)
-
-    def _add_old_landmarks(self, found: _Found) -> None:
-        """Add to a key frame the old landmarks that it was found to see: adjustments then join the loop by them.
-
-        Those that were culled since, or that it has already, are left out.
-        """
-        landmarks, keyframe, seen = self._map.landmarks, self._map.keyframes[found.edge.b], found.seen
-        self._map.journal.measure([keyframe.number])
-        new = seen.current(landmarks) & ~np.isin(seen.identities, keyframe.identities[keyframe.current(landmarks)])
-        keyframe.rows = np.concatenate([keyframe.rows, seen.rows[new]])
-        keyframe.identities = np.concatenate([keyframe.identities, seen.identities[new]])
-        keyframe.uv = np.concatenate([keyframe.uv, found.uv[new]])
-        values = seen.measurements.take(new)
-        change = keyframe.timing.vector - seen.timing.vector
-        keyframe.measurements = keyframe.measurements.joined(replace(values, values=values.retimed(change)))
-
-
-def track_place(
-    map_: Map, tracker: FrameTracker, seen: KeyframeView, candidate: int, T_start: Array, sensor: SensorModel
-) -> Tracked:
-    """Return a key frame's view tracked against key frame `candidate` and those around it.
-
-    Those that the key frame is linked with are left out: they saw its landmarks, or it saw theirs, in this very image.
-    """
-    known = map_.linked(seen.keyframe) - {candidate}
-    local = tracker.around(candidate, T_start, known)
-    return tracker.track(seen.view, sensor, T_start, seen.twist, local)

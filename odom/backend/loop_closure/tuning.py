@@ -20,19 +20,26 @@ class Tuning:
         unit="frames",
         effect="that closing loops may take in the background, however small the map; fewer: frames wait for it; more: "
         "loops are closed later",
-        source="4 ms of CPU for 400 key frames (tests/backend/test_large_maps.py), on a crowded machine",
+        source="4 ms of CPU for 400 key frames (tests/map_file/test_large_map.py), on a crowded machine",
     )
     closing_keyframes: int = tuned(
         300,
         unit="key frames a frame",
         effect="that the background is trusted to close; more: frames wait for it; fewer: loops are closed later",
-        source="30 to 75 us of CPU a key frame (tests/backend/test_large_maps.py): a third of the time that this gives",
+        source="30 to 75 us of CPU a key frame (tests/map_file/test_large_map.py): a third of the time that this gives",
     )
     most_waiting: int = tuned(
         100,
         unit="recognitions",
         effect="that may wait while loops are closed; fewer: some are lost in large maps; more: memory",
         source="two key frames a second for the minute that 100,000 key frames take",
+    )
+    most_put_off: int = tuned(
+        5,
+        unit="key frames",
+        effect="that may look like other places until a frame has time for them; fewer: frames that are key frames "
+        "take longer; more: loops are closed later, and views wait in memory",
+        source="at 10 Hz four of ten frames of a walk are key frames",
     )
     join_least: int = tuned(
         3,

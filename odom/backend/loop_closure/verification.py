@@ -4,6 +4,7 @@ import numpy as np
 
 from odom.backend.loop_closure.graph import SegmentGraph
 from odom.backend.loop_closure.tuning import TUNING
+from odom.backend.map.keyframe import Keyframe
 from odom.backend.map.pose_covariance import calibration_covariance, independent_covariance
 from odom.backend.map.pose_graph import Edge
 from odom.geometry import se3
@@ -24,6 +25,20 @@ def contradiction(graph: SegmentGraph, closure: Edge, calibration_error: float) 
     if chain is None:
         return ""
     return disagreement(graph.T_between(closure.a, closure.b), chain, closure, calibration_error)
+
+
+def contradiction_from_start(a: Keyframe, b: Keyframe, closure: Edge, calibration_error: float) -> str:
+    """Return how a `closure` of key frames `a` and `b` contradicts the chain by way of the key frame it began with.
+
+    Empty where it does not, or where they are of two chains. That way is never surer than the surest one, so that this
+    refuses nothing that `contradiction` would not.
+    """
+    if a.first != b.first:
+        return ""
+    T_a_b = a.T_camera_map @ se3.inverse(b.T_camera_map)
+    A = se3.adjoint(se3.inverse(T_a_b))
+    chain = b.covariance_since_start + A @ a.covariance_since_start @ A.T
+    return disagreement(T_a_b, chain, closure, calibration_error)
 
 
 def disagreement(T_a_b: Array, chain: Array, closure: Edge, calibration_error: float) -> str:

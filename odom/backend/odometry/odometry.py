@@ -157,23 +157,25 @@ class Odometry:
         found = self._recalibration.after_frame(self, measured, frames.published.frames.count, view.steady_stamp)
         if found is not None:
             frames.mapper.lens_to_come = Lens.of(found, told=self.camera)
+        loops += frames.closer.look(frames.published.frames.count, frames.sensor, not estimate.is_keyframe)
         if map_moved or estimate.is_keyframe:
             estimate = replace(estimate, path=self._path.of(frames.map), landmarks_map=cloud_of(frames.map))
-        return replace(estimate, loops=loops, timings_ms=watch.laps_ms)
+        watch.lap("background")
+        return replace(estimate, loops=tuple(loops), timings_ms=watch.laps_ms)
 
     def take_map_changes(self) -> MapChanges:
         """Return what of the map is new or other since the last call; nothing unless it was opened to go on in it."""
         changes = take_changes(self._frames.map)
         return changes if changes.is_empty else replace(changes, sensor=SensorMemory.of(self._frames.sensor))
 
-    def _take_background(self, count: int | None) -> tuple[tuple[LoopCandidate, ...], bool]:
+    def _take_background(self, count: int | None) -> tuple[list[LoopCandidate], bool]:
         """Take over what the background has for frame `count` (None: all); return what loops came to, if the map moved.
 
         The current pose moves with the map; over a closure, the pose in odom stays what it was.
         """
         frames, state = self._frames, self._frames.state
         if state is None:
-            return (), False
+            return [], False
         T_reference_camera = state.T_reference_camera(frames.map)
         before = frames.sensor.lens
         taken = frames.mapper.take_background(count, frames.sensor)
@@ -191,7 +193,7 @@ class Odometry:
             frames.published.correct(se3.inverse(T_reference_map) @ T_reference_adjusted)
         if map_moved := is_closed or taken is not None:
             frames.state = state.moved_with(frames.map, T_reference_camera)
-        return tuple(loops), map_moved
+        return loops, map_moved
 
     def finish(self) -> tuple[TrajectoryPose, ...]:
         """Return the final corrected trajectory after adjusting the whole map once more.
@@ -208,7 +210,7 @@ class Odometry:
             frames.mapper.keep_for_the_end(newest, tracked, frames.sensor)
         loops, _ = self._take_background(None)
         frames.mapper.start_background(log.count, frames.sensor)
-        self.late_loops = loops + self._take_background(None)[0]
+        self.late_loops = (*loops, *self._take_background(None)[0])
         state = frames.state
         T_reference_camera = state.T_reference_camera(frames.map)
         frames.sensor, self._adjusted = frames.mapper.finish(frames.sensor)

@@ -1,0 +1,105 @@
+"""A place that a key frame looks like, by descriptors: whether tracking against its landmarks says so, too."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from odom.backend.estimate import LoopCandidate
+from odom.backend.loop_closure.verification import contradiction_from_start
+from odom.backend.map.keyframe import Observed
+from odom.backend.map.map import Map
+from odom.backend.map.memory import recall_near
+from odom.backend.map.pose_graph import Edge
+from odom.backend.mapping.keyframe_inserter import KeyframeView
+from odom.backend.tracking.frame_state import Tracked
+from odom.backend.tracking.frame_tracker import FrameTracker
+from odom.backend.tracking.quality import is_known_place
+from odom.frontend.camera.noise_monitor import NoiseMonitor
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.matching.place_recognition import Recognition
+from odom.geometry import se3
+from odom.geometry.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A `candidate` that geometry confirms: the registration, and what the key frame saw of old landmarks."""
+
+    candidate: LoopCandidate
+    edge: Edge
+    uv: Array
+    seen: Observed
+
+
+def refused_at_once(map_: Map, number: int, recognition: Recognition, noise: NoiseMonitor) -> LoopCandidate | None:
+    """Return what key frame `number` looks like as a candidate that is refused, None where tracking has to tell.
+
+    In a building of look-alike rooms the chain contradicts most of them by metres, before anything is tracked.
+    """
+    keyframe, place = map_.keyframes[number], map_.keyframes[recognition.candidate]
+    registration, refusal = recognition.registration, recognition.refusal
+    inliers = 0 if registration is None else int(registration.inliers.sum())
+    if registration is not None and not refusal and place.segment == keyframe.segment:
+        covariance = noise.covariance_scale * registration.covariance
+        closure = Edge(place.number, number, registration.T_target_source, covariance, is_loop=True)
+        refusal = contradiction_from_start(place, keyframe, closure, noise.calibration_error)
+    return LoopCandidate(keyframe.stamp, place.stamp, inliers, False, refusal) if refusal else None
+
+
+def track_candidate(
+    map_: Map, tracker: FrameTracker, seen: KeyframeView, recognition: Recognition, sensor: SensorModel
+) -> Found | LoopCandidate:
+    """Return a recognition that tracking confirms, with what it would do, or the candidate that is refused."""
+    keyframe, place = map_.keyframes[seen.keyframe], map_.keyframes[recognition.candidate]
+    registration = recognition.registration
+    assert registration is not None
+    candidate = LoopCandidate(keyframe.stamp, place.stamp, int(registration.inliers.sum()), False, "")
+    T_start = se3.inverse(registration.T_target_source) @ place.T_camera_map
+    recall_near(map_, place.number, T_start)
+    tracked = track_place(map_, tracker, seen, place.number, T_start, sensor)
+    T_place_keyframe = place.T_camera_map @ tracked.T_map_camera
+    candidate = replace(candidate, inliers=tracked.found_again, T_candidate_current=T_place_keyframe)
+    is_loop = place.segment == keyframe.segment
+    if not is_known_place(tracked, must_agree_with_chain=is_loop):
+        reason = f"only {tracked.found_again} of {tracked.visible_count} landmarks found again"
+        return replace(candidate, reason=reason)
+    covariance = tracked.covariance * sensor.noise.covariance_scale
+    edge = Edge(place.number, keyframe.number, T_place_keyframe, covariance, is_loop)
+    reason = f"{tracked.found_again} landmarks found again"
+    reason = reason if is_loop else f"merges two segments: {reason}"
+    old = tracked.inlying
+    observed = Observed(
+        rows=old.rows,
+        identities=map_.landmarks.identity[old.rows].copy(),
+        measurements=old.measurements,
+        timing=sensor.timing,
+    )
+    return Found(replace(candidate, accepted=True, reason=reason), edge, old.uv, observed)
+
+
+def add_old_landmarks(map_: Map, found: Found) -> None:
+    """Add to a key frame the old landmarks that it was found to see: adjustments then join the loop by them.
+
+    Those that were culled since, or that it has already, are left out.
+    """
+    landmarks, keyframe, seen = map_.landmarks, map_.keyframes[found.edge.b], found.seen
+    map_.journal.measure([keyframe.number])
+    new = seen.current(landmarks) & ~np.isin(seen.identities, keyframe.identities[keyframe.current(landmarks)])
+    keyframe.rows = np.concatenate([keyframe.rows, seen.rows[new]])
+    keyframe.identities = np.concatenate([keyframe.identities, seen.identities[new]])
+    keyframe.uv = np.concatenate([keyframe.uv, found.uv[new]])
+    values = seen.measurements.take(new)
+    change = keyframe.timing.vector - seen.timing.vector
+    keyframe.measurements = keyframe.measurements.joined(replace(values, values=values.retimed(change)))
+
+
+def track_place(
+    map_: Map, tracker: FrameTracker, seen: KeyframeView, candidate: int, T_start: Array, sensor: SensorModel
+) -> Tracked:
+    """Return a key frame's view tracked against key frame `candidate` and those around it.
+
+    Those that the key frame is linked with are left out: they saw its landmarks, or it saw theirs, in this very image.
+    """
+    known = map_.linked(seen.keyframe) - {candidate}
+    local = tracker.around(candidate, T_start, known)
+    return tracker.track(seen.view, sensor, T_start, seen.twist, local)

@@ -44,8 +44,23 @@ def test_of_many_far_key_frames_some_are_shown(monkeypatch):
     monkeypatch.setattr(shown, "_MOST_FAR_IN_PATH", 10)
     map_, path = chain_of_keyframes(poses(30), 1e-6 * np.eye(6)), ShownPath()
     map_.remembered, map_.away = list(range(25, 30)), set(range(25))
-    assert [one.stamp // 10**9 for one in path.of(map_)] == [*range(0, 25, 3), *range(25, 30)]
+    before = path.of(map_)
+    assert [one.stamp // 10**9 for one in before] == [*range(0, 25, 4), *range(25, 30)]
+    map_.remembered, map_.away = list(range(20, 27)), {*range(20), *range(27, 30)}
+    after = path.of(map_)
+    assert [one.stamp // 10**9 for one in after] == [*range(0, 20, 4), *range(20, 27), 28]
+    assert len(set(map(id, after)) - set(map(id, before))) == 3, "of those shown before, each is the same value"
 
 
 def test_an_empty_map_has_an_empty_path():
     assert ShownPath().of(Map()) == ()
+
+
+def test_the_path_is_shown_when_there_is_time_and_soon_at_any_rate():
+    path = ShownPath()
+    assert not path.is_due(is_other=False, has_time=True)
+    assert path.is_due(is_other=True, has_time=True)
+    assert not path.is_due(is_other=True, has_time=False)
+    assert path.is_due(is_other=False, has_time=True)
+    assert not path.is_due(is_other=False, has_time=True)
+    assert [path.is_due(is_other=True, has_time=False) for _ in range(12)] == 2 * [*5 * [False], True]

@@ -12,6 +12,8 @@ _MOST_CLOUD_POINTS = 20_000
 """Points of the published cloud of landmarks (240 kB a message): more are not told apart on a screen."""
 _MOST_FAR_IN_PATH = 500
 """Key frames in the published path that are not in memory: more take a millisecond of each key frame."""
+_MOST_PUT_OFF = 5
+"""Frames in a row that may have no time to show the path: more, and it lags behind a camera that turns fast."""
 
 _Shown = tuple[Array, Array, TrajectoryPose]
 """T_camera_map and T_middle_stamp of a key frame, the very arrays, and the pose that is shown of it."""
@@ -21,18 +23,30 @@ _NOTHING: _Shown = (np.eye(4), np.eye(4), TrajectoryPose(Stamp(0), None, -1))
 class ShownPath:
     """The key frames' poses at their stamps; of those not in memory at most 500, thinned evenly.
 
-    Poses that are where they were last time are not worked out again: most of a large map stays where it is.
+    Poses that are where they were last time are not worked out again: most of a large map stays where it is. Shown are
+    those whose numbers a power of two divides, so that they are the same while the camera goes on.
     """
 
     def __init__(self) -> None:
         self._known: dict[int, _Shown] = {}
+        self._put_off = 0
+
+    def is_due(self, is_other: bool, has_time: bool) -> bool:
+        """Return whether to show the path after a frame, by which it `is_other` or not.
+
+        It is put off for a few frames, until one has time.
+        """
+        self._put_off += bool(is_other or self._put_off)
+        is_due = self._put_off > 0 and (has_time or self._put_off > _MOST_PUT_OFF)
+        self._put_off = 0 if is_due else self._put_off
+        return is_due
 
     def of(self, map_: Map) -> tuple[TrajectoryPose, ...]:
         """Return the path of a map, always of the same one."""
-        far = sorted(map_.away.union(map_.forgotten))
-        numbers = sorted([*far[:: 1 + len(far) // _MOST_FAR_IN_PATH], *map_.remembered])
-        keyframes, known = map_.keyframes, self._known
-        moved = []
+        keyframes, known, step, moved = map_.keyframes, self._known, 1, []
+        while len(keyframes) - len(map_.remembered) > step * _MOST_FAR_IN_PATH:
+            step *= 2
+        numbers = sorted({*range(0, len(keyframes), step), *map_.remembered})
         for n in numbers:
             k, one = keyframes[n], known.get(n, _NOTHING)
             if one[0] is not k.T_camera_map or one[1] is not k.T_middle_stamp or one[2].segment != k.segment:

@@ -157,8 +157,9 @@ class Odometry:
         found = self._recalibration.after_frame(self, measured, frames.published.frames.count, view.steady_stamp)
         if found is not None:
             frames.mapper.lens_to_come = Lens.of(found, told=self.camera)
-        loops += frames.closer.look(frames.published.frames.count, frames.sensor, not estimate.is_keyframe)
-        if map_moved or estimate.is_keyframe:
+        has_time = not estimate.is_keyframe
+        loops += frames.closer.look(frames.published.frames.count, frames.sensor, has_time)
+        if self._path.is_due(map_moved or estimate.is_keyframe, has_time):
             estimate = replace(estimate, path=self._path.of(frames.map), landmarks_map=cloud_of(frames.map))
         watch.lap("background")
         return replace(estimate, loops=tuple(loops), timings_ms=watch.laps_ms)

@@ -100,8 +100,7 @@ class KeyframeInserter:
         tracked = replace(tracked, T_camera_map=state.T_camera_map, inliers=inliers, reference=state.reference)
         covariance = tracked.covariance * sensor.noise.covariance_scale
         keyframe = self.insert(state.view, tracked, state.twist, covariance, sensor)
-        late_s = state.view.late_s + sensor.timing.readout_s / 2.0
-        keyframe.T_middle_stamp = se3.exp(state.twist * late_s)
+        keyframe.T_middle_stamp = _T_middle_stamp(state.view, state.twist, sensor)
         return replace(state, tracked=tracked, reference=keyframe.number, rows=keyframe.rows, uv=keyframe.uv)
 
     def is_due(self, tracked: Tracked) -> bool:
@@ -131,6 +130,15 @@ class KeyframeInserter:
             self.remeasure(self._newest.keyframe, self._newest.view, mean, sensor)
         self._newest = None
 
+    def remeasure_first(self, number: int, view: View, twist: Array, sensor: SensorModel) -> None:
+        """Measure the key frame that began a segment again: `twist` (6, SI) led from it to the second frame.
+
+        The same motion led from its middle row to its stamp.
+        """
+        self.remeasure(number, view, twist, sensor)
+        self._map.keyframes[number].T_middle_stamp = _T_middle_stamp(view, twist, sensor)
+        self._map.journal.move([number])
+
     def remeasure(self, number: int, view: View, twist: Array, sensor: SensorModel) -> None:
         """Measure the features of key frame `number` again, now that its motion `twist` (6, SI) is known better."""
         keyframe = self._map.keyframes[number]
@@ -153,6 +161,10 @@ class KeyframeInserter:
 def _measure_exactly(view: View, sensor: SensorModel, uv: Array, twist: Array) -> Measurements:
     """Measure corners at `uv` (n x 2 px) whose positions define their patches, and so have no error of their own."""
     return measure(view, sensor, uv, np.zeros((len(uv), 3)), twist)
+
+
+def _T_middle_stamp(view: View, twist: Array, sensor: SensorModel) -> Array:
+    return se3.exp(twist * (view.late_s + sensor.timing.readout_s / 2.0))
 
 
 def _has_moved(T_camera_keyframe: Array) -> bool:

@@ -99,7 +99,7 @@ class FrameStages:
             # cannot: landmarks bent in the first frame look straight in the second.
             prior = state.motion_prior(state.since_s(view.steady_stamp), sensor.noise.covariance_scale)
             twist = prior.twist_to(tracked.T_camera_map)
-            self.mapper.inserter.remeasure(state.reference, state.view, twist, sensor)
+            self.mapper.inserter.remeasure_first(state.reference, state.view, twist, sensor)
             T_predicted = tracker.predict(state, view.images, view.steady_stamp, sensor)
             tracked = tracker.follow(state, view, sensor, T_predicted)
         watch.lap("track")

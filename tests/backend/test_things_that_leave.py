@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from painted_room import SMALL, START, PaintedRoom, stroll
 
-from odom import Odometry
+from odom import Odometry, OdometrySettings
 from odom.backend import Estimate
 from odom.evaluation.passers_by import Painter, PasserBy, passers_by
 from odom.frontend.camera.lens import Lens
@@ -31,7 +31,7 @@ class Leaver(PasserBy):
         return T
 
 
-def walk(body: Leaver, seconds: float):
+def walk(body: Leaver, seconds: float, settings: OdometrySettings | None = None):
     """Run the odometry before a body; yield time, odometry, estimate and T_map_camera of each frame."""
     T_room_anchor = stroll(0.0)
 
@@ -39,7 +39,7 @@ def walk(body: Leaver, seconds: float):
         return se3.inverse(stroll((stamp - START) * 1e-9)) @ T_room_anchor
 
     painter = Painter(SMALL, (body,), START, T_camera_anchor, Lens.of(SMALL))
-    odometry = Odometry(SMALL)
+    odometry = Odometry(SMALL, settings)
     for number in range(int(seconds * RATE_HZ)):
         t = number / RATE_HZ
         frame, _ = painter.paint(ROOM.frame(SMALL, 30 // RATE_HZ * number, stroll(t)))
@@ -70,10 +70,12 @@ def off_m(estimate: Estimate, T_map_camera: Array) -> float:
 
 
 @pytest.mark.rendered
-def test_a_box_that_is_carried_away_leaves_the_map_within_a_second_and_the_pose_where_it_was() -> None:
+@pytest.mark.parametrize("looked_for", [400, 60])
+def test_a_box_that_is_carried_away_leaves_the_map_within_a_second_and_the_pose_where_it_was(looked_for: int) -> None:
+    settings = OdometrySettings(max_features=looked_for)
     box, before, after, offs_m = body(leaves_s=2.0), 0, [], [0.0]
     gone_s = box.leaves_s + box.width_m / box.speed_m_s
-    for t, odometry, estimate, T_map_camera in walk(box, gone_s + 1.4):
+    for t, odometry, estimate, T_map_camera in walk(box, gone_s + 1.4, settings):
         offs_m.append(off_m(estimate, T_map_camera))
         if t < box.leaves_s:
             before = landmarks_in_the_place_of(box, odometry, T_map_camera)

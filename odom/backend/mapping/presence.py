@@ -1,14 +1,19 @@
 """Which landmarks are still there: those whose places the depth images look through have been carried away."""
 
+import numpy as np
+
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.tracking.frame_state import Tracked
+from odom.geometry.arrays import Array, Index
+from odom.geometry.neighbours import nearest
 
 
 def note_sightings(landmarks: Landmarks, tracked: Tracked, since_previous_s: float) -> None:
     """Count what a tracked frame found and what it missed, and remove landmarks that have been gone for long enough.
 
-    One that was hidden is not blamed for it: behind a person who stops, the map stays as it was.
+    One that was hidden is not blamed for it: behind a person who stops, the map stays as it was. What one that is
+    removed lay on takes its neighbours along: of many in one place not all are looked for, so these are from now on.
     """
     found, missed, sight = tracked.inlying.rows, tracked.missed, tracked.sight
     landmarks.seen[found] += 1
@@ -18,4 +23,19 @@ def note_sightings(landmarks: Landmarks, tracked: Tracked, since_previous_s: flo
     landmarks.gone_s[missed[~(sight.hidden | sight.seen_through)]] = 0.0
     gone = missed[sight.seen_through]
     landmarks.gone_s[gone] += min(since_previous_s, TUNING.gone_step_s)
-    landmarks.cull(gone[landmarks.gone_s[gone] >= TUNING.gone_s])
+    vanished = gone[landmarks.gone_s[gone] >= TUNING.gone_s]
+    landmarks.cull(vanished)
+    if len(vanished):
+        near = _around(landmarks, landmarks.position[vanished], tracked.T_map_camera[:3, 3])
+        landmarks.gone_s[near] = np.maximum(landmarks.gone_s[near], TUNING.gone_step_s)
+
+
+def _around(landmarks: Landmarks, places: Array, eye: Array) -> Index:
+    """Return the rows of the landmarks near any of k `places` (k x 3, m), as seen from `eye` (3, m)."""
+    rows = np.flatnonzero(landmarks.alive)
+    if not len(rows):
+        return rows
+    positions = landmarks.position[rows]
+    away_m2 = nearest(positions, places, 1)[1]
+    within_m = TUNING.gone_around * np.linalg.norm(positions - eye, axis=1)
+    return np.asarray(rows[away_m2 < within_m**2])

@@ -75,6 +75,9 @@ class Tuning:
         "larger: what was carried away is looked for in vain, and found elsewhere")
     gone_step_s: float = tuned(0.1, unit="s", source="three looks at least, as `gone_s`",
         effect="most that one frame counts; smaller: slow streams keep what has left; larger: one bad look counts")
+    gone_around: float = tuned(0.15, unit="share of the distance", source="as `departing_within` of tracking",
+        effect="within which the neighbours of a removed landmark are looked for; smaller: what lies on a thing that "
+        "was carried away stays longer; larger: slower")
     # background
     background_s: float = tuned(0.15, unit="s", source="three times what a task takes",
         effect="after which a result is taken, though fewer frames came; smaller: frames of slow streams wait for it; "

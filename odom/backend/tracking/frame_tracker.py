@@ -116,13 +116,19 @@ class FrameTracker:
         return self.track(view, sensor, T, twist, self.around(near, T), prior)
 
     def _candidates(self, local: Index, T_camera_map: Array) -> Candidates:
-        """Return the landmarks of the key frames `local`, of which the first is the reference."""
+        """Return the landmarks of the key frames `local`, of which the first is the reference.
+
+        Those that may be gone are looked for in any case, by whatever key frame of the segment they were seen.
+        """
         L, all_keyframes = self._map.landmarks, self._map.keyframes
-        keyframes = np.sort(local)
         is_local = np.zeros(len(all_keyframes), dtype=np.bool_)
-        is_local[keyframes] = True
-        rows = np.flatnonzero(L.alive & is_local[L.keyframe])
+        is_local[local] = True
+        doubted = np.flatnonzero(L.alive & (L.gone_s > 0.0) & ~is_local[L.keyframe])
+        segment = all_keyframes[int(local[0])].segment
+        is_near = [all_keyframes[k].segment == segment for k in L.keyframe[doubted].tolist()]
+        rows = np.sort(np.concatenate([np.flatnonzero(L.alive & is_local[L.keyframe]), doubted[is_near]]))
+        keyframes = np.unique(np.concatenate([local, L.keyframe[rows]]))
         chance = (L.seen[rows] + 1.0) / (L.tried[rows] + 2.0)  # Laplace's rule of succession
         priority = chance**2 * (L.seen[rows] + TUNING.reference_rank * (L.keyframe[rows] == int(local[0])))
         T_camera_keyframe = motions_from(self._map, keyframes, T_camera_map)
-        return Candidates(rows, priority, chance, keyframes, T_camera_keyframe)
+        return Candidates(rows, priority, chance, L.gone_s[rows] > 0.0, keyframes, T_camera_keyframe)

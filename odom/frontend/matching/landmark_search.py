@@ -74,20 +74,23 @@ class LandmarkPatches(Protocol):
 class Candidates:
     """Landmarks that may be looked for: `rows` (n), and `priority` (n) within one part of the image.
 
-    `chance` (n) is how likely each is found: of those, no more are looked for than are needed.
+    `chance` (n) is how likely each is found: of those, no more are looked for than are needed, besides those that are
+    `due` (n).
     `T_camera_keyframe` (K x 4 x 4) is the motion from their `keyframes` (K numbers, ascending), for the warp.
     """
 
     rows: Index
     priority: Array
     chance: Array
+    due: Mask
     keyframes: Index
     T_camera_keyframe: Array
 
     @classmethod
     def all_of(cls, rows: Index, keyframes: Index, T_camera_keyframe: Array) -> "Candidates":
         """Return landmarks of which every one is to be looked for."""
-        return cls(rows, np.zeros(len(rows)), np.zeros(len(rows)), keyframes, T_camera_keyframe)
+        nothing, none = np.zeros(len(rows)), np.zeros(len(rows), dtype=np.bool_)
+        return cls(rows, nothing, nothing, none, keyframes, T_camera_keyframe)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +154,7 @@ class _Expected:
         if len(rows) > most or chance.sum() > TUNING.search_enough:
             across, enough = width // cell_px + 1, TUNING.search_enough
             chosen = _spread(seen[:, :2], priority, chance, enough, most, across, cell_px)
+            chosen |= candidates.due.take(visible)
             rows, seen = rows[chosen], seen[chosen]
         A, usable = affinities(
             landmarks.uv.take(rows, 0),

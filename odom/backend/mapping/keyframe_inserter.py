@@ -88,7 +88,7 @@ class KeyframeInserter:
         corners = corners.take(stands)
         keyframe = self._map.add_keyframe(view, T, seen, corners, sensor.timing, reference, covariance)
         self._work_on(keyframe, view, twist)
-        self._newest, self._coverage_at_keyframe = self.undescribed[-1], None
+        self._newest, self._coverage_at_keyframe, self._is_worn_out = self.undescribed[-1], None, False
         return keyframe
 
     def kept(self, state: FrameState, sensor: SensorModel) -> FrameState:
@@ -107,13 +107,13 @@ class KeyframeInserter:
         """Return whether too little is left in a frame of what the last key frame saw, and the camera has moved."""
         coverage = Coverage.of(tracked.inlying.uv)
         self._coverage_at_keyframe = self._coverage_at_keyframe or coverage
-        is_worn, self._is_worn_out = self._is_worn_out or coverage.is_worn(self._coverage_at_keyframe), False
+        is_worn = self._is_worn_out or coverage.is_worn(self._coverage_at_keyframe)
         near = self._map.keyframes[tracked.reference]
         T_camera_keyframe = tracked.T_camera_map @ se3.inverse(near.T_camera_map)
         return is_worn and _has_moved(T_camera_keyframe)
 
     def wear_out(self) -> None:
-        """Make the next frame a key frame if the camera has moved: it could not be followed from the one before."""
+        """Make a key frame as soon as the camera has moved, whatever is left of what the last one saw."""
         self._is_worn_out = True
 
     def forget_coverage(self) -> None:

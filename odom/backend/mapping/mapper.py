@@ -194,6 +194,8 @@ class Mapper:
         carries_newer: bool = False,
     ) -> SensorModel:
         local_adjustment.take_over(self._map, adjustment, bundle, carries_newer)
+        if np.abs(bundle.timing_change).max() > TUNING.timing_settled_s:
+            self.inserter.wear_out()  # only key frames tell more of it, and what is in view may last for long
         return sensor.with_timing_change(bundle.timing_change, bundle.information_timing, self._credit(sensor))
 
     def _credit(self, sensor: SensorModel) -> float:

@@ -31,6 +31,9 @@ class Tuning:
     moved_m: float = tuned(0.015, unit="m", source=_SWEEP,
         effect="smaller: key frames at rest; larger: near things are covered late")
     moved_rad: float = tuned(0.02, unit="rad", source=_SWEEP, effect="as moved_m, for rotations")
+    timing_settled_s: float = tuned(0.002, unit="s", source="fr1, a HoloLens, a painted room",
+        effect="by which an adjustment changes the timing for a key frame to be due as soon as the camera has moved; "
+        "smaller: more key frames, slower; larger: in a calm walk in one place the timing stays unknown")
     farthest_m: float = tuned(8.0, unit="m", source="range of a Kinect v1; Khoshelham, Elberink, Sensors 12, 2012",
         effect="smaller: no landmarks in large rooms; larger: depth without information becomes landmarks")
     # standing

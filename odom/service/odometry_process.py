@@ -235,7 +235,7 @@ class OdometryProcess:
         counts.dropped = self._receiver.dropped | ({NOT_TRACKABLE: counts.refused} if counts.refused else {})
         if self._odometry is None:
             return
-        gone = self._odometry.forgotten_keyframes, self._odometry.forgotten_frames
+        gone = self._odometry.forgotten_keyframes, self._odometry.frames.dropped
         counts.note_forgotten(*gone, self._settings.odometry.map_keyframes)
 
     def _publish_rest(self) -> None:

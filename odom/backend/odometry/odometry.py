@@ -101,18 +101,13 @@ class Odometry:
 
     @property
     def frames(self) -> FrameLog:
-        """All frames' poses for their middle rows' times: to be read, not changed."""
+        """The poses of frames for their middle rows' times, those of the last eight hours: to be read, not changed."""
         return self._frames.published.frames
 
     @property
     def forgotten_keyframes(self) -> int:
         """How many key frames were forgotten, for the map to stay within `map_keyframes`."""
         return len(self._frames.map.forgotten)
-
-    @property
-    def forgotten_frames(self) -> int:
-        """How many frames were dropped from the final trajectory: those older than the last eight hours."""
-        return self._frames.published.frames.dropped
 
     def anticipate(self, stamp: Stamp, color: Image) -> None:
         """Do already what needs no depth, for the frame that will hold this very `color` (grey or RGB) of `stamp`.

@@ -118,7 +118,7 @@ class FrameTracker:
     def _candidates(self, local: Index, T_camera_map: Array) -> Candidates:
         """Return the landmarks of the key frames `local`, of which the first is the reference.
 
-        Those that may be gone are looked for in any case, by whatever key frame of the segment they were seen.
+        Those that may be gone are looked for in any case, whichever key frame of the segment has seen them.
         """
         L, all_keyframes = self._map.landmarks, self._map.keyframes
         is_local = np.zeros(len(all_keyframes), dtype=np.bool_)

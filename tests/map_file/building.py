@@ -19,6 +19,8 @@ from odom.evaluation.trajectory import Trajectory
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 from odom.map_file.map_file import MapFile
+from odom.service.startup import warm_up
+from odom.wire import Topics
 from sensors.arena import ArenaOptions
 from sensors.arena.camera_path import make_walk
 from sensors.arena.frames import frame
@@ -68,7 +70,11 @@ class Walked:
 
 
 def walked(options: ArenaOptions, map_: Path | None = None) -> Walked:
-    """Walk once round, in a map at the path `map_` if there is one; return how it went."""
+    """Walk once round, in a map at the path `map_` if there is one; return how it went.
+
+    Everything is compiled or loaded before, as in the service: the first frames' times count.
+    """
+    warm_up(OdometrySettings(), Topics())
     opened = None if map_ is None else MapFile(map_, is_written=True)
     settings = OdometrySettings()
     odometry = Odometry(options.camera, settings, None if opened is None else opened.begin(options.camera))

@@ -88,7 +88,7 @@ class _SharedCache(FunctionCache):
         """Save what was compiled for a signature, while no other process saves anything in this folder."""
         with (Path(self.cache_path).parent / "lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
-            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]  # numba gives no types
 
 
 def compiled(function: F) -> F:
@@ -113,7 +113,7 @@ def _compiled(function: F, fastmath: bool | set[str]) -> F:
     settings["CACHE_DIR"] = _cache_folder(*function.__module__.split(".")[1:2])  # read when a function is decorated
     try:
         jitted: Any = numba.njit(nogil=True, error_model="numpy", fastmath=fastmath)(function)
-        jitted._cache = _SharedCache(function)  # type: ignore[no-untyped-call]
+        jitted._cache = _SharedCache(function)  # type: ignore[no-untyped-call]  # numba gives no types
     finally:
         settings["CACHE_DIR"] = before
     return cast(F, jitted)

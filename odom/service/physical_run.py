@@ -85,7 +85,7 @@ def run(task: Task) -> Part:
     """Walk the source, and judge all pairs by all front-ends and estimators. Raises OdomError where that cannot be."""
     extra = (("exact_truth", "true"),) if task.source == "arena" else ()
     given = {"sensor": task.sensor, "seed": task.seed, "extra": extra} if task.source == "arena" else {}
-    options = SourceOptions(camera=Path(task.camera) if task.camera else None, **given)  # type: ignore[arg-type]
+    options = SourceOptions(camera=Path(task.camera) if task.camera else None, **given)  # type: ignore[arg-type]  # of mixed types
     settings = load_settings(Path(task.config) if task.config else None).odometry
     source = open_source(task.source, options)
     frames = source.length or 0

@@ -125,8 +125,8 @@ class FrameTracker:
         is_local[local] = True
         doubted = np.flatnonzero(L.alive & (L.gone_s > 0.0) & ~is_local[L.keyframe])
         segment = all_keyframes[int(local[0])].segment
-        is_near = [all_keyframes[k].segment == segment for k in L.keyframe[doubted].tolist()]
-        rows = np.sort(np.concatenate([np.flatnonzero(L.alive & is_local[L.keyframe]), doubted[is_near]]))
+        in_segment = [all_keyframes[k].segment == segment for k in L.keyframe[doubted].tolist()]
+        rows = np.sort(np.concatenate([np.flatnonzero(L.alive & is_local[L.keyframe]), doubted[in_segment]]))
         keyframes = np.unique(np.concatenate([local, L.keyframe[rows]]))
         chance = (L.seen[rows] + 1.0) / (L.tried[rows] + 2.0)  # Laplace's rule of succession
         priority = chance**2 * (L.seen[rows] + TUNING.reference_rank * (L.keyframe[rows] == int(local[0])))

@@ -1,7 +1,8 @@
 """The chain: links between successive frames, composed into a trajectory that knows nothing of the map's poses.
 
 Where the map's search found the same landmark in both frames it is used; corners that the map does not know are
-followed by the chain itself. The map's pose only says where to look. What is known of a frame's stamp, its rows and
+followed by the chain itself, by patches that it cut earlier or, where few pairs agree, from image to image. The map's
+pose only says where to look. What is known of a frame's stamp, its rows and
 its depth's lag is used as it is for the map: all is carried to the time of the image's middle row.
 
 The chain's covariance is joint: neighbouring links share the frame between them, whose errors enter both with opposite
@@ -9,11 +10,13 @@ signs (see `shared_errors`). Between the nodes of the pose graph links are added
 less than that: a pose graph takes its edges to be independent.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from odom.backend.chain.chain_frame import ChainFrame
 from odom.backend.chain.closures import ChainNode, Closures
+from odom.backend.chain.followed_corners import follow_corners
 from odom.backend.chain.own_corners import OwnCorners, cut_corners
 from odom.backend.chain.pairwise import PairwisePose, register_frames
 from odom.backend.chain.shared_errors import FrameErrors
@@ -22,32 +25,12 @@ from odom.backend.chain.tuning import TUNING
 from odom.backend.estimate import ChainPose, RelativePose
 from odom.backend.map.map import Map
 from odom.backend.map.pose_covariance import calibration_covariance
-from odom.backend.publication import Publication
 from odom.frame import Stamp
 from odom.frontend.camera.noise_monitor import NoiseMonitor
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.lens_change import LensChange
-from odom.frontend.features.view import View
 from odom.geometry import se3
 from odom.geometry.arrays import Array
-
-
-@dataclass(frozen=True, eq=False)
-class ChainFrame:
-    """A frame that the chain is to be extended by: its `view`, what it shows of the map, and its `publication`.
-
-    It was taken in motion with `twist` (6, SI, camera frame).
-    """
-
-    view: View
-    sight: Sight
-    twist: Array
-    published: Publication
-
-    def stamp_covariance(self, sensor: SensorModel) -> Array:
-        """Return the 6 x 6 covariance of carrying a pose from the middle row's time to the jittering stamp."""
-        jitter = sensor.clock.jitter_s**2 * np.outer(self.twist, self.twist)
-        return np.asarray(jitter + self.published.covariance_middle_stamp)
 
 
 class Chain:
@@ -86,16 +69,15 @@ class Chain:
         elif T_hint is not None:
             T_camera_chain = se3.inverse(self.T_chain_camera @ T_hint)
             sight = sight.joined(self._corners.look_for(frame.view, T_camera_chain, frame.twist, sensor))
-            before, now = end.sight.shared_with(sight)
-            found = register_frames(end.sight.measured.take(before), sight.measured.take(now), T_hint)
+            now, found = self._registered(end, replace(frame, sight=sight), T_hint, sensor)
             if isinstance(found, str):
                 why = found
             else:
-                names, root = sight.names[now], np.sqrt(sensor.noise.covariance_scale)
-                shared = self._errors.shared_with(names, root * found.of_previous)
-                self._errors = FrameErrors.of(names, sight.measured.take(now), root * found.of_current)
+                root = np.sqrt(sensor.noise.covariance_scale)
+                shared = self._errors.shared_with(now.names, root * found.of_previous)
+                self._errors = FrameErrors.of(now.names, now.measured, root * found.of_current)
                 link, why = self._append(end, frame, found, shared, sensor), ""
-                self._corners = self._corners.found_again(names[found.inliers])
+                self._corners = self._corners.found_again(now.names[found.inliers])
         if link is None:
             self._begin_anew(end, frame, sensor)
             sight = frame.sight
@@ -136,6 +118,27 @@ class Chain:
 
     def _node(self, stamp: Stamp, keyframe: int | None) -> ChainNode:
         return ChainNode(self.closures.taken, stamp, keyframe, self.T_chain_camera, self._summed, self._part)
+
+    def _registered(
+        self, end: ChainFrame, frame: ChainFrame, T_hint: Array, sensor: SensorModel
+    ) -> tuple[Sight, PairwisePose | str]:
+        """Register a frame against the newest one; return what it showed of the features of both, and the pose.
+
+        Where few of them agree, corners are followed from the one image to the other besides.
+        """
+        before, now = end.sight.in_common_with(frame.sight)
+        found = register_frames(before.measured, now.measured, T_hint)
+        if not isinstance(found, str):
+            if np.count_nonzero(found.inliers) >= TUNING.plenty_pairs:
+                return now, found
+            T_hint = found.T_previous_current
+        more_before, more_now = follow_corners(end, frame, before.uv, T_hint, self._next_name, sensor)
+        if not len(more_now):
+            return now, found
+        self._next_name = int(more_now.names[-1]) - 1
+        before, now_too = before.joined(more_before), now.joined(more_now)
+        found_too = register_frames(before.measured, now_too.measured, T_hint)
+        return (now, found) if isinstance(found_too, str) else (now_too, found_too)
 
     def _append(
         self, end: ChainFrame, frame: ChainFrame, found: PairwisePose, shared: Array, sensor: SensorModel

@@ -46,6 +46,11 @@ class Sight:
             self.measured.joined(other.measured),
         )
 
-    def shared_with(self, other: "Sight") -> tuple[Index, Index]:
-        """Return the rows here and in the `other` sight of the features that both measured."""
-        return shared(self.names, other.names)
+    def take(self, rows: Index) -> "Sight":
+        """Return the chosen features."""
+        return Sight(self.names.take(rows), self.uv.take(rows, 0), self.measured.take(rows))
+
+    def in_common_with(self, other: "Sight") -> tuple["Sight", "Sight"]:
+        """Return what this one and the `other` measured of the features of both, in the same order."""
+        here, there = shared(self.names, other.names)
+        return self.take(here), other.take(there)

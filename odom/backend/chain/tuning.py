@@ -31,6 +31,12 @@ class Tuning:
     corner_renewal: float = tuned(0.5, unit="share of the features", source=_TRIAL + ": drift over 1 s",
         effect="that are left when new corners are cut; smaller: few pairs; larger: patches change often, and the "
         "chain drifts")
+    plenty_pairs: int = tuned(80, unit="pairs", source=_TRIAL,
+        effect="below which corners are followed from the frame before; fewer: links of few pairs drift in fast turns; "
+        "more: slower")
+    followed_back_px: float = tuned(1.0, unit="px", source=_TRIAL,
+        effect="how closely a corner must be followed back to where it began; smaller: few in blurred images; larger: "
+        "slips")
     corner_misses: int = tuned(5, unit="frames", source=_TRIAL + ": drift over 1 s",
         effect="in a row after which a corner is given up; fewer: patches change often; more: slower")
     corner_farthest_m: float = tuned(8.0, unit="m", source="the range of a Kinect",

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from odom.backend.chain.chain import Chain, ChainFrame
+from odom.backend.chain.chain import Chain
+from odom.backend.chain.chain_frame import ChainFrame
 from odom.backend.chain.sight import Sight
 from odom.backend.estimate import Estimate, Features, State
 from odom.backend.loop_closure.loop_closure import LoopCloser

@@ -1,0 +1,56 @@
+"""Corners of one frame found again in the next, where patches that were cut earlier show too little.
+
+In a fast turn two successive images are blurred alike: what a sharp patch does not match, one out of the image before
+still does.
+"""
+
+import numpy as np
+
+from odom.backend.chain.chain_frame import ChainFrame
+from odom.backend.chain.own_corners import cut_corners
+from odom.backend.chain.sight import Sight
+from odom.backend.chain.tuning import TUNING
+from odom.backend.tracking.tuning import TUNING as TRACKING
+from odom.frontend.camera.lens import project
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.measurement import measure
+from odom.frontend.features.patches import PATCH_LIMITS, align_patches
+from odom.frontend.matching.optical_flow import follow_features
+from odom.frontend.tuning import TUNING as SEARCH
+from odom.geometry import se3
+from odom.geometry.arrays import Array
+
+
+def follow_corners(
+    previous: ChainFrame, current: ChainFrame, known_uv: Array, T_hint: Array, first_name: int, sensor: SensorModel
+) -> tuple[Sight, Sight]:
+    """Return what two frames measure of corners that both show, away from features at `known_uv` (m x 2 px) in one.
+
+    They are followed from the `previous` image to where `T_hint`, T_previous_current, expects them, and back. Their
+    names go down from `first_name`.
+    """
+    images, lens = (previous.view.images.full, current.view.images.full), sensor.lens
+    corners, seen = cut_corners(previous.view, known_uv, np.eye(4), first_name, previous.twist, sensor)
+    height, width = images[1].shape
+    T_current_previous = se3.inverse(T_hint)
+    expected = project(corners.position, T_current_previous, lens.intrinsics, lens.distortion, width, height, 0.0)
+    in_view = np.flatnonzero(expected[:, 2] > 0.0)
+    start = corners.uv[in_view]
+    uv, is_there = follow_features(*images, start, expected[in_view, :2])
+    uv_back, is_back = follow_features(*images[::-1], uv, start)
+    kept = is_there & is_back & (np.linalg.norm(uv_back - start, axis=1) < TUNING.followed_back_px)
+    unwarped = np.tile(np.eye(2), (len(in_view), 1, 1))
+    score, covariance_uv = align_patches(
+        images[1],
+        corners.patch_full[in_view],
+        unwarped,
+        uv,
+        kept,
+        SEARCH.search_iterations,
+        SEARCH.search_fine_limit_px,
+        PATCH_LIMITS,
+    )
+    found = np.flatnonzero(score > SEARCH.search_fine_score)
+    before = seen.take(in_view[found])
+    covariance = covariance_uv[found] * TRACKING.image_noise**2
+    return before, Sight(before.names, uv[found], measure(current.view, sensor, uv[found], covariance, current.twist))

@@ -79,7 +79,8 @@ def calibrated(
         free = free[shown]
         found = Fit(vector, free, np.eye(len(free)), found.bundle)
     if shown.any():
-        prior = narrowed(prior, found, sure)
+        narrow = narrowed(prior, found, sure)
+        prior, sure = narrow.prior, narrow.sigma
         found = fit(survey, prior, free, found, stopped, _STEPS_MORE)
     sigma, is_shown = prior_s.copy(), np.zeros(len(NAMES), dtype=np.bool_)
     sigma[free], is_shown[free] = sure, shown

@@ -50,7 +50,8 @@ class Tuning:
     sure_moved: float = tuned(0.5, unit="share of the last round's change", source="sigmas against the arena's truth",
         effect="added to each sigma; smaller: too sure of what has not settled; larger: too unsure")
     sure_measured: float = tuned(2.0, unit="1", source="eight walks in the arena, errors of 192 numbers in sigmas: 1.9 "
-        "root mean square", effect="factor of the sigmas told; smaller: too sure; larger: too unsure")
+        "root mean square", effect="factor of the sigmas told, by which the prior is weighed too; smaller: too sure; "
+        "larger: too unsure, and too near to the calibration given")
     # decision
     shown_share: float = tuned(0.5, unit="share of the prior's sigma", source="half of what was known before",
         effect="a number surer than that is shown by the walk; smaller: less is calibrated; larger: guesses are given")

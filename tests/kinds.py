@@ -34,6 +34,9 @@ LONG_MODULES = (
     "test_sensitivity",
     "test_interrupted_commands",
     "test_merging",
+    "test_bench_pipeline",
+    "test_first_keyframe",
+    "test_timing_becomes_known",
 )
 """Modules each of whose tests works through a long walk or several runs."""
 LONG_PARAMETERS = ("desk",)

@@ -51,6 +51,7 @@ def test_rooms_of_one_row_are_alike_to_the_last_book_and_others_are_not() -> Non
     assert np.linalg.norm(apart[0]) == pytest.approx(BAY_M)
 
 
+@pytest.mark.long
 def test_a_frame_is_the_same_in_whatever_order_it_is_asked_for_and_another_visit_shows_another_light() -> None:
     there = frame(SMALL, 300)
     frame(SMALL, 900)

@@ -17,6 +17,7 @@ def test_there_are_no_corners_in_noise(sigma):
     assert len(detect_corners(np.rint(noise).astype(np.uint8), np.zeros((0, 2)), 20)) <= 3
 
 
+@pytest.mark.long
 def test_no_segment_begins_in_the_dark():
     wall = np.random.default_rng(0).integers(0, 256, (60, 120), dtype=np.uint8).repeat(8, axis=0).repeat(8, axis=1)
     depth_mm = np.full((480, 640), 2100, np.uint16)

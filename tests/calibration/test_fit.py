@@ -38,6 +38,7 @@ def test_a_wrong_calibration_is_found_within_its_sigmas(kind):
     assert sure["shift_u_px"] < 0.5
 
 
+@pytest.mark.long
 def test_sigmas_hold_over_many_walks():
     truth = spoilt(**WRONG["all"])
     off = []
@@ -66,6 +67,7 @@ def test_a_camera_at_rest_shows_no_number_of_its_lens_and_is_not_taken_for_anoth
     np.testing.assert_array_equal(found.vector[LENS], vector_of(SHEET)[LENS])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("numbers", [{}, {"fx": 15.0, "baseline_u": -13.0, "offset_1": 0.01}])
 def test_a_wall_shows_neither_focal_length_nor_how_depth_errs_with_range(numbers):
     survey = made_up_survey(spoilt(**numbers), along_a_wall, wall=True)
@@ -87,6 +89,7 @@ def test_sigmas_that_are_told_allow_for_what_parts_of_a_walk_do_not_show():
     np.testing.assert_array_equal(told.vector, found.vector)
 
 
+@pytest.mark.long
 def test_a_better_calibration_is_told_from_one_that_is_no_better():
     wrong = made_up_survey(spoilt(fx=15.0, k1=0.1))
     assert judge(wrong, calibrated(wrong, SHEET)).is_better
@@ -152,6 +155,7 @@ def test_residuals_are_those_that_are_drawn():
     np.testing.assert_allclose((r**2 * weight)[:, 2], depth, rtol=1e-9)
 
 
+@pytest.mark.long
 def test_the_walk_that_turns_shows_more_than_the_straight_one():
     wide, narrow = (calibrated(made_up_survey(vector_of(SHEET), walk), SHEET) for walk in (turning, straight))
     assert np.count_nonzero(wide.shown) > np.count_nonzero(narrow.shown)

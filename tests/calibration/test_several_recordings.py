@@ -22,6 +22,7 @@ def walk_of(survey):
     return Walk(SHEET, survey, STILL, {}, 1.0)
 
 
+@pytest.mark.long
 def test_two_recordings_of_one_camera_make_it_surer():
     truth = spoilt(fx=10.0, cx=4.0)
     one, two = (made_up_survey(truth, seed=seed, points=200) for seed in (1, 2))
@@ -44,6 +45,7 @@ def test_images_of_two_sizes_are_refused():
         joined([one, other])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("apart", [20.0, 80.0, 160.0])
 @pytest.mark.parametrize("seed", [0, 1])
 def test_two_cameras_in_one_recording_change_nothing_or_are_told(apart, seed):

@@ -200,6 +200,7 @@ def folder(shared_data, tmp_path) -> Path:
     return tmp_path
 
 
+@pytest.mark.long
 def test_the_command_exits_with_0_on_a_good_folder(folder):
     status, text, findings = run_doctor(folder)
     assert bad_checks(findings) == set()

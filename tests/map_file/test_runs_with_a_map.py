@@ -19,6 +19,7 @@ def odom(*words: str | Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=300)
 
 
+@pytest.mark.long
 def test_a_run_leaves_a_map_and_the_next_one_is_found_in_it(tmp_path):
     path = tmp_path / "lab.map"
     made = odom("run", RECORDING, "--end", 2, "--headless", "--map", path, "--out", tmp_path / "made")

@@ -349,6 +349,7 @@ def test_the_sources_own_options_are_given_to_the_run(
     assert named in words
 
 
+@pytest.mark.long
 def test_the_arena_simulates_the_sensor_that_a_run_asks_for(odom: Start, tmp_path: Path) -> None:
     record = tmp_path / "second.mcap"
     run = odom("run", "arena", "--sensor", "kinect2", "--seconds", "0.5", "--headless", "--record", record)

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
@@ -100,5 +101,9 @@ def _names(code: CodeType) -> Iterator[str]:
 
 
 def _is_of_the_tests(thing: FunctionType | type) -> bool:
-    module = sys.modules.get(thing.__module__)
-    return _HERE in Path(getattr(module, "__file__", None) or "/").parents
+    return _is_test_module(thing.__module__)
+
+
+@cache
+def _is_test_module(name: str) -> bool:
+    return _HERE in Path(getattr(sys.modules.get(name), "__file__", None) or "/").parents

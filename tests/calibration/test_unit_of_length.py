@@ -1,6 +1,7 @@
 """A calibration leaves the unit of length where it was, as far as nothing was measured against a metre."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from odom.calibration.adjustment import start_of
 from odom.calibration.linearised import linearised
 from odom.calibration.parameters import camera_of, vector_of
 from odom.calibration.result import Calibrated, calibrated
+from odom.calibration.survey import Survey
 from odom.calibration.unit_of_length import (
     depth_change,
     in_believed_unit,
@@ -18,25 +20,32 @@ from odom.calibration.unit_of_length import (
     size_belief,
 )
 
-SURVEY = made_up_survey(spoilt(fx=8.0, fy=8.0))
-FOUND = calibrated(SURVEY, SHEET)
+
+@cache
+def survey() -> Survey:
+    return made_up_survey(spoilt(fx=8.0, fy=8.0))
+
+
+@cache
+def found() -> Calibrated:
+    return calibrated(survey(), SHEET)
 
 
 def with_vector(vector: np.ndarray) -> Calibrated:
-    return replace(FOUND, vector=vector, camera=camera_of(vector, SHEET))
+    return replace(found(), vector=vector, camera=camera_of(vector, SHEET))
 
 
 @pytest.mark.parametrize("numbers", [{"offset_1": 0.01}, {"scale_xx": 0.03}, {"offset_1": -0.01, "scale_yy": 0.02}])
 def test_a_correction_of_depth_leaves_the_usual_depth_alone(numbers):
     bent = with_vector(spoilt(**numbers))
-    assert abs(depth_change(bent, SURVEY)) > 0.003
-    assert depth_change(in_unit_of_depth(bent, SURVEY), SURVEY) == pytest.approx(0.0, abs=1e-3)
+    assert abs(depth_change(bent, survey())) > 0.003
+    assert depth_change(in_unit_of_depth(bent, survey()), survey()) == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_longer_lens_is_told_by_its_share_and_a_turned_one_hardly():
     longer = replace(SHEET, fx=1.02 * SHEET.fx, fy=1.02 * SHEET.fy)
-    assert lens_change(SHEET, longer, SURVEY) == pytest.approx(-0.02, abs=2e-3)
-    assert lens_change(SHEET, replace(SHEET, cx=SHEET.cx + 8.0), SURVEY) == pytest.approx(0.0, abs=2e-3)
+    assert lens_change(SHEET, longer, survey()) == pytest.approx(-0.02, abs=2e-3)
+    assert lens_change(SHEET, replace(SHEET, cx=SHEET.cx + 8.0), survey()) == pytest.approx(0.0, abs=2e-3)
 
 
 def test_small_changes_of_the_lens_are_thought_to_keep_the_size_and_large_ones_to_change_it():
@@ -48,22 +57,22 @@ def test_small_changes_of_the_lens_are_thought_to_keep_the_size_and_large_ones_t
 
 
 def test_lengths_change_as_believed_and_the_unit_of_depth_takes_the_rest():
-    lens = lens_change(SHEET, FOUND.camera, SURVEY)
+    lens = lens_change(SHEET, found().camera, survey())
     assert lens == pytest.approx(-8.0 / 533.0, abs=3e-3)
-    moved = depth_change(in_believed_unit(FOUND, SURVEY), SURVEY)
+    moved = depth_change(in_believed_unit(found(), survey()), survey())
     assert moved == pytest.approx(-size_belief(lens) * lens, abs=1e-3)
 
 
 def test_all_lengths_longer_by_one_factor_leave_every_residual_as_it_was():
     vector = spoilt(fx=5.0, offset_1=0.01, scale_x=0.02, baseline_u=3.0, shift_v_px=1.0)
-    survey = replace(SURVEY, camera=camera_of(vector_of(SHEET), SHEET))
-    scaled = in_unit_of_depth(with_vector(vector), survey).vector
+    other = replace(survey(), camera=camera_of(vector_of(SHEET), SHEET))
+    scaled = in_unit_of_depth(with_vector(vector), other).vector
     factor = scaled[-6] / vector[-6]
     assert abs(factor - 1.0) > 1e-3
-    start = start_of(survey)
+    start = start_of(other)
     T = start.T_camera_map.copy()
     T[:, :3, 3] *= factor
-    as_it_was = linearised(survey, vector, start)
-    longer = linearised(survey, scaled, replace(start, T_camera_map=T, landmarks=start.landmarks * factor))
+    as_it_was = linearised(other, vector, start)
+    longer = linearised(other, scaled, replace(start, T_camera_map=T, landmarks=start.landmarks * factor))
     np.testing.assert_allclose(longer.residuals[:, :2], as_it_was.residuals[:, :2], atol=1e-12)
     np.testing.assert_allclose(factor * longer.residuals[:, 2], as_it_was.residuals[:, 2], atol=1e-12)

@@ -16,9 +16,10 @@ TUNINGS = [
     if file.parent.name != "geometry"
 ]
 MODULES = [
-    pytest.param(file, id=str(file.relative_to(ROOT)))
-    for package in ("registration", "frontend", "backend")
-    for file in sorted((ROOT / package).rglob("*.py"))
+    pytest.param(file, id=str(file.relative_to(ROOT.parent)))
+    for package in (ROOT, ROOT.parent / "sensors")
+    for file in sorted(package.rglob("*.py"))
+    if file.parent.name != "examples"
 ]
 
 

@@ -20,6 +20,7 @@ _CELLS = (16, 12)
 _LEAST = 8
 """Observations of a cell or range that is drawn: fewer show noise."""
 _RANGES_M = np.geomspace(0.4, 6.0, 13)
+"""Bounds of the ranges of depth over which means are drawn, each a quarter farther than the last."""
 _MOST_CHI2 = 25.0
 """Beyond it an observation is a wrong match, and left out."""
 _BEFORE, _AFTER = "#D55E00", "#0072B2"

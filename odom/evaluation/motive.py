@@ -18,6 +18,7 @@ from odom.frame import from_seconds
 from odom.geometry.arrays import Array
 
 T_ZUP_YUP: Array = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+"""Turns a world with y up, as Motive exports it, into one with z up: x stays."""
 _BODY = "Rigid Body"
 _METRES = {"meters": 1.0, "centimeters": 0.01, "millimeters": 0.001}
 _NEEDED = tuple(("Position", axis) for axis in "XYZ") + tuple(("Rotation", axis) for axis in "XYZW")

@@ -12,6 +12,7 @@ from odom.frame import Camera
 from odom.geometry.arrays import Array
 
 _OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+"""Turns a camera with y down and z ahead into one of OpenGL, with y up and z behind."""
 _MILLIMETRES = 0.001
 """Metres in a unit of the depth images."""
 

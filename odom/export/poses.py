@@ -8,6 +8,7 @@ from odom.export.scene import Scene
 from odom.geometry.arrays import Array
 
 _UPPER = np.triu_indices(6)
+"""The upper triangle of an information matrix, row by row, as g2o has it."""
 _EUROC = "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []\n"
 
 

@@ -13,10 +13,13 @@ from numpy.typing import NDArray
 from odom.geometry.arrays import Array
 
 _GLTF_MAP = np.array([1.0, -1.0, -1.0])
+"""Turns a point of the map (x right, y down, z ahead) into glTF's axes (y up, z towards who looks)."""
 _FLOAT, _BYTE, _INT = 5126, 5121, 5125
+"""glTF 2.0: types of a component."""
 _VERTICES, _TRIANGLES = 34962, 34963
+"""glTF 2.0: what a buffer holds."""
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
-"""Numbers of glTF 2.0: component types, buffer targets, and the types of a .glb file's chunks."""
+"""glTF 2.0: types of the chunks of a .glb file, their names in ASCII."""
 
 
 @dataclass(frozen=True, eq=False)

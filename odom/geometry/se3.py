@@ -16,6 +16,7 @@ from odom.geometry.arrays import Array
 from odom.geometry.rotations import vectors_of
 
 _I3 = np.eye(3)
+"""The rotation that turns nothing."""
 _SMALL = 1e-5
 """rad; below it series to the second order are exact to rounding, where quotients of sines lose digits."""
 _NEAR_A_HALF_TURN = -0.9

@@ -20,7 +20,9 @@ from odom.geometry.arrays import Array
 from odom.map_file.arrays import checked, pack, unchecked, unpack
 
 _UPPER = np.triu_indices(6)
+"""The upper triangle of a 6 x 6 covariance: the rest repeats it."""
 _UPPER_3 = np.triu_indices(3)
+"""The upper triangle of a 3 x 3 one."""
 _HEAD = struct.Struct("<qqqqq")
 _POSE, _COVARIANCE = 12, 21
 """Numbers of a packed pose (3 x 4), and of a covariance (upper half of 6 x 6)."""

@@ -15,6 +15,7 @@ from odom.geometry.quaternion import quaternion_from_rotation, rotation_from_qua
 from odom.service import previous_results
 
 _UPPER = np.triu_indices(6)
+"""The upper triangle of a covariance: the rest repeats it."""
 _FULL_BYTES = 1 << 30
 """A service begins new files after so many bytes, some six hours: larger ones no longer fit into a reader's memory."""
 

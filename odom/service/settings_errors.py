@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 _MOST = 5
 """Problems that are told: more make no line that is read."""
 _SHORT = Repr()
-_SHORT.maxstring = _SHORT.maxother = 60
+_SHORT.maxstring = _SHORT.maxother = 60  # characters of a value that are shown
 _SPARED = ("ODOM_CONFIG", "ODOM_LOG_", "ODOM_COUNT", "ODOM_PARENT_PID", "ODOM_FOLDER_HELD", "ODOM_SHARED_DATA",
            "ODOM_SOAK_MINUTES", "ODOM_TEST_")  # fmt: skip
 """How variables begin that are no settings: of the command line, between `odom run` and its children, of the tests."""

@@ -13,7 +13,9 @@ from sensors.arena.pictures import abstract, landscape
 TEXEL_M = 0.003
 """Side of a texel of cloth and skin, metres: a pixel at 1.6 m; smaller needs more memory."""
 SKINS: tuple[Color, ...] = ((236, 196, 168), (214, 166, 130), (166, 116, 82), (110, 74, 54))
+"""Colours (RGB) of skin, from which each person is given one."""
 HAIRS: tuple[Color, ...] = ((46, 34, 26), (28, 24, 24), (112, 78, 44), (150, 150, 150))
+"""Colours (RGB) of hair, likewise."""
 FRONT = 0.75
 """Where around a prism its front is, as a share of its circumference."""
 

@@ -12,10 +12,13 @@ from odom.geometry.arrays import Array
 from sensors.arena.walkers import Posture
 
 THIGH, SHIN, ANKLE = 0.245, 0.246, 0.039
+"""From hip to knee, knee to ankle, ankle to ground: shares of the height."""
 SPINE, SHOULDER, NECK = 0.05, 0.245, 0.262
+"""Above the hips, where the spine bends, the shoulders are, and the neck begins: shares of the height."""
 UPPER_ARM, FOREARM = 0.172, 0.146
+"""From shoulder to elbow, elbow to wrist: shares of the height."""
 HALF_HIPS, HALF_SHOULDERS = 0.052, 0.122
-"""Shares of the height, as said above."""
+"""From the middle to a hip, to a shoulder: shares of the height."""
 LEG_SWING, ARM_SWING, KNEE_SWING = 0.42, 0.45, 0.95
 """Radians at a brisk walk; the leg's fits the length of a stride, so that a foot on the ground slides little."""
 SEATED_RAD = 1.45

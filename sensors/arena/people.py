@@ -19,8 +19,9 @@ from sensors.arena.walkers import carton_place, document, walker
 MOST_PEOPLE = 4
 """How many parts people.yaml has."""
 CARTON = "carton to carry"
-"""The thing that is carried, and how deep it is (metres)."""
+"""The thing that is carried."""
 CARTON_DEPTH_M = 0.26
+"""How deep it is, metres."""
 SKIN_INFRARED = 0.5
 """Share of near infrared light that skin sends back."""
 

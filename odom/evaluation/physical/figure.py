@@ -19,6 +19,7 @@ TITLES = {"kinect2": "newer Kinect (time of flight)", "kinect1": "older Kinect (
 _PLANES = (("z", "x", 2, 0), ("z", "y", 2, 1), ("y", "x", 1, 0))
 """The three projections of the paper's Figure 1 a: names and numbers of the axes across and up."""
 _TURN = np.linspace(0.0, 2.0 * np.pi, 90)
+"""Angles (rad) at which the outline of an ellipse is drawn."""
 
 
 def plot(

@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from odom.calibration.parameters import SCALE_NUMBER
 from odom.calibration.residual_picture import draw
 from odom.calibration.words import numbers, quality, registration
@@ -29,6 +31,11 @@ def remarks(outcome: Outcome, sources: Sequence[str]) -> list[str]:
             f"way; {'the unit of depth is corrected by that' if is_used else 'too unsure to correct the unit of depth'}"
         )
     lines += result.hidden()
+    if not result.shown[SCALE_NUMBER]:
+        usual_m = 1.0 / float(np.nanmedian(survey.inverse_depth))
+        lines.append(
+            f"by the unit of depth given, half of what was seen is nearer than {usual_m:.2g} m: if not, it is wrong"
+        )
     lines += ["interrupted: not judged on held-out frames"] if outcome.judgement is None else quality(outcome.judgement)
     return lines
 

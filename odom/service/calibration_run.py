@@ -18,6 +18,7 @@ from odom.calibration.result import (
     judge,
     restless_share,
 )
+from odom.calibration.same_camera import apart, halves, most_different
 from odom.calibration.survey import Survey, joined, survey_of
 from odom.calibration.tuning import TUNING
 from odom.calibration.unit_of_length import in_unit_of_depth
@@ -38,7 +39,11 @@ _LEAST_TRACKED = 0.6
 _SETTLED = 1.0
 """Largest change of a number from round to round, in sigmas, after which no other round follows."""
 _DIFFERENT = 8.0
-"""Sigmas by which two recordings of one camera never differ, even where the first round's sigmas are too small."""
+"""Sigmas by which a number never differs in two recordings of one camera, even where the first round's sigmas are too
+small."""
+_DIFFERENT_LENS = 2.7
+"""Sigmas, root mean square, by which the lens never does once they have settled: at most 1.9 in halves of sixteen walks
+in the arena and of fr1, 2.5 in halves of a walk of 4 s; 2.8 and more where the second half was zoomed by 3 or 6 %."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,12 +105,14 @@ def calibrate_recordings(
         scale = _scale(walks)
         earlier = None if best is None else best.result
         if len(walks) > 1 and number == 1:
-            _check_same_camera(walks, start, stopped)
+            _check_same_camera([_calibrated(one.survey, start, None, stopped) for one in walks])
         result = _in_metres(_calibrated(survey, start, earlier, stopped), survey, scale)
         best = Outcome(start, result, survey, None, scale if best is None else best.scale, number)
         if stopped() or (earlier is not None and _has_settled(earlier, result)):
             break
     assert best is not None
+    if not stopped():
+        _check_one_camera([one.survey for one in walks], best.start, stopped)
     best = replace(best, result=as_measured(best.result))
     if stopped():
         return best
@@ -187,20 +194,32 @@ def _calibrated(survey: Survey, start: Camera, earlier: Calibrated | None, stopp
     return found
 
 
-def _check_same_camera(walks: Sequence[Walk], start: Camera, stopped: Callable[[], bool]) -> None:
-    """Raise InputError where recordings disagree on focal length or centre beyond what their sigmas allow."""
-    each = [_calibrated(one.survey, start, None, stopped) for one in walks]
-    for k, one in enumerate(each[1:], start=2):
-        both = one.shown & each[0].shown
-        apart = np.abs(one.vector - each[0].vector) / np.hypot(one.sigma, each[0].sigma)
-        for name in ("fx", "fy", "cx", "cy"):
-            at = NAMES.index(name)
-            if both[at] and apart[at] > _DIFFERENT:
-                raise InputError(
-                    f"recordings 1 and {k} are of different cameras, or one is spoilt: {name} is "
-                    f"{each[0].vector[at]:.1f} px in the one and {one.vector[at]:.1f} px in the other "
-                    f"({apart[at]:.0f} sigma apart); calibrate them one by one"
-                )
+def _check_same_camera(each: Sequence[Calibrated], part: str = "recording", is_settled: bool = False) -> None:
+    """Raise InputError where what each part of the walks shows disagrees on the lens beyond what the sigmas allow.
+
+    `is_settled`: they were measured by the camera that they have found together, so that their sigmas can be believed.
+    """
+    first, *others = each
+    for number, other in enumerate(others, start=2):
+        at, sigmas = most_different(first, other)
+        if sigmas > _DIFFERENT or (is_settled and apart(first, other) > _DIFFERENT_LENS):
+            raise InputError(
+                f"{part} 1 and {part} {number} are of different cameras, or one is spoilt: {NAMES[at]} is "
+                f"{first.vector[at]:.1f} px in the one and {other.vector[at]:.1f} px in the other "
+                f"({sigmas:.0f} sigma apart); calibrate them one by one"
+            )
+
+
+def _check_one_camera(surveys: Sequence[Survey], start: Camera, stopped: Callable[[], bool]) -> None:
+    """Raise InputError where recordings, or the halves of the only one, are not of one camera, once all is found."""
+    if len(surveys) > 1:
+        _check_same_camera([_calibrated(one, start, None, stopped) for one in surveys], is_settled=True)
+        return
+    try:
+        each = [_calibrated(half, start, None, stopped) for half in halves(surveys[0])]
+    except InputError:
+        return  # halves that show too little say nothing of the whole
+    _check_same_camera(each, "half", is_settled=True)
 
 
 def _in_metres(result: Calibrated, survey: Survey, scale: ScaleFit | None) -> Calibrated:

@@ -1,25 +1,18 @@
 """Recordings of one camera add up; those of two are told apart, with the number that differs."""
 
-import numpy as np
 import pytest
 from made_up_walk import SHEET, made_up_survey, spoilt
 
 from odom.calibration.parameters import NAMES
 from odom.calibration.result import calibrated, judge, restless_share
+from odom.calibration.same_camera import apart
 from odom.calibration.survey import joined
 from odom.calibration.tuning import TUNING
 from odom.errors import InputError
-from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera
 from odom.service import calibration_run
-from odom.service.calibration_run import Walk
 
-STILL = Trajectory(np.arange(3), np.tile(np.eye(4), (3, 1, 1)))
 FX = NAMES.index("fx")
-
-
-def walk_of(survey):
-    return Walk(SHEET, survey, STILL, {}, 1.0)
 
 
 @pytest.mark.long
@@ -29,13 +22,34 @@ def test_two_recordings_of_one_camera_make_it_surer():
     alone, both = calibrated(one, SHEET), calibrated(joined([one, two]), SHEET)
     assert both.sigma[FX] < alone.sigma[FX]
     assert abs(both.vector[FX] - truth[FX]) < 4.0 * both.sigma[FX]
-    calibration_run._check_same_camera([walk_of(one), walk_of(two)], SHEET, lambda: False)
+    calibration_run._check_one_camera([one, two], SHEET, lambda: False)
 
 
 def test_two_cameras_are_refused():
     one, other = made_up_survey(spoilt(fx=10.0), points=200), made_up_survey(spoilt(fx=-15.0), points=200)
     with pytest.raises(InputError, match="different cameras"):
-        calibration_run._check_same_camera([walk_of(one), walk_of(other)], SHEET, lambda: False)
+        calibration_run._check_one_camera([one, other], SHEET, lambda: False)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(4))
+def test_a_camera_that_is_zoomed_between_two_short_walks_is_told_from_one_that_is_not(seed):
+    """By no number surely, but by all of them together."""
+    truth, zoomed = spoilt(cy=12.0, k1=0.1), spoilt(fx=8.0, fy=8.0, cy=12.0, k1=0.1)
+    first, same, other = (
+        calibrated(made_up_survey(vector, seed=seed + more, points=60), SHEET)
+        for vector, more in ((truth, 0), (truth, 10), (zoomed, 20))
+    )
+    assert apart(first, same) < 2.0
+    assert apart(first, other) > 3.0
+
+
+@pytest.mark.long
+def test_one_recording_of_two_cameras_is_refused():
+    one, other = made_up_survey(spoilt(fx=10.0), points=200), made_up_survey(spoilt(fx=-15.0), points=200, seed=1)
+    with pytest.raises(InputError, match="half 1 and half 2"):
+        calibration_run._check_one_camera([joined([one, other])], SHEET, lambda: False)
+    calibration_run._check_one_camera([joined([one, one])], SHEET, lambda: False)
 
 
 def test_images_of_two_sizes_are_refused():

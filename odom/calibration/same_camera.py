@@ -1,0 +1,47 @@
+"""Whether two parts of what was measured are of one camera."""
+
+import numpy as np
+
+from odom.calibration.parameters import LENS, NAMES
+from odom.calibration.result import Calibrated
+from odom.calibration.survey import Survey
+from odom.geometry.arrays import Array
+
+_LENS = np.arange(LENS.start, LENS.stop)
+_CENTRED = _LENS[:4]
+"""Focal lengths and centre, which a user knows by name."""
+
+
+def apart(one: Calibrated, other: Calibrated) -> float:
+    """Return by how many sigma, root mean square, two cameras' lenses differ, in the numbers that both have shown.
+
+    The errors of numbers hang together, so that lenses may differ surely of which no number by itself does.
+    """
+    both = _LENS[(one.shown & other.shown)[_LENS]]
+    if not len(both):
+        return 0.0
+    off = (one.vector - other.vector)[both]
+    covariance = (_covariance(one) + _covariance(other))[np.ix_(both, both)]
+    return float(np.sqrt(off @ np.linalg.solve(covariance, off) / len(both)))
+
+
+def most_different(one: Calibrated, other: Calibrated) -> tuple[int, float]:
+    """Return the focal length or coordinate of the centre that differs by the most sigma, and by how many."""
+    sigmas = np.abs(one.vector - other.vector) / np.hypot(one.sigma, other.sigma)
+    at = int(_CENTRED[np.argmax(np.where(one.shown & other.shown, sigmas, 0.0)[_CENTRED])])
+    return at, float(sigmas[at]) if one.shown[at] and other.shown[at] else 0.0
+
+
+def halves(survey: Survey) -> list[Survey]:
+    """Return the survey of the earlier frames and that of the later ones."""
+    is_late = survey.seconds > np.median(survey.seconds)
+    return [survey.of_frames(~is_late), survey.of_frames(is_late)]
+
+
+def _covariance(found: Calibrated) -> Array:
+    """Return the covariance (28 x 28) of a calibration's numbers: the fit's, as wide as the sigmas."""
+    free, covariance = found.fitted.free, np.zeros((len(NAMES), len(NAMES)))
+    plain = np.linalg.inv(found.fitted.information)
+    wider = found.sigma[free] / np.sqrt(np.diag(plain))
+    covariance[np.ix_(free, free)] = plain * np.outer(wider, wider)
+    return covariance

@@ -6,7 +6,6 @@ import numpy as np
 
 from odom.backend.map.map import Map
 from odom.frontend.features.lens_change import LensChange
-from odom.geometry import se3
 from odom.geometry.arrays import Array, Index
 
 
@@ -33,16 +32,3 @@ def see_through(map_: Map, change: LensChange) -> None:
     places = map_.places.places
     for number, place in list(places.items()):
         places[number] = replace(place, points=change.points(place.points))
-
-
-def carry_newer(map_: Map, adjusted: Index, T_camera_map: Array) -> tuple[Index, Array]:
-    """Return key frames with poses, and with them those of their segment that were made since, carried along.
-
-    `adjusted` (n) are numbers in ascending order, `T_camera_map` (n x 4 x 4) their new poses; the newest carries.
-    """
-    newest = map_.keyframes[int(adjusted[-1])]
-    T_old_new = se3.inverse(newest.T_camera_map) @ T_camera_map[-1]
-    newer = [k for k in map_.members(newest.segment) if k.number > newest.number]
-    carried = np.array([k.T_camera_map @ T_old_new for k in newer]).reshape(-1, 4, 4)
-    numbers = np.array([k.number for k in newer], dtype=np.int64)
-    return np.concatenate([adjusted, numbers]), np.concatenate([T_camera_map, carried])

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from odom.backend.map.change_of_lens import carry_newer, positions_through
+from odom.backend.map.change_of_lens import positions_through
 from odom.backend.map.keyframe import Keyframe, Observed
 from odom.backend.map.map import Map
 from odom.backend.mapping.bundle_adjustment import Bundle, adjust
@@ -142,11 +142,8 @@ def through(
     return replace(whole, bundle=replace(whole.bundle, landmarks=landmarks))
 
 
-def take_over(map_: Map, adjustment: Adjustment, result: Bundle, carries_newer: bool = False) -> None:
-    """Write an adjustment's result into the map, except for landmarks that were culled meanwhile.
-
-    Where it `carries_newer`, key frames of the segment that were made since move along with the newest adjusted one.
-    """
+def take_over(map_: Map, adjustment: Adjustment, result: Bundle) -> None:
+    """Write an adjustment's result into the map, except for landmarks that were culled meanwhile."""
     L = map_.landmarks
     valid = L.identity[adjustment.rows] == adjustment.identities
     rows = adjustment.rows[valid]
@@ -155,7 +152,5 @@ def take_over(map_: Map, adjustment: Adjustment, result: Bundle, carries_newer: 
         L.covariance[rows] = result.covariances[valid]
     free = np.flatnonzero(~adjustment.is_fixed[: len(adjustment.numbers)])
     numbers, T_camera_map = adjustment.numbers[free], result.T_camera_map[free]
-    if carries_newer and len(numbers):
-        numbers, T_camera_map = carry_newer(map_, numbers, T_camera_map)
     map_.move_keyframes(numbers, T_camera_map, rows)
     map_.registrations.adjust(numbers.tolist(), map_.keyframes)

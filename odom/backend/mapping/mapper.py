@@ -14,6 +14,7 @@ from odom.backend.mapping.bundle_adjustment import Bundle
 from odom.backend.mapping.described import DescribedKeyframe
 from odom.backend.mapping.intermediate_frames import IntermediateFrames
 from odom.backend.mapping.keyframe_inserter import KeyframeInserter
+from odom.backend.mapping.newer_keyframes import refit_newer
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.frame_state import FrameState, Tracked
@@ -23,6 +24,7 @@ from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.lens_change import LensChange
 from odom.frontend.features.place_descriptor import describe_place
 from odom.frontend.matching.place_recognition import GrownIndex, recognise
+from odom.geometry import se3
 from odom.geometry.arrays import Array, Index
 
 
@@ -151,8 +153,12 @@ class Mapper:
         if change is None:
             sensor = self._take_over(adjustment, bundle, sensor)
         else:
+            newest = self._map.keyframes[int(adjustment.numbers[-1])]
+            T_newest_map = newest.T_camera_map
             see_through(self._map, change)
-            sensor = self._take_over(adjustment, bundle, sensor.with_lens(change.after), carries_newer=True)
+            sensor = self._take_over(adjustment, bundle, sensor.with_lens(change.after))
+            T_old_new = se3.inverse(T_newest_map) @ newest.T_camera_map
+            refit_newer(self._map, newest, T_old_new, sensor.timing)
             self.intermediate.see_through(change, adjustment.poses_between(bundle), self._map.keyframes)
         self._map.places.adopt(taken.places)
         self._note_measured([one.seen.keyframe for one in taken.described])
@@ -186,14 +192,8 @@ class Mapper:
         self._settled = max(settled, default=self._settled - 1) + 1
         self._map.journal.measure([*described, *settled])
 
-    def _take_over(
-        self,
-        adjustment: local_adjustment.Adjustment,
-        bundle: Bundle,
-        sensor: SensorModel,
-        carries_newer: bool = False,
-    ) -> SensorModel:
-        local_adjustment.take_over(self._map, adjustment, bundle, carries_newer)
+    def _take_over(self, adjustment: local_adjustment.Adjustment, bundle: Bundle, sensor: SensorModel) -> SensorModel:
+        local_adjustment.take_over(self._map, adjustment, bundle)
         if np.abs(bundle.timing_change).max() > TUNING.timing_settled_s:
             self.inserter.wear_out()  # only key frames tell more of it, and what is in view may last for long
         return sensor.with_timing_change(bundle.timing_change, bundle.information_timing, self._credit(sensor))

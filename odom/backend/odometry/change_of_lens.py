@@ -7,21 +7,25 @@ they are images, measured when they are looked at. Loop candidates that wait are
 
 from odom.backend.odometry.frame_stages import FrameStages
 from odom.backend.tracking.frame_state import FrameState
-from odom.frontend.camera.lens import Lens
+from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.lens_change import LensChange
 from odom.geometry.arrays import Array
 
 
-def go_on_through_lens(frames: FrameStages, before: Lens, state: FrameState, T_reference_camera: Array) -> FrameState:
+def go_on_through_lens(
+    frames: FrameStages, before: SensorModel, state: FrameState, T_reference_camera: Array
+) -> FrameState:
     """Go on through the sensor's new lens in the map adjusted by it; return the newest frame's state there.
 
-    `before` was the lens until now; `state` and `T_reference_camera` are the newest frame's in the map as it was.
+    `before` was the sensor until now; `state` and `T_reference_camera` are the newest frame's in the map as it was.
     The pose in odom stays what it was.
     """
-    change = LensChange(before, frames.sensor.lens)
+    change = LensChange(before.lens, frames.sensor.lens)
+    timing_change = frames.sensor.timing.vector - before.timing.vector
     frames.closer.drop_waiting()
     frames.chain.see_through(change)
-    moved = state.moved_with(frames.map, T_reference_camera).seen_through(change, frames.map.landmarks)
+    moved = state.moved_with(frames.map, T_reference_camera)
+    moved = moved.seen_through(change, timing_change, frames.map.landmarks)
     frames.published.change_lens(moved.T_map_camera @ state.T_camera_map)
     frames.state = moved
     return moved

@@ -173,10 +173,10 @@ class Odometry:
         if state is None:
             return [], False
         T_reference_camera = state.T_reference_camera(frames.map)
-        before = frames.sensor.lens
+        before = frames.sensor
         taken = frames.mapper.take_background(count, frames.sensor)
         frames.sensor, described = taken or (frames.sensor, [])
-        if frames.sensor.lens is not before:
+        if frames.sensor.lens is not before.lens:
             self._recalibration.adopt()
             state = go_on_through_lens(frames, before, state, T_reference_camera)
             T_reference_camera = state.T_reference_camera(frames.map)

@@ -148,12 +148,16 @@ class FrameState:
             motion = Motion.of(motion.T_fixed_camera, self.tracked.covariance * scale, self.tracked.velocity)
         return MotionPrior(motion, since_s, scale, self.expected_after(since_s))
 
-    def seen_through(self, change: LensChange, landmarks: Landmarks) -> "FrameState":
-        """Return this state through a new lens, its pose fitted to the `landmarks` as they are by that."""
+    def seen_through(self, change: LensChange, timing_change: Array, landmarks: Landmarks) -> "FrameState":
+        """Return this state through a new lens, its pose fitted to the `landmarks` as they are by that.
+
+        The timing's vector changed by `timing_change` (3, s) with it.
+        """
         tracked = self.tracked
         if tracked is None:
             return self
         measured, rows = change.measured(tracked.measurements), tracked.rows
+        measured = replace(measured, values=measured.retimed(timing_change))
         used = tracked.inliers & landmarks.alive[rows]
         points, covariances = landmarks.position[rows], landmarks.covariance[rows]
         T = fit_pose(points, covariances, measured.values, measured.covariance, self.T_camera_map, used).T_camera_map

@@ -67,9 +67,9 @@ class Tuning:
         effect="that a calibrator may take in the background; fewer: the stream waits for it; more: later")
     calibrate_s: float = tuned(0.5, unit="s", source="as calibrate_frames",
         effect="as calibrate_frames, in a slow stream")
-    taken_back: float = tuned(0.02, unit="share of a motion", source="what a poor lens errs by on fr1",
+    taken_back: float = tuned(0.015, unit="share of a motion", source="half of what a poor lens errs by on fr1",
         effect="by which a better lens takes back what a poor one had displaced; smaller: displaced for longer; "
-        "larger: steps are less exact meanwhile")
+        "larger: steps are less exact meanwhile, as by the poor lens")
     patience: float = tuned(5.0, unit="times the time after which a segment begins", source=_BODIES,
         effect="that a camera looks for known places where most of the view moved; smaller: segments begin on bodies; "
         "larger: LOST for longer")

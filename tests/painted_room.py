@@ -1,6 +1,7 @@
 """A painted box seen from inside: exact images and depth of it from any pose, for tests that need no simulator."""
 
-from dataclasses import astuple, dataclass
+from collections.abc import Callable
+from dataclasses import astuple, dataclass, replace
 
 import drawn
 import numpy as np
@@ -14,6 +15,8 @@ from odom.geometry.arrays import Array
 SMALL = Camera(320, 240, 262.5, 262.5, 159.5, 119.5)
 START = Stamp(1_700_000_000_000_000_000)
 PERIOD = 33_333_333
+_BANDS = 24
+"""Into so many bands of rows a rolling shutter's image is cut, each drawn at once."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,22 @@ class PaintedRoom:
         """Return the `number`-th frame of a 30 Hz stream, colour and depth taken at once."""
         grey, depth_mm = self.render(camera, T_room_camera)
         stamp = Stamp(START + number * PERIOD)
+        return RgbdFrame(number, stamp, grey, stamp, depth_mm)
+
+    def rolled_frame(
+        self, camera: Camera, number: int, T_room_camera: Callable[[float], Array], readout_s: float
+    ) -> RgbdFrame:
+        """Return the `number`-th frame of a camera whose rows are read within `readout_s`, colour and depth at once.
+
+        `T_room_camera(t)` is the pose t seconds after the start; the middle row is read at the frame's time.
+        """
+        bands = []
+        for rows in np.array_split(np.arange(camera.height), _BANDS):
+            band = replace(camera, height=len(rows), cy=camera.cy - rows[0])
+            late_s = ((rows[0] + rows[-1] + 1) / 2.0 / camera.height - 0.5) * readout_s
+            bands.append(self.render(band, T_room_camera(number * PERIOD * 1e-9 + late_s)))
+        grey, depth_mm = (np.concatenate(images) for images in zip(*bands, strict=True))
+        stamp = Stamp(START + number * PERIOD + round(readout_s / 2.0 * 1e9))
         return RgbdFrame(number, stamp, grey, stamp, depth_mm)
 
 

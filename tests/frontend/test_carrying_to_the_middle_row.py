@@ -12,6 +12,7 @@ from sensor_models import sensor_model, view_of
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.camera.lens import Lens, project
 from odom.frontend.camera.rolling_shutter import ShutterTiming, point_flow
+from odom.frontend.features.carrying import middle_rays, seen_in_motion
 from odom.frontend.features.measurement import measure, points_of
 from odom.geometry import se3
 
@@ -81,6 +82,40 @@ def test_rows_and_depth_are_carried_to_the_middle_row(twist, readout_s, depth_re
     errors = [np.abs(m.values[deep] - truth[deep]) for m in (carried, as_seen)]
     assert np.percentile(errors[0][:, :2], 95) < max(0.05 * np.percentile(errors[1][:, :2], 95), 0.05 / 525)
     assert np.sqrt(np.mean(errors[0][:, 2] ** 2)) < 6e-4
+
+
+@pytest.mark.parametrize(
+    "twist", [(0.5, 0.1, 0.4, 0, 0, 0), (0, 0, 0, 0.8, 1.0, 0.6), (-0.4, 0.3, 0.5, -0.7, 0.9, -0.8)]
+)
+def test_points_are_expected_where_the_shutter_shows_them(twist):
+    uv, _, truth = moving_view(np.array(twist), 0.025, 0.0, 0.0)
+    points = np.column_stack([truth[:, :2], np.ones(len(truth))]) / truth[:, 2:]
+    lens = (LENS.intrinsics, LENS.distortion, 640, 480, 10.0)
+    expected = seen_in_motion(points, np.eye(4), *lens, np.array(twist), 0.025)
+    np.testing.assert_allclose(expected[:, :2], uv, atol=0.1)
+    np.testing.assert_allclose(expected[:, 2], points[:, 2])
+    assert np.abs(project(points, np.eye(4), *lens)[:, :2] - uv).max() > 1.0
+
+
+@given(twists, st.floats(1.0, 3.0), st.floats(0.0, 0.033))
+def test_a_ray_is_carried_back_from_where_it_is_expected(twist, faster, readout_s):
+    rng = np.random.default_rng(3)
+    rays, w = rng.uniform((-0.6, -0.45), (0.6, 0.45), (100, 2)), rng.uniform(0.2, 1.5, 100)
+    twist = twist * np.repeat([1.0, faster], 3)
+    points = np.column_stack([rays, np.ones(100)]) / w[:, None]
+    lens = (LENS.intrinsics, LENS.distortion, 640, 480, 1.0)
+    expected = seen_in_motion(points, np.eye(4), *lens, twist, readout_s)
+    seen = expected[:, 2] > 0.0
+    back = middle_rays(LENS.rays, expected[seen, :2], w[seen], twist, readout_s)
+    np.testing.assert_allclose(back, rays[seen], atol=0.05 / 525.0)
+
+
+def test_of_a_global_shutter_or_at_rest_nothing_is_shifted():
+    points = np.random.default_rng(4).uniform((-1.0, -0.8, 1.0), (1.0, 0.8, 3.0), (100, 3))
+    lens = (LENS.intrinsics, LENS.distortion, 640, 480, 10.0)
+    straight = project(points, np.eye(4), *lens)
+    np.testing.assert_array_equal(seen_in_motion(points, np.eye(4), *lens, np.ones(6), 0.0), straight)
+    np.testing.assert_array_equal(seen_in_motion(points, np.eye(4), *lens, np.zeros(6), 0.03), straight)
 
 
 def test_retimed_values_are_those_of_a_new_measurement():

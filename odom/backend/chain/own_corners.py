@@ -90,7 +90,7 @@ class OwnCorners:
             return Sight.nothing()
         T_camera_keyframe = T_camera_chain @ self.T_chain_keyframe
         candidates = Candidates.all_of(np.arange(n), np.arange(len(T_camera_keyframe)), T_camera_keyframe)
-        found = find_landmarks(self, candidates, T_camera_chain, view.images, sensor, n, is_near=True)
+        found = find_landmarks(self, candidates, T_camera_chain, twist, view.images, sensor, n, is_near=True)
         covariance_uv = found.covariance_uv * TRACKING.image_noise**2
         measured = measure(view, sensor, found.uv, covariance_uv, twist, found.inverse_depth)
         return Sight(self.names[found.rows], found.uv, measured)

@@ -94,15 +94,15 @@ class FrameStages:
         if T_predicted is None:
             T_predicted = tracker.predict(state, view.images, view.steady_stamp, sensor)
         watch.lap("predict")
-        tracked = tracker.follow(state, view, sensor, T_predicted)
-        if tracked is not None and state.tracked is None and state.since_s(view.steady_stamp) < TUNING.longest_gap_s:
+        since_s = state.since_s(view.steady_stamp)
+        tracked = tracker.follow(state, view, sensor, T_predicted, state.twist_to(T_predicted, since_s))
+        if tracked is not None and state.is_bent and since_s < TUNING.longest_gap_s:
             # The motion to a segment's second frame tells how the first one's rows are bent. The rows themselves
             # cannot: landmarks bent in the first frame look straight in the second.
-            prior = state.motion_prior(state.since_s(view.steady_stamp), sensor.noise.covariance_scale)
-            twist = prior.twist_to(tracked.T_camera_map)
+            twist = state.motion_prior(since_s, sensor.noise.covariance_scale).twist_to(tracked.T_camera_map)
             self.mapper.inserter.remeasure_first(state.reference, state.view, twist, sensor)
-            T_predicted = tracker.predict(state, view.images, view.steady_stamp, sensor)
-            tracked = tracker.follow(state, view, sensor, T_predicted)
+            self.state = replace(state, twist=twist, is_bent=False)
+            tracked = tracker.follow(self.state, view, sensor, tracked.T_camera_map, twist)
         watch.lap("track")
         return tracked
 
@@ -226,7 +226,8 @@ class FrameStages:
         published = self.published.begin(view.stamp, keyframe.segment, keyframe.number, self.sensor)
         chained = self.chain.extend(ChainFrame(view, Sight.nothing(), AT_REST, published), None, self.sensor)
         self.chain.close(self.map, True, keyframe.number, self.sensor.noise)
-        self.state = FrameState(view, None, T_camera_map, AT_REST, keyframe.number, keyframe.rows, keyframe.uv)
+        rows, uv = keyframe.rows, keyframe.uv
+        self.state = FrameState(view, None, T_camera_map, AT_REST, keyframe.number, rows, uv, is_bent=True)
         state = State.TRACKING if is_first else State.RECOVERED
         reason = "" if is_first else "new segment: no known place recognised"
         estimate = self._describe(view, state, reason, published)

@@ -6,7 +6,7 @@ known beforehand, and rooms may look alike.
 
 from odom.backend.map.map import Map
 from odom.backend.tracking.frame_state import Tracked
-from odom.backend.tracking.quality import is_plausible_motion
+from odom.backend.tracking.motion_model import is_plausible_motion
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.geometry import se3

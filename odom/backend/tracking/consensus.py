@@ -100,15 +100,16 @@ def is_contested(outliers: Mask, found: Mask) -> bool:
     return bool(np.count_nonzero(outliers) >= most)
 
 
-def is_exact(features: FollowedFeatures, T_predicted: Array, T_fitted: Array) -> bool:
+def is_exact(predicted: FollowedFeatures, T_predicted: Array, fitted: FollowedFeatures, T_fitted: Array) -> bool:
     """Return whether most features lie just where constant velocity puts them, and not where a fit to all does.
 
-    A near thing that starts to move can be explained, roughly, by a camera that shifts and turns against it.
+    `predicted` and `fitted` are the same features, their rays carried by the motion to either pose. A near thing that
+    starts to move can be explained, roughly, by a camera that shifts and turns against it.
     """
-    if not len(features.uv):
+    if not len(predicted.uv):
         return False
-    exact = features.exact_votes(T_predicted)
-    return exact > TUNING.exact_share and exact > TUNING.consensus_gain * features.exact_votes(T_fitted)
+    exact = predicted.exact_votes(T_predicted)
+    return exact > TUNING.exact_share and exact > TUNING.consensus_gain * fitted.exact_votes(T_fitted)
 
 
 def consensus(features: FollowedFeatures, T_camera_map: Array, expected: ExpectedPose) -> Array | None:

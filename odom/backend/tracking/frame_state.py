@@ -9,7 +9,7 @@ from odom.backend.map.keyframe import Measured
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.map.map import Map
 from odom.backend.tracking.consensus import ExpectedPose
-from odom.backend.tracking.motion_model import Motion, Velocity
+from odom.backend.tracking.motion_model import AT_REST, Motion, Velocity, is_plausible_motion
 from odom.backend.tracking.pose_solver import fit_pose
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.stamp_clock import SteadyStamp
@@ -82,13 +82,14 @@ class MotionPrior:
     """The camera's `motion` in the map `since_s` seconds ago, and where that leads to by now, `expected`.
 
     `scale` multiplies the covariances of measurements. Without `expected` the camera was found otherwise, and rivals
-    of the pose are not looked for.
+    of the pose are not looked for. Where landmarks `are_bent` as this frame is, its rows do not tell its velocity.
     """
 
     motion: Motion
     since_s: float
     scale: float
     expected: ExpectedPose | None = None
+    are_bent: bool = False
 
     def twist_to(self, T_camera_map: Array) -> Array:
         """Return the mean velocity (6, SI, the camera's own frame) that led to the pose `T_camera_map`."""
@@ -101,7 +102,8 @@ class FrameState:
 
     `T_camera_map` and `twist` (6, SI, camera frame) are those of its middle row, near key frame `reference`. The next
     frame is followed from the landmarks `rows` (n), which this one showed at `uv` (n x 2 px). `is_bridged`: frames
-    since could not be tracked, and a prediction stood in for them.
+    since could not be tracked, and a prediction stood in for them. `is_bent`: what it saw was measured as if at rest,
+    since its motion was not known.
     """
 
     view: View
@@ -112,6 +114,7 @@ class FrameState:
     rows: Index
     uv: Array
     is_bridged: bool = False
+    is_bent: bool = False
 
     def since_s(self, stamp: SteadyStamp) -> float:
         """Return the time from this frame to `stamp`, in seconds."""
@@ -121,6 +124,16 @@ class FrameState:
     def T_map_camera(self) -> Array:
         """The pose the other way round."""
         return se3.inverse(self.T_camera_map)
+
+    def twist_to(self, T_camera_map: Array, since_s: float) -> Array:
+        """Return the mean velocity (6, SI, camera frame) that led to the pose `T_camera_map` in `since_s` seconds.
+
+        At rest after a bent frame: the next one is bent alike. That of this frame where no camera could move so.
+        """
+        if self.is_bent:
+            return AT_REST
+        step = -se3.log(T_camera_map @ self.T_map_camera)
+        return np.asarray(step / since_s) if since_s > 0.0 and is_plausible_motion(step / since_s) else self.twist
 
     def step_to(self, tracked: Tracked) -> Array:
         """Return the motion (6, `se3`) from this frame's pose to a tracked one's, as a change of T_camera_map."""
@@ -146,7 +159,7 @@ class FrameState:
         motion = Motion.of(self.T_map_camera, np.zeros((6, 6)))
         if self.tracked is not None:
             motion = Motion.of(motion.T_fixed_camera, self.tracked.covariance * scale, self.tracked.velocity)
-        return MotionPrior(motion, since_s, scale, self.expected_after(since_s))
+        return MotionPrior(motion, since_s, scale, self.expected_after(since_s), self.is_bent)
 
     def seen_through(self, change: LensChange, timing_change: Array, landmarks: Landmarks) -> "FrameState":
         """Return this state through a new lens, its pose fitted to the `landmarks` as they are by that.

@@ -9,10 +9,10 @@ from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.consensus import is_contested
 from odom.backend.tracking.found_landmarks import FoundLandmarks
 from odom.backend.tracking.frame_state import FrameState, MotionPrior, Tracked
-from odom.backend.tracking.motion_model import ANY_VELOCITY
+from odom.backend.tracking.motion_model import ANY_VELOCITY, is_plausible_motion
 from odom.backend.tracking.motions import motions_from
 from odom.backend.tracking.prediction import predict_pose
-from odom.backend.tracking.quality import has_enough_inliers, is_known_place, is_plausible_motion, is_same_view
+from odom.backend.tracking.quality import has_enough_inliers, is_known_place, is_same_view
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
@@ -33,15 +33,18 @@ class FrameTracker:
         """Return T_camera_map of the `images` taken at `stamp`, as predicted without depth (see `predict_pose`)."""
         return predict_pose(self._map, state, images, stamp, sensor)
 
-    def follow(self, state: FrameState, view: View, sensor: SensorModel, T_predicted: Array) -> Tracked | None:
+    def follow(
+        self, state: FrameState, view: View, sensor: SensorModel, T_predicted: Array, twist: Array
+    ) -> Tracked | None:
         """Return the frame tracked from `T_predicted` (T_camera_map), None where what is found cannot be it.
 
+        It is looked at as taken in motion with `twist` (6, SI, camera frame).
         It must be a motion that a carried camera can make, and the place that the frame before showed, not one that
         looks alike.
         """
         prior = state.motion_prior(state.since_s(view.steady_stamp), sensor.noise.covariance_scale)
         local = self.around(state.reference, T_predicted)
-        tracked = self.track(view, sensor, T_predicted, prior.twist_to(T_predicted), local, prior)
+        tracked = self.track(view, sensor, T_predicted, twist, local, prior)
         if not (is_plausible_motion(prior.twist_to(tracked.T_camera_map)) and has_enough_inliers(tracked)):
             return None
         is_continuous = is_same_view(tracked, state.tracked) and not state.is_bridged
@@ -62,13 +65,14 @@ class FrameTracker:
     ) -> Tracked:
         """Find the landmarks of the key frames `local` where `T_start` (T_camera_map) predicts them, and fit the pose.
 
-        The first of `local` is the reference: its landmarks come first where there are more than are looked for. With
-        the motion `prior` the velocity is measured from the image's rows, and the features are carried to the middle
-        row and fitted once more with that: with a noisy velocity the shutter would seem faster than it is.
+        The camera moves with `twist` (6, SI), about. The first of `local` is the reference: its landmarks come first
+        where there are more than are looked for. With the motion `prior` the velocity is measured from the image's
+        rows, and the features are carried to the middle row and fitted once more with that: with a noisy velocity the
+        shutter would seem faster than it is.
         """
         L = self._map.landmarks
         in_view = find_landmarks(
-            L, self._candidates(local, T_start), T_start, view.images, sensor, self._settings.max_features
+            L, self._candidates(local, T_start), T_start, twist, view.images, sensor, self._settings.max_features
         )
         if view.may_move is not None:
             in_view = in_view.take(view.stands(in_view.uv))
@@ -81,7 +85,7 @@ class FrameTracker:
             landmarks, measured, T = landmarks.settled(measured, fit, expected)
             fit = landmarks.fit(measured, T)
         velocity = ANY_VELOCITY
-        if prior is not None:
+        if prior is not None and not prior.are_bent:
             velocity = landmarks.velocity(measured, fit.T_camera_map, twist, prior)
             twist = velocity.twist
             measured = landmarks.measured(twist)

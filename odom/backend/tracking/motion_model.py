@@ -18,6 +18,11 @@ _TWIST_SIGMA = np.repeat([TUNING.velocity_sigma_m_s, TUNING.velocity_sigma_rad_s
 """One sigma of the velocity (6, m/s and rad/s) of a camera of which nothing is known yet."""
 
 
+def is_plausible_motion(twist: Array) -> bool:
+    """Return whether something carried by a person, or driving, can move with `twist` (6, m/s and rad/s)."""
+    return bool(np.linalg.norm(twist[:3]) < TUNING.fastest_m_s and np.linalg.norm(twist[3:]) < TUNING.fastest_rad_s)
+
+
 @dataclass(frozen=True, eq=False)
 class Velocity:
     """The camera's `twist` (6, m/s and rad/s, its own frame), with its 6 x 6 `covariance`."""

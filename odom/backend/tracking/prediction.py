@@ -11,9 +11,9 @@ from odom.backend.tracking.frame_state import FrameState
 from odom.backend.tracking.motions import motions_from
 from odom.backend.tracking.pose_solver import fit_pose
 from odom.backend.tracking.tuning import TUNING
-from odom.frontend.camera.lens import Lens, project, rays_at
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
+from odom.frontend.features.carrying import middle_rays, seen_in_motion
 from odom.frontend.features.images import FrameImages
 from odom.frontend.matching.landmark_search import Candidates, find_coarsely
 from odom.frontend.matching.optical_flow import follow_features
@@ -21,6 +21,8 @@ from odom.geometry.arrays import Array, Index, Mask
 
 _BORDER_PX = 2.0
 """Followed features are predicted up to so close to the image's border."""
+_NEAREST_M = 0.1
+"""Landmarks move in the image as if they were no nearer: those behind the camera are in no image."""
 _GATES_PX = (TUNING.coarse_gate_px, TUNING.middle_gate_px, TUNING.last_gate_px)
 
 
@@ -30,22 +32,23 @@ def predict_pose(map_: Map, state: FrameState, images: FrameImages, stamp: Stead
     As long as the camera moves about as it did, patches are found around where constant velocity puts them. Where it
     surprises, features are followed from the image before, however far they went: the fit's gate closes step by step
     (graduated non-convexity), so that a wrong constant velocity does no harm. Where many features disagree with it, the
-    motion is chosen that most of the image shows. Where too few are followed the constant velocity stands.
+    motion is chosen that most of the image shows. Where too few are followed the constant velocity stands. The shutter
+    bends the image by the motion that leads to the pose in question.
     """
     since_s = state.since_s(stamp)
     T_predicted = state.predicted_after(since_s)
     landmarks = map_.landmarks
-    followed = _search(map_, state, images, T_predicted, sensor)
+    followed = _search(map_, state, images, T_predicted, since_s, sensor)
     coarse = followed.fitted(T_predicted, followed.found, _GATES_PX[1:])
     least = max(TUNING.followed_least, TUNING.unsurprised_share * len(followed.rows))
     if np.count_nonzero(coarse.agrees) < least or is_contested(followed.found & ~coarse.agrees, followed.found):
-        followed = _follow(landmarks, state, images, T_predicted, sensor.lens)
+        followed = _follow(landmarks, state, images, T_predicted, since_s, sensor)
         coarse = followed.fitted(T_predicted, followed.found, _GATES_PX)
-    features = followed.features(landmarks, state.T_map_camera[:3, 3])
+    features = followed.features(landmarks, coarse.T_camera_map)
     rival = None
     if is_contested(followed.found & ~coarse.agrees, followed.found):
         rival = consensus(features, coarse.T_camera_map, state.expected_after(since_s))
-    elif is_exact(features, T_predicted, coarse.T_camera_map):
+    elif is_exact(followed.features(landmarks, T_predicted), T_predicted, features, coarse.T_camera_map):
         rival = T_predicted
     if rival is not None:
         members = followed.fitted(rival, followed.found, ()).agrees
@@ -63,49 +66,69 @@ class _CoarsePose:
 
 @dataclass(frozen=True, eq=False)
 class _Followed:
-    """Landmarks by their `rows` (n), followed to `uv` (n x 2 px) and `rays` (n x 3, the last NaN) where `found` (n)."""
+    """Landmarks by their `rows` (n), followed to `uv` (n x 2 px) where `found` (n).
 
+    That is `since_s` after the frame of `state`. `points` (n x 3, m, map frame) with `covariances` (n x 3 x 3, m^2) are
+    their positions.
+    """
+
+    state: FrameState
+    since_s: float
+    sensor: SensorModel
     rows: Index
     points: Array
     covariances: Array
     uv: Array
-    rays: Array
     found: Mask
-    lens: Lens
 
     @classmethod
-    def at(cls, landmarks: Landmarks, rows: Index, uv: Array, found: Mask, lens: Lens) -> "_Followed":
-        """Return what was found of the landmarks `rows` at `uv`."""
-        rays = np.full((len(rows), 3), np.nan)
-        rays[:, :2] = rays_at(lens.rays, np.where(found[:, None], uv, 0.0))
-        return cls(rows, landmarks.position[rows], landmarks.covariance[rows], uv, rays, found, lens)
+    def at(
+        cls,
+        landmarks: Landmarks,
+        state: FrameState,
+        since_s: float,
+        sensor: SensorModel,
+        found: tuple[Index, Array, Mask],
+    ) -> "_Followed":
+        """Return what was found of landmarks: their rows, where (n x 2 px), and which of them."""
+        rows, uv, is_found = found
+        uv = np.where(is_found[:, None], uv, 0.0)
+        return cls(state, since_s, sensor, rows, landmarks.position[rows], landmarks.covariance[rows], uv, is_found)
 
-    def features(self, landmarks: Landmarks, eye: Array) -> FollowedFeatures:
-        """Return the found ones, seen from about `eye` (3, m, map frame)."""
+    def in_motion(self, T_camera_map: Array) -> Array:
+        """Return the rays (n x 3, the last NaN) of the middle row if the camera moved straight to a pose."""
+        near = 1.0 / np.maximum(self.points @ T_camera_map[2, :3] + T_camera_map[2, 3], _NEAREST_M)
+        twist, readout_s = self.state.twist_to(T_camera_map, self.since_s), self.sensor.timing.readout_s
+        rays = np.full((len(self.rows), 3), np.nan)
+        rays[:, :2] = middle_rays(self.sensor.lens.rays, self.uv, near, twist, readout_s)
+        return rays
+
+    def features(self, landmarks: Landmarks, T_camera_map: Array) -> FollowedFeatures:
+        """Return the found ones as if the camera moved straight to a pose."""
         found = self.found
         return FollowedFeatures(
             self.points[found],
-            eye,
-            self.rays[found, :2],
+            self.state.T_map_camera[:3, 3],
+            self.in_motion(T_camera_map)[found, :2],
             self.uv[found],
             landmarks.seen[self.rows[found]],
             TUNING.followed_sigma_px,
-            1.0 / self.lens.intrinsics[0],
+            1.0 / self.sensor.lens.intrinsics[0],
         )
 
     def fitted(self, T_start: Array, used: Mask, gates_px: tuple[float, ...]) -> _CoarsePose:
         """Return the pose of the features `used`, by gates that close one after the other."""
         T = T_start
         for gate_px in gates_px:
-            fit = fit_pose(
-                self.points, self.covariances, self.rays, self._variances(gate_px), T, used, cauchy=TUNING.coarse_cauchy
-            )
+            rays, variances = self.in_motion(T), self._variances(gate_px)
+            fit = fit_pose(self.points, self.covariances, rays, variances, T, used, cauchy=TUNING.coarse_cauchy)
             T = fit.T_camera_map
-        chi2 = fit_pose(self.points, self.covariances, self.rays, self._variances(_GATES_PX[-1]), T, None, 0).chi2[:, 0]
+        rays, variances = self.in_motion(T), self._variances(_GATES_PX[-1])
+        chi2 = fit_pose(self.points, self.covariances, rays, variances, T, None, 0).chi2[:, 0]
         return _CoarsePose(T, self.found & (chi2 < TUNING.coarse_chi2))
 
     def _variances(self, sigma_px: float) -> Array:
-        fx, fy = self.lens.intrinsics[:2].tolist()
+        fx, fy = self.sensor.lens.intrinsics[:2].tolist()
         out = np.empty((len(self.points), 4))
         out[:] = (sigma_px / fx) ** 2, 0.0, (sigma_px / fy) ** 2, 1.0
         return out
@@ -121,21 +144,41 @@ def _followed_before(landmarks: Landmarks, state: FrameState) -> tuple[Index, Ar
     return rows, uv
 
 
-def _search(map_: Map, state: FrameState, images: FrameImages, T_predicted: Array, sensor: SensorModel) -> _Followed:
+def _search(
+    map_: Map, state: FrameState, images: FrameImages, T_predicted: Array, since_s: float, sensor: SensorModel
+) -> _Followed:
     """Look for what the frame of `state` saw in the half-size image, by patches, around where `T_predicted` puts it."""
-    rows, _ = _followed_before(map_.landmarks, state)
-    keyframes = np.unique(map_.landmarks.keyframe[rows])
+    landmarks = map_.landmarks
+    rows, _ = _followed_before(landmarks, state)
+    keyframes = np.unique(landmarks.keyframe[rows])
     candidates = Candidates.all_of(rows, keyframes, motions_from(map_, keyframes, T_predicted))
-    return _Followed.at(
-        map_.landmarks, *find_coarsely(map_.landmarks, candidates, T_predicted, images, sensor), sensor.lens
-    )
+    twist = state.twist_to(T_predicted, since_s)
+    found = find_coarsely(landmarks, candidates, T_predicted, twist, images, sensor)
+    return _Followed.at(landmarks, state, since_s, sensor, found)
 
 
-def _follow(landmarks: Landmarks, state: FrameState, images: FrameImages, T_predicted: Array, lens: Lens) -> _Followed:
+def _follow(
+    landmarks: Landmarks,
+    state: FrameState,
+    images: FrameImages,
+    T_predicted: Array,
+    since_s: float,
+    sensor: SensorModel,
+) -> _Followed:
     """Follow what the frame of `state` saw into the next `images`, from where `T_predicted` puts it."""
     rows, uv_previous = _followed_before(landmarks, state)
-    height, width = images.full.shape
-    seen = project(landmarks.position[rows], T_predicted, lens.intrinsics, lens.distortion, width, height, _BORDER_PX)
+    lens, (height, width) = sensor.lens, images.full.shape
+    seen = seen_in_motion(
+        landmarks.position[rows],
+        T_predicted,
+        lens.intrinsics,
+        lens.distortion,
+        width,
+        height,
+        _BORDER_PX,
+        state.twist_to(T_predicted, since_s),
+        sensor.timing.readout_s,
+    )
     guess = np.where(np.isnan(seen[:, :2]), uv_previous, seen[:, :2])
     uv, found = follow_features(state.view.images.full, images.full, uv_previous, guess)
-    return _Followed.at(landmarks, rows, uv, found, lens)
+    return _Followed.at(landmarks, state, since_s, sensor, (rows, uv, found))

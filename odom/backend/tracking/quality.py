@@ -1,4 +1,4 @@
-"""Whether to trust the pose of a frame: a plausible motion, enough landmarks, the place it should be."""
+"""Whether to trust the pose of a frame: enough landmarks, the place it should be."""
 
 import numpy as np
 
@@ -6,11 +6,6 @@ from odom.backend.estimate import State
 from odom.backend.tracking.frame_state import Tracked
 from odom.backend.tracking.tuning import TUNING
 from odom.geometry.arrays import Array
-
-
-def is_plausible_motion(twist: Array) -> bool:
-    """Return whether something carried by a person, or driving, can move with `twist` (6, m/s and rad/s)."""
-    return bool(np.linalg.norm(twist[:3]) < TUNING.fastest_m_s and np.linalg.norm(twist[3:]) < TUNING.fastest_rad_s)
 
 
 def has_enough_inliers(tracked: Tracked) -> bool:

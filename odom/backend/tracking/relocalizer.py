@@ -8,8 +8,8 @@ from odom.backend.map.map import Map
 from odom.backend.map.memory import recall_near
 from odom.backend.tracking.frame_state import FrameState, MotionPrior, Tracked
 from odom.backend.tracking.frame_tracker import FrameTracker
-from odom.backend.tracking.motion_model import AT_REST, Motion
-from odom.backend.tracking.quality import is_known_place, is_plausible_motion
+from odom.backend.tracking.motion_model import AT_REST, Motion, is_plausible_motion
+from odom.backend.tracking.quality import is_known_place
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.place_descriptor import Place, describe_place

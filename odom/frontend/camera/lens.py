@@ -127,19 +127,27 @@ def rays_at(rays: NDArray[np.float32], uv: Array) -> Array:
 
 
 @compiled
+def ahead(T: Array, points: Array, k: int) -> tuple[float, float, float]:
+    """Return (x/z, y/z, z) of `points[k]` before a camera at the pose `T`; z is 0 for one that is in no image."""
+    X = T[0, 0] * points[k, 0] + T[0, 1] * points[k, 1] + T[0, 2] * points[k, 2] + T[0, 3]
+    Y = T[1, 0] * points[k, 0] + T[1, 1] * points[k, 1] + T[1, 2] * points[k, 2] + T[1, 3]
+    Z = T[2, 0] * points[k, 0] + T[2, 1] * points[k, 1] + T[2, 2] * points[k, 2] + T[2, 3]
+    if Z < _NEAREST_M or abs(X) > _WIDEST * Z or abs(Y) > _WIDEST * Z:
+        return 0.0, 0.0, 0.0
+    return X / Z, Y / Z, Z
+
+
+@compiled
 def project(
     points: Array, T_camera_points: Array, intrinsics: Array, distortion: Array, width: int, height: int, margin: float
 ) -> Array:
     """Return (n x 3): pixel u, v and depth z of `points` (n x 3), NaN where not in the image less `margin` pixels."""
-    T = T_camera_points
     out = np.full((points.shape[0], 3), np.nan)
     for k in range(points.shape[0]):
-        X = T[0, 0] * points[k, 0] + T[0, 1] * points[k, 1] + T[0, 2] * points[k, 2] + T[0, 3]
-        Y = T[1, 0] * points[k, 0] + T[1, 1] * points[k, 1] + T[1, 2] * points[k, 2] + T[1, 3]
-        Z = T[2, 0] * points[k, 0] + T[2, 1] * points[k, 1] + T[2, 2] * points[k, 2] + T[2, 3]
-        if Z < _NEAREST_M or abs(X) > _WIDEST * Z or abs(Y) > _WIDEST * Z:
+        x, y, z = ahead(T_camera_points, points, k)
+        if z == 0.0:
             continue
-        u, v = pixel_of(X / Z, Y / Z, intrinsics, distortion)
+        u, v = pixel_of(x, y, intrinsics, distortion)
         if margin <= u <= width - 1 - margin and margin <= v <= height - 1 - margin:
-            out[k, 0], out[k, 1], out[k, 2] = u, v, Z
+            out[k, 0], out[k, 1], out[k, 2] = u, v, z
     return out

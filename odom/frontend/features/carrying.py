@@ -1,12 +1,70 @@
-"""Features seen in motion: where the depth image shows them, and all carried to the time of the middle row."""
+"""Features seen in motion: where the images show them, and all carried to the time of the middle row."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.frontend.camera.lens import ray_at
+from odom.frontend.camera.lens import ahead, pixel_of, ray_at
 from odom.frontend.camera.rolling_shutter import point_flow
 from odom.geometry.arrays import Array
 from odom.geometry.compiled import compiled
+
+_ROW_STEPS = 4
+"""Newton's steps to the row that shows a point: at 6 rad/s they leave less than a hundredth of a pixel on average."""
+_SLOWEST_ROWS = 0.1
+"""How much slower than it is a shutter's readout seems, at the least, where points run along with it."""
+
+
+@compiled
+def seen_in_motion(
+    points: Array,
+    T_camera_points: Array,
+    intrinsics: Array,
+    distortion: Array,
+    width: int,
+    height: int,
+    margin: float,
+    twist: Array,
+    readout_s: float,
+) -> Array:
+    """Return (n x 3): pixel u, v of `points` (n x 3) as a rolling shutter shows them, and their depth z.
+
+    `T_camera_points` is the pose of the middle row, at whose time z is meant; the camera moves with `twist` (6, SI).
+    NaN where not in the image less `margin` pixels. The row in which a point is seen says when, and when says in which
+    row: `carried` takes these pixels back to where the middle row would have shown the points.
+    """
+    out = np.full((points.shape[0], 3), np.nan)
+    for k in range(points.shape[0]):
+        x, y, z = ahead(T_camera_points, points, k)
+        if z == 0.0:
+            continue
+        u, v = pixel_of(x, y, intrinsics, distortion)
+        row_s, x_seen, y_seen = 0.0, x, y
+        for _ in range(_ROW_STEPS if readout_s > 0.0 else 0):
+            xd, yd, _wd = point_flow(x_seen, y_seen, 1.0 / z, twist)
+            rows_a_readout = yd * intrinsics[1] * readout_s / height
+            late_s = (v / height - 0.5) * readout_s - row_s
+            row_s += late_s / max(1.0 - rows_a_readout, _SLOWEST_ROWS)
+            row_s = min(max(row_s, -0.5 * readout_s), 0.5 * readout_s)
+            x_seen, y_seen = x + xd * row_s, y + yd * row_s
+            u, v = pixel_of(x_seen, y_seen, intrinsics, distortion)
+        if margin <= u <= width - 1 - margin and margin <= v <= height - 1 - margin:
+            out[k, 0], out[k, 1], out[k, 2] = u, v, z
+    return out
+
+
+@compiled
+def middle_rays(rays: NDArray[np.float32], uv: Array, near: Array, twist: Array, readout_s: float) -> Array:
+    """Return the rays (n x 2) of pixels `uv` (n x 2) as the middle row of a camera moving with `twist` would show them.
+
+    `near` (n, 1/m) are inverse depths, about.
+    """
+    out = np.empty((uv.shape[0], 2))
+    for k in range(uv.shape[0]):
+        x, y = ray_at(rays, uv[k, 0], uv[k, 1])
+        xd, yd, _wd = point_flow(x, y, near[k], twist)
+        row_s = (uv[k, 1] / rays.shape[0] - 0.5) * readout_s
+        out[k, 0], out[k, 1] = x - xd * row_s, y - yd * row_s
+    return out
 
 
 @compiled

@@ -6,8 +6,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.frontend.camera.lens import project
 from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.carrying import seen_in_motion
 from odom.frontend.features.images import FrameImages
 from odom.frontend.features.patch_warp import WARP_LIMITS, affinities
 from odom.frontend.features.patches import PATCH_LIMITS, align_patches
@@ -140,14 +140,33 @@ class _Expected:
 
     @classmethod
     def of(
-        cls, landmarks: LandmarkPatches, candidates: Candidates, T_camera_map: Array, sensor: SensorModel, most: int
+        cls,
+        landmarks: LandmarkPatches,
+        candidates: Candidates,
+        T_camera_map: Array,
+        twist: Array,
+        sensor: SensorModel,
+        most: int,
     ) -> "_Expected":
-        """Return up to `most` of the `candidates`, spread over the image of a camera at `T_camera_map`."""
+        """Return up to `most` of the `candidates`, spread over the image of a camera at `T_camera_map`.
+
+        They are where its shutter shows them while it moves with `twist` (6, SI, its own frame).
+        """
         lens, cell_px, margin_px = sensor.lens, TUNING.search_cell_px, TUNING.search_margin_px
         rows, priority, chance = candidates.rows, candidates.priority, candidates.chance
         height, width = lens.rays.shape[:2]
         position = landmarks.position.take(rows, 0)
-        seen = project(position, T_camera_map, lens.intrinsics, lens.distortion, width, height, margin_px)
+        seen = seen_in_motion(
+            position,
+            T_camera_map,
+            lens.intrinsics,
+            lens.distortion,
+            width,
+            height,
+            margin_px,
+            twist,
+            sensor.timing.readout_s,
+        )
         visible = np.flatnonzero(seen[:, 2] > 0.0)
         rows, seen = rows.take(visible), seen.take(visible, 0)
         priority, chance = priority.take(visible), chance.take(visible)
@@ -187,6 +206,7 @@ def find_landmarks(
     landmarks: LandmarkPatches,
     candidates: Candidates,
     T_camera_map: Array,
+    twist: Array,
     images: FrameImages,
     sensor: SensorModel,
     most: int,
@@ -194,9 +214,10 @@ def find_landmarks(
 ) -> Found:
     """Look for up to `most` of the `candidates` among `landmarks` where `T_camera_map` predicts them.
 
+    The camera moves with `twist` (6, SI, its own frame), by which its shutter shows them elsewhere than at rest.
     `is_near`: within `search_fine_limit_px`, so that the half-size image need not be searched first.
     """
-    expected = _Expected.of(landmarks, candidates, T_camera_map, sensor, most)
+    expected = _Expected.of(landmarks, candidates, T_camera_map, twist, sensor, most)
     rows, uv, valid = expected.rows, expected.uv.copy(), expected.usable
     if not is_near:
         uv, valid = expected.aligned_coarsely(landmarks, images)
@@ -208,11 +229,17 @@ def find_landmarks(
 
 
 def find_coarsely(
-    landmarks: LandmarkPatches, candidates: Candidates, T_camera_map: Array, images: FrameImages, sensor: SensorModel
+    landmarks: LandmarkPatches,
+    candidates: Candidates,
+    T_camera_map: Array,
+    twist: Array,
+    images: FrameImages,
+    sensor: SensorModel,
 ) -> tuple[Index, Array, Mask]:
     """Look for all `candidates` that `T_camera_map` shows in the half-size image, some eight pixels around.
 
+    The camera moves with `twist` (see `find_landmarks`).
     Returns their rows (n), where they are (n x 2 px of the full image), and which of them were found.
     """
-    expected = _Expected.of(landmarks, candidates, T_camera_map, sensor, len(candidates.rows))
+    expected = _Expected.of(landmarks, candidates, T_camera_map, twist, sensor, len(candidates.rows))
     return (expected.rows, *expected.aligned_coarsely(landmarks, images))

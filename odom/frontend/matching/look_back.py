@@ -152,7 +152,7 @@ def _found(
         return rows, np.zeros((0, 2)), np.zeros((0, 3))
     T, view = earlier.T_view_corners, earlier.view
     candidates = Candidates.all_of(rows, np.zeros(1, dtype=np.int64), T[None])
-    found = find_landmarks(corners, candidates, T, view.images, sensor, len(rows))
+    found = find_landmarks(corners, candidates, T, earlier.twist, view.images, sensor, len(rows))
     missed = np.setdiff1d(rows, found.rows, assume_unique=True)
     here, there, uv_missed = corners.images.half, view.images.half, corners.uv[missed] / 2.0
     guess = expected.uv[np.searchsorted(expected.rows, missed)] / 2.0

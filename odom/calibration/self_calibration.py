@@ -20,7 +20,7 @@ from odom.calibration.tuning import TUNING
 from odom.calibration.unit_of_length import in_believed_unit
 from odom.errors import ConfigError, InputError
 from odom.frame import Camera
-from odom.frontend.camera.lens import Lens
+from odom.frontend.camera.rays import turn_between
 
 _SEED = 1
 """Of the chance that draws landmarks: a run calibrates itself alike every time."""
@@ -107,8 +107,7 @@ def _trajectory(
     seen_twice = np.bincount(some.landmark, minlength=len(some.landmarks)) >= _TWICE
     rest = survey.part(~kept[survey.frame] & seen_twice[survey.landmark])
     poses = placed(rest, ~kept, poses, by_some, _POSE_STEPS)
-    R_told_own = Lens.of(found.camera, told=given).R_own_told.T
-    poses[:, :3] = R_told_own @ poses[:, :3]
+    poses[:, :3] = turn_between(found.camera, given) @ poses[:, :3]
     keyframes = len(frames.numbers)
     return odometry.trajectory_with(
         dict(zip(frames.numbers.tolist(), poses[:keyframes], strict=True)),

@@ -33,6 +33,11 @@ def places_of(numbers: Index, among: Index) -> Index:
     return out
 
 
+def distinct(numbers: Index) -> Index:
+    """Return which numbers there are among n small ones, none below 0, ascending; as `np.unique`, which hashes them."""
+    return np.flatnonzero(np.bincount(numbers))
+
+
 def shared(a: Index, b: Index) -> tuple[Index, Index]:
     """Return the places in `a` and in `b` (each number once in each) of the numbers that both hold, ascending."""
     places = places_of(a, b)

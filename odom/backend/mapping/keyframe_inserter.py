@@ -18,6 +18,7 @@ from odom.frontend.features.measurement import Measurements, measure
 from odom.frontend.features.view import View
 from odom.geometry import se3
 from odom.geometry.arrays import Array
+from odom.geometry.numbered import distinct
 
 _CERTAIN = np.zeros((6, 6))
 """Covariance of a segment's first pose, which is certain by definition."""
@@ -42,7 +43,7 @@ class Coverage:
     @classmethod
     def of(cls, uv: Array) -> "Coverage":
         """Return the coverage by landmarks found at `uv` (n x 2 px)."""
-        return cls(len(uv), len(np.unique(parts_of(uv, TUNING.coverage_cell_px))))
+        return cls(len(uv), len(distinct(parts_of(uv, TUNING.coverage_cell_px))))
 
     def is_worn(self, at_keyframe: "Coverage") -> bool:
         """Return whether too little is left of what was seen right after the last key frame."""

@@ -137,9 +137,8 @@ class PublishedTrajectory:
         current = Publication(frame, carried.T_fixed_camera, since_start, T_middle_stamp, going)
         if self._recent and since_previous_s:
             current = replace(current, step=self._motion_since(self._recent[-1], current, inliers, sensor))
-        around = [p for p in self._recent if _from_a_second(p, frame.stamp) < TUNING.near_a_second_s]
-        if around:
-            then = min(around, key=lambda p: _from_a_second(p, frame.stamp))
+        then = min(self._recent, key=lambda p: _from_a_second(p, frame.stamp), default=None)
+        if then is not None and _from_a_second(then, frame.stamp) < TUNING.near_a_second_s:
             current = replace(current, second=self._motion_since(then, current, inliers, sensor))
         return self._keep(current)
 

@@ -21,6 +21,7 @@ from odom.frontend.features.view import View
 from odom.frontend.matching.landmark_search import Candidates, find_landmarks
 from odom.frontend.matching.line_of_sight import LineOfSight
 from odom.geometry.arrays import Array, Index
+from odom.geometry.numbered import distinct
 
 
 class FrameTracker:
@@ -127,12 +128,14 @@ class FrameTracker:
         L, all_keyframes = self._map.landmarks, self._map.keyframes
         is_local = np.zeros(len(all_keyframes), dtype=np.bool_)
         is_local[local] = True
-        doubted = np.flatnonzero(L.alive & (L.gone_s > 0.0) & ~is_local[L.keyframe])
         segment = all_keyframes[int(local[0])].segment
-        in_segment = [all_keyframes[k].segment == segment for k in L.keyframe[doubted].tolist()]
-        rows = np.sort(np.concatenate([np.flatnonzero(L.alive & is_local[L.keyframe]), doubted[in_segment]]))
-        keyframes = np.unique(np.concatenate([local, L.keyframe[rows]]))
+        is_doubted = L.gone_s > 0.0
+        also = [k for k in distinct(L.keyframe[L.alive & is_doubted]).tolist() if all_keyframes[k].segment == segment]
+        is_near = is_local.copy()
+        is_near[also] = True
+        rows = np.flatnonzero(L.alive & is_near[L.keyframe] & (is_doubted | is_local[L.keyframe]))
+        keyframes = distinct(np.concatenate([local, L.keyframe[rows]]))
         chance = (L.seen[rows] + 1.0) / (L.tried[rows] + 2.0)  # Laplace's rule of succession
         priority = chance**2 * (L.seen[rows] + TUNING.reference_rank * (L.keyframe[rows] == int(local[0])))
         T_camera_keyframe = motions_from(self._map, keyframes, T_camera_map)
-        return Candidates(rows, priority, chance, L.gone_s[rows] > 0.0, keyframes, T_camera_keyframe)
+        return Candidates(rows, priority, chance, is_doubted[rows], keyframes, T_camera_keyframe)

@@ -18,6 +18,7 @@ from odom.frontend.features.images import FrameImages
 from odom.frontend.matching.landmark_search import Candidates, find_coarsely
 from odom.frontend.matching.optical_flow import follow_features
 from odom.geometry.arrays import Array, Index, Mask
+from odom.geometry.numbered import distinct
 
 _BORDER_PX = 2.0
 """Followed features are predicted up to so close to the image's border."""
@@ -150,7 +151,7 @@ def _search(
     """Look for what the frame of `state` saw in the half-size image, by patches, around where `T_predicted` puts it."""
     landmarks = map_.landmarks
     rows, _ = _followed_before(landmarks, state)
-    keyframes = np.unique(landmarks.keyframe[rows])
+    keyframes = distinct(landmarks.keyframe[rows])
     candidates = Candidates.all_of(rows, keyframes, motions_from(map_, keyframes, T_predicted))
     twist = state.twist_to(T_predicted, since_s)
     found = find_coarsely(landmarks, candidates, T_predicted, twist, images, sensor)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from odom.errors import ConfigError
 from odom.frame import Camera
 from odom.frame.depth_model import field_terms
-from odom.frontend.camera.rays import grid_over, rays_of, turn_onto
+from odom.frontend.camera.rays import grid_over, rays_of, turn_between
 from odom.geometry.arrays import Array
 from odom.geometry.compiled import compiled
 
@@ -46,7 +46,7 @@ class Lens:
         """
         if any(camera.distortion[8:]):
             raise ConfigError(f"distortion {camera.distortion}: only the first 8 coefficients may differ from 0")
-        turn = None if told is None else _turn_between(camera, told)
+        turn = None if told is None else turn_between(camera, told)
         R_told_own = np.eye(3) if turn is None else turn
         grid = np.stack(np.meshgrid(np.arange(camera.width), np.arange(camera.height)), axis=-1)
         pixels = grid.reshape(-1, 1, 2).astype(np.float64)
@@ -67,11 +67,6 @@ class Lens:
     def R_own_told(self) -> Array:
         """The rotation (3 x 3) from the frame that rays are told in to the camera's own."""
         return self.distortion[8:].reshape(3, 3)
-
-
-def _turn_between(camera: Camera, told: Camera) -> Array:
-    uv = grid_over(camera)
-    return turn_onto(rays_of(camera, uv), rays_of(told, uv))
 
 
 def _told_depth(camera: Camera, R_told_own: Array) -> Array:

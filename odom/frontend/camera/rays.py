@@ -36,3 +36,9 @@ def grid_over(camera: Camera) -> Array:
     """Return pixels (n x 2) spread evenly over a camera's image, its corners among them."""
     columns, rows = (np.linspace(0.0, side - 1.0, 1 + side // _STEP_PX) for side in (camera.width, camera.height))
     return np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+
+
+def turn_between(camera: Camera, told: Camera) -> Array:
+    """Return the rotation (3 x 3) from a camera's own axes to those of `told` that brings the rays of both nearest."""
+    uv = grid_over(camera)
+    return turn_onto(rays_of(camera, uv), rays_of(told, uv))

@@ -157,16 +157,18 @@ def _found(
     here, there, uv_missed = corners.images.half, view.images.half, corners.uv[missed] / 2.0
     guess = expected.uv[np.searchsorted(expected.rows, missed)] / 2.0
     uv, is_followed = follow_features(here, there, uv_missed, guess)
+    missed, uv, uv_missed = missed[is_followed], uv[is_followed], uv_missed[is_followed]
     back, came_back = follow_features(there, here, uv, uv_missed)
-    is_followed &= came_back & (np.linalg.norm(back - uv_missed, axis=1) < TUNING.look_back_return_px)
+    returned = came_back & (np.linalg.norm(back - uv_missed, axis=1) < TUNING.look_back_return_px)
+    missed, uv = missed[returned], uv[returned]
     flow = np.tile([TUNING.look_back_flow_px**2, 0.0, TUNING.look_back_flow_px**2], (len(missed), 1))
-    covariance = np.concatenate([found.covariance_uv * TUNING.look_back_noise**2, flow[is_followed]])
-    rows_found = np.concatenate([found.rows, missed[is_followed]])
+    covariance = np.concatenate([found.covariance_uv * TUNING.look_back_noise**2, flow])
+    rows_found = np.concatenate([found.rows, missed])
     step_px = np.linalg.norm(expected.uv[np.searchsorted(expected.rows, rows_found)] - corners.uv[rows_found], axis=1)
     covariance[:, [0, 2]] += (TUNING.look_back_px**2 + (TUNING.look_back_step * step_px) ** 2)[:, None]
     return (
         rows_found,
-        np.concatenate([found.uv, 2.0 * uv[is_followed]]),
+        np.concatenate([found.uv, 2.0 * uv]),
         covariance,
     )
 

@@ -1,6 +1,6 @@
 """An estimate as the messages that other processes see. Pure."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
@@ -9,32 +9,42 @@ from odom.frame import Camera, RgbdFrame, Stamp, corrected_depth
 from odom.frontend.matching.moving_surfaces import MovingCells
 from odom.geometry import se3
 from odom.viewer.keyframe_clouds import back_project
-from odom.wire import Message, Topics, codec
+from odom.wire import TF, Message, Topics, codec
+from odom.wire.codec import cdr
 
 _COLOR_WIDTH = 160
 """Pixels to which a key frame's image is reduced before it colours a cloud: a quarter of a Kinect's, which JPEG decodes
 in a fraction of the time; at 3,000 points more would not be seen."""
 
 
-def pose_messages(topics: Topics, estimate: Estimate) -> Iterator[Message]:
-    """Yield odom, chain, pose and tf of a frame that has a pose, nothing for a LOST one: no stale pose is repeated."""
+def _always(topic: str, type_name: str) -> bool:
+    return True
+
+
+def pose_messages(
+    topics: Topics, estimate: Estimate, is_heard: Callable[[str, str], bool] = _always
+) -> Iterator[Message]:
+    """Yield odom, chain, pose and tf of a frame that has a pose, nothing for a LOST one: no stale pose is repeated.
+
+    Only those are made of which `is_heard` says, by topic and type, that anyone takes them.
+    """
     T_odom_camera, covariance, stamp = estimate.T_odom_camera, estimate.covariance, estimate.stamp
     if T_odom_camera is None:
         return
-    if covariance is not None:
+    if covariance is not None and is_heard(topics.odom, cdr.ODOMETRY):
         yield codec.encode_odometry(
             topics.odom, stamp, T_odom_camera, covariance, topics.frame_odom, topics.frame_camera
         )
-    if estimate.chain is not None:
+    if estimate.chain is not None and is_heard(topics.chain, cdr.ODOMETRY):
         yield _chain_message(topics, estimate, estimate.chain)
-    yield codec.encode_pose(topics.pose, stamp, estimate.T_map_odom @ T_odom_camera, topics.frame_map)
-    yield codec.encode_tf(
-        stamp,
-        (
+    if is_heard(topics.pose, cdr.POSE):
+        yield codec.encode_pose(topics.pose, stamp, estimate.T_map_odom @ T_odom_camera, topics.frame_map)
+    if is_heard(TF, cdr.TRANSFORMS):
+        edges = (
             (topics.frame_map, topics.frame_odom, estimate.T_map_odom),
             (topics.frame_odom, topics.frame_camera, T_odom_camera),
-        ),
-    )
+        )
+        yield codec.encode_tf(stamp, edges, TF)
 
 
 def _chain_message(topics: Topics, estimate: Estimate, chain: ChainPose) -> Message:

@@ -52,9 +52,9 @@ class EstimatePublisher:
         self._history = History(session, topics)
 
     def poses(self, estimate: Estimate) -> None:
-        """Publish odom, pose and tf at once, and the loop candidates."""
+        """Publish odom, chain, pose and tf at once, as far as anyone takes them, and the loop candidates."""
         self._history.add(estimate)
-        for message in pose_messages(self._topics, estimate):
+        for message in pose_messages(self._topics, estimate, self._publisher.is_heard):
             self._publisher.put(message)
         self.loops(estimate.loops)
 

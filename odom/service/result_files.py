@@ -16,19 +16,21 @@ from odom.service import previous_results
 
 _UPPER = np.triu_indices(6)
 """The upper triangle of a covariance: the rest repeats it."""
+_POSE_LINE, _COVARIANCE = "%s" + " %.9f" * 7 + "\n", " ".join(["%.9e"] * 21)
+"""A line of TUM's format, and that triangle: nanometres, and ten digits of what has no unit of its own."""
 _FULL_BYTES = 1 << 30
 """A service begins new files after so many bytes, some six hours: larger ones no longer fit into a reader's memory."""
 
 
 def pose_line(stamp: Stamp, T: Array) -> str:
     """Return the TUM line `stamp tx ty tz qx qy qz qw` (seconds, metres)."""
-    values = (*T[:3, 3], *quaternion_from_rotation(T[:3, :3]))
-    return f"{_seconds(stamp)} " + " ".join(f"{value:.9f}" for value in values) + "\n"
+    values = (*T[:3, 3].tolist(), *quaternion_from_rotation(T[:3, :3]).tolist())
+    return _POSE_LINE % (_seconds(stamp), *values)
 
 
 def relative_line(stamp: Stamp, relative: RelativePose) -> str:
     """Return `stamp_earlier stamp_current tx ty tz qx qy qz qw c00 c01 .. c55`: the covariance's upper triangle."""
-    covariance = " ".join(f"{value:.9e}" for value in relative.covariance[_UPPER])
+    covariance = _COVARIANCE % tuple(relative.covariance[_UPPER].tolist())
     pose = pose_line(stamp, relative.T_earlier_current).rstrip("\n")
     return f"{_seconds(relative.stamp_earlier)} {pose} {covariance}\n"
 

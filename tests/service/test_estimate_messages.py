@@ -1,6 +1,7 @@
 """What two devices publish about their poses can stand side by side."""
 
 import numpy as np
+import pytest
 
 from odom.backend import ChainPose, ClosedChain, Estimate, RelativePose, State, TrajectoryPose
 from odom.frame import Stamp
@@ -32,6 +33,16 @@ def test_two_devices_share_no_frame_of_the_one_tree_of_transforms() -> None:
     first, second = edges("cam0", 1.0), edges("cam1", 2.0)
     assert second == [("cam1/map", "cam1/odom"), ("cam1/odom", "cam1/color_optical_frame")]
     assert not {frame for edge in first for frame in edge} & {frame for edge in second for frame in edge}
+
+
+@pytest.mark.parametrize("heard", [(), ("cam0/odom",), ("cam0/chain", "tf"), ("cam0/odom", "cam0/pose", "tf")])
+def test_only_messages_that_somebody_takes_are_made(heard: tuple[str, ...]) -> None:
+    estimate = Estimate(
+        sequence=1, stamp=STAMP, state=State.TRACKING, reason="", segment=0, T_odom_camera=np.eye(4),
+        T_map_odom=np.eye(4), covariance=np.eye(6), chain=ChainPose(np.eye(4), np.eye(6)),
+    )  # fmt: skip
+    made = pose_messages(Topics("cam0"), estimate, lambda topic, type_name: topic in heard)
+    assert tuple(message.topic for message in made) == heard
 
 
 def test_namespaces_of_several_parts_share_none_either() -> None:

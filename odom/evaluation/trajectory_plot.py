@@ -184,7 +184,7 @@ def _draw_histogram(axis: "Axes", final: Report, online: Report | None) -> None:
     bins = np.linspace(0, max(float(np.percentile(e, 99.8)) for e in errors), 41).tolist()
     if online:
         axis.hist(errors[1], bins=bins, histtype="step", color=ONLINE, lw=1.3, ls=_DASHES, label="online")
-    axis.hist(errors[0], bins=bins, color=FINAL, alpha=0.75, label=_name(online))
+    axis.hist(errors[0], bins=bins, histtype="stepfilled", color=FINAL, alpha=0.75, label=_name(online))
     for value, name in ((float(np.median(errors[0])), "median"), (rmse(errors[0]), "RMSE")):
         axis.axvline(value, color=TRUTH, lw=1.0, ls="-" if name == "RMSE" else ":", label=f"{name} {value:.1f} mm")
     axis.set(title="How often how far", xlabel="distance from truth, mm", ylabel="frames")

@@ -24,6 +24,7 @@ from odom.service.estimate_messages import feature_message, keyframe_message, la
 from odom.service.path_topics import PathTopics
 from odom.service.run_statistics import RunStatistics
 from odom.wire import Topics, codec
+from odom.wire.allocator import give_back_freed, keep_little
 
 _LOG = logging.getLogger(__name__)
 _WARM_FRAMES = 10
@@ -40,6 +41,7 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
     Otherwise the first frames would wait for imports and compilation, as would the first relocalisation and the first
     closed loop: so the camera is lost in between.
     """
+    keep_little()
     gc.freeze()  # what has been imported stays: to look through it takes a tenth of a second
     cv2.setNumThreads(1)
     patience = threading.Timer(_PATIENCE_S, _LOG.info, ["compiling: the first start takes about half a minute longer"])
@@ -80,6 +82,7 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
     del odometry
     gc.collect()
     gc.freeze()
+    give_back_freed()
 
 
 def _second_compiler(settings: OdometrySettings) -> BaseProcess | None:

@@ -1,4 +1,4 @@
-"""A process that passes large messages on does not keep the memory of those that are gone."""
+"""A process that asks for it does not keep the memory of large things that are gone."""
 
 import subprocess
 import sys
@@ -7,27 +7,37 @@ import pytest
 
 HOLES = """
 import psutil
-from odom.wire.allocator import give_back_large_blocks
+from odom.wire import allocator
 
-if {gives_back}:
-    give_back_large_blocks()
-bytes(8 << 20)  # as large as glibc's own threshold goes up to by this
+{before}
+bytes(16 << 20)  # as large as glibc's own threshold goes up to by this
 before = psutil.Process().memory_info().rss
 large, stays = [], []
-for size in range(150_000, 450_000, 1_000):
+for size in range({smallest}, 3 * {smallest}, {smallest} // 100):
     large.append(b"x" * size)
     stays.append(b"y" * 5_000)
 large.clear()
+{after}
 print((psutil.Process().memory_info().rss - before) / 1e6)
 """
 
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="glibc's settings")
 
-def kept_mb(gives_back: bool) -> float:
-    script = HOLES.format(gives_back=gives_back)
+
+def kept_mb(smallest: int, before: str = "", after: str = "") -> float:
+    script = HOLES.format(smallest=smallest, before=before, after=after)
     return float(subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="glibc's setting")
-def test_large_messages_leave_no_holes_behind():
-    assert kept_mb(gives_back=False) > 20.0
-    assert kept_mb(gives_back=True) < 5.0
+def test_large_messages_leave_no_holes_behind() -> None:
+    assert kept_mb(150_000) > 20.0
+    assert kept_mb(150_000, before="allocator.give_back_large_blocks()") < 5.0
+
+
+def test_what_is_larger_than_images_leaves_no_holes_in_a_process_that_keeps_little() -> None:
+    assert kept_mb(2_200_000) > 100.0
+    assert kept_mb(2_200_000, before="allocator.keep_little()") < 5.0
+
+
+def test_holes_are_given_back_when_asked_for() -> None:
+    assert kept_mb(150_000, after="allocator.give_back_freed()") < 5.0

@@ -24,8 +24,9 @@ of which only rays are known. A poor calibration is found in a few full steps; d
 directions in which a camera and its walk look nearly alike."""
 _DAMPED = 100.0
 """Factor of the damping after a step that makes it worse."""
-_SETTLED, _ROUNDING = 1e-3, 1e-6
-"""Share of the cost that the last step gains at the most, and that a step may lose by rounding."""
+_SETTLED, _ROUNDING = 1e-2, 1e-6
+"""Share of the cost that the last step gains at the most, for each sigma that it may be long, and that a step may lose
+by rounding."""
 _HELD = 1e-9
 """Added to the diagonal, so that a pose without observations does not move."""
 
@@ -131,11 +132,12 @@ def fit(
     start: Fit | None = None,
     stopped: Callable[[], bool] = lambda: False,
     steps: int = TUNING.fit_steps,
+    settled: float = TUNING.fit_settled,
 ) -> Fit:
     """Return the camera's numbers `free` that fit a survey best; the others stay at those of `start`, or the survey's.
 
-    At most `steps` are made, each from equations of its own. Ends early, with what was found so far, once `stopped`
-    says so. Raises LinAlgError where the equations have no solution.
+    At most `steps` are made, each from equations of its own, until one is below `settled` sigma. Ends early, with what
+    was found so far, once `stopped` says so. Raises LinAlgError where the equations have no solution.
     """
     vector = vector_of(survey.camera) if start is None else start.vector.copy()
     bundle = start_of(survey) if start is None else start.bundle
@@ -162,14 +164,14 @@ def fit(
         if gained > 0.0:
             end = factor[poses:, poses:]  # of the numbers' information, since they come last
             sigma = np.sqrt(np.diag(np.linalg.inv(end @ end.T)))
-            is_small = bool((np.abs(step[poses:]) < TUNING.fit_settled * sigma).all())
-            settled = is_small and gained < _SETTLED * cost_of(trial)
+            is_small = bool((np.abs(step[poses:]) < settled * sigma).all())
+            is_settled = is_small and gained < settled * _SETTLED * cost_of(trial)
             now, damping = trial, less
         else:
-            settled = gained > -_ROUNDING * cost_of(now)
+            is_settled = gained > -_ROUNDING * cost_of(now)
             damping *= _DAMPED
             now = System.of(survey, now.vector, now.bundle, free, damping)
-        if settled or stopped():
+        if is_settled or stopped():
             break
     if damping > _DAMPING:  # what is said of the numbers must not depend on the damping that the steps ended with
         now = System.of(survey, now.vector, now.bundle, free)

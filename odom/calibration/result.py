@@ -67,7 +67,7 @@ def calibrated(
     prior = Prior(mean, prior_s)
     free, found, contradicted = FREE, None, False
     while True:
-        found = fit(survey, prior, free, found, stopped)
+        found = fit(survey, prior, free, found, stopped, settled=TUNING.fit_roughly)
         sure, enough = sigmas(survey, found, prior), TUNING.shown_share * prior_s[free]
         shown = sure < enough
         plain = np.sqrt(np.diag(np.linalg.inv(found.information)))

@@ -48,6 +48,24 @@ def test_memory_is_flat_over_ten_thousand_frames(odom: Start, shared_data: Path,
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
+def test_a_minute_at_sixty_hertz_loses_no_frame(odom: Start, shared_data: Path, tmp_path: Path) -> None:
+    """A Kinect's recording of 30 Hz played twice as fast, over and over: each frame has half the time."""
+    options = ("--realtime", "--rate", "2", "--sensor-option=--loop", "--headless", "--out", tmp_path)
+    run = odom("run", shared_data / "tum_fr1_xyz", *options)
+    odometry = tmp_path / "odometry.txt"
+    while not odometry.exists() or len(odometry.read_text().splitlines()) < 3_600:
+        assert run.poll() is None
+        time.sleep(1.0)
+    run.send_signal(signal.SIGINT)
+    assert run.wait(60) == 0
+    report = json.loads((tmp_path / "report.json").read_text())
+    print({name: report[name] for name in ("frames", "lost_frames", "latency_ms", "cpu_ms_per_frame")})
+    assert report["lost_frames"] == 0
+    assert report["latency_ms"]["p99"] <= 25.0
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
 def test_a_live_arena_of_a_minute_loses_no_frame(odom: Start, tmp_path: Path) -> None:
     run = odom("run", "arena", "--live", "--seconds", "60", "--headless", "--out", tmp_path)
     words, _ = run.communicate(timeout=400)

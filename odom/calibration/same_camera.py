@@ -32,10 +32,10 @@ def most_different(one: Calibrated, other: Calibrated) -> tuple[int, float]:
     return at, float(sigmas[at]) if one.shown[at] and other.shown[at] else 0.0
 
 
-def halves(survey: Survey) -> list[Survey]:
+def halves(survey: Survey) -> tuple[Survey, Survey]:
     """Return the survey of the earlier frames and that of the later ones."""
     is_late = survey.seconds > np.median(survey.seconds)
-    return [survey.of_frames(~is_late), survey.of_frames(is_late)]
+    return survey.of_frames(~is_late), survey.of_frames(is_late)
 
 
 def _covariance(found: Calibrated) -> Array:

@@ -9,7 +9,7 @@ from odom.calibration.parameters import SCALE_NUMBER
 from odom.calibration.residual_picture import draw
 from odom.calibration.words import numbers, quality, registration
 from odom.frame import DepthModel
-from odom.service.calibration_run import Outcome
+from odom.service.calibration_run import DIFFERENT_LENS, Outcome
 from sensors.calibration_file import Calibration, calibration_text
 from sensors.catalogue import takes_calibration
 
@@ -35,6 +35,11 @@ def remarks(outcome: Outcome, sources: Sequence[str]) -> list[str]:
         usual_m = 1.0 / float(np.nanmedian(survey.inverse_depth))
         lines.append(
             f"by the unit of depth given, half of what was seen is nearer than {usual_m:.2g} m: if not, it is wrong"
+        )
+    if outcome.halves_apart > DIFFERENT_LENS:
+        lines.append(
+            f"the two halves of the recording show lenses that differ by {outcome.halves_apart:.1f} sigma: "
+            "if the camera was changed on the way, calibrate them one by one (--start, --end)"
         )
     lines += ["interrupted: not judged on held-out frames"] if outcome.judgement is None else quality(outcome.judgement)
     return lines

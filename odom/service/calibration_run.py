@@ -41,7 +41,7 @@ _SETTLED = 1.0
 _DIFFERENT = 8.0
 """Sigmas by which a number never differs in two recordings of one camera, even where the first round's sigmas are too
 small."""
-_DIFFERENT_LENS = 2.7
+DIFFERENT_LENS = 2.7
 """Sigmas, root mean square, by which the lens never does once they have settled: at most 1.9 in halves of sixteen walks
 in the arena and of fr1, 2.5 in halves of a walk of 4 s; 2.8 and more where the second half was zoomed by 3 or 6 %."""
 
@@ -62,6 +62,7 @@ class Outcome:
     """What a calibration gave: `start` and the `result` after `rounds`, and how it was judged (None: interrupted).
 
     `scale` is the ratio of measured to true displacement before it was corrected, None without motion capture.
+    `halves_apart` is by how many sigma the lenses differ that the two halves of a single recording show.
     """
 
     start: Camera
@@ -70,6 +71,7 @@ class Outcome:
     judgement: Judgement | None
     scale: ScaleFit | None
     rounds: int
+    halves_apart: float = 0.0
 
 
 def calibrate_recordings(
@@ -111,9 +113,10 @@ def calibrate_recordings(
         if stopped() or (earlier is not None and _has_settled(earlier, result)):
             break
     assert best is not None
-    if not stopped():
-        _check_one_camera([one.survey for one in walks], best.start, stopped)
-    best = replace(best, result=as_measured(best.result))
+    if len(walks) > 1 and not stopped():
+        _check_same_camera([_calibrated(one.survey, best.start, None, stopped) for one in walks], is_settled=True)
+    halves_apart = _halves_apart(best, stopped) if len(walks) == 1 else 0.0
+    best = replace(best, result=as_measured(best.result), halves_apart=halves_apart)
     if stopped():
         return best
     if (moving := restless_share(best.survey, best.result)) > TUNING.restless_most:
@@ -194,32 +197,28 @@ def _calibrated(survey: Survey, start: Camera, earlier: Calibrated | None, stopp
     return found
 
 
-def _check_same_camera(each: Sequence[Calibrated], part: str = "recording", is_settled: bool = False) -> None:
-    """Raise InputError where what each part of the walks shows disagrees on the lens beyond what the sigmas allow.
+def _check_same_camera(each: Sequence[Calibrated], is_settled: bool = False) -> None:
+    """Raise InputError where what each recording shows disagrees on the lens beyond what the sigmas allow.
 
     `is_settled`: they were measured by the camera that they have found together, so that their sigmas can be believed.
     """
     first, *others = each
     for number, other in enumerate(others, start=2):
         at, sigmas = most_different(first, other)
-        if sigmas > _DIFFERENT or (is_settled and apart(first, other) > _DIFFERENT_LENS):
+        if sigmas > _DIFFERENT or (is_settled and apart(first, other) > DIFFERENT_LENS):
             raise InputError(
-                f"{part} 1 and {part} {number} are of different cameras, or one is spoilt: {NAMES[at]} is "
+                f"recordings 1 and {number} are of different cameras, or one is spoilt: {NAMES[at]} is "
                 f"{first.vector[at]:.1f} px in the one and {other.vector[at]:.1f} px in the other "
                 f"({sigmas:.0f} sigma apart); calibrate them one by one"
             )
 
 
-def _check_one_camera(surveys: Sequence[Survey], start: Camera, stopped: Callable[[], bool]) -> None:
-    """Raise InputError where recordings, or the halves of the only one, are not of one camera, once all is found."""
-    if len(surveys) > 1:
-        _check_same_camera([_calibrated(one, start, None, stopped) for one in surveys], is_settled=True)
-        return
+def _halves_apart(outcome: Outcome, stopped: Callable[[], bool]) -> float:
+    """Return by how many sigma the lenses of the survey's halves differ; 0 where one of them shows too little."""
     try:
-        each = [_calibrated(half, start, None, stopped) for half in halves(surveys[0])]
+        return apart(*(_calibrated(half, outcome.start, None, stopped) for half in halves(outcome.survey)))
     except InputError:
-        return  # halves that show too little say nothing of the whole
-    _check_same_camera(each, "half", is_settled=True)
+        return 0.0
 
 
 def _in_metres(result: Calibrated, survey: Survey, scale: ScaleFit | None) -> Calibrated:

@@ -1,5 +1,7 @@
 """Recordings of one camera add up; those of two are told apart, with the number that differs."""
 
+from dataclasses import replace
+
 import pytest
 from made_up_walk import SHEET, made_up_survey, spoilt
 
@@ -11,6 +13,8 @@ from odom.calibration.tuning import TUNING
 from odom.errors import InputError
 from odom.frame import Camera
 from odom.service import calibration_run
+from odom.service.calibration_files import remarks
+from odom.service.calibration_run import Outcome
 
 FX = NAMES.index("fx")
 
@@ -22,13 +26,13 @@ def test_two_recordings_of_one_camera_make_it_surer():
     alone, both = calibrated(one, SHEET), calibrated(joined([one, two]), SHEET)
     assert both.sigma[FX] < alone.sigma[FX]
     assert abs(both.vector[FX] - truth[FX]) < 4.0 * both.sigma[FX]
-    calibration_run._check_one_camera([one, two], SHEET, lambda: False)
+    calibration_run._check_same_camera([alone, calibrated(two, SHEET)], is_settled=True)
 
 
 def test_two_cameras_are_refused():
     one, other = made_up_survey(spoilt(fx=10.0), points=200), made_up_survey(spoilt(fx=-15.0), points=200)
     with pytest.raises(InputError, match="different cameras"):
-        calibration_run._check_one_camera([one, other], SHEET, lambda: False)
+        calibration_run._check_same_camera([calibrated(one, SHEET), calibrated(other, SHEET)])
 
 
 @pytest.mark.long
@@ -45,11 +49,17 @@ def test_a_camera_that_is_zoomed_between_two_short_walks_is_told_from_one_that_i
 
 
 @pytest.mark.long
-def test_one_recording_of_two_cameras_is_refused():
+def test_two_cameras_in_one_recording_are_told():
+    """Not refused: the halves of a good walk, too, may differ by what no number of the calibration stands for."""
     one, other = made_up_survey(spoilt(fx=10.0), points=200), made_up_survey(spoilt(fx=-15.0), points=200, seed=1)
-    with pytest.raises(InputError, match="half 1 and half 2"):
-        calibration_run._check_one_camera([joined([one, other])], SHEET, lambda: False)
-    calibration_run._check_one_camera([joined([one, one])], SHEET, lambda: False)
+    told = {}
+    for name, second in (("two", other), ("one", one)):
+        survey = joined([one, second])
+        outcome = Outcome(SHEET, calibrated(survey, SHEET), survey, None, None, 1)
+        outcome = replace(outcome, halves_apart=calibration_run._halves_apart(outcome, lambda: False))
+        told[name] = "\n".join(remarks(outcome, ["walk.mcap"]))
+    assert "the two halves of the recording show lenses that differ" in told["two"]
+    assert "halves" not in told["one"]
 
 
 def test_images_of_two_sizes_are_refused():

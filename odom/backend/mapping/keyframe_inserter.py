@@ -165,7 +165,7 @@ def _measure_exactly(view: View, sensor: SensorModel, uv: Array, twist: Array) -
 
 
 def _T_middle_stamp(view: View, twist: Array, sensor: SensorModel) -> Array:
-    return se3.exp(twist * (view.late_s + sensor.timing.readout_s / 2.0))
+    return se3.exp(twist * view.since_middle_s(sensor.timing))
 
 
 def _has_moved(T_camera_keyframe: Array) -> bool:

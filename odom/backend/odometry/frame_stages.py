@@ -161,11 +161,10 @@ class FrameStages:
         """Return a judged frame's published pose, carried from its middle row's time to its stamp."""
         tracked = judged.tracked
         reference = self.map.keyframes[tracked.reference]
-        delay_s = view.late_s + self.sensor.timing.readout_s / 2.0
+        delay_s = view.since_middle_s(self.sensor.timing)
         T_reference_middle = reference.T_camera_map @ tracked.T_map_camera
         middle = LoggedFrame(view.stamp, reference.segment, delay_s, reference.number, T_reference_middle)
-        since_s, inliers = judged.since_previous_s, tracked.inlier_count
-        return self.published.advance(middle, tracked.T_map_camera, judged.covariance, since_s, inliers, self.sensor)
+        return self.published.advance(middle, judged, self.sensor)
 
     def _grow_map(self, view: View, judged: JudgedFrame, published: Publication) -> bool:
         """Add a frame to the map as far as it is needed, and make it the newest; return whether it is a key frame."""

@@ -9,6 +9,7 @@ from odom.backend.estimate import RelativePose
 from odom.backend.map.frame_log import FrameLog, LoggedFrame
 from odom.backend.map.map import Map
 from odom.backend.map.pose_covariance import covariance_since_start, relative_covariance
+from odom.backend.odometry.judged_frame import JudgedFrame
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.publication import Publication
 from odom.backend.tracking.motion_model import Agility, MotionFilter
@@ -97,31 +98,23 @@ class PublishedTrajectory:
         T_odom_camera = se3.inverse(self.T_map_odom) @ se3.inverse(self._map.keyframes[keyframe].T_camera_map)
         return self._keep(Publication(frame, T_odom_camera, self._since_start(frame, T_odom_camera, sensor)))
 
-    def advance(
-        self,
-        middle: LoggedFrame,
-        T_map_middle: Array,
-        covariance: Array,
-        since_previous_s: float,
-        inliers: int,
-        sensor: SensorModel,
-    ) -> Publication:
-        """Publish a tracked frame, found at `T_map_middle` with `covariance` (6 x 6) at its middle row's time.
+    def advance(self, middle: LoggedFrame, judged: JudgedFrame, sensor: SensorModel) -> Publication:
+        """Publish a judged frame, whose pose is that at its middle row's time.
 
         The pose is smoothed and carried to the stamp. Since the image's time is known to the clock's sigma only, the
-        distance that the camera covers in that time adds to the covariance. `since_previous_s` is 0 where the motion
-        since the frame before is not known.
+        distance that the camera covers in that time adds to the covariance.
         """
         assert middle.T_keyframe_camera is not None
         self.frames.append(middle)
         last = self._recent[-1].frame.keyframe if self._recent else None
         if last is not None and self._map.keyframes[last].segment != middle.segment:
             self._recent.clear()
-        T_odom_middle = self._taken_back(T_map_middle)
+        since_previous_s, inliers = judged.since_previous_s, judged.tracked.inlier_count
+        T_odom_middle = self._taken_back(judged.tracked.T_map_camera)
         if since_previous_s and self._filter is not None:
-            self._filter = self._filter.tracked(T_odom_middle, covariance, since_previous_s)
+            self._filter = self._filter.tracked(T_odom_middle, judged.covariance, since_previous_s)
         else:
-            self._filter = MotionFilter.begun(T_odom_middle, covariance, self._agility)
+            self._filter = MotionFilter.begun(T_odom_middle, judged.covariance, self._agility)
         self._agility = self._filter.agility
         motion = self._filter.motion
         carried = motion.after(middle.delay_s, self._agility)

@@ -60,8 +60,7 @@ class Look:
     @cached_property
     def T_stamp_middle(self) -> Array:
         """The motion from the time of the image's middle row, for which pixels are measured, to the stamp, undone."""
-        late_s = self.view.late_s + 0.5 * self.sensor.timing.readout_s
-        return se3.exp(-self.twist * late_s)
+        return se3.exp(-self.twist * self.view.since_middle_s(self.sensor.timing))
 
     @cached_property
     def place(self) -> Place:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.frame import RgbdFrame, Stamp
+from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.stamp_clock import StampClock, SteadyStamp
 from odom.frontend.features.depth_plane import has_depth
 from odom.frontend.features.images import FrameImages
@@ -51,6 +52,10 @@ class View:
     def late_s(self) -> float:
         """How much later than the steady time the stamp is, in seconds."""
         return (self.stamp - self.steady_stamp) * 1e-9
+
+    def since_middle_s(self, timing: ShutterTiming) -> float:
+        """Return how much later than its middle row's time the frame is stamped, in seconds."""
+        return self.late_s + timing.readout_s / 2.0
 
     @property
     def depth_delay_s(self) -> float:

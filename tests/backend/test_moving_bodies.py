@@ -14,11 +14,11 @@ from sensors.arena import ArenaOptions, render_walk
 
 
 def painted(
-    shared_data, name: str, seed: int, end: float | None = None, count: int = 1
+    shared_data, name: str, seed: int, end: float | None = None, count: int = 1, share: float = 0.33
 ) -> tuple[Painter, Iterable[RgbdFrame], Trajectory]:
     recording = read_recording(shared_data / name, end=end)
     frames, truth = list(recording), recording.truth()["camera"]
-    bodies = passers_by(recording.camera, nearer_than(frames[:40:10]), count=count, share=0.33, seed=seed)
+    bodies = passers_by(recording.camera, nearer_than(frames[:40:10]), count=count, share=share, seed=seed)
     painter = Painter(
         recording.camera, bodies, frames[0].stamp, anchor_in_world(truth), Lens.of(recording.camera), seed
     )
@@ -75,6 +75,16 @@ def test_three_of_them_leave_gaps_and_doubt_but_hardly_a_wrong_pose(shared_data:
     assert found.ate_m <= 0.025
     assert found.ate_share >= 0.85
     assert found.wrong <= 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "seed"), [("tum_fr1_xyz", 2), ("tum_fr1_rpy_part", 5)])
+def test_a_camera_found_again_on_a_body_that_fills_most_of_the_view_is_not_sure(
+    shared_data: Path, name: str, seed: int
+) -> None:
+    found, share_on_body = run(*painted(shared_data, name, seed, end=5.5, share=0.6))
+    assert share_on_body > 0.5  # it is followed, since the walk began on it
+    assert found.wrong == 0.0
 
 
 @pytest.mark.slow

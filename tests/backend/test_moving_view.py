@@ -1,6 +1,6 @@
 """When a pose is in doubt since much of the view moves, and when it is sure again."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType, SimpleNamespace
 from typing import Any, cast
@@ -40,17 +40,21 @@ def told(
     found: int = 0,
     missed: int = 0,
     keyframes: Mapping[int, float] = MappingProxyType({}),
+    lost: Collection[int] = (),
 ) -> list[MovingView]:
     """What is known after each look, `period_s` apart (see `tracked_by`).
 
-    Looks that became `keyframes` had corners that moved in such a share of their view.
+    Looks that became `keyframes` had corners that moved in such a share of their view; before those in `lost` the view
+    was lost.
     """
     tracked, landmarks = tracked_by(found, missed)
     moving, every = MovingView(), []
     for i, share in enumerate(shares):
         stamp = SteadyStamp(round(1.001e9 * i * period_s))
         view = cast(Any, SimpleNamespace(steady_stamp=stamp))
-        moving = moving.after(view, tracked, cast(Any, Shown(share)), landmarks, cast(Any, None))
+        moving = (moving.after_loss() if i in lost else moving).after(
+            view, tracked, cast(Any, Shown(share)), landmarks, cast(Any, None)
+        )
         if i in keyframes:
             moving = moving.after_keyframe(stamp, keyframes[i], tracked, landmarks)
         every.append(moving)
@@ -110,3 +114,27 @@ def test_a_pose_is_in_doubt_from_a_key_frame_whose_corners_do_not_stand_until_on
 def test_landmarks_from_before_say_that_a_quick_turn_is_none_of_a_body_that_is_followed() -> None:
     assert not told([0.0] * (BEGUN + 1), found=60, missed=40, keyframes={BEGUN: 0.7})[-1].is_doubtful
     assert told([0.0] * (BEGUN + 3), found=60, missed=80, keyframes={BEGUN: 0.7})[-1].is_doubtful
+
+
+def test_after_a_loss_a_third_of_the_view_is_enough_again() -> None:
+    assert told([*STILL, 0.33, *[0.0] * 3], lost=[len(STILL)])[-1].is_doubtful
+    assert not told([*STILL, *[0.0] * 3, 0.33], lost=[len(STILL)], found=60, missed=40)[-1].is_doubtful
+    assert not told(STILL * 2, lost=[len(STILL)])[len(STILL)].is_doubtful
+
+
+def test_a_view_lost_in_doubt_is_not_sure_again_soon_though_nothing_seems_to_move() -> None:
+    shown = told([*[0.6] * 10, *[0.0] * (LASTS + 3)], lost=[10], keyframes={10 + CALM: 0.0})
+    assert all(moving.doubt == "most of the view moved" for moving in shown[10 : 10 + LASTS - 1])
+    assert not shown[-1].is_doubtful
+
+
+def test_a_view_lost_in_doubt_is_sure_again_soon_where_landmarks_from_before_agree() -> None:
+    shares = [*STILL, 0.6, *[0.0] * (CALM + 2)]
+    assert not told(shares, lost=[len(STILL) + 1], found=60, missed=40)[-1].is_doubtful
+    assert told(shares, lost=[len(STILL) + 1], found=20)[-1].is_doubtful
+
+
+def test_what_was_seen_in_doubt_after_a_loss_proves_nothing() -> None:
+    shares = [0.6, *[0.0] * (LASTS - 3)]
+    assert told(shares)[-1].proven == 1
+    assert told(shares, lost=[1])[-1].proven == 0

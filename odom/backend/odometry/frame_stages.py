@@ -127,8 +127,8 @@ class FrameStages:
             noise = observe_noise(noise, self.map, tracked, view.images.full.shape[1])
         self.sensor = self.sensor.with_noise(noise)
         covariance = tracked.covariance * noise.covariance_scale
-        recent, landmarks = self.mapper.inserter.recent, self.map.landmarks
-        self.moving = self.moving.after(view, tracked, recent, landmarks, self.sensor)
+        moving = self.moving.after_loss() if is_recovered else self.moving
+        self.moving = moving.after(view, tracked, self.mapper.inserter.recent, self.map.landmarks, self.sensor)
         state, reason = judge_pose(tracked, covariance, is_recovered, lacks_depth, self.moving.doubt)
         return JudgedFrame(tracked, since_previous_s, twist, covariance, state, reason)
 
@@ -221,16 +221,15 @@ class FrameStages:
         is_first = self.state is None
         T_camera_map = np.eye(4) if self.state is None else self.state.T_camera_map
         keyframe = self.mapper.inserter.begin_segment(view, T_camera_map, self.sensor)
-        self._visibility = self._visibility.with_new_segment(view.stamp)
+        self._visibility, self.moving = self._visibility.with_new_segment(view.stamp), self.moving.after_loss()
         published = self.published.begin(view.stamp, keyframe.segment, keyframe.number, self.sensor)
-        chained = self.chain.extend(ChainFrame(view, Sight.nothing(), AT_REST, published), None, self.sensor)
-        self.chain.close(self.map, True, keyframe.number, self.sensor.noise)
-        rows, uv = keyframe.rows, keyframe.uv
-        self.state = FrameState(view, None, T_camera_map, AT_REST, keyframe.number, rows, uv, is_bent=True)
+        chain = self.chain.extend(ChainFrame(view, Sight.nothing(), AT_REST, published), None, self.sensor)
+        number, rows, uv = keyframe.number, keyframe.rows, keyframe.uv
+        self.chain.close(self.map, True, number, self.sensor.noise)
+        self.state = FrameState(view, None, T_camera_map, AT_REST, number, rows, uv, is_bent=True)
         state = State.TRACKING if is_first else State.RECOVERED
         reason = "" if is_first else "new segment: no known place recognised"
-        estimate = self._describe(view, state, reason, published)
-        return replace(estimate, matches=len(keyframe.rows), is_keyframe=True, chain=chained)
+        return replace(self._describe(view, state, reason, published), matches=len(rows), is_keyframe=True, chain=chain)
 
     @property
     def _segment(self) -> int:

@@ -25,7 +25,8 @@ class MovingView:
     `is_doubtful` from when most of the view moves, or seems to, until hardly anything has moved for a while: a camera
     that was taken along by what moves sees the scene move instead. What stood still before tells that it was not: the
     landmarks made before `proven` (an identity), in a time without doubt. In the first seconds after the first look, at
-    `begun`, there are none, and little is enough (`is_young`). `calm` is when it became still.
+    `begun`, there are none, and little is enough (`is_young`); so after each loss, until they are seen again. `calm` is
+    when it became still. `is_astray`: the view was lost in doubt, so that a body may have been taken for the place.
     """
 
     stamp: SteadyStamp | None = None
@@ -36,6 +37,7 @@ class MovingView:
     calm: SteadyStamp | None = None
     proven: int = 0
     strayed: SteadyStamp | None = None
+    is_astray: bool = False
 
     def after(
         self, view: View, tracked: Tracked, recent: RecentViews, landmarks: Landmarks, sensor: SensorModel
@@ -54,18 +56,26 @@ class MovingView:
         ):
             strayed = None
         begun = stamp if self.begun is None else self.begun
-        is_young = (stamp - begun) * 1e-9 < TUNING.moving_young_s and (
-            self.is_young or cells.share > TUNING.moving_little
+        since_s, is_backed = (stamp - begun) * 1e-9, is_supported(tracked, landmarks, self.proven)
+        is_young = (
+            since_s < TUNING.moving_young_s and not is_backed and (self.is_young or cells.share > TUNING.moving_little)
         )
+        is_astray = self.is_astray and since_s < TUNING.moved_parts_s and not is_backed
+        seen = replace(self, stamp=stamp, cells=cells, begun=begun, strayed=strayed)
+        seen = replace(seen, is_young=is_young, is_astray=is_astray)
         if cells.share > TUNING.moving_most:
-            is_crowded = not is_supported(tracked, landmarks, self.proven)
-            return MovingView(stamp, cells, is_crowded, is_young, begun, None, self.proven, strayed)
+            return replace(seen, is_crowded=not is_backed, calm=None)
         calm = stamp if self.calm is None else self.calm
         is_calm = (stamp - calm) * 1e-9 >= TUNING.moving_calm_s
-        is_crowded = self.is_crowded and not is_calm
-        is_sure = is_calm and not is_crowded and not is_young and strayed is None
-        proven = landmarks.next_identity if is_sure else self.proven
-        return MovingView(stamp, cells, is_crowded, is_young, begun, calm, proven, strayed)
+        seen = replace(seen, is_crowded=self.is_crowded and not is_calm, calm=calm)
+        return replace(seen, proven=landmarks.next_identity) if is_calm and not seen.is_doubtful else seen
+
+    def after_loss(self) -> "MovingView":
+        """Return what is known where a segment begins or the camera is found again: it is counted anew from there.
+
+        After a loss in doubt, that nothing seems to move proves little: so does a body that is followed.
+        """
+        return replace(self, stamp=None, cells=None, begun=None, calm=None, is_young=False, is_astray=self.is_doubtful)
 
     def after_keyframe(
         self, stamp: SteadyStamp, moved_share: float, tracked: Tracked, landmarks: Landmarks
@@ -77,7 +87,7 @@ class MovingView:
     @property
     def is_doubtful(self) -> bool:
         """Whether what moves leaves the pose in doubt."""
-        return self.is_crowded or self.is_young or self.strayed is not None
+        return self.is_crowded or self.is_young or self.is_astray or self.strayed is not None
 
     @property
     def doubt(self) -> str:

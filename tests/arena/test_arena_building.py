@@ -40,6 +40,7 @@ def test_92_rooms_are_three_hundred_metres() -> None:
     assert ArenaOptions(rooms=92).frames / RATE_HZ * WALKING_M_S > round_m(92) + 10
 
 
+@pytest.mark.long
 def test_rooms_of_one_row_are_alike_to_the_last_book_and_others_are_not() -> None:
     sections = building(1, 8).sections
     in_row = 8 // ROWS + 1  # and a corner
@@ -65,6 +66,7 @@ def test_a_frame_is_the_same_in_whatever_order_it_is_asked_for_and_another_visit
     assert any(not np.allclose(a.origin, b.origin) for a, b in zip(first.sections, later.sections, strict=True))
 
 
+@pytest.mark.long
 def test_everything_is_seen_from_within() -> None:
     for index in range(0, SMALL.frames, 97):
         depth = frame(SMALL, index).depth_mm

@@ -51,6 +51,7 @@ class Recalibration(Generic[LookedAt]):
             return found
         if self._calibrator is not None and self._next <= measured <= TUNING.calibrate_most:
             self._next = TUNING.calibrate_again * measured
-            due = SteadyStamp(stamp + round(TUNING.calibrate_s * 1e9))
-            self._background.start(count + TUNING.calibrate_frames, due, self._calibrator.looked_at(odometry))
+            share = measured // TUNING.calibrate_least  # what takes longer the more there is to look at has longer
+            due = SteadyStamp(stamp + round(share * TUNING.calibrate_s * 1e9))
+            self._background.start(count + share * TUNING.calibrate_frames, due, self._calibrator.looked_at(odometry))
         return None

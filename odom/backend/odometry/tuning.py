@@ -64,7 +64,8 @@ class Tuning:
         effect="beyond which it does not look any more; fewer: walks that show little keep a poor camera; more: frames "
         "wait for the map")
     calibrate_frames: int = tuned(15, unit="frames", source="twice what it takes at 30 Hz",
-        effect="that a calibrator may take in the background; fewer: the stream waits for it; more: later")
+        effect="that a calibrator may take in the background for its first look, and in proportion for later ones; "
+        "fewer: the stream waits for it, and live frames are lost; more: later")
     calibrate_s: float = tuned(0.5, unit="s", source="as calibrate_frames",
         effect="as calibrate_frames, in a slow stream")
     taken_back: float = tuned(0.015, unit="share of a motion", source="half of what a poor lens errs by on fr1",

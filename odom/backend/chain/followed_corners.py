@@ -15,7 +15,7 @@ from odom.frontend.camera.lens import project
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.measurement import measure
 from odom.frontend.features.patches import PATCH_LIMITS, align_patches
-from odom.frontend.matching.optical_flow import follow_features
+from odom.frontend.matching.optical_flow import follow_there_and_back
 from odom.frontend.tuning import TUNING as SEARCH
 from odom.geometry import se3
 from odom.geometry.arrays import Array
@@ -35,10 +35,7 @@ def follow_corners(
     T_current_previous = se3.inverse(T_hint)
     expected = project(corners.position, T_current_previous, lens.intrinsics, lens.distortion, width, height, 0.0)
     in_view = np.flatnonzero(expected[:, 2] > 0.0)
-    start = corners.uv[in_view]
-    uv, is_there = follow_features(*images, start, expected[in_view, :2])
-    uv_back, is_back = follow_features(*images[::-1], uv, start)
-    kept = is_there & is_back & (np.linalg.norm(uv_back - start, axis=1) < TUNING.followed_back_px)
+    uv, kept = follow_there_and_back(*images, corners.uv[in_view], expected[in_view, :2], TUNING.followed_back_px)
     unwarped = np.tile(np.eye(2), (len(in_view), 1, 1))
     score, covariance_uv = align_patches(
         images[1],

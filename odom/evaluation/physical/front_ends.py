@@ -15,7 +15,7 @@ from odom.frontend.features.measurement import measure, points_of
 from odom.frontend.features.patches import PATCH_LIMITS, align_patches, cut_patches
 from odom.frontend.features.place_descriptor import Place, describe_place
 from odom.frontend.features.view import View
-from odom.frontend.matching.optical_flow import follow_features
+from odom.frontend.matching.optical_flow import follow_there_and_back
 from odom.frontend.matching.place_recognition import match_places
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Image
@@ -112,9 +112,7 @@ def _followed(source: Look, target: Look, uv_target: Array, uv_guess: Array) -> 
     Their patches are aligned, which gives each corner the covariance that its own texture allows.
     """
     there, back = target.view.images.full, source.view.images.full
-    uv_source, found = follow_features(there, back, uv_target, uv_guess)
-    uv_again, again = follow_features(back, there, uv_source, uv_target)
-    kept = found & again & (np.linalg.norm(uv_again - uv_target, axis=1) < _THERE_AND_BACK_PX)
+    uv_source, kept = follow_there_and_back(there, back, uv_target, uv_guess, _THERE_AND_BACK_PX)
     straight = np.tile(np.eye(2), (len(kept), 1, 1))
     patches = cut_patches(there, uv_target)
     score, covariance = align_patches(

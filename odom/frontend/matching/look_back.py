@@ -15,7 +15,7 @@ from odom.frontend.features.measurement import Measurements, measure, points_of
 from odom.frontend.features.patches import cut_patches
 from odom.frontend.features.view import View
 from odom.frontend.matching.landmark_search import Candidates, find_landmarks
-from odom.frontend.matching.optical_flow import follow_features
+from odom.frontend.matching.optical_flow import follow_there_and_back
 from odom.frontend.tuning import TUNING
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Image, Index, Mask
@@ -156,10 +156,7 @@ def _found(
     missed = np.setdiff1d(rows, found.rows, assume_unique=True)
     here, there, uv_missed = corners.images.half, view.images.half, corners.uv[missed] / 2.0
     guess = expected.uv[np.searchsorted(expected.rows, missed)] / 2.0
-    uv, is_followed = follow_features(here, there, uv_missed, guess)
-    missed, uv, uv_missed = missed[is_followed], uv[is_followed], uv_missed[is_followed]
-    back, came_back = follow_features(there, here, uv, uv_missed)
-    returned = came_back & (np.linalg.norm(back - uv_missed, axis=1) < TUNING.look_back_return_px)
+    uv, returned = follow_there_and_back(here, there, uv_missed, guess, TUNING.look_back_return_px)
     missed, uv = missed[returned], uv[returned]
     flow = np.tile([TUNING.look_back_flow_px**2, 0.0, TUNING.look_back_flow_px**2], (len(missed), 1))
     covariance = np.concatenate([found.covariance_uv * TUNING.look_back_noise**2, flow])

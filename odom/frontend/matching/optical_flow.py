@@ -34,3 +34,14 @@ def follow_features(previous: Image, current: Image, uv_previous: Array, uv_gues
     height, width = current.shape
     inside = (uv > _BORDER_PX).all(axis=1) & (uv[:, 0] < width - 4) & (uv[:, 1] < height - 4)
     return uv, np.asarray(status.ravel() > 0) & inside
+
+
+def follow_there_and_back(
+    previous: Image, current: Image, uv_previous: Array, uv_guess: Array, within_px: float
+) -> tuple[Array, Mask]:
+    """Follow n features as `follow_features` does; found are those that lead back to less than `within_px` px away."""
+    uv, found = follow_features(previous, current, uv_previous, uv_guess)
+    followed = np.flatnonzero(found)
+    uv_back, is_back = follow_features(current, previous, uv[followed], uv_previous[followed])
+    found[followed] = is_back & (np.linalg.norm(uv_back - uv_previous[followed], axis=1) < within_px)
+    return uv, found

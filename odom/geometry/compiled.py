@@ -24,6 +24,8 @@ import numba
 from numba.core import config
 from numba.core.caching import FunctionCache
 
+from odom.geometry import loaded_code
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 _FLOORS = ("geometry", "registration", "frontend", "backend", "calibration")
@@ -83,6 +85,12 @@ class _SharedCache(FunctionCache):
 
     Without a lock two of them may give the same file name to code for different types of arguments.
     """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return what was compiled for a signature, None if nothing was."""
+        loaded_code.make_ready(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Save what was compiled for a signature, while no other process saves anything in this folder."""

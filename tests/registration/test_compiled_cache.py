@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import threading
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +87,36 @@ def test_nothing_counts_as_compiled_before_until_every_package_has_something(tmp
         assert not compiled.compiled_before()
         (Path(compiled._cache_folder(package)) / "loops.1.nbc").touch()
     assert compiled.compiled_before()
+
+
+def test_what_was_loaded_can_be_compiled_into_a_caller_and_is_parsed_only_then(tmp_path):
+    code = """
+import sys
+from odom.geometry.compiled import compiled
+
+@compiled
+def half(a):
+    return a / 2
+
+@compiled
+def quarter(a):
+    return half(half(a))
+
+def parsed():
+    return half.overloads[half.signatures[0]].library._shared_module is not None
+
+half(3.0)
+print(len(half.stats.cache_hits), parsed())
+if len(sys.argv) > 1:
+    print(quarter(3.0), parsed())
+"""
+    (tmp_path / "loops.py").write_text(code)
+    command = [sys.executable, str(tmp_path / "loops.py")]
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    run = partial(subprocess.run, env=environment, capture_output=True, text=True, check=True, timeout=120)
+    run(command)
+    assert run(command).stdout.split() == ["1", "False"]
+    assert run([*command, "and its caller"]).stdout.split() == ["1", "False", "0.75", "True"]
 
 
 @pytest.mark.slow

@@ -24,7 +24,7 @@ from odom.service.estimate_messages import feature_message, keyframe_message, la
 from odom.service.path_topics import PathTopics
 from odom.service.run_statistics import RunStatistics
 from odom.wire import Topics, codec
-from odom.wire.allocator import give_back_freed, keep_little
+from odom.wire.allocator import give_back_code, give_back_freed, keep_little
 
 _LOG = logging.getLogger(__name__)
 _WARM_FRAMES = 10
@@ -48,9 +48,9 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
     patience.daemon = True
     patience.start()
     compiler = _second_compiler(settings)
-    camera = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)
+    camera = Camera(400, 300, 328.0, 328.0, 199.5, 149.5)
     texture = np.random.default_rng(1).integers(0, 256, (60, 80), dtype=np.uint8)
-    scene = np.asarray(cv2.resize(texture, (700, 500), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
+    scene = np.asarray(cv2.resize(texture, (440, 320), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
     codec.decode_camera_info(codec.encode_camera_info(topics.camera_info, Stamp(0), camera))
     small = np.zeros((48, 64), dtype=np.uint16)
     codec.decode_depth(codec.encode_depth_compressed(topics.depth_compressed, Stamp(0), small, codec="rvl"))
@@ -58,9 +58,9 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
     odometry, paths = Odometry(camera, settings), PathTopics(topics)
     for i in range(_WARM_FRAMES):
         stamp = Stamp(i * 33_333_333 + (3_000_000_000 if i >= _LOST_AT else 0))
-        image = np.ascontiguousarray(scene[i : i + 480, 3 * i : 3 * i + 640])
+        image = np.ascontiguousarray(scene[i : i + 300, 2 * i : 2 * i + 400])
         rgb = np.repeat(image[..., None], 3, axis=2)
-        depth = np.full((480, 640), 2000 + 3 * i, dtype=np.uint16)
+        depth = np.full((300, 400), 2000 + 3 * i, dtype=np.uint16)
         jpeg = codec.encode_color_jpeg(topics.color_compressed, stamp, rgb)
         decoded = codec.decode_depth(codec.encode_depth(topics.depth, stamp, depth))
         frame = RgbdFrame(i, stamp, codec.decode_color(jpeg, grey=True), stamp, decoded)
@@ -83,6 +83,7 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
     gc.collect()
     gc.freeze()
     give_back_freed()
+    give_back_code()
 
 
 def _second_compiler(settings: OdometrySettings) -> BaseProcess | None:

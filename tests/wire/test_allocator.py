@@ -41,3 +41,29 @@ def test_what_is_larger_than_images_leaves_no_holes_in_a_process_that_keeps_litt
 
 def test_holes_are_given_back_when_asked_for() -> None:
     assert kept_mb(150_000, after="allocator.give_back_freed()") < 5.0
+
+
+CODE = """
+import re
+import numba
+from pathlib import Path
+from odom.wire import allocator
+
+def compiler_mb():
+    parts = re.split(r"^[0-9a-f]+-[0-9a-f]+ ", Path("/proc/self/smaps").read_text(), flags=re.MULTILINE)
+    ours = [part for part in parts if part.startswith("r-xp") and "llvm" in part.splitlines()[0]]
+    return sum(int(re.search(r"Rss: +([0-9]+)", part).group(1)) for part in ours) / 1e3
+
+double = numba.njit(lambda a: 2 * a)
+double(1.0)
+before = compiler_mb()
+allocator.give_back_code()
+print(compiler_mb() / before, double(2.0), double(2))
+"""
+
+
+def test_code_that_is_given_back_is_there_when_it_is_called_again() -> None:
+    done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=True)
+    left, *results = done.stdout.split()
+    assert float(left) < 0.05
+    assert results == ["4.0", "4"]

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from odom.backend.doubt import Doubt
 from odom.backend.estimate import RelativePose
 from odom.backend.map.frame_log import LoggedFrame
 from odom.geometry.arrays import Array
@@ -15,7 +16,7 @@ class Publication:
 
     `covariance` (6 x 6, `se3`, camera frame) is that of the pose since its segment began. `T_middle_stamp` is the
     motion from the time of the image's middle row to the stamp, with its 6 x 6 covariance. `step` is the motion since
-    the frame before, `second` the one over a second.
+    the frame before, `second` the one over a second. By `doubt` the covariances allow for a camera that follows a body.
     """
 
     frame: LoggedFrame
@@ -25,3 +26,4 @@ class Publication:
     covariance_middle_stamp: Array = field(default_factory=lambda: np.zeros((6, 6)))
     step: RelativePose | None = None
     second: RelativePose | None = None
+    doubt: Doubt = field(default_factory=Doubt)

@@ -11,6 +11,7 @@ from odom.backend.odometry.moving_view import MovingView
 from odom.backend.odometry.tuning import TUNING
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.matching.moving_surfaces import MovingCells
+from odom.geometry.arrays import Array
 
 
 @dataclass
@@ -21,6 +22,9 @@ class Shown:
 
     def moving(self, *_: object) -> MovingCells | None:
         return None if self.share is None else MovingCells(np.zeros((2, 2), bool), self.share, (8, 8))
+
+    def velocity_spread(self, *_: object) -> Array | None:
+        return None if self.share is None else self.share * np.eye(6)
 
 
 def tracked_by(found: int, missed: int) -> tuple[Any, Any]:
@@ -138,3 +142,21 @@ def test_what_was_seen_in_doubt_after_a_loss_proves_nothing() -> None:
     shares = [0.6, *[0.0] * (LASTS - 3)]
     assert told(shares)[-1].proven == 1
     assert told(shares, lost=[1])[-1].proven == 0
+
+
+def test_the_velocity_is_unsure_as_long_as_the_pose_is_in_doubt() -> None:
+    shown = told([*STILL, 0.6, None, *[0.1] * (CALM + 2)])
+    assert all(moving.spread is None for moving in shown[: len(STILL)])
+    doubtful = [moving for moving in shown if moving.is_doubtful]
+    spreads = [moving.spread for moving in doubtful]
+    assert [spread[0, 0] for spread in spreads if spread is not None] == [0.6, 0.6, *[0.1] * (len(doubtful) - 2)]
+    assert not shown[-1].is_doubtful
+    assert shown[-1].spread is None
+
+
+def test_the_camera_knows_its_place_again_by_landmarks_from_before_the_doubt_alone() -> None:
+    shares = [*STILL, 0.6, *[0.0] * (CALM + 3)]
+    assert told(shares, found=60, missed=80)[-1].is_rooted is False
+    backed = told([*shares[:-1], 0.6], found=60, missed=40)
+    assert not any(moving.is_doubtful for moving in backed)
+    assert told([0.6, *[0.0] * (CALM + 20)], found=60)[-1].is_rooted is False  # all it knows was seen in doubt

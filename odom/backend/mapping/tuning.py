@@ -51,6 +51,9 @@ class Tuning:
     newest_s: float = tuned(0.25, unit="s", source="fr1_xyz thinned to 2 Hz",
         effect="age of the newest view beyond which none is looked in; smaller: bodies in slow streams become "
         "landmarks; larger: wide steps are LOST")
+    spread_least_s: float = tuned(0.06, unit="s", source=_BODIES,
+        effect="from which age on a view tells of what else moves; smaller: velocities are noisy; larger: what moves "
+        "quickly is not found again")
     recent_views: int = tuned(4, unit="views", source=_BODIES,
         effect="fewer: corners are missed by chance; more: slower key frames")
     moving_views: int = tuned(2, unit="views", source=_BODIES,

@@ -130,7 +130,7 @@ class FrameStages:
         moving = self.moving.after_loss() if is_recovered else self.moving
         self.moving = moving.after(view, tracked, self.mapper.inserter.recent, self.map.landmarks, self.sensor)
         state, reason = judge_pose(tracked, covariance, is_recovered, lacks_depth, self.moving.doubt)
-        return JudgedFrame(tracked, since_previous_s, twist, covariance, state, reason)
+        return JudgedFrame(tracked, since_previous_s, twist, covariance, state, reason, self.moving)
 
     def _advance(self, view: View, judged: JudgedFrame, watch: Stopwatch) -> Estimate:
         """Publish a judged frame, grow the map by it, and make it the newest one."""

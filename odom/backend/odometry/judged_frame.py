@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from odom.backend.estimate import State
+from odom.backend.odometry.moving_view import MovingView
 from odom.backend.tracking.frame_state import Tracked
 from odom.geometry.arrays import Array
 
@@ -11,7 +12,8 @@ from odom.geometry.arrays import Array
 class JudgedFrame:
     """A tracked frame's pose `covariance` (6 x 6), `twist` (6, SI, camera frame), `state` and `reason`.
 
-    `since_previous_s` is the time since the frame before, 0 where the motion since then is not known.
+    `since_previous_s` is the time since the frame before, 0 where the motion since then is not known; `moving` is what
+    moves in the view.
     """
 
     tracked: Tracked
@@ -20,3 +22,4 @@ class JudgedFrame:
     covariance: Array
     state: State
     reason: str
+    moving: MovingView

@@ -13,6 +13,7 @@ from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.view import View
 from odom.frontend.matching.moving_surfaces import MovingCells
+from odom.geometry.arrays import Array
 
 VIEW_MOVED = "of the view moved"
 """How the reason of a frame ends that is UNCERTAIN for this alone."""
@@ -27,6 +28,8 @@ class MovingView:
     landmarks made before `proven` (an identity), in a time without doubt. In the first seconds after the first look, at
     `begun`, there are none, and little is enough (`is_young`); so after each loss, until they are seen again. `calm` is
     when it became still. `is_astray`: the view was lost in doubt, so that a body may have been taken for the place.
+    `is_rooted`: landmarks made before `rooted`, when the newest doubt began, agree with the pose. `spread` is the
+    covariance (6 x 6) of the camera's velocity by what else moves, None without doubt, or before anything told.
     """
 
     stamp: SteadyStamp | None = None
@@ -38,6 +41,9 @@ class MovingView:
     proven: int = 0
     strayed: SteadyStamp | None = None
     is_astray: bool = False
+    rooted: int = 0
+    is_rooted: bool = False
+    spread: Array | None = None
 
     def after(
         self, view: View, tracked: Tracked, recent: RecentViews, landmarks: Landmarks, sensor: SensorModel
@@ -46,7 +52,18 @@ class MovingView:
         stamp = view.steady_stamp
         if self.stamp is not None and abs(stamp - self.stamp) * 1e-9 < TUNING.moving_period_s:
             return self
-        cells = recent.moving(view, tracked, sensor)
+        looked = self._looked(stamp, recent.moving(view, tracked, sensor), tracked, landmarks)
+        rooted = looked.proven if looked.is_doubtful else self.rooted
+        looked = replace(looked, rooted=rooted, is_rooted=rooted > 0 and is_supported(tracked, landmarks, rooted))
+        if not looked.is_doubtful:
+            return replace(looked, spread=None)
+        spread = recent.velocity_spread(view, tracked, sensor)
+        return looked if spread is None else replace(looked, spread=spread)
+
+    def _looked(
+        self, stamp: SteadyStamp, cells: MovingCells | None, tracked: Tracked, landmarks: Landmarks
+    ) -> "MovingView":
+        """Return what is known after a look at `stamp` that showed `cells`."""
         if cells is None:
             return replace(self, stamp=stamp, cells=None)
         strayed = self.strayed

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from odom.backend.doubt import Doubt
 from odom.backend.estimate import RelativePose
 from odom.backend.map.frame_log import FrameLog, LoggedFrame
 from odom.backend.map.map import Map
@@ -96,7 +97,7 @@ class PublishedTrajectory:
         self._filter = None
         self._recent.clear()
         T_odom_camera = se3.inverse(self.T_map_odom) @ se3.inverse(self._map.keyframes[keyframe].T_camera_map)
-        return self._keep(Publication(frame, T_odom_camera, self._since_start(frame, T_odom_camera, sensor)))
+        return self._keep(Publication(frame, T_odom_camera, self._since_start(frame, T_odom_camera, Doubt(), sensor)))
 
     def advance(self, middle: LoggedFrame, judged: JudgedFrame, sensor: SensorModel) -> Publication:
         """Publish a judged frame, whose pose is that at its middle row's time.
@@ -126,8 +127,9 @@ class PublishedTrajectory:
         )
         T_middle_stamp = se3.inverse(motion.T_fixed_camera) @ carried.T_fixed_camera
         going = motion.covariance_of_going(middle.delay_s)
-        since_start = self._since_start(frame, carried.T_fixed_camera, sensor)
-        current = Publication(frame, carried.T_fixed_camera, since_start, T_middle_stamp, going)
+        doubt = self._doubt(carried.T_fixed_camera, judged)
+        since_start = self._since_start(frame, carried.T_fixed_camera, doubt, sensor)
+        current = Publication(frame, carried.T_fixed_camera, since_start, T_middle_stamp, going, doubt=doubt)
         if self._recent and since_previous_s:
             current = replace(current, step=self._motion_since(self._recent[-1], current, inliers, sensor))
         then = min(self._recent, key=lambda p: _from_a_second(p, frame.stamp), default=None)
@@ -149,8 +151,9 @@ class PublishedTrajectory:
             covariance=last.frame.covariance + np.diag((_BRIDGE_SIGMA * dt) ** 2),
         )
         self.frames.append(frame)
-        T_odom_camera = last.T_odom_camera @ step
-        return self._keep(Publication(frame, T_odom_camera, self._since_start(frame, T_odom_camera, sensor)))
+        T_odom_camera, doubt = last.T_odom_camera @ step, last.doubt.after(step, None, dt)
+        since_start = self._since_start(frame, T_odom_camera, doubt, sensor)
+        return self._keep(Publication(frame, T_odom_camera, since_start, doubt=doubt))
 
     def lose(self, stamp: Stamp, segment: int) -> None:
         """Log a frame without a pose; no motion is published over it."""
@@ -171,17 +174,32 @@ class PublishedTrajectory:
         if covariance is None:
             return None
         T_earlier_current = se3.inverse(earlier.T_odom_camera) @ current.T_odom_camera
+        covariance = covariance + current.doubt.since(earlier.doubt, T_earlier_current)
         return RelativePose(earlier.frame.stamp, T_earlier_current, covariance, inliers)
 
-    def _since_start(self, frame: LoggedFrame, T_odom_camera: Array, sensor: SensorModel) -> Array | None:
+    def _doubt(self, T_odom_camera: Array, judged: JudgedFrame) -> Doubt:
+        """Return how far the camera may have gone astray, at a judged frame's pose: nothing where it is known again.
+
+        What moves was moving already when it was looked for the last time before.
+        """
+        last, moving = self._newest, judged.moving
+        if last is None or (moving.is_rooted and not moving.is_doubtful):
+            return Doubt()
+        since_s = judged.since_previous_s + (0.0 if last.doubt.is_open else TUNING.moving_period_s)
+        spread = moving.spread if moving.is_doubtful else None
+        return last.doubt.after(se3.inverse(last.T_odom_camera) @ T_odom_camera, spread, since_s)
+
+    def _since_start(self, frame: LoggedFrame, T_odom_camera: Array, doubt: Doubt, sensor: SensorModel) -> Array | None:
         """Return the 6 x 6 covariance of a pose in odom since its segment began."""
         since, error = self._corrected, sensor.noise.calibration_error
         if since is not None and since.covariance is not None:
             moved = relative_covariance(self._map, since.frame, frame, error)
             if moved is not None:
                 T_since_camera = se3.inverse(since.T_odom_camera) @ T_odom_camera
+                moved = moved + doubt.since(since.doubt, T_since_camera)
                 return se3.compose_covariance(since.covariance, T_since_camera, moved)
-        return covariance_since_start(self._map.keyframes, frame, error)
+        covariance = covariance_since_start(self._map.keyframes, frame, error)
+        return covariance if covariance is None else covariance + doubt.since(Doubt(), np.eye(4))
 
 
 def _size(motion: Array) -> float:

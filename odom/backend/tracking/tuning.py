@@ -73,6 +73,11 @@ class Tuning:
     jerk_m_s2: float = tuned(8.0, unit="m/s^2", source="accelerations of hand-held cameras, fr1",
         effect="a change of velocity that halves the votes; smaller: knocks are missed; larger: bodies are followed")
     jerk_rad_s2: float = tuned(40.0, unit="rad/s^2", source="as jerk_m_s2", effect="as jerk_m_s2")
+    # other_motions
+    other_cell_px: int = tuned(24, unit="px", source=_BODIES,
+        effect="side of a square with one corner that is followed; smaller: slower; larger: motions go unseen")
+    other_back_px: float = tuned(0.5, unit="px of the half-size image", source="as look_back_return_px of the search",
+        effect="followed there and back; smaller: bodies are not found again; larger: chance counts")
     # departing
     departing_neighbours: int = tuned(12, unit="landmarks", source=_BODIES,
         effect="judged together; fewer: chance outliers take good ones along; more: limbs and small things go unseen")

@@ -1,0 +1,45 @@
+"""How far the camera may have gone astray while its pose was in doubt: with a body that it followed."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from odom.geometry import se3
+from odom.geometry.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Doubt:
+    """The `seconds` in doubt so far, and the `integral` over them of the velocity's covariance (6 x 6, camera frame).
+
+    A body that is followed moves on for long, so that the errors of its velocity v add up: over a time t that it lasts,
+    cov(t v) = t times the integral of cov(v). `is_open`: it goes on.
+    """
+
+    seconds: float = 0.0
+    integral: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    is_open: bool = False
+
+    def after(self, T_earlier_current: Array, spread: Array | None, since_s: float) -> "Doubt":
+        """Return the doubt `since_s` seconds later, the camera having moved by `T_earlier_current`.
+
+        Its velocity has the covariance `spread` (6 x 6) meanwhile, None without doubt.
+        """
+        integral = _carried(self.integral, T_earlier_current)
+        if spread is None:
+            return Doubt(self.seconds, integral)
+        return Doubt(self.seconds + since_s, integral + since_s * spread, True)
+
+    def since(self, earlier: "Doubt", T_earlier_current: Array) -> Array:
+        """Return what it adds to the covariance (6 x 6, camera frame) of the motion since an earlier pose.
+
+        Where the camera has come to know its place again since, it is the earlier pose alone that is in doubt.
+        """
+        before, seconds = _carried(earlier.integral, T_earlier_current), self.seconds - earlier.seconds
+        return seconds * (self.integral - before) if seconds >= 0.0 else earlier.seconds * before
+
+
+def _carried(covariance: Array, T_earlier_current: Array) -> Array:
+    """Return a covariance (6 x 6) of the earlier camera's frame in the current one's."""
+    A = se3.adjoint(se3.inverse(T_earlier_current))
+    return np.asarray(A @ covariance @ A.T)

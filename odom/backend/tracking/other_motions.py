@@ -1,0 +1,123 @@
+"""What else moves as one in a view, and how unsure that leaves the camera's velocity.
+
+Where much of a view moves, the camera may follow a body. Then the true motion is that of other features, and it is
+measured as well as the one that is followed. Each motion is a hypothesis, worth its features' share of the votes; the
+second moment of such a mixture is the covariance of the camera's velocity, and no speeds of bodies need be assumed.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from odom.backend.tracking.consensus import ExpectedPose, FollowedFeatures, consensus
+from odom.backend.tracking.pose_solver import PoseFit, fit_pose
+from odom.backend.tracking.tuning import TUNING
+from odom.frontend.camera.lens import project
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.corners import detect_corners
+from odom.frontend.features.measurement import Measurements, measure, points_of
+from odom.frontend.features.view import View
+from odom.frontend.matching.look_back import EarlierView
+from odom.frontend.matching.optical_flow import follow_there_and_back
+from odom.geometry import se3
+from odom.geometry.arrays import Array, Mask
+
+_MOST_MOTIONS = 3
+"""Motions beside the camera's that are looked for: what has fewer votes than these hardly changes the covariance."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Followed:
+    """n corners at `points` (n x 3, m, an earlier camera) with `covariances` (n x 3 x 3, m^2), followed into a view.
+
+    There they are at `uv` (n x 2 px), and `measured` (n); `pixel` is how wide a pixel is as a ray.
+    """
+
+    points: Array
+    covariances: Array
+    uv: Array
+    measured: Measurements
+    pixel: float
+
+    @classmethod
+    def between(cls, earlier: EarlierView, view: View, twist: Array, sensor: SensorModel) -> "_Followed":
+        """Return the corners with depth that can be followed to a `view`, in motion with `twist` (6, SI), and back."""
+        images, lens = (earlier.view.images.half, view.images.half), sensor.lens
+        uv = 2.0 * detect_corners(images[0], np.zeros((0, 2)), TUNING.other_cell_px // 2)
+        seen = measure(earlier.view, sensor, uv, np.zeros((len(uv), 3)), earlier.twist)
+        deep = seen.values[:, 2] > 0.0
+        uv, (points, covariances) = uv[deep], points_of(seen.take(deep))
+        height, width = view.images.full.shape
+        T_view_earlier = se3.inverse(earlier.T_view_corners)
+        expected = project(points, T_view_earlier, lens.intrinsics, lens.distortion, width, height, 0.0)
+        rows = np.flatnonzero(expected[:, 2] > 0.0)
+        here, found = follow_there_and_back(*images, uv[rows] / 2.0, expected[rows, :2] / 2.0, TUNING.other_back_px)
+        rows, uv = rows[found], 2.0 * here[found]
+        exact = np.tile([TUNING.found_sigma_px**2, 0.0, TUNING.found_sigma_px**2], (len(rows), 1))
+        return cls(
+            points[rows], covariances[rows], uv, measure(view, sensor, uv, exact, twist), 1.0 / lens.intrinsics[0]
+        )
+
+    def take(self, rows: Mask) -> "_Followed":
+        """Return the chosen corners."""
+        measured = self.measured.take(rows)
+        return _Followed(self.points[rows], self.covariances[rows], self.uv[rows], measured, self.pixel)
+
+    @cached_property
+    def features(self) -> FollowedFeatures:
+        """What the view shows of them, each as well known as the other."""
+        rays, alike = self.measured.values[:, :2], np.full(len(self.uv), math.ceil(TUNING.proven_frames))
+        sigma_px = TUNING.followed_sigma_px
+        return FollowedFeatures(self.points, np.zeros(3), rays, self.uv, alike, sigma_px, self.pixel)
+
+    def fit(self, T_start: Array, used: Mask) -> PoseFit:
+        """Return the pose of the view in the earlier camera's frame by those `used`, from the start `T_start`."""
+        values, variances = self.measured.values, self.measured.covariance
+        return fit_pose(self.points, self.covariances, values, variances, T_start, used)
+
+
+@dataclass(frozen=True, eq=False)
+class OtherMotion:
+    """A motion that a `share` of the votes shows, by which the camera's is `off` (6, `se3`, the later camera's frame).
+
+    That would be the camera's error, with 6 x 6 `covariance`, if these features stood still.
+    """
+
+    share: float
+    off: Array
+    covariance: Array
+
+
+def other_motions(followed: _Followed, T_view_earlier: Array, since_s: float) -> Iterator[OtherMotion]:
+    """Yield the motions of corners that do not follow the camera's own, which is T_view_earlier over `since_s`."""
+    is_left = followed.features.off_px(T_view_earlier) > TUNING.differs_px
+    votes = followed.features.votes / followed.features.votes.sum()
+    expected = ExpectedPose.at_unknown_velocity(T_view_earlier, since_s)
+    for _ in range(_MOST_MOTIONS):
+        left = followed.take(is_left)
+        T = consensus(left.features, T_view_earlier, expected)
+        if T is None:
+            return
+        agrees = left.features.off_px(T) < TUNING.differs_px
+        fit = left.fit(T, agrees)
+        share = float(votes[is_left][agrees].sum())
+        off = se3.log(T_view_earlier @ se3.inverse(fit.T_camera_map))
+        yield OtherMotion(share, off, np.asarray(np.linalg.inv(fit.information)))
+        is_left[np.flatnonzero(is_left)[agrees]] = False
+
+
+def velocity_spread(earlier: EarlierView, view: View, twist: Array, sensor: SensorModel) -> Array | None:
+    """Return the 6 x 6 covariance ((m/s, rad/s)^2, camera frame) of the camera's velocity by what else moves.
+
+    The camera moves with `twist` (6, SI). None where too few corners can be followed to tell.
+    """
+    followed = _Followed.between(earlier, view, twist, sensor)
+    if len(followed.uv) < TUNING.contested_least:
+        return None
+    since_s, spread = (view.steady_stamp - earlier.view.steady_stamp) * 1e-9, np.zeros((6, 6))
+    for other in other_motions(followed, se3.inverse(earlier.T_view_corners), since_s):
+        spread += other.share * (np.outer(other.off, other.off) + other.covariance)
+    return np.asarray(spread / since_s**2)

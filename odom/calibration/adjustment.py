@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
@@ -40,25 +41,17 @@ class Prior:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
-    """An adjusted camera's `vector` (28), of which the numbers `free` (p) were adjusted, with poses and landmarks.
+class System:
+    """The normal equations of a `survey` in its poses and the numbers `free` (p) of its camera (see `reduce_survey`).
 
-    `information` (p x p) is what the observations and the prior say of these, as far as errors are independent.
+    They are those at a camera's `vector` (28), poses T_camera_map (K x 4 x 4) and `landmarks`.
     """
 
+    survey: Survey
     vector: Array
     free: Index
-    information: Array
-    bundle: Bundle
-
-
-@dataclass(frozen=True, eq=False)
-class System:
-    """The normal equations at one camera, with poses T_camera_map (K x 4 x 4) and landmarks (see `reduce_survey`)."""
-
     T_camera_map: Array
     landmarks: Array
-    vector: Array
     S: Array
     rhs: Array
     V_inverse: Array
@@ -69,10 +62,16 @@ class System:
 
     @classmethod
     def of(cls, survey: Survey, vector: Array, bundle: Bundle, free: Index, damping: float = _DAMPING) -> "System":
-        """Return the normal equations of a survey in its poses and the numbers `free` (p)."""
+        """Return the normal equations at a camera's `vector` (28) and the poses and landmarks of `bundle`."""
         T, landmarks, camera = bundle.T_camera_map, bundle.landmarks, camera_arrays(survey, vector, free)
         pose, cauchy = places(survey), TRACKING.cauchy_chi2
-        return cls(T, landmarks, vector, *reduce_survey(T, landmarks, camera, pose, survey.arrays, damping, cauchy))
+        reduced = reduce_survey(T, landmarks, camera, pose, survey.arrays, damping, cauchy)
+        return cls(survey, vector, free, T, landmarks, *reduced)
+
+    @classmethod
+    def at_start(cls, survey: Survey, free: Index) -> "System":
+        """Return the normal equations at the camera, poses and landmarks with which a survey begins."""
+        return cls.of(survey, vector_of(survey.camera), start_of(survey), free)
 
     @property
     def bundle(self) -> Bundle:
@@ -86,24 +85,53 @@ class System:
         S.flat[(len(S) - numbers) * (len(S) + 1) :: len(S) + 1] += known
         return np.asarray(cholesky(S, lower=True, overwrite_a=True, check_finite=False))
 
-    def follows(self, numbers: int) -> Array:
-        """Return how the free poses follow the last unknowns, the `numbers` (6 free poses x p)."""
+    @cached_property
+    def follows(self) -> Array:
+        """How the free poses follow the numbers (6 free poses x p)."""
+        numbers = len(self.free)
         S_poses = self.S[:-numbers, :-numbers].copy()
         S_poses.flat[:: len(S_poses) + 1] += _HELD
         return np.ascontiguousarray(-np.linalg.solve(S_poses, self.S[:-numbers, -numbers:]))
 
-    def information(self, known: Array, follows: Array) -> Array:
+    def information(self, known: Array) -> Array:
         """Return what the observations say of the numbers (p x p), and what is `known` of them (p), without damping."""
         numbers = len(known)
-        return np.asarray(self.S[-numbers:, -numbers:] + self.S[-numbers:, :-numbers] @ follows + np.diag(known))
+        return np.asarray(self.S[-numbers:, -numbers:] + self.S[-numbers:, :-numbers] @ self.follows + np.diag(known))
 
-    def stepped(self, survey: Survey, step: Array) -> Bundle:
+    def stepped(self, step: Array) -> Bundle:
         """Return the poses and landmarks after a `step` of all unknowns but the landmarks, which follow."""
         T, landmarks = stepped(
-            self.T_camera_map, self.landmarks, places(survey), survey.frame, survey.landmark, self.V_inverse, self.b,
-            self.W_number, self.W, step,
+            self.T_camera_map, self.landmarks, places(self.survey), self.survey.frame, self.survey.landmark,
+            self.V_inverse, self.b, self.W_number, self.W, step,
         )  # fmt: skip
         return Bundle(T, landmarks, np.zeros(0))
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """An adjusted camera with poses and landmarks: the `system` there.
+
+    `information` (p x p) is what the observations and the prior say of the numbers that were adjusted, as far as errors
+    are independent.
+    """
+
+    system: System
+    information: Array
+
+    @property
+    def vector(self) -> Array:
+        """The camera's numbers (28)."""
+        return self.system.vector
+
+    @property
+    def free(self) -> Index:
+        """Which of them were adjusted (p)."""
+        return self.system.free
+
+    @property
+    def bundle(self) -> Bundle:
+        """The poses and landmarks."""
+        return self.system.bundle
 
 
 def camera_arrays(survey: Survey, vector: Array, free: Index) -> CameraArrays:
@@ -126,21 +154,18 @@ def start_of(survey: Survey) -> Bundle:
 
 
 def fit(
-    survey: Survey,
+    start: System,
     prior: Prior,
-    free: Index,
-    start: Fit | None = None,
     stopped: Callable[[], bool] = lambda: False,
     steps: int = TUNING.fit_steps,
     settled: float = TUNING.fit_settled,
 ) -> Fit:
-    """Return the camera's numbers `free` that fit a survey best; the others stay at those of `start`, or the survey's.
+    """Return the camera's free numbers, the poses and the landmarks that fit a survey best, from `start` on.
 
     At most `steps` are made, each from equations of its own, until one is below `settled` sigma. Ends early, with what
     was found so far, once `stopped` says so. Raises LinAlgError where the equations have no solution.
     """
-    vector = vector_of(survey.camera) if start is None else start.vector.copy()
-    bundle = start_of(survey) if start is None else start.bundle
+    survey, free = start.survey, start.free
     known = prior.sigma[free] ** -2.0
     damping = _DAMPING
 
@@ -150,7 +175,7 @@ def fit(
     def cost_of(system: System) -> float:
         return system.cost + float(known @ off(system.vector) ** 2)
 
-    now = System.of(survey, vector, bundle, free, damping)
+    now = start
     poses = len(now.S) - len(free)
     for _ in range(steps):
         gradient = now.rhs.copy()
@@ -159,7 +184,7 @@ def fit(
         step = cho_solve((factor, True), gradient, check_finite=False)
         moved, less = now.vector.copy(), max(0.1 * damping, _DAMPING)
         moved[free] += step[poses:]
-        trial = System.of(survey, moved, now.stepped(survey, step), free, less)
+        trial = System.of(survey, moved, now.stepped(step), free, less)
         gained = cost_of(now) - cost_of(trial)
         if gained > 0.0:
             end = factor[poses:, poses:]  # of the numbers' information, since they come last
@@ -175,17 +200,16 @@ def fit(
             break
     if damping > _DAMPING:  # what is said of the numbers must not depend on the damping that the steps ended with
         now = System.of(survey, now.vector, now.bundle, free)
-    return Fit(now.vector, free, now.information(known, now.follows(len(free))), now.bundle)
+    return Fit(now, now.information(known))
 
 
-def likely_gain(survey: Survey, prior: Prior, free: Index) -> float:
-    """Return by what share of the cost the numbers `free` could lower it, beyond what poses and landmarks can.
+def likely_gain(system: System, prior: Prior) -> float:
+    """Return by what share of the cost the free numbers could lower it, beyond what poses and landmarks can.
 
-    From the equations at the survey's own camera alone: a score test.
+    From the equations at one camera alone: a score test.
     """
-    system = System.of(survey, vector_of(survey.camera), start_of(survey), free)
-    factor = system.factor(prior.sigma[free] ** -2.0, _DAMPING)
-    explained = solve_triangular(factor, system.rhs, lower=True, check_finite=False)[-len(free) :]
+    factor = system.factor(prior.sigma[system.free] ** -2.0, _DAMPING)
+    explained = solve_triangular(factor, system.rhs, lower=True, check_finite=False)[-len(system.free) :]
     return float(explained @ explained / system.cost)
 
 

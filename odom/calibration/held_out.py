@@ -7,7 +7,7 @@ import numpy as np
 
 from odom.backend.mapping.bundle_adjustment import Bundle
 from odom.backend.tracking.tuning import TUNING as TRACKING
-from odom.calibration.adjustment import Fit, Prior, fit, start_of
+from odom.calibration.adjustment import Fit, Prior, System, fit, start_of
 from odom.calibration.linearised import chi_squared, linearised
 from odom.calibration.parameters import TIMINGS
 from odom.calibration.survey import Survey
@@ -52,11 +52,12 @@ def compare(
     held = split(survey)
     seen = survey.part(~held)
     timing = replace(prior, mean=before)
-    given = fit(survey, timing, _TIMING, Fit(before, _TIMING, np.eye(TIMINGS), start_of(survey)), stopped)
+    given = fit(System.of(survey, before, start_of(survey), _TIMING), timing, stopped)
     fits = []
     for found in (given, after):
         mean = np.where(np.isin(np.arange(len(found.vector)), found.free), prior.mean, found.vector)
-        fits.append(fit(seen, replace(prior, mean=mean), found.free, found, stopped))
+        begin = System.of(seen, found.vector, found.bundle, found.free)
+        fits.append(fit(begin, replace(prior, mean=mean), stopped))
     old, new = fits
     rest = survey.part(held)
     return (residuals(rest, old), residuals(rest, new)), (old, new)

@@ -6,7 +6,7 @@ largest thing that a run holds. Source: B. Triggs et al., "Bundle adjustment - a
 
 import numpy as np
 
-from odom.backend.mapping.landmark_elimination import invert_damped, longest_run, mirror_upper
+from odom.backend.mapping.landmark_elimination import invert_damped, mirror_upper
 from odom.calibration.observation_terms import CameraArrays, SeenArrays, whitened_terms
 from odom.calibration.parameters import DEPTH
 from odom.geometry.arrays import Array, Index
@@ -14,6 +14,36 @@ from odom.geometry.compiled import compiled
 from odom.geometry.compiled_se3 import moved, orthonormalise
 
 _DEPTH = DEPTH.start
+
+
+@compiled
+def _subtract(S: Array, row: int, column: int, left: Array, right: Array) -> None:
+    """Subtract left' right from the block of S that begins at `row`, `column`; `left` (3 x n), `right` (3 x m)."""
+    n, m = left.shape[1], right.shape[1]
+    block = S[row : row + n, column : column + m]
+    for i in range(n):
+        l0, l1, l2 = left[0, i], left[1, i], left[2, i]
+        for j in range(m):
+            block[i, j] -= l0 * right[0, j] + l1 * right[1, j] + l2 * right[2, j]
+
+
+@compiled
+def _eliminate(S: Array, rhs: Array, place: int, W: Array, inverse: Array, b: Array, carried: Array) -> None:
+    """Subtract W inv(V) W' from the block of S at `place` on the diagonal, and W inv(V) b from rhs.
+
+    From one side of the diagonal alone. `W` is W' (3 x n); fills `carried` (3 x n) with inv(V) W'.
+    """
+    n = W.shape[1]
+    block = S[place : place + n, place : place + n]
+    for i in range(n):
+        w0, w1, w2 = W[0, i], W[1, i], W[2, i]
+        c0 = w0 * inverse[0, 0] + w1 * inverse[1, 0] + w2 * inverse[2, 0]
+        c1 = w0 * inverse[0, 1] + w1 * inverse[1, 1] + w2 * inverse[2, 1]
+        c2 = w0 * inverse[0, 2] + w1 * inverse[1, 2] + w2 * inverse[2, 2]
+        carried[0, i], carried[1, i], carried[2, i] = c0, c1, c2
+        rhs[place + i] -= c0 * b[0] + c1 * b[1] + c2 * b[2]
+        for j in range(i, n):
+            block[i, j] -= c0 * W[0, j] + c1 * W[1, j] + c2 * W[2, j]
 
 
 @compiled
@@ -30,7 +60,8 @@ def reduce_survey(
 
     `pose` (K) is the place of each frame's six unknowns in S, -1 for a pose that is held; behind the poses come the
     camera's numbers. With poses' and numbers' unknowns x and landmarks' y, the normal equations
-    are [U W; W' V] [x; y] = [a; b], V block diagonal; S = U - W inv(V) W', rhs = a - W inv(V) b.
+    are [U W; W' V] [x; y] = [a; b], V block diagonal; S = U - W inv(V) W', rhs = a - W inv(V) b. W is returned as W',
+    for each observation the columns of its pose (N x 3 x 6), for each landmark those of the numbers (L x 3 x p).
     """
     (_, _, _, column), (frame, landmark) = camera, seen[:2]
     N, L, numbers, plain, poses = len(frame), len(landmarks), 0, 0, 0
@@ -41,13 +72,10 @@ def reduce_survey(
         poses = max(poses, pose[k] + 6)
     dimension = poses + numbers
     S, rhs = np.zeros((dimension, dimension)), np.zeros(dimension)
-    W, W_number = np.zeros((N, 6, 3)), np.zeros((L, numbers, 3))
+    W, W_number = np.zeros((N, 3, 6)), np.zeros((L, 3, numbers))
     V_inverse, b = np.zeros((L, 3, 3)), np.zeros((L, 3))
     J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, numbers)), np.zeros(3)
-    most = longest_run(landmark)
-    width = 6 * most + numbers
-    across = np.zeros((3, width))
-    place, begin = np.zeros(width, np.int64), np.zeros(most + 2, np.int64)
+    own, all_numbers = np.zeros((3, 6)), np.zeros((3, numbers))
     V = np.zeros((3, 3))
     cost = 0.0
     start = 0
@@ -75,7 +103,7 @@ def reduce_survey(
                     for j in range(i, numbers):
                         row[j] += c2 * C[2, j]
                 for j in range(3):
-                    W_number[point, i, j] += c0 * P[0, j] + c1 * P[1, j] + c2 * P[2, j]
+                    W_number[point, j, i] += c0 * P[0, j] + c1 * P[1, j] + c2 * P[2, j]
             # U and a of the pose, its block of U with the numbers, and its W
             f = pose[frame[o]]
             if f < 0:
@@ -92,38 +120,20 @@ def reduce_survey(
                     for j in range(numbers):
                         row[j] += j2 * C[2, j]
                 for j in range(3):
-                    W[o, i, j] = j0 * P[0, j] + j1 * P[1, j] + j2 * P[2, j]
+                    W[o, j, i] = j0 * P[0, j] + j1 * P[1, j] + j2 * P[2, j]
         inverse = V_inverse[point]
         invert_damped(V, damping, inverse)
-        # S -= W inv(V) W', rhs -= W inv(V) b: the W of poses (6 x 3) and numbers (p x 3) lie side by side in `across`,
-        # in runs of unknowns that follow each other; each pair is computed once
-        width, runs = 0, 0
-        for o in range(start, stop + 1):
-            first = poses if o == stop else pose[frame[o]]
-            if first >= 0:
-                left = W_number[point] if o == stop else W[o]
-                if width == 0 or first != place[width - 1] + 1:
-                    begin[runs] = width
-                    runs += 1
-                for i in range(left.shape[0]):
-                    across[0, width], across[1, width], across[2, width] = left[i, 0], left[i, 1], left[i, 2]
-                    place[width] = first + i
-                    width += 1
-        begin[runs] = width
-        first = 0
-        for i in range(width):
-            w0, w1, w2 = across[0, i], across[1, i], across[2, i]
-            y0 = w0 * inverse[0, 0] + w1 * inverse[1, 0] + w2 * inverse[2, 0]
-            y1 = w0 * inverse[0, 1] + w1 * inverse[1, 1] + w2 * inverse[2, 1]
-            y2 = w0 * inverse[0, 2] + w1 * inverse[1, 2] + w2 * inverse[2, 2]
-            rhs[place[i]] -= y0 * b[point, 0] + y1 * b[point, 1] + y2 * b[point, 2]
-            first += begin[first + 1] <= i
-            for run in range(first, runs):
-                left_end, right_end = max(i, begin[run]), begin[run + 1]
-                x0, x1, x2 = across[0, left_end:right_end], across[1, left_end:right_end], across[2, left_end:right_end]
-                entries = S[place[i], place[left_end] : place[left_end] + right_end - left_end]
-                for j in range(len(entries)):
-                    entries[j] -= y0 * x0[j] + y1 * x1[j] + y2 * x2[j]
+        # S -= W inv(V) W', rhs -= W inv(V) b: each pair of unknowns once
+        for o in range(start, stop):
+            f = pose[frame[o]]
+            if f >= 0:
+                _eliminate(S, rhs, f, W[o], inverse, b[point], own)
+                for other in range(o + 1, stop):
+                    g = pose[frame[other]]
+                    if g >= 0:
+                        _subtract(S, f, g, own, W[other])
+                _subtract(S, f, poses, own, W_number[point])
+        _eliminate(S, rhs, poses, W_number[point], inverse, b[point], all_numbers)
         start = stop
     mirror_upper(S)
     return S, rhs, V_inverse, b, W_number, W, cost
@@ -143,7 +153,7 @@ def stepped(
     step: Array,
 ) -> tuple[Array, Array]:
     """Return poses and landmarks after a `step` of poses and numbers: landmarks move by inv(V) (b - W' step)."""
-    K, numbers = len(pose), W_number.shape[1]
+    K, numbers = len(pose), W_number.shape[2]
     T = T_camera_map.copy()
     for k in range(K):
         if pose[k] >= 0:
@@ -156,12 +166,12 @@ def stepped(
         if f >= 0:
             for j in range(3):
                 for i in range(6):
-                    rest[landmark[o], j] -= W[o, i, j] * step[f + i]
+                    rest[landmark[o], j] -= W[o, j, i] * step[f + i]
     last = len(step) - numbers
     for k in range(len(landmarks)):
         for j in range(3):
             for i in range(numbers):
-                rest[k, j] -= W_number[k, i, j] * step[last + i]
+                rest[k, j] -= W_number[k, j, i] * step[last + i]
         for i in range(3):
             for j in range(3):
                 points[k, i] += V_inverse[k, i, j] * rest[k, j]
@@ -186,20 +196,20 @@ def scores_of(
     `follows` (6 free poses x p) is how the poses do; the landmarks do by inv(V) (-W' step).
     """
     frame, landmark = seen[:2]
-    N, L, numbers = len(frame), len(landmarks), W_number.shape[1]
+    N, L, numbers = len(frame), len(landmarks), W_number.shape[2]
     J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, numbers)), np.zeros(3)
     rest, point = np.zeros((L, 3, numbers)), np.zeros((L, 3, numbers))
     for k in range(L):
         for j in range(3):
             for i in range(numbers):
-                rest[k, j, i] = -W_number[k, i, j]
+                rest[k, j, i] = -W_number[k, j, i]
     for o in range(N):
         f = pose[frame[o]]
         if f >= 0:
             for j in range(3):
                 for a in range(6):
                     for i in range(numbers):
-                        rest[landmark[o], j, i] -= W[o, a, j] * follows[f + a, i]
+                        rest[landmark[o], j, i] -= W[o, j, a] * follows[f + a, i]
     for k in range(L):
         for a in range(3):
             for j in range(3):

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from odom.calibration.adjustment import FREE, Fit, Prior, fit
+from odom.calibration.adjustment import FREE, Fit, Prior, System, fit
 from odom.calibration.held_out import Residuals, compare, is_better
 from odom.calibration.linearised import chi_squared, linearised
 from odom.calibration.parameters import GROUPS, NAMES, SCALE_NUMBER, camera_of, numbers_of, prior_sigma, vector_of
@@ -53,22 +53,27 @@ class Calibrated:
 
 
 def calibrated(
-    survey: Survey, start: Camera, earlier: "Calibrated | None" = None, stopped: Callable[[], bool] = lambda: False
+    survey: Survey,
+    start: Camera,
+    earlier: "Calibrated | None" = None,
+    stopped: Callable[[], bool] = lambda: False,
+    begin: System | None = None,
 ) -> Calibrated:
     """Return the camera that fits a survey best; `start` is the one that was given, and the prior.
 
     Numbers that become hardly surer than they were before are left as they were, the others move as far as the walk
     makes it probable (see `prior_width`). `earlier` is the result of the round before, whose change counts as
-    unsureness. Raises ConfigError for a lens that cannot be calibrated.
+    unsureness; `begin` are the equations at the survey's start, where they are known. Raises ConfigError for a lens
+    that cannot be calibrated.
     """
     mean, prior_s = vector_of(start), prior_sigma(start)
     given = vector_of(survey.camera)
     mean[SCALE_NUMBER] = given[SCALE_NUMBER]  # which the images do not show
     prior = Prior(mean, prior_s)
-    free, found, contradicted = FREE, None, False
+    system, contradicted = begin or System.at_start(survey, FREE), False
     while True:
-        found = fit(survey, prior, free, found, stopped, settled=TUNING.fit_roughly)
-        sure, enough = sigmas(survey, found, prior), TUNING.shown_share * prior_s[free]
+        found, free = fit(system, prior, stopped, settled=TUNING.fit_roughly), system.free
+        sure, enough = sigmas(found.system, prior), TUNING.shown_share * prior_s[free]
         shown = sure < enough
         plain = np.sqrt(np.diag(np.linalg.inv(found.information)))
         contradicted |= bool((~shown & (plain < enough) & np.isin(free, _FOCAL)).any())
@@ -76,12 +81,11 @@ def calibrated(
             break
         vector = mean.copy()
         vector[free[shown]] = found.vector[free[shown]]
-        free = free[shown]
-        found = Fit(vector, free, np.eye(len(free)), found.bundle)
+        system = System.of(survey, vector, found.bundle, free[shown])
     if shown.any():
         narrow = narrowed(prior, found, sure)
         prior, sure = narrow.prior, narrow.sigma
-        found = fit(survey, prior, free, found, stopped, _STEPS_MORE)
+        found = fit(found.system, prior, stopped, _STEPS_MORE)
     sigma, is_shown = prior_s.copy(), np.zeros(len(NAMES), dtype=np.bool_)
     sigma[free], is_shown[free] = sure, shown
     vector = np.where(is_shown, found.vector, mean)

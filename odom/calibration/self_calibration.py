@@ -11,7 +11,7 @@ import numpy as np
 
 from odom.backend import Odometry, TrajectoryPose
 from odom.backend.mapping.local_adjustment import Adjustment
-from odom.calibration.adjustment import FREE, Fit, Prior, fit, likely_gain, placed, start_of
+from odom.calibration.adjustment import FREE, Prior, System, fit, likely_gain, placed, start_of
 from odom.calibration.off_by import surely_off_px
 from odom.calibration.parameters import NAMES, TIMINGS, prior_sigma, vector_of
 from odom.calibration.result import CONTRADICTED, RESTLESS, Calibrated, as_measured, calibrated, judge, restless_share
@@ -72,9 +72,10 @@ def judged(
     """
     newest, in_use = survey.newest(TUNING.self_frames), survey.camera
     few = newest.of_frames(newest.every_nth(TUNING.self_times)).thinned(TUNING.self_observations, _SEED)
-    if likely_gain(few, Prior(vector_of(in_use), prior_sigma(in_use)), FREE) < TUNING.accept_gain:
+    begin = System.at_start(few, FREE)
+    if likely_gain(begin, Prior(vector_of(in_use), prior_sigma(in_use))) < TUNING.accept_gain:
         return SelfCalibration(reason=_GOOD)
-    found = calibrated(few, given)
+    found = calibrated(few, given, begin=begin)
     if found.contradicted:
         return SelfCalibration(reason=CONTRADICTED)
     if (moving := restless_share(few, found)) > TUNING.restless_most:
@@ -100,8 +101,7 @@ def _trajectory(
     prior = Prior(np.where(np.arange(len(NAMES)) < TIMINGS, 0.0, vector), prior_sigma(given))
     kept = survey.every_nth(TUNING.self_times)
     some = survey.of_frames(kept)
-    start = Fit(vector, _TIMING, np.eye(TIMINGS), start_of(some))
-    by_some = fit(some, prior, _TIMING, start, steps=_POSE_STEPS)
+    by_some = fit(System.of(some, vector, start_of(some), _TIMING), prior, steps=_POSE_STEPS)
     poses = survey.T_camera_map.copy()
     poses[kept] = by_some.bundle.T_camera_map
     seen_twice = np.bincount(some.landmark, minlength=len(some.landmarks)) >= _TWICE

@@ -3,26 +3,24 @@
 import numpy as np
 
 from odom.backend.tracking.tuning import TUNING as TRACKING
-from odom.calibration.adjustment import Fit, Prior, System, camera_arrays, places
+from odom.calibration.adjustment import Prior, System, camera_arrays, places
 from odom.calibration.normal_equations import scores_of
-from odom.calibration.survey import Survey
 from odom.calibration.tuning import TUNING
 from odom.evaluation.sandwich import sandwich_sigma
 from odom.geometry.arrays import Array
 
 
-def sigmas(survey: Survey, fitted: Fit, prior: Prior) -> Array:
-    """Return the standard deviations (p) of the fit's free numbers.
+def sigmas(system: System, prior: Prior) -> Array:
+    """Return the standard deviations (p) of the free numbers where a fit has ended.
 
     Each is the larger of two sandwich estimates, whose blocks are stretches of time and neighbouring landmarks: a
     depth image errs alike for a second, and a landmark that was chosen badly errs in every frame.
     """
-    system = System.of(survey, fitted.vector, fitted.bundle, fitted.free)
-    follows = system.follows(len(fitted.free))
-    information = system.information(prior.sigma[fitted.free] ** -2.0, follows)
+    survey, free = system.survey, system.free
+    information = system.information(prior.sigma[free] ** -2.0)
     scores = scores_of(
-        follows, system.V_inverse, system.W_number, system.W, fitted.bundle.T_camera_map, fitted.bundle.landmarks,
-        camera_arrays(survey, fitted.vector, fitted.free), places(survey), survey.arrays, TRACKING.cauchy_chi2,
+        system.follows, system.V_inverse, system.W_number, system.W, system.T_camera_map, system.landmarks,
+        camera_arrays(survey, system.vector, free), places(survey), survey.arrays, TRACKING.cauchy_chi2,
     )  # fmt: skip
     by_time = np.argsort(survey.seconds[survey.frame], kind="stable")
     return np.maximum(

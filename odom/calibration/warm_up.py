@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from odom.calibration.adjustment import FREE, Prior, fit, likely_gain, placed
+from odom.calibration.adjustment import FREE, Prior, System, fit, likely_gain, placed
 from odom.calibration.parameters import TIMINGS, prior_sigma, vector_of
 from odom.calibration.sureness import sigmas
 from odom.calibration.survey import Survey
@@ -34,7 +34,8 @@ def warm_up() -> None:
         recording=np.zeros(frames, dtype=np.int64),
     )
     prior = Prior(vector_of(camera), prior_sigma(camera))
-    likely_gain(survey, prior, FREE)
-    fitted = fit(survey, prior, FREE, steps=1)
-    sigmas(survey, fitted, prior)
+    begin = System.at_start(survey, FREE)
+    likely_gain(begin, prior)
+    fitted = fit(begin, prior, steps=1)
+    sigmas(fitted.system, prior)
     placed(survey, np.ones(frames, dtype=np.bool_), survey.T_camera_map, fitted, 1)

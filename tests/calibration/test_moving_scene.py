@@ -2,7 +2,7 @@
 
 import pytest
 
-from odom.calibration.adjustment import FREE, Prior, likely_gain
+from odom.calibration.adjustment import FREE, Prior, System, likely_gain
 from odom.calibration.off_by import surely_off_px
 from odom.calibration.parameters import prior_sigma, vector_of
 from odom.calibration.result import calibrated, restless_share
@@ -29,13 +29,14 @@ def test_a_scene_that_stands_still_is_not_taken_for_one_that_moves(numbers, seed
 @pytest.mark.parametrize("moving", [0.04, 0.1, 0.3])
 def test_a_body_that_walks_by_does_not_make_a_good_calibration_poor(moving):
     survey = made_up_survey(spoilt(), points=250, moving=moving)
-    assert likely_gain(survey, Prior(vector_of(SHEET), prior_sigma(SHEET)), FREE) < TUNING.accept_gain
+    assert likely_gain(System.at_start(survey, FREE), Prior(vector_of(SHEET), prior_sigma(SHEET))) < TUNING.accept_gain
     found = calibrated(survey, SHEET)
     assert surely_off_px(SHEET, found.camera, found.sigma, survey) < 0.5
 
 
 def test_a_poor_calibration_has_something_to_gain_and_a_good_one_has_not():
     prior = Prior(vector_of(SHEET), prior_sigma(SHEET))
-    gains = [likely_gain(made_up_survey(spoilt(**numbers), points=250), prior, FREE) for numbers in ({}, POOR)]
+    surveys = [made_up_survey(spoilt(**numbers), points=250) for numbers in ({}, POOR)]
+    gains = [likely_gain(System.at_start(survey, FREE), prior) for survey in surveys]
     assert gains[0] < 0.1 * TUNING.accept_gain
     assert gains[1] > TUNING.accept_gain

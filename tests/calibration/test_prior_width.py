@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_up_walk import SHEET, made_up_survey, spoilt
 
-from odom.calibration.adjustment import FREE, Prior, fit
+from odom.calibration.adjustment import FREE, Prior, System, fit
 from odom.calibration.parameters import LENS, NAMES, TIMINGS, prior_sigma, vector_of
 from odom.calibration.prior_width import narrowed
 from odom.calibration.result import as_measured, calibrated
@@ -52,7 +52,7 @@ def drawn_walks(width, seed):
     """What four walks say of cameras whose numbers were drawn at `width` times the prior's: errors in sigmas."""
     prior = Prior(vector_of(SHEET), prior_sigma(SHEET))
     rng = np.random.default_rng(seed)
-    fitted = fit(made_up_survey(vector_of(SHEET), points=150, seed=seed), prior, SLOW_FREE)
+    fitted = fit(System.at_start(made_up_survey(vector_of(SHEET), points=150, seed=seed), SLOW_FREE), prior)
     plain = np.linalg.inv(fitted.information)
     own = prior.sigma[SLOW_FREE]
     off = []

@@ -26,8 +26,8 @@ directions in which a camera and its walk look nearly alike."""
 _DAMPED = 100.0
 """Factor of the damping after a step that makes it worse."""
 _SETTLED, _ROUNDING = 1e-2, 1e-6
-"""Share of the cost that the last step gains at the most, for each sigma that it may be long, and that a step may lose
-by rounding."""
+"""Shares of the cost: what a step that is not made any more would gain at the most, for each sigma that it may be long,
+and what one may lose by rounding."""
 _HELD = 1e-9
 """Added to the diagonal, so that a pose without observations does not move."""
 
@@ -98,13 +98,23 @@ class System:
         numbers = len(known)
         return np.asarray(self.S[-numbers:, -numbers:] + self.S[-numbers:, :-numbers] @ self.follows + np.diag(known))
 
-    def stepped(self, step: Array) -> Bundle:
-        """Return the poses and landmarks after a `step` of all unknowns but the landmarks, which follow."""
+    def step(self, prior: Prior, damping: float = _DAMPING) -> tuple[Array, Array, Array]:
+        """Return the step of poses and numbers that lowers the cost most, the gradient (both n) and the factor of S."""
+        known, numbers = prior.sigma[self.free] ** -2.0, len(self.free)
+        gradient = self.rhs.copy()
+        gradient[len(gradient) - numbers :] -= known * (self.vector - prior.mean)[self.free]
+        factor = self.factor(known, damping)
+        return cho_solve((factor, True), gradient, check_finite=False), gradient, factor
+
+    def stepped(self, step: Array) -> tuple[Array, Bundle]:
+        """Return the camera's numbers, poses and landmarks after a `step` of all but the landmarks, which follow."""
+        vector = self.vector.copy()
+        vector[self.free] += step[len(step) - len(self.free) :]
         T, landmarks = stepped(
             self.T_camera_map, self.landmarks, places(self.survey), self.survey.frame, self.survey.landmark,
             self.V_inverse, self.b, self.W_number, self.W, step,
         )  # fmt: skip
-        return Bundle(T, landmarks, np.zeros(0))
+        return vector, Bundle(T, landmarks, np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,41 +172,35 @@ def fit(
 ) -> Fit:
     """Return the camera's free numbers, the poses and the landmarks that fit a survey best, from `start` on.
 
-    At most `steps` are made, each from equations of its own, until one is below `settled` sigma. Ends early, with what
-    was found so far, once `stopped` says so. Raises LinAlgError where the equations have no solution.
+    One step is made and at most `steps`, each from equations of its own, until the next would be below `settled` sigma.
+    Ends early, with what was found so far, once `stopped` says so. Raises LinAlgError where there is no solution.
     """
     survey, free = start.survey, start.free
     known = prior.sigma[free] ** -2.0
-    damping = _DAMPING
-
-    def off(vector: Array) -> Array:
-        return vector[free] - prior.mean[free]
 
     def cost_of(system: System) -> float:
-        return system.cost + float(known @ off(system.vector) ** 2)
+        return system.cost + float(known @ (system.vector - prior.mean)[free] ** 2)
 
-    now = start
+    now, damping = start, _DAMPING
     poses = len(now.S) - len(free)
-    for _ in range(steps):
-        gradient = now.rhs.copy()
-        gradient[poses:] -= known * off(now.vector)
-        factor = now.factor(known, damping)
-        step = cho_solve((factor, True), gradient, check_finite=False)
-        moved, less = now.vector.copy(), max(0.1 * damping, _DAMPING)
-        moved[free] += step[poses:]
-        trial = System.of(survey, moved, now.stepped(step), free, less)
+    for number in range(steps):
+        step, gradient, factor = now.step(prior, damping)
+        end = factor[poses:, poses:]  # of the numbers' information, since they come last
+        sigma = np.sqrt(np.diag(np.linalg.inv(end @ end.T)))
+        is_small = bool((np.abs(step[poses:]) < settled * sigma).all())
+        if number and is_small and gradient @ step < settled * _SETTLED * cost_of(now):
+            break
+        less = max(0.1 * damping, _DAMPING)
+        trial = System.of(survey, *now.stepped(step), free, less)
         gained = cost_of(now) - cost_of(trial)
         if gained > 0.0:
-            end = factor[poses:, poses:]  # of the numbers' information, since they come last
-            sigma = np.sqrt(np.diag(np.linalg.inv(end @ end.T)))
-            is_small = bool((np.abs(step[poses:]) < settled * sigma).all())
-            is_settled = is_small and gained < settled * _SETTLED * cost_of(trial)
             now, damping = trial, less
+        elif gained > -_ROUNDING * cost_of(now):
+            break
         else:
-            is_settled = gained > -_ROUNDING * cost_of(now)
             damping *= _DAMPED
             now = System.of(survey, now.vector, now.bundle, free, damping)
-        if is_settled or stopped():
+        if stopped():
             break
     if damping > _DAMPING:  # what is said of the numbers must not depend on the damping that the steps ended with
         now = System.of(survey, now.vector, now.bundle, free)

@@ -1,7 +1,7 @@
 """Whether a calibration explains frames it has not seen better than the one before it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -44,33 +44,29 @@ def split(survey: Survey) -> Mask:
 def compare(
     survey: Survey, before: Array, after: Fit, prior: Prior, stopped: Callable[[], bool]
 ) -> tuple[tuple[Residuals, Residuals], tuple[Fit, Fit]]:
-    """Return the residuals on held-out observations by the camera `before` (28) and by one that is fitted anew.
+    """Return the residuals on held-out observations by the camera `before` (28) and by that of the fit `after`.
 
-    With them come the two fits, which have not seen these observations. Each begins where all observations by its
-    camera left the poses and landmarks: from elsewhere, some landmarks would not find to where they belong.
+    With them come the fits to all observations by both. What each would be without those held out is one step away:
+    from farther off, some landmarks would not find to where they belong.
     """
     held = split(survey)
-    seen = survey.part(~held)
-    timing = replace(prior, mean=before)
-    given = fit(System.of(survey, before, start_of(survey), _TIMING), timing, stopped)
-    fits = []
-    for found in (given, after):
-        mean = np.where(np.isin(np.arange(len(found.vector)), found.free), prior.mean, found.vector)
-        begin = System.of(seen, found.vector, found.bundle, found.free)
-        fits.append(fit(begin, replace(prior, mean=mean), stopped))
-    old, new = fits
-    rest = survey.part(held)
-    return (residuals(rest, old), residuals(rest, new)), (old, new)
+    seen, rest = survey.part(~held), survey.part(held)
+    given = fit(System.of(survey, before, start_of(survey), _TIMING), prior, stopped)
+
+    def unseen(fitted: Fit) -> Residuals:
+        system = System.of(seen, fitted.vector, fitted.bundle, fitted.free)
+        return residuals(rest, *system.stepped(system.step(prior)[0]))
+
+    return (unseen(given), unseen(after)), (given, after)
 
 
-def residuals(survey: Survey, fitted: Fit) -> Residuals:
-    """Return the residuals of a survey at a fit's camera, poses and landmarks."""
-    bundle = Bundle(fitted.bundle.T_camera_map, fitted.bundle.landmarks, np.zeros(0))
-    lines = linearised(survey, fitted.vector, bundle)
+def residuals(survey: Survey, vector: Array, bundle: Bundle) -> Residuals:
+    """Return the residuals of a survey at a camera's `vector` (28), poses and landmarks."""
+    lines = linearised(survey, vector, bundle)
     ray, depth = chi_squared(lines)
     deep = np.isfinite(depth)
     cauchy = TRACKING.cauchy_chi2
-    fx, fy = fitted.vector[TIMINGS : TIMINGS + 2]
+    fx, fy = vector[TIMINGS : TIMINGS + 2]
     px = np.hypot(fx * lines.residuals[:, 0], fy * lines.residuals[:, 1])
     return Residuals(
         float(np.mean(cauchy * np.log1p(ray / cauchy))),

@@ -207,9 +207,11 @@ def scores_of(
         f = pose[frame[o]]
         if f >= 0:
             for j in range(3):
+                row = rest[landmark[o], j]
                 for a in range(6):
+                    pull, by_pose = W[o, j, a], follows[f + a]
                     for i in range(numbers):
-                        rest[landmark[o], j, i] -= W[o, j, a] * follows[f + a, i]
+                        row[i] -= pull * by_pose[i]
     for k in range(L):
         for a in range(3):
             for j in range(3):
@@ -219,14 +221,17 @@ def scores_of(
     for o in range(N):
         whitened_terms(o, T_camera_map[frame[o]], landmarks[landmark[o]], camera, seen, cauchy, J, P, C, r)
         f = pose[frame[o]]
-        for c in range(3):
+        score, moved_point = scores[o], point[landmark[o]]
+        for i in range(numbers):
+            score[i] = r[0] * C[0, i] + r[1] * C[1, i] + r[2] * C[2, i]
+        for j in range(3):
+            pull = r[0] * P[0, j] + r[1] * P[1, j] + r[2] * P[2, j]
             for i in range(numbers):
-                scores[o, i] += r[c] * C[c, i]
-            for j in range(3):
+                score[i] += pull * moved_point[j, i]
+        if f >= 0:
+            for a in range(6):
+                pull = r[0] * J[0, a] + r[1] * J[1, a] + r[2] * J[2, a]
+                row = follows[f + a]
                 for i in range(numbers):
-                    scores[o, i] += r[c] * P[c, j] * point[landmark[o], j, i]
-            if f >= 0:
-                for a in range(6):
-                    for i in range(numbers):
-                        scores[o, i] += r[c] * J[c, a] * follows[f + a, i]
+                    score[i] += pull * row[i]
     return scores

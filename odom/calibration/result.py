@@ -130,7 +130,10 @@ def as_measured(result: Calibrated) -> Calibrated:
 
 @dataclass(frozen=True)
 class Judgement:
-    """Residuals on frames that were held out, with the camera as it was and as calibrated, and whether to use it."""
+    """Residuals on frames that were held out, with the camera as it was and as calibrated, and whether to use it.
+
+    `fits` are those by both cameras to all frames.
+    """
 
     before: Residuals
     after: Residuals

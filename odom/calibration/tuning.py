@@ -43,7 +43,7 @@ class Tuning:
     fit_steps: int = tuned(12, unit="steps", source=_WALKS,
         effect="fewer: far calibrations are not reached in one go; more: slower without gain")
     fit_settled: float = tuned(0.1, unit="sigma", source="far below what is claimed",
-        effect="largest step that ends the fit; smaller: slower; larger: ends early")
+        effect="largest step that is not made any more; smaller: slower; larger: ends early")
     fit_roughly: float = tuned(0.5, unit="sigma", source="looks at fr1_xyz and fr1_rpy: numbers as with .1, an eighth "
         "of the CPU less", effect="as fit_settled, for the fits that show which numbers a walk determines")
     # sureness

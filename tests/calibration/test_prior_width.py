@@ -63,7 +63,7 @@ def drawn_walks(width, seed):
         pulled = np.linalg.solve(seen, measured - prior.mean[SLOW_FREE])
         vector = prior.mean.copy()
         vector[SLOW_FREE] += plain @ pulled
-        narrow = narrowed(prior, replace(fitted, vector=vector), np.sqrt(np.diag(plain)))
+        narrow = narrowed(prior, replace(fitted, system=replace(fitted.system, vector=vector)), np.sqrt(np.diag(plain)))
         information = np.linalg.inv(seen) + np.diag(narrow.prior.sigma[SLOW_FREE] ** -2.0)
         error = prior.mean[SLOW_FREE] + np.linalg.solve(information, pulled) - truth
         off.append(error / (TUNING.sure_measured * narrow.sigma))

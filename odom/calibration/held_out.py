@@ -78,8 +78,10 @@ def residuals(survey: Survey, vector: Array, bundle: Bundle) -> Residuals:
 
 def is_better(before: Residuals, after: Residuals) -> bool:
     """Return whether the second explains the held-out frames better: rays and depth together, and neither worse."""
-    least = TUNING.accept_gain
-    gained = after.cost < (1.0 - least) * before.cost
-    return (
-        gained and after.ray_cost < (1 + least) * before.ray_cost and after.depth_cost < (1 + least) * before.depth_cost
-    )
+    return after.cost < (1.0 - TUNING.accept_gain) * before.cost and is_no_worse(before, after)
+
+
+def is_no_worse(before: Residuals, after: Residuals) -> bool:
+    """Return whether the second explains rays and depth of the held-out frames as well as the first, or better."""
+    most = 1.0 + TUNING.accept_gain
+    return after.ray_cost < most * before.ray_cost and after.depth_cost < most * before.depth_cost

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from odom.calibration.adjustment import FREE, Fit, Prior, System, fit
-from odom.calibration.held_out import Residuals, compare, is_better
+from odom.calibration.held_out import Residuals, compare, is_better, is_no_worse
 from odom.calibration.linearised import chi_squared, linearised
 from odom.calibration.parameters import GROUPS, NAMES, SCALE_NUMBER, camera_of, numbers_of, prior_sigma, vector_of
 from odom.calibration.prior_width import narrowed
@@ -19,6 +19,8 @@ from odom.geometry.arrays import Array, Mask
 _FOCAL = (NAMES.index("fx"), NAMES.index("fy"))
 _SEVERAL = 3
 """Frames that must see a landmark for it to be judged."""
+_SURELY = 3.0
+"""Sigmas by which the unit of depth must be off to be mended where nothing else is."""
 _STEPS_MORE = 4
 """Steps under the narrowed prior, which moves the camera by a few sigmas at most."""
 
@@ -142,6 +144,15 @@ class Judgement:
 
 
 def judge(survey: Survey, result: Calibrated, stopped: Callable[[], bool] = lambda: False) -> Judgement:
-    """Return how a calibration does on frames that it is fitted without."""
+    """Return how a calibration does on frames that it is fitted without.
+
+    The unit of length shows in no residual: with one that motion capture surely mends, it need not do better there.
+    """
     (before, after), fits = compare(survey, result.start, result.fitted, result.prior, stopped)
-    return Judgement(before, after, is_better(before, after), fits)
+    use = is_better(before, after) or (_mends_unit(result) and is_no_worse(before, after))
+    return Judgement(before, after, use, fits)
+
+
+def _mends_unit(result: Calibrated) -> bool:
+    moved = abs(float((result.vector - result.start)[SCALE_NUMBER]))
+    return bool(result.shown[SCALE_NUMBER]) and moved > _SURELY * float(result.sigma[SCALE_NUMBER])

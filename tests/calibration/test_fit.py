@@ -94,7 +94,22 @@ def test_a_better_calibration_is_told_from_one_that_is_no_better():
     wrong = made_up_survey(spoilt(fx=15.0, k1=0.1))
     assert judge(wrong, calibrated(wrong, SHEET)).is_better
     right = made_up_survey(vector_of(SHEET))
-    assert not judge(right, calibrated(right, SHEET)).is_better
+    good = calibrated(right, SHEET)
+    assert not judge(right, good).is_better
+    assert not judge(right, with_unit(good, 1.005)).is_better
+
+
+def with_unit(found, unit):
+    """What motion capture makes of a calibration: the unit of depth, to .3 %."""
+    is_unit = np.array(NAMES) == "scale_1"
+    sigma, vector = np.where(is_unit, 0.003, found.sigma), np.where(is_unit, unit, found.vector)
+    return replace(found, vector=vector, sigma=sigma, shown=found.shown | is_unit)
+
+
+@pytest.mark.long
+def test_a_unit_that_motion_capture_mends_is_taken_though_no_image_shows_it():
+    right = made_up_survey(vector_of(SHEET))
+    assert judge(right, with_unit(calibrated(right, SHEET), 0.98)).is_better
 
 
 def test_derivatives_of_the_projection_are_those_of_its_values():

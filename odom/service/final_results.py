@@ -13,6 +13,7 @@ from odom.service.map_keeper import MapKeeper
 from odom.service.progress import hand_up
 from odom.service.result_files import RunFiles, write_json
 from odom.service.run_statistics import RunStatistics
+from odom.wire.allocator import give_back_freed
 
 
 def save_results(
@@ -22,7 +23,9 @@ def save_results(
 
     The report is handed up even where the files cannot be written.
     """
-    begun, poses = time.perf_counter(), odometry.finish()
+    begun = time.perf_counter()
+    give_back_freed()  # what is adjusted now takes the most memory of the run
+    poses = odometry.finish()
     keeper.save(odometry)
     statistics.add_loops(odometry.late_loops)
     publisher.loops(odometry.late_loops)

@@ -44,7 +44,7 @@ def give_back_freed() -> None:
 
 
 def give_back_code() -> None:
-    """Let go of the code of libraries, at the end of a start: most of it is not called again, least of all the compiler.
+    """Let go of the code of libraries at the end of a start: most is not called again, least of all the compiler's.
 
     What is called again is mapped again, from the system's cache of files. Code that was changed in memory stays.
     """

@@ -1,5 +1,6 @@
 """The calibration of a run while it goes on: what is tracked from then on is tracked by a better camera."""
 
+import threading
 from collections.abc import Callable
 
 import numpy as np
@@ -25,10 +26,19 @@ def is_sure(survey: Survey, found: Calibrated) -> bool:
 
 
 class MidRunCalibrator:
-    """A calibrator for an `Odometry`; `latest` is what it found last, None as long as the camera given is kept."""
+    """A calibrator for an `Odometry`; `latest` is what it found last, None as long as the camera given is kept.
 
-    def __init__(self) -> None:
+    Its work waits for `ready`: what it needs may still be compiled.
+    """
+
+    def __init__(self, ready: threading.Event | None = None) -> None:
         self.latest: SelfCalibration | None = None
+        self._ready = ready
+
+    def wait(self) -> None:
+        """Wait until the work can be done."""
+        if self._ready is not None:
+            self._ready.wait()
 
     def looked_at(self, odometry: Odometry) -> Callable[[], Camera | None]:
         """Return the work that finds a better camera in what was measured so far (see `Calibrator`)."""
@@ -38,6 +48,7 @@ class MidRunCalibrator:
             return lambda: None
 
         def work() -> Camera | None:
+            self.wait()
             try:
                 found = judged(survey, given, lambda found: is_sure(survey, found))
             except (InputError, ConfigError, np.linalg.LinAlgError):

@@ -1,5 +1,6 @@
 """What a run leaves when its source has ended: final trajectory, report, and a calibration if it has one to offer."""
 
+import threading
 import time
 
 from odom.backend import Odometry, OdometrySettings
@@ -47,6 +48,8 @@ def _self_calibration(odometry: Odometry, keeper: MapKeeper) -> SelfCalibration:
         return SelfCalibration(reason="odometry.self_calibration is off")
     if keeper.has_map:
         return SelfCalibration(reason="the map is kept with the camera that it was made with")
+    if isinstance(odometry.calibrator, MidRunCalibrator):
+        odometry.calibrator.wait()
     return self_calibrated(odometry, latest_calibration(odometry))
 
 
@@ -56,6 +59,6 @@ def latest_calibration(odometry: Odometry) -> SelfCalibration | None:
     return calibrator.latest if is_changed and isinstance(calibrator, MidRunCalibrator) else None
 
 
-def calibrator_for(settings: OdometrySettings, keeper: MapKeeper) -> MidRunCalibrator | None:
-    """Return what calibrates a run while it goes on, None where it keeps the camera that it is given."""
-    return MidRunCalibrator() if settings.self_calibration and not keeper.has_map else None
+def calibrator_for(settings: OdometrySettings, keeper: MapKeeper, ready: threading.Event) -> MidRunCalibrator | None:
+    """Return what calibrates a run while it goes on, once it is `ready`; None where a run keeps the camera given."""
+    return MidRunCalibrator(ready) if settings.self_calibration and not keeper.has_map else None

@@ -44,10 +44,10 @@ def serve(
     """
     topics = Topics(settings.wire.namespace)
     started = time.monotonic()
-    warm_up(settings.odometry, topics)
+    calibrates = warm_up(settings.odometry, topics)
     with open_session(settings.wire) as session:
         mirror = join_ros2(session, settings.wire, "odometry")
-        process = OdometryProcess(session, topics, settings, files, keeper, mirror)
+        process = OdometryProcess(session, topics, settings, files, keeper, calibrates, mirror)
         session.announce(topics.alive_of("odometry"))
         notify_service_manager("READY=1")
         _LOG.info("ready after %.1f s, listening on %s", time.monotonic() - started, topics.namespace)
@@ -70,20 +70,20 @@ class OdometryProcess:
         settings: Settings,
         files: RunFiles | None,
         keeper: MapKeeper,
+        calibrates: threading.Event,
         mirror: Mirror | None = None,
     ) -> None:
-        self._topics = topics
-        self._settings = settings
+        self._topics, self._settings = topics, settings
         self._files = files
         self._keeper = keeper
+        self._calibrates = calibrates
         self._publisher = EstimatePublisher(session, topics, settings.service, mirror)
         self._receiver = FrameReceiver(session, topics, settings.service.live_frames)
         self.statistics = RunStatistics()
         self._odometry: Odometry | None = None
         self._last: Estimate | None = None
         self._last_at = time.monotonic()
-        self._unsaved = False
-        self._is_live = False
+        self._unsaved = self._is_live = False
         self._camera_in_use: Camera | None = None
         self._anticipated_ms = 0.0
         self._neighbours = Neighbours(session, topics, lambda: self._receiver.source_ended)
@@ -146,7 +146,7 @@ class OdometryProcess:
     def _calibrate(self, camera: Camera) -> None:
         saved = self._keeper.begin(camera, self._odometry)
         try:
-            calibrator = calibrator_for(self._settings.odometry, self._keeper)
+            calibrator = calibrator_for(self._settings.odometry, self._keeper, self._calibrates)
             self._odometry = Odometry(camera, self._settings.odometry, saved, calibrator=calibrator)
         except OdomError as error:
             _LOG.error("the calibration is refused, another one may follow: %s", error)

@@ -6,13 +6,14 @@ import multiprocessing
 import os
 import socket
 import threading
-from multiprocessing.process import BaseProcess
+from multiprocessing.synchronize import Event
 
 import cv2
 import numpy as np
 
 from odom.backend import Odometry, OdometrySettings
 from odom.backend.map.pose_graph import Edge, EdgeArrays, optimise
+from odom.backend.mapping import bundle_adjustment
 from odom.backend.tracking import consensus
 from odom.calibration import warm_up as calibration
 from odom.frame import Camera, RgbdFrame, Stamp
@@ -33,27 +34,28 @@ _LOST_AT = 8
 """The frame before which 3 s are missing, so that the camera is lost and looks for a known place."""
 _PATIENCE_S = 4.0
 """A start that takes longer is compiling, and says so: loading what is compiled takes less."""
+_COMPILER_POLL_S = 0.1
+"""Between two looks whether the second compiler has died; it says itself when it is done."""
 
 
-def warm_up(settings: OdometrySettings, topics: Topics) -> None:
+def warm_up(settings: OdometrySettings, topics: Topics) -> threading.Event:
     """Run made-up frames through codec and odometry, and a small pose graph; exclude it all from garbage collection.
 
     Otherwise the first frames would wait for imports and compilation, as would the first relocalisation and the first
-    closed loop: so the camera is lost in between.
+    closed loop: so the camera is lost in between. A first start does not wait for what calibrates a run after some
+    seconds: the event that is returned is set once that is compiled and loaded, too.
     """
     keep_little()
     gc.freeze()  # what has been imported stays: to look through it takes a tenth of a second
     cv2.setNumThreads(1)
-    patience = threading.Timer(_PATIENCE_S, _LOG.info, ["compiling: the first start takes about half a minute longer"])
+    patience = threading.Timer(_PATIENCE_S, _LOG.info, ["compiling: the first start takes some 20 s longer"])
     patience.daemon = True
     patience.start()
-    compiler = _second_compiler(settings)
+    compiler = None if compiled_before() else _SecondCompiler(settings.self_calibration)
     camera = Camera(400, 300, 328.0, 328.0, 199.5, 149.5)
     texture = np.random.default_rng(1).integers(0, 256, (60, 80), dtype=np.uint8)
     scene = np.asarray(cv2.resize(texture, (440, 320), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
     codec.decode_camera_info(codec.encode_camera_info(topics.camera_info, Stamp(0), camera))
-    small = np.zeros((48, 64), dtype=np.uint16)
-    codec.decode_depth(codec.encode_depth_compressed(topics.depth_compressed, Stamp(0), small, codec="rvl"))
     codec.decode_color(codec.encode_color(topics.color, Stamp(0), np.zeros((48, 64, 3), dtype=np.uint8)), grey=True)
     odometry, paths = Odometry(camera, settings), PathTopics(topics)
     for i in range(_WARM_FRAMES):
@@ -72,41 +74,83 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> None:
         feature_message(topics, estimate)
         keyframe_message(topics, frame, camera, jpeg, 100)
     odometry.finish()
-    consensus.warm_up()
-    moving_surfaces.warm_up()
     codec.encode_status(topics.status, codec.Status(stamp, "", 0, "", RunStatistics().status()))
     if compiler is not None:
-        compiler.join()
-    _warm_up_beside_frames(settings.self_calibration)
-    patience.cancel()
+        compiler.wait_until_adjusted()
+    _warm_up_beside_frames()
     del odometry
+    calibrates = threading.Event()
+    if compiler is None:
+        _warm_up_calibration(settings.self_calibration, calibrates)
+    patience.cancel()
     gc.collect()
     gc.freeze()
     give_back_freed()
     give_back_code()
+    if compiler is not None:
+        arguments = (compiler, settings.self_calibration, calibrates)
+        threading.Thread(target=_load_what_is_compiled, args=arguments, name="calibration-code", daemon=True).start()
+    return calibrates
 
 
-def _second_compiler(settings: OdometrySettings) -> BaseProcess | None:
-    """Start a process that compiles what frames do not need at once, None where that was compiled before.
+class _SecondCompiler:
+    """A process that compiles what frames do not need at once; the two share what is on disk.
 
-    The compiler works in one thread; the two processes share what is on disk. It ends with this process.
+    The compiler works in one thread. The process ends with this one.
     """
-    if compiled_before():
-        return None
-    target, arguments = _warm_up_beside_frames, (settings.self_calibration,)
-    compiler = multiprocessing.get_context("spawn").Process(target=target, args=arguments, daemon=True)
-    compiler.start()
-    return compiler
+
+    def __init__(self, self_calibration: bool) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._has_adjusted = context.Event()
+        arguments = (self_calibration, self._has_adjusted)
+        self._process = context.Process(target=_compile, args=arguments, daemon=True)
+        self._process.start()
+
+    def wait_until_adjusted(self) -> None:
+        """Wait until all is compiled but what calibrates."""
+        while self._process.is_alive() and not self._has_adjusted.wait(_COMPILER_POLL_S):
+            continue
+
+    def wait(self) -> None:
+        """Wait until all is compiled."""
+        self._process.join()
 
 
-def _warm_up_beside_frames(self_calibration: bool) -> None:
-    """Register made-up pairs, adjust a small pose graph, and calibrate a made-up camera."""
+def _compile(self_calibration: bool, has_adjusted: Event) -> None:
+    gc.disable()  # the process does not live long
+    _warm_up_beside_frames()
+    has_adjusted.set()
+    _warm_up_calibration(self_calibration, threading.Event())
+
+
+def _warm_up_beside_frames() -> None:
+    """Register made-up pairs, adjust a bundle, choose between poses, code depth, and adjust a small pose graph.
+
+    The second compiler begins with what frames need soonest.
+    """
     registration.warm_up()
-    if self_calibration:
-        calibration.warm_up()
+    bundle_adjustment.warm_up()
+    consensus.warm_up()
+    small = np.zeros((48, 64), dtype=np.uint16)
+    codec.decode_depth(codec.encode_depth_compressed("depth", Stamp(0), small, codec="rvl"))
+    moving_surfaces.warm_up()
     still = np.tile(np.eye(4), (2, 1, 1))
     optimise(still, np.array([True, False]), EdgeArrays.of([Edge(0, 1, np.eye(4), np.eye(6), True)]))
     nearest(np.zeros((1, 3)), np.zeros((1, 3)), 1)
+
+
+def _warm_up_calibration(self_calibration: bool, calibrates: threading.Event) -> None:
+    try:
+        if self_calibration:
+            calibration.warm_up()
+    finally:
+        calibrates.set()
+
+
+def _load_what_is_compiled(compiler: _SecondCompiler, self_calibration: bool, calibrates: threading.Event) -> None:
+    compiler.wait()
+    _warm_up_calibration(self_calibration, calibrates)
+    give_back_code()
 
 
 def notify_service_manager(state: str) -> None:

@@ -103,3 +103,14 @@ def adjust(
     S_poses.flat[:: poses + 1] += 1e-9
     information = S[poses:, poses:] - S_across.T @ np.linalg.solve(S_poses, S_across)
     return Bundle(best.T_camera_map, best.landmarks, best.timing_change, information, V_inverse)
+
+
+def warm_up() -> None:
+    """Compile the loops, or load them, by a made-up adjustment of two frames."""
+    landmarks = np.random.default_rng(0).uniform((-1.0, -1.0, 2.0), (1.0, 1.0, 4.0), (9, 3))
+    values = np.repeat(np.column_stack([landmarks[:, :2], np.ones(9)]) / landmarks[:, 2:], 2, axis=0)
+    order = np.arange(18)
+    variances = np.tile([1e-6, 0.0, 1e-6, 1e-6], (18, 1))
+    observations = Observations(order % 2, order // 2, values, np.zeros((18, 3, 3)), variances)
+    bundle = Bundle(np.tile(np.eye(4), (2, 1, 1)), landmarks, np.zeros(3))
+    adjust(bundle, np.array([True, False]), observations, np.eye(3), 1)

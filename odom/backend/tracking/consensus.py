@@ -142,10 +142,11 @@ def triples_needed(share: float) -> int:
 
 def warm_up() -> None:
     """Compile what `consensus` needs, or load it: in a still scene it is not called before the first passer-by."""
-    points = np.random.default_rng(0).uniform((-1.0, -1.0, 2.0), (1.0, 1.0, 4.0), (9, 3))
+    points = np.random.default_rng(0).uniform((-1.0, -1.0, 2.0), (1.0, 1.0, 4.0), (40, 3))
     rays = points[:, :2] / points[:, 2:]
-    features = FollowedFeatures(points, np.zeros(3), rays, points[:, :2], np.ones(9, np.int64), 1.0, 1e-3)
-    consensus(features, np.eye(4), ExpectedPose.at_unknown_velocity(np.eye(4), 1.0))
+    features = FollowedFeatures(points, np.zeros(3), rays, points[:, :2], np.ones(40, np.int64), 1.0, 1e-3)
+    T_wrong = se3.exp(np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    consensus(features, T_wrong, ExpectedPose.at_unknown_velocity(np.eye(4), 1.0))
 
 
 @compiled

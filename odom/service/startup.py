@@ -51,7 +51,7 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> threading.Event:
     keep_little()
     gc.freeze()  # what has been imported stays: to look through it takes a tenth of a second
     cv2.setNumThreads(1)
-    patience = threading.Timer(_PATIENCE_S, _LOG.info, ["compiling: the first start takes some 20 s longer"])
+    patience = threading.Timer(_PATIENCE_S, _LOG.info, ["compiling: the first start takes up to half a minute longer"])
     patience.daemon = True
     patience.start()
     compiler = None if compiled_before() else _SecondCompiler(settings.self_calibration)

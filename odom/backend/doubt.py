@@ -13,12 +13,14 @@ class Doubt:
     """The `seconds` in doubt so far, and the `integral` over them of the velocity's covariance (6 x 6, camera frame).
 
     A body that is followed moves on for long, so that the errors of its velocity v add up: over a time t that it lasts,
-    cov(t v) = t times the integral of cov(v). `is_open`: it goes on.
+    cov(t v) = t times the integral of cov(v). `is_open`: it goes on. `resolved` counts how often the camera has come to
+    know its place again, from where on it is counted anew.
     """
 
     seconds: float = 0.0
     integral: Array = field(default_factory=lambda: np.zeros((6, 6)))
     is_open: bool = False
+    resolved: int = 0
 
     def after(self, T_earlier_current: Array, spread: Array | None, since_s: float) -> "Doubt":
         """Return the doubt `since_s` seconds later, the camera having moved by `T_earlier_current`.
@@ -27,16 +29,22 @@ class Doubt:
         """
         integral = _carried(self.integral, T_earlier_current)
         if spread is None:
-            return Doubt(self.seconds, integral)
-        return Doubt(self.seconds + since_s, integral + since_s * spread, True)
+            return Doubt(self.seconds, integral, False, self.resolved)
+        return Doubt(self.seconds + since_s, integral + since_s * spread, True, self.resolved)
+
+    def known_again(self) -> "Doubt":
+        """Return the doubt of a camera that knows its place again: none."""
+        return Doubt(resolved=self.resolved + 1)
 
     def since(self, earlier: "Doubt", T_earlier_current: Array) -> Array:
         """Return what it adds to the covariance (6 x 6, camera frame) of the motion since an earlier pose.
 
-        Where the camera has come to know its place again since, it is the earlier pose alone that is in doubt.
+        Where the camera has come to know its place again since, each of the two poses is in doubt by itself.
         """
-        before, seconds = _carried(earlier.integral, T_earlier_current), self.seconds - earlier.seconds
-        return seconds * (self.integral - before) if seconds >= 0.0 else earlier.seconds * before
+        before = _carried(earlier.integral, T_earlier_current)
+        if self.resolved == earlier.resolved:
+            return (self.seconds - earlier.seconds) * (self.integral - before)
+        return earlier.seconds * before + self.seconds * self.integral
 
 
 def _carried(covariance: Array, T_earlier_current: Array) -> Array:

@@ -48,5 +48,15 @@ def test_it_turns_with_the_camera() -> None:
 
 def test_once_the_camera_knows_its_place_again_only_the_earlier_pose_is_in_doubt() -> None:
     *_, middle, last = lasting(10)
-    assert np.allclose(Doubt().since(last, STILL), last.since(Doubt(), STILL))
-    assert np.allclose(Doubt().since(middle, STILL), middle.since(Doubt(), STILL))
+    known = last.known_again()
+    assert np.allclose(known.since(last, STILL), last.since(Doubt(), STILL))
+    assert np.allclose(known.since(middle, STILL), middle.since(Doubt(), STILL))
+
+
+def test_a_second_doubt_is_none_of_the_first_however_long_it_lasts() -> None:
+    *_, first = lasting(2)
+    second = first.known_again()
+    for _ in range(10):
+        second = second.after(STILL, SPREAD, 0.1)
+    assert np.allclose(second.since(first, STILL), first.since(Doubt(), STILL) + SPREAD)
+    assert (np.linalg.eigvalsh(second.since(first, STILL)) > -1e-12).all()

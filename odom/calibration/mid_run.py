@@ -28,12 +28,13 @@ def is_sure(survey: Survey, found: Calibrated) -> bool:
 class MidRunCalibrator:
     """A calibrator for an `Odometry`; `latest` is what it found last, None as long as the camera given is kept.
 
-    Its work waits for `ready`: what it needs may still be compiled.
+    Its work waits for `ready`: what it needs may still be compiled. The frames of a live stream cannot wait: unless
+    `may_wait()`, a look before that finds nothing.
     """
 
-    def __init__(self, ready: threading.Event | None = None) -> None:
+    def __init__(self, ready: threading.Event | None = None, may_wait: Callable[[], bool] = lambda: True) -> None:
         self.latest: SelfCalibration | None = None
-        self._ready = ready
+        self._ready, self._may_wait = ready, may_wait
 
     def wait(self) -> None:
         """Wait until the work can be done."""
@@ -42,6 +43,8 @@ class MidRunCalibrator:
 
     def looked_at(self, odometry: Odometry) -> Callable[[], Camera | None]:
         """Return the work that finds a better camera in what was measured so far (see `Calibrator`)."""
+        if self._ready is not None and not self._ready.is_set() and not self._may_wait():
+            return lambda: None
         try:
             survey, given = surveyed(odometry)[0], odometry.camera
         except (InputError, ConfigError, np.linalg.LinAlgError):

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections.abc import Callable
 
 from odom.backend import Odometry, OdometrySettings
 from odom.calibration.mid_run import MidRunCalibrator
@@ -59,6 +60,11 @@ def latest_calibration(odometry: Odometry) -> SelfCalibration | None:
     return calibrator.latest if is_changed and isinstance(calibrator, MidRunCalibrator) else None
 
 
-def calibrator_for(settings: OdometrySettings, keeper: MapKeeper, ready: threading.Event) -> MidRunCalibrator | None:
-    """Return what calibrates a run while it goes on, once it is `ready`; None where a run keeps the camera given."""
-    return MidRunCalibrator(ready) if settings.self_calibration and not keeper.has_map else None
+def calibrator_for(
+    settings: OdometrySettings, keeper: MapKeeper, ready: threading.Event, may_wait: Callable[[], bool]
+) -> MidRunCalibrator | None:
+    """Return what calibrates a run while it goes on, None where a run keeps the camera given.
+
+    Until it is `ready`, frames that `may_wait` do so.
+    """
+    return MidRunCalibrator(ready, may_wait) if settings.self_calibration and not keeper.has_map else None

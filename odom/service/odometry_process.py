@@ -74,9 +74,7 @@ class OdometryProcess:
         mirror: Mirror | None = None,
     ) -> None:
         self._topics, self._settings = topics, settings
-        self._files = files
-        self._keeper = keeper
-        self._calibrates = calibrates
+        self._files, self._keeper, self._calibrates = files, keeper, calibrates
         self._publisher = EstimatePublisher(session, topics, settings.service, mirror)
         self._receiver = FrameReceiver(session, topics, settings.service.live_frames)
         self.statistics = RunStatistics()
@@ -146,8 +144,9 @@ class OdometryProcess:
     def _calibrate(self, camera: Camera) -> None:
         saved = self._keeper.begin(camera, self._odometry)
         try:
-            calibrator = calibrator_for(self._settings.odometry, self._keeper, self._calibrates)
-            self._odometry = Odometry(camera, self._settings.odometry, saved, calibrator=calibrator)
+            settings = self._settings.odometry
+            calibrator = calibrator_for(settings, self._keeper, self._calibrates, lambda: not self._is_live)
+            self._odometry = Odometry(camera, settings, saved, calibrator=calibrator)
         except OdomError as error:
             _LOG.error("the calibration is refused, another one may follow: %s", error)
             self._receiver.refuse(camera)
@@ -163,6 +162,7 @@ class OdometryProcess:
         if self._odometry is None:  # its calibration was refused
             self.statistics.refused += 1
             return
+        self._is_live = origin is not None
         self.statistics.begin()
         begun = time.perf_counter()
         try:
@@ -182,7 +182,6 @@ class OdometryProcess:
         self._log_changes(estimate)
         self._log_camera(self._odometry, estimate)
         self._last, self._last_at, self._unsaved = estimate, time.monotonic(), True
-        self._is_live = origin is not None
         self._publisher.pictures(estimate)
         if estimate.is_keyframe:
             self._show_keyframe(arrival, estimate.moving)

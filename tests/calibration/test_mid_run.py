@@ -1,5 +1,6 @@
 """A camera is changed in mid-run only where the walk shows another one surely; what is tracked then gains."""
 
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -41,6 +42,11 @@ def test_the_centre_alone_hardly_counts_since_the_camera_may_be_turned_in_its_ho
     sigma = found.sigma.copy()
     sigma[5:7] *= 3.0
     assert unsure_px(replace(found, sigma=sigma)) < 2.5 * unsure_px(found)
+
+
+def test_frames_of_a_live_stream_do_not_wait_until_the_calibrator_is_compiled():
+    look = MidRunCalibrator(threading.Event(), may_wait=lambda: False).looked_at(None)
+    assert look() is None
 
 
 @pytest.mark.long

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from made_up_scene import bare_keyframe
-from running import run
+from running import read_tum_frames, run
 
 from odom.backend.map.frame_log import FrameLog, LoggedFrame
 from odom.backend.map.keyframe import Measured
@@ -75,8 +75,9 @@ def test_frames_of_a_key_frame_without_intermediate_frames_and_lost_ones_stay():
     np.testing.assert_array_equal(placed[2].T_keyframe_camera, np.eye(4))
 
 
-def test_intermediate_frames_make_the_final_trajectory_more_accurate(arena, arena_truth, monkeypatch):
-    frames = [f.rgbd() for f in arena[1]]
-    with_them = run(arena[0], frames).judged(arena_truth).ate_m
+@pytest.mark.parametrize("name", ["tum_fr1_xyz", "tum_fr1_rpy_part"])
+def test_intermediate_frames_make_the_final_trajectory_more_accurate(shared_data, name, monkeypatch):
+    camera, frames, truth = read_tum_frames(shared_data / name, most=240)
+    with_them = run(camera, frames).judged(truth).ate_m
     monkeypatch.setattr(IntermediateFrames, "among", lambda self, members: [])
-    assert with_them < 0.9 * run(arena[0], frames).judged(arena_truth).ate_m
+    assert with_them < 0.9 * run(camera, frames).judged(truth).ate_m

@@ -198,11 +198,7 @@ def scores_of(
     frame, landmark = seen[:2]
     N, L, numbers = len(frame), len(landmarks), W_number.shape[2]
     J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, numbers)), np.zeros(3)
-    rest, point = np.zeros((L, 3, numbers)), np.zeros((L, 3, numbers))
-    for k in range(L):
-        for j in range(3):
-            for i in range(numbers):
-                rest[k, j, i] = -W_number[k, j, i]
+    rest, point = -W_number, np.zeros((L, 3, numbers))
     for o in range(N):
         f = pose[frame[o]]
         if f >= 0:

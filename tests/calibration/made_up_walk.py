@@ -64,8 +64,8 @@ def made_up_survey(vector, walk=turning, seed=0, points=400, noise=1.0, wall=Fal
     number, landmark = np.meshgrid(np.arange(frames), np.arange(points))
     number, landmark = number.ravel(), landmark.ravel()
     T = T_camera_map[number]
-    way = np.where(X[landmark, 0] < np.quantile(X[:, 0], moving), number / frames, 0.0)[:, None]
-    walked = np.array([se3.exp(a) for a in way * (1.0, 0.0, -0.5, 0.0, 0.3, 0.0)])
+    way = np.array([se3.exp(np.array([1.0, 0.0, -0.5, 0.0, 0.3, 0.0]) * k / frames) for k in range(frames)])
+    walked = way[np.where(X[landmark, 0] < np.quantile(X[:, 0], moving), number, 0)]
     at = np.einsum("nij,nj->ni", walked[:, :3, :3], X[landmark]) + walked[:, :3, 3]
     seen = np.einsum("nij,nj->ni", T[:, :3, :3], at) + T[:, :3, 3]
     ahead = seen[:, 2] > 0.5

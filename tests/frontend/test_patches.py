@@ -72,10 +72,10 @@ def test_a_turned_and_scaled_patch_is_found_through_its_affinity(seed, scale, tu
 
 def test_the_claimed_covariance_is_that_of_repeated_measurements():
     reference, errors, claimed = cut_patches(picture(4), AT), [], []
+    v, u = np.mgrid[0 : SHAPE[0], 0 : SHAPE[1]].astype(np.float64)
+    clean = 0.8 * waves(4, np.stack([u, v], axis=-1)) + 127.0
     for k in range(300):
-        rng = np.random.default_rng(k)
-        v, u = np.mgrid[0 : SHAPE[0], 0 : SHAPE[1]].astype(np.float64)
-        grey = 0.8 * waves(4, np.stack([u, v], axis=-1)) + 127.0 + 4.0 * rng.normal(size=SHAPE)
+        grey = clean + 4.0 * np.random.default_rng(k).normal(size=SHAPE)
         uv = AT.copy()
         _, covariance = align_patches(
             np.rint(grey).astype(np.uint8), reference, IDENTITY, uv, EVERY, 12, 4.0, PATCH_LIMITS

@@ -74,7 +74,7 @@ def test_what_is_compiled_waits_while_another_process_saves_there(tmp_path, monk
     with (folder / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         waiting.start()
-        waiting.join(3.0)
+        waiting.join(1.5)
         assert waiting.is_alive()
         assert not list(folder.rglob("*.nbi"))
     waiting.join(30.0)

@@ -174,10 +174,10 @@ def processes_at_work(
 
 def test_a_sensor_whose_end_was_lost_ends_the_run_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("odom.service.run_processes.ChildProcess", PretendedChild)
-    monkeypatch.setattr("odom.wire.idle_detector._IDLE_AFTER_S", 0.3)
+    monkeypatch.setattr("odom.wire.idle_detector._IDLE_AFTER_S", 0.1)
     stop = threading.Event()
     processes, display, thread = processes_at_work(repeat(7), stop)
-    thread.join(1.0)
+    thread.join(0.4)
     assert thread.is_alive()  # the sensor is only silent
     processes.children["sensor"].stop(0.0)
     thread.join(3.0)
@@ -192,11 +192,11 @@ def test_an_odometry_at_work_is_waited_for_behind_its_sensor(
     monkeypatch: pytest.MonkeyPatch, frames: Iterable[int | None]
 ) -> None:
     monkeypatch.setattr("odom.service.run_processes.ChildProcess", PretendedChild)
-    monkeypatch.setattr("odom.wire.idle_detector._IDLE_AFTER_S", 0.3)
+    monkeypatch.setattr("odom.wire.idle_detector._IDLE_AFTER_S", 0.1)
     stop = threading.Event()
     processes, _, thread = processes_at_work(frames, stop)
     processes.children["sensor"].stop(0.0)
-    thread.join(1.5)
+    thread.join(0.5)
     assert thread.is_alive()
     assert processes.children["odometry"].status is None
     stop.set()

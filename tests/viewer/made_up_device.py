@@ -22,6 +22,7 @@ from odom.service.path_topics import PathTopics
 from odom.wire import Message, Topics, codec, truth
 
 CAMERA = Camera(640, 480, 520.0, 520.0, 319.5, 239.5)
+SMALL_CAMERA = Camera(160, 120, 130.0, 130.0, 79.5, 59.5)
 PERIOD_NS = 33_333_333
 BEGIN = Stamp(1_700_000_000_000_000_000)
 T_WORLD_MAP = se3.exp(np.array([0.3, -0.2, 1.0, 0.0, 0.0, 0.7]))
@@ -42,6 +43,7 @@ class MadeUp:
     T_body_camera: Array | None = None
     clock_offset_s: float = 0.0
     images: bool = True
+    camera: Camera = CAMERA
     drift_m: float = 0.0
     part_from: int = 1 << 30
     part_until: int = 1 << 30
@@ -85,7 +87,7 @@ def estimates(options: MadeUp) -> Iterator[Estimate]:
                 reason = "the geometry agrees" if accepted else "only 11 inliers"
                 loops = (LoopCandidate(stamp, keyframes[len(keyframes) // 3].stamp, 90, accepted, reason),)
         uncertain = 100 <= i % 400 < 110
-        uv = rng.uniform((0, 0), (640, 480), (60, 2))
+        uv = rng.uniform((0, 0), (options.camera.width, options.camera.height), (60, 2))
         yield Estimate(
             sequence=i,
             stamp=stamp,
@@ -109,13 +111,13 @@ def estimates(options: MadeUp) -> Iterator[Estimate]:
 def messages(options: MadeUp, topics: Topics) -> Iterator[tuple[Message, ...]]:
     """Yield what is published for each frame, in order, truth first."""
     paths = PathTopics(topics)
-    pictures = _pictures() if options.images else ()
+    pictures = _pictures(options.camera) if options.images else ()
     X = options.T_body_camera if options.T_body_camera is not None else np.eye(4)
     for estimate in estimates(options):
         i = estimate.sequence
         out: list[Message] = []
         if i % 30 == 0:
-            out.append(codec.encode_camera_info(topics.camera_info, estimate.stamp, CAMERA))
+            out.append(codec.encode_camera_info(topics.camera_info, estimate.stamp, options.camera))
         for part in range(4):
             at = i + part / 4
             stamp = Stamp(BEGIN + round((at * PERIOD_NS) + options.clock_offset_s * 1e9))
@@ -135,21 +137,24 @@ def messages(options: MadeUp, topics: Topics) -> Iterator[tuple[Message, ...]]:
         if pictures and estimate.is_keyframe:
             color = codec.encode_color_file(topics.color_compressed, estimate.stamp, jpeg)
             frame = RgbdFrame(i, estimate.stamp, depth_mm.astype(np.uint8), estimate.stamp, depth_mm)
-            out.append(keyframe_message(topics, frame, CAMERA, color, 3000))
+            out.append(keyframe_message(topics, frame, options.camera, color, 3000))
         values = {"state": estimate.state.value, "reason": estimate.reason, "inliers": "150", "matches": "200"}
         values |= {"processing_ms": "8.5", "latency_ms": "12.5"}
         out.append(codec.encode_status(topics.status, codec.Status(estimate.stamp, "odometry", 0, "", values)))
         yield tuple(out)
 
 
-def _pictures() -> tuple[tuple[bytes, NDArray[np.uint16]], ...]:
+def _pictures(camera: Camera) -> tuple[tuple[bytes, NDArray[np.uint16]], ...]:
     rng = np.random.default_rng(3)
+    width, height = camera.width, camera.height
     coarse = rng.integers(30, 226, (60, 80, 3), dtype=np.uint8)
-    wide = np.asarray(cv2.resize(coarse, (640 + 8 * _PICTURES, 480), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
+    wide = np.asarray(
+        cv2.resize(coarse, (width + 8 * _PICTURES, height), interpolation=cv2.INTER_CUBIC), dtype=np.uint8
+    )
     pictures = []
     for k in range(_PICTURES):
-        image = np.ascontiguousarray(wide[:, 8 * k : 8 * k + 640])
+        image = np.ascontiguousarray(wide[:, 8 * k : 8 * k + width])
         depth = (1200 + 900 * rng.random((12, 16))).astype(np.float32)
-        smooth = cv2.resize(depth, (640, 480), interpolation=cv2.INTER_CUBIC) + rng.normal(0, 4, (480, 640))
+        smooth = cv2.resize(depth, (width, height), interpolation=cv2.INTER_CUBIC) + rng.normal(0, 4, (height, width))
         pictures.append((cv2.imencode(".jpg", image)[1].tobytes(), smooth.astype(np.uint16)))
     return tuple(pictures)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made_up_device import BEGIN, PERIOD_NS, T_WORLD_MAP, MadeUp, messages, true_pose
+from made_up_device import BEGIN, PERIOD_NS, SMALL_CAMERA, T_WORLD_MAP, MadeUp, messages, true_pose
 
 from odom.errors import WireError
 from odom.frame import Camera, Stamp
@@ -51,7 +51,7 @@ def _last(drawn: list[EntityUpdate], path: str) -> EntityUpdate:
 @pytest.fixture(scope="module")
 def played() -> tuple[Scene, list[EntityUpdate]]:
     scene = _scene()
-    return scene, _play(scene, MadeUp(frames=600, drift_m=0.1))
+    return scene, _play(scene, MadeUp(frames=600, drift_m=0.1, camera=SMALL_CAMERA))
 
 
 def test_the_last_drawing_has_the_trajectories_and_nothing_slow(played: tuple[Scene, list[EntityUpdate]]) -> None:
@@ -166,7 +166,7 @@ def test_errors_are_those_of_the_published_pose(played: tuple[Scene, list[Entity
 
 
 def test_same_messages_same_picture() -> None:
-    options = MadeUp(frames=60)
+    options = MadeUp(frames=60, camera=SMALL_CAMERA)
     one, two = _play(_scene(), options), _play(_scene(), options)
     assert [(item.path, item.stamp) for item in one] == [(item.path, item.stamp) for item in two]
 
@@ -193,7 +193,7 @@ def test_a_late_joiner_sees_the_whole_way_from_history_and_path() -> None:
     scene.history(codec.encode_path("cam0/history/odom", poses[-1][0], poses, "odom"))
     scene.history(codec.encode_path("truth/camera/history", poses[-1][0], true, "world"))
     list(scene.handle(codec.encode_path(TOPICS.path, poses[-1][0], poses[::5], "map")))
-    late = [frame for i, frame in enumerate(messages(MadeUp(frames=540), TOPICS)) if i >= 510]
+    late = [frame for i, frame in enumerate(messages(MadeUp(frames=540, camera=SMALL_CAMERA), TOPICS)) if i >= 510]
     drawn = [item for frame in late for message in frame for item in scene.handle(message)]
     for path in (entities.ONLINE, entities.CORRECTED, f"{entities.TRUTH}/camera"):
         points = np.concatenate([np.array(s) for s in _batch(_last(drawn, path), "strips")])
@@ -203,7 +203,7 @@ def test_a_late_joiner_sees_the_whole_way_from_history_and_path() -> None:
 
 def test_memory_is_bounded_and_old_clouds_are_cleared() -> None:
     scene = _scene(path_poses=64, cloud_keyframes=8, loops=10)
-    drawn = _play(scene, MadeUp(frames=300, keyframe_every=3))
+    drawn = _play(scene, MadeUp(frames=300, keyframe_every=3, camera=SMALL_CAMERA))
     assert len(scene._map.online) <= 65
     assert len(scene._map.clouds) <= 8
     assert len(scene._map._loops) <= 10

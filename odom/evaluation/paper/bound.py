@@ -24,10 +24,10 @@ def bound_covariance(T: Array, pairs: Pairs) -> Array:
     if pairs.covariances_source is not None:
         S += R @ pairs.covariances_source @ R.T
     J = point_jacobians(T, pairs.points_source)
-    return np.asarray(np.linalg.inv(np.einsum("nji,njk,nkl->il", J, np.linalg.inv(S), J)))
+    return np.asarray(np.linalg.inv(J.reshape(-1, 6).T @ (np.linalg.inv(S) @ J).reshape(-1, 6)))
 
 
 def bound_rmse(T: Array, pairs: Pairs) -> float:
     """Return the bound on the RMSE (m) of the moved source points against the noise-free targets."""
     J = point_jacobians(T, pairs.points_source)
-    return float(np.sqrt(np.einsum("nij,jk,nik->", J, bound_covariance(T, pairs), J) / len(pairs)))
+    return float(np.sqrt((J @ bound_covariance(T, pairs) * J).sum() / len(pairs)))

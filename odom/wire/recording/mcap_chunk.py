@@ -99,11 +99,13 @@ def next_chunk(file: BinaryIO, start: int, size: int) -> int | None:
         file.seek(at)
         block = np.frombuffer(file.read(_SCAN + RECORD_HEADER - 1), dtype=np.uint8)
         begins = block[: max(0, len(block) - RECORD_HEADER + 1)]
-        # an opcode, and a length below 4 GiB: few places remain to be looked at
+        # an opcode, and a length below 4 GiB that ends in the file: few places remain to be looked at
         likely = begins == int(Opcode.CHUNK)
         for byte in range(5, RECORD_HEADER):
             likely = likely & (block[byte : byte + len(begins)] == 0)
-        for place in np.flatnonzero(likely):
+        places = np.flatnonzero(likely)
+        lengths = block[places[:, None] + np.arange(1, 5)] @ (1 << np.arange(0, 32, 8))
+        for place in places[at + places + RECORD_HEADER + lengths <= size]:
             if is_chunk(file, at + int(place), size):
                 return at + int(place)
     return None

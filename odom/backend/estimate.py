@@ -1,6 +1,6 @@
 """What the back-end says about one frame."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum, unique
 from typing import TYPE_CHECKING
@@ -180,6 +180,10 @@ class Estimate:
     timings_ms: Mapping[str, float] = field(default_factory=dict)
 
     __repr__ = brief
+
+
+OnPose = Callable[[Estimate], None]
+"""Takes the estimate of a frame as soon as its pose is known (see `Odometry.process`)."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
-from odom.backend import ChainPose, ClosedChain, Estimate, LoopCandidate
+from odom.backend import ClosedChain, Estimate, LoopCandidate
 from odom.frame import Camera, RgbdFrame, Stamp, corrected_depth
 from odom.frontend.matching.moving_surfaces import MovingCells
 from odom.geometry import se3
@@ -24,7 +24,7 @@ def _always(topic: str, type_name: str) -> bool:
 def pose_messages(
     topics: Topics, estimate: Estimate, is_heard: Callable[[str, str], bool] = _always
 ) -> Iterator[Message]:
-    """Yield odom, chain, pose and tf of a frame that has a pose, nothing for a LOST one: no stale pose is repeated.
+    """Yield odom, pose and tf of a frame that has a pose, nothing for a LOST one: no stale pose is repeated.
 
     Only those are made of which `is_heard` says, by topic and type, that anyone takes them.
     """
@@ -35,8 +35,6 @@ def pose_messages(
         yield codec.encode_odometry(
             topics.odom, stamp, T_odom_camera, covariance, topics.frame_odom, topics.frame_camera
         )
-    if estimate.chain is not None and is_heard(topics.chain, cdr.ODOMETRY):
-        yield _chain_message(topics, estimate, estimate.chain)
     if is_heard(topics.pose, cdr.POSE):
         yield codec.encode_pose(topics.pose, stamp, estimate.T_map_odom @ T_odom_camera, topics.frame_map)
     if is_heard(TF, cdr.TRANSFORMS):
@@ -47,9 +45,14 @@ def pose_messages(
         yield codec.encode_tf(stamp, edges, TF)
 
 
-def _chain_message(topics: Topics, estimate: Estimate, chain: ChainPose) -> Message:
-    """Return the chain's pose, with the last link as the twist: its motion and covariance by the time it took."""
-    link, twist = estimate.pairwise, None
+def chain_message(topics: Topics, estimate: Estimate, is_heard: Callable[[str, str], bool] = _always) -> Message | None:
+    """Return the chain's pose, with the last link as the twist: its motion and covariance by the time it took.
+
+    None for a frame that has none, or where nobody takes it by `is_heard`.
+    """
+    chain, link, twist = estimate.chain, estimate.pairwise, None
+    if chain is None or not is_heard(topics.chain, cdr.ODOMETRY):
+        return None
     if link is not None:
         seconds = (estimate.stamp - link.stamp_earlier) * 1e-9
         twist = codec.Twist(se3.log(link.T_earlier_current) / seconds, link.covariance / seconds**2)

@@ -7,6 +7,7 @@ from odom.backend import ClosedChain, Estimate, LoopCandidate, State
 from odom.frame import Stamp
 from odom.frontend.matching.moving_surfaces import MovingCells
 from odom.service.estimate_messages import (
+    chain_message,
     closed_chain_message,
     feature_message,
     landmark_message,
@@ -51,12 +52,18 @@ class EstimatePublisher:
         self._paths = PathTopics(topics)
         self._history = History(session, topics)
 
-    def poses(self, estimate: Estimate) -> None:
-        """Publish odom, chain, pose and tf at once, as far as anyone takes them, and the loop candidates."""
+    def pose(self, estimate: Estimate) -> None:
+        """Publish odom, pose and tf at once, as far as anyone takes them."""
         self._history.add(estimate)
         for message in pose_messages(self._topics, estimate, self._publisher.is_heard):
             self._publisher.put(message)
-        self.loops(estimate.loops)
+
+    def chain(self, estimate: Estimate) -> None:
+        """Publish the chain's pose, if anyone takes it."""
+        self._history.add_chain(estimate)
+        message = chain_message(self._topics, estimate, self._publisher.is_heard)
+        if message is not None:
+            self._publisher.put(message)
 
     def loops(self, loops: Collection[LoopCandidate]) -> None:
         """Publish the loop candidates with their verdicts."""

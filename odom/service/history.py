@@ -47,6 +47,10 @@ class History:
         with self._lock:
             if estimate.T_odom_camera is not None:
                 self._odom = _extended(self._odom, estimate.stamp, estimate.T_odom_camera)
+
+    def add_chain(self, estimate: Estimate) -> None:
+        """Remember the chain's pose of a frame."""
+        with self._lock:
             if estimate.chain is not None:
                 self._chain = _extended(self._chain, estimate.stamp, estimate.chain.T_chain_camera)
 

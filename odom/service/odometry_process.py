@@ -7,13 +7,13 @@ from collections.abc import Callable
 
 from odom.backend import Estimate, Odometry, State
 from odom.errors import OdomError, WireError
-from odom.frame import Camera
+from odom.frame import Camera, Stamp
 from odom.frontend.matching.moving_surfaces import MovingCells
 from odom.service.arrival_queue import Arrival, CameraArrival, ColorArrival, EndArrival, FrameArrival, TruthArrival
 from odom.service.calibration_fields import calibration_status
 from odom.service.estimate_messages import keyframe_message, status_values
 from odom.service.estimate_publisher import EstimatePublisher
-from odom.service.final_results import calibrator_for, latest_calibration, save_results
+from odom.service.final_results import calibrator_for, save_results
 from odom.service.frame_receiver import FrameReceiver
 from odom.service.map_keeper import MapKeeper
 from odom.service.neighbours import Neighbours
@@ -22,6 +22,7 @@ from odom.service.run_statistics import RunStatistics
 from odom.service.settings import Settings
 from odom.service.silence import state_after
 from odom.service.startup import notify_service_manager, warm_up
+from odom.service.told_changes import ToldChanges
 from odom.wire import Topics
 from odom.wire.image_counts import NOT_TRACKABLE
 from odom.wire.publisher import Mirror
@@ -82,8 +83,8 @@ class OdometryProcess:
         self._last: Estimate | None = None
         self._last_at = time.monotonic()
         self._unsaved = self._is_live = False
-        self._camera_in_use: Camera | None = None
-        self._anticipated_ms = 0.0
+        self._told = ToldChanges()
+        self._anticipated_ms, self._published = 0.0, -1
         self._neighbours = Neighbours(session, topics, lambda: self._receiver.source_ended)
 
     def run(self, stop: threading.Event, until_end: bool) -> None:
@@ -166,7 +167,9 @@ class OdometryProcess:
         self.statistics.begin()
         begun = time.perf_counter()
         try:
-            estimate = self._odometry.process(frame)
+            estimate = self._odometry.process(frame, lambda estimate: self._publish_pose(estimate, origin))
+        except WireError:
+            raise
         except OdomError as error:
             if not self.statistics.refused:
                 _LOG.warning("a frame was refused by the odometry (further ones are counted): %s", error)
@@ -175,18 +178,26 @@ class OdometryProcess:
         processing_ms = 1e3 * (time.perf_counter() - begun) + self._anticipated_ms
         self._anticipated_ms = 0.0
         self._write(lambda files: files.append(estimate))
-        self._publisher.poses(estimate)
+        if estimate.sequence != self._published:
+            self._publish_pose(estimate, origin)
+        self._publisher.chain(estimate)
+        self._publisher.loops(estimate.loops)
         self._keeper.note(self._odometry, frame.stamp)
-        latency_ms = None if origin is None else (time.time_ns() - origin) * 1e-6
-        self.statistics.add(estimate, frame, processing_ms, latency_ms)
-        self._log_changes(estimate)
-        self._log_camera(self._odometry, estimate)
+        self.statistics.add(estimate, frame, processing_ms)
+        self._told.state(self._last, estimate)
+        self._told.camera(self._odometry, estimate)
         self._last, self._last_at, self._unsaved = estimate, time.monotonic(), True
         self._publisher.pictures(estimate)
         if estimate.is_keyframe:
             self._show_keyframe(arrival, estimate.moving)
         if self._publisher.status_is_due(self._state):
             self._publish_status()
+
+    def _publish_pose(self, estimate: Estimate, origin: Stamp | None) -> None:
+        self._publisher.pose(estimate)
+        self._published = estimate.sequence
+        if origin is not None:
+            self.statistics.latency.add((time.time_ns() - origin) * 1e-6)
 
     def _show_keyframe(self, arrival: FrameArrival, moving: MovingCells | None) -> None:
         color, frame = arrival.color, arrival.frame
@@ -202,19 +213,6 @@ class OdometryProcess:
     def _state(self) -> State | None:
         last = None if self._last is None else self._last.state
         return state_after(last, time.monotonic() - self._last_at, self._is_live, self.statistics.recent_fps)
-
-    def _log_changes(self, estimate: Estimate) -> None:
-        before = self._last.state if self._last is not None else None
-        if estimate.state is not before and State.LOST in (estimate.state, before):
-            _LOG.info("frame %d: %s: %s", estimate.sequence, estimate.state.value, estimate.reason)
-
-    def _log_camera(self, odometry: Odometry, estimate: Estimate) -> None:
-        latest = latest_calibration(odometry)
-        if latest is None or odometry.camera_in_use is self._camera_in_use:
-            return
-        self._camera_in_use = odometry.camera_in_use
-        words = "frame %d: the calibration given is off by %.1f px; from here on it is tracked by one found on the way"
-        _LOG.info(words, estimate.sequence, latest.off_px)
 
     def _publish_status(self) -> None:
         self._update_counts()

@@ -121,7 +121,7 @@ class RunStatistics:
         self.loop_candidates += len(loops)
         self.loop_closures += sum(loop.accepted for loop in loops)
 
-    def add(self, estimate: Estimate, frame: RgbdFrame, processing_ms: float, latency_ms: float | None) -> None:
+    def add(self, estimate: Estimate, frame: RgbdFrame, processing_ms: float) -> None:
         """Count one processed frame."""
         self.frames += 1
         self.offset_ms.append((frame.depth_stamp - frame.stamp) * 1e-6)
@@ -137,8 +137,6 @@ class RunStatistics:
         self.processing.add(processing_ms)
         for stage, milliseconds in estimate.timings_ms.items():
             self.stages_ms[stage] = self.stages_ms.get(stage, 0.0) + milliseconds
-        if latency_ms is not None:
-            self.latency.add(latency_ms)
         self._ended = (time.perf_counter(), time.process_time())
         self.ends.append(self._ended[0])
 

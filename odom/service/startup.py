@@ -21,7 +21,13 @@ from odom.frontend.matching import moving_surfaces
 from odom.geometry.compiled import compiled_before
 from odom.geometry.neighbours import nearest
 from odom.registration import gated_registration as registration
-from odom.service.estimate_messages import feature_message, keyframe_message, landmark_message, pose_messages
+from odom.service.estimate_messages import (
+    chain_message,
+    feature_message,
+    keyframe_message,
+    landmark_message,
+    pose_messages,
+)
 from odom.service.path_topics import PathTopics
 from odom.service.run_statistics import RunStatistics
 from odom.wire import Topics, codec
@@ -72,6 +78,7 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> threading.Event:
         odometry.anticipate(stamp, frame.color)
         estimate = odometry.process(frame)
         list(pose_messages(topics, estimate))
+        chain_message(topics, estimate)
         list(paths.messages(estimate))
         landmark_message(topics, estimate)
         feature_message(topics, estimate)

@@ -35,7 +35,8 @@ def main(endpoint: str, frames: str, rate_hz: str, waits: str = "wait", keyframe
                     publisher.truth(options.body, codec.decode_pose(message))
                 if message.topic.startswith("truth/") or "/color/" in message.topic or "/depth/" in message.topic:
                     sensor.put(message)
-            publisher.poses(estimate)
+            publisher.pose(estimate)
+            publisher.loops(estimate.loops)
             publisher.pictures(estimate)
             for cloud in batch:
                 if cloud.topic == topics.keyframes:

@@ -7,7 +7,7 @@ import numpy as np
 from odom.backend.chain.chain import Chain
 from odom.backend.chain.chain_frame import ChainFrame
 from odom.backend.chain.sight import Sight
-from odom.backend.estimate import Estimate, Features, State
+from odom.backend.estimate import Estimate, Features, OnPose, State
 from odom.backend.loop_closure.loop_closure import LoopCloser
 from odom.backend.map.frame_log import LoggedFrame
 from odom.backend.map.map import Map
@@ -59,7 +59,7 @@ class FrameStages:
         self._visibility = Visibility()
         self._confirmation = Confirmation(self.map)
 
-    def estimate(self, view: View, T_predicted: Array | None, watch: Stopwatch) -> Estimate:
+    def estimate(self, view: View, T_predicted: Array | None, watch: Stopwatch, on_pose: OnPose) -> Estimate:
         """Return the estimate for the next frame; `T_predicted` is T_camera_map where it was predicted already."""
         if view.shows_depth:
             self._visibility = self._visibility.with_depth(view.stamp)
@@ -68,7 +68,7 @@ class FrameStages:
         is_followable = not (self.published.is_lost or is_blind)
         tracked = self._track(view, T_predicted, watch) if is_followable else None
         if tracked is not None:
-            return self._advance(view, self._judge(view, tracked, is_recovered=False), watch)
+            return self._advance(view, self._judge(view, tracked, is_recovered=False), watch, on_pose)
         features = 0
         if not is_blind:
             place = describe_place(view, self.sensor, AT_REST)
@@ -81,7 +81,7 @@ class FrameStages:
                 tracked = self._confirmation.of(tracked, view.steady_stamp)
             watch.lap("relocalise")
         if tracked is not None:
-            return self._advance(view, self._judge(view, tracked, is_recovered), watch)
+            return self._advance(view, self._judge(view, tracked, is_recovered), watch, on_pose)
         if self.state is not None and is_followable and 0.0 < self.state.since_s(view.steady_stamp) <= bridge_s:
             return self._bridge(view, self.state)
         return self._search(view, features, is_blind)
@@ -132,12 +132,18 @@ class FrameStages:
         state, reason = judge_pose(tracked, covariance, is_recovered, lacks_depth, self.moving.doubt)
         return JudgedFrame(tracked, since_previous_s, twist, covariance, state, reason, self.moving)
 
-    def _advance(self, view: View, judged: JudgedFrame, watch: Stopwatch) -> Estimate:
+    def _advance(self, view: View, judged: JudgedFrame, watch: Stopwatch, on_pose: OnPose) -> Estimate:
         """Publish a judged frame, grow the map by it, and make it the newest one."""
         watch.lap("judge")
-        published = self._publish(view, judged)
+        tracked, previous, published = judged.tracked, self.state, self._publish(view, judged)
+        estimate = replace(
+            self._describe(view, judged.state, judged.reason, published),
+            inliers=tracked.inlier_count,
+            matches=len(tracked.expected),
+            features=Features(tracked.uv, np.where(tracked.inliers, np.sqrt(tracked.chi2[:, 0]), np.nan)),
+        )
+        on_pose(estimate)
         watch.lap("publish")
-        tracked, previous = judged.tracked, self.state
         sight = Sight.of(tracked, self.map.landmarks.identity[tracked.rows])
         T_hint = None if previous is None else previous.motion_to(tracked, self.map)
         chained = self.chain.extend(ChainFrame(view, sight, tracked.twist, published), T_hint, self.sensor)
@@ -146,16 +152,8 @@ class FrameStages:
         watch.lap("map")
         self.chain.close(self.map, is_keyframe, tracked.reference, self.sensor.noise)
         watch.lap("chain")
-        return replace(
-            self._describe(view, judged.state, judged.reason, published),
-            inliers=tracked.inlier_count,
-            matches=len(tracked.expected),
-            is_keyframe=is_keyframe,
-            pairwise=self.chain.link,
-            chain=chained,
-            features=Features(tracked.uv, np.where(tracked.inliers, np.sqrt(tracked.chi2[:, 0]), np.nan)),
-            moving=self.moving.cells,
-        )
+        moving = self.moving.cells
+        return replace(estimate, is_keyframe=is_keyframe, pairwise=self.chain.link, chain=chained, moving=moving)
 
     def _publish(self, view: View, judged: JudgedFrame) -> Publication:
         """Return a judged frame's published pose, carried from its middle row's time to its stamp."""
@@ -237,7 +235,8 @@ class FrameStages:
 
     def _describe(self, view: View, state: State, reason: str, published: Publication | None) -> Estimate:
         """Return the estimate for a frame as it was published, without a pose where None."""
-        estimate = Estimate(view.sequence, view.stamp, state, reason, max(self._segment, 0), self.published.T_map_odom)
+        segment = self._segment if published is None else published.frame.segment
+        estimate = Estimate(view.sequence, view.stamp, state, reason, max(segment, 0), self.published.T_map_odom)
         if published is None:
             return estimate
         return replace(

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from odom.backend.chain.closed_chain import close_chain
-from odom.backend.estimate import ClosedChain, ClosingTest, Estimate, LoopCandidate, TrajectoryPose
+from odom.backend.estimate import ClosedChain, ClosingTest, Estimate, LoopCandidate, OnPose, TrajectoryPose
 from odom.backend.loop_closure.closed_walk import closing_test
 from odom.backend.map.frame_log import FrameLog
 from odom.backend.map.map import Map
@@ -124,9 +124,11 @@ class Odometry:
         watch.lap("predict")
         self._prepared = Prepared(color, images, state, T_predicted, watch.laps_ms)
 
-    def process(self, frame: RgbdFrame) -> Estimate:
+    def process(self, frame: RgbdFrame, on_pose: OnPose = lambda estimate: None) -> Estimate:
         """Return the estimate for the next frame.
 
+        `on_pose` is given the estimate of a tracked frame as soon as its pose is known, before the chain and the map
+        go on: a key frame takes some 15 ms more. What these and the background add to it is in what is returned.
         Raises InputError for a frame whose size is not the camera's, or whose stamp is the last one's or up to a
         second before it; a leap further back is a new time, in which the camera has to be found again. Refused, too,
         are stamps that stay less than 0.1 ms apart: they are in another unit than nanoseconds.
@@ -145,7 +147,7 @@ class Odometry:
         map_moved |= frames.mapper.prune(frames.state)
         watch.lap("background")
         T_predicted = None if prepared is None or map_moved else prepared.T_predicted
-        estimate = frames.estimate(view, T_predicted, watch)
+        estimate = frames.estimate(view, T_predicted, watch, on_pose)
         if frames.state is not None:
             frames.mapper.recall(frames.state)
         measured = len(self.map.remembered) + len(self.intermediate.kept)

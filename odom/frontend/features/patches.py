@@ -32,16 +32,19 @@ def cut_patches(image: Image, uv: Array) -> Image:
     n = uv.shape[0]
     size = 2 * RADIUS + 1
     out = np.empty((n, size, size), np.uint8)
+    columns, shares = np.empty(size, np.int64), np.empty(size)
     for k in range(n):
+        for x in range(size):
+            u = min(max(uv[k, 0] + x - RADIUS, 0.0), width - 1.001)
+            columns[x] = int(u)
+            shares[x] = u - columns[x]
         for y in range(size):
             v = min(max(uv[k, 1] + y - RADIUS, 0.0), height - 1.001)
             i = int(v)
             b = v - i
             for x in range(size):
-                u = min(max(uv[k, 0] + x - RADIUS, 0.0), width - 1.001)
-                j = int(u)
-                a = u - j
-                out[k, y, x] = round(
+                j, a = columns[x], shares[x]
+                out[k, y, x] = np.rint(
                     (1 - b) * ((1 - a) * image[i, j] + a * image[i, j + 1])
                     + b * ((1 - a) * image[i + 1, j] + a * image[i + 1, j + 1])
                 )

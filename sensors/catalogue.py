@@ -1,4 +1,4 @@
-"""How a SOURCE on the command line is found, and what may be said about it; an adapter is imported when chosen."""
+"""Finds the adapter of a SOURCE on the command line, and its options; an adapter is imported only when it is chosen."""
 
 import math
 from dataclasses import fields, replace

@@ -1,4 +1,4 @@
-"""The camera of a folder or file that says none: a data set's by the folder's name, else any Kinect's."""
+"""The camera of a folder or file without calibration: a data set's by the folder's name, else any Kinect's."""
 
 import logging
 import re

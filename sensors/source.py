@@ -1,4 +1,4 @@
-"""What every sensor, folder and recording looks like to the sensor process."""
+"""The protocol that every sensor, folder and recording offers to the sensor process."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field

@@ -1,1 +1,1 @@
-"""Many recordings: each is run once for its content, the settings and the version; one table says how they went."""
+"""Runs many recordings, each once per content, settings and version, and sums up the results in a table."""

@@ -1,4 +1,4 @@
-"""Jobs at work: on this machine, or on a Dask cluster that is there already."""
+"""Runs jobs on this machine, or on a Dask cluster that is already running."""
 
 import threading
 from collections.abc import Callable, Iterator, Sequence

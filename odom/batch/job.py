@@ -1,4 +1,4 @@
-"""What is to be done for one recording, named by a hash of all that its results follow from."""
+"""The job for one recording, named by a hash of everything that its results depend on."""
 
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""The recordings that a batch is asked for, by name, and the hash of what is in them."""
+"""The recordings of a batch, by name, and the hash of their content."""
 
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""The table of a batch: what each recording's report says, and what got better or worse since a baseline."""
+"""The table of a batch: the figures of each recording's report, and which became better or worse than a baseline's."""
 
 import json
 import statistics

@@ -1,4 +1,4 @@
-"""What a short walk says of the calibration it came with: faults that would cost accuracy, and how much."""
+"""Checks a recording's calibration on a short walk: which errors would cost accuracy, and how much."""
 
 from collections.abc import Callable, Mapping, Sequence
 

@@ -1,4 +1,4 @@
-"""The unit of depth, tied to motion capture: how far the camera went by its depth, over how far it really went."""
+"""The scale of depth against motion capture: the distance covered according to depth, divided by the true one."""
 
 from collections.abc import Mapping
 

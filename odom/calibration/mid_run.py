@@ -1,4 +1,4 @@
-"""The calibration of a run while it goes on: what is tracked from then on is tracked by a better camera."""
+"""Calibrates during a run: frames from then on are tracked with the better calibration."""
 
 import threading
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""By how many pixels a calibration is off, and how surely that is known."""
+"""The error of a calibration in pixels, and the uncertainty of that error."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from odom.frontend.camera.rays import grid_over, rays_of, turned_onto
 from odom.geometry.arrays import Array
 
 _SURELY, _SHIFT_FLOOR_PX = 2.0, 0.4
-"""Sigmas by which depth must lie beside colour, and the least sigma that is believed of one walk."""
+"""Sigmas taken off the measured shift of depth against colour, and the least sigma that one walk can reach."""
 
 
 def surely_off_px(given: Camera, camera: Camera, sigma: Array, survey: Survey) -> float:
@@ -30,10 +30,10 @@ def surely_off_px(given: Camera, camera: Camera, sigma: Array, survey: Survey) -
 
 
 def unsure_px(found: Calibrated) -> float:
-    """Return by how many pixels the rays of a calibration that was found may be off themselves: one sigma.
+    """Return the standard deviation, in pixels, of the rays of an estimated calibration.
 
-    Root mean square over the image, after the rotation that brings them nearest. The numbers' errors hang together: a
-    centre that is unsure by itself hardly matters.
+    Root mean square over the image, after the rotation that brings them nearest. The numbers' errors are
+    correlated: the uncertainty of the centre alone hardly matters.
     """
     free, uv = found.fitted.free, grid_over(found.camera)
     plain = np.linalg.inv(found.fitted.information)

@@ -1,4 +1,4 @@
-"""A picture of what a calibration leaves: residuals over the image and over range, before and after."""
+"""A picture of the residuals over the image and over range, before and after a calibration."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any

@@ -1,4 +1,4 @@
-"""Whether two parts of what was measured are of one camera."""
+"""Whether two parts of the measurements come from the same camera."""
 
 import numpy as np
 

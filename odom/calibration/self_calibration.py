@@ -1,4 +1,4 @@
-"""A run that mends the calibration it was given: where another explains it better, all poses are adjusted by that one.
+"""Corrects a run's calibration: if another explains the measurements better, all poses are adjusted with it.
 
 The causal trajectory stays as it was published. How far the calibration moves is what the walk makes probable (see
 `prior_width`): a good one hardly does, and is kept where frames that were held out are explained no better.

@@ -1,4 +1,4 @@
-"""How sure the numbers of a fit are, where neighbouring errors hang together."""
+"""Standard deviations of the fitted numbers when neighbouring errors are correlated."""
 
 import numpy as np
 
@@ -11,10 +11,10 @@ from odom.geometry.arrays import Array
 
 
 def sigmas(system: System, prior: Prior) -> Array:
-    """Return the standard deviations (p) of the free numbers where a fit has ended.
+    """Return the standard deviations (p) of the free numbers at the end of a fit.
 
-    Each is the larger of two sandwich estimates, whose blocks are stretches of time and neighbouring landmarks: a
-    depth image errs alike for a second, and a landmark that was chosen badly errs in every frame.
+    Each is the larger of two sandwich estimates, whose blocks are stretches of time and neighbouring landmarks: the
+    errors of depth images stay alike for a second, and a badly chosen landmark is wrong in every frame.
     """
     survey, free = system.survey, system.free
     information = system.information(prior.sigma[free] ** -2.0)

@@ -1,4 +1,4 @@
-"""What one recording tells of its camera: all that key frames and frames between measured of common landmarks."""
+"""The measurements of a recording that calibrate its camera: landmarks seen by key frames and frames between."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace

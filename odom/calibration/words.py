@@ -1,4 +1,4 @@
-"""A calibration in plain words: what it was, what it is, how surely, and how well it explains what was measured."""
+"""A calibration as text: values before and after, their uncertainty, and how well they explain the measurements."""
 
 from collections.abc import Iterator
 
@@ -9,7 +9,7 @@ from odom.calibration.parameters import GROUPS, NAMES
 from odom.calibration.result import Calibrated, Judgement
 
 _AT_M = 2.0
-"""Range at which errors of inverse depth are told in millimetres."""
+"""Range at which errors of inverse depth are converted to millimetres."""
 
 
 def numbers(result: Calibrated) -> Iterator[str]:
@@ -24,7 +24,7 @@ def numbers(result: Calibrated) -> Iterator[str]:
 
 
 def quality(judgement: Judgement) -> Iterator[str]:
-    """Yield what the held-out frames say of the camera as it was and as it is now."""
+    """Yield the errors in held-out frames with the calibration before and after."""
     for words, found in (("as it was", judgement.before), ("calibrated", judgement.after)):
         yield f"{words}: {_of(found)}"
 

@@ -1,4 +1,4 @@
-"""`odom map`: what is in maps that outlive their runs, whether they are whole; one of several, a smaller one of one."""
+"""`odom map`: lists, checks, merges and prunes the maps that runs have saved."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""`odom router`: where the processes of several hosts meet."""
+"""`odom router`: connects the processes of several hosts."""
 
 from pathlib import Path
 from typing import Annotated

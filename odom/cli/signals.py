@@ -1,4 +1,4 @@
-"""How a process is asked to end: the first SIGINT or SIGTERM sets an event, the second ends it at once."""
+"""Ends a process on request: the first SIGINT or SIGTERM sets an event, the second ends it at once."""
 
 import atexit
 import signal

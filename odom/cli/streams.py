@@ -1,4 +1,4 @@
-"""Standard output and error that outlive their readers: work goes on when nobody reads the log any more."""
+"""Standard output and error that may lose their reader: work goes on when nobody reads the log any more."""
 
 import errno
 import io

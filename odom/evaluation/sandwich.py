@@ -9,7 +9,7 @@ def sandwich_sigma(information: Array, scores: Array, blocks: int) -> Array:
     """Return k standard deviations from the k x k information and the n x k scores (weighted J' r of each residual).
 
     The larger of the plain estimate and of the block sandwich (W. Newey and K. West, 1987), which allows for errors
-    that hang together within one of the `blocks` of successive residuals.
+    that are correlated within one of the `blocks` of successive residuals.
     """
     bread = np.linalg.inv(information)
     sums = np.array([part.sum(axis=0) for part in np.array_split(scores, blocks)])

@@ -1,4 +1,4 @@
-"""The covariances that the odometry has claimed for its poses, as long as somebody may ask for them."""
+"""The covariances that the odometry has published for recent poses and for key frames."""
 
 from collections import OrderedDict
 

@@ -1,4 +1,4 @@
-"""How sure the key frames' positions are: 3-sigma ellipsoids, so many that they do not hide what they are about."""
+"""3-sigma ellipsoids of key frame positions, few enough not to hide the trajectory."""
 
 from collections.abc import Iterator, Sequence
 

@@ -1,4 +1,4 @@
-"""Where the eye of the map stands, and how large the camera is drawn: near and small at a desk, both not in a hall."""
+"""The viewpoint of the map, and the size of the drawn camera: close and small at a desk, far and large in a hall."""
 
 from dataclasses import dataclass
 

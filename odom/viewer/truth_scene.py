@@ -1,4 +1,4 @@
-"""Truth as it is drawn: each body's way in the map, and the errors of the poses against it."""
+"""Draws truth: each body's trajectory in the map, and the errors of the poses against it."""
 
 from collections.abc import Iterator
 

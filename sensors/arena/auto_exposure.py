@@ -1,4 +1,4 @@
-"""Automatic exposure and white balance: the chip's gain follows the brightness of what it sees, late and in part."""
+"""Automatic exposure and white balance: gain follows the image's brightness with delay and in part."""
 
 from functools import lru_cache
 

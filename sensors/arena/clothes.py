@@ -1,4 +1,4 @@
-"""What people look like: printed shirts, trousers, skin, hair and shoes, wrapped around the prisms of a body."""
+"""The looks of people: printed shirts, trousers, skin, hair and shoes, wrapped around the prisms of a body."""
 
 from collections.abc import Callable
 

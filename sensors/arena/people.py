@@ -1,4 +1,4 @@
-"""People in a room: surfaces that are elsewhere at each instant, rigid with the bones of those who wear them."""
+"""People in a room: moving surfaces, each fixed to a bone of a body."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

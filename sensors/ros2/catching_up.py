@@ -1,4 +1,4 @@
-"""What came while a source was starting: a recording loses no image, a live camera is soon up to date."""
+"""Hands out images received while a source was starting, faster than they were taken, until it is up to date."""
 
 import time
 from collections import deque

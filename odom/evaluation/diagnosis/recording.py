@@ -1,4 +1,4 @@
-"""What is looked at: a stretch of a source as it came, with what could not be used of it."""
+"""The part of a source that is examined, as it was received, with the images that could not be used."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

@@ -1,4 +1,4 @@
-"""The depth scale against truth: how far the camera went by its depth, over how far it really went."""
+"""The depth scale against truth: the distance covered according to depth, divided by the true distance."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

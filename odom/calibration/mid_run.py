@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from odom.backend import Odometry
-from odom.calibration.off_by import surely_off_px, unsure_px
+from odom.calibration.pixel_error import ray_sigma_px, significant_error_px
 from odom.calibration.result import Calibrated
 from odom.calibration.self_calibration import SelfCalibration, judged
 from odom.calibration.survey import Survey, surveyed
@@ -20,8 +20,8 @@ def is_sure(survey: Survey, found: Calibrated) -> bool:
 
     Early in a walk numbers are found far from where they are: a wrong camera in mid-run does more harm than a poor one.
     """
-    own_px = unsure_px(found)
-    off_px = surely_off_px(survey.camera, found.camera, found.sigma, survey)
+    own_px = ray_sigma_px(found)
+    off_px = significant_error_px(survey.camera, found.camera, found.sigma, survey)
     return own_px < TUNING.change_unsure_px and off_px > TUNING.change_times * own_px
 
 

@@ -10,7 +10,7 @@ from odom.calibration.held_out import Residuals, compare, is_better, is_no_worse
 from odom.calibration.linearised import chi_squared, linearised
 from odom.calibration.parameters import GROUPS, NAMES, SCALE_NUMBER, camera_of, numbers_of, prior_sigma, vector_of
 from odom.calibration.prior_width import narrowed
-from odom.calibration.sureness import sigmas
+from odom.calibration.standard_deviations import sigmas
 from odom.calibration.survey import Survey
 from odom.calibration.tuning import TUNING
 from odom.frame import Camera

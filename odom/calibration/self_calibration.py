@@ -12,8 +12,8 @@ import numpy as np
 from odom.backend import Odometry, TrajectoryPose
 from odom.backend.mapping.local_adjustment import Adjustment
 from odom.calibration.adjustment import FREE, Prior, System, fit, likely_gain, placed, start_of
-from odom.calibration.off_by import surely_off_px
 from odom.calibration.parameters import NAMES, TIMINGS, prior_sigma, vector_of
+from odom.calibration.pixel_error import significant_error_px
 from odom.calibration.result import CONTRADICTED, RESTLESS, Calibrated, as_measured, calibrated, judge, restless_share
 from odom.calibration.survey import Survey, surveyed
 from odom.calibration.tuning import TUNING
@@ -80,7 +80,7 @@ def judged(
         return SelfCalibration(reason=CONTRADICTED)
     if (moving := restless_share(few, found)) > TUNING.restless_most:
         return SelfCalibration(reason=RESTLESS.format(moving))
-    off_px = surely_off_px(given, found.camera, found.sigma, few)
+    off_px = significant_error_px(given, found.camera, found.sigma, few)
     told = as_measured(in_believed_unit(found, few))
     if not is_sure(told):
         return SelfCalibration(off_px, _UNSURE)

@@ -46,9 +46,9 @@ class Tuning:
         effect="largest step that is not made any more; smaller: slower; larger: ends early")
     fit_roughly: float = tuned(0.5, unit="sigma", source="looks at fr1_xyz and fr1_rpy: numbers as with .1, an eighth "
         "of the CPU less", effect="as fit_settled, for the fits that show which numbers a walk determines")
-    # sureness
+    # standard deviations
     sure_blocks: int = tuned(12, unit="blocks", source="sigmas against the arena's truth",
-        effect="of time and of landmarks, within which errors hang together; fewer: rough sigmas; more: too sure")
+        effect="of time and of landmarks, within which errors are correlated; fewer: rough sigmas; more: too small")
     sure_moved: float = tuned(0.5, unit="share of the last round's change", source="sigmas against the arena's truth",
         effect="added to each sigma; smaller: too sure of what has not settled; larger: too unsure")
     sure_measured: float = tuned(2.0, unit="1", source="eight walks in the arena, errors of 192 numbers in sigmas: 1.9 "

@@ -4,7 +4,7 @@ import numpy as np
 
 from odom.calibration.adjustment import FREE, Prior, System, fit, likely_gain, placed
 from odom.calibration.parameters import TIMINGS, prior_sigma, vector_of
-from odom.calibration.sureness import sigmas
+from odom.calibration.standard_deviations import sigmas
 from odom.calibration.survey import Survey
 from odom.frame import Camera
 

@@ -8,7 +8,7 @@ import pytest
 
 from odom import Odometry, Trajectory, read_recording
 from odom.calibration.mid_run import MidRunCalibrator, is_sure
-from odom.calibration.off_by import unsure_px
+from odom.calibration.pixel_error import ray_sigma_px
 from odom.calibration.result import as_measured, calibrated
 from odom.evaluation.report import evaluate
 from sensors.default_camera import kinect_camera
@@ -28,7 +28,7 @@ def test_a_poor_camera_is_changed_and_a_good_one_is_not():
 
 
 def test_fewer_landmarks_leave_the_rays_less_sure():
-    unsure = [unsure_px(found_in(made_up_survey(spoilt(**POOR), points=points))) for points in (60, 400)]
+    unsure = [ray_sigma_px(found_in(made_up_survey(spoilt(**POOR), points=points))) for points in (60, 400)]
     assert 0.05 < unsure[1] < unsure[0]
 
 
@@ -41,7 +41,7 @@ def test_the_centre_alone_hardly_counts_since_the_camera_may_be_turned_in_its_ho
     found = found_in(made_up_survey(spoilt(**POOR)))
     sigma = found.sigma.copy()
     sigma[5:7] *= 3.0
-    assert unsure_px(replace(found, sigma=sigma)) < 2.5 * unsure_px(found)
+    assert ray_sigma_px(replace(found, sigma=sigma)) < 2.5 * ray_sigma_px(found)
 
 
 def test_frames_of_a_live_stream_do_not_wait_until_the_calibrator_is_compiled():

@@ -3,8 +3,8 @@
 import pytest
 
 from odom.calibration.adjustment import FREE, Prior, System, likely_gain
-from odom.calibration.off_by import surely_off_px
 from odom.calibration.parameters import prior_sigma, vector_of
+from odom.calibration.pixel_error import significant_error_px
 from odom.calibration.result import calibrated, restless_share
 from odom.calibration.tuning import TUNING
 from tests.calibration.made_up_walk import SHEET, made_up_survey, spoilt
@@ -31,7 +31,7 @@ def test_a_body_that_walks_by_does_not_make_a_good_calibration_poor(moving):
     survey = made_up_survey(spoilt(), points=250, moving=moving)
     assert likely_gain(System.at_start(survey, FREE), Prior(vector_of(SHEET), prior_sigma(SHEET))) < TUNING.accept_gain
     found = calibrated(survey, SHEET)
-    assert surely_off_px(SHEET, found.camera, found.sigma, survey) < 0.5
+    assert significant_error_px(SHEET, found.camera, found.sigma, survey) < 0.5
 
 
 def test_a_poor_calibration_has_something_to_gain_and_a_good_one_has_not():

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from odom import Odometry, read_recording
-from odom.calibration.off_by import surely_off_px
 from odom.calibration.parameters import NAMES
+from odom.calibration.pixel_error import significant_error_px
 from odom.calibration.self_calibration import self_calibrated
 from sensors.calibration_file import Calibration, calibration_text, load_calibration
 from sensors.default_camera import kinect_camera
@@ -25,20 +25,20 @@ UNSURE = np.zeros(len(NAMES))
 
 
 def test_a_camera_is_not_off_from_itself():
-    assert surely_off_px(SHEET, SHEET, UNSURE, SURVEY) == pytest.approx(0.0, abs=1e-6)
+    assert significant_error_px(SHEET, SHEET, UNSURE, SURVEY) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_focal_length_one_percent_off_shows_as_pixels_and_a_turned_camera_hardly():
     longer = replace(SHEET, fx=1.01 * SHEET.fx, fy=1.01 * SHEET.fy)
-    assert 1.0 < surely_off_px(SHEET, longer, UNSURE, SURVEY) < 3.0
+    assert 1.0 < significant_error_px(SHEET, longer, UNSURE, SURVEY) < 3.0
     aside = replace(SHEET, cx=SHEET.cx + 5.0)  # nearly what a turn by half a degree would do
-    assert surely_off_px(SHEET, aside, UNSURE, SURVEY) < 1.0
+    assert significant_error_px(SHEET, aside, UNSURE, SURVEY) < 1.0
 
 
 def test_depth_beside_colour_counts_as_far_as_it_is_sure():
     depth = replace(SHEET.depth, shift_px=(5.0, 3.0))
-    sure = surely_off_px(SHEET, replace(SHEET, depth=depth), UNSURE, SURVEY)
-    unsure = surely_off_px(SHEET, replace(SHEET, depth=depth), np.full(len(NAMES), 2.0), SURVEY)
+    sure = significant_error_px(SHEET, replace(SHEET, depth=depth), UNSURE, SURVEY)
+    unsure = significant_error_px(SHEET, replace(SHEET, depth=depth), np.full(len(NAMES), 2.0), SURVEY)
     assert 4.5 < sure < np.hypot(5.0, 3.0)
     assert 0.0 < unsure < sure - 0.5
 

@@ -9,15 +9,15 @@ from odom.frame import Camera
 from odom.frontend.camera.rays import grid_over, rays_of, turned_onto
 from odom.geometry.arrays import Array
 
-_SURELY, _SHIFT_FLOOR_PX = 2.0, 0.4
+_SHIFT_SIGMAS, _SHIFT_FLOOR_PX = 2.0, 0.4
 """Sigmas taken off the measured shift of depth against colour, and the least sigma that one walk can reach."""
 
 
-def surely_off_px(given: Camera, camera: Camera, sigma: Array, survey: Survey) -> float:
-    """Return how far the camera `given` is from `camera`, whose numbers have standard deviations `sigma` (28).
+def significant_error_px(given: Camera, camera: Camera, sigma: Array, survey: Survey) -> float:
+    """Return by how many pixels the camera `given` differs from `camera`, whose 28 numbers have the sigmas `sigma`.
 
-    In pixels: root mean square over the image of the rays, after the rotation that brings them nearest, or depth beside
-    colour at the survey's usual range less two sigmas, whichever is more.
+    The larger of two: the root mean square difference of the rays over the image, after the rotation that brings them
+    closest together; and the shift of depth against colour at the survey's usual range, less two sigmas.
     """
     uv = grid_over(given)
     rays = rays_of(given, uv)
@@ -26,10 +26,10 @@ def surely_off_px(given: Camera, camera: Camera, sigma: Array, survey: Survey) -
     moved, usual = vector_of(camera) - vector_of(given), float(np.nanmedian(survey.inverse_depth))
     unsure = np.hypot(np.minimum(sigma[SHIFT], usual * sigma[BASELINE]), _SHIFT_FLOOR_PX)
     shift_px = float(np.linalg.norm(moved[SHIFT] + usual * moved[BASELINE]))
-    return max(rays_px, shift_px - _SURELY * float(unsure.max()))
+    return max(rays_px, shift_px - _SHIFT_SIGMAS * float(unsure.max()))
 
 
-def unsure_px(found: Calibrated) -> float:
+def ray_sigma_px(found: Calibrated) -> float:
     """Return the standard deviation, in pixels, of the rays of an estimated calibration.
 
     Root mean square over the image, after the rotation that brings them nearest. The numbers' errors are

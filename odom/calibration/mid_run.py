@@ -16,9 +16,9 @@ from odom.frame import Camera
 
 
 def is_sure(survey: Survey, found: Calibrated) -> bool:
-    """Return whether the camera in use is off by several times what the one that was found may be off itself.
+    """Return whether the error of the camera in use is several times the uncertainty of the estimated one.
 
-    Early in a walk numbers are found far from where they are: a wrong camera in mid-run does more harm than a poor one.
+    Early in a walk estimates can be far off, and a wrong camera does more harm during a run than a slightly poor one.
     """
     own_px = ray_sigma_px(found)
     off_px = significant_error_px(survey.camera, found.camera, found.sigma, survey)
@@ -28,8 +28,8 @@ def is_sure(survey: Survey, found: Calibrated) -> bool:
 class MidRunCalibrator:
     """A calibrator for an `Odometry`; `latest` is what it found last, None as long as the camera given is kept.
 
-    Its work waits for `ready`: what it needs may still be compiled. The frames of a live stream cannot wait: unless
-    `may_wait()`, a look before that finds nothing.
+    Its work waits until `ready` is set, since code that it needs may still be compiling. Where frames cannot wait,
+    as in a live stream (`may_wait()` is False), a look before that finds nothing.
     """
 
     def __init__(self, ready: threading.Event | None = None, may_wait: Callable[[], bool] = lambda: True) -> None:

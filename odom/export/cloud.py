@@ -1,4 +1,4 @@
-"""The points of all key frames in one cloud, those of each small cube put together."""
+"""The points of all key frames in one cloud, averaged within each voxel."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,9 +8,9 @@ from odom.geometry import se3
 from odom.geometry.arrays import Array, Image, Mask
 
 _AXIS_BITS = 21
-"""Of a cube's number along each axis: at 5 mm, 10 km."""
+"""Bits of a voxel's index along each axis: with voxels of 5 mm they reach over 10 km."""
 _PENDING = 2_000_000
-"""Cubes that wait to be put together with the others: fewer cost time, more memory (some 150 MB)."""
+"""Voxels buffered before they are merged: a smaller buffer costs time, a larger one memory (this one some 150 MB)."""
 
 
 def cloud_of(camera: Camera, depth_mm: NDArray[np.uint16], color: Image) -> tuple[Array, NDArray[np.uint8]]:

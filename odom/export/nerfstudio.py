@@ -1,4 +1,4 @@
-"""nerfstudio's transforms.json: an image each with pose and depth.
+"""nerfstudio's transforms.json: images, each with its pose and depth image.
 
 Format: https://docs.nerf.studio/quickstart/data_conventions.html. Its cameras look along -z with y up (OpenGL), its
 pixels have their centres at half numbers.

@@ -1,4 +1,4 @@
-"""What of a depth image is surface: near enough to be exact, and not an edge where depths are mixed."""
+"""Selects the depth pixels that show a surface: near enough to be exact, and not at edges where depths are mixed."""
 
 import cv2
 import numpy as np

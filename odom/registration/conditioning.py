@@ -1,4 +1,4 @@
-"""How far a solution may be trusted: its covariance, its conditioning, and the spread of the points it stands on."""
+"""Covariance and conditioning of a solution, and the spread of the points that it was computed from."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Whether chance could have made a consensus: how many motions like it pairs without any truth would show.
+"""Whether a consensus could be chance: the expected number of equally large ones among random pairs.
 
 L. Moisan and B. Stival, "A Probabilistic Criterion to Detect Rigid Point Matches", IJCV 2004.
 """

@@ -1,4 +1,4 @@
-"""What the pairs say of the twelve states x = vec[R | t]: the sum of their information."""
+"""The information of all pairs about the twelve states x = vec[R | t], summed."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What every estimator takes and gives: point pairs, a prior, and one result."""
+"""Input and output of every estimator: point pairs, a prior, and the result."""
 
 from dataclasses import dataclass, field
 from enum import Enum, unique

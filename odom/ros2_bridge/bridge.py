@@ -1,4 +1,4 @@
-"""Which topics go where: each is offered on the other side, and carried while somebody there listens."""
+"""Which topics go in which direction: each is offered on the other side, and forwarded while it has subscribers."""
 
 import logging
 import sys

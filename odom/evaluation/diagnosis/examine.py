@@ -1,4 +1,4 @@
-"""All checks over one stretch of a source, in the order in which faults should be mended."""
+"""Runs all checks over a part of a source, in the order in which faults should be repaired."""
 
 from dataclasses import replace
 

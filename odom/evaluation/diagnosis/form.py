@@ -1,4 +1,4 @@
-"""Whether images and calibration are what they should be at all: sizes, files, repeated images, the lens's formula."""
+"""Basic checks of images and calibration: sizes, missing files, repeated images, distortion coefficients."""
 
 from collections.abc import Sequence
 from itertools import pairwise

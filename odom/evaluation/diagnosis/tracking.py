@@ -1,4 +1,4 @@
-"""Whether the odometry itself keeps track: the surest sign of a fault that no other check has named."""
+"""Whether the odometry tracks the recording: this also shows faults that no other check finds."""
 
 from collections import Counter
 from collections.abc import Sequence

@@ -18,9 +18,9 @@ from odom.registration.noise_models import ZLevels
 _OCCURS = 0.2
 """A value is a level when it is counted so many times as often as the mean around it: stray values are rarer."""
 _AROUND = 0.05
-"""How far around reaches, as a share of depth."""
+"""Half the width of the neighbourhood, as a share of depth."""
 _DEPTHS = (0.1, 0.5, 0.9)
-"""Quantiles of the stream's depths at which both sigmas are told."""
+"""Quantiles of the stream's depths at which both sigmas are printed."""
 
 
 def shown_levels(depths_mm: Sequence[NDArray[np.uint16]]) -> Array:
@@ -42,7 +42,7 @@ def shown_levels(depths_mm: Sequence[NDArray[np.uint16]]) -> Array:
 
 
 def judge_levels(depths_mm: Sequence[NDArray[np.uint16]], noise: FeatureNoise) -> Finding:
-    """Tell sigma of the depth by the stream's own Z-levels (eq. 17), and by the noise that the odometry goes by."""
+    """Give sigma of the depth by the stream's own Z-levels (eq. 17), and by the noise model that the odometry uses."""
     key = "Z-levels"
     some = np.concatenate([d[::8, ::8][d[::8, ::8] > 0] for d in depths_mm]) * 1e-3 if depths_mm else np.zeros(0)
     levels_m = shown_levels(depths_mm)

@@ -1,4 +1,4 @@
-"""Point pairs of two looks of a camera by each of three front-ends, at the instants of the two stamps."""
+"""Point pairs between two frames of a camera by each of three front-ends, at the times of the two stamps."""
 
 from dataclasses import dataclass
 from enum import Enum, unique

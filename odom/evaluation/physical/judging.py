@@ -1,4 +1,4 @@
-"""What the five estimators make of one set of pairs, with and without the gate, against truth."""
+"""The errors of the five estimators on one set of pairs, with and without the gate, against truth."""
 
 import time
 from collections.abc import Callable

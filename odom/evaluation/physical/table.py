@@ -1,4 +1,4 @@
-"""The table of the physical experiment: means over all pairs of clouds, with what they may be off by chance."""
+"""The table of the physical experiment: means over all pairs of clouds, with their 95 % intervals."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

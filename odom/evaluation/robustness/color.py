@@ -1,4 +1,4 @@
-"""Colour images spoilt: blurred, dark, badly exposed, squeezed, torn. Shape, type and stamps stay as they are."""
+"""Degrades colour images: blurred, dark, badly exposed, compressed, torn. Shape, type and stamps stay as they are."""
 
 from dataclasses import replace
 from typing import Any

@@ -1,4 +1,4 @@
-"""Depth images spoilt: holes, noise and coarse steps. Shape, type and stamps stay; 0 stays "not measured"."""
+"""Degrades depth images: holes, noise and coarse steps. Shape, type and stamps stay; 0 stays "not measured"."""
 
 from dataclasses import replace
 from functools import lru_cache

@@ -1,4 +1,4 @@
-"""The picture of the robustness bench: a panel an axis, the ATE over what became of the frames."""
+"""The picture of the robustness bench: one panel for each axis, the ATE above the shares of frames by outcome."""
 
 from collections.abc import Sequence
 from math import ceil

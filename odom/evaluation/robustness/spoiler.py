@@ -1,4 +1,4 @@
-"""What is done to a recording to spoil it: pure functions of its calibration, its stamps and its frames."""
+"""Degrades a recording: pure functions of its calibration, its stamps and its frames."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The figures of one run over a spoilt recording; above all, how often the odometry is wrong and does not say so."""
+"""The figures of one run over a spoilt recording; above all, how often the odometry is wrong without reporting it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

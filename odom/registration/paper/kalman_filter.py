@@ -1,4 +1,4 @@
-"""KF: the paper's Algorithm 1, corrected, on the joint state [R | t]; it takes the covariances at their word."""
+"""KF: the paper's Algorithm 1, corrected, on the joint state [R | t]; it takes the given covariances as exact."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Whether the covariances given are true, and which ones to believe where they are not.
+"""Tests whether the given covariances are true, and replaces them by estimated ones where they are not.
 
 The residuals are tested against the covariances; where they fail, the covariances become `S_k = s (Sp + R Sq R') +
 diag(bx, by, bz)` under Student's t with nu degrees of freedom, all five by maximum likelihood: a common factor, noise

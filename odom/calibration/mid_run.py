@@ -28,22 +28,24 @@ def is_sure(survey: Survey, found: Calibrated) -> bool:
 class MidRunCalibrator:
     """A calibrator for an `Odometry`; `latest` is what it found last, None as long as the camera given is kept.
 
-    Its work waits until `ready` is set, since code that it needs may still be compiling. Where frames cannot wait,
-    as in a live stream (`may_wait()` is False), a look before that finds nothing.
+    Its work waits until `ready` is set, since code that it needs may still be compiling (None: it is compiled when it
+    is first used). Where frames cannot wait, as in a live stream (`may_wait()` is False), a look before that finds
+    nothing.
     """
 
     def __init__(self, ready: threading.Event | None = None, may_wait: Callable[[], bool] = lambda: True) -> None:
         self.latest: SelfCalibration | None = None
-        self._ready, self._may_wait = ready, may_wait
+        self._ready, self._may_wait = ready or threading.Event(), may_wait
+        if ready is None:
+            self._ready.set()
 
     def wait(self) -> None:
         """Wait until the work can be done."""
-        if self._ready is not None:
-            self._ready.wait()
+        self._ready.wait()
 
     def looked_at(self, odometry: Odometry) -> Callable[[], Camera | None]:
         """Return the work that finds a better camera in what was measured so far (see `Calibrator`)."""
-        if self._ready is not None and not self._ready.is_set() and not self._may_wait():
+        if not self._ready.is_set() and not self._may_wait():
             return lambda: None
         try:
             survey, given = surveyed(odometry)[0], odometry.camera

@@ -34,8 +34,6 @@ _MOST_GAP_S = 0.1
 """Truth is interpolated over gaps of at most so long."""
 _SPOILT_SETS = 16
 """Sets of pairs, spread over the walk, whose correct ones are spoilt: more take longer and move the means by 2 %."""
-_MOVED_M = 5.0
-"""More than the room is long: what no overlap can be mistaken for."""
 
 
 @dataclass(frozen=True)

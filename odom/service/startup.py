@@ -91,7 +91,8 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> threading.Event:
     del odometry
     calibrates = threading.Event()
     if compiler is None:
-        _warm_up_calibration(settings.self_calibration, calibrates)
+        _warm_up_calibration(settings.self_calibration)
+        calibrates.set()
     patience.cancel()
     gc.collect()
     gc.freeze()
@@ -130,7 +131,7 @@ def _compile(self_calibration: bool, has_adjusted: Event) -> None:
     gc.set_threshold(_COMPILERS_YOUNG_OBJECTS)
     _warm_up_beside_frames()
     has_adjusted.set()
-    _warm_up_calibration(self_calibration, threading.Event())
+    _warm_up_calibration(self_calibration)
 
 
 def _warm_up_beside_frames() -> None:
@@ -149,18 +150,18 @@ def _warm_up_beside_frames() -> None:
     nearest(np.zeros((1, 3)), np.zeros((1, 3)), 1)
 
 
-def _warm_up_calibration(self_calibration: bool, calibrates: threading.Event) -> None:
-    try:
-        if self_calibration:
-            calibration.warm_up()
-    finally:
-        calibrates.set()
+def _warm_up_calibration(self_calibration: bool) -> None:
+    if self_calibration:
+        calibration.warm_up()
 
 
 def _load_what_is_compiled(compiler: _SecondCompiler, self_calibration: bool, calibrates: threading.Event) -> None:
-    compiler.wait()
-    _warm_up_calibration(self_calibration, calibrates)
-    give_back_code()
+    try:
+        compiler.wait()
+        _warm_up_calibration(self_calibration)
+        give_back_code()
+    finally:
+        calibrates.set()
 
 
 def notify_service_manager(state: str) -> None:

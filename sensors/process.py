@@ -25,6 +25,9 @@ _READ_AHEAD = 8
 """Messages of a recording decoded before they are sent: fewer make consumers wait for the disk, more need memory."""
 _CALIBRATION_PERIOD_S = 1.0
 """Seconds between two calibration messages, for consumers that only listen; that long they may wait for one."""
+_HEAD_START_S = 0.1
+"""Seconds between the calibration and the first image of a recording that is played in real time: consumers compute the
+table of the lens meanwhile. Less: the first images wait, and at a high rate some are lost."""
 _FAREWELL_S = 2.0
 """Seconds that consumers have to take the end of the source when it was interrupted or live."""
 
@@ -97,7 +100,8 @@ class SensorProcess:
         return SensorReport(self.frames, self._publisher.serial, self._window.lost, reason)
 
     def _send(self, message: Message, stop: threading.Event) -> bool:
-        if self._pace is not None and not self._wait_until_due(message.stamp, self._pace, stop):
+        is_calibration = message.topic in (self._topics.depth_info, self._topics.camera_info)
+        if self._pace is not None and not is_calibration and not self._wait_until_due(message.stamp, self._pace, stop):
             return False
         if not self._live and not self._window.wait_for_room(stop):
             return False
@@ -120,7 +124,7 @@ class SensorProcess:
         self._calibration_due, self._informed = now + _CALIBRATION_PERIOD_S, consumers
 
     def _wait_until_due(self, stamp: Stamp, pace: float, stop: threading.Event) -> bool:
-        began, first = self._clock = self._clock or (time.monotonic(), stamp)
+        began, first = self._clock = self._clock or (time.monotonic() + _HEAD_START_S, stamp)
         due = began + (stamp - first) / pace
         return not stop.wait(max(0.0, due - time.monotonic()))
 

@@ -6,10 +6,12 @@ Frame i + 1 is decoded while frame i is processed: Zenoh and OpenCV release the 
 import logging
 import threading
 from collections import Counter
+from contextlib import suppress
 from dataclasses import replace
 
-from odom.errors import WireError
+from odom.errors import ConfigError, WireError
 from odom.frame import Camera, RgbdFrame, Stamp
+from odom.frontend.camera.lens import Lens
 from odom.service.arrival_queue import (
     MOST_TRUTH,
     ArrivalQueue,
@@ -34,6 +36,9 @@ _COLORS = 32
 """Colour messages kept until their depth comes, one second: fewer, and key frames lose their coloured clouds."""
 _MOST_BODIES = 16
 """Motion capture bodies, each with an open file of its own; a rig has one to three."""
+_LENS_AHEAD_PX = 1 << 21
+"""Pixels of an image whose lens is computed before a frame of it has come. More: a calibration by mistake or malice
+takes memory for nothing; fewer: the first frames of ordinary cameras wait."""
 _LIVE_CLOCK_NS = 10_000_000_000
 """A capture stamp nearer than this to the time of sending is by the host's clock: latency counts from the capture.
 Recordings are days old, clocks of hosts are off by less."""
@@ -159,6 +164,8 @@ class FrameReceiver:
         if message.topic in self._color_keys and not delivery.lossless:
             self._put_color()
         self._check_camera()
+        if self._camera is None and self.assembler.camera is not None:
+            _compute_lens(self.assembler.camera)
 
     def _take_truth(self, message: Message) -> None:
         """Hand on a true pose, of at most 16 bodies; a body's name must be fit for a file's name."""
@@ -220,6 +227,13 @@ class FrameReceiver:
         waiting = self.assembler.newest_color
         if waiting is not None and self._camera is not None:
             self.arrivals.put_color(ColorArrival(*waiting))
+
+
+def _compute_lens(camera: Camera) -> None:
+    """Compute the table of a lens before the first frame, which would wait for it, unless it would be a large one."""
+    if camera.width * camera.height <= _LENS_AHEAD_PX:
+        with suppress(ConfigError):  # the odometry says what is wrong
+            Lens.of(camera)
 
 
 def _origin(frame: RgbdFrame, delivery: Delivery | None) -> Stamp:

@@ -56,6 +56,12 @@ def test_a_barrel_lens_does_not_fold_points_from_far_outside_into_the_image():
     assert np.isnan(seen[:, 0]).all()
 
 
+def test_the_lens_of_an_equal_camera_is_not_computed_again():
+    lens = Lens.of(Camera(64, 48, 52.0, 52.0, 31.5, 23.5, (0.1, 0.0, 0.0, 0.0)))
+    assert Lens.of(Camera(64, 48, 52.0, 52.0, 31.5, 23.5, (0.1, 0.0, 0.0, 0.0))) is lens
+    assert Lens.of(Camera(64, 48, 53.0, 52.0, 31.5, 23.5, (0.1, 0.0, 0.0, 0.0))) is not lens
+
+
 def test_a_model_with_terms_that_projection_does_not_have_is_refused():
     camera = Camera(640, 480, 525.0, 525.0, 319.5, 239.5, (*[0.0] * 8, 0.01, 0.0, -0.01, 0.0))
     with pytest.raises(ConfigError):

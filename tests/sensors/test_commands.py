@@ -19,6 +19,7 @@ from odom.frame import Stamp, to_seconds
 from odom.wire import Message, Topics, WireSettings
 from odom.wire.codec import encode_pose
 from odom.wire.consumer import Consumer
+from odom.wire.delivery import Delivery
 from odom.wire.recording import RecordingReader
 from odom.wire.session import WireSession, open_session
 from odom.wire.settings import ANY_LOCAL_PORT
@@ -258,3 +259,23 @@ def test_a_failing_source_is_told_to_the_consumers(hub: WireSession, network: Ne
             sensor.run(threading.Event())
         thread.join(5.0)
     assert ended == ["failed: unplugged"]
+
+
+def test_in_real_time_the_calibration_goes_ahead_of_the_first_image(
+    hub: WireSession, network: Network, tmp_path: Path
+) -> None:
+    options = SourceOptions(realtime=True, rate=10.0)
+    source = open_source(str(write_folder(tmp_path / "tum")), options)
+    with open_session(WireSettings(connect=(network.endpoint,), listen=(ANY_LOCAL_PORT,))) as session:
+        sensor = SensorProcess(session, source, options, consumers=1)
+        consumer = Consumer(hub, TOPICS, "odometry", KEYS)
+        heard: list[Delivery] = []
+        thread = threading.Thread(target=lambda: heard.extend(iter(lambda: consumer.receive(60.0), None)))
+        thread.start()
+        sensor.run(threading.Event())
+        thread.join(5.0)
+    sent = {delivery.message.topic: delivery.sent for delivery in reversed(heard)}
+    color, calibration = sent[TOPICS.color_compressed], sent[TOPICS.camera_info]
+    assert color is not None
+    assert calibration is not None
+    assert color - calibration >= 90_000_000

@@ -68,14 +68,15 @@ class KeyframeInserter:
         self.moved_share = 0.0
         """In how much of the last key frame's view most corners had moved."""
 
-    def could_begin(self, view: View, sensor: SensorModel) -> bool:
-        """Return whether a frame has corners enough, with depth, for the next one to be found by them."""
-        return len(self._new_corners(view, np.zeros((0, 2)), AT_REST, sensor).uv) >= TUNING.least_begun
+    def first_corners(self, view: View, sensor: SensorModel) -> Corners | None:
+        """Return a frame's corners with depth, as if at rest; None: too few for the next frame to be found by them."""
+        corners = self._new_corners(view, np.zeros((0, 2)), AT_REST, sensor)
+        return corners if len(corners.uv) >= TUNING.least_begun else None
 
-    def begin_segment(self, view: View, T_camera_map: Array, sensor: SensorModel) -> Keyframe:
-        """Begin a segment with a frame, as if at rest; `remeasure` it once its motion is known."""
+    def begin_segment(self, view: View, corners: Corners, T_camera_map: Array, sensor: SensorModel) -> Keyframe:
+        """Begin a segment with a frame and its `first_corners`; `remeasure` it once its motion is known."""
         self.recent.forget()
-        corners, nothing = self._new_corners(view, np.zeros((0, 2)), AT_REST, sensor), Measured.nothing()
+        nothing = Measured.nothing()
         keyframe = self._map.add_keyframe(view, T_camera_map, nothing, corners, sensor.timing, None, _CERTAIN)
         self._work_on(keyframe, view, AT_REST)
         self._newest = self._coverage_at_keyframe = None

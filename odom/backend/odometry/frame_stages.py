@@ -10,7 +10,7 @@ from odom.backend.chain.sight import Sight
 from odom.backend.estimate import Estimate, Features, OnPose, State
 from odom.backend.loop_closure.loop_closure import LoopCloser
 from odom.backend.map.frame_log import LoggedFrame
-from odom.backend.map.map import Map
+from odom.backend.map.map import Corners, Map
 from odom.backend.map.memory import open_map
 from odom.backend.map.saved import SavedMap
 from odom.backend.mapping.mapper import Mapper
@@ -203,8 +203,10 @@ class FrameStages:
             self._visibility = self._visibility.with_search(self.published.since_last_s(view.stamp))
             patience = TUNING.patience if self.moving.is_doubtful else 1.0
             is_time = self._is_unproven or self._visibility.searching_s > patience * self._settings.new_segment_s
-            if is_time and not self.map.is_fixed and self.mapper.inserter.could_begin(view, self.sensor):
-                return self._begin_segment(view)
+            may_begin = is_time and not self.map.is_fixed
+            corners = self.mapper.inserter.first_corners(view, self.sensor) if may_begin else None
+            if corners is not None:
+                return self._begin_segment(view, corners)
         self.published.lose(view.stamp, self._segment)
         self.mapper.start_background(self.published.frames.count, self.sensor)
         return self._describe(view, State.LOST, reason, None)
@@ -214,11 +216,11 @@ class FrameStages:
         """Whether there is nothing to be found again: no frame yet, or a single one from which none was followed."""
         return self.state is None or (len(self.map.keyframes) - self.map.earlier == 1 and self.state.tracked is None)
 
-    def _begin_segment(self, view: View) -> Estimate:
+    def _begin_segment(self, view: View, corners: Corners) -> Estimate:
         """Begin a new segment of the map at the last known pose."""
         is_first = self.state is None
         T_camera_map = np.eye(4) if self.state is None else self.state.T_camera_map
-        keyframe = self.mapper.inserter.begin_segment(view, T_camera_map, self.sensor)
+        keyframe = self.mapper.inserter.begin_segment(view, corners, T_camera_map, self.sensor)
         self._visibility, self.moving = self._visibility.with_new_segment(view.stamp), self.moving.after_loss()
         published = self.published.begin(view.stamp, keyframe.segment, keyframe.number, self.sensor)
         chain = self.chain.extend(ChainFrame(view, Sight.nothing(), AT_REST, published), None, self.sensor)

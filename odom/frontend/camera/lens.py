@@ -5,6 +5,7 @@ of the camera by a degree or two, and every pose with it. So its rays may be tol
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -37,8 +38,11 @@ class Lens:
     depth_model: Array
 
     @classmethod
+    @lru_cache(maxsize=1)
     def of(cls, camera: Camera, told: Camera | None = None) -> "Lens":
         """Return the lens of `camera`; the inverse distortion is solved once for every pixel (OpenCV).
+
+        That takes some 40 ms, so the newest lens is kept.
 
         Its rays, and inverse depths, are in the frame of the camera `told` (None: its own), to which it is turned by
         the rotation that brings the rays of both nearest. Raises ConfigError for coefficients beyond the rational

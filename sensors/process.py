@@ -59,6 +59,7 @@ class SensorProcess:
         self.frames = 0
         self.ended: str | None = None
         self._topics: Topics = options.topics
+        self._calibration_keys = options.topics.depth_info, options.topics.camera_info
         self._source = source
         self._consumers = consumers
         self._live = not source.lossless or options.realtime
@@ -100,7 +101,7 @@ class SensorProcess:
         return SensorReport(self.frames, self._publisher.serial, self._window.lost, reason)
 
     def _send(self, message: Message, stop: threading.Event) -> bool:
-        is_calibration = message.topic in (self._topics.depth_info, self._topics.camera_info)
+        is_calibration = message.topic in self._calibration_keys
         if self._pace is not None and not is_calibration and not self._wait_until_due(message.stamp, self._pace, stop):
             return False
         if not self._live and not self._window.wait_for_room(stop):
@@ -114,7 +115,7 @@ class SensorProcess:
     def _repeat_calibration(self, message: Message) -> None:
         """Send the calibration whenever a consumer has joined, and once a second for those who only listen."""
         now, consumers = time.monotonic(), self._window.consumers
-        if message.topic in (self._topics.depth_info, self._topics.camera_info):
+        if message.topic in self._calibration_keys:
             self._calibration[message.topic] = message
         elif self._calibration and (now >= self._calibration_due or consumers != self._informed):
             for known in self._calibration.values():

@@ -11,6 +11,8 @@ import kinds
 import pytest
 from hypothesis import settings
 
+from odom.cli import ONE_THREAD
+
 settings.register_profile("shared-machine", deadline=None, derandomize=True)
 settings.load_profile("shared-machine")
 
@@ -20,12 +22,8 @@ HARMLESS = ("fc-list",)
 """Programs by which matplotlib looks for fonts when it is first imported."""
 
 
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
-"""Set to 1 for the processes that run the tests, as the commands do for theirs: threads of several take turns."""
-
-
 def pytest_configure(config: pytest.Config) -> None:
-    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    os.environ.update(dict.fromkeys((*ONE_THREAD, "OPENCV_FOR_THREADS_NUM"), "1"))  # for the workers, as in a command
     for kind, meaning in kinds.KINDS.items():
         config.addinivalue_line("markers", f"{kind}: {meaning}")
     if config.cache is not None:

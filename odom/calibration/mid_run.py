@@ -35,9 +35,10 @@ class MidRunCalibrator:
 
     def __init__(self, ready: threading.Event | None = None, may_wait: Callable[[], bool] = lambda: True) -> None:
         self.latest: SelfCalibration | None = None
-        self._ready, self._may_wait = ready or threading.Event(), may_wait
         if ready is None:
-            self._ready.set()
+            ready = threading.Event()
+            ready.set()
+        self._ready, self._may_wait = ready, may_wait
 
     def wait(self) -> None:
         """Wait until the work can be done."""

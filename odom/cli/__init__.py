@@ -68,7 +68,8 @@ app.add_typer(bench, name="bench")
 _YOUNG_OBJECTS = 10_000
 """New objects before the interpreter looks for garbage: its own 700 take a tenth of the time of a start, with all that
 is imported; many more would only leave cycles lying about for longer."""
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+"""Variables that keep numerical libraries to one thread a process: those of several processes only take turns."""
 
 
 def _print_version(is_asked: bool) -> None:
@@ -130,7 +131,7 @@ def main() -> None:
         app.rich_markup_mode = None  # a box around an error is none in a log
         logs.lead_to(wrap_stderr())
         logs.configure(logs.Level.INFO, as_json=True)
-    for name in _ONE_THREAD:
+    for name in ONE_THREAD:
         os.environ.setdefault(name, "1")
     end_with_parent()
     atexit.register(gc.freeze)  # else the interpreter looks through all it has loaded, for seconds on a busy machine

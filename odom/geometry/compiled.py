@@ -90,7 +90,7 @@ class _SharedCache(FunctionCache):
         """Return what was compiled for a signature, None if nothing was."""
         loaded_code.make_ready(target_context)
         with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+            return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]  # numba gives no types
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Save what was compiled for a signature, while no other process saves anything in this folder."""

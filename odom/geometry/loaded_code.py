@@ -32,14 +32,15 @@ class LoadedLibrary(JITCodeLibrary):
     def get_pointer_to_function(self, name: str) -> Any:
         """Return the address of the function's wrapper."""
         if self._intermediate is None:
-            return super().get_pointer_to_function(name)  # type: ignore[no-untyped-call]
+            return super().get_pointer_to_function(name)  # type: ignore[no-untyped-call]  # numba gives no types
         return self._codegen._engine.get_function_address(name)
 
     def _get_module_for_linking(self) -> Any:
         if self._intermediate is not None and self._shared_module is None:
             self._shared_module = llvm.parse_bitcode(self._intermediate)
-            self._codegen._engine._load_defined_symbols(self._shared_module)  # type: ignore[no-untyped-call]
-        return super()._get_module_for_linking()  # type: ignore[no-untyped-call]
+            engine = self._codegen._engine
+            engine._load_defined_symbols(self._shared_module)  # type: ignore[no-untyped-call]  # numba gives no types
+        return super()._get_module_for_linking()  # type: ignore[no-untyped-call]  # numba gives no types
 
 
 def make_ready(target_context: Any) -> None:

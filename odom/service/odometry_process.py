@@ -168,7 +168,7 @@ class OdometryProcess:
         begun = time.perf_counter()
         try:
             estimate = self._odometry.process(frame, lambda estimate: self._publish_pose(estimate, origin))
-        except WireError:
+        except WireError:  # its pose could not be published: the frame is not to blame
             raise
         except OdomError as error:
             if not self.statistics.refused:

@@ -129,6 +129,7 @@ class Odometry:
 
         `on_pose` is given the estimate of a tracked frame as soon as its pose is known, before the chain and the map
         go on: a key frame takes some 15 ms more. What these and the background add to it is in what is returned.
+
         Raises InputError for a frame whose size is not the camera's, or whose stamp is the last one's or up to a
         second before it; a leap further back is a new time, in which the camera has to be found again. Refused, too,
         are stamps that stay less than 0.1 ms apart: they are in another unit than nanoseconds.

@@ -1,6 +1,6 @@
 """When a pose is in doubt since much of the view moves, and when it is sure again."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType, SimpleNamespace
 from typing import Any, cast
@@ -9,22 +9,26 @@ import numpy as np
 
 from odom.backend.odometry.moving_view import MovingView
 from odom.backend.odometry.tuning import TUNING
+from odom.backend.tracking.other_motions import WhatElseMoves
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.matching.moving_surfaces import MovingCells
-from odom.geometry.arrays import Array
 
 
 @dataclass
 class Shown:
-    """Recent views before which a given share of the view moves; None: they cannot tell."""
+    """Recent views before which a given share of the view moves; None: they cannot tell.
+
+    Of its features, `as_one` follow one other motion.
+    """
 
     share: float | None
+    as_one: float
 
     def moving(self, *_: object) -> MovingCells | None:
         return None if self.share is None else MovingCells(np.zeros((2, 2), bool), self.share, (8, 8))
 
-    def velocity_spread(self, *_: object) -> Array | None:
-        return None if self.share is None else self.share * np.eye(6)
+    def what_else_moves(self, *_: object) -> WhatElseMoves | None:
+        return None if self.share is None else WhatElseMoves(self.as_one, self.share * np.eye(6))
 
 
 def tracked_by(found: int, missed: int) -> tuple[Any, Any]:
@@ -45,11 +49,12 @@ def told(
     missed: int = 0,
     keyframes: Mapping[int, float] = MappingProxyType({}),
     lost: Collection[int] = (),
+    as_one: Callable[[int], float] = lambda look: 0.5,
 ) -> list[MovingView]:
     """What is known after each look, `period_s` apart (see `tracked_by`).
 
     Looks that became `keyframes` had corners that moved in such a share of their view; before those in `lost` the view
-    was lost.
+    was lost. A share `as_one` of a look's features follows another motion.
     """
     tracked, landmarks = tracked_by(found, missed)
     moving, every = MovingView(), []
@@ -57,7 +62,7 @@ def told(
         stamp = SteadyStamp(round(1.001e9 * i * period_s))
         view = cast(Any, SimpleNamespace(steady_stamp=stamp))
         moving = (moving.after_loss() if i in lost else moving).after(
-            view, tracked, cast(Any, Shown(share)), landmarks, cast(Any, None)
+            view, tracked, cast(Any, Shown(share, as_one(i))), landmarks, cast(Any, None)
         )
         if i in keyframes:
             moving = moving.after_keyframe(stamp, keyframes[i], tracked, landmarks)
@@ -109,7 +114,7 @@ BEGUN, LASTS = len(STILL), round(TUNING.moved_parts_s * 10)
 def test_a_pose_is_in_doubt_from_a_key_frame_whose_corners_do_not_stand_until_one_whose_corners_do() -> None:
     shown = told([0.0] * (BEGUN + LASTS + 2), keyframes={BEGUN: 0.7})
     assert not shown[BEGUN - 1].is_doubtful
-    assert all(moving.doubt == "most of the view moved" for moving in shown[BEGUN : BEGUN + LASTS - 2])
+    assert all(moving.doubt == "most of the view moved" for moving in shown[BEGUN + 1 : BEGUN + LASTS - 2])
     assert not shown[-1].is_doubtful
     assert not told([0.0] * (BEGUN + 3), keyframes={BEGUN: 0.7, BEGUN + 2: 0.1})[-1].is_doubtful
     assert not told([0.0] * (BEGUN + 3), keyframes={BEGUN: 0.4})[-1].is_doubtful
@@ -118,6 +123,21 @@ def test_a_pose_is_in_doubt_from_a_key_frame_whose_corners_do_not_stand_until_on
 def test_landmarks_from_before_say_that_a_quick_turn_is_none_of_a_body_that_is_followed() -> None:
     assert not told([0.0] * (BEGUN + 1), found=60, missed=40, keyframes={BEGUN: 0.7})[-1].is_doubtful
     assert told([0.0] * (BEGUN + 3), found=60, missed=80, keyframes={BEGUN: 0.7})[-1].is_doubtful
+
+
+def test_corners_that_do_not_stand_leave_no_doubt_where_nothing_else_moves_as_one() -> None:
+    looks, keyframes = [0.0] * (BEGUN + LASTS), {BEGUN: 0.7, BEGUN + 4: 0.8}
+    assert not any(moving.is_doubtful for moving in told(looks, keyframes=keyframes, as_one=lambda look: 0.0))
+    assert not any(moving.is_doubtful for moving in told(looks, keyframes=keyframes, as_one=lambda look: 0.05))
+
+
+def test_another_motion_that_not_every_look_shows_leaves_the_pose_in_doubt() -> None:
+    shown = told([0.0] * (BEGUN + LASTS), keyframes={BEGUN: 0.7}, as_one=lambda look: 0.5 * (look % 5 == 0))
+    assert all(moving.is_doubtful for moving in shown[BEGUN + 5 : -2])
+    until = BEGUN + 10
+    shown = told([0.0] * (BEGUN + LASTS), keyframes={BEGUN: 0.7}, as_one=lambda look: 0.5 * (look < until))
+    assert shown[until + 5].is_doubtful
+    assert not shown[until + 12].is_doubtful
 
 
 def test_after_a_loss_a_third_of_the_view_is_enough_again() -> None:

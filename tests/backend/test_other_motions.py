@@ -4,7 +4,7 @@ import numpy as np
 from painted_room import PERIOD, SMALL, START, PaintedRoom, stroll
 from sensor_models import sensor_model, view_of
 
-from odom.backend.tracking.other_motions import velocity_spread
+from odom.backend.tracking.other_motions import WhatElseMoves, what_else_moves
 from odom.evaluation.passers_by import Painter, anchor_before_camera, passers_by
 from odom.frame import RgbdFrame
 from odom.frontend.camera.lens import Lens
@@ -19,8 +19,8 @@ BODIES = passers_by(SMALL, 1.2, share=0.5, speed_m_s=0.6)
 PAINTER = Painter(SMALL, BODIES, START, anchor_before_camera, Lens.of(SMALL))
 
 
-def spread(now: RgbdFrame, earlier: RgbdFrame, T_earlier_now: Array) -> Array | None:
-    return velocity_spread(EarlierView(view_of(earlier), T_earlier_now, AT_REST), view_of(now), AT_REST, SENSOR)
+def seen(now: RgbdFrame, earlier: RgbdFrame, T_earlier_now: Array) -> WhatElseMoves | None:
+    return what_else_moves(EarlierView(view_of(earlier), T_earlier_now, AT_REST), view_of(now), AT_REST, SENSOR)
 
 
 def seen_with_a_body(number: int) -> tuple[RgbdFrame, Array]:
@@ -31,28 +31,30 @@ def seen_with_a_body(number: int) -> tuple[RgbdFrame, Array]:
 
 def test_in_a_room_at_rest_a_camera_that_walks_is_not_unsure() -> None:
     T_now, T_earlier = stroll(1.1), stroll(1.0)
-    found = spread(ROOM.frame(SMALL, 33, T_now), ROOM.frame(SMALL, 30, T_earlier), se3.inverse(T_earlier) @ T_now)
+    found = seen(ROOM.frame(SMALL, 33, T_now), ROOM.frame(SMALL, 30, T_earlier), se3.inverse(T_earlier) @ T_now)
     assert found is not None
-    assert not found.any()
+    assert found.share == 0.0
+    assert not found.spread.any()
 
 
 def test_a_camera_that_follows_a_body_is_off_by_about_as_much_as_its_velocity_is_unsure() -> None:
     (now, T_body), (earlier, T_body_before) = seen_with_a_body(33), seen_with_a_body(30)
     T_followed = T_body_before @ se3.inverse(T_body)  # of the camera, as if the body stood still
-    found = spread(now, earlier, T_followed)
+    found = seen(now, earlier, T_followed)
     assert found is not None
+    assert found.share > 0.2
     error = se3.log(se3.inverse(T_followed)) / SINCE_S
     assert np.linalg.norm(error) > 0.3
-    nees = error @ np.linalg.solve(found + np.diag(np.repeat([0.03, 0.03], 3) ** 2), error)
+    nees = error @ np.linalg.solve(found.spread + np.diag(np.repeat([0.03, 0.03], 3) ** 2), error)
     assert 1.0 < nees < 9.0
 
 
 def test_a_camera_that_follows_the_room_is_as_unsure_along_the_bodys_way_and_no_other() -> None:
     (now, T_body), (earlier, T_body_before) = seen_with_a_body(33), seen_with_a_body(30)
-    found = spread(now, earlier, HERE)
+    found = seen(now, earlier, HERE)
     assert found is not None
     away = se3.log(T_body @ se3.inverse(T_body_before)) / SINCE_S
-    values, vectors = np.linalg.eigh(found)
+    values, vectors = np.linalg.eigh(found.spread)
     assert abs(vectors[:, -1] @ away) > 0.95 * np.linalg.norm(away)
     assert values[:-1].sum() < 0.2 * values[-1]
     assert values[-1] < away @ away
@@ -61,4 +63,4 @@ def test_a_camera_that_follows_the_room_is_as_unsure_along_the_bodys_way_and_no_
 def test_where_too_little_can_be_followed_nothing_is_told() -> None:
     plain = ROOM.frame(SMALL, 33, HERE)
     dark = RgbdFrame(30, plain.stamp, np.zeros_like(plain.color), plain.stamp, plain.depth_mm)
-    assert spread(plain, dark, HERE) is None
+    assert seen(plain, dark, HERE) is None

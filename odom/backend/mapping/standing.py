@@ -8,7 +8,7 @@ import numpy as np
 from odom.backend.map.map import Corners, Map
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.tracking.frame_state import FrameState, Tracked
-from odom.backend.tracking.other_motions import velocity_spread
+from odom.backend.tracking.other_motions import WhatElseMoves, what_else_moves
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.image_parts import parts_of
@@ -89,12 +89,12 @@ class RecentViews:
             self._looked = tracked, None if grid is None else moving_cells(grid, earlier, sensor)
         return self._looked[1]
 
-    def velocity_spread(self, view: View, tracked: Tracked, sensor: SensorModel) -> Array | None:
-        """Return how unsure the camera's velocity is by what else moves (see `other_motions`), None: nothing tells."""
+    def what_else_moves(self, view: View, tracked: Tracked, sensor: SensorModel) -> WhatElseMoves | None:
+        """Return what moves in a tracked view beside the camera (see `other_motions`), None: nothing tells."""
         stamp = view.steady_stamp
         for recent in reversed(self._views):
             if TUNING.spread_least_s <= _since_s(recent, stamp) <= TUNING.newest_s:
-                return velocity_spread(self._seen_from(recent, tracked), view, tracked.twist, sensor)
+                return what_else_moves(self._seen_from(recent, tracked), view, tracked.twist, sensor)
         return None
 
     def _before(self, view: View, tracked: Tracked) -> list[EarlierView]:

@@ -8,6 +8,7 @@ from odom.backend.map.landmarks import Landmarks
 from odom.backend.mapping.standing import RecentViews
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.tracking.frame_state import Tracked
+from odom.backend.tracking.other_motions import WhatElseMoves
 from odom.backend.tracking.tuning import TUNING as TRACKING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
@@ -25,11 +26,13 @@ class MovingView:
 
     `is_doubtful` from when most of the view moves, or seems to, until hardly anything has moved for a while: a camera
     that was taken along by what moves sees the scene move instead. What stood still before tells that it was not: the
-    landmarks made before `proven` (an identity), in a time without doubt. In the first seconds after the first look, at
-    `begun`, there are none, and little is enough (`is_young`); so after each loss, until they are seen again. `calm` is
-    when it became still. `is_astray`: the view was lost in doubt, so that a body may have been taken for the place.
-    `is_rooted`: landmarks made before `rooted`, when the newest doubt began, agree with the pose. `spread` is the
-    covariance (6 x 6) of the camera's velocity by what else moves, None without doubt, or before anything told.
+    landmarks made before `proven` (an identity), when nothing was suspicious. In the first seconds after the first
+    look, at `begun`, there are none, and little is enough (`is_young`); so after each loss, until they are seen again.
+    `calm` is when it became still. `is_astray`: the view was lost in doubt, so that a body may have been taken for the
+    place. At `strayed`, the corners of a key frame did not stand: either a body is followed, or images are blurred or
+    torn. A body leaves the scene behind, which then moves as one: `other` is when such another motion was last seen.
+    `is_rooted`: landmarks made before `rooted`, when it became suspicious the last time, agree with the pose. `spread`
+    is the covariance (6 x 6) of the camera's velocity by what else moves, None without doubt, or before anything told.
     """
 
     stamp: SteadyStamp | None = None
@@ -40,6 +43,7 @@ class MovingView:
     calm: SteadyStamp | None = None
     proven: int = 0
     strayed: SteadyStamp | None = None
+    other: SteadyStamp | None = None
     is_astray: bool = False
     rooted: int = 0
     is_rooted: bool = False
@@ -53,12 +57,16 @@ class MovingView:
         if self.stamp is not None and abs(stamp - self.stamp) * 1e-9 < TUNING.moving_period_s:
             return self
         looked = self._looked(stamp, recent.moving(view, tracked, sensor), tracked, landmarks)
-        rooted = looked.proven if looked.is_doubtful else self.rooted
+        rooted = looked.proven if looked.is_suspicious else self.rooted
         looked = replace(looked, rooted=rooted, is_rooted=rooted > 0 and is_supported(tracked, landmarks, rooted))
-        if not looked.is_doubtful:
-            return replace(looked, spread=None)
-        spread = recent.velocity_spread(view, tracked, sensor)
-        return looked if spread is None else replace(looked, spread=spread)
+        return looked.with_others(recent.what_else_moves(view, tracked, sensor) if looked.is_suspicious else None)
+
+    def with_others(self, others: WhatElseMoves | None) -> "MovingView":
+        """Return what is known where the newest look showed what else moves, None: it could not tell."""
+        if others is None:
+            return self if self.is_doubtful else replace(self, spread=None)
+        seen = replace(self, other=self.stamp) if others.share > TUNING.moved_as_one else self
+        return replace(seen, spread=others.spread if seen.is_doubtful else None)
 
     def _looked(
         self, stamp: SteadyStamp, cells: MovingCells | None, tracked: Tracked, landmarks: Landmarks
@@ -85,7 +93,7 @@ class MovingView:
         calm = stamp if self.calm is None else self.calm
         is_calm = (stamp - calm) * 1e-9 >= TUNING.moving_calm_s
         seen = replace(seen, is_crowded=self.is_crowded and not is_calm, calm=calm)
-        return replace(seen, proven=landmarks.next_identity) if is_calm and not seen.is_doubtful else seen
+        return replace(seen, proven=landmarks.next_identity) if is_calm and not seen.is_suspicious else seen
 
     def after_loss(self) -> "MovingView":
         """Return what is known where a segment begins or the camera is found again: it is counted anew from there.
@@ -102,9 +110,18 @@ class MovingView:
         return replace(self, strayed=stamp if is_strayed else None)
 
     @property
+    def is_suspicious(self) -> bool:
+        """Whether the pose may be in doubt, so that it is worth looking for what else moves as one."""
+        return self.is_crowded or self.is_young or self.is_astray or self.strayed is not None
+
+    @property
     def is_doubtful(self) -> bool:
         """Whether what moves leaves the pose in doubt."""
-        return self.is_crowded or self.is_young or self.is_astray or self.strayed is not None
+        if self.is_crowded or self.is_young or self.is_astray:
+            return True
+        if self.strayed is None or self.other is None or self.stamp is None:
+            return False
+        return (self.stamp - self.other) * 1e-9 < TUNING.moved_as_one_s
 
     @property
     def doubt(self) -> str:

@@ -51,6 +51,12 @@ class Tuning:
         "the scene between two key frames; larger: UNCERTAIN for longer")
     moved_support: float = tuned(2.0, unit="landmarks from before found for each one missed", source=_BODIES,
         effect="that end this doubt sooner; smaller: as a smaller moved_parts_s; larger: as a larger one")
+    moved_as_one: float = tuned(0.1, unit="share of the votes", source="torn, blurred, ill exposed images; " + _BODIES,
+        effect="that another motion must have for corners that do not stand to count; smaller: chance counts; larger: "
+        "a small body is not noticed")
+    moved_as_one_s: float = tuned(1.0, unit="s", source="as moved_as_one",
+        effect="for which another motion that was seen counts; smaller: sure between two looks that show the body; "
+        "larger: UNCERTAIN for longer")
     mask_most: float = tuned(0.95, unit="share of the image", source="nothing is left to track by",
         effect="masked beyond which a segmenter's mask is ignored; smaller: true ones are; larger: LOST by a wrong one")
     mask_reasons: int = tuned(16, unit="1", source="more than there are kinds of wrong masks",

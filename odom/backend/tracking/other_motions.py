@@ -109,15 +109,26 @@ def other_motions(followed: _Followed, T_view_earlier: Array, since_s: float) ->
         is_left[np.flatnonzero(is_left)[agrees]] = False
 
 
-def velocity_spread(earlier: EarlierView, view: View, twist: Array, sensor: SensorModel) -> Array | None:
-    """Return the 6 x 6 covariance ((m/s, rad/s)^2, camera frame) of the camera's velocity by what else moves.
+@dataclass(frozen=True, eq=False)
+class WhatElseMoves:
+    """The motions in a view beside the camera's: the largest `share` of the votes that one has, 0 where there is none.
 
-    The camera moves with `twist` (6, SI). None where too few corners can be followed to tell.
+    `spread` is the 6 x 6 covariance ((m/s, rad/s)^2, camera frame) of the camera's velocity by them all.
+    """
+
+    share: float
+    spread: Array
+
+
+def what_else_moves(earlier: EarlierView, view: View, twist: Array, sensor: SensorModel) -> WhatElseMoves | None:
+    """Return what else moves between an `earlier` view and this one, where the camera moves with `twist` (6, SI).
+
+    None where too few corners can be followed to tell.
     """
     followed = _Followed.between(earlier, view, twist, sensor)
     if len(followed.uv) < TUNING.contested_least:
         return None
-    since_s, spread = (view.steady_stamp - earlier.view.steady_stamp) * 1e-9, np.zeros((6, 6))
-    for other in other_motions(followed, se3.inverse(earlier.T_view_corners), since_s):
-        spread += other.share * (np.outer(other.off, other.off) + other.covariance)
-    return np.asarray(spread / since_s**2)
+    since_s = (view.steady_stamp - earlier.view.steady_stamp) * 1e-9
+    others = list(other_motions(followed, se3.inverse(earlier.T_view_corners), since_s))
+    spread = sum((one.share * (np.outer(one.off, one.off) + one.covariance) for one in others), np.zeros((6, 6)))
+    return WhatElseMoves(max((one.share for one in others), default=0.0), np.asarray(spread / since_s**2))

@@ -32,7 +32,8 @@ class MovingView:
     place. At `strayed`, the corners of a key frame did not stand: either a body is followed, or images are blurred or
     torn. A body leaves the scene behind, which then moves as one: `other` is when such another motion was last seen.
     `is_rooted`: landmarks made before `rooted`, when it became suspicious the last time, agree with the pose. `spread`
-    is the covariance (6 x 6) of the camera's velocity by what else moves, None without doubt, or before anything told.
+    is the covariance (6 x 6) of the camera's velocity by what else moved of late, the newest looks counting most:
+    bodies turn, and not each look tells them from the scene. None without doubt, or before anything told.
     """
 
     stamp: SteadyStamp | None = None
@@ -66,7 +67,10 @@ class MovingView:
         if others is None:
             return self if self.is_doubtful else replace(self, spread=None)
         seen = replace(self, other=self.stamp) if others.share > TUNING.moved_as_one else self
-        return replace(seen, spread=others.spread if seen.is_doubtful else None)
+        if not seen.is_doubtful:
+            return replace(seen, spread=None)
+        before = others.spread if self.spread is None else self.spread
+        return replace(seen, spread=before + TUNING.spread_newest * (others.spread - before))
 
     def _looked(
         self, stamp: SteadyStamp, cells: MovingCells | None, tracked: Tracked, landmarks: Landmarks

@@ -57,6 +57,9 @@ class Tuning:
     moved_as_one_s: float = tuned(1.0, unit="s", source="as moved_as_one",
         effect="for which another motion that was seen counts; smaller: sure between two looks that show the body; "
         "larger: UNCERTAIN for longer")
+    spread_newest: float = tuned(0.3, unit="1", source=_BODIES,
+        effect="weight of the newest look in how unsure the velocity is; smaller: bodies that stop are doubted for "
+        "longer; larger: a single look in which the body is not told from the scene makes the step too sure")
     mask_most: float = tuned(0.95, unit="share of the image", source="nothing is left to track by",
         effect="masked beyond which a segmenter's mask is ignored; smaller: true ones are; larger: LOST by a wrong one")
     mask_reasons: int = tuned(16, unit="1", source="more than there are kinds of wrong masks",

@@ -37,7 +37,7 @@ def test_wide_steps_make_one_segment_with_hardly_a_frame_lost(
     assert report.ate_m <= most_ate_m
 
 
-@pytest.mark.parametrize(("every", "first"), [(16, 4), (16, 8), (20, 7), (20, 13)])
+@pytest.mark.parametrize(("every", "first"), [(16, 1), (16, 4), (16, 5), (16, 8), (20, 7), (20, 13)])
 def test_a_time_lapse_of_fast_turns_hardly_falls_to_pieces(shared_data: Path, every: int, first: int) -> None:
     recording = read_recording(shared_data / "tum_fr1_rpy_part")
     odometry = Odometry(recording.camera)
@@ -45,5 +45,5 @@ def test_a_time_lapse_of_fast_turns_hardly_falls_to_pieces(shared_data: Path, ev
     trajectory = Trajectory.of(odometry.finish())
     assert np.mean([e.state is not State.LOST for e in estimates]) >= (0.85 if every == 16 else 0.8)
     assert trajectory.segment is not None
-    assert np.bincount(trajectory.segment).max() >= 0.75 * len(estimates), "most are joined"
+    assert np.bincount(trajectory.segment).max() >= (0.85 if every == 16 else 0.75) * len(estimates), "most are joined"
     assert evaluate(trajectory.longest_segment(), recording.truth()["camera"]).ate_m <= 0.033

@@ -14,6 +14,7 @@ from odom.backend.mapping.keyframe_inserter import KeyframeView
 from odom.backend.tracking.frame_state import Tracked
 from odom.backend.tracking.frame_tracker import FrameTracker
 from odom.backend.tracking.quality import is_known_place
+from odom.backend.tracking.relocalizer import agree, was_there_of_late
 from odom.frontend.camera.noise_monitor import NoiseMonitor
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.matching.place_recognition import Recognition
@@ -49,7 +50,10 @@ def refused_at_once(map_: Map, number: int, recognition: Recognition, noise: Noi
 def track_candidate(
     map_: Map, tracker: FrameTracker, seen: KeyframeView, recognition: Recognition, sensor: SensorModel
 ) -> Found | LoopCandidate:
-    """Return a recognition that tracking confirms, with what it would do, or the candidate that is refused."""
+    """Return a recognition that tracking confirms, with what it would do, or the candidate that is refused.
+
+    A segment that was left a few frames ago, near to here, is known by less: as when a camera is found again there.
+    """
     keyframe, place = map_.keyframes[seen.keyframe], map_.keyframes[recognition.candidate]
     registration = recognition.registration
     assert registration is not None
@@ -60,7 +64,8 @@ def track_candidate(
     T_place_keyframe = place.T_camera_map @ tracked.T_map_camera
     candidate = replace(candidate, inliers=tracked.found_again, T_candidate_current=T_place_keyframe)
     is_loop = place.segment == keyframe.segment
-    if not is_known_place(tracked, must_agree_with_chain=is_loop):
+    is_soon = not is_loop and was_there_of_late(map_, tracked, keyframe.stamp, sensor.clock.period_s)
+    if not is_known_place(tracked, is_loop) and not (is_soon and agree(tracked, registration, T_start)):
         reason = f"only {tracked.found_again} of {tracked.visible_count} landmarks found again"
         return replace(candidate, reason=reason)
     covariance = tracked.covariance * sensor.noise.covariance_scale

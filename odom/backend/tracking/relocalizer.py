@@ -11,6 +11,7 @@ from odom.backend.tracking.frame_tracker import FrameTracker
 from odom.backend.tracking.motion_model import AT_REST, Motion, is_plausible_motion
 from odom.backend.tracking.quality import is_known_place
 from odom.backend.tracking.tuning import TUNING
+from odom.frame import Stamp
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.place_descriptor import Place, describe_place
 from odom.frontend.features.view import View
@@ -44,7 +45,7 @@ def track_wide_step(
     prior = replace(prior, expected=None)
     tracked = tracker.track_twice(view, sensor, T_camera_map, prior.twist_to(T_camera_map), state.reference, prior)
     is_motion = is_plausible_motion(prior.twist_to(tracked.T_camera_map))
-    return tracked if is_motion and _agree(tracked, registration, T_camera_map) else None
+    return tracked if is_motion and agree(tracked, registration, T_camera_map) else None
 
 
 def relocalise(
@@ -68,13 +69,13 @@ def relocalise(
         is_near = seen is not None and seen.is_near(tracked)
         is_soon = is_near and seen is not None and seen.is_soon
         is_known = not recognition.refusal and is_known_place(tracked, is_near)
-        is_known = is_known or (is_soon and _agree(tracked, registration, T_camera_map))
+        is_known = is_known or (is_soon and agree(tracked, registration, T_camera_map))
         if is_known and (state is None or _is_within_reach(map_, state, tracked, view)):
             return tracked
     return None
 
 
-def _agree(tracked: Tracked, registration: Registration, T_registered: Array) -> bool:
+def agree(tracked: Tracked, registration: Registration, T_registered: Array) -> bool:
     """Return whether landmarks say what the descriptors' registration does, T_camera_map, and both together are many.
 
     Fewer landmarks do where they are found just there. Enough for a camera that could not have gone far; elsewhere
@@ -85,6 +86,15 @@ def _agree(tracked: Tracked, registration: Registration, T_registered: Array) ->
     least = TUNING.least_inliers if is_same else TUNING.found_again
     evidence = tracked.found_again + int(registration.inliers.sum())
     return tracked.found_again >= least and evidence >= TUNING.share_with_matches * tracked.visible_count
+
+
+def was_there_of_late(map_: Map, tracked: Tracked, stamp: Stamp, period_s: float) -> bool:
+    """Return whether a pose tracked for `stamp` is near the last one that a segment had by then, a few frames before.
+
+    The segment is that of the pose's reference key frame; frames come every `period_s`.
+    """
+    seen = _last_keyframe(map_, map_.keyframes[tracked.reference].segment, stamp, period_s)
+    return seen is not None and seen.is_near(tracked)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,18 +118,26 @@ class _LastSeen:
 
 def _last_seen(map_: Map, state: FrameState, reference: int, view: View, period_s: float) -> _LastSeen | None:
     """Return the last frame in the segment of key frame `reference`, None if another began since, and long ago."""
-    soon_s = max(TUNING.near_s, TUNING.near_periods * period_s)
     segment = map_.keyframes[reference].segment
     if map_.keyframes[state.reference].segment == segment:
         since_s = state.since_s(view.steady_stamp)
-        return _LastSeen(state.T_camera_map, since_s, since_s < soon_s) if since_s > 0.0 else None
+        return _LastSeen(state.T_camera_map, since_s, since_s < _soon_s(period_s)) if since_s > 0.0 else None
+    return _last_keyframe(map_, segment, view.stamp, period_s)
+
+
+def _last_keyframe(map_: Map, segment: int, stamp: Stamp, period_s: float) -> _LastSeen | None:
+    """Return the last key frame of a segment before `stamp`, None if that was long ago, or in an earlier session."""
     for keyframe in reversed(map_.keyframes):
-        since_s = (view.stamp - keyframe.stamp) * 1e-9
-        if not 0.0 < since_s < soon_s:
+        since_s = (stamp - keyframe.stamp) * 1e-9
+        if since_s >= _soon_s(period_s) or keyframe.number < map_.earlier:
             return None
-        if keyframe.segment == segment:
+        if keyframe.segment == segment and since_s > 0.0:
             return _LastSeen(keyframe.T_camera_map, since_s, True)
     return None
+
+
+def _soon_s(period_s: float) -> float:
+    return max(TUNING.near_s, TUNING.near_periods * period_s)
 
 
 def _is_within_reach(map_: Map, state: FrameState, tracked: Tracked, view: View) -> bool:

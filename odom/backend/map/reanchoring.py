@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from odom.backend.map.saved import SavedLandmarks
 from odom.frontend.camera.lens import Lens, project
-from odom.frontend.features.patch_warp import WARP_LIMITS, affinities
+from odom.frontend.features.patch_warp import WARP_LIMITS, at_half_size, homographies
 from odom.frontend.features.patches import RADIUS
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
@@ -35,11 +35,11 @@ def seen_from(landmarks: SavedLandmarks, T_new_old: Array, lens: Lens) -> SavedL
     height, width = lens.rays.shape[:2]
     at = project(landmarks.position, T_new_old, lens.intrinsics, lens.distortion, width, height, 0.0)
     nobody = np.zeros(len(at), dtype=np.int64)
-    A_old_new, usable = affinities(
+    H_old_new, usable = homographies(
         landmarks.uv, landmarks.plane, nobody, T_new_old[None], lens.rays, lens.intrinsics, lens.distortion, WARP_LIMITS
     )
     chosen = usable & np.isfinite(at[:, 0])
-    kept, A = take(landmarks, chosen), A_old_new[chosen]
+    kept, H = take(landmarks, chosen), H_old_new[chosen]
     R = T_new_old[:3, :3]
     return SavedLandmarks(
         kept.identity,
@@ -47,8 +47,8 @@ def seen_from(landmarks: SavedLandmarks, T_new_old: Array, lens: Lens) -> SavedL
         R @ kept.covariance @ R.T,
         at[chosen, :2],
         _planes(kept, T_new_old, lens),
-        _warped(kept.patch_full, A),
-        _warped(kept.patch_half, A),
+        _warped(kept.patch_full, H),
+        _warped(kept.patch_half, at_half_size(H)),
         kept.seen,
         kept.tried,
     )
@@ -68,11 +68,13 @@ def _planes(landmarks: SavedLandmarks, T_new_old: Array, lens: Lens) -> Array:
     return np.column_stack([1.0 / se3.apply(T_new_old, position)[:, 2], n_new[:, :2] / f])
 
 
-def _warped(patches: NDArray[np.uint8], A_old_new: Array) -> NDArray[np.uint8]:
-    """Return patches (n x side x side) of which an offset in the new ones is A times as large in the old ones."""
+def _warped(patches: NDArray[np.uint8], H_old_new: Array) -> NDArray[np.uint8]:
+    """Return patches (n x side x side) of which `H_old_new` (n x 3 x 2) maps an offset to one in the old ones."""
     out = np.empty_like(patches)
-    for k, A in enumerate(A_old_new):
-        to_old = np.column_stack([A, _CENTRE - A @ _CENTRE])
+    centred, back = np.eye(3), np.eye(3)
+    centred[:2, 2], back[:2, 2] = -_CENTRE, _CENTRE
+    for k, H in enumerate(H_old_new):
+        to_old = back @ np.column_stack([H, [0.0, 0.0, 1.0]]) @ centred
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        out[k] = cv2.warpAffine(patches[k], to_old, patches[k].shape, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+        out[k] = cv2.warpPerspective(patches[k], to_old, patches[k].shape, flags=flags, borderMode=cv2.BORDER_REPLICATE)
     return out

@@ -12,7 +12,7 @@ from odom.frontend.cloud_features.cloud import cloud_of
 from odom.frontend.cloud_features.matching import CloudFeatures, cloud_features, match_features
 from odom.frontend.cloud_features.tuning import TUNING
 from odom.frontend.features.measurement import measure, points_of
-from odom.frontend.features.patches import PATCH_LIMITS, align_patches, cut_patches
+from odom.frontend.features.patches import PATCH_LIMITS, UNWARPED, align_patches, cut_patches
 from odom.frontend.features.place_descriptor import Place, describe_place
 from odom.frontend.features.view import View
 from odom.frontend.matching.optical_flow import follow_there_and_back
@@ -113,7 +113,7 @@ def _followed(source: Look, target: Look, uv_target: Array, uv_guess: Array) -> 
     """
     there, back = target.view.images.full, source.view.images.full
     uv_source, kept = follow_there_and_back(there, back, uv_target, uv_guess, _THERE_AND_BACK_PX)
-    straight = np.tile(np.eye(2), (len(kept), 1, 1))
+    straight = np.tile(UNWARPED, (len(kept), 1, 1))
     patches = cut_patches(there, uv_target)
     score, covariance = align_patches(
         back, patches, straight, uv_source, kept, _STEPS, _THERE_AND_BACK_PX, PATCH_LIMITS

@@ -1,6 +1,6 @@
 """Small image patches: cut at a key frame's corners, found again at sub-pixel precision in another image.
 
-The reference patch is warped by the affinity that the predicted pose and the surface imply, then aligned in
+The reference patch is warped by the homography that the predicted pose and the surface imply, then aligned in
 translation, gain and offset (inverse compositional Gauss-Newton: S. Baker, I. Matthews, IJCV 56, 2004).
 """
 
@@ -21,6 +21,8 @@ _PIXELS = _ROWS**2
 """Pixels of an aligned patch."""
 _LEAST_DETERMINANT = 1e-3
 """Determinant of the structure tensor over its squared trace: below, the patch is an edge and slides along itself."""
+UNWARPED = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
+"""The homography of a patch that is seen as it was."""
 PATCH_LIMITS = (TUNING.patch_least_contrast, TUNING.patch_least_gain, TUNING.patch_converged_px**2)
 """What `align_patches` demands of a patch and its alignment."""
 
@@ -55,7 +57,7 @@ def cut_patches(image: Image, uv: Array) -> Image:
 def align_patches(
     image: Image,
     patches: Image,
-    A_reference_current: Array,
+    H_reference_current: Array,
     uv: Array,
     valid: Mask,
     iterations: int,
@@ -64,8 +66,9 @@ def align_patches(
 ) -> tuple[NDArray[np.float32], Array]:
     """Align each `valid` patch in `image` from the start `uv` (n x 2, changed in place, pixels of `image`).
 
-    `A_reference_current` (n x 2 x 2) maps an offset in `image` to one in the patch. `limits` (see `PATCH_LIMITS`) are
-    the least variance of a patch (grey^2), the least gain, and the square of the step at which it has converged (px^2).
+    `H_reference_current` (n x 3 x 2) maps an offset in `image` to one in the patch (see `homographies`). `limits` (see
+    `PATCH_LIMITS`) are the least variance of a patch (grey^2), the least gain, and the square of the step at which it
+    has converged (px^2).
     Returns (n,) the normalised cross-correlation, 0 where the alignment left `limit_px` around the start, the image, or
     the patch; and (n x 3) the covariance (uu, uv, vv in px^2) for one grey level of image noise, by the structure
     tensor. With template T, gradient g and image I the step solves H du = -sum g (I - gain T - offset) / gain, where g
@@ -79,7 +82,8 @@ def align_patches(
     n = uv.shape[0]
     score = np.zeros(n, np.float32)
     covariance = np.zeros((n, 3))
-    pixels, radius, half, size = np.float32(_PIXELS), np.float32(RADIUS), np.float32(0.5), np.int32(2 * RADIUS + 1)
+    pixels, radius, half, one = np.float32(_PIXELS), np.float32(RADIUS), np.float32(0.5), np.float32(1)
+    size = np.int32(2 * RADIUS + 1)
     inside = np.zeros(_ROWS * _ROW, np.float32)
     for y in range(_ROWS):
         inside[y * _ROW : y * _ROW + _ROWS] = np.float32(1)
@@ -97,15 +101,18 @@ def align_patches(
     for k in range(n):
         if not valid[k]:
             continue
-        a00, a01 = np.float32(A_reference_current[k, 0, 0]), np.float32(A_reference_current[k, 0, 1])
-        a10, a11 = np.float32(A_reference_current[k, 1, 0]), np.float32(A_reference_current[k, 1, 1])
+        a00, a01 = np.float32(H_reference_current[k, 0, 0]), np.float32(H_reference_current[k, 0, 1])
+        a10, a11 = np.float32(H_reference_current[k, 1, 0]), np.float32(H_reference_current[k, 1, 1])
+        h0, h1 = np.float32(H_reference_current[k, 2, 0]), np.float32(H_reference_current[k, 2, 1])
         reach = (_HALF + 1) * max(abs(a00) + abs(a01), abs(a10) + abs(a11))
-        if reach > RADIUS - 0.01:
+        nearest = 1.0 - (_HALF + 1) * (abs(h0) + abs(h1))
+        if not reach <= (RADIUS - 0.01) * nearest:
             continue
         # the reference patch as the predicted pose shows it (bilinear)
         patch = patches[k].reshape(-1)
         for m in range(len(dx)):
-            u, v = a00 * dx[m] + a01 * dy[m] + radius, a10 * dx[m] + a11 * dy[m] + radius
+            share = one / (one + h0 * dx[m] + h1 * dy[m])
+            u, v = (a00 * dx[m] + a01 * dy[m]) * share + radius, (a10 * dx[m] + a11 * dy[m]) * share + radius
             j, i = np.int32(u), np.int32(v)
             a_at[m], b_at[m], place[m] = u - np.float32(j), v - np.float32(i), i * size + j
         for m in range(len(dx)):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.carrying import seen_in_motion
 from odom.frontend.features.images import FrameImages
-from odom.frontend.features.patch_warp import WARP_LIMITS, affinities
+from odom.frontend.features.patch_warp import WARP_LIMITS, at_half_size, homographies
 from odom.frontend.features.patches import PATCH_LIMITS, align_patches
 from odom.frontend.tuning import TUNING
 from odom.geometry.arrays import Array, Image, Index, Mask
@@ -129,13 +129,13 @@ class Found:
 class _Expected:
     """n landmarks that a pose shows in an image: `rows` in the map, `uv` (n x 2 px), `depth_m` (n).
 
-    `A_reference_current` (n x 2 x 2) warps their patches as far as they are `usable` (n), see `affinities`.
+    `H_reference_current` (n x 3 x 2) warps their patches as far as they are `usable` (n), see `homographies`.
     """
 
     rows: Index
     uv: Array
     depth_m: Array
-    A_reference_current: Array
+    H_reference_current: Array
     usable: Mask
 
     @classmethod
@@ -175,7 +175,7 @@ class _Expected:
             chosen = _spread(seen[:, :2], priority, chance, enough, most, across, cell_px)
             chosen |= candidates.due.take(visible)
             rows, seen = rows[chosen], seen[chosen]
-        A, usable = affinities(
+        H, usable = homographies(
             landmarks.uv.take(rows, 0),
             landmarks.plane.take(rows, 0),
             np.searchsorted(candidates.keyframes, landmarks.keyframe.take(rows)),
@@ -185,20 +185,23 @@ class _Expected:
             lens.distortion,
             WARP_LIMITS,
         )
-        return cls(rows, seen[:, :2].copy(), seen[:, 2], A, usable)
+        return cls(rows, seen[:, :2].copy(), seen[:, 2], H, usable)
 
-    def aligned(
-        self, image: Image, patches: Image, uv: Array, valid: Mask, limit_px: float
+    def aligned_finely(
+        self, landmarks: LandmarkPatches, image: Image, uv: Array, valid: Mask
     ) -> tuple[NDArray[np.float32], Array]:
-        """Align the patches in an image from `uv`, which changes (see `align_patches`)."""
-        A, iterations = self.A_reference_current, TUNING.search_iterations
-        return align_patches(image, patches, A, uv, valid, iterations, limit_px, PATCH_LIMITS)
+        """Align the patches in the full image from `uv`, which changes (see `align_patches`)."""
+        patches, H = landmarks.patch_full.take(self.rows, 0), self.H_reference_current
+        return align_patches(
+            image, patches, H, uv, valid, TUNING.search_iterations, TUNING.search_fine_limit_px, PATCH_LIMITS
+        )
 
     def aligned_coarsely(self, landmarks: LandmarkPatches, images: FrameImages) -> tuple[Array, Mask]:
         """Return where the half-size image shows them (n x 2 px of the full one), and which were found there."""
         uv = self.uv / 2.0
-        limit_px = TUNING.search_coarse_limit_px
-        score, _ = self.aligned(images.half, landmarks.patch_half.take(self.rows, 0), uv, self.usable, limit_px)
+        patches, H = landmarks.patch_half.take(self.rows, 0), at_half_size(self.H_reference_current)
+        iterations, limit_px = TUNING.search_iterations, TUNING.search_coarse_limit_px
+        score, _ = align_patches(images.half, patches, H, uv, self.usable, iterations, limit_px, PATCH_LIMITS)
         return 2.0 * uv, score > TUNING.search_coarse_score
 
 
@@ -221,8 +224,7 @@ def find_landmarks(
     rows, uv, valid = expected.rows, expected.uv.copy(), expected.usable
     if not is_near:
         uv, valid = expected.aligned_coarsely(landmarks, images)
-    patches, limit_px = landmarks.patch_full.take(rows, 0), TUNING.search_fine_limit_px
-    score, covariance = expected.aligned(images.full, patches, uv, valid, limit_px)
+    score, covariance = expected.aligned_finely(landmarks, images.full, uv, valid)
     found = np.flatnonzero(score > TUNING.search_fine_score)
     inverse_depth = 1.0 / expected.depth_m.take(found)
     return Found(rows.take(found), uv.take(found, 0), covariance.take(found, 0), inverse_depth, rows)

@@ -32,6 +32,9 @@ class Tuning:
         "miscounted")
     clock_most_unsteady: float = tuned(0.25, unit="share of a period", source=_KINECT,
         effect="smaller: jittery clocks are not smoothed; larger: a line is drawn through stamps that have no period")
+    clock_most_late_s: float = tuned(0.02, unit="s", source="recordings at 30 Hz that were thinned: 33 ms and more",
+        effect="smaller: late stamps of streams below 25 Hz are believed; larger: a frame missing before a slow stream "
+        "was thinned out shifts the poses after it")
     clock_outlier: float = tuned(3.0, unit="sigma", source="three sigma of a normal distribution",
         effect="smaller: good stamps are dropped from the line; larger: late ones bend it")
     clock_unknown: float = tuned(0.05, unit="share of a period", source=_KINECT,

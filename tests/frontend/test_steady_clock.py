@@ -71,6 +71,15 @@ def test_stamps_without_a_period_are_taken_for_true():
     assert np.mean(unsteadied) > 0.9
 
 
+@pytest.mark.parametrize("every", [3, 8])
+def test_where_a_frame_is_missing_before_every_nth_is_taken_no_later_one_is_moved_by_that(every):
+    rng = np.random.default_rng(5)
+    all_s = np.delete(np.arange(600) / 10.0, [301, 402])[::every]
+    stamped_s = all_s + 0.001 * rng.normal(size=len(all_s))
+    steady_s = np.array([c.steady - START_NS for c in clocks_of(stamps_of(stamped_s))]) * 1e-9
+    assert np.abs(steady_s - all_s).max() < 0.005
+
+
 @pytest.mark.parametrize("jitter_s", [0.0005, 0.003])
 def test_the_jitter_is_known_and_remembered_over_a_gap(jitter_s):
     rng = np.random.default_rng(4)

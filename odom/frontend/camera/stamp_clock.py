@@ -25,7 +25,8 @@ class StampClock:
 
     The newest stamp is `late_s` later than its steady time, known with one sigma of `sigma_s`; `period_s` is the
     stream's period and `jitter_s` one sigma of a single stamp, 0 where unknown. Where stamps are not multiples of a
-    period apart they are taken as they are.
+    period apart they are taken as they are; one that is off by more than a host's delay is where it begins anew: frames
+    that somebody thinned out are a part of their period apart where one is missing.
     """
 
     stamps: tuple[Stamp, ...] = ()
@@ -48,8 +49,9 @@ class StampClock:
 
     def after(self, stamp: Stamp) -> "StampClock":
         """Return the clock after one more stamp."""
+        begun_anew = replace(self, stamps=(stamp,), late_s=0.0, sigma_s=self.jitter_s)
         if not self.stamps or not 0 < stamp - self.stamps[-1] < self._longest_gap_s * 1e9:
-            return replace(self, stamps=(stamp,), late_s=0.0, sigma_s=self.jitter_s)
+            return begun_anew
         stamps = (*self.stamps, stamp)[-TUNING.clock_window :]
         seconds = (np.array(stamps) - stamp) * 1e-9
         steps = np.sort(seconds[1:] - seconds[:-1])
@@ -60,6 +62,8 @@ class StampClock:
         late, jitter, period = _fit_line(seconds, period, TUNING.clock_gain, TUNING.clock_outlier)
         if jitter > TUNING.clock_most_unsteady * period:
             return StampClock(stamps, 0.0, 0.0, period, 0.0)
+        if abs(late) > TUNING.clock_most_late_s:
+            return begun_anew
         return StampClock(stamps, late, jitter * 2.0 / np.sqrt(len(stamps)), period, jitter)
 
 

@@ -80,27 +80,23 @@ def test_a_homography_maps_a_patch_to_where_its_surface_was_seen(motion):
         lens.distortion,
         WARP_LIMITS,
     )
+    there = se3.apply(T, np.column_stack([(uv - centre) / f, np.ones(40)]) / w[:, None])
+    normal = np.column_stack([slope * f, w - np.sum(slope * (uv - centre), axis=1)])  # of n' X = 1
+    turned = normal @ T[:3, :3].T
+    turned /= (1.0 + turned @ T[:3, 3])[:, None]
     errors = []
     for offset in 5.0 * np.array([[1, 0], [0, 1], [-1, 0], [0, -1], [0.7, 0.7]]):
-        there = se3.apply(T, _points(uv, w, f, centre))
         seen = there[:, :2] / there[:, 2:] * f + centre + offset
-        normal = np.column_stack([slope * f, w - np.sum(slope * (uv - centre), axis=1)])  # of n' X = 1
-        turned = normal @ T[:3, :3].T
-        turned /= (1.0 + turned @ T[:3, 3])[:, None]
         ray = np.column_stack([(seen - centre) / f, np.ones(40)])
         back = se3.apply(se3.inverse(T), ray / np.sum(turned * ray, axis=1)[:, None])
         truth = back[:, :2] / back[:, 2:] * f + centre - uv
         mapped = offset @ H[:, :2].transpose(0, 2, 1)
-        errors.append([np.linalg.norm(mapped / (1.0 + H[:, 2] @ offset)[:, None] - truth, axis=1)[usable]])
-        errors[-1].append(np.linalg.norm(mapped - truth, axis=1)[usable])
+        whole = mapped / (1.0 + H[:, 2] @ offset)[:, None]
+        errors.append([np.linalg.norm(places - truth, axis=1)[usable] for places in (whole, mapped)])
     exact, affine = np.max(errors, axis=(0, 2))
     assert usable.sum() > 30
     assert exact < 0.05
     assert affine > 4.0 * exact
-
-
-def _points(uv, w, f, centre):
-    return np.column_stack([(uv - centre) / f, np.ones(len(uv))]) / w[:, None]
 
 
 def test_a_patch_at_half_size_is_warped_alike():

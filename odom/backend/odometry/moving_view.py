@@ -60,9 +60,9 @@ class MovingView:
         looked = self._looked(stamp, recent.moving(view, tracked, sensor), tracked, landmarks)
         rooted = looked.proven if looked.is_suspicious else self.rooted
         looked = replace(looked, rooted=rooted, is_rooted=rooted > 0 and is_supported(tracked, landmarks, rooted))
-        return looked.with_others(recent.what_else_moves(view, tracked, sensor) if looked.is_suspicious else None)
+        return looked._with_others(recent.what_else_moves(view, tracked, sensor) if looked.is_suspicious else None)
 
-    def with_others(self, others: WhatElseMoves | None) -> "MovingView":
+    def _with_others(self, others: WhatElseMoves | None) -> "MovingView":
         """Return what is known where the newest look showed what else moves, None: it could not tell."""
         if others is None:
             return self if self.is_doubtful else replace(self, spread=None)

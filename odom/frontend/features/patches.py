@@ -69,6 +69,7 @@ def align_patches(
     `H_reference_current` (n x 3 x 2) maps an offset in `image` to one in the patch (see `homographies`). `limits` (see
     `PATCH_LIMITS`) are the least variance of a patch (grey^2), the least gain, and the square of the step at which it
     has converged (px^2).
+
     Returns (n,) the normalised cross-correlation, 0 where the alignment left `limit_px` around the start, the image, or
     the patch; and (n x 3) the covariance (uu, uv, vv in px^2) for one grey level of image noise, by the structure
     tensor. With template T, gradient g and image I the step solves H du = -sum g (I - gain T - offset) / gain, where g

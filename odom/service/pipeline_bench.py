@@ -15,7 +15,8 @@ from odom.wire.assembler import FrameAssembler
 from sensors.source import Source
 
 DECODE, ODOMETRY, TOTAL = "decode", "odometry", "total"
-_BACKGROUND = "odom-background"
+_BACKGROUND = "odom-"
+"""How the names of the threads begin that work beside the frames."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class StageCost:
 class PipelineCost:
     """`stages` in the order they run: `decode`, those of the odometry, then `odometry` as a whole and `total`.
 
-    `cpu_ms_a_frame` is CPU time of decoding, odometry and its background thread together, `background_ms_a_frame` of
+    `cpu_ms_a_frame` is CPU time of decoding, odometry and its background threads together, `background_ms_a_frame` of
     the latter alone; the source's own work (reading, drawing) is not in any figure. `finish_s` is the final adjustment.
     """
 
@@ -107,7 +108,7 @@ def measure_pipeline(
 
 
 def _background_cpu_s() -> float:
-    """Return the CPU seconds of the odometry's background thread so far."""
+    """Return the CPU seconds of the odometry's background threads so far."""
     names = [t for t in threading.enumerate() if t.name.startswith(_BACKGROUND) and t.ident is not None]
     return sum(time.clock_gettime(time.pthread_getcpuclockid(t.ident)) for t in names if t.ident is not None)
 

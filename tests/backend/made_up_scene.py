@@ -71,15 +71,15 @@ def chain_of_keyframes(poses, covariance, begins=(0,)):
         values = project(np.eye(4), points)
         measured = Measurements(values, np.zeros((20, 3, 3)), np.full((20, 4), 1e-6), np.zeros((20, 2)))
         view = View(number, Stamp(1_000_000_000 * number), SteadyStamp(0), images, Stamp(0), NO_DEPTH)
-        map_.add_keyframe(
+        keyframe = map_.add_keyframe(
             view,
             se3.inverse(T_map_camera),
             Measured.nothing(),
-            Corners(np.full((20, 2), 30.0), measured),
             ShutterTiming(),
             None if number in begins else number - 1,
             np.zeros((6, 6)) if number in begins else covariance,
         )
+        map_.add_corners(keyframe, images, Corners(np.full((20, 2), 30.0), measured))
     return map_
 
 

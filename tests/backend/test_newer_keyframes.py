@@ -43,7 +43,8 @@ def walk(shared):
             known = Measured(rows, np.full((shared, 2), 30.0), exact(seen))
         uv = np.full((len(corners), 2), 30.0)
         against = number - 1 if number else None
-        map_.add_keyframe(view, se3.inverse(T), known, Corners(uv, corners), ShutterTiming(), against, 1e-6 * np.eye(6))
+        keyframe = map_.add_keyframe(view, se3.inverse(T), known, ShutterTiming(), against, 1e-6 * np.eye(6))
+        map_.add_corners(keyframe, images, Corners(uv, corners))
     return map_, np.array([se3.inverse(T) for T in T_map_camera])
 
 

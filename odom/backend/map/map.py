@@ -68,18 +68,15 @@ class Map:
         view: View,
         T_camera_map: Array,
         known: Measured,
-        corners: Corners,
         timing: ShutterTiming,
         against: int | None,
         covariance: Array,
     ) -> Keyframe:
-        """Keep a frame that measured `known` landmarks and new `corners`, which become landmarks.
+        """Keep a frame that measured `known` landmarks; those that it shows first come with `add_corners`.
 
         `against` is the key frame it was registered against, with that `covariance` (6 x 6); None begins a segment.
         """
         number = len(self.keyframes)
-        new_rows = self._add_landmarks(number, T_camera_map, view.images, corners)
-        rows = np.concatenate([known.rows, new_rows])
         beginning = None if against is None else self.keyframes[against]
         keyframe = Keyframe(
             number=number,
@@ -87,10 +84,10 @@ class Map:
             segment=self._next_segment() if beginning is None else beginning.segment,
             first=number if beginning is None else beginning.first,
             T_camera_map=T_camera_map.copy(),
-            rows=rows,
-            identities=self.landmarks.identity[rows].copy(),
-            uv=np.concatenate([known.uv, corners.uv]),
-            measurements=known.measurements.joined(corners.measurements),
+            rows=known.rows,
+            identities=self.landmarks.identity[known.rows].copy(),
+            uv=known.uv,
+            measurements=known.measurements,
             timing=timing,
             covariance_since_start=covariance,
             session=self.session,
@@ -107,6 +104,15 @@ class Map:
             T_against_keyframe = self.keyframes[against].T_camera_map @ se3.inverse(T_camera_map)
             self.register(Edge(against, number, T_against_keyframe, covariance))
         return keyframe
+
+    def add_corners(self, keyframe: Keyframe, images: FrameImages, corners: Corners) -> None:
+        """Make landmarks of new `corners` that a key frame shows in its `images`, measured with its timing."""
+        rows = self._add_landmarks(keyframe.number, keyframe.T_camera_map, images, corners)
+        keyframe.rows = np.concatenate([keyframe.rows, rows])
+        keyframe.identities = np.concatenate([keyframe.identities, self.landmarks.identity[rows]])
+        keyframe.uv = np.concatenate([keyframe.uv, corners.uv])
+        keyframe.measurements = keyframe.measurements.joined(corners.measurements)
+        self.journal.measure([keyframe.number])
 
     def _next_segment(self) -> int:
         return 1 + max((k.segment for k in self.keyframes), default=-1)

@@ -6,15 +6,15 @@ import numpy as np
 
 from odom.backend.map.keyframe import Keyframe, Measured
 from odom.backend.map.map import Corners, Map
+from odom.backend.mapping.new_corners import Grown, NewCorners, Wanted, measure_exactly
 from odom.backend.mapping.standing import RecentViews
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.backend.tracking.motion_model import AT_REST
 from odom.frontend.camera.sensor_model import SensorModel
-from odom.frontend.features.corners import detect_corners
 from odom.frontend.features.image_parts import parts_of
-from odom.frontend.features.measurement import Measurements, measure
+from odom.frontend.features.lens_change import LensChange
 from odom.frontend.features.view import View
 from odom.geometry import se3
 from odom.geometry.arrays import Array
@@ -55,7 +55,8 @@ class Coverage:
 class KeyframeInserter:
     """Inserts key frames into `map_`; `undescribed` are the newest ones whose places are not in the index yet.
 
-    `recent` are the frames before, which tell what stands still.
+    `recent` are the frames before, which tell what stands still. The new corners of a key frame are looked for beside
+    the next frames, which go on with the landmarks that are known (see `NewCorners`).
     """
 
     def __init__(self, map_: Map, settings: OdometrySettings) -> None:
@@ -65,48 +66,69 @@ class KeyframeInserter:
         self._is_worn_out = False
         self.undescribed: list[KeyframeView] = []
         self.recent = RecentViews(map_)
-        self.moved_share = 0.0
-        """In how much of the last key frame's view most corners had moved."""
+        self._new_corners = NewCorners(settings)
 
     def first_corners(self, view: View, sensor: SensorModel) -> Corners | None:
         """Return a frame's corners with depth, as if at rest; None: too few for the next frame to be found by them."""
-        corners = self._new_corners(view, np.zeros((0, 2)), AT_REST, sensor)
+        corners = self._new_corners.first(view, np.zeros((0, 2)), AT_REST, sensor)
         return corners if len(corners.uv) >= TUNING.least_begun else None
 
     def begin_segment(self, view: View, corners: Corners, T_camera_map: Array, sensor: SensorModel) -> Keyframe:
         """Begin a segment with a frame and its `first_corners`; `remeasure` it once its motion is known."""
+        self.take_corners(None, sensor)
         self.recent.forget()
         nothing = Measured.nothing()
-        keyframe = self._map.add_keyframe(view, T_camera_map, nothing, corners, sensor.timing, None, _CERTAIN)
+        keyframe = self._map.add_keyframe(view, T_camera_map, nothing, sensor.timing, None, _CERTAIN)
+        self._map.add_corners(keyframe, view.images, corners)
         self._work_on(keyframe, view, AT_REST)
         self._newest = self._coverage_at_keyframe = None
         return keyframe
 
-    def insert(self, view: View, tracked: Tracked, twist: Array, covariance: Array, sensor: SensorModel) -> Keyframe:
-        """Make a key frame of a tracked frame with motion `twist` (6, SI) and `covariance` (6 x 6) of its pose."""
+    def insert(
+        self, view: View, tracked: Tracked, twist: Array, covariance: Array, sensor: SensorModel, count: int
+    ) -> Keyframe:
+        """Make a key frame of the tracked frame number `count`; begin to look for its new corners.
+
+        Its motion is `twist` (6, SI), `covariance` (6 x 6) that of its pose.
+        """
         T, seen, reference = tracked.T_camera_map, tracked.inlying, tracked.reference
-        corners = self._new_corners(view, seen.uv, twist, sensor)
-        stands, self.moved_share = self.recent.standing(view, tracked, corners, sensor)
-        corners = corners.take(stands)
-        keyframe = self._map.add_keyframe(view, T, seen, corners, sensor.timing, reference, covariance)
+        keyframe = self._map.add_keyframe(view, T, seen, sensor.timing, reference, covariance)
         self._work_on(keyframe, view, twist)
         self._newest, self._coverage_at_keyframe, self._is_worn_out = self.undescribed[-1], None, False
+        self._new_corners.look_for(Wanted(keyframe.number, self.recent.before(view, tracked), twist, sensor), count)
         return keyframe
+
+    def take_corners(self, count: int | None, sensor: SensorModel) -> Grown | None:
+        """Make landmarks of a key frame's new corners if the frame after number `count` needs them (None: at once).
+
+        Returns them; None where nothing was due.
+        """
+        grown = self._new_corners.take(count, sensor)
+        if grown is not None:
+            keyframe = self._map.keyframes[grown.wanted.keyframe]
+            self._map.add_corners(keyframe, grown.wanted.before.view.images, grown.corners)
+            self._map.cull(self._map.neighbours(keyframe.number, keyframe.T_camera_map, self._settings.local_keyframes))
+        return grown
 
     def kept(self, state: FrameState, sensor: SensorModel) -> FrameState:
         """Make the newest frame, that of `state`, a key frame after all unless it is one; return its state then."""
-        tracked = state.tracked
-        if tracked is None or self._map.keyframes[state.reference].stamp == state.view.stamp:
+        self.take_corners(None, sensor)
+        tracked, keyframe = state.tracked, self._map.keyframes[state.reference]
+        if tracked is None:
             return state
-        inliers = tracked.inliers & self._map.landmarks.alive[tracked.rows]
-        tracked = replace(tracked, T_camera_map=state.T_camera_map, inliers=inliers, reference=state.reference)
-        covariance = tracked.covariance * sensor.noise.covariance_scale
-        keyframe = self.insert(state.view, tracked, state.twist, covariance, sensor)
-        keyframe.T_middle_stamp = _T_middle_stamp(state.view, state.twist, sensor)
+        if keyframe.stamp != state.view.stamp:
+            inliers = tracked.inliers & self._map.landmarks.alive[tracked.rows]
+            tracked = replace(tracked, T_camera_map=state.T_camera_map, inliers=inliers, reference=state.reference)
+            covariance = tracked.covariance * sensor.noise.covariance_scale
+            keyframe = self.insert(state.view, tracked, state.twist, covariance, sensor, 0)
+            keyframe.T_middle_stamp = _T_middle_stamp(state.view, state.twist, sensor)
+            self.take_corners(None, sensor)
         return replace(state, tracked=tracked, reference=keyframe.number, rows=keyframe.rows, uv=keyframe.uv)
 
     def is_due(self, tracked: Tracked) -> bool:
         """Return whether too little is left in a frame of what the last key frame saw, and the camera has moved."""
+        if self._new_corners.are_coming:
+            return False
         coverage = Coverage.of(tracked.inlying.uv)
         self._coverage_at_keyframe = self._coverage_at_keyframe or coverage
         is_worn = self._is_worn_out or coverage.is_worn(self._coverage_at_keyframe)
@@ -130,7 +152,12 @@ class KeyframeInserter:
         if self._newest is not None and twist is not None:
             mean = 0.5 * (self._newest.twist + twist)
             self.remeasure(self._newest.keyframe, self._newest.view, mean, sensor)
+            self._new_corners.remeasure(mean, sensor)
         self._newest = None
+
+    def see_through(self, change: LensChange) -> None:
+        """Measure corners that are still looked for through a new lens."""
+        self._new_corners.see_through(change)
 
     def remeasure_first(self, number: int, view: View, twist: Array, sensor: SensorModel) -> None:
         """Measure the key frame that began a segment again: `twist` (6, SI) led from it to the second frame.
@@ -144,25 +171,11 @@ class KeyframeInserter:
     def remeasure(self, number: int, view: View, twist: Array, sensor: SensorModel) -> None:
         """Measure the features of key frame `number` again, now that its motion `twist` (6, SI) is known better."""
         keyframe = self._map.keyframes[number]
-        self._map.remeasure(keyframe, _measure_exactly(view, sensor, keyframe.uv, twist), sensor.timing)
-
-    def _new_corners(self, view: View, uv_known: Array, twist: Array, sensor: SensorModel) -> Corners:
-        """Return corners with depth away from the landmarks at `uv_known` (m x 2 px)."""
-        uv = detect_corners(view.images.full, uv_known, self._settings.cell_px)
-        uv = uv[view.stands(uv)]
-        measured = _measure_exactly(view, sensor, uv, twist)
-        return Corners(uv, measured).take(measured.values[:, 2] > 1.0 / TUNING.farthest_m)
+        self._map.remeasure(keyframe, measure_exactly(view, sensor, keyframe.uv, twist), sensor.timing)
 
     def _work_on(self, keyframe: Keyframe, view: View, twist: Array) -> None:
-        near = self._map.neighbours(keyframe.number, keyframe.T_camera_map, self._settings.local_keyframes)
-        self._map.cull(near)
         self.undescribed.append(KeyframeView(keyframe.number, view, twist))
         del self.undescribed[: -self._settings.background_delay_frames]
-
-
-def _measure_exactly(view: View, sensor: SensorModel, uv: Array, twist: Array) -> Measurements:
-    """Measure corners at `uv` (n x 2 px) whose positions define their patches, and so have no error of their own."""
-    return measure(view, sensor, uv, np.zeros((len(uv), 3)), twist)
 
 
 def _T_middle_stamp(view: View, twist: Array, sensor: SensorModel) -> Array:

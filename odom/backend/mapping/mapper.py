@@ -156,6 +156,7 @@ class Mapper:
             newest = self._map.keyframes[int(adjustment.numbers[-1])]
             T_newest_map = newest.T_camera_map
             see_through(self._map, change)
+            self.inserter.see_through(change)
             sensor = self._take_over(adjustment, bundle, sensor.with_lens(change.after))
             T_old_new = se3.inverse(T_newest_map) @ newest.T_camera_map
             refit_newer(self._map, newest, T_old_new, sensor.timing)

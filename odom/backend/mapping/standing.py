@@ -53,41 +53,16 @@ class RecentViews:
         """Forget all: the next frame is of another segment."""
         self._views.clear()
 
-    def standing(self, view: View, tracked: Tracked, corners: Corners, sensor: SensorModel) -> tuple[Mask, float]:
-        """Return which `corners` (n) of a tracked view may become landmarks, and in how much of the view most moved.
-
-        See `standing_corners` and `moved_share`; landmarks found where the pose puts them count as standing. Corners
-        are measured again with the velocity that the rows of the image show: a mean one shears a quick turn.
-        """
-        nothing = np.zeros((len(corners.uv), 3))
-        measured = measure(view, sensor, corners.uv, nothing, tracked.twist)
-        known = np.flatnonzero(measured.values[:, 2] > 0.0)
-        patches = CornerPatches.of(view, corners.uv[known], measured.take(known))
-        evidence = Evidence.nothing(len(known))
-        for earlier in self._before(view, tracked):
-            evidence = evidence.joined(
-                look_back(patches, earlier, sensor), (view.steady_stamp - earlier.view.steady_stamp) * 1e-9
-            )
-        stands = np.zeros(len(corners.uv), dtype=np.bool_)
-        stands[known] = standing_corners(patches.position, evidence)
-        judged = evidence.weight > 0.0
-        uv = np.concatenate([corners.uv[known[judged]], tracked.inlying.uv])
-        moves = np.concatenate([~stands[known[judged]], np.zeros(tracked.inlier_count, dtype=np.bool_)])
-        moved = moved_share(uv, moves)
-        moving = self.moving(view, tracked, sensor)
-        if moving is None:
-            return stands, moved
-        if moving.share > TUNING.moving_crowd:
-            stands[known[~judged]] = False
-        return stands & ~moving.at(corners.uv), moved
+    def before(self, view: View, tracked: Tracked) -> "Before":
+        """Return what there is to tell what stands still in a tracked view; the map may move meanwhile."""
+        looked = self._looked[1:] if self._looked is not None and self._looked[0] is tracked else ()
+        return Before(view, tracked, self._before(view, tracked), looked)
 
     def moving(self, view: View, tracked: Tracked, sensor: SensorModel) -> MovingCells | None:
         """Return which part of a tracked view moves, looked at once; None where no view is recent enough to tell."""
-        if self._looked is None or self._looked[0] is not tracked:
-            earlier = self._before(view, tracked)[: TUNING.moving_views]
-            grid = DepthGrid.of(view, sensor, tracked.twist) if earlier else None
-            self._looked = tracked, None if grid is None else moving_cells(grid, earlier, sensor)
-        return self._looked[1]
+        moving = self.before(view, tracked).moving(sensor)
+        self._looked = tracked, moving
+        return moving
 
     def what_else_moves(self, view: View, tracked: Tracked, sensor: SensorModel) -> WhatElseMoves | None:
         """Return what moves in a tracked view beside the camera (see `other_motions`), None: nothing tells."""
@@ -113,6 +88,52 @@ class RecentViews:
         keyframe = self._map.keyframes[recent.reference]
         T_recent_map = se3.inverse(recent.T_reference_camera) @ keyframe.T_camera_map
         return EarlierView(recent.view, T_recent_map @ tracked.T_map_camera, recent.twist)
+
+
+@dataclass(frozen=True, eq=False)
+class Before:
+    """A `tracked` `view` and `earlier` ones to look in; `looked` holds what was seen to move, if it was looked at."""
+
+    view: View
+    tracked: Tracked
+    earlier: list[EarlierView]
+    looked: tuple[MovingCells | None, ...]
+
+    def standing(self, corners: Corners, sensor: SensorModel) -> tuple[Mask, float]:
+        """Return which `corners` (n) of the view may become landmarks, and in how much of the view most moved.
+
+        See `standing_corners` and `moved_share`; landmarks found where the pose puts them count as standing. Corners
+        are measured again with the velocity that the rows of the image show: a mean one shears a quick turn.
+        """
+        view, tracked = self.view, self.tracked
+        nothing = np.zeros((len(corners.uv), 3))
+        measured = measure(view, sensor, corners.uv, nothing, tracked.twist)
+        known = np.flatnonzero(measured.values[:, 2] > 0.0)
+        patches = CornerPatches.of(view, corners.uv[known], measured.take(known))
+        evidence = Evidence.nothing(len(known))
+        for earlier in self.earlier:
+            evidence = evidence.joined(
+                look_back(patches, earlier, sensor), (view.steady_stamp - earlier.view.steady_stamp) * 1e-9
+            )
+        stands = np.zeros(len(corners.uv), dtype=np.bool_)
+        stands[known] = standing_corners(patches.position, evidence)
+        judged = evidence.weight > 0.0
+        uv = np.concatenate([corners.uv[known[judged]], tracked.inlying.uv])
+        moves = np.concatenate([~stands[known[judged]], np.zeros(tracked.inlier_count, dtype=np.bool_)])
+        moved = moved_share(uv, moves)
+        moving = self.moving(sensor)
+        if moving is None:
+            return stands, moved
+        if moving.share > TUNING.moving_crowd:
+            stands[known[~judged]] = False
+        return stands & ~moving.at(corners.uv), moved
+
+    def moving(self, sensor: SensorModel) -> MovingCells | None:
+        """Return which part of the view moves; None where no view is recent enough to tell."""
+        if self.looked:
+            return self.looked[0]
+        earlier = self.earlier[: TUNING.moving_views]
+        return moving_cells(DepthGrid.of(self.view, sensor, self.tracked.twist), earlier, sensor) if earlier else None
 
 
 def _since_s(earlier: _RecentView, stamp: SteadyStamp) -> float:

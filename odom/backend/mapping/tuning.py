@@ -36,6 +36,9 @@ class Tuning:
         "smaller: more key frames, slower; larger: in a calm walk in one place the timing stays unknown")
     farthest_m: float = tuned(8.0, unit="m", source="range of a Kinect v1; Khoshelham, Elberink, Sensors 12, 2012",
         effect="smaller: no landmarks in large rooms; larger: depth without information becomes landmarks")
+    corners_s: float = tuned(0.06, unit="s", source="three times what they take; 60 Hz in real time on two cores",
+        effect="after which new corners of a key frame are landmarks; smaller: frames wait for them; larger: quick "
+        "turns have few landmarks for long")
     # standing
     recent_apart_s: float = tuned(0.08, unit="s", source=_BODIES,
         effect="between the views kept; smaller: more memory; larger: short glimpses are missed")

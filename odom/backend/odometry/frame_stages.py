@@ -176,10 +176,8 @@ class FrameStages:
             # Its motion, which bends what it measured, is not known: the next frame may become a key frame.
             mapper.inserter.forget_coverage()
         elif self._visibility.landmark_depth_stamp == view.stamp and mapper.inserter.is_due(tracked):
-            keyframe = mapper.inserter.insert(view, tracked, judged.twist, judged.covariance, self.sensor)
+            keyframe = mapper.inserter.insert(view, tracked, judged.twist, judged.covariance, self.sensor, count)
             keyframe.T_middle_stamp = published.T_middle_stamp
-            moved_share, landmarks = mapper.inserter.moved_share, self.map.landmarks
-            self.moving = self.moving.after_keyframe(view.steady_stamp, moved_share, tracked, landmarks)
             reference, rows, uv, is_keyframe = keyframe.number, keyframe.rows, keyframe.uv, True
         self.state = FrameState(view, tracked, tracked.T_camera_map, judged.twist, reference, rows, uv)
         mapper.inserter.recent.remember(self.state)

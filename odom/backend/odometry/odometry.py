@@ -16,6 +16,7 @@ from odom.backend.odometry.change_of_lens import go_on_through_lens
 from odom.backend.odometry.final_trajectory import trajectory
 from odom.backend.odometry.frame_order import FrameOrder
 from odom.backend.odometry.frame_stages import FrameStages
+from odom.backend.odometry.growth import grow
 from odom.backend.odometry.prepared import Prepared
 from odom.backend.odometry.recalibration import Calibrator, Recalibration
 from odom.backend.odometry.segmentation import Segmentation, Segmenter
@@ -128,7 +129,7 @@ class Odometry:
         """Return the estimate for the next frame.
 
         `on_pose` is given the estimate of a tracked frame as soon as its pose is known, before the chain and the map
-        go on: a key frame takes some 15 ms more. What these and the background add to it is in what is returned.
+        go on. What these and the background add to it is in what is returned.
 
         Raises InputError for a frame whose size is not the camera's, or whose stamp is the last one's or up to a
         second before it; a leap further back is a new time, in which the camera has to be found again. Refused, too,
@@ -149,8 +150,7 @@ class Odometry:
         watch.lap("background")
         T_predicted = None if prepared is None or map_moved else prepared.T_predicted
         estimate = frames.estimate(view, T_predicted, watch, on_pose)
-        if frames.state is not None:
-            frames.mapper.recall(frames.state)
+        grow(frames, frames.published.frames.count)
         measured = len(self.map.remembered) + len(self.intermediate.kept)
         found = self._recalibration.after_frame(self, measured, frames.published.frames.count, view.steady_stamp)
         if found is not None:
@@ -203,8 +203,8 @@ class Odometry:
         self.late_loops = ()
         if frames.state is None:
             return trajectory(log, keyframes)
-        newest = log.count - 1
-        tracked = self._newest_tracked
+        grow(frames, None)
+        newest, tracked = log.count - 1, self._newest_tracked
         if tracked is not None:
             frames.mapper.keep_for_the_end(newest, tracked, frames.sensor)
         loops, _ = self._take_background(None)

@@ -7,12 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from made_up_scene import bare_keyframe
-from running import read_tum_frames, run
+from running import read_tum_frames
 
+from odom.backend import Odometry
 from odom.backend.map.frame_log import FrameLog, LoggedFrame
 from odom.backend.map.keyframe import Measured
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.mapping.intermediate_frames import IntermediateFrames, corrected
+from odom.evaluation.mocap_calibration import calibrate
+from odom.evaluation.report import evaluate
+from odom.evaluation.trajectory import Trajectory
 from odom.frame import Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.geometry import se3
@@ -75,9 +79,23 @@ def test_frames_of_a_key_frame_without_intermediate_frames_and_lost_ones_stay():
     np.testing.assert_array_equal(placed[2].T_keyframe_camera, np.eye(4))
 
 
-@pytest.mark.parametrize("name", ["tum_fr1_xyz", "tum_fr1_rpy_part"])
-def test_intermediate_frames_make_the_final_trajectory_more_accurate(shared_data, name, monkeypatch):
-    camera, frames, truth = read_tum_frames(shared_data / name, most=240)
-    with_them = run(camera, frames).judged(truth).ate_m
-    monkeypatch.setattr(IntermediateFrames, "among", lambda self, members: [])
-    assert with_them < 0.9 * run(camera, frames).judged(truth).ate_m
+@pytest.mark.long
+def test_intermediate_frames_make_the_final_trajectory_more_accurate(shared_data, monkeypatch):
+    """In the mean over two walks and six starts of each: in a single one, what they give is between 0 and 30 %.
+
+    Judged where the truth's delay and turn against the camera are known, which no adjustment can change.
+    """
+    shares, among = [], IntermediateFrames.among
+    for name in ("tum_fr1_xyz", "tum_fr1_rpy_part"):
+        camera, frames, truth = read_tum_frames(shared_data / name, most=280)
+        for start in range(0, 48, 8):
+            odometry = Odometry(camera)
+            for frame in frames[start : start + 240]:
+                odometry.process(frame)
+            errors_m = []
+            for among_them in (lambda self, members: [], among):
+                monkeypatch.setattr(IntermediateFrames, "among", among_them)
+                final = Trajectory.of(odometry.finish())
+                errors_m.append(evaluate(final, calibrate(final, truth).camera_truth(truth)).ate_m)
+            shares.append(errors_m[1] / errors_m[0])
+    assert np.exp(np.mean(np.log(shares))) < 0.9

@@ -11,7 +11,7 @@ from odom.calibration.observation_terms import CameraArrays, SeenArrays, whitene
 from odom.calibration.parameters import DEPTH
 from odom.geometry.arrays import Array, Index
 from odom.geometry.compiled import compiled
-from odom.geometry.compiled_se3 import moved, orthonormalise
+from odom.geometry.compiled_se3 import moved, orthonormalise, put
 
 _DEPTH = DEPTH.start
 
@@ -157,7 +157,7 @@ def stepped(
     T = T_camera_map.copy()
     for k in range(K):
         if pose[k] >= 0:
-            T[k] = moved(step[pose[k] : pose[k] + 6], T_camera_map[k])
+            put(moved(step[pose[k] : pose[k] + 6], T_camera_map[k]), T[k])
             orthonormalise(T[k])
     points = landmarks.copy()
     rest = b.copy()

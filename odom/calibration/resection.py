@@ -5,7 +5,7 @@ import numpy as np
 from odom.calibration.observation_terms import CameraArrays, SeenArrays, whitened_terms
 from odom.geometry.arrays import Array, Index
 from odom.geometry.compiled import compiled
-from odom.geometry.compiled_se3 import moved, orthonormalise, solve_definite
+from odom.geometry.compiled_se3 import moved, orthonormalise, put, solve_definite
 
 _PRIOR = 1e-6
 """Information (1/m^2, 1/rad^2) that keeps a pose of which nothing was measured; it is never felt otherwise."""
@@ -43,6 +43,6 @@ def resected(
             if pose[k] >= 0:
                 for i in range(6):
                     H[k, i, i] += _PRIOR
-                T[k] = moved(solve_definite(H[k], g[k]), T[k])
+                put(moved(solve_definite(H[k], g[k]), T[k]), T[k])
                 orthonormalise(T[k])
     return T

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.core import config
+from numba.core import config, types
 from numba.core.caching import FunctionCache
 
 from odom.geometry import loaded_code
@@ -99,6 +99,17 @@ class _SharedCache(FunctionCache):
             super().save_overload(sig, data)  # type: ignore[no-untyped-call]  # numba gives no types
 
 
+def _without_literals(get_call_template: Callable[..., Any]) -> Callable[..., Any]:
+    """Return how a call is typed without regard to constants: numba would compile a function anew for each of them."""
+    unliteral: Callable[[Any], Any] = types.unliteral
+
+    def template(args: Any, kws: Any) -> Any:
+        named = {name: unliteral(each) for name, each in dict(kws).items()}
+        return get_call_template(tuple(unliteral(each) for each in args), named)
+
+    return template
+
+
 def compiled(function: F) -> F:
     """Compile `function` on its first call: numba, cached, without the GIL, division by zero gives inf as in numpy.
 
@@ -122,6 +133,7 @@ def _compiled(function: F, fastmath: bool | set[str]) -> F:
     try:
         jitted: Any = numba.njit(nogil=True, error_model="numpy", fastmath=fastmath)(function)
         jitted._cache = _SharedCache(function)  # type: ignore[no-untyped-call]  # numba gives no types
+        jitted.get_call_template = _without_literals(jitted.get_call_template)
     finally:
         settings["CACHE_DIR"] = before
     return cast(F, jitted)

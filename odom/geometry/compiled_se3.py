@@ -42,6 +42,14 @@ def moved(xi: Array, T: Array) -> Array:
 
 
 @compiled
+def put(T: Array, out: Array) -> None:
+    """Set `out` to the rigid motion `T` (both 4 x 4): assigning arrays takes numba seconds to compile."""
+    for i in range(4):
+        for j in range(4):
+            out[i, j] = T[i, j]
+
+
+@compiled
 def orthonormalise(T: Array) -> None:
     """Bring the rotation of `T` (4 x 4), drifted by rounding, back onto SO(3), as `se3.orthonormal` does."""
     R = T[:3, :3].copy()
@@ -51,6 +59,15 @@ def orthonormalise(T: Array) -> None:
             for k in range(3):
                 overlap = R[0, k] * R[0, j] + R[1, k] * R[1, j] + R[2, k] * R[2, j]
                 T[i, j] -= 0.5 * R[i, k] * overlap
+
+
+@compiled
+def is_shorter(step: Array, limit: float) -> bool:
+    """Return whether all entries of a step (n) are nearer to 0 than `limit`; False where one is NaN."""
+    short = 0
+    for each in step:
+        short += abs(each) < limit
+    return short == len(step)
 
 
 @compiled

@@ -175,3 +175,16 @@ def test_products_and_sums_are_rounded_one_by_one():
 
     a = 1.0 + 2.0**-30
     assert multiply_and_add(a, a, -a * a) == 0.0  # a fused multiply-add leaves what the product was rounded by
+
+
+def test_a_function_is_compiled_once_whatever_constants_it_is_called_with():
+    @compiled.compiled
+    def added(x, more):
+        return x + more
+
+    @compiled.compiled
+    def twice(x):
+        return added(added(x, 1), 2)
+
+    assert twice(3) == 6
+    assert len(added.signatures) == 1

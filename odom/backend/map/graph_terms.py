@@ -12,7 +12,7 @@ import numpy as np
 
 from odom.geometry.arrays import Array, Index, Mask
 from odom.geometry.compiled import compiled
-from odom.geometry.compiled_se3 import moved
+from odom.geometry.compiled_se3 import moved, put
 
 
 @compiled
@@ -163,5 +163,5 @@ def moved_by(T_camera_map: Array, place: Index, steps: Array) -> Array:
     out = T_camera_map.copy()
     for k in range(len(place)):
         if place[k] >= 0:
-            out[k] = moved(-steps[place[k]], T_camera_map[k])
+            put(moved(-steps[place[k]], T_camera_map[k]), out[k])
     return out

@@ -20,7 +20,7 @@ from odom.frontend.features.image_parts import parts_of
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index, Mask
 from odom.geometry.compiled import compiled
-from odom.geometry.compiled_se3 import moved, solve_definite
+from odom.geometry.compiled_se3 import is_shorter, moved, solve_definite
 
 _TRIPLE_STEPS, _WIDE_STEPS, _NARROW_STEPS = 4, 2, 1
 """Gauss-Newton steps from a triple alone, and then from all features, less and less tolerant."""
@@ -170,7 +170,11 @@ def _agreement(
         if w > 0.0:
             x, y = rays[k, 0] - x, rays[k, 1] - y
             total += votes[k] / (1.0 + (x * x + y * y) / sigma**2)
-    D = T @ T_expected_inverse
+    D = np.zeros((3, 4))
+    for i in range(3):
+        for j in range(4):
+            for k in range(4):
+                D[i, j] += T[i, k] * T_expected_inverse[k, j]
     away_m2 = D[0, 3] ** 2 + D[1, 3] ** 2 + D[2, 3] ** 2
     away_rad2 = 0.25 * ((D[2, 1] - D[1, 2]) ** 2 + (D[0, 2] - D[2, 0]) ** 2 + (D[1, 0] - D[0, 1]) ** 2)
     surprise = away_m2 / free[0] ** 2 + away_rad2 / free[1] ** 2
@@ -202,7 +206,7 @@ def _refined(
             for b in range(a):
                 H[a, b] = H[b, a]
         step = solve_definite(H, g)
-        if not np.abs(step).max() < _LARGEST_STEP:
+        if not is_shorter(step, _LARGEST_STEP):
             return T, False
         T = moved(step, T)
     return T, True

@@ -13,7 +13,7 @@ from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.rolling_shutter import interaction_matrix
 from odom.geometry.arrays import Array, Mask
 from odom.geometry.compiled import compiled
-from odom.geometry.compiled_se3 import moved, orthonormalise, solve_definite
+from odom.geometry.compiled_se3 import is_shorter, moved, orthonormalise, solve_definite
 
 _NEAREST_M = 0.05
 """Nearer points count as behind the camera: no depth camera measures so near, and 1/z would run away."""
@@ -201,7 +201,7 @@ def _fitted(
         T = moved(step, T)
         away += step
         H, g, chi2 = _accumulate(T, points, covariances, values, variances, used, cauchy)
-        if np.abs(step).max() < _CONVERGED:
+        if is_shorter(step, _CONVERGED):
             break
     orthonormalise(T)
     return T, H + prior, chi2

@@ -82,15 +82,21 @@ def _fit_line(seconds: Array, period: float, gain: float, outlier: float) -> tup
         expected += periods * period
         expected += gain * (seconds[k] - expected)
         counts[k] = counts[k - 1] + periods
-    weight, residual = np.ones(n), np.zeros(n)
+    weight, residual, in_order = np.ones(n), np.zeros(n), np.zeros(n)
     slope = variance = 0.0
     for _ in range(2):
         total = weight.sum()
         count, second = (weight * counts).sum() / total, (weight * seconds).sum() / total
         slope = (weight * (counts - count) * (seconds - second)).sum() / (weight * (counts - count) ** 2).sum()
         residual = seconds - second - slope * (counts - count)
-        in_order = np.sort(np.abs(residual))
+        for k in range(n):
+            i = k
+            while i > 0 and in_order[i - 1] > abs(residual[k]):
+                in_order[i] = in_order[i - 1]
+                i -= 1
+            in_order[i] = abs(residual[k])
         sigma = 1.4826 * 0.5 * (in_order[(n - 1) // 2] + in_order[n // 2]) + 1e-9
-        weight = np.where(np.abs(residual) < outlier * sigma, 1.0, 0.0)
+        for k in range(n):
+            weight[k] = 1.0 if abs(residual[k]) < outlier * sigma else 0.0
         variance = (weight * residual**2).sum() / weight.sum()
     return residual[n - 1], np.sqrt(variance), slope

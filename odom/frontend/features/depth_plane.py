@@ -68,9 +68,12 @@ def read_planes(depth_mm: NDArray[np.uint16], uv: Array, limits: tuple[float, fl
             m = 0
             for s in range(size):
                 if values[s] > 0.0:
-                    in_order[m] = values[s]
+                    i = m
+                    while i > 0 and in_order[i - 1] > values[s]:
+                        in_order[i] = in_order[i - 1]
+                        i -= 1
+                    in_order[i] = values[s]
                     m += 1
-            in_order[:m].sort()
             median = 0.5 * (in_order[(m - 1) // 2] + in_order[m // 2])
             for s in range(size):
                 counts[s] = counts[s] if abs(values[s] - median) <= step * median else 0.0

@@ -114,7 +114,7 @@ def measure(
     if inverse_depth_guess is None:
         near = _looked_up(view.depth_mm, uv, errors, lens.depth_model)
     else:
-        near = inverse_depth_guess
+        near = np.ascontiguousarray(inverse_depth_guess)
     delay_s = view.depth_delay_s + timing.depth_lag_s + timing.readout_s / 2.0
     flow, places = moving(
         lens.rays, lens.intrinsics, uv, near, twist, delay_s, timing.readout_s, timing.depth_readout_s, lens.depth_model

@@ -16,7 +16,6 @@ from odom.geometry.arrays import Array, Image, Index, Mask
 from odom.geometry.compiled import compiled
 
 
-@compiled
 def _spread(uv: Array, priority: Array, chance: Array, enough: float, most: int, across: int, cell_px: int) -> Mask:
     """Choose from n points those that are likely to be found, evenly over the image.
 
@@ -24,22 +23,24 @@ def _spread(uv: Array, priority: Array, chance: Array, enough: float, most: int,
     many are expected to be found in its square already: the greedy maximum of the sum of log(1 + expected) over the
     squares. Up to `most`, and no more than it takes to find `enough`.
     """
-    n = uv.shape[0]
-    order = np.argsort(-priority, kind="mergesort")
-    expected = np.zeros(across * (int(uv[:, 1].max()) // cell_px + 1))
-    gain = np.zeros(n)
-    for k in order:
-        square = int(uv[k, 1] // cell_px) * across + int(uv[k, 0] // cell_px)
-        gain[k] = chance[k] / (1.0 + expected[square])
-        expected[square] += chance[k]
-    chosen = np.zeros(n, np.bool_)
-    found = 0.0
-    for k in order[np.argsort(-gain[order], kind="mergesort")][:most]:
-        chosen[k] = True
-        found += chance[k]
-        if found >= enough:
-            break
+    order = np.argsort(-priority, kind="stable")
+    gain = _gains(uv, chance, order, across * (int(uv[:, 1].max()) // cell_px + 1), across, cell_px)
+    best_first = order[np.argsort(-gain, kind="stable")][:most]
+    found = np.cumsum(chance[best_first])
+    chosen = np.zeros(len(uv), np.bool_)
+    chosen[best_first[: np.searchsorted(found, enough) + 1]] = True
     return chosen
+
+
+@compiled
+def _gains(uv: Array, chance: Array, order: Index, squares: int, across: int, cell_px: int) -> Array:
+    """Return what each of n points adds, in `order`: its chance by how many are expected in its square already."""
+    expected, gain = np.zeros(squares), np.zeros(len(order))
+    for i, k in enumerate(order):
+        square = int(uv[k, 1] // cell_px) * across + int(uv[k, 0] // cell_px)
+        gain[i] = chance[k] / (1.0 + expected[square])
+        expected[square] += chance[k]
+    return gain
 
 
 class LandmarkPatches(Protocol):

@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 from made_up_scene import noisy, points_ahead, project
 
-from odom.backend.tracking.pose_solver import fit_pose
+from odom.backend.tracking.pose_information import BEHIND_CAMERA_CHI2, add_up, in_blocks
+from odom.backend.tracking.pose_solver import fit_pose, projected, robust_information
+from odom.frontend.camera.rolling_shutter import interaction_matrix
 from odom.geometry import se3
 
 
@@ -70,3 +72,34 @@ def test_without_landmarks_the_start_stays():
     start = se3.exp(np.full(6, 0.1))
     fit = fit_pose(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 4)), start)
     np.testing.assert_allclose(fit.T_camera_map, start, atol=1e-12)
+
+
+@pytest.mark.parametrize("n", [0, 1, 64, 200])
+def test_sums_over_blocks_are_to_the_bit_those_of_landmarks_one_by_one(n):
+    rng = np.random.default_rng(n)
+    points = rng.uniform((-1.0, -1.0, -0.5), (1.0, 1.0, 3.0), (n, 3))
+    covariances = np.full((n, 3, 3), 1e-5) + 1e-4 * np.eye(3)
+    values, variances = rng.normal(0.3, 0.2, (n, 3)), np.tile([1e-5, 1e-7, 1e-5, 1e-4], (n, 1))
+    values[::3, 2] = np.nan
+    used, T = rng.random(n) < 0.8, se3.exp(np.full(6, 0.1))
+    H, g, chi2, J = np.zeros((6, 6)), np.zeros(6), np.zeros((n, 2)), np.zeros((3, 6))
+    for k in np.flatnonzero(used):
+        x, y, w = seen = projected(T, points, k)
+        if w == 0.0:
+            chi2[k, 0] = BEHIND_CAMERA_CHI2
+            continue
+        *chi2[k], xx, xy, yy, ww = robust_information(T, seen, covariances, values, variances, k, 9.0)
+        interaction_matrix(x, y, w, J)
+        for a in range(6):
+            told = xx * J[0, a] + xy * J[1, a], xy * J[0, a] + yy * J[1, a]
+            g[a] += told[0] * (values[k, 0] - x) + told[1] * (values[k, 1] - y)
+            H[a] += told[0] * J[0] + told[1] * J[1]
+        if ww > 0.0:
+            H += np.outer(ww * J[2], J[2])
+            g += ww * J[2] * (values[k, 2] - w)
+    found = add_up(T, in_blocks(points, covariances, values, variances), used, 9.0)
+    np.testing.assert_array_equal(np.triu(found[0]), np.triu(H))
+    np.testing.assert_array_equal(found[0], found[0].T)
+    np.testing.assert_array_equal(found[1], g)
+    np.testing.assert_array_equal(found[2], chi2)
+    assert n < 200 or len(set(chi2[:, 0])) > 100

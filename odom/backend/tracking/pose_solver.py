@@ -9,16 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from odom.backend.tracking.pose_information import NEAREST_M, add_up, in_blocks
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.rolling_shutter import interaction_matrix
 from odom.geometry.arrays import Array, Mask
 from odom.geometry.compiled import compiled
 from odom.geometry.compiled_se3 import is_shorter, moved, orthonormalise, solve_definite
 
-_NEAREST_M = 0.05
-"""Nearer points count as behind the camera: no depth camera measures so near, and 1/z would run away."""
-_BEHIND_CAMERA_CHI2 = 1e9
-"""Stands for a point behind the camera: far above any gate."""
 _CONVERGED = 1e-5
 """Step (m, rad) below which the fit ends: a hundredth of the best pose's sigma, and each is a fraction of the last."""
 _PRIOR = 1e-6
@@ -37,7 +34,7 @@ def projection_terms(T: Array, p: Array, value: Array, J: Array, P: Array, r: Ar
     X = T[0, 0] * p[0] + T[0, 1] * p[1] + T[0, 2] * p[2] + T[0, 3]
     Y = T[1, 0] * p[0] + T[1, 1] * p[1] + T[1, 2] * p[2] + T[1, 3]
     Z = T[2, 0] * p[0] + T[2, 1] * p[1] + T[2, 2] * p[2] + T[2, 3]
-    if Z < _NEAREST_M:
+    if Z < NEAREST_M:
         return False
     w = 1.0 / Z
     x, y = X * w, Y * w
@@ -56,7 +53,7 @@ def projected(T: Array, points: Array, k: int) -> tuple[float, float, float]:
     """Return x/z, y/z and 1/z of point `k` of `points` (n x 3, m), seen from the pose `T`; 0 where it lies behind."""
     p0, p1, p2 = points[k, 0], points[k, 1], points[k, 2]
     Z = T[2, 0] * p0 + T[2, 1] * p1 + T[2, 2] * p2 + T[2, 3]
-    if Z < _NEAREST_M:
+    if Z < NEAREST_M:
         return 0.0, 0.0, 0.0
     w = 1.0 / Z
     X = T[0, 0] * p0 + T[0, 1] * p1 + T[0, 2] * p2 + T[0, 3]
@@ -108,46 +105,6 @@ def robust_information(
     return ray, depth, syy * weight, -sxy * weight, sxx * weight, iww
 
 
-@compiled
-def _accumulate(
-    T: Array, points: Array, covariances: Array, values: Array, variances: Array, used: Mask, cauchy: float
-) -> tuple[Array, Array, Array]:
-    """Return H = sum J' inv(S) J (6 x 6), g = sum J' inv(S) r (6) and chi2 (n x 2: ray, depth) at the pose `T`."""
-    n = points.shape[0]
-    H = np.zeros((6, 6))
-    g = np.zeros(6)
-    chi2 = np.zeros((n, 2))
-    J = np.zeros((3, 6))
-    for k in range(n):
-        if not used[k]:
-            continue
-        x, y, w = projected(T, points, k)
-        if w == 0.0:
-            chi2[k, 0] = _BEHIND_CAMERA_CHI2
-            continue
-        chi2[k, 0], chi2[k, 1], ixx, ixy, iyy, iww = robust_information(
-            T, (x, y, w), covariances, values, variances, k, cauchy
-        )
-        rx, ry = values[k, 0] - x, values[k, 1] - y
-        interaction_matrix(x, y, w, J)
-        for a in range(6):
-            j0 = ixx * J[0, a] + ixy * J[1, a]
-            j1 = ixy * J[0, a] + iyy * J[1, a]
-            g[a] += j0 * rx + j1 * ry
-            for b in range(a, 6):
-                H[a, b] += j0 * J[0, b] + j1 * J[1, b]
-        if iww > 0.0:
-            for a in range(2, 5):  # depth tells of no other motion
-                j2 = iww * J[2, a]
-                g[a] += j2 * (values[k, 2] - w)
-                for b in range(a, 5):
-                    H[a, b] += j2 * J[2, b]
-    for a in range(6):
-        for b in range(a):
-            H[a, b] = H[b, a]
-    return H, g, chi2
-
-
 @dataclass(frozen=True, eq=False)
 class PoseFit:
     """`T_camera_map`, its information matrix (6 x 6, left perturbation, camera frame), chi2 (n x 2: ray, depth).
@@ -195,12 +152,13 @@ def _fitted(
     """Return the pose after some Gauss-Newton steps, its information with the prior's, and chi2 (n x 2) there."""
     T = T_start.copy()
     prior, away = _PRIOR * np.eye(6), np.zeros(6)
-    H, g, chi2 = _accumulate(T, points, covariances, values, variances, used, cauchy)
+    blocks = in_blocks(points, covariances, values, variances)
+    H, g, chi2 = add_up(T, blocks, used, cauchy)
     for _ in range(iterations):
         step = solve_definite(H + prior, g - _PRIOR * away)
         T = moved(step, T)
         away += step
-        H, g, chi2 = _accumulate(T, points, covariances, values, variances, used, cauchy)
+        H, g, chi2 = add_up(T, blocks, used, cauchy)
         if is_shorter(step, _CONVERGED):
             break
     orthonormalise(T)

@@ -1,11 +1,13 @@
 """Frames far apart: one in sixteen of a recording at 30 Hz, and a head-worn camera that turns between its frames."""
 
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
-from odom import read_recording
+from odom import Camera, read_recording
 from odom.backend import Odometry, State
 from odom.evaluation.report import evaluate
 from odom.evaluation.trajectory import Trajectory
@@ -35,6 +37,21 @@ def test_wide_steps_make_one_segment_with_hardly_a_frame_lost(
     assert trajectory.segment is not None
     assert len(set(trajectory.segment.tolist())) == 1
     assert report.ate_m <= most_ate_m
+
+
+def test_wide_steps_in_images_half_as_large_make_one_segment_too(shared_data: Path) -> None:
+    recording = read_recording(shared_data / "hololens_part")
+    c = recording.camera
+    odometry = Odometry(Camera(c.width // 2, c.height // 2, c.fx / 2, c.fy / 2, c.cx / 2 - 0.25, c.cy / 2 - 0.25))
+    estimates = []
+    for frame in recording:
+        color = np.asarray(cv2.pyrDown(frame.color), dtype=np.uint8)
+        estimates.append(odometry.process(replace(frame, color=color, depth_mm=frame.depth_mm[::2, ::2].copy())))
+    trajectory = Trajectory.of(odometry.finish())
+    assert trajectory.segment is not None
+    assert len(set(trajectory.segment.tolist())) == 1
+    assert np.mean([e.state is State.TRACKING for e in estimates]) >= 0.85
+    assert evaluate(trajectory, recording.truth()["camera"]).ate_m <= 0.06
 
 
 @pytest.mark.parametrize(("every", "first"), [(16, 1), (16, 4), (16, 5), (16, 8), (20, 7), (20, 13)])

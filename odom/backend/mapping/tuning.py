@@ -34,6 +34,9 @@ class Tuning:
     timing_settled_s: float = tuned(0.002, unit="s", source="fr1, a HoloLens, a painted room",
         effect="by which an adjustment changes the timing for a key frame to be due as soon as the camera has moved; "
         "smaller: more key frames, slower; larger: in a calm walk in one place the timing stays unknown")
+    corners_enough: int = tuned(100, unit="landmarks", source="a HoloLens's walk, in images 540, 320 and 270 px wide",
+        effect="with fewer in a key frame, corners are sought in squares half as large; smaller: small images and bare "
+        "rooms have few landmarks, and wide steps lose them; larger: corners crowd where a few are as good, slower")
     farthest_m: float = tuned(8.0, unit="m", source="range of a Kinect v1; Khoshelham, Elberink, Sensors 12, 2012",
         effect="smaller: no landmarks in large rooms; larger: depth without information becomes landmarks")
     corners_s: float = tuned(0.06, unit="s", source="three times what they take; 60 Hz in real time on two cores",

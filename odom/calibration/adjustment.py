@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.linalg import cholesky, solve_triangular
 
 from odom.backend.mapping.bundle_adjustment import Bundle
 from odom.backend.tracking.tuning import TUNING as TRACKING
@@ -44,7 +44,7 @@ class Prior:
 class System:
     """The normal equations of a `survey` in its poses and the numbers `free` (p) of its camera (see `reduce_survey`).
 
-    They are those at a camera's `vector` (28), poses T_camera_map (K x 4 x 4) and `landmarks`.
+    They are those at a camera's `vector` (28), poses T_camera_map (K x 4 x 4) and `landmarks`, with so much `damping`.
     """
 
     survey: Survey
@@ -52,8 +52,12 @@ class System:
     free: Index
     T_camera_map: Array
     landmarks: Array
+    damping: float
     S: Array
+    S_across: Array
+    S_number: Array
     rhs: Array
+    rhs_number: Array
     V_inverse: Array
     b: Array
     W_number: Array
@@ -63,10 +67,10 @@ class System:
     @classmethod
     def of(cls, survey: Survey, vector: Array, bundle: Bundle, free: Index, damping: float = _DAMPING) -> "System":
         """Return the normal equations at a camera's `vector` (28) and the poses and landmarks of `bundle`."""
-        T, landmarks, camera = bundle.T_camera_map, bundle.landmarks, camera_arrays(survey, vector, free)
+        T, landmarks, camera = bundle.T_camera_map, bundle.landmarks, camera_arrays(survey, vector)
         pose, cauchy = places(survey), TRACKING.cauchy_chi2
-        reduced = reduce_survey(T, landmarks, camera, pose, survey.arrays, damping, cauchy)
-        return cls(survey, vector, free, T, landmarks, *reduced)
+        reduced = reduce_survey(T, landmarks, camera, free, pose, survey.arrays, damping, cauchy)
+        return cls(survey, vector, free, T, landmarks, damping, *reduced)
 
     @classmethod
     def at_start(cls, survey: Survey, free: Index) -> "System":
@@ -78,41 +82,46 @@ class System:
         """The poses and landmarks."""
         return Bundle(self.T_camera_map, self.landmarks, np.zeros(0))
 
-    def factor(self, known: Array, damping: float) -> Array:
-        """Return the lower triangle of S with what is `known` of the numbers (p, information); raises LinAlgError."""
-        S, numbers = self.S.copy(), len(known)
-        S.flat[:: len(S) + 1] += damping * np.diag(S) + _HELD
-        S.flat[(len(S) - numbers) * (len(S) + 1) :: len(S) + 1] += known
-        return np.asarray(cholesky(S, lower=True, overwrite_a=True, check_finite=False))
-
     @cached_property
-    def follows(self) -> Array:
-        """How the free poses follow the numbers (6 free poses x p)."""
-        numbers = len(self.free)
-        S_poses = self.S[:-numbers, :-numbers].copy()
-        S_poses.flat[:: len(S_poses) + 1] += _HELD
-        return np.ascontiguousarray(-np.linalg.solve(S_poses, self.S[:-numbers, -numbers:]))
+    def eliminated(self) -> tuple[Array, Array, Array]:
+        """L, the lower triangle with S = L L' (n x n); inv(L) S_across (n x p); inv(L) rhs (n). May raise LinAlgError.
 
-    def information(self, known: Array) -> Array:
-        """Return what the observations say of the numbers (p x p), and what is `known` of them (p), without damping."""
-        numbers = len(known)
-        return np.asarray(self.S[-numbers:, -numbers:] + self.S[-numbers:, :-numbers] @ self.follows + np.diag(known))
+        It is the first of two stages of solving: poses are eliminated, and numbers remain.
+        """
+        S = self.S.copy().T  # of which the lower half is filled; factorised in place, in columns
+        S.flat[:: len(S) + 1] += self.damping * np.diag(S) + _HELD
+        L = np.asarray(cholesky(S, lower=True, overwrite_a=True, check_finite=False))
+        solved = solve_triangular(L, np.column_stack([self.S_across, self.rhs]), lower=True, check_finite=False)
+        return L, solved[:, :-1], solved[:, -1]
 
-    def step(self, prior: Prior, damping: float = _DAMPING) -> tuple[Array, Array, Array]:
-        """Return the step of poses and numbers that lowers the cost most, the gradient (both n) and the factor of S."""
-        known, numbers = prior.sigma[self.free] ** -2.0, len(self.free)
-        gradient = self.rhs.copy()
-        gradient[len(gradient) - numbers :] -= known * (self.vector - prior.mean)[self.free]
-        factor = self.factor(known, damping)
-        return cho_solve((factor, True), gradient, check_finite=False), gradient, factor
+    def follow(self, step: Array) -> Array:
+        """Return how the poses follow steps of the numbers (n or n x p)."""
+        L, across, _ = self.eliminated
+        return np.asarray(solve_triangular(L, -across @ step, lower=True, trans="T", check_finite=False))
+
+    def information(self, prior: Prior) -> Array:
+        """Return what the observations and a prior say of the numbers (p x p)."""
+        across = self.eliminated[1]
+        return np.asarray(self.S_number - across.T @ across + np.diag(prior.sigma[self.free] ** -2.0))
+
+    def pull(self, prior: Prior) -> Array:
+        """Return the direction in which the cost falls with the numbers (p), poses and landmarks at their best."""
+        _, across, rest = self.eliminated
+        off = (self.vector - prior.mean)[self.free]
+        return np.asarray(self.rhs_number - across.T @ rest - off / prior.sigma[self.free] ** 2)
 
     def stepped(self, step: Array) -> tuple[Array, Bundle]:
-        """Return the camera's numbers, poses and landmarks after a `step` of all but the landmarks, which follow."""
+        """Return the camera's numbers, poses and landmarks after a `step` (p) of the numbers, which all others follow.
+
+        Poses and landmarks go to where they fit best besides.
+        """
         vector = self.vector.copy()
-        vector[self.free] += step[len(step) - len(self.free) :]
+        vector[self.free] += step
+        L, _, rest = self.eliminated
+        of_poses = self.follow(step) + solve_triangular(L, rest, lower=True, trans="T", check_finite=False)
         T, landmarks = stepped(
             self.T_camera_map, self.landmarks, places(self.survey), self.survey.frame, self.survey.landmark,
-            self.V_inverse, self.b, self.W_number, self.W, step,
+            self.V_inverse, self.b, self.W_number, self.W, of_poses, step,
         )  # fmt: skip
         return vector, Bundle(T, landmarks, np.zeros(0))
 
@@ -143,13 +152,22 @@ class Fit:
         """The poses and landmarks."""
         return self.system.bundle
 
+    def holding(self, prior: Prior, held: Mask) -> "Fit":
+        """Return the fit without the numbers `held` (p, of the free ones), which are at the prior's mean.
 
-def camera_arrays(survey: Survey, vector: Array, free: Index) -> CameraArrays:
-    """Return a camera with `vector` (28) for compiled loops, with columns for its numbers `free` (p)."""
-    column = np.full(len(NAMES), -1, dtype=np.int64)
-    column[free] = np.arange(len(free))
-    size = np.array([survey.camera.width, survey.camera.height], dtype=np.float64)
-    return vector, vector_of(survey.camera), size, column
+        Poses, landmarks and the other numbers are where they would be by one step.
+        """
+        now, information, free = self.system, self.information, ~held
+        step = np.where(held, (prior.mean - self.vector)[self.free], 0.0)
+        pull = now.pull(prior) - information @ step
+        step[free] = np.linalg.solve(information[np.ix_(free, free)], pull[free])
+        system = System.of(now.survey, *now.stepped(step), self.free[free])
+        return Fit(system, system.information(prior))
+
+
+def camera_arrays(survey: Survey, vector: Array) -> CameraArrays:
+    """Return a camera with `vector` (28) for compiled loops."""
+    return vector, vector_of(survey.camera), np.array([survey.camera.width, survey.camera.height], dtype=np.float64)
 
 
 def places(survey: Survey) -> Index:
@@ -176,35 +194,34 @@ def fit(
     Ends early, with what was found so far, once `stopped` says so. Raises LinAlgError where there is no solution.
     """
     survey, free = start.survey, start.free
-    known = prior.sigma[free] ** -2.0
 
     def cost_of(system: System) -> float:
-        return system.cost + float(known @ (system.vector - prior.mean)[free] ** 2)
+        return system.cost + float(((system.vector - prior.mean)[free] ** 2) @ prior.sigma[free] ** -2.0)
 
-    now, damping = start, _DAMPING
-    poses = len(now.S) - len(free)
+    now = start
     for number in range(steps):
-        step, gradient, factor = now.step(prior, damping)
-        end = factor[poses:, poses:]  # of the numbers' information, since they come last
-        sigma = np.sqrt(np.diag(np.linalg.inv(end @ end.T)))
-        is_small = bool((np.abs(step[poses:]) < settled * sigma).all())
-        if number and is_small and gradient @ step < settled * _SETTLED * cost_of(now):
+        information, pull = now.information(prior), now.pull(prior)
+        information.flat[:: len(free) + 1] += now.damping * np.diag(now.S_number)
+        root = np.linalg.inv(np.linalg.cholesky(information))
+        step, sigma = root.T @ (root @ pull), np.linalg.norm(root, axis=0)
+        is_small = bool((np.abs(step) < settled * sigma).all())
+        gain = pull @ step + now.eliminated[2] @ now.eliminated[2]
+        if number and is_small and gain < settled * _SETTLED * cost_of(now):
             break
-        less = max(0.1 * damping, _DAMPING)
+        less = max(0.1 * now.damping, _DAMPING)
         trial = System.of(survey, *now.stepped(step), free, less)
         gained = cost_of(now) - cost_of(trial)
         if gained > 0.0:
-            now, damping = trial, less
+            now = trial
         elif gained > -_ROUNDING * cost_of(now):
             break
         else:
-            damping *= _DAMPED
-            now = System.of(survey, now.vector, now.bundle, free, damping)
+            now = System.of(survey, now.vector, now.bundle, free, _DAMPED * now.damping)
         if stopped():
             break
-    if damping > _DAMPING:  # what is said of the numbers must not depend on the damping that the steps ended with
+    if now.damping > _DAMPING:  # what is said of the numbers must not depend on the damping that the steps ended with
         now = System.of(survey, now.vector, now.bundle, free)
-    return Fit(now, now.information(known))
+    return Fit(now, now.information(prior))
 
 
 def likely_gain(system: System, prior: Prior) -> float:
@@ -212,13 +229,12 @@ def likely_gain(system: System, prior: Prior) -> float:
 
     From the equations at one camera alone: a score test.
     """
-    factor = system.factor(prior.sigma[system.free] ** -2.0, _DAMPING)
-    explained = solve_triangular(factor, system.rhs, lower=True, check_finite=False)[-len(system.free) :]
-    return float(explained @ explained / system.cost)
+    pull = system.pull(prior)
+    return float(pull @ np.linalg.solve(system.information(prior), pull) / system.cost)
 
 
 def placed(survey: Survey, free: Mask, T_camera_map: Array, by: Fit, steps: int) -> Array:
     """Return poses (K x 4 x 4), those of the frames `free` (K) each placed by itself among the landmarks of `by`."""
     pose = np.where(free, np.arange(len(free)), -1)
-    camera = camera_arrays(survey, by.vector, np.zeros(0, dtype=np.int64))
+    camera = camera_arrays(survey, by.vector)
     return resected(T_camera_map, by.bundle.landmarks, camera, pose, survey.arrays, steps, TRACKING.cauchy_chi2)

@@ -51,11 +51,12 @@ def compare(
     """
     held = split(survey)
     seen, rest = survey.part(~held), survey.part(held)
-    given = fit(System.of(survey, before, start_of(survey), _TIMING), prior, stopped)
+    given = fit(System.of(survey, before, start_of(survey), _TIMING), prior, stopped, settled=TUNING.fit_roughly)
 
     def unseen(fitted: Fit) -> Residuals:
         system = System.of(seen, fitted.vector, fitted.bundle, fitted.free)
-        return residuals(rest, *system.stepped(system.step(prior)[0]))
+        step = np.asarray(np.linalg.solve(system.information(prior), system.pull(prior)))
+        return residuals(rest, *system.stepped(step))
 
     return (unseen(given), unseen(after)), (given, after)
 

@@ -6,44 +6,37 @@ largest thing that a run holds. Source: B. Triggs et al., "Bundle adjustment - a
 
 import numpy as np
 
-from odom.backend.mapping.landmark_elimination import invert_damped, mirror_upper
-from odom.calibration.observation_terms import CameraArrays, SeenArrays, whitened_terms
-from odom.calibration.parameters import DEPTH
+from odom.backend.mapping.landmark_elimination import eliminate_between, eliminate_from_pose, invert_damped
+from odom.calibration.observation_terms import NUMBERS, CameraArrays, SeenArrays, whitened_terms
+from odom.calibration.parameters import DEPTH, TIMINGS
 from odom.geometry.arrays import Array, Index
 from odom.geometry.compiled import compiled
 from odom.geometry.compiled_se3 import moved, orthonormalise, put
 
-_DEPTH = DEPTH.start
+_CHUNK = 256
+"""Observations whose derivatives by the camera's numbers are kept until they are multiplied at once."""
+_RAY = DEPTH.start
+"""Numbers that change where a ray is, timing and lens, are the first ones; the timing and the others change depth."""
 
 
 @compiled
-def _subtract(S: Array, row: int, column: int, left: Array, right: Array) -> None:
-    """Subtract left' right from the block of S that begins at `row`, `column`; `left` (3 x n), `right` (3 x m)."""
-    n, m = left.shape[1], right.shape[1]
-    block = S[row : row + n, column : column + m]
-    for i in range(n):
-        l0, l1, l2 = left[0, i], left[1, i], left[2, i]
-        for j in range(m):
-            block[i, j] -= l0 * right[0, j] + l1 * right[1, j] + l2 * right[2, j]
+def _add_products(rays: Array, depths: Array, timings: int, S: Array, rhs: Array) -> None:
+    """Add C' C to the numbers' S (p x p), and C' r to their rhs (p).
 
-
-@compiled
-def _eliminate(S: Array, rhs: Array, place: int, W: Array, inverse: Array, b: Array, carried: Array) -> None:
-    """Subtract W inv(V) W' from the block of S at `place` on the diagonal, and W inv(V) b from rhs.
-
-    From one side of the diagonal alone. `W` is W' (3 x n); fills `carried` (3 x n) with inv(V) W'.
+    `rays` (2n x q + 1) holds C of the pixels by the q first numbers, of which some are `timings`, and last r; `depths`
+    that of the depths by all but the lens.
     """
-    n = W.shape[1]
-    block = S[place : place + n, place : place + n]
-    for i in range(n):
-        w0, w1, w2 = W[0, i], W[1, i], W[2, i]
-        c0 = w0 * inverse[0, 0] + w1 * inverse[1, 0] + w2 * inverse[2, 0]
-        c1 = w0 * inverse[0, 1] + w1 * inverse[1, 1] + w2 * inverse[2, 1]
-        c2 = w0 * inverse[0, 2] + w1 * inverse[1, 2] + w2 * inverse[2, 2]
-        carried[0, i], carried[1, i], carried[2, i] = c0, c1, c2
-        rhs[place + i] -= c0 * b[0] + c1 * b[1] + c2 * b[2]
-        for j in range(i, n):
-            block[i, j] -= c0 * W[0, j] + c1 * W[1, j] + c2 * W[2, j]
+    by_ray, by_depth = np.dot(rays.T, rays), np.dot(depths.T, depths)
+    lens = len(by_ray) - 1 - timings
+    for i in range(len(by_ray) - 1):
+        rhs[i] += by_ray[i, -1]
+        for j in range(len(by_ray) - 1):
+            S[i, j] += by_ray[i, j]
+    for i in range(len(by_depth) - 1):
+        at = i if i < timings else i + lens
+        rhs[at] += by_depth[i, -1]
+        for j in range(len(by_depth) - 1):
+            S[at, j if j < timings else j + lens] += by_depth[i, j]
 
 
 @compiled
@@ -51,34 +44,34 @@ def reduce_survey(
     T_camera_map: Array,
     landmarks: Array,
     camera: CameraArrays,
+    free: Index,
     pose: Index,
     seen: SeenArrays,
     damping: float,
     cauchy: float,
-) -> tuple[Array, Array, Array, Array, Array, Array, float]:
-    """Return the reduced system (S, rhs); for each landmark inv(V), b, W_number; for each observation W; and the cost.
+) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array, Array, float]:
+    """Return the equations of poses and numbers, those of the landmarks, and the cost.
 
-    `pose` (K) is the place of each frame's six unknowns in S, -1 for a pose that is held; behind the poses come the
-    camera's numbers. With poses' and numbers' unknowns x and landmarks' y, the normal equations
-    are [U W; W' V] [x; y] = [a; b], V block diagonal; S = U - W inv(V) W', rhs = a - W inv(V) b. W is returned as W',
-    for each observation the columns of its pose (N x 3 x 6), for each landmark those of the numbers (L x 3 x p).
+    `pose` (K) is the place of each frame's six unknowns, -1 for a pose that is held, and `free` (p) are the numbers of
+    the camera that are adjusted. With poses' and numbers' unknowns x and landmarks' y, the normal equations
+    are [U W; W' V] [x; y] = [a; b], V block diagonal; S = U - W inv(V) W', rhs = a - W inv(V) b. Returned are S of the
+    poses (n x n, its upper half), of poses and numbers (n x p), of the numbers (p x p), both parts of rhs; for each
+    landmark inv(V), b, and W' of the numbers (L x 3 x p), for each observation W' of its pose (N x 3 x 6).
     """
-    (_, _, _, column), (frame, landmark) = camera, seen[:2]
-    N, L, numbers, plain, poses = len(frame), len(landmarks), 0, 0, 0
-    for k in range(len(column)):
-        numbers += column[k] >= 0
-        plain += k < _DEPTH and column[k] >= 0  # those of timing and lens stand before those of the depth model
+    frame, landmark = seen[:2]
+    numbers, by_ray, timings = len(free), int((free < _RAY).sum()), int((free < TIMINGS).sum())
+    N, L, poses = len(frame), len(landmarks), 0
     for k in range(len(pose)):
         poses = max(poses, pose[k] + 6)
-    dimension = poses + numbers
-    S, rhs = np.zeros((dimension, dimension)), np.zeros(dimension)
-    W, W_number = np.zeros((N, 3, 6)), np.zeros((L, 3, numbers))
-    V_inverse, b = np.zeros((L, 3, 3)), np.zeros((L, 3))
-    J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, numbers)), np.zeros(3)
-    own, all_numbers = np.zeros((3, 6)), np.zeros((3, numbers))
-    V = np.zeros((3, 3))
-    cost = 0.0
-    start = 0
+    S, S_across, S_number = np.zeros((poses, poses)), np.zeros((poses, numbers)), np.zeros((numbers, numbers))
+    rhs, rhs_number = np.zeros(poses), np.zeros(numbers)
+    W, W_number, carried = np.zeros((N, 3, 6)), np.zeros((L, 3, numbers)), np.zeros((L, 3, numbers))
+    V_inverse, b, b_carried = np.zeros((L, 3, 3)), np.zeros((L, 3)), np.zeros((L, 3))
+    J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, NUMBERS)), np.zeros(3)
+    rays, depths = np.zeros((2 * _CHUNK, by_ray + 1)), np.zeros((_CHUNK, numbers - by_ray + timings + 1))
+    c_u, c_v, c_w = np.zeros(numbers), np.zeros(numbers), np.zeros(numbers)
+    V, own = np.zeros((3, 3)), np.zeros((3, 6))
+    cost, kept, start = 0.0, 0, 0
     while start < N:
         point = landmark[start]
         stop = start
@@ -87,56 +80,76 @@ def reduce_survey(
             o = stop
             stop += 1
             cost += whitened_terms(o, T_camera_map[frame[o]], landmarks[point], camera, seen, cauchy, J, P, C, r)
+            r_u, r_v, r_w = r[0], r[1], r[2]
+            for j in range(numbers):
+                c_u[j], c_v[j], c_w[j] = C[0, free[j]], C[1, free[j]], C[2, free[j]]
             # V, b and W of the landmark
             for i in range(3):
-                b[point, i] += P[0, i] * r[0] + P[1, i] * r[1] + P[2, i] * r[2]
+                p_u, p_v, p_w = P[0, i], P[1, i], P[2, i]
+                b[point, i] += p_u * r_u + p_v * r_v + p_w * r_w
                 for j in range(3):
-                    V[i, j] += P[0, i] * P[0, j] + P[1, i] * P[1, j] + P[2, i] * P[2, j]
-            # U and a of the numbers, and their W; what the lens does to depth, and the depth model to the pixel, is 0
-            for i in range(numbers):
-                c0, c1, c2 = C[0, i], C[1, i], C[2, i]
-                rhs[poses + i] += c0 * r[0] + c1 * r[1] + c2 * r[2]
-                row = S[poses + i, poses:]
-                for j in range(i, plain):
-                    row[j] += c0 * C[0, j] + c1 * C[1, j]
-                if c2 != 0.0:
-                    for j in range(i, numbers):
-                        row[j] += c2 * C[2, j]
-                for j in range(3):
-                    W_number[point, j, i] += c0 * P[0, j] + c1 * P[1, j] + c2 * P[2, j]
+                    V[i, j] += p_u * P[0, j] + p_v * P[1, j] + p_w * P[2, j]
+                row = W_number[point, i]
+                for j in range(numbers):
+                    row[j] += p_u * c_u[j] + p_v * c_v[j] + p_w * c_w[j]
+            # U and a of the numbers
+            for j in range(by_ray):
+                rays[2 * kept, j], rays[2 * kept + 1, j] = c_u[j], c_v[j]
+            rays[2 * kept, by_ray], rays[2 * kept + 1, by_ray] = r_u, r_v
+            for j in range(timings):
+                depths[kept, j] = c_w[j]
+            for j in range(by_ray, numbers):
+                depths[kept, j - by_ray + timings] = c_w[j]
+            depths[kept, -1] = r_w
+            kept += 1
+            if kept == _CHUNK:
+                _add_products(rays, depths, timings, S_number, rhs_number)
+                kept = 0
             # U and a of the pose, its block of U with the numbers, and its W
             f = pose[frame[o]]
             if f < 0:
                 continue
             for i in range(6):
-                j0, j1, j2 = J[0, i], J[1, i], J[2, i]
-                rhs[f + i] += j0 * r[0] + j1 * r[1] + j2 * r[2]
+                j_u, j_v, j_w = J[0, i], J[1, i], J[2, i]
+                rhs[f + i] += j_u * r_u + j_v * r_v + j_w * r_w
                 for j in range(i, 6):
-                    S[f + i, f + j] += j0 * J[0, j] + j1 * J[1, j] + j2 * J[2, j]
-                row = S[f + i, poses:]
-                for j in range(plain):
-                    row[j] += j0 * C[0, j] + j1 * C[1, j]
-                if j2 != 0.0:
-                    for j in range(numbers):
-                        row[j] += j2 * C[2, j]
+                    S[f + i, f + j] += j_u * J[0, j] + j_v * J[1, j] + j_w * J[2, j]
+                row = S_across[f + i]
+                for j in range(numbers):
+                    row[j] += j_u * c_u[j] + j_v * c_v[j] + j_w * c_w[j]
                 for j in range(3):
-                    W[o, j, i] = j0 * P[0, j] + j1 * P[1, j] + j2 * P[2, j]
+                    W[o, j, i] = j_u * P[0, j] + j_v * P[1, j] + j_w * P[2, j]
+        # S -= W inv(V) W', rhs -= W inv(V) b: each pair of unknowns once, the numbers' own for all landmarks at once
         inverse = V_inverse[point]
         invert_damped(V, damping, inverse)
-        # S -= W inv(V) W', rhs -= W inv(V) b: each pair of unknowns once
+        W_n, carried_n = W_number[point], carried[point]
+        n_0, n_1, n_2 = W_n[0], W_n[1], W_n[2]
+        for i in range(3):
+            v_0, v_1, v_2 = inverse[i, 0], inverse[i, 1], inverse[i, 2]
+            b_carried[point, i] = v_0 * b[point, 0] + v_1 * b[point, 1] + v_2 * b[point, 2]
+            row = carried_n[i]
+            for j in range(numbers):
+                row[j] = v_0 * n_0[j] + v_1 * n_1[j] + v_2 * n_2[j]
         for o in range(start, stop):
             f = pose[frame[o]]
-            if f >= 0:
-                _eliminate(S, rhs, f, W[o], inverse, b[point], own)
-                for other in range(o + 1, stop):
-                    g = pose[frame[other]]
-                    if g >= 0:
-                        _subtract(S, f, g, own, W[other])
-                _subtract(S, f, poses, own, W_number[point])
-        _eliminate(S, rhs, poses, W_number[point], inverse, b[point], all_numbers)
+            if f < 0:
+                continue
+            eliminate_from_pose(S, rhs, f, W[o], inverse, b[point], own)
+            for i in range(6):
+                y_0, y_1, y_2 = own[0, i], own[1, i], own[2, i]
+                row = S_across[f + i]
+                for j in range(numbers):
+                    row[j] -= y_0 * n_0[j] + y_1 * n_1[j] + y_2 * n_2[j]
+            for other in range(o + 1, stop):
+                g = pose[frame[other]]
+                if g >= 0:
+                    eliminate_between(S, f, g, own, W[other])
         start = stop
-    mirror_upper(S)
-    return S, rhs, V_inverse, b, W_number, W, cost
+    _add_products(rays[: 2 * kept], depths[:kept], timings, S_number, rhs_number)
+    across = W_number.reshape(3 * L, numbers).T
+    S_number -= np.dot(across, carried.reshape(3 * L, numbers))
+    rhs_number -= np.dot(across, b_carried.reshape(3 * L))
+    return S, S_across, S_number, rhs, rhs_number, V_inverse, b, W_number, W, cost
 
 
 @compiled
@@ -151,8 +164,9 @@ def stepped(
     W_number: Array,
     W: Array,
     step: Array,
+    step_number: Array,
 ) -> tuple[Array, Array]:
-    """Return poses and landmarks after a `step` of poses and numbers: landmarks move by inv(V) (b - W' step)."""
+    """Return poses and landmarks after steps of poses and numbers: landmarks move by inv(V) (b - W' step)."""
     K, numbers = len(pose), W_number.shape[2]
     T = T_camera_map.copy()
     for k in range(K):
@@ -167,11 +181,10 @@ def stepped(
             for j in range(3):
                 for i in range(6):
                     rest[landmark[o], j] -= W[o, j, i] * step[f + i]
-    last = len(step) - numbers
     for k in range(len(landmarks)):
         for j in range(3):
             for i in range(numbers):
-                rest[k, j] -= W_number[k, j, i] * step[last + i]
+                rest[k, j] -= W_number[k, j, i] * step_number[i]
         for i in range(3):
             for j in range(3):
                 points[k, i] += V_inverse[k, i, j] * rest[k, j]
@@ -187,17 +200,18 @@ def scores_of(
     T_camera_map: Array,
     landmarks: Array,
     camera: CameraArrays,
+    free: Index,
     pose: Index,
     seen: SeenArrays,
     cauchy: float,
 ) -> Array:
-    """Return each observation's pull at the camera's numbers (N x p); poses and landmarks follow every number.
+    """Return each observation's pull at the numbers `free` (N x p) of the camera; poses and landmarks follow each.
 
     `follows` (6 free poses x p) is how the poses do; the landmarks do by inv(V) (-W' step).
     """
     frame, landmark = seen[:2]
     N, L, numbers = len(frame), len(landmarks), W_number.shape[2]
-    J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, numbers)), np.zeros(3)
+    J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, NUMBERS)), np.zeros(3)
     rest, point = -W_number, np.zeros((L, 3, numbers))
     for o in range(N):
         f = pose[frame[o]]
@@ -219,7 +233,8 @@ def scores_of(
         f = pose[frame[o]]
         score, moved_point = scores[o], point[landmark[o]]
         for i in range(numbers):
-            score[i] = r[0] * C[0, i] + r[1] * C[1, i] + r[2] * C[2, i]
+            k = free[i]
+            score[i] = r[0] * C[0, k] + r[1] * C[1, k] + r[2] * C[2, k]
         for j in range(3):
             pull = r[0] * P[0, j] + r[1] * P[1, j] + r[2] * P[2, j]
             for i in range(numbers):

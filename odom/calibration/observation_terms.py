@@ -7,19 +7,20 @@ scale of depth can make them smaller.
 import math
 
 from odom.backend.mapping.landmark_elimination import BEHIND_CAMERA_COST
-from odom.calibration.parameters import BASELINE, LENS, OFFSET, SCALE, SHIFT, TIMINGS
+from odom.calibration.parameters import BASELINE, DEPTH, LENS, OFFSET, SCALE, SHIFT, TIMINGS
 from odom.frontend.camera.rolling_shutter import interaction_matrix
 from odom.geometry.arrays import Array, Index
 from odom.geometry.compiled import compiled
 
 _NEAREST_M = 0.05
 """A landmark that comes nearer counts as behind the camera."""
-CameraArrays = tuple[Array, Array, Array, Index]
-"""A camera's vector (28), that of the one it was measured with (28), the image's size (2), and the columns in which
-derivatives by its numbers stand (28, -1: nowhere); timing and lens come before the depth model."""
-SeenArrays = tuple[Index, Index, Array, Array, Array, Array, Array, Array]
-"""The observations of a survey: `frame`, `landmark`, `uv`, `inverse_depth`, `slope`, `by_timing`, `variance_uv`,
-`variance_depth` (see `Survey`)."""
+NUMBERS = DEPTH.stop
+"""Numbers of a camera."""
+CameraArrays = tuple[Array, Array, Array]
+"""A camera's vector (28), that of the one it was measured with (28), the image's size (2)."""
+SeenArrays = tuple[Index, Index, Array, Array, Array, Array, Array]
+"""The observations of a survey: `frame`, `landmark`, `uv`, `inverse_depth`, `slope`, `by_timing`, `whitening` (see
+`Survey`)."""
 _LENS, _SHIFT, _BASELINE, _OFFSET, _SCALE = (part.start for part in (LENS, SHIFT, BASELINE, OFFSET, SCALE))
 
 
@@ -38,18 +39,18 @@ def whitened_terms(
 ) -> float:
     """Fill the residual r (3) of observation `o` and the derivatives of what is predicted; return its robust cost.
 
-    By the pose, moved on the left, J (3 x 6), by the `point` (3, m) P (3 x 3), by the numbers of the camera C (3 x p).
-    All rows are divided by the standard deviation and multiplied by the root of Cauchy's weight: the first two are
-    those of the pixel, the third that of the inverse depth, 0 where none was measured.
+    By the pose, moved on the left, J (3 x 6), by the `point` (3, m) P (3 x 3), by the numbers of the camera C (3 x 28,
+    zeros at first: what the lens does to depth, and the depth model to the pixel, is not written). All rows are divided
+    by the standard deviation and multiplied by the root of Cauchy's weight: the first two are those of the pixel, the
+    third that of the inverse depth, 0 where none was measured.
     """
-    vector, given, size, column = camera
-    _, _, uv, inverse_depth, slope, by_timing, variance_uv, variance_depth = seen
+    vector, given, size = camera
+    _, _, uv, inverse_depth, slope, by_timing, whitening = seen
     X = T[0, 0] * point[0] + T[0, 1] * point[1] + T[0, 2] * point[2] + T[0, 3]
     Y = T[1, 0] * point[0] + T[1, 1] * point[1] + T[1, 2] * point[2] + T[1, 3]
     Z = T[2, 0] * point[0] + T[2, 1] * point[1] + T[2, 2] * point[2] + T[2, 3]
-    C[:] = 0.0
     if Z < _NEAREST_M:
-        J[:], P[:], r[:] = 0.0, 0.0, 0.0
+        J[:], P[:], C[:], r[:] = 0.0, 0.0, 0.0, 0.0
         return BEHIND_CAMERA_COST
     w = 1.0 / Z
     x, y = X * w, Y * w
@@ -74,16 +75,13 @@ def whitened_terms(
     u = uv[o, 0] - fx * bent_x - cx + d00 * late_x + d01 * late_y
     v = uv[o, 1] - fy * bent_y - cy + d10 * late_x + d11 * late_y
     # the lower triangle a whitens it: a' a is the inverse of its covariance, times the weight
-    g0 = math.sqrt(variance_uv[o, 0])
-    g1 = variance_uv[o, 1] / g0
-    g2 = math.sqrt(variance_uv[o, 2] - g1 * g1)
-    chi2 = (u / g0) ** 2 + ((v - g1 * u / g0) / g2) ** 2
-    cost = cauchy * math.log1p(chi2 / cauchy)
-    root = 1.0 / math.sqrt(1.0 + chi2 / cauchy)
-    a00, a10, a11 = root / g0, -root * g1 / (g0 * g2), root / g2
+    a00, a10, a11 = whitening[o, 0], whitening[o, 1], whitening[o, 2]
+    u, v = a00 * u, a10 * u + a11 * v
+    unlikely = 1.0 + (u * u + v * v) / cauchy
+    root = 1.0 / math.sqrt(unlikely)
+    a00, a10, a11, r[0], r[1] = root * a00, root * a10, root * a11, root * u, root * v
     b00, b01 = a00 * d00, a00 * d01
     b10, b11 = a10 * d00 + a11 * d10, a10 * d01 + a11 * d11
-    r[0], r[1] = a00 * u, a10 * u + a11 * v
     # inverse depth as measured: offset + scale / z, a shift of the pixel times the slope farther on
     s, t = (uv[o, 0] - 0.5 * (size[0] - 1.0)) / (0.5 * size[0]), (uv[o, 1] - 0.5 * (size[1] - 1.0)) / (0.5 * size[0])
     terms = (1.0, s, t, s * s, s * t, t * t)
@@ -99,11 +97,11 @@ def whitened_terms(
     a22 = 0.0
     r[2] = 0.0
     if math.isfinite(measured):
-        rest = measured - offset - scale * w + scale * late_w
-        chi2 = rest * rest / variance_depth[o]
-        cost += cauchy * math.log1p(chi2 / cauchy)
-        a22 = 1.0 / math.sqrt(variance_depth[o] * (1.0 + chi2 / cauchy))
-        r[2] = a22 * rest
+        rest = whitening[o, 3] * (measured - offset - scale * w + scale * late_w)
+        doubtful = 1.0 + rest * rest / cauchy
+        root = 1.0 / math.sqrt(doubtful)
+        a22, r[2] = whitening[o, 3] * root, rest * root
+        unlikely *= doubtful
     # derivatives by pose and point
     interaction_matrix(x, y, w, J)
     for k in range(6):
@@ -115,27 +113,19 @@ def whitened_terms(
         P[2, k] = -a22 * by_w * w * w * T[2, k]
     # derivatives by timing, lens and depth model
     for k in range(TIMINGS):
-        at = column[k]
-        if at >= 0:
-            C[0, at] = -b00 * by_timing[o, 0, k] - b01 * by_timing[o, 1, k]
-            C[1, at] = -b10 * by_timing[o, 0, k] - b11 * by_timing[o, 1, k]
-            C[2, at] = -a22 * scale * by_timing[o, 2, k]
-    u_by = (bent_x, 0.0, 1.0, 0.0, fx * x * r2, fx * x * r2 * r2, fx * 2.0 * x * y, fx * (r2 + 2.0 * x * x),
-            fx * x * r2 * r2 * r2)  # fmt: skip
-    v_by = (0.0, bent_y, 0.0, 1.0, fy * y * r2, fy * y * r2 * r2, fy * (r2 + 2.0 * y * y), fy * 2.0 * x * y,
-            fy * y * r2 * r2 * r2)  # fmt: skip
+        C[0, k] = -b00 * by_timing[o, 0, k] - b01 * by_timing[o, 1, k]
+        C[1, k] = -b10 * by_timing[o, 0, k] - b11 * by_timing[o, 1, k]
+        C[2, k] = -a22 * scale * by_timing[o, 2, k]
+    x2, y2, xy = r2 + 2.0 * x * x, r2 + 2.0 * y * y, 2.0 * x * y
+    xr, yr = fx * x * r2, fy * y * r2
+    u_by = (bent_x, 0.0, 1.0, 0.0, xr, xr * r2, fx * xy, fx * x2, xr * r2 * r2)
+    v_by = (0.0, bent_y, 0.0, 1.0, yr, yr * r2, fy * y2, fy * xy, yr * r2 * r2)
     for k in range(9):
-        at = column[_LENS + k]
-        if at >= 0:
-            C[0, at], C[1, at] = a00 * u_by[k], a10 * u_by[k] + a11 * v_by[k]
+        C[0, _LENS + k], C[1, _LENS + k] = a00 * u_by[k], a10 * u_by[k] + a11 * v_by[k]
     for k in range(2):
-        if column[_SHIFT + k] >= 0:
-            C[2, column[_SHIFT + k]] = a22 * slope[o, k]
-        if column[_BASELINE + k] >= 0:
-            C[2, column[_BASELINE + k]] = a22 * slope[o, k] * w
+        C[2, _SHIFT + k] = a22 * slope[o, k]
+        C[2, _BASELINE + k] = a22 * slope[o, k] * w
     for k in range(6):
-        if column[_OFFSET + k] >= 0:
-            C[2, column[_OFFSET + k]] = a22 * terms[k]
-        if column[_SCALE + k] >= 0:
-            C[2, column[_SCALE + k]] = a22 * terms[k] * w
-    return cost
+        C[2, _OFFSET + k] = a22 * terms[k]
+        C[2, _SCALE + k] = a22 * terms[k] * w
+    return cauchy * math.log(unlikely)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from odom.calibration.observation_terms import CameraArrays, SeenArrays, whitened_terms
+from odom.calibration.observation_terms import NUMBERS, CameraArrays, SeenArrays, whitened_terms
 from odom.geometry.arrays import Array, Index
 from odom.geometry.compiled import compiled
 from odom.geometry.compiled_se3 import moved, orthonormalise, put, solve_definite
@@ -21,12 +21,9 @@ def resected(
     steps: int,
     cauchy: float,
 ) -> Array:
-    """Return poses (K x 4 x 4), those with a place in `pose` each adjusted by itself to landmarks that are held.
-
-    `camera` has no columns.
-    """
+    """Return poses (K x 4 x 4), those with a place in `pose` each adjusted by itself to landmarks that are held."""
     K, frame, landmark = len(pose), seen[0], seen[1]
-    J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, 0)), np.zeros(3)
+    J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, NUMBERS)), np.zeros(3)
     T = T_camera_map.copy()
     for _ in range(steps):
         H, g = np.zeros((K, 6, 6)), np.zeros((K, 6))

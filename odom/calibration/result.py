@@ -72,18 +72,16 @@ def calibrated(
     given = vector_of(survey.camera)
     mean[SCALE_NUMBER] = given[SCALE_NUMBER]  # which the images do not show
     prior = Prior(mean, prior_s)
-    system, contradicted = begin or System.at_start(survey, FREE), False
+    found, contradicted = fit(begin or System.at_start(survey, FREE), prior, stopped, settled=TUNING.fit_roughly), False
     while True:
-        found, free = fit(system, prior, stopped, settled=TUNING.fit_roughly), system.free
+        free = found.free
         sure, enough = sigmas(found.system, prior), TUNING.shown_share * prior_s[free]
         shown = sure < enough
         plain = np.sqrt(np.diag(np.linalg.inv(found.information)))
         contradicted |= bool((~shown & (plain < enough) & np.isin(free, _FOCAL)).any())
         if shown.all() or not shown.any():
             break
-        vector = mean.copy()
-        vector[free[shown]] = found.vector[free[shown]]
-        system = System.of(survey, vector, found.bundle, free[shown])
+        found = found.holding(prior, ~shown)
     if shown.any():
         narrow = narrowed(prior, found, sure)
         prior, sure = narrow.prior, narrow.sigma

@@ -17,10 +17,10 @@ def sigmas(system: System, prior: Prior) -> Array:
     errors of depth images stay alike for a second, and a badly chosen landmark is wrong in every frame.
     """
     survey, free = system.survey, system.free
-    information = system.information(prior.sigma[free] ** -2.0)
+    information, follows = system.information(prior), np.ascontiguousarray(system.follow(np.eye(len(free))))
     scores = scores_of(
-        system.follows, system.V_inverse, system.W_number, system.W, system.T_camera_map, system.landmarks,
-        camera_arrays(survey, system.vector, free), places(survey), survey.arrays, TRACKING.cauchy_chi2,
+        follows, system.V_inverse, system.W_number, system.W, system.T_camera_map, system.landmarks,
+        camera_arrays(survey, system.vector), free, places(survey), survey.arrays, TRACKING.cauchy_chi2,
     )  # fmt: skip
     by_time = np.argsort(survey.seconds[survey.frame], kind="stable")
     return np.maximum(

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -26,7 +27,7 @@ _SEVERAL = 3
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """N observations of L landmarks in K frames, sorted by landmark; what was measured does not depend on the camera.
+    """N observations of L landmarks in K frames, sorted by landmark, then frame; no camera changes what was measured.
 
     `frame`, `landmark` (N); `uv` (N x 2, px) where it was seen, carried to the image's middle row; `inverse_depth` (N,
     1/m, NaN: none) as the depth image says, read by the depth model of `camera`; `slope` (N x 2) of that per pixel.
@@ -98,13 +99,18 @@ class Survey:
         seen = self.part(number[self.landmark] >= 0)
         return replace(seen, landmark=number[seen.landmark], landmarks=self.landmarks[drawn])
 
-    @property
+    @cached_property
     def arrays(self) -> SeenArrays:
-        """What compiled loops take of the observations."""
-        return (
-            self.frame, self.landmark, self.uv, self.inverse_depth, self.slope, self.by_timing, self.variance_uv,
-            self.variance_depth,
-        )  # fmt: skip
+        """What compiled loops take of the observations: with their `whitening` (N x 4) instead of variances.
+
+        A lower triangle a (00, 10, 11) with a' a the inverse of a pixel's covariance, and the inverse of the inverse
+        depth's standard deviation.
+        """
+        uu, across, vv = self.variance_uv.T
+        u = np.sqrt(uu)
+        v = np.sqrt(vv - (across / u) ** 2)
+        whitening = np.column_stack([1.0 / u, -across / (uu * v), 1.0 / v, 1.0 / np.sqrt(self.variance_depth)])
+        return self.frame, self.landmark, self.uv, self.inverse_depth, self.slope, self.by_timing, whitening
 
     @property
     def terms(self) -> Array:

@@ -21,7 +21,7 @@ def warm_up() -> None:
         camera=camera,
         frame=np.tile(np.arange(frames), N),
         landmark=np.repeat(np.arange(N), frames),
-        uv=525.0 * seen[:, :2] / seen[:, 2:] + (319.5, 239.5),
+        uv=525.0 * seen[:, :2] / seen[:, 2:] + (319.6, 239.5),
         inverse_depth=1.0 / seen[:, 2],
         slope=np.zeros((2 * N, 2)),
         by_timing=np.zeros((2 * N, 3, TIMINGS)),

@@ -130,7 +130,7 @@ def terms_of(survey, vector, bundle):
     for o in range(len(survey)):
         J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, len(NAMES))), np.zeros(3)
         T, point = bundle.T_camera_map[survey.frame[o]], bundle.landmarks[survey.landmark[o]]
-        camera = camera_arrays(survey, vector, np.arange(len(NAMES)))
+        camera = camera_arrays(survey, vector)
         whitened_terms(o, T, point, camera, survey.arrays, 4.0, J, P, C, r)
         out.append((r, J, P, C))
     return [np.array(part) for part in zip(*out, strict=True)]

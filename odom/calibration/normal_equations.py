@@ -6,7 +6,12 @@ largest thing that a run holds. Source: B. Triggs et al., "Bundle adjustment - a
 
 import numpy as np
 
-from odom.backend.mapping.landmark_elimination import eliminate_between, eliminate_from_pose, invert_damped
+from odom.backend.mapping.landmark_elimination import (
+    eliminate_between,
+    eliminate_from_pose,
+    invert_damped,
+    substitute,
+)
 from odom.calibration.observation_terms import NUMBERS, CameraArrays, SeenArrays, whitened_terms
 from odom.calibration.parameters import DEPTH, TIMINGS
 from odom.geometry.arrays import Array, Index
@@ -167,27 +172,12 @@ def stepped(
     step_number: Array,
 ) -> tuple[Array, Array]:
     """Return poses and landmarks after steps of poses and numbers: landmarks move by inv(V) (b - W' step)."""
-    K, numbers = len(pose), W_number.shape[2]
     T = T_camera_map.copy()
-    for k in range(K):
+    for k in range(len(pose)):
         if pose[k] >= 0:
             put(moved(step[pose[k] : pose[k] + 6], T_camera_map[k]), T[k])
             orthonormalise(T[k])
-    points = landmarks.copy()
-    rest = b.copy()
-    for o in range(len(frame)):
-        f = pose[frame[o]]
-        if f >= 0:
-            for j in range(3):
-                for i in range(6):
-                    rest[landmark[o], j] -= W[o, j, i] * step[f + i]
-    for k in range(len(landmarks)):
-        for j in range(3):
-            for i in range(numbers):
-                rest[k, j] -= W_number[k, j, i] * step_number[i]
-        for i in range(3):
-            for j in range(3):
-                points[k, i] += V_inverse[k, i, j] * rest[k, j]
+    points = substitute(landmarks, pose[frame], landmark, V_inverse, b, W_number, W, step, step_number)
     return T, points
 
 

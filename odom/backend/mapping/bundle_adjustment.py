@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
+from odom.backend.mapping.landmark_elimination import substitute
 from odom.backend.mapping.observations import Observations
-from odom.backend.mapping.schur_complement import reduce_to_poses, substitute_landmarks
+from odom.backend.mapping.schur_complement import reduce_to_poses
 from odom.backend.tracking.tuning import TUNING
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
@@ -48,17 +49,17 @@ def adjust(
 
     `timing_information` (t x t) is what is known of the timing beforehand: a prior on no change.
     """
-    free = np.full(len(is_fixed), -1, dtype=np.int64)
-    free[~is_fixed] = np.arange(np.count_nonzero(~is_fixed))
-    poses = 6 * int(np.count_nonzero(~is_fixed))
+    o, free = observations, np.flatnonzero(~is_fixed)
+    begin = np.full(len(is_fixed), -1, dtype=np.int64)
+    begin[free] = 6 * np.arange(len(free))
+    poses, place = 6 * len(free), begin[o.keyframe]
     dimension = poses + len(timing_information)
-    o = observations
     cauchy = TUNING.cauchy_chi2
     arrays = (o.keyframe, o.landmark, o.values, o.jacobian_timing, o.variances)
 
     def reduced(bundle: Bundle, damping: float) -> tuple[Array, Array, Array, Array, Array, Array, float]:
         S, rhs, V_inverse, b_landmark, W_timing, W, cost = reduce_to_poses(
-            bundle.T_camera_map, bundle.landmarks, bundle.timing_change, free, dimension, *arrays, damping, cauchy
+            bundle.T_camera_map, bundle.landmarks, bundle.timing_change, place, dimension, *arrays, damping, cauchy
         )
         change = bundle.timing_change
         return S, rhs, V_inverse, b_landmark, W_timing, W, cost + float(change @ timing_information @ change)
@@ -70,10 +71,10 @@ def adjust(
             return None
         step = cho_solve(factor, gradient, check_finite=False)
         T_camera_map = bundle.T_camera_map.copy()
-        for k in np.flatnonzero(~is_fixed):
-            T_camera_map[k] = se3.orthonormal(se3.exp(step[6 * free[k] : 6 * free[k] + 6]) @ T_camera_map[k])
-        landmarks = substitute_landmarks(
-            bundle.landmarks, free, o.keyframe, o.landmark, V_inverse, b_landmark, W_timing, W, step
+        for k in free:
+            T_camera_map[k] = se3.orthonormal(se3.exp(step[begin[k] : begin[k] + 6]) @ T_camera_map[k])
+        landmarks = substitute(
+            bundle.landmarks, place, o.landmark, V_inverse, b_landmark, W_timing, W, step[:poses], step[poses:]
         )
         return Bundle(T_camera_map, landmarks, bundle.timing_change + step[poses:])
 

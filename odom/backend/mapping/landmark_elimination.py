@@ -79,6 +79,39 @@ def eliminate_between(S: Array, f: int, g: int, carried: Array, W: Array) -> Non
 
 
 @compiled
+def substitute(
+    landmarks: Array,
+    place: Index,
+    landmark: Index,
+    V_inverse: Array,
+    b: Array,
+    W_other: Array,
+    W: Array,
+    step: Array,
+    step_other: Array,
+) -> Array:
+    """Return the landmarks (L x 3) moved by inv(V) (b - W' step), what steps of poses and others leave of b.
+
+    `place` (N) is where the six unknowns begin of each observation's pose; `W_other` (L x 3 x m), `W` (N x 3 x 6): W'.
+    """
+    moved, rest = landmarks.copy(), b.copy()
+    for o in range(len(landmark)):
+        f = place[o]
+        if f >= 0:
+            for j in range(3):
+                for i in range(6):
+                    rest[landmark[o], j] -= W[o, j, i] * step[f + i]
+    for k in range(len(landmarks)):
+        for j in range(3):
+            for i in range(len(step_other)):
+                rest[k, j] -= W_other[k, j, i] * step_other[i]
+        for i in range(3):
+            for j in range(3):
+                moved[k, i] += V_inverse[k, i, j] * rest[k, j]
+    return moved
+
+
+@compiled
 def mirror_upper(S: Array) -> None:
     """Add to each entry its mirror image, where each was summed up on one side of the diagonal alone."""
     for a in range(len(S)):

@@ -22,7 +22,7 @@ def reduce_to_poses(
     T_camera_map: Array,
     landmarks: Array,
     timing_change: Array,
-    free: Index,
+    place: Index,
     dimension: int,
     keyframe: Index,
     landmark: Index,
@@ -36,14 +36,16 @@ def reduce_to_poses(
 
     With poses' and timing's unknowns x and landmarks' y, the normal equations are [U W; W' V] [x; y] = [a; b], V block
     diagonal. For each landmark its share of U, W, V, a, b is summed up over its observations, and y is eliminated:
-    S = U - W inv(V) W', rhs = a - W inv(V) b. J, P, K: derivatives of an observation by pose, landmark and timing.
+    S = U - W inv(V) W', rhs = a - W inv(V) b. W is returned as W' (N x 3 x 6; of the timing L x 3 x t). `place` (N) is
+    where the unknowns of an observation's pose begin, -1 for one that is held. J, P, K: derivatives of an observation
+    by pose, landmark and timing.
     """
     N, L, timings = keyframe.shape[0], landmarks.shape[0], timing_change.shape[0]
     S = np.zeros((dimension, dimension))
     rhs = np.zeros(dimension)
     timing = dimension - timings
-    W = np.zeros((N, 6, 3))
-    W_timing = np.zeros((L, timings, 3))
+    W = np.zeros((N, 3, 6))
+    W_timing = np.zeros((L, 3, timings))
     V_inverse = np.zeros((L, 3, 3))
     b_landmark = np.zeros((L, 3))
     J = np.zeros((3, 6))
@@ -56,7 +58,7 @@ def reduce_to_poses(
     most = longest_run(landmark)
     width = 6 * most + timings
     across_0, across_1, across_2 = np.zeros(width), np.zeros(width), np.zeros(width)
-    place, begin = np.zeros(width, np.int64), np.zeros(most + 2, np.int64)
+    row_of, begin = np.zeros(width, np.int64), np.zeros(most + 2, np.int64)
     cost = 0.0
     start = 0
     while start < N:
@@ -102,12 +104,11 @@ def reduce_to_poses(
                 for b in range(a, timings):
                     S[timing + a, timing + b] -= KI[a, 0] * K[0, b] + KI[a, 1] * K[1, b] + KI[a, 2] * K[2, b]
                 for b in range(3):
-                    W_timing[point, a, b] += KI[a, 0] * P[0, b] + KI[a, 1] * P[1, b] + KI[a, 2] * P[2, b]
+                    W_timing[point, b, a] += KI[a, 0] * P[0, b] + KI[a, 1] * P[1, b] + KI[a, 2] * P[2, b]
             # U, W and a of the key frame's pose, and its block of U with the timing
-            f = free[keyframe[o]]
+            f = place[o]
             if f < 0:
                 continue
-            f *= 6
             for a in range(6):
                 JI[a, 0] = ixx * J[0, a] + ixy * J[1, a]
                 JI[a, 1] = ixy * J[0, a] + iyy * J[1, a]
@@ -116,26 +117,26 @@ def reduce_to_poses(
                 for b in range(a, 6):
                     S[f + a, f + b] += JI[a, 0] * J[0, b] + JI[a, 1] * J[1, b] + JI[a, 2] * J[2, b]
                 for b in range(3):
-                    W[o, a, b] = JI[a, 0] * P[0, b] + JI[a, 1] * P[1, b] + JI[a, 2] * P[2, b]
+                    W[o, b, a] = JI[a, 0] * P[0, b] + JI[a, 1] * P[1, b] + JI[a, 2] * P[2, b]
                 for b in range(timings):
                     S[f + a, timing + b] -= JI[a, 0] * K[0, b] + JI[a, 1] * K[1, b] + JI[a, 2] * K[2, b]
         inverse = V_inverse[point]
         invert_damped(V, damping, inverse)
         b_l = b_landmark[point]
-        # S -= W inv(V) W', rhs -= W inv(V) b: poses (6 x 3) and timing (t x 3), whose W lie side by side in `across`,
+        # S -= W inv(V) W', rhs -= W inv(V) b: poses (3 x 6) and timing (3 x t), whose W' lie side by side in `across`,
         # in runs of poses that follow each other; each pair is computed once
         width, runs = 0, 0
         for o in range(start, stop + 1):
-            row = timing if o == stop else free[keyframe[o]] * 6
+            row = timing if o == stop else place[o]
             if row >= 0:
                 left = W_timing[point] if o == stop else W[o]
-                if width == 0 or row != place[width - 1] + 1:
+                if width == 0 or row != row_of[width - 1] + 1:
                     begin[runs] = width
                     runs += 1
-                for a in range(left.shape[0]):
-                    across_0[width + a], across_1[width + a], across_2[width + a] = left[a, 0], left[a, 1], left[a, 2]
-                    place[width + a] = row + a
-                width += left.shape[0]
+                for a in range(left.shape[1]):
+                    across_0[width + a], across_1[width + a], across_2[width + a] = left[0, a], left[1, a], left[2, a]
+                    row_of[width + a] = row + a
+                width += left.shape[1]
         begin[runs] = width
         first = 0
         for a in range(width):
@@ -143,46 +144,14 @@ def reduce_to_poses(
             y0 = w0 * inverse[0, 0] + w1 * inverse[1, 0] + w2 * inverse[2, 0]
             y1 = w0 * inverse[0, 1] + w1 * inverse[1, 1] + w2 * inverse[2, 1]
             y2 = w0 * inverse[0, 2] + w1 * inverse[1, 2] + w2 * inverse[2, 2]
-            rhs[place[a]] -= y0 * b_l[0] + y1 * b_l[1] + y2 * b_l[2]
+            rhs[row_of[a]] -= y0 * b_l[0] + y1 * b_l[1] + y2 * b_l[2]
             first += begin[first + 1] <= a
             for run in range(first, runs):
                 left_end, right_end = max(a, begin[run]), begin[run + 1]
                 x0, x1, x2 = across_0[left_end:right_end], across_1[left_end:right_end], across_2[left_end:right_end]
-                entries = S[place[a], place[left_end] : place[left_end] + right_end - left_end]
+                entries = S[row_of[a], row_of[left_end] : row_of[left_end] + right_end - left_end]
                 for b in range(len(entries)):
                     entries[b] -= y0 * x0[b] + y1 * x1[b] + y2 * x2[b]
         start = stop
     mirror_upper(S)
     return S, rhs, V_inverse, b_landmark, W_timing, W, cost
-
-
-@compiled
-def substitute_landmarks(
-    landmarks: Array,
-    free: Index,
-    keyframe: Index,
-    landmark: Index,
-    V_inverse: Array,
-    b_landmark: Array,
-    W_timing: Array,
-    W: Array,
-    step: Array,
-) -> Array:
-    """Return the landmarks (L x 3) moved by inv(V) (b - W' step), what the `step` of poses and timing leaves of b."""
-    remainder = b_landmark.copy()
-    timing = step.shape[0] - W_timing.shape[1]
-    for o in range(keyframe.shape[0]):
-        f = free[keyframe[o]] * 6
-        if f >= 0:
-            for b in range(3):
-                for a in range(6):
-                    remainder[landmark[o], b] -= W[o, a, b] * step[f + a]
-    moved = landmarks.copy()
-    for k in range(landmarks.shape[0]):
-        for b in range(3):
-            for a in range(W_timing.shape[1]):
-                remainder[k, b] -= W_timing[k, a, b] * step[timing + a]
-        for a in range(3):
-            for b in range(3):
-                moved[k, a] += V_inverse[k, a, b] * remainder[k, b]
-    return moved

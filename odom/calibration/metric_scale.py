@@ -14,8 +14,9 @@ from odom.geometry import se3
 
 _EVERY = 3
 """Pairs begin at every third frame: more say the same again."""
-_APART_S = 1.0
-"""Seconds from the first to the second pose of a pair: longer ones drift, shorter ones hardly move."""
+_APART_S = (1.0, 2.0, 4.0)
+"""Seconds from the first to the second pose of a pair: longer ones drift, shorter ones hardly move. Errors that are
+alike in a walk, as those of a marker's lever arm, show in how the ratios by all of them differ."""
 _LEAST_CORRELATION, _MOST_TURN_SIGMA = 0.6, 0.05
 """Markers are used when their turns go with the camera's so well and the camera's turn (rad) in them is so sure."""
 _SYSTEMATIC = 0.003
@@ -30,9 +31,13 @@ def metric_scale(trajectory: Trajectory, truth: Mapping[str, Trajectory]) -> Sca
     whole = trajectory.longest_segment()
     for name in sorted(truth, key=lambda body: body != CAMERA):
         body = _body(whole, truth[name], name == CAMERA)
-        found = None if body is None else fit_scale(_motions(whole), whole.stamps, body)
-        if found is not None and found.ratio > 0.0:
-            return ScaleFit(found.ratio, float(np.hypot(found.sigma, _SYSTEMATIC * found.ratio)), found.usual_m)
+        fits = [] if body is None else [fit_scale(_motions(whole, apart), whole.stamps, body) for apart in _APART_S]
+        found = [fit for fit in fits if fit is not None and fit.ratio > 0.0]
+        if found:
+            best, ratios = min(found, key=lambda fit: fit.sigma), [fit.ratio for fit in found]
+            apart = max(ratios) - min(ratios)
+            sigma = float(np.linalg.norm([best.sigma, apart, _SYSTEMATIC * best.ratio]))
+            return ScaleFit(best.ratio, sigma, best.usual_m)
     return None
 
 
@@ -48,13 +53,13 @@ def _body(whole: Trajectory, truth: Trajectory, is_camera: bool) -> BodyTruth | 
     return BodyTruth(truth.delayed(-found.offset_s), found.T_body_camera[:3, :3], False)
 
 
-def _motions(whole: Trajectory) -> list[PairMotion]:
-    """Return the motions between poses a second apart."""
+def _motions(whole: Trajectory, apart_s: float) -> list[PairMotion]:
+    """Return the motions between poses `apart_s` apart."""
     none, nothing = np.zeros(0), np.zeros((0, 2))
     motions = []
     for earlier in range(0, len(whole), _EVERY):
-        later = int(np.searchsorted(whole.stamps, whole.stamps[earlier] + round(_APART_S * 1e9)))
+        later = int(np.searchsorted(whole.stamps, whole.stamps[earlier] + round(apart_s * 1e9)))
         if later < len(whole):
             T = se3.inverse(whole.T_world_body[later]) @ whole.T_world_body[earlier]
-            motions.append(PairMotion(earlier, later, T, nothing, none, nothing, none, 1.0, _APART_S))
+            motions.append(PairMotion(earlier, later, T, nothing, none, nothing, none, 1.0, apart_s))
     return motions

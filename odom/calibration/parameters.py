@@ -38,7 +38,7 @@ GROUPS = (
         "1/m",
         "see the same things from near and from far, in the middle and at the border of the image",
     ),
-    Group("depth scale", ("scale_1",), "1", "record motion capture of the camera too"),
+    Group("depth scale", ("scale_1",), "1", "record motion capture of the camera too, on a way of several metres"),
     Group(
         "depth field",
         tuple(f"scale_{term}" for term in ("x", "y", "xx", "xy", "yy")),
@@ -93,5 +93,5 @@ def prior_sigma(camera: Camera) -> Array:
     timing = [t.prior_timing_s] * TIMINGS
     lens = [t.prior_k1, t.prior_k2, t.prior_tangential, t.prior_tangential, t.prior_k3]
     moved = [t.prior_shift_px] * 2 + [t.prior_baseline_m * camera.fx] * 2
-    fields = [t.prior_offset] * 6 + [t.prior_field] * 6
+    fields = [t.prior_offset] * 6 + [t.prior_unit] + [t.prior_field] * 5
     return np.array([*timing, *focal, *centre, *lens, *moved, *fields])

@@ -45,12 +45,14 @@ class Calibrated:
     contradicted: bool
 
     def hidden(self) -> list[str]:
-        """Return in words what the walk did not show, and what motion would."""
+        """Return in words what the walk did not show, or hardly, and what motion would."""
         lines = []
         for group in GROUPS:
             at = numbers_of(group)
             if not self.shown[at].any():
-                lines.append(f"{group.key} is not shown by this walk and stays as it was: {group.shown_by}")
+                stays = bool((self.vector[at] == self.start[at]).all())
+                how = "not shown by this walk and stays as it was" if stays else "hardly shown by this walk"
+                lines.append(f"{group.key} is {how}: {group.shown_by}")
         return lines
 
 

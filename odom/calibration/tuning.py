@@ -35,6 +35,10 @@ class Tuning:
         effect="smaller: depth that errs with the range is believed; larger: it drifts against the focal length")
     prior_field: float = tuned(0.02, unit="1", source=_CAMERAS,
         effect="smaller: bent depth is believed; larger: it is bent to hide other errors")
+    prior_unit: float = tuned(0.03, unit="share", source="by what the depth of the TUM benchmark's three Kinects was "
+        "found to be off: 3.5, 3.1 and 0 %",
+        effect="of the unit of depth; smaller: a unit that motion capture shows is mended too little; larger: it "
+        "follows a walk that hardly shows it")
     # survey
     motion_window_s: float = tuned(0.07, unit="s", source="velocities against the arena's truth, .035 to .27 s",
         effect="to both sides, over which velocities are read from the trajectory; smaller: noisier; larger: quick "

@@ -9,10 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from odom.calibration.parameters import BASELINE, OFFSET, SCALE, camera_of
+from odom.calibration.parameters import BASELINE, OFFSET, SCALE, SCALE_NUMBER, camera_of, vector_of
 from odom.calibration.result import Calibrated
 from odom.calibration.survey import Survey
 from odom.calibration.tuning import TUNING
+from odom.evaluation.diagnosis.scale import ScaleFit
 from odom.frame import Camera
 from odom.frontend.camera.rays import rays_of, turned_onto
 from odom.geometry.arrays import Array
@@ -24,6 +25,21 @@ _LEAST_INVERSE = 1e-3
 def in_unit_of_depth(result: Calibrated, survey: Survey) -> Calibrated:
     """Return a calibration by which depth is, for the usual observation, as long as by the calibration given."""
     return _scaled(result, float(np.exp(-depth_change(result, survey))))
+
+
+def in_metres(result: Calibrated, survey: Survey, scale: ScaleFit) -> Calibrated:
+    """Return a calibration in the unit that is expected where motion capture saw the camera's way.
+
+    By Bayes' rule: depth's own unit is known beforehand, the ratio `scale` of the survey's displacements to the true
+    ones is measured, and each counts with its variance. A ratio that a short way hardly shows so moves the unit little.
+    """
+    kept, own, seen = in_unit_of_depth(result, survey), TUNING.prior_unit, scale.sigma / scale.ratio
+    weight = own**2 / (own**2 + seen**2)
+    before, measured = kept.vector[SCALE_NUMBER], vector_of(survey.camera)[SCALE_NUMBER] / scale.ratio
+    sigma, shown = result.sigma.copy(), result.shown.copy()
+    sigma[SCALE_NUMBER] = np.sqrt(weight) * seen
+    shown[SCALE_NUMBER] = sigma[SCALE_NUMBER] < TUNING.shown_share * own
+    return replace(_scaled(kept, 1.0 + weight * float(measured / before - 1.0)), sigma=sigma, shown=shown)
 
 
 def in_believed_unit(result: Calibrated, survey: Survey) -> Calibrated:

@@ -20,7 +20,10 @@ def numbers(result: Calibrated) -> Iterator[str]:
             k = NAMES.index(name)
             now = f"{result.vector[k]:.5g} {result.sigma[k]:.2g}".split()
             words = f"{name:<16}{result.start[k]:>11.5g}{now[0]:>12}{now[1]:>10}  {group.unit}"
-            yield words if result.shown[k] else f"{words}  (not shown by this walk: stays)"
+            stays = (
+                "hardly shown by this walk" if result.vector[k] != result.start[k] else "not shown by this walk: stays"
+            )
+            yield words if result.shown[k] else f"{words}  ({stays})"
 
 
 def quality(judgement: Judgement) -> Iterator[str]:

@@ -25,10 +25,10 @@ def remarks(outcome: Outcome, sources: Sequence[str]) -> list[str]:
     if result.camera.depth != DepthModel():
         lines.append(registration(result))
     if outcome.scale is not None:
-        is_used = result.shown[SCALE_NUMBER]
+        how = "corrected by that" if result.shown[SCALE_NUMBER] else "corrected by a part of that, which is too unsure"
         lines.append(
             f"motion capture: the camera had gone {outcome.scale.ratio:.3f} ± {outcome.scale.sigma:.3f} of the true "
-            f"way; {'the unit of depth is corrected by that' if is_used else 'too unsure to correct the unit of depth'}"
+            f"way; the unit of depth is {how}"
         )
     lines += result.hidden()
     if not result.shown[SCALE_NUMBER]:

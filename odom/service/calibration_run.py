@@ -7,7 +7,7 @@ import numpy as np
 
 from odom.backend import Odometry, OdometrySettings, State
 from odom.calibration.metric_scale import metric_scale
-from odom.calibration.parameters import NAMES, SCALE, SCALE_NUMBER, camera_of, vector_of
+from odom.calibration.parameters import NAMES, vector_of
 from odom.calibration.result import (
     CONTRADICTED,
     RESTLESS,
@@ -21,7 +21,7 @@ from odom.calibration.result import (
 from odom.calibration.same_camera import apart, halves, most_different
 from odom.calibration.survey import Survey, joined, survey_of
 from odom.calibration.tuning import TUNING
-from odom.calibration.unit_of_length import in_unit_of_depth
+from odom.calibration.unit_of_length import in_metres, in_unit_of_depth
 from odom.errors import ConfigError, InputError, RecordingError
 from odom.evaluation.diagnosis.scale import ScaleFit
 from odom.evaluation.trajectory import Trajectory
@@ -108,7 +108,8 @@ def calibrate_recordings(
         earlier = None if best is None else best.result
         if len(walks) > 1 and number == 1:
             _check_same_camera([_calibrated(one.survey, start, None, stopped) for one in walks])
-        result = _in_metres(_calibrated(survey, start, earlier, stopped), survey, scale)
+        result = _calibrated(survey, start, earlier, stopped)
+        result = in_unit_of_depth(result, survey) if scale is None else in_metres(result, survey, scale)
         best = Outcome(start, result, survey, None, scale if best is None else best.scale, number)
         if stopped() or (earlier is not None and _has_settled(earlier, result)):
             break
@@ -219,21 +220,6 @@ def _halves_apart(outcome: Outcome, stopped: Callable[[], bool]) -> float:
         return apart(*(_calibrated(half, outcome.start, None, stopped) for half in halves(outcome.survey)))
     except InputError:
         return 0.0
-
-
-def _in_metres(result: Calibrated, survey: Survey, scale: ScaleFit | None) -> Calibrated:
-    """Return the result with its depth brought to the truth's unit, or left in its own where that is the surer one."""
-    own, seen = TUNING.prior_field, np.inf if scale is None else scale.sigma / scale.ratio
-    sure = float(own / np.sqrt(1.0 + (own / seen) ** 2))
-    if scale is None or sure >= TUNING.shown_share * own:
-        return in_unit_of_depth(result, survey)
-    vector, sigma, shown = result.vector.copy(), result.sigma.copy(), result.shown.copy()
-    weight = (sure / seen) ** 2
-    sigma[SCALE_NUMBER], shown[SCALE_NUMBER] = sure, True
-    unit = vector_of(survey.camera)[SCALE_NUMBER] / scale.ratio
-    mean = weight * unit + (1.0 - weight) * result.start[SCALE_NUMBER]
-    vector[SCALE] *= mean / vector[SCALE_NUMBER]
-    return replace(result, camera=camera_of(vector, result.camera), vector=vector, sigma=sigma, shown=shown)
 
 
 def _has_settled(earlier: Calibrated, result: Calibrated) -> bool:

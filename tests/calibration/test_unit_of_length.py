@@ -9,16 +9,19 @@ from made_up_walk import SHEET, made_up_survey, spoilt
 
 from odom.calibration.adjustment import start_of
 from odom.calibration.linearised import linearised
-from odom.calibration.parameters import camera_of, vector_of
+from odom.calibration.parameters import SCALE_NUMBER, camera_of, vector_of
 from odom.calibration.result import Calibrated, calibrated
 from odom.calibration.survey import Survey
+from odom.calibration.tuning import TUNING
 from odom.calibration.unit_of_length import (
     depth_change,
     in_believed_unit,
+    in_metres,
     in_unit_of_depth,
     lens_change,
     size_belief,
 )
+from odom.evaluation.diagnosis.scale import ScaleFit
 
 
 @cache
@@ -76,3 +79,15 @@ def test_all_lengths_longer_by_one_factor_leave_every_residual_as_it_was():
     longer = linearised(other, scaled, replace(start, T_camera_map=T, landmarks=start.landmarks * factor))
     np.testing.assert_allclose(longer.residuals[:, :2], as_it_was.residuals[:, :2], atol=1e-12)
     np.testing.assert_allclose(factor * longer.residuals[:, 2], as_it_was.residuals[:, 2], atol=1e-12)
+
+
+@pytest.mark.parametrize(("sigma", "share"), [(1e-4, 1.0), (0.01, 0.9), (0.04, 0.36), (0.5, 0.0)])
+def test_motion_capture_moves_the_unit_of_depth_as_far_as_it_is_surer_than_what_was_known(sigma, share):
+    kept, tied = in_unit_of_depth(found(), survey()), in_metres(found(), survey(), ScaleFit(0.97, 0.97 * sigma, 0.3))
+    longer = tied.vector[SCALE_NUMBER] / kept.vector[SCALE_NUMBER] - 1.0
+    whole = 1.0 / 0.97 / kept.vector[SCALE_NUMBER] - 1.0
+    assert longer == pytest.approx(share * whole, abs=4e-4)
+    assert tied.sigma[SCALE_NUMBER] ** -2 == pytest.approx(TUNING.prior_unit**-2 + sigma**-2)
+    assert tied.shown[SCALE_NUMBER] == (sigma < 0.02)
+    lens = np.arange(len(tied.vector)) < SCALE_NUMBER - 10
+    np.testing.assert_array_equal(tied.vector[lens], kept.vector[lens])

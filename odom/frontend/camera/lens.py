@@ -19,7 +19,9 @@ from odom.geometry.arrays import Array
 from odom.geometry.compiled import compiled
 
 _NEAREST_M, _WIDEST = 0.1, 1.5
-"""Points nearer, or farther from the axis than this tangent (56 degrees), are in no image: distortion folds there."""
+"""Points nearer, or farther from the axis than this tangent (56 degrees) to a side, are in no image."""
+_CORNER = 1.5 * _WIDEST
+"""Tangent beyond which no point is that is looked at, in the lens's own axes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +29,10 @@ class Lens:
     """The lens of one camera: a table of rays, and the coefficients of its model.
 
     `rays` is H x W x 2: the normalised coordinates (x/z, y/z) seen by each pixel. `intrinsics` is (fx, fy, cx, cy),
-    and `distortion` (17) holds the 8 coefficients (k1, k2, p1, p2, k3, k4, k5, k6), zeros where unused, and by rows the
-    rotation to the camera's own axes, which are aside where rays are told in another camera's frame. `depth_model` (16)
-    is the vector of the `DepthModel` of the depth image that is registered to it.
+    and `distortion` (18) holds the 8 coefficients (k1, k2, p1, p2, k3, k4, k5, k6), zeros where unused, by rows the
+    rotation to the camera's own axes, which are aside where rays are told in another camera's frame, and the squared
+    tangent of the angle from the axis up to which the model holds. `depth_model` (16) is the vector of the `DepthModel`
+    of the depth image that is registered to it.
     """
 
     rays: NDArray[np.float32]
@@ -56,9 +59,10 @@ class Lens:
         coefficients = np.array(camera.distortion or (0.0,) * 5)
         criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-9)
         rays = cv2.undistortPoints(pixels, camera.matrix, coefficients, None, turn, None, criteria)
-        padded = np.zeros(17)
+        padded = np.zeros(18)
         padded[: min(8, len(camera.distortion))] = camera.distortion[:8]
-        padded[8:] = R_told_own.T.ravel()
+        padded[8:17] = R_told_own.T.ravel()
+        padded[17] = _reach(padded)
         return cls(
             rays.reshape(camera.height, camera.width, 2).astype(np.float32),
             np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
@@ -69,7 +73,19 @@ class Lens:
     @property
     def R_own_told(self) -> Array:
         """The rotation (3 x 3) from the frame that rays are told in to the camera's own."""
-        return self.distortion[8:].reshape(3, 3)
+        return self.distortion[8:17].reshape(3, 3)
+
+
+def _reach(k: Array) -> float:
+    """Return the squared tangent up to which what lies farther from the axis appears farther out; infinite: everywhere.
+
+    Beyond it a polynomial turns back, and points far outside of the image would be projected into it.
+    """
+    r = np.linspace(0.0, _CORNER, 2000)
+    r2 = r * r
+    radial = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])))
+    turns = np.flatnonzero(np.diff(r * radial) <= 0.0)
+    return float(r2[turns[0]]) if len(turns) else np.inf
 
 
 def _told_depth(camera: Camera, R_told_own: Array) -> Array:
@@ -103,10 +119,15 @@ def ray_at(rays: NDArray[np.float32], u: float, v: float) -> tuple[float, float]
 
 @compiled
 def pixel_of(x: float, y: float, intrinsics: Array, k: Array) -> tuple[float, float]:
-    """Return the pixel (u, v) of the normalised coordinates (x/z, y/z): OpenCV's rational model, in the lens's axes."""
+    """Return the pixel (u, v) of the normalised coordinates (x/z, y/z): OpenCV's rational model, in the lens's axes.
+
+    NaN where the model does not hold.
+    """
     z = k[14] * x + k[15] * y + k[16]
     x, y = (k[8] * x + k[9] * y + k[10]) / z, (k[11] * x + k[12] * y + k[13]) / z
     r2 = x * x + y * y
+    if r2 > k[17]:
+        return np.nan, np.nan
     radial = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])))
     xd = x * radial + 2 * k[2] * x * y + k[3] * (r2 + 2 * x * x)
     yd = y * radial + k[2] * (r2 + 2 * y * y) + 2 * k[3] * x * y

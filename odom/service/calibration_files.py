@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from odom.calibration.description import numbers, quality, registration
 from odom.calibration.parameters import SCALE_NUMBER
 from odom.calibration.residual_picture import draw
-from odom.calibration.words import numbers, quality, registration
 from odom.frame import DepthModel
 from odom.service.calibration_run import DIFFERENT_LENS, Outcome
 from sensors.calibration_file import Calibration, calibration_text

@@ -19,7 +19,7 @@ _LOG = logging.getLogger(__name__)
 
 def offer_calibration(own: "SelfCalibration", folder: Path) -> None:
     """Write the calibration that was found beside the results; raises OSError."""
-    from odom.calibration.words import numbers
+    from odom.calibration.description import numbers
 
     if own.found is None:
         return

@@ -54,16 +54,18 @@ class _Seen:
     pull: Array
     own: Array
 
-    def under(self, halvings: Index) -> tuple[float, Array, Array]:
-        """Return what holds under a prior whose widths are halved so often (p).
+    def under(self, halvings: Index) -> tuple[Array, Array, Array]:
+        """Return what holds under m priors whose widths are halved so often (m x p).
 
-        The logarithm of the observations' probability, up to a constant; the numbers' mean; their covariance.
+        The logarithm of the observations' probability, up to a constant (m); the numbers' mean (m x p); their
+        covariance (m x p x p).
         """
         width = self.own * 0.5**halvings
-        covariance = np.asarray(np.linalg.inv(self.information + np.diag(width**-2.0)), dtype=np.float64)
+        information = self.information + width[:, :, None] ** -2.0 * np.eye(len(self.own))
+        covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
         mean = covariance @ self.pull
-        volume = np.linalg.slogdet(covariance)[1] - 2.0 * float(np.log(width).sum())
-        return float(0.5 * (self.pull @ mean + volume)), mean, covariance
+        volume = np.linalg.slogdet(covariance)[1] - 2.0 * np.log(width).sum(axis=1)
+        return 0.5 * (mean @ self.pull + volume), mean, covariance
 
 
 def narrowed(prior: Prior, fitted: Fit, sigma: Array) -> Narrowed:
@@ -86,33 +88,32 @@ def narrowed(prior: Prior, fitted: Fit, sigma: Array) -> Narrowed:
     return Narrowed(Prior(prior.mean, strong), sure)
 
 
-def _tried(seen: _Seen, kind: Mask, halvings: Index) -> list[tuple[float, Array, Array]]:
-    """Return what holds under each width of one kind of number (p, whether a number is of it), the others as given."""
-    return [seen.under(np.where(kind, k, halvings)) for k in range(_HALVINGS)]
+def _tried(kind: Mask, halvings: Index) -> Index:
+    """Return each width of one kind of number (p, whether a number is of it), the others as given (_HALVINGS x p)."""
+    return np.where(kind, np.arange(_HALVINGS)[:, None], halvings)
 
 
 def _most_probable(seen: _Seen, kinds: list[Mask], slow: Mask) -> Index:
     """Return the halvings (p) under which the observations are most probable, found kind by kind from a common one."""
-    likely = [evidence for evidence, _, _ in _tried(seen, slow, np.zeros(len(slow), dtype=np.int64))]
-    best = max(likely)
-    halvings = np.where(slow, int(np.argmax(likely)), 0)
+    best, halvings = -np.inf, np.zeros(len(slow), dtype=np.int64)
     while True:
         before = best
-        for kind in kinds:
-            likely = [evidence for evidence, _, _ in _tried(seen, kind, halvings)]
-            if max(likely) > best:
-                best, halvings = max(likely), np.where(kind, int(np.argmax(likely)), halvings)
+        for kind in [slow] if best == -np.inf else kinds:
+            tried = _tried(kind, halvings)
+            likely = seen.under(tried)[0]
+            if likely.max() > best:
+                best, halvings = float(likely.max()), tried[np.argmax(likely)]
         if best - before < _SETTLED:
             return halvings
 
 
 def _variance(seen: _Seen, kinds: list[Mask], halvings: Index) -> Array:
     """Return the numbers' variances (p) about their mean under the widths chosen, were one kind's width another."""
-    _, mean, covariance = seen.under(halvings)
+    _, mean, covariance = (one[0] for one in seen.under(halvings[None]))
     variance = np.diag(covariance).copy()
     for kind in kinds:
-        tried = _tried(seen, kind, halvings)
-        weight = np.exp([evidence - max(other[0] for other in tried) for evidence, _, _ in tried])
-        around = np.array([np.diag(one) + (at - mean) ** 2 for _, at, one in tried])
+        evidence, at, tried = seen.under(_tried(kind, halvings))
+        weight = np.exp(evidence - evidence.max())
+        around = np.diagonal(tried, axis1=1, axis2=2) + (at - mean) ** 2
         variance += np.maximum(weight @ around / weight.sum() - np.diag(covariance), 0.0)
     return variance

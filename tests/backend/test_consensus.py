@@ -59,6 +59,13 @@ def test_a_motion_without_a_jerk_wins_against_more_features() -> None:
     assert np.abs(se3.log(T @ se3.inverse(CAMERA))).max() < 3e-3
 
 
+def test_a_hand_can_quicken_a_turn_but_does_not_throw_the_camera() -> None:
+    expected = ExpectedPose.after(CAMERA, 1 / 30.0)
+    assert expected.is_within_reach(se3.exp(np.array([0.005, 0.0, 0.0, 0.0, 0.04, 0.0])) @ CAMERA)
+    assert not expected.is_within_reach(BODY)
+    assert ExpectedPose.after(CAMERA, 0.2).is_within_reach(BODY)  # in a slow stream nobody knows
+
+
 def test_landmarks_that_are_new_count_less_than_old_ones() -> None:
     features = two_motions(np.random.default_rng(1), scene=40, body=200, seen_on_body=1)
     T = consensus(features, BODY, ANYWHERE)

@@ -85,17 +85,26 @@ class KeyframeInserter:
         return keyframe
 
     def insert(
-        self, view: View, tracked: Tracked, twist: Array, covariance: Array, sensor: SensorModel, count: int
+        self,
+        view: View,
+        tracked: Tracked,
+        twist: Array,
+        covariance: Array,
+        sensor: SensorModel,
+        count: int,
+        in_doubt: bool,
     ) -> Keyframe:
         """Make a key frame of the tracked frame number `count`; begin to look for its new corners.
 
-        Its motion is `twist` (6, SI), `covariance` (6 x 6) that of its pose.
+        Its motion is `twist` (6, SI), `covariance` (6 x 6) that of its pose. `in_doubt`: what moves leaves that pose in
+        doubt.
         """
         T, seen, reference = tracked.T_camera_map, tracked.inlying, tracked.reference
         keyframe = self._map.add_keyframe(view, T, seen, sensor.timing, reference, covariance)
         self._work_on(keyframe, view, twist)
         self._newest, self._coverage_at_keyframe, self._is_worn_out = self.undescribed[-1], None, False
-        self._new_corners.look_for(Wanted(keyframe.number, self.recent.before(view, tracked), twist, sensor), count)
+        before = self.recent.before(view, tracked)
+        self._new_corners.look_for(Wanted(keyframe.number, before, twist, sensor, in_doubt), count)
         return keyframe
 
     def take_corners(self, count: int | None, sensor: SensorModel) -> Grown | None:
@@ -110,24 +119,30 @@ class KeyframeInserter:
             self._map.cull(self._map.neighbours(keyframe.number, keyframe.T_camera_map, self._settings.local_keyframes))
         return grown
 
-    def kept(self, state: FrameState, sensor: SensorModel) -> FrameState:
-        """Make the newest frame, that of `state`, a key frame after all unless it is one; return its state then."""
+    def kept(self, state: FrameState, sensor: SensorModel, in_doubt: bool) -> FrameState:
+        """Make the newest frame, that of `state`, a key frame after all unless it is one; return its state then.
+
+        Not where its pose is `in_doubt` and it shows too little that has been known for a while.
+        """
         self.take_corners(None, sensor)
         tracked, keyframe = state.tracked, self._map.keyframes[state.reference]
-        if tracked is None:
+        if tracked is None or (in_doubt and not self._is_long_known(state.view, tracked)):
             return state
         if keyframe.stamp != state.view.stamp:
             inliers = tracked.inliers & self._map.landmarks.alive[tracked.rows]
             tracked = replace(tracked, T_camera_map=state.T_camera_map, inliers=inliers, reference=state.reference)
             covariance = tracked.covariance * sensor.noise.covariance_scale
-            keyframe = self.insert(state.view, tracked, state.twist, covariance, sensor, 0)
+            keyframe = self.insert(state.view, tracked, state.twist, covariance, sensor, 0, in_doubt)
             keyframe.T_middle_stamp = _T_middle_stamp(state.view, state.twist, sensor)
             self.take_corners(None, sensor)
         return replace(state, tracked=tracked, reference=keyframe.number, rows=keyframe.rows, uv=keyframe.uv)
 
-    def is_due(self, tracked: Tracked) -> bool:
-        """Return whether too little is left in a frame of what the last key frame saw, and the camera has moved."""
-        if self._new_corners.are_coming:
+    def is_due(self, view: View, tracked: Tracked, in_doubt: bool) -> bool:
+        """Return whether too little is left in a view of what the last key frame saw, and the camera has moved.
+
+        Where what moves leaves its pose `in_doubt`, the view must show enough that has been known for a while.
+        """
+        if self._new_corners.are_coming or (in_doubt and not self._is_long_known(view, tracked)):
             return False
         coverage = Coverage.of(tracked.inlying.uv)
         self._coverage_at_keyframe = self._coverage_at_keyframe or coverage
@@ -135,6 +150,17 @@ class KeyframeInserter:
         near = self._map.keyframes[tracked.reference]
         T_camera_keyframe = tracked.T_camera_map @ se3.inverse(near.T_camera_map)
         return is_worn and _has_moved(T_camera_keyframe)
+
+    def _is_long_known(self, view: View, tracked: Tracked) -> bool:
+        """Return whether enough landmarks agree that were made a while ago, or by the key frame that began the segment.
+
+        A body that comes to be followed is all new: its first landmarks would agree with the next ones on it.
+        """
+        keyframes = self._map.keyframes
+        number, count = np.unique(self._map.landmarks.keyframe[tracked.inlying.rows], return_counts=True)
+        latest, first = view.stamp - TUNING.long_known_s * 1e9, keyframes[tracked.reference].first
+        is_old = [n == first or keyframes[n].stamp <= latest for n in number.tolist()]
+        return int(count[is_old].sum()) >= TUNING.long_known_least
 
     def wear_out(self) -> None:
         """Make a key frame as soon as the camera has moved, whatever is left of what the last one saw."""

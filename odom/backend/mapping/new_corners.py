@@ -22,13 +22,14 @@ from odom.geometry.arrays import Array
 class Wanted:
     """Key frame number `keyframe`, whose new corners are looked for: what tells what stands in it, and how it moved.
 
-    Its corners are measured by `sensor` in motion with `twist` (6, SI).
+    Its corners are measured by `sensor` in motion with `twist` (6, SI). What moves may leave its pose `in_doubt`.
     """
 
     keyframe: int
     before: Before
     twist: Array
     sensor: SensorModel
+    in_doubt: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +68,7 @@ class NewCorners:
 
         def work() -> tuple[Array, float]:
             corners = self.first(view, before.tracked.inlying.uv, wanted.twist, wanted.sensor)
-            stands, moved_share = before.standing(corners, wanted.sensor)
+            stands, moved_share = before.standing(corners, wanted.sensor, wanted.in_doubt)
             return corners.uv[stands], moved_share
 
         due_stamp = SteadyStamp(view.steady_stamp + round(TUNING.corners_s * 1e9))

@@ -99,11 +99,12 @@ class Before:
     earlier: list[EarlierView]
     looked: tuple[MovingCells | None, ...]
 
-    def standing(self, corners: Corners, sensor: SensorModel) -> tuple[Mask, float]:
+    def standing(self, corners: Corners, sensor: SensorModel, in_doubt: bool) -> tuple[Mask, float]:
         """Return which `corners` (n) of the view may become landmarks, and in how much of the view most moved.
 
         See `standing_corners` and `moved_share`; landmarks found where the pose puts them count as standing. Corners
-        are measured again with the velocity that the rows of the image show: a mean one shears a quick turn.
+        are measured again with the velocity that the rows of the image show: a mean one shears a quick turn. While the
+        pose is `in_doubt`, none that nothing can judge may.
         """
         view, tracked = self.view, self.tracked
         nothing = np.zeros((len(corners.uv), 3))
@@ -122,11 +123,9 @@ class Before:
         moves = np.concatenate([~stands[known[judged]], np.zeros(tracked.inlier_count, dtype=np.bool_)])
         moved = moved_share(uv, moves)
         moving = self.moving(sensor)
-        if moving is None:
-            return stands, moved
-        if moving.share > TUNING.moving_crowd:
+        if in_doubt if moving is None else moving.share > TUNING.moving_crowd:
             stands[known[~judged]] = False
-        return stands & ~moving.at(corners.uv), moved
+        return stands if moving is None else stands & ~moving.at(corners.uv), moved
 
     def moving(self, sensor: SensorModel) -> MovingCells | None:
         """Return which part of the view moves; None where no view is recent enough to tell."""

@@ -1,6 +1,7 @@
 """A wide step: a frame that could not be followed is matched with the newest one by descriptors.
 
-What the newest frame saw besides the map's landmarks is needed now, so it becomes a key frame after all.
+What the newest frame saw besides the map's landmarks is needed now, so it becomes a key frame after all: in doubt only
+with what is known to stand, or descriptors would lead the camera from one body to the next.
 """
 
 from odom.backend.mapping.keyframe_inserter import KeyframeInserter
@@ -19,12 +20,13 @@ def follow_wide_step(
     view: View,
     place: Place,
     sensor: SensorModel,
+    in_doubt: bool,
 ) -> tuple[FrameState | None, Tracked | None]:
     """Return the newest frame's `state` afterwards, and the frame that shows `place` tracked from there, or None."""
     registration = None if state is None else registered_step(state, view, place, sensor)
     if state is None or registration is None:
         return state, None
-    state = inserter.kept(state, sensor)
+    state = inserter.kept(state, sensor, in_doubt)
     tracked = track_wide_step(tracker, state, view, registration, sensor)
     if tracked is not None:
         inserter.wear_out()

@@ -73,8 +73,8 @@ class FrameStages:
         if not is_blind:
             place = describe_place(view, self.sensor, AT_REST)
             features = len(place.points)
-            inserter = self.mapper.inserter
-            self.state, tracked = follow_wide_step(self.tracker, inserter, self.state, view, place, self.sensor)
+            tracker, inserter, in_doubt = self.tracker, self.mapper.inserter, self.moving.is_doubtful
+            self.state, tracked = follow_wide_step(tracker, inserter, self.state, view, place, self.sensor, in_doubt)
             is_recovered = tracked is None or self.published.is_lost or not self._is_soon(view)
             if tracked is None:
                 tracked = relocalise(self.map, self.tracker, self.state, view, place, self.sensor)
@@ -88,21 +88,21 @@ class FrameStages:
 
     def _track(self, view: View, T_predicted: Array | None, watch: Stopwatch) -> Tracked | None:
         """Predict and follow the frame from the newest one; None where that fails."""
-        state, tracker, sensor = self.state, self.tracker, self.sensor
+        state, tracker, sensor, in_doubt = self.state, self.tracker, self.sensor, self.moving.is_doubtful
         if state is None or not self._is_soon(view):
             return None
         if T_predicted is None:
             T_predicted = tracker.predict(state, view.images, view.steady_stamp, sensor)
         watch.lap("predict")
         since_s = state.since_s(view.steady_stamp)
-        tracked = tracker.follow(state, view, sensor, T_predicted, state.twist_to(T_predicted, since_s))
+        tracked = tracker.follow(state, view, sensor, T_predicted, state.twist_to(T_predicted, since_s), in_doubt)
         if tracked is not None and state.is_bent and since_s < TUNING.longest_gap_s:
             # The motion to a segment's second frame tells how the first one's rows are bent. The rows themselves
             # cannot: landmarks bent in the first frame look straight in the second.
             twist = state.motion_prior(since_s, sensor.noise.covariance_scale).twist_to(tracked.T_camera_map)
             self.mapper.inserter.remeasure_first(state.reference, state.view, twist, sensor)
             self.state = replace(state, twist=twist, is_bent=False)
-            tracked = tracker.follow(self.state, view, sensor, tracked.T_camera_map, twist)
+            tracked = tracker.follow(self.state, view, sensor, tracked.T_camera_map, twist, in_doubt)
         watch.lap("track")
         return tracked
 
@@ -171,12 +171,14 @@ class FrameStages:
             mapper.keep_for_the_end(count - 1, tracked, self.sensor)
         mapper.start_background(count, self.sensor, self.closer.is_idle)
         reference, seen = tracked.reference, tracked.inlying
-        rows, uv, is_keyframe = seen.rows, seen.uv, False
+        rows, uv, is_keyframe, in_doubt = seen.rows, seen.uv, False, judged.moving.is_doubtful
         if judged.state is State.RECOVERED:
             # Its motion, which bends what it measured, is not known: the next frame may become a key frame.
             mapper.inserter.forget_coverage()
-        elif self._visibility.landmark_depth_stamp == view.stamp and mapper.inserter.is_due(tracked):
-            keyframe = mapper.inserter.insert(view, tracked, judged.twist, judged.covariance, self.sensor, count)
+        elif self._visibility.landmark_depth_stamp == view.stamp and mapper.inserter.is_due(view, tracked, in_doubt):
+            keyframe = mapper.inserter.insert(
+                view, tracked, judged.twist, judged.covariance, self.sensor, count, in_doubt
+            )
             keyframe.T_middle_stamp = published.T_middle_stamp
             reference, rows, uv, is_keyframe = keyframe.number, keyframe.rows, keyframe.uv, True
         self.state = FrameState(view, tracked, tracked.T_camera_map, judged.twist, reference, rows, uv)

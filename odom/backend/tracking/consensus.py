@@ -53,6 +53,11 @@ class ExpectedPose:
         """Return the expectation of a camera that was at a pose `since_s` seconds ago, and moves nobody knows how."""
         return cls(T_camera_map, np.array([TUNING.velocity_sigma_m_s, TUNING.velocity_sigma_rad_s]) * since_s)
 
+    def is_within_reach(self, T_camera_map: Array) -> bool:
+        """Return whether a camera held by a hand could have got to a pose, knocks apart."""
+        away = np.linalg.norm(se3.log(T_camera_map @ se3.inverse(self.T_camera_map)).reshape(2, 3), axis=1)
+        return bool(np.linalg.norm(away / self.free) < TUNING.reach_in_doubt)
+
 
 @dataclass(frozen=True, eq=False)
 class FollowedFeatures:

@@ -35,18 +35,20 @@ class FrameTracker:
         return predict_pose(self._map, state, images, stamp, sensor)
 
     def follow(
-        self, state: FrameState, view: View, sensor: SensorModel, T_predicted: Array, twist: Array
+        self, state: FrameState, view: View, sensor: SensorModel, T_predicted: Array, twist: Array, in_doubt: bool
     ) -> Tracked | None:
         """Return the frame tracked from `T_predicted` (T_camera_map), None where what is found cannot be it.
 
         It is looked at as taken in motion with `twist` (6, SI, camera frame).
-        It must be a motion that a carried camera can make, and the place that the frame before showed, not one that
-        looks alike.
+        It must be a motion that a carried camera can make, without a jerk where what moves leaves its pose `in_doubt`,
+        and the place that the frame before showed, not one that looks alike.
         """
         prior = state.motion_prior(state.since_s(view.steady_stamp), sensor.noise.covariance_scale)
         local = self.around(state.reference, T_predicted)
         tracked = self.track(view, sensor, T_predicted, twist, local, prior)
         if not (is_plausible_motion(prior.twist_to(tracked.T_camera_map)) and has_enough_inliers(tracked)):
+            return None
+        if in_doubt and prior.expected is not None and not prior.expected.is_within_reach(tracked.T_camera_map):
             return None
         is_continuous = is_same_view(tracked, state.tracked) and not state.is_bridged
         return tracked if is_continuous or is_known_place(tracked) else None

@@ -73,6 +73,9 @@ class Tuning:
     jerk_m_s2: float = tuned(8.0, unit="m/s^2", source="accelerations of hand-held cameras, fr1",
         effect="a change of velocity that halves the votes; smaller: knocks are missed; larger: bodies are followed")
     jerk_rad_s2: float = tuned(40.0, unit="rad/s^2", source="as jerk_m_s2", effect="as jerk_m_s2")
+    reach_in_doubt: float = tuned(2.0, unit="times jerk_m_s2 and jerk_rad_s2", source=_BODIES,
+        effect="beyond which a pose in doubt is none; smaller: quick turns among people are LOST; larger: a body that "
+        "comes to be followed passes for a jerk")
     # other_motions
     other_cell_px: int = tuned(24, unit="px", source=_BODIES,
         effect="side of a square with one corner that is followed; smaller: slower; larger: motions go unseen")

@@ -1,0 +1,56 @@
+"""Among people, what was not seen to stand bears no landmarks, so that no body becomes the scene."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from made_up_scene import NO_DEPTH, chain_of_keyframes
+from painted_room import SMALL, PaintedRoom
+
+from odom.backend.mapping.keyframe_inserter import KeyframeInserter
+from odom.backend.mapping.standing import RecentViews
+from odom.backend.odometry.unproven_sensor import unproven_sensor
+from odom.backend.settings import OdometrySettings
+from odom.frame import Stamp
+from odom.frontend.camera.stamp_clock import SteadyStamp
+from odom.frontend.features.images import FrameImages
+from odom.frontend.features.view import View
+from odom.geometry import se3
+
+POSES = [se3.exp(np.array([0.1 * k, 0.0, 0.0, 0.0, 0.0, 0.0])) for k in range(4)]
+"""T_map_camera of key frames a second apart, with 20 landmarks each."""
+
+
+@pytest.mark.parametrize(
+    ("after_s", "of_keyframes", "is_due"),
+    [(0.1, (2, 3), False), (0.1, (1, 2), True), (0.6, (2, 3), True), (0.6, (3,), False)],
+)
+def test_a_view_in_doubt_becomes_a_key_frame_by_what_has_been_known_for_a_while(
+    after_s: float, of_keyframes: tuple[int, ...], is_due: bool
+) -> None:
+    map_ = chain_of_keyframes(POSES, np.eye(6))
+    rows = np.flatnonzero(np.isin(map_.landmarks.keyframe, of_keyframes))
+    inserter = KeyframeInserter(map_, OdometrySettings())
+    inserter.wear_out()
+    stamp = Stamp(3_000_000_000 + round(after_s * 1e9))
+    view = View(4, stamp, SteadyStamp(stamp), FrameImages.of(np.zeros((48, 64), np.uint8)), stamp, NO_DEPTH)
+    seen = SimpleNamespace(rows=rows, uv=np.zeros((len(rows), 2)))
+    T_camera_map = se3.inverse(POSES[3] @ se3.exp(np.array([0.2, 0.0, 0.0, 0.0, 0.0, 0.0])))
+    tracked = cast("Any", SimpleNamespace(inlying=seen, reference=3, T_camera_map=T_camera_map))
+    assert inserter.is_due(view, tracked, in_doubt=True) == is_due
+    assert inserter.is_due(view, tracked, in_doubt=False)
+
+
+@pytest.mark.parametrize("in_doubt", [False, True])
+def test_in_doubt_no_corner_that_nothing_can_judge_becomes_a_landmark(in_doubt: bool) -> None:
+    frame = PaintedRoom().frame(SMALL, 0, np.eye(4))
+    sensor = unproven_sensor(SMALL, OdometrySettings()).with_stamp(frame.stamp)
+    view = View.of(frame, sensor.clock, FrameImages.of(frame.color), None)
+    map_ = chain_of_keyframes(POSES[:1], np.eye(6))
+    corners = KeyframeInserter(map_, OdometrySettings()).first_corners(view, sensor)
+    assert corners is not None
+    nothing = SimpleNamespace(uv=np.zeros((0, 2)))
+    tracked = cast("Any", SimpleNamespace(twist=np.zeros(6), inlying=nothing, inlier_count=0))
+    stands, _ = RecentViews(map_).before(view, tracked).standing(corners, sensor, in_doubt)  # no view before this one
+    assert stands.mean() == (0.0 if in_doubt else 1.0)

@@ -29,17 +29,26 @@ POSES = [se3.exp(np.array([0.1 * k, 0.0, 0.0, 0.0, 0.0, 0.0])) for k in range(4)
 def test_a_view_in_doubt_becomes_a_key_frame_by_what_has_been_known_for_a_while(
     after_s: float, of_keyframes: tuple[int, ...], is_due: bool
 ) -> None:
-    map_ = chain_of_keyframes(POSES, np.eye(6))
+    assert is_due_in_doubt(POSES, after_s, of_keyframes) == is_due
+
+
+def test_a_young_segment_grows_by_what_is_new_since_it_has_nothing_else() -> None:
+    assert is_due_in_doubt(POSES[:2], 0.1, (1,))
+
+
+def is_due_in_doubt(poses: list[np.ndarray], after_s: float, of_keyframes: tuple[int, ...]) -> bool:
+    """Whether a view so long after the last key frame becomes one, where the landmarks `of_keyframes` agree with it."""
+    map_, last = chain_of_keyframes(poses, np.eye(6)), len(poses) - 1
     rows = np.flatnonzero(np.isin(map_.landmarks.keyframe, of_keyframes))
     inserter = KeyframeInserter(map_, OdometrySettings())
     inserter.wear_out()
-    stamp = Stamp(3_000_000_000 + round(after_s * 1e9))
-    view = View(4, stamp, SteadyStamp(stamp), FrameImages.of(np.zeros((48, 64), np.uint8)), stamp, NO_DEPTH)
+    stamp = Stamp(round(1e9 * (last + after_s)))
+    view = View(last + 1, stamp, SteadyStamp(stamp), FrameImages.of(np.zeros((48, 64), np.uint8)), stamp, NO_DEPTH)
     seen = SimpleNamespace(rows=rows, uv=np.zeros((len(rows), 2)))
-    T_camera_map = se3.inverse(POSES[3] @ se3.exp(np.array([0.2, 0.0, 0.0, 0.0, 0.0, 0.0])))
-    tracked = cast("Any", SimpleNamespace(inlying=seen, reference=3, T_camera_map=T_camera_map))
-    assert inserter.is_due(view, tracked, in_doubt=True) == is_due
+    T_camera_map = se3.inverse(poses[last] @ se3.exp(np.array([0.2, 0.0, 0.0, 0.0, 0.0, 0.0])))
+    tracked = cast("Any", SimpleNamespace(inlying=seen, reference=last, T_camera_map=T_camera_map))
     assert inserter.is_due(view, tracked, in_doubt=False)
+    return inserter.is_due(view, tracked, in_doubt=True)
 
 
 @pytest.mark.parametrize("in_doubt", [False, True])

@@ -152,14 +152,17 @@ class KeyframeInserter:
         return is_worn and _has_moved(T_camera_keyframe)
 
     def _is_long_known(self, view: View, tracked: Tracked) -> bool:
-        """Return whether enough landmarks agree that were made a while ago, or by the key frame that began the segment.
+        """Return whether enough landmarks agree that were made a while ago; in a young segment none can be so old.
 
         A body that comes to be followed is all new: its first landmarks would agree with the next ones on it.
         """
         keyframes = self._map.keyframes
+        begun = keyframes[keyframes[tracked.reference].first].stamp
+        if (view.stamp - begun) * 1e-9 < TUNING.young_segment_s:
+            return True
         number, count = np.unique(self._map.landmarks.keyframe[tracked.inlying.rows], return_counts=True)
-        latest, first = view.stamp - TUNING.long_known_s * 1e9, keyframes[tracked.reference].first
-        is_old = [n == first or keyframes[n].stamp <= latest for n in number.tolist()]
+        latest = view.stamp - TUNING.long_known_s * 1e9
+        is_old = [keyframes[n].stamp <= latest for n in number.tolist()]
         return int(count[is_old].sum()) >= TUNING.long_known_least
 
     def wear_out(self) -> None:

@@ -76,6 +76,9 @@ class Tuning:
         "of its kind; larger: a camera that turns quickly among people is LOST")
     long_known_least: int = tuned(30, unit="landmarks", source=_BODIES,
         effect="of that age; fewer: as a smaller long_known_s; more: as a larger one")
+    young_segment_s: float = tuned(2.0, unit="s", source=_BODIES,
+        effect="for which a segment grows without such landmarks; smaller: who begins among people is LOST soon; "
+        "larger: a body is followed from the start for longer")
     slow_s: float = tuned(0.1, unit="s", source=_BODIES,
         effect="age at which a view counts half; smaller: bodies that just turn round become landmarks; larger: "
         "views of quick turns count for nothing")

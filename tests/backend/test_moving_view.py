@@ -49,7 +49,7 @@ def told(
     missed: int = 0,
     keyframes: Mapping[int, float] = MappingProxyType({}),
     lost: Collection[int] = (),
-    as_one: Callable[[int], float] = lambda look: 0.5,
+    as_one: Callable[[int], float] = lambda look: 0.2,
 ) -> list[MovingView]:
     """What is known after each look, `period_s` apart (see `tracked_by`).
 
@@ -132,12 +132,21 @@ def test_corners_that_do_not_stand_leave_no_doubt_where_nothing_else_moves_as_on
 
 
 def test_another_motion_that_not_every_look_shows_leaves_the_pose_in_doubt() -> None:
-    shown = told([0.0] * (BEGUN + LASTS), keyframes={BEGUN: 0.7}, as_one=lambda look: 0.5 * (look % 5 == 0))
+    shown = told([0.0] * (BEGUN + LASTS), keyframes={BEGUN: 0.7}, as_one=lambda look: 0.2 * (look % 5 == 0))
     assert all(moving.is_doubtful for moving in shown[BEGUN + 5 : -2])
     until = BEGUN + 10
-    shown = told([0.0] * (BEGUN + LASTS), keyframes={BEGUN: 0.7}, as_one=lambda look: 0.5 * (look < until))
+    shown = told([0.0] * (BEGUN + LASTS), keyframes={BEGUN: 0.7}, as_one=lambda look: 0.2 * (look < until))
     assert shown[until + 5].is_doubtful
     assert not shown[until + 12].is_doubtful
+
+
+def test_a_body_that_fills_the_view_from_the_start_leaves_doubt_as_long_as_the_rest_moves_as_one() -> None:
+    shown = told(STILL * 2, as_one=lambda look: 0.5 * (look < len(STILL)))
+    assert all(moving.is_doubtful for moving in shown[1 : len(STILL)])
+    assert not shown[-1].is_doubtful
+    assert not any(moving.is_doubtful for moving in told(STILL, as_one=lambda look: 0.5 * (look % 2)))  # quick turns
+    late = told([*STILL, 0.0, 0.0], as_one=lambda look: 0.5 * (look >= len(STILL)))
+    assert not late[-1].is_doubtful  # a quick turn of a camera that knows the scene
 
 
 def test_after_a_loss_a_third_of_the_view_is_enough_again() -> None:

@@ -30,10 +30,12 @@ class MovingView:
     look, at `begun`, there are none, and little is enough (`is_young`); so after each loss, until they are seen again.
     `calm` is when it became still. `is_astray`: the view was lost in doubt, so that a body may have been taken for the
     place. At `strayed`, the corners of a key frame did not stand: either a body is followed, or images are blurred or
-    torn. A body leaves the scene behind, which then moves as one: `other` is when such another motion was last seen.
-    `is_rooted`: landmarks made before `rooted`, when it became suspicious the last time, agree with the pose. `spread`
-    is the covariance (6 x 6) of the camera's velocity by what else moved of late, the newest looks counting most:
-    bodies turn, and not each look tells them from the scene. None without doubt, or before anything told.
+    torn. A body leaves the scene behind, which then moves as one: `other` is when such another motion was last seen,
+    `as_one` its share of the votes in the newest look. At `rival`, much did so in two looks before anything was
+    `proven`: a body may be followed that was taken for the scene from the start. `is_rooted`: landmarks made before
+    `rooted`, when it became suspicious the last time, agree with the pose. `spread` is the covariance (6 x 6) of the
+    camera's velocity by what else moved of late, the newest looks counting most: bodies turn, and not each look tells
+    them from the scene. None without doubt, or before anything told.
     """
 
     stamp: SteadyStamp | None = None
@@ -45,6 +47,8 @@ class MovingView:
     proven: int = 0
     strayed: SteadyStamp | None = None
     other: SteadyStamp | None = None
+    as_one: float = 0.0
+    rival: SteadyStamp | None = None
     is_astray: bool = False
     rooted: int = 0
     is_rooted: bool = False
@@ -60,13 +64,18 @@ class MovingView:
         looked = self._looked(stamp, recent.moving(view, tracked, sensor), tracked, landmarks)
         rooted = looked.proven if looked.is_suspicious else self.rooted
         looked = replace(looked, rooted=rooted, is_rooted=rooted > 0 and is_supported(tracked, landmarks, rooted))
-        return looked._with_others(recent.what_else_moves(view, tracked, sensor) if looked.is_suspicious else None)
+        is_unproven = looked.proven == 0 or looked.is_suspicious
+        return looked._with_others(recent.what_else_moves(view, tracked, sensor) if is_unproven else None)
 
     def _with_others(self, others: WhatElseMoves | None) -> "MovingView":
         """Return what is known where the newest look showed what else moves, None: it could not tell."""
         if others is None:
             return self if self.is_doubtful else replace(self, spread=None)
-        seen = replace(self, other=self.stamp) if others.share > TUNING.moved_as_one else self
+        is_seen = self.is_suspicious and others.share > TUNING.moved_as_one
+        seen = replace(self, other=self.stamp) if is_seen else self
+        if min(self.as_one, others.share) > TUNING.moved_rival and self.proven == 0:
+            seen = replace(seen, rival=self.stamp)
+        seen = replace(seen, as_one=others.share)
         if not seen.is_doubtful:
             return replace(seen, spread=None)
         before = others.spread if self.spread is None else self.spread
@@ -104,7 +113,18 @@ class MovingView:
 
         After a loss in doubt, that nothing seems to move proves little: so does a body that is followed.
         """
-        return replace(self, stamp=None, cells=None, begun=None, calm=None, is_young=False, is_astray=self.is_doubtful)
+        is_astray = self.is_doubtful
+        return replace(
+            self,
+            stamp=None,
+            cells=None,
+            begun=None,
+            calm=None,
+            as_one=0.0,
+            rival=None,
+            is_young=False,
+            is_astray=is_astray,
+        )
 
     def after_keyframe(
         self, stamp: SteadyStamp, moved_share: float, tracked: Tracked, landmarks: Landmarks
@@ -116,12 +136,19 @@ class MovingView:
     @property
     def is_suspicious(self) -> bool:
         """Whether the pose may be in doubt, so that it is worth looking for what else moves as one."""
-        return self.is_crowded or self.is_young or self.is_astray or self.strayed is not None
+        return self.is_crowded or self.is_young or self.is_astray or self.is_rivalled or self.strayed is not None
+
+    @property
+    def is_rivalled(self) -> bool:
+        """Whether, of late, so much else moved as one that the camera may have followed a body from the start."""
+        if self.rival is None or self.stamp is None:
+            return False
+        return (self.stamp - self.rival) * 1e-9 < TUNING.moved_as_one_s
 
     @property
     def is_doubtful(self) -> bool:
         """Whether what moves leaves the pose in doubt."""
-        if self.is_crowded or self.is_young or self.is_astray:
+        if self.is_crowded or self.is_young or self.is_astray or self.is_rivalled:
             return True
         if self.strayed is None or self.other is None or self.stamp is None:
             return False

@@ -113,18 +113,8 @@ class MovingView:
 
         After a loss in doubt, that nothing seems to move proves little: so does a body that is followed.
         """
-        is_astray = self.is_doubtful
-        return replace(
-            self,
-            stamp=None,
-            cells=None,
-            begun=None,
-            calm=None,
-            as_one=0.0,
-            rival=None,
-            is_young=False,
-            is_astray=is_astray,
-        )
+        lost = replace(self, is_young=False, is_astray=self.is_doubtful)
+        return replace(lost, stamp=None, cells=None, begun=None, calm=None, as_one=0.0, rival=None)
 
     def after_keyframe(
         self, stamp: SteadyStamp, moved_share: float, tracked: Tracked, landmarks: Landmarks

@@ -101,14 +101,12 @@ class Survey:
 
     @cached_property
     def arrays(self) -> SeenArrays:
-        """What compiled loops take of the observations: with their `whitening` (N x 4) instead of variances.
+        """What compiled loops take of the observations: instead of variances their `whitening` (N x 4).
 
-        A lower triangle a (00, 10, 11) with a' a the inverse of a pixel's covariance, and the inverse of the inverse
-        depth's standard deviation.
+        a00, a10, a11, with a' a the inverse of the pixel's covariance; the inverse sigma of the inverse depth.
         """
         uu, across, vv = self.variance_uv.T
-        u = np.sqrt(uu)
-        v = np.sqrt(vv - (across / u) ** 2)
+        u, v = np.sqrt(uu), np.sqrt(vv - across**2 / uu)
         whitening = np.column_stack([1.0 / u, -across / (uu * v), 1.0 / v, 1.0 / np.sqrt(self.variance_depth)])
         return self.frame, self.landmark, self.uv, self.inverse_depth, self.slope, self.by_timing, whitening
 
@@ -152,12 +150,11 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
     if is_carried_anew:
         twist = (twists_at(stamps, odometry.frames, map_.keyframes).reshape(-1, 3) @ R_own_told.T).reshape(-1, 6)
         seen = carried_anew(seen, camera, twist[number], at, points, odometry.timing.readout_s)
-    vector, S = vector_of(camera), seen.covariance
+    vector, S, fx, fy = vector_of(camera), seen.covariance, camera.fx, camera.fy
     uv, by_direction, _ = project(seen.values[:, :2], vector[LENS])
     terms = field_terms(uv, camera.width, camera.height)
     scale = terms @ vector[SCALE]
     slope = steady_slopes(seen, by_direction, at[:, :3, :3], landmark)
-    fx, fy = camera.fx, camera.fy
     survey = Survey(
         camera=camera,
         frame=number,

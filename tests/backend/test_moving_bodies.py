@@ -78,7 +78,7 @@ def test_three_of_them_leave_gaps_and_doubt_but_hardly_a_wrong_pose(shared_data:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "seed"), [("tum_fr1_xyz", 2), ("tum_fr1_rpy_part", 5)])
+@pytest.mark.parametrize(("name", "seed"), [("tum_fr1_xyz", 8), ("tum_fr1_rpy_part", 5)])
 def test_a_camera_found_again_on_a_body_that_fills_most_of_the_view_is_not_sure(
     shared_data: Path, name: str, seed: int
 ) -> None:

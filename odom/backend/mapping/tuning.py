@@ -71,7 +71,7 @@ class Tuning:
     moving_crowd: float = tuned(0.3, unit="share of the view", source=_BODIES,
         effect="that moves before corners that were never seen before are refused; smaller: the map grows late in "
         "quick turns; larger: who comes into view becomes a landmark")
-    long_known_s: float = tuned(0.5, unit="s", source=_BODIES,
+    long_known_s: float = tuned(0.25, unit="s", source=_BODIES,
         effect="age of landmarks that a key frame needs in doubt; smaller: a body that comes to be followed bears more "
         "of its kind; larger: a camera that turns quickly among people is LOST")
     long_known_least: int = tuned(30, unit="landmarks", source=_BODIES,

@@ -112,7 +112,7 @@ class Mapper:
         waiting, change, times = self.inserter.undescribed, None, 1
         if self._background.is_busy or not (waiting or (may_change and self.lens_to_come is not None)):
             return
-        prior = _timing_prior(sensor)
+        prior = sensor.timing_information / self._credit(sensor)
         if may_change and self.lens_to_come is not None:
             change, self.lens_to_come = LensChange(sensor.lens, self.lens_to_come), None
             segment = self._map.keyframes[-1].segment
@@ -179,7 +179,7 @@ class Mapper:
         mine = [n for n in self._map.remembered if n >= self._map.earlier]
         for segment in sorted({self._map.keyframes[n].segment for n in mine}):
             if len(self._map.members(segment)) >= 2:
-                prior = _timing_prior(sensor)
+                prior = sensor.timing_information / self._credit(sensor)
                 adjustment = local_adjustment.everything(self._map, self.intermediate, segment, sensor.timing, prior)
                 bundle = adjustment.run()
                 sensor = self._take_over(adjustment, bundle, sensor)
@@ -205,11 +205,3 @@ class Mapper:
         A key frame is adjusted time and again while it is in the window, and errs as the noise monitor says.
         """
         return 1.0 / (self._settings.window_keyframes * sensor.noise.covariance_scale)
-
-
-def _timing_prior(sensor: SensorModel) -> Array:
-    """Return what is known of the timing (3 x 3, 1/s^2), weighed against observations as an adjustment takes them.
-
-    These err more than they say, by the noise monitor's scale; and most were in the adjustments before, too.
-    """
-    return sensor.timing_information * (TUNING.timing_prior_weight * sensor.noise.covariance_scale)

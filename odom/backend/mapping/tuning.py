@@ -37,9 +37,6 @@ class Tuning:
     corners_enough: int = tuned(100, unit="landmarks", source="a HoloLens's walk, in images 540, 320 and 270 px wide",
         effect="with fewer in a key frame, corners are sought in squares half as large; smaller: small images and bare "
         "rooms have few landmarks, and wide steps lose them; larger: corners crowd where a few are as good, slower")
-    timing_prior_weight: float = tuned(2.5, unit="1", source="24 walks over desks and through rooms, there and back",
-        effect="how often what is known of the timing counts in an adjustment; 1: its noise is followed; 7, as often "
-        "as a key frame is in the window: the timing is known late, and poses err by 5 % more in the mean")
     farthest_m: float = tuned(8.0, unit="m", source="range of a Kinect v1; Khoshelham, Elberink, Sensors 12, 2012",
         effect="smaller: no landmarks in large rooms; larger: depth without information becomes landmarks")
     corners_s: float = tuned(0.06, unit="s", source="three times what they take; 60 Hz in real time on two cores",

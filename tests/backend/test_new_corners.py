@@ -4,6 +4,7 @@ import time
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from painted_room import SMALL
 from running import numbers, run
 
@@ -24,23 +25,25 @@ def own_landmarks_after(frames):
     return counts
 
 
-def slowed(frames, times):
-    """The same frames, as if they had come so many times as slowly."""
-    stamps = [Stamp(times * frame.stamp) for frame in frames]
+def at_rate(frames, rate_hz):
+    """The same frames, as if so many had come in a second."""
+    stamps = [Stamp(10**9 + round(k * 1e9 / rate_hz)) for k in range(len(frames))]
     return [replace(f, stamp=stamp, depth_stamp=stamp) for f, stamp in zip(frames, stamps, strict=True)]
 
 
-def test_they_are_landmarks_after_one_more_frame(room_frames):
-    counts = own_landmarks_after(room_frames)
+def test_those_of_a_quick_stream_are_landmarks_after_one_more_frame(room_frames):
+    counts = own_landmarks_after(at_rate(room_frames, 60.0))
     assert counts[0] == 0
     assert counts[1] > 10
 
 
-def test_those_of_a_slow_stream_are_landmarks_for_the_next_frame(room_frames):
-    assert own_landmarks_after(slowed(room_frames, 2))[0] > 10
+@pytest.mark.parametrize("rate_hz", [15.0, 30.0])
+def test_those_of_others_are_landmarks_for_the_next_frame(room_frames, rate_hz):
+    assert own_landmarks_after(at_rate(room_frames, rate_hz))[0] > 10
 
 
 def test_results_do_not_depend_on_how_long_it_takes(room_frames, monkeypatch):
+    room_frames = at_rate(room_frames, 60.0)
     at_once = numbers(run(SMALL, room_frames))
     detect = new_corners.detect_corners
 

@@ -55,8 +55,8 @@ class Coverage:
 class KeyframeInserter:
     """Inserts key frames into `map_`; `undescribed` are the newest ones whose places are not in the index yet.
 
-    `recent` are the frames before, which tell what stands still. The new corners of a key frame are looked for beside
-    the next frames, which go on with the landmarks that are known (see `NewCorners`).
+    `recent` are the frames before, which tell what stands still. The new corners of a key frame are looked for in the
+    background; a quick stream goes on meanwhile with the landmarks that are known (see `NewCorners`).
     """
 
     def __init__(self, map_: Map, settings: OdometrySettings) -> None:

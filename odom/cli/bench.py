@@ -7,19 +7,20 @@ import typer
 
 from odom.cli import signals
 from odom.cli.bench_physical import physical
+from odom.cli.bench_pipeline import pipeline
 from odom.cli.bench_robustness import robustness
-from odom.cli.options import Calibration, Config, End, Seconds, Seed, SourceName, Start
+from odom.cli.options import Calibration, Config
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from odom.evaluation.paper.benchmark import Row
     from odom.evaluation.paper.cost import Cost
-    from odom.service.pipeline_bench import PipelineCost
 
 bench = typer.Typer(help="Measure accuracy and cost.", no_args_is_help=True)
 bench.command("robustness")(robustness)
 bench.command("physical")(physical)
+bench.command("pipeline")(pipeline)
 
 
 @bench.command("registration")
@@ -76,51 +77,6 @@ def registration(
         draw(table, plot)
 
 
-@bench.command("pipeline")
-def pipeline(
-    source: SourceName,
-    camera: Calibration = None,
-    start: Start = 0.0,
-    end: End = None,
-    frames: Annotated[int | None, typer.Option(min=1, help="Stop after so many frames.")] = None,
-    seconds: Seconds = None,
-    seed: Seed = 1,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write all figures to this file.")] = None,
-    config: Config = None,
-) -> None:
-    """Print what a frame costs, stage by stage: decoding and odometry in one process, without a wire.
-
-    The source's own work (reading files, drawing the arena) is in no figure; a stage that a frame did not pass through
-    counts 0 for it. Made-up frames warm the process up first. Ctrl-C ends it with the figures of the frames so far.
-
-    Example: odom bench pipeline session.mcap --json cost.json
-    """
-    import json
-    import sys
-    from dataclasses import asdict
-
-    from rich.console import Console
-
-    from odom.service.pipeline_bench import measure_pipeline
-    from odom.service.progress import counting
-    from odom.service.settings import load_settings
-    from odom.service.startup import warm_up
-    from odom.wire import Topics
-    from sensors.catalogue import open_source
-    from sensors.source import SourceOptions
-
-    stop = signals.stop_event()
-    topics, settings = Topics(), load_settings(config).odometry
-    options = SourceOptions(topics=topics, camera=camera, start=start, end=end, seconds=seconds, seed=seed)
-    opened = open_source(source, options)
-    warm_up(settings, topics)
-    with counting("measured", frames or opened.length) as progress:
-        cost = measure_pipeline(opened, topics, settings, frames, progress, stop.is_set)
-    _print_stages(Console(width=None if sys.stdout.isatty() else 120), source, cost)
-    if json_file is not None:
-        json_file.write_text(json.dumps({"source": source, **asdict(cost)}, indent=1) + "\n")
-
-
 @bench.command("sensitivity")
 def sensitivity(
     sources: Annotated[list[str], typer.Argument(metavar="SOURCE...", help="Recordings or TUM folders with truth.")],
@@ -170,27 +126,6 @@ def sensitivity(
         json_file.write_text(json.dumps(as_json(found), indent=1) + "\n")
     if markdown_file is not None:
         markdown_file.write_text(markdown(found))
-
-
-def _print_stages(console: "Console", source: str, cost: "PipelineCost") -> None:
-    """Print the cost of each stage, and below it what all of them cost together."""
-    from rich.table import Table
-
-    from odom.service.pipeline_bench import ODOMETRY
-
-    shown = Table(title=f"{source}: {cost.frames} frames, wall ms a frame", title_justify="left")
-    for name in ("stage", "mean", "p50", "p95", "p99"):
-        shown.add_column(name, justify="left" if name == "stage" else "right")
-    for stage in cost.stages:
-        if stage.stage == ODOMETRY:
-            shown.add_section()
-        values = (stage.mean_ms, stage.p50_ms, stage.p95_ms, stage.p99_ms)
-        shown.add_row(stage.stage, *(f"{value:.2f}" for value in values))
-    console.print(shown)
-    console.print(
-        f"{cost.frames_a_second:.1f} frames/s; CPU {cost.cpu_ms_a_frame:.2f} ms a frame, "
-        f"{cost.background_ms_a_frame:.2f} of it in the background; final adjustment {cost.finish_s:.2f} s"
-    )
 
 
 def _print_rows(console: "Console", table: "list[Row]") -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from odom.backend import Odometry, OdometrySettings
 from odom.errors import SourceError
+from odom.service.corner_following import CornerFollowing
 from odom.wire import Topics
 from odom.wire.assembler import FrameAssembler
 from sensors.source import Source
@@ -28,12 +29,13 @@ class StageCost:
     p50_ms: float
     p95_ms: float
     p99_ms: float
+    each_ms: tuple[float, ...]
 
     @classmethod
     def of(cls, stage: str, milliseconds: Sequence[float]) -> "StageCost":
         """Return the cost of a stage from its time in each frame."""
         p50, p95, p99 = np.percentile(milliseconds, (50, 95, 99))
-        return cls(stage, float(np.mean(milliseconds)), float(p50), float(p95), float(p99))
+        return cls(stage, float(np.mean(milliseconds)), float(p50), float(p95), float(p99), tuple(milliseconds))
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,8 @@ class PipelineCost:
 
     `cpu_ms_a_frame` is CPU time of decoding, odometry and its background threads together, `background_ms_a_frame` of
     the latter alone; the source's own work (reading, drawing) is not in any figure. `finish_s` is the final adjustment.
+    `stamps_ns` are the frames'. `follow_ms` is what following corners from one image to the next takes on this machine,
+    `floor_ms` that and decoding: less no odometry of these frames can cost (see `corner_following.py`).
     """
 
     frames: int
@@ -50,6 +54,15 @@ class PipelineCost:
     background_ms_a_frame: float
     finish_s: float
     stages: tuple[StageCost, ...]
+    stamps_ns: tuple[int, ...]
+    follow_ms: float | None
+
+    @property
+    def floor_ms(self) -> float | None:
+        """Milliseconds a frame of decoding it and following its corners; None where no image had a corner."""
+        if self.follow_ms is None:
+            return None
+        return self.follow_ms + next(stage.mean_ms for stage in self.stages if stage.stage == DECODE)
 
 
 def measure_pipeline(
@@ -67,6 +80,8 @@ def measure_pipeline(
     assembler = FrameAssembler(topics, grey=True)
     odometry: Odometry | None = None
     laps: list[dict[str, float]] = []
+    stamps_ns: list[int] = []
+    following = CornerFollowing()
     decode_s = cpu_s = 0.0
     messages = source.messages()
     try:
@@ -89,6 +104,8 @@ def measure_pipeline(
                 cpu_s += time.thread_time() - cpu_begun
                 decode_ms, decode_s = 1e3 * decode_s, 0.0
                 laps.append({DECODE: decode_ms, **estimate.timings_ms, ODOMETRY: took_ms, TOTAL: decode_ms + took_ms})
+                stamps_ns.append(int(frame.stamp))
+                following.see(frame.color)
                 progress(len(laps))
     finally:
         source.close()
@@ -103,7 +120,14 @@ def measure_pipeline(
     n = len(laps)
     wall_ms = sum(lap[TOTAL] for lap in laps)
     return PipelineCost(
-        n, 1e3 * n / wall_ms, 1e3 * (cpu_s + background_s) / n, 1e3 * background_s / n, finish_s, _stages(laps)
+        frames=n,
+        frames_a_second=1e3 * n / wall_ms,
+        cpu_ms_a_frame=1e3 * (cpu_s + background_s) / n,
+        background_ms_a_frame=1e3 * background_s / n,
+        finish_s=finish_s,
+        stages=_stages(laps),
+        stamps_ns=tuple(stamps_ns),
+        follow_ms=following.median_ms,
     )
 
 

@@ -1,5 +1,6 @@
 """`odom bench pipeline`: what a frame costs, stage by stage, and beside an earlier measurement."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -106,8 +107,10 @@ def _print_changes(
     for name in ("stage", "before\np50 ms", "now\np50 ms", "now /\nbefore", "95 %"):
         shown.add_column(name, justify="left" if name == "stage" else "right")
     for change in changes:
-        between = f"{change.low:.3f} .. {change.high:.3f}"
-        shown.add_row(change.stage, f"{change.before_ms:.2f}", f"{change.now_ms:.2f}", f"{change.ratio:.3f}", between)
+        ratio, between = "", ""  # too few frames passed the stage
+        if not math.isnan(change.ratio):
+            ratio, between = f"{change.ratio:.3f}", f"{change.low:.3f} .. {change.high:.3f}"
+        shown.add_row(change.stage, f"{change.before_ms:.2f}", f"{change.now_ms:.2f}", ratio, between)
     console.print(shown)
     if follow_before_ms is not None and follow_now_ms is not None:
         machine = follow_now_ms / follow_before_ms

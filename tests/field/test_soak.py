@@ -1,6 +1,6 @@
 """A run of some minutes at 30 Hz: memory flat, nothing lost, latency as at the start.
 
-ODOM_SOAK_MINUTES sets the length: two are part of every test run, thirty are for a quiet machine.
+Run by hand: ODOM_SOAK_MINUTES sets the length, two where it is not given, thirty for a quiet machine.
 """
 
 import os
@@ -23,6 +23,7 @@ SETTLED_S = min(120.0, 60 * MINUTES / 3)
 STARTING_S = 5.0
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(int(60 * MINUTES) + 600)
 def test_memory_flat_nothing_lost_latency_as_at_the_start(rig: PlayingKinect, tmp_path: Path) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"

@@ -14,7 +14,7 @@ _SMALL = 1e-5
 @compiled
 def moved(xi: Array, T: Array) -> Array:
     """Return `exp(xi) @ T`, as `se3.exp` has it, of a tangent vector (6, m and rad) and a rigid motion (4 x 4)."""
-    x, y, z = xi[3], xi[4], xi[5]
+    r, s, t, x, y, z = xi[0], xi[1], xi[2], xi[3], xi[4], xi[5]
     theta2 = x * x + y * y + z * z
     theta = math.sqrt(theta2)
     if theta < _SMALL:
@@ -23,20 +23,21 @@ def moved(xi: Array, T: Array) -> Array:
         a = math.sin(theta) / theta
         b = (1.0 - math.cos(theta)) / theta2
         c = (theta - math.sin(theta)) / (theta2 * theta)
-    W = np.zeros((3, 3))
-    W[0, 1], W[0, 2], W[1, 0], W[1, 2], W[2, 0], W[2, 1] = -z, y, z, -x, -y, x
-    out = np.zeros((4, 4))
-    R, V = np.zeros((3, 3)), np.zeros((3, 3))
-    for i in range(3):
-        for j in range(3):
-            squared = W[i, 0] * W[0, j] + W[i, 1] * W[1, j] + W[i, 2] * W[2, j]
-            one = 1.0 if i == j else 0.0
-            R[i, j] = one + a * W[i, j] + b * squared
-            V[i, j] = one + b * W[i, j] + c * squared
-    for i in range(3):
-        for j in range(4):
-            out[i, j] = R[i, 0] * T[0, j] + R[i, 1] * T[1, j] + R[i, 2] * T[2, j]
-        out[i, 3] += V[i, 0] * xi[0] + V[i, 1] * xi[1] + V[i, 2] * xi[2]
+    # with W = hat(phi): the rotation is I + a W + b W^2, and the translation (I + b W + c W^2) rho
+    xx, yy, zz, xy, xz, yz = -z * z - y * y, -z * z - x * x, -y * y - x * x, x * y, x * z, y * z
+    R00, R01, R02 = 1.0 + b * xx, -a * z + b * xy, a * y + b * xz
+    R10, R11, R12 = a * z + b * xy, 1.0 + b * yy, -a * x + b * yz
+    R20, R21, R22 = -a * y + b * xz, a * x + b * yz, 1.0 + b * zz
+    out = np.empty((4, 4))
+    for j in range(4):
+        t0, t1, t2 = T[0, j], T[1, j], T[2, j]
+        out[0, j] = R00 * t0 + R01 * t1 + R02 * t2
+        out[1, j] = R10 * t0 + R11 * t1 + R12 * t2
+        out[2, j] = R20 * t0 + R21 * t1 + R22 * t2
+        out[3, j] = 0.0
+    out[0, 3] += (1.0 + c * xx) * r + (-b * z + c * xy) * s + (b * y + c * xz) * t
+    out[1, 3] += (b * z + c * xy) * r + (1.0 + c * yy) * s + (-b * x + c * yz) * t
+    out[2, 3] += (-b * y + c * xz) * r + (b * x + c * yz) * s + (1.0 + c * zz) * t
     out[3, 3] = 1.0
     return out
 

@@ -118,7 +118,17 @@ def ray_at(rays: NDArray[np.float32], u: float, v: float) -> tuple[float, float]
 
 
 @compiled
-def pixel_of(x: float, y: float, intrinsics: Array, k: Array) -> tuple[float, float]:
+def in_numbers(intrinsics: Array, k: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return both as tuples for `pixel_of`: a loop that calls it with those can take several pixels at a time."""
+    first = (k[0], k[1], k[2], k[3], k[4], k[5], k[6], k[7], k[8])
+    others = (k[9], k[10], k[11], k[12], k[13], k[14], k[15], k[16], k[17])
+    return (intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]), first + others
+
+
+@compiled
+def pixel_of(
+    x: float, y: float, intrinsics: Array | tuple[float, ...], k: Array | tuple[float, ...]
+) -> tuple[float, float]:
     """Return the pixel (u, v) of the normalised coordinates (x/z, y/z): OpenCV's rational model, in the lens's axes.
 
     NaN where the model does not hold.

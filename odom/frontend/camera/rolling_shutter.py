@@ -53,7 +53,7 @@ def interaction_matrix(x: float, y: float, w: float, J: Array) -> None:
 
 
 @compiled
-def point_flow(x: float, y: float, w: float, twist: Array) -> tuple[float, float, float]:
+def point_flow(x: float, y: float, w: float, twist: Array | tuple[float, ...]) -> tuple[float, float, float]:
     """Return the rates (1/s) of (x/z, y/z, 1/z) of a resting point seen by a camera that moves with `twist`.
 
     `twist` (6) is the camera's velocity (m/s, rad/s) in its own frame. Minus the `interaction_matrix`, times that.

@@ -3,15 +3,43 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.frontend.camera.lens import ahead, pixel_of, ray_at
+from odom.frontend.camera.lens import ahead, in_numbers, pixel_of, ray_at
 from odom.frontend.camera.rolling_shutter import point_flow
 from odom.geometry.arrays import Array
 from odom.geometry.compiled import compiled
 
 _ROW_STEPS = 4
 """Newton's steps to the row that shows a point: at 6 rad/s they leave less than a hundredth of a pixel on average."""
+_LANES = 64
+"""Points of a block that run to their rows together: a constant, so that the compiler sees that rows don't overlap."""
 _SLOWEST_ROWS = 0.1
 """How much slower than it is a shutter's readout seems, at the least, where points run along with it."""
+
+
+@compiled
+def _find_rows(
+    block: Array,
+    intrinsics: tuple[float, ...],
+    distortion: tuple[float, ...],
+    height: float,
+    twist: tuple[float, ...],
+    readout_s: float,
+) -> None:
+    """Let a block of points run to the rows that show them: six rows of `_LANES` numbers.
+
+    Those are x/z, y/z and z as the middle row shows them, x/z and y/z as they are shown, and how late that is (s).
+    """
+    for k in range(_LANES):
+        x, y, row_s = block[k + 3 * _LANES], block[k + 4 * _LANES], block[k + 5 * _LANES]
+        _u, v = pixel_of(x, y, intrinsics, distortion)
+        xd, yd, _wd = point_flow(x, y, 1.0 / block[k + 2 * _LANES], twist)
+        late_s = (v / height - 0.5) * readout_s - row_s
+        slower = 1.0 - yd * intrinsics[1] * readout_s / height
+        row_s += late_s / (slower if slower > _SLOWEST_ROWS else _SLOWEST_ROWS)
+        row_s = row_s if row_s > -0.5 * readout_s else -0.5 * readout_s
+        row_s = row_s if row_s < 0.5 * readout_s else 0.5 * readout_s
+        block[k + 3 * _LANES], block[k + 4 * _LANES] = block[k] + xd * row_s, block[k + _LANES] + yd * row_s
+        block[k + 5 * _LANES] = row_s
 
 
 @compiled
@@ -32,23 +60,24 @@ def seen_in_motion(
     NaN where not in the image less `margin` pixels. The row in which a point is seen says when, and when says in which
     row: `carried` takes these pixels back to where the middle row would have shown the points.
     """
-    out = np.full((points.shape[0], 3), np.nan)
-    for k in range(points.shape[0]):
-        x, y, z = ahead(T_camera_points, points, k)
-        if z == 0.0:
-            continue
-        u, v = pixel_of(x, y, intrinsics, distortion)
-        row_s, x_seen, y_seen = 0.0, x, y
+    n = points.shape[0]
+    out = np.full((n, 3), np.nan)
+    numbers, coefficients = in_numbers(intrinsics, distortion)
+    velocity = twist[0], twist[1], twist[2], twist[3], twist[4], twist[5]
+    block = np.zeros(6 * _LANES)
+    for first in range(0, n, _LANES):
+        count = min(_LANES, n - first)
+        for k in range(count):
+            x, y, z = ahead(T_camera_points, points, first + k)
+            block[k], block[k + _LANES], block[k + 2 * _LANES] = x, y, z
+            block[k + 3 * _LANES], block[k + 4 * _LANES], block[k + 5 * _LANES] = x, y, 0.0
         for _ in range(_ROW_STEPS if readout_s > 0.0 else 0):
-            xd, yd, _wd = point_flow(x_seen, y_seen, 1.0 / z, twist)
-            rows_a_readout = yd * intrinsics[1] * readout_s / height
-            late_s = (v / height - 0.5) * readout_s - row_s
-            row_s += late_s / max(1.0 - rows_a_readout, _SLOWEST_ROWS)
-            row_s = min(max(row_s, -0.5 * readout_s), 0.5 * readout_s)
-            x_seen, y_seen = x + xd * row_s, y + yd * row_s
-            u, v = pixel_of(x_seen, y_seen, intrinsics, distortion)
-        if margin <= u <= width - 1 - margin and margin <= v <= height - 1 - margin:
-            out[k, 0], out[k, 1], out[k, 2] = u, v, z
+            _find_rows(block, numbers, coefficients, float(height), velocity, readout_s)
+        for k in range(count):
+            u, v = pixel_of(block[k + 3 * _LANES], block[k + 4 * _LANES], numbers, coefficients)
+            z = block[k + 2 * _LANES]
+            if z > 0.0 and margin <= u <= width - 1 - margin and margin <= v <= height - 1 - margin:
+                out[first + k, 0], out[first + k, 1], out[first + k, 2] = u, v, z
     return out
 
 

@@ -3,38 +3,47 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.frontend.camera.lens import pixel_of, ray_at
+from odom.frontend.camera.lens import in_numbers, pixel_of, ray_at
 from odom.frontend.tuning import TUNING
 from odom.geometry.arrays import Array, Index, Mask
 from odom.geometry.compiled import compiled
 
 WARP_LIMITS = (TUNING.warp_step_px, TUNING.warp_smallest_area, TUNING.warp_largest_area)
 """What `homographies` differentiates with, and the ratios of areas between which a patch is used."""
+_NEAREST = 1e-3
+"""Depth in units of that in the reference, from which on a point is before the camera."""
 
 
 @compiled
-def _in_current(
-    T_current_reference: Array,
+def _seen_beside(
+    uv_reference: Array,
+    plane_reference: Array,
+    keyframe: Index,
+    T_current_keyframe: Array,
     rays: NDArray[np.float32],
-    intrinsics: Array,
-    distortion: Array,
-    u: float,
-    v: float,
-    w: float,
-) -> tuple[float, float, float]:
-    """Return the pixel that shows in the current image what the reference shows at `u`, `v`, inverse depth `w`.
+    step: float,
+    seen: Array,
+) -> None:
+    """Fill where n surfaces show `step` pixels to the left, right, above and below their middles (3 x 4 n).
 
-    With it comes its depth there in units of that in the reference.
+    That is X, Y and Z in the current camera's frame, in units of the depth in the reference.
     """
-    T = T_current_reference
-    x, y = ray_at(rays, u, v)
-    X = T[0, 0] * x + T[0, 1] * y + T[0, 2] + T[0, 3] * w
-    Y = T[1, 0] * x + T[1, 1] * y + T[1, 2] + T[1, 3] * w
-    Z = T[2, 0] * x + T[2, 1] * y + T[2, 2] + T[2, 3] * w
-    if Z < 1e-3:
-        return np.nan, np.nan, Z
-    u_current, v_current = pixel_of(X / Z, Y / Z, intrinsics, distortion)
-    return u_current, v_current, Z
+    n = uv_reference.shape[0]
+    for k in range(n):
+        T, at = T_current_keyframe, keyframe[k]
+        u, v = uv_reference[k, 0], uv_reference[k, 1]
+        w, su, sv = plane_reference[k, 0], plane_reference[k, 1] * step, plane_reference[k, 2] * step
+        for side in range(4):
+            if side < 2:
+                x, y = ray_at(rays, u + step if side else u - step, v)
+                ws = w + su if side else w - su
+            else:
+                x, y = ray_at(rays, u, v + step if side == 3 else v - step)
+                ws = w + sv if side == 3 else w - sv
+            m = side * n + k
+            seen[0, m] = T[at, 0, 0] * x + T[at, 0, 1] * y + T[at, 0, 2] + T[at, 0, 3] * ws
+            seen[1, m] = T[at, 1, 0] * x + T[at, 1, 1] * y + T[at, 1, 2] + T[at, 1, 3] * ws
+            seen[2, m] = T[at, 2, 0] * x + T[at, 2, 1] * y + T[at, 2, 2] + T[at, 2, 3] * ws
 
 
 @compiled
@@ -61,23 +70,25 @@ def homographies(
     n = uv_reference.shape[0]
     H = np.zeros((n, 3, 2))
     usable = np.zeros(n, np.bool_)
+    seen = np.empty((3, 4 * n))
+    _seen_beside(uv_reference, plane_reference, keyframe, T_current_keyframe, rays, step, seen)
+    intrinsics_, distortion_ = in_numbers(intrinsics, distortion)
+    X, Y, Z = seen
+    for m in range(4 * n):
+        u, v = pixel_of(X[m] / Z[m], Y[m] / Z[m], intrinsics_, distortion_)
+        X[m], Y[m] = u if Z[m] >= _NEAREST else np.nan, v if Z[m] >= _NEAREST else np.nan
     for k in range(n):
-        T = T_current_keyframe[keyframe[k]]
-        u, v = uv_reference[k, 0], uv_reference[k, 1]
-        w, su, sv = plane_reference[k, 0], plane_reference[k, 1] * step, plane_reference[k, 2] * step
-        u1, v1, z1 = _in_current(T, rays, intrinsics, distortion, u - step, v, w - su)
-        u2, v2, z2 = _in_current(T, rays, intrinsics, distortion, u + step, v, w + su)
-        u3, v3, z3 = _in_current(T, rays, intrinsics, distortion, u, v - step, w - sv)
-        u4, v4, z4 = _in_current(T, rays, intrinsics, distortion, u, v + step, w + sv)
-        a, b = (u2 - u1) / (2.0 * step), (u4 - u3) / (2.0 * step)
-        c, d = (v2 - v1) / (2.0 * step), (v4 - v3) / (2.0 * step)
+        left, right, above, below = k, n + k, 2 * n + k, 3 * n + k
+        a, b = (X[right] - X[left]) / (2.0 * step), (X[below] - X[above]) / (2.0 * step)
+        c, d = (Y[right] - Y[left]) / (2.0 * step), (Y[below] - Y[above]) / (2.0 * step)
         area = a * d - b * c
         if smallest_area < area < largest_area:
-            A = H[k]
-            A[0, 0], A[0, 1], A[1, 0], A[1, 1] = d / area, -b / area, -c / area, a / area
+            A00, A01, A10, A11 = d / area, -b / area, -c / area, a / area
+            H[k, 0, 0], H[k, 0, 1], H[k, 1, 0], H[k, 1, 1] = A00, A01, A10, A11
             # the depth in the current image is linear in the reference's pixels: 1 + g d, g per pixel
-            gu, gv = (z2 - z1) / ((z1 + z2) * step), (z4 - z3) / ((z3 + z4) * step)
-            A[2, 0], A[2, 1] = -gu * A[0, 0] - gv * A[1, 0], -gu * A[0, 1] - gv * A[1, 1]
+            gu = (Z[right] - Z[left]) / ((Z[left] + Z[right]) * step)
+            gv = (Z[below] - Z[above]) / ((Z[above] + Z[below]) * step)
+            H[k, 2, 0], H[k, 2, 1] = -gu * A00 - gv * A10, -gu * A01 - gv * A11
             usable[k] = True
     return H, usable
 

@@ -27,7 +27,7 @@ class Doubt:
 
         Its velocity has the covariance `spread` (6 x 6) meanwhile, None without doubt.
         """
-        integral = _carried(self.integral, T_earlier_current)
+        integral = self._carried(T_earlier_current)
         if spread is None:
             return Doubt(self.seconds, integral, False, self.resolved)
         return Doubt(self.seconds + since_s, integral + since_s * spread, True, self.resolved)
@@ -41,13 +41,14 @@ class Doubt:
 
         Where the camera has come to know its place again since, each of the two poses is in doubt by itself.
         """
-        before = _carried(earlier.integral, T_earlier_current)
+        before = earlier._carried(T_earlier_current)
         if self.resolved == earlier.resolved:
             return (self.seconds - earlier.seconds) * (self.integral - before)
         return earlier.seconds * before + self.seconds * self.integral
 
-
-def _carried(covariance: Array, T_earlier_current: Array) -> Array:
-    """Return a covariance (6 x 6) of the earlier camera's frame in the current one's."""
-    A = se3.adjoint(se3.inverse(T_earlier_current))
-    return np.asarray(A @ covariance @ A.T)
+    def _carried(self, T_earlier_current: Array) -> Array:
+        """Return the integral (6 x 6), which is told in the earlier camera's frame, in the current one's."""
+        if self.seconds == 0.0:  # nothing was added up yet
+            return self.integral
+        A = se3.adjoint(se3.inverse(T_earlier_current))
+        return np.asarray(A @ self.integral @ A.T)

@@ -140,11 +140,17 @@ def orthonormal(T: Array) -> Array:
 
 def adjoint(T: Array) -> Array:
     """Return the 6 x 6 matrix with `T @ exp(xi) == exp(adjoint(T) @ xi) @ T`."""
-    R, t = T[:3, :3], T[:3, 3]
-    out = np.zeros((6, 6))
-    out[:3, :3] = out[3:, 3:] = R
-    out[:3, 3:] = hat(t) @ R
-    return out
+    (a, b, c, x), (d, e, f, y), (g, h, i, z), _ = T.tolist()
+    return np.array(
+        [
+            [a, b, c, y * g - z * d, y * h - z * e, y * i - z * f],
+            [d, e, f, z * a - x * g, z * b - x * h, z * c - x * i],
+            [g, h, i, x * d - y * a, x * e - y * b, x * f - y * c],
+            [0.0, 0.0, 0.0, a, b, c],
+            [0.0, 0.0, 0.0, d, e, f],
+            [0.0, 0.0, 0.0, g, h, i],
+        ]
+    )
 
 
 def adjoints(T: Array) -> Array:

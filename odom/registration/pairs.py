@@ -13,7 +13,8 @@ from odom.geometry.arrays import Array
 from odom.geometry.compiled import compiled
 
 _ROUNDING = 1e-6
-"""How far a covariance may be from symmetric, relative to its largest entry: more than rounding ever makes."""
+"""How far a covariance may be from symmetric, relative to its largest entry, and a rotation from orthonormal: more than
+rounding ever makes."""
 
 
 def _points(name: str, value: Array | None, n: int | None = None) -> Array:
@@ -103,6 +104,21 @@ class Pairs:
         )
 
 
+@compiled
+def _is_rigid(T: Array) -> bool:
+    """Return whether `T` (4 x 4) is finite and its rotation orthonormal but for rounding."""
+    for i in range(4):
+        for j in range(4):
+            if not np.isfinite(T[i, j]):
+                return False
+    for i in range(3):
+        for j in range(3):
+            overlap = T[i, 0] * T[j, 0] + T[i, 1] * T[j, 1] + T[i, 2] * T[j, 2]
+            if not abs(overlap - (1.0 if i == j else 0.0)) <= _ROUNDING:
+                return False
+    return True
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Prior:
     """What is believed before the pairs are seen: a motion prediction.
@@ -118,7 +134,7 @@ class Prior:
 
     def __post_init__(self) -> None:
         T = np.ascontiguousarray(self.T_target_source, dtype=np.float64)
-        if T.shape != (4, 4) or not np.isfinite(T).all() or np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-6:
+        if T.shape != (4, 4) or not _is_rigid(T):
             raise InputError("the prior is not a rigid motion: give a finite 4 x 4 matrix with an orthonormal rotation")
         object.__setattr__(self, "T_target_source", T)
         if self.covariance is not None:

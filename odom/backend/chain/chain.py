@@ -10,6 +10,7 @@ signs (see `shared_errors`). Between the nodes of the pose graph links are added
 less than that: a pose graph takes its edges to be independent.
 """
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -73,7 +74,7 @@ class Chain:
             if isinstance(found, str):
                 why = found
             else:
-                root = np.sqrt(sensor.noise.covariance_scale)
+                root = math.sqrt(sensor.noise.covariance_scale)
                 shared = self._errors.shared_with(now.names, root * found.of_previous)
                 self._errors = FrameErrors.of(now.names, now.measured, root * found.of_current)
                 link, why = self._append(end, frame, found, shared, sensor), ""

@@ -37,15 +37,39 @@ class FrameErrors:
     @classmethod
     def of(cls, names: Index, measured: Measurements, gains: Array) -> "FrameErrors":
         """Return those of n features as they were `measured`, which enter the link by `gains` (n x 6 x 3)."""
-        xx, xy, yy, ww = measured.covariance.T
-        S = np.zeros((len(names), 3, 3))
-        S[:, 0, 0], S[:, 0, 1], S[:, 1, 0], S[:, 1, 1], S[:, 2, 2] = xx, xy, xy, yy, np.nan_to_num(ww)
-        return cls(names, gains @ S)
+        return cls(names, _moved(gains, measured.covariance))
 
     def shared_with(self, names: Index, gains: Array) -> Array:
         """Return the covariance (6 x 6) of this link's error with the next one's, which features enter by `gains`."""
         here, there = shared(self.names, names)
-        return np.asarray(np.tensordot(self.moved[here], gains[there], axes=([0, 2], [0, 2])))
+        return _added_up(self.moved, here, gains, there)
+
+
+@compiled
+def _moved(gains: Array, covariance: Array) -> Array:
+    """Return G S (n x 6 x 3): of `gains` G (n x 6 x 3), and the `covariance` (n x 4, see `Measurements`) of values."""
+    out = np.empty_like(gains)
+    for k in range(len(gains)):
+        xx, xy, yy, ww = covariance[k, 0], covariance[k, 1], covariance[k, 2], covariance[k, 3]
+        ww = 0.0 if np.isnan(ww) else ww  # no depth was measured
+        for a in range(6):
+            gx, gy, gw = gains[k, a, 0], gains[k, a, 1], gains[k, a, 2]
+            out[k, a, 0], out[k, a, 1], out[k, a, 2] = gx * xx + gy * xy, gx * xy + gy * yy, gw * ww
+    return out
+
+
+@compiled
+def _added_up(moved: Array, here: Index, gains: Array, there: Index) -> Array:
+    """Return the sum (6 x 6) of `moved[here] gains[there]'` over m features (`moved`, `gains`: of n x 6 x 3)."""
+    out = np.zeros((6, 6))
+    for k in range(len(here)):
+        i, j = here[k], there[k]
+        for a in range(6):
+            for b in range(6):
+                out[a, b] += (
+                    moved[i, a, 0] * gains[j, b, 0] + moved[i, a, 1] * gains[j, b, 1] + moved[i, a, 2] * gains[j, b, 2]
+                )
+    return out
 
 
 def gains_of(

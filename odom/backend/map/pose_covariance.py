@@ -9,6 +9,9 @@ from odom.backend.map.tuning import TUNING
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 
+_I6 = np.eye(6)
+"""The covariance of a motion that is known to one metre and one radian."""
+
 
 def independent_covariance(covariance: Array) -> Array:
     """Return the 6 x 6 covariance of a frame against one so long ago that they share no errors any more."""
@@ -21,7 +24,7 @@ def calibration_covariance(T_earlier_current: Array, calibration_error: float) -
     A wrong focal length takes rotation for translation, at a scene depth of about a metre.
     """
     moved = calibration_error * se3.log(T_earlier_current)
-    return np.asarray(float(moved @ moved) * np.eye(6))
+    return np.asarray(float(moved @ moved) * _I6)
 
 
 def relative_covariance(

@@ -132,7 +132,7 @@ class PublishedTrajectory:
         current = Publication(frame, carried.T_fixed_camera, since_start, T_middle_stamp, going, doubt=doubt)
         if self._recent and since_previous_s:
             current = replace(current, step=self._motion_since(self._recent[-1], current, inliers, sensor))
-        then = min(self._recent, key=lambda p: _from_a_second(p, frame.stamp), default=None)
+        then = self._a_second_before(frame.stamp)
         if then is not None and _from_a_second(then, frame.stamp) < TUNING.near_a_second_s:
             current = replace(current, second=self._motion_since(then, current, inliers, sensor))
         return self._keep(current)
@@ -176,6 +176,15 @@ class PublishedTrajectory:
         T_earlier_current = se3.inverse(earlier.T_odom_camera) @ current.T_odom_camera
         covariance = covariance + current.doubt.since(earlier.doubt, T_earlier_current)
         return RelativePose(earlier.frame.stamp, T_earlier_current, covariance, inliers)
+
+    def _a_second_before(self, stamp: Stamp) -> Publication | None:
+        """Return the publication nearest to a second before `stamp`; stamps ascend, so that few are looked at."""
+        nearest = None
+        for earlier in reversed(self._recent):
+            if nearest is not None and _from_a_second(earlier, stamp) > _from_a_second(nearest, stamp):
+                break
+            nearest = earlier
+        return nearest
 
     def _doubt(self, T_odom_camera: Array, judged: JudgedFrame) -> Doubt:
         """Return how far the camera may have gone astray, at a judged frame's pose: nothing where it is known again.

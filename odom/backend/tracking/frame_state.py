@@ -71,7 +71,7 @@ class Tracked:
         """How many landmarks were looked for, without those hidden by something nearer: half of them at most."""
         return len(self.expected) - min(int(np.count_nonzero(self.sight.hidden)), len(self.expected) // 2)
 
-    @property
+    @cached_property
     def covariance(self) -> Array:
         """The pose's 6 x 6 covariance (`se3`, camera frame) that follows from those of the measurements."""
         return np.asarray(np.linalg.inv(self.information), dtype=np.float64)

@@ -4,6 +4,7 @@ Its process noise is the acceleration of about the last second. It smooths the p
 image's stamp; where the fits are much better than the motion is predictable, it passes them on as they are.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,9 @@ _TWIST_SIGMA = np.repeat([TUNING.velocity_sigma_m_s, TUNING.velocity_sigma_rad_s
 
 def is_plausible_motion(twist: Array) -> bool:
     """Return whether something carried by a person, or driving, can move with `twist` (6, m/s and rad/s)."""
-    return bool(np.linalg.norm(twist[:3]) < TUNING.fastest_m_s and np.linalg.norm(twist[3:]) < TUNING.fastest_rad_s)
+    r, s, t, x, y, z = twist.tolist()
+    speed_m_s, speed_rad_s = math.sqrt(r * r + s * s + t * t), math.sqrt(x * x + y * y + z * z)
+    return speed_m_s < TUNING.fastest_m_s and speed_rad_s < TUNING.fastest_rad_s
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +65,11 @@ class Agility:
 
     def after(self, acceleration: Array, dt: float) -> "Agility":
         """Return the agility after `acceleration` (6, SI) was seen for `dt` seconds."""
-        new = np.square(acceleration).reshape(2, 3).mean(axis=1)
-        old = np.square([self.linear, self.angular])
-        linear, angular = np.sqrt(old + min(1.0, dt / TUNING.agility_memory_s) * (new - old)).tolist()
+        r, s, t, x, y, z = acceleration.tolist()
+        new = min(1.0, dt / TUNING.agility_memory_s)
+        old_linear, old_angular = self.linear * self.linear, self.angular * self.angular
+        linear = math.sqrt(old_linear + new * ((r * r + s * s + t * t) / 3.0 - old_linear))
+        angular = math.sqrt(old_angular + new * ((x * x + y * y + z * z) / 3.0 - old_angular))
         linear, angular = max(linear, TUNING.agility_least_linear), max(angular, TUNING.agility_least_angular)
         return Agility(linear, angular, self.steady_s)
 

@@ -45,11 +45,13 @@ def predict_pose(map_: Map, state: FrameState, images: FrameImages, stamp: Stead
     if np.count_nonzero(coarse.agrees) < least or is_contested(followed.found & ~coarse.agrees, followed.found):
         followed = _follow(landmarks, state, images, T_predicted, since_s, sensor)
         coarse = followed.fitted(T_predicted, followed.found, _GATES_PX)
-    features = followed.features(landmarks, coarse.T_camera_map)
+    features = followed.features(landmarks, coarse.rays)
     rival = None
     if is_contested(followed.found & ~coarse.agrees, followed.found):
         rival = consensus(features, coarse.T_camera_map, state.expected_after(since_s))
-    elif is_exact(followed.features(landmarks, T_predicted), T_predicted, features, coarse.T_camera_map):
+    elif is_exact(
+        followed.features(landmarks, followed.in_motion(T_predicted)), T_predicted, features, coarse.T_camera_map
+    ):
         rival = T_predicted
     if rival is not None:
         members = followed.fitted(rival, followed.found, ()).agrees
@@ -59,9 +61,10 @@ def predict_pose(map_: Map, state: FrameState, images: FrameImages, stamp: Stead
 
 @dataclass(frozen=True, eq=False)
 class _CoarsePose:
-    """A rough pose, and which of the followed features agree with it (n)."""
+    """A rough pose, the followed features' `rays` by the motion to it (n x 3), and which of them agree with it (n)."""
 
     T_camera_map: Array
+    rays: Array
     agrees: Mask
 
 
@@ -104,13 +107,13 @@ class _Followed:
         rays[:, :2] = middle_rays(self.sensor.lens.rays, self.uv, near, twist, readout_s)
         return rays
 
-    def features(self, landmarks: Landmarks, T_camera_map: Array) -> FollowedFeatures:
-        """Return the found ones as if the camera moved straight to a pose."""
+    def features(self, landmarks: Landmarks, rays: Array) -> FollowedFeatures:
+        """Return the found ones with their `rays` (n x 3) by the motion to a pose."""
         found = self.found
         return FollowedFeatures(
             self.points[found],
             self.state.T_map_camera[:3, 3],
-            self.in_motion(T_camera_map)[found, :2],
+            rays[found, :2],
             self.uv[found],
             landmarks.seen[self.rows[found]],
             TUNING.followed_sigma_px,
@@ -126,7 +129,7 @@ class _Followed:
             T = fit.T_camera_map
         rays, variances = self.in_motion(T), self._variances(_GATES_PX[-1])
         chi2 = fit_pose(self.points, self.covariances, rays, variances, T, None, 0).chi2[:, 0]
-        return _CoarsePose(T, self.found & (chi2 < TUNING.coarse_chi2))
+        return _CoarsePose(T, rays, self.found & (chi2 < TUNING.coarse_chi2))
 
     def _variances(self, sigma_px: float) -> Array:
         fx, fy = self.sensor.lens.intrinsics[:2].tolist()

@@ -49,9 +49,8 @@ class StampClock:
 
     def after(self, stamp: Stamp) -> "StampClock":
         """Return the clock after one more stamp."""
-        begun_anew = replace(self, stamps=(stamp,), late_s=0.0, sigma_s=self.jitter_s)
         if not self.stamps or not 0 < stamp - self.stamps[-1] < self._longest_gap_s * 1e9:
-            return begun_anew
+            return self._begun_anew(stamp)
         stamps = (*self.stamps, stamp)[-TUNING.clock_window :]
         seconds = (np.array(stamps) - stamp) * 1e-9
         steps = np.sort(seconds[1:] - seconds[:-1])
@@ -63,8 +62,12 @@ class StampClock:
         if jitter > TUNING.clock_most_unsteady * period:
             return StampClock(stamps, 0.0, 0.0, period, 0.0)
         if abs(late) > TUNING.clock_most_late_s:
-            return begun_anew
+            return self._begun_anew(stamp)
         return StampClock(stamps, late, jitter * 2.0 / np.sqrt(len(stamps)), period, jitter)
+
+    def _begun_anew(self, stamp: Stamp) -> "StampClock":
+        """Return the clock of a stream that begins, or begins anew, with `stamp`."""
+        return replace(self, stamps=(stamp,), late_s=0.0, sigma_s=self.jitter_s)
 
 
 @compiled

@@ -7,5 +7,5 @@ from odom.geometry.arrays import Array, Index
 
 def parts_of(uv: Array, side_px: int) -> Index:
     """Return the number of the square of `side_px` that each place `uv` (n x 2 px) lies in (n): small, row by row."""
-    column, row = (np.maximum(uv, 0.0) // side_px).astype(np.int64).T
+    column, row = (np.maximum(uv, 0.0).astype(np.int64) // side_px).T
     return np.asarray(column + (int(column.max(initial=0)) + 1) * row)

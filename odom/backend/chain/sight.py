@@ -28,6 +28,8 @@ class Sight:
         What has been culled since, as gone from its place, has the identity 0: it is left out.
         """
         alive = identities > 0
+        if alive.all():
+            return cls(identities, tracked.uv, tracked.measurements)
         return cls(identities[alive], tracked.uv[alive], tracked.measurements.take(alive))
 
     @classmethod

@@ -238,13 +238,8 @@ class FrameStages:
     def _describe(self, view: View, state: State, reason: str, published: Publication | None) -> Estimate:
         """Return the estimate for a frame as it was published, without a pose where None."""
         segment = self._segment if published is None else published.frame.segment
-        estimate = Estimate(view.sequence, view.stamp, state, reason, max(segment, 0), self.published.T_map_odom)
+        frame = view.sequence, view.stamp, state, reason, max(segment, 0), self.published.T_map_odom
         if published is None:
-            return estimate
-        return replace(
-            estimate,
-            T_odom_camera=published.T_odom_camera,
-            covariance=published.covariance,
-            step=published.step,
-            second=published.second,
-        )
+            return Estimate(*frame)
+        T, covariance = published.T_odom_camera, published.covariance
+        return Estimate(*frame, T, covariance, step=published.step, second=published.second)

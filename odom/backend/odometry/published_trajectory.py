@@ -129,13 +129,14 @@ class PublishedTrajectory:
         going = motion.covariance_of_going(middle.delay_s)
         doubt = self._doubt(carried.T_fixed_camera, judged)
         since_start = self._since_start(frame, carried.T_fixed_camera, doubt, sensor)
+        step = second = None
         current = Publication(frame, carried.T_fixed_camera, since_start, T_middle_stamp, going, doubt=doubt)
         if self._recent and since_previous_s:
-            current = replace(current, step=self._motion_since(self._recent[-1], current, inliers, sensor))
+            step = self._motion_since(self._recent[-1], current, inliers, sensor)
         then = self._a_second_before(frame.stamp)
         if then is not None and _from_a_second(then, frame.stamp) < TUNING.near_a_second_s:
-            current = replace(current, second=self._motion_since(then, current, inliers, sensor))
-        return self._keep(current)
+            second = self._motion_since(then, current, inliers, sensor)
+        return self._keep(replace(current, step=step, second=second))
 
     def bridge(self, stamp: Stamp, twist: Array, sensor: SensorModel) -> Publication:
         """Publish what the motion `twist` (6, SI, camera frame) predicts for a frame that could not be tracked."""

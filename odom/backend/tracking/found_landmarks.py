@@ -43,10 +43,10 @@ class FoundLandmarks:
     def of(cls, view: View, sensor: SensorModel, found: Found, landmarks: Landmarks) -> "FoundLandmarks":
         """Return the landmarks that were `found` in a view, all standing."""
         rows = found.rows
-        seen = landmarks.seen[rows]
-        found_before = np.minimum((seen + 1.0) / (landmarks.tried[rows] + 1.0), 1.0)
+        seen = landmarks.seen.take(rows)
+        found_before = np.minimum((seen + 1.0) / (landmarks.tried.take(rows) + 1.0), 1.0)
         standing = np.ones(len(rows), dtype=np.bool_)
-        position, covariance = landmarks.position[rows], landmarks.covariance[rows]
+        position, covariance = landmarks.position.take(rows, 0), landmarks.covariance.take(rows, 0)
         return cls(view, sensor, found, position, covariance, seen, found_before, standing)
 
     def measured(self, twist: Array) -> Measurements:
@@ -78,11 +78,12 @@ class FoundLandmarks:
 
     def velocity(self, measured: Measurements, T_camera_map: Array, twist: Array, prior: MotionPrior) -> Velocity:
         """Return the velocity that the image's rows show from a pose, taken in motion with `twist` (6, SI)."""
-        used = np.flatnonzero(self.standing)
-        row_s = (self.found.uv[used, 1] / self.view.images.full.shape[0] - 0.5) * self.sensor.timing.readout_s
+        if not self.standing.all():
+            standing = self._take(self.standing, self.standing)
+            return standing.velocity(measured.take(self.standing), T_camera_map, twist, prior)
+        row_s = (self.found.uv[:, 1] / self.view.images.full.shape[0] - 0.5) * self.sensor.timing.readout_s
         expected = prior.motion.after(prior.since_s, _WHITE)
-        points, covariances = self.points[used], self.covariances[used]
-        return fit_velocity(points, covariances, measured.take(used), row_s, T_camera_map, twist, expected, prior.scale)
+        return fit_velocity(self.points, self.covariances, measured, row_s, T_camera_map, twist, expected, prior.scale)
 
     def _chi2(self, measured: Measurements, T_camera_map: Array) -> Array:
         """Return chi2 (n x 2: ray, depth) of all at a pose."""

@@ -132,12 +132,16 @@ class FrameTracker:
         is_local[local] = True
         segment = all_keyframes[int(local[0])].segment
         is_doubted = L.gone_s > 0.0
-        also = [k for k in distinct(L.keyframe[L.alive & is_doubted]).tolist() if all_keyframes[k].segment == segment]
-        is_near = is_local.copy()
-        is_near[also] = True
-        rows = np.flatnonzero(L.alive & is_near[L.keyframe] & (is_doubted | is_local[L.keyframe]))
-        keyframes = distinct(np.concatenate([local, L.keyframe[rows]]))
-        chance = (L.seen[rows] + 1.0) / (L.tried[rows] + 2.0)  # Laplace's rule of succession
-        priority = chance**2 * (L.seen[rows] + TUNING.reference_rank * (L.keyframe[rows] == int(local[0])))
+        doubted = np.flatnonzero(L.alive & is_doubted)
+        keyframe = L.keyframe.take(doubted)
+        is_near = np.zeros_like(is_local)
+        is_near[[k for k in distinct(keyframe).tolist() if all_keyframes[k].segment == segment]] = True
+        is_looked_for = L.alive & is_local.take(L.keyframe)
+        is_looked_for[doubted[is_near.take(keyframe)]] = True
+        rows = np.flatnonzero(is_looked_for)
+        keyframe, seen = L.keyframe.take(rows), L.seen.take(rows)
+        keyframes = distinct(np.concatenate([local, keyframe]))
+        chance = (seen + 1.0) / (L.tried.take(rows) + 2.0)  # Laplace's rule of succession
+        priority = chance**2 * (seen + TUNING.reference_rank * (keyframe == int(local[0])))
         T_camera_keyframe = motions_from(self._map, keyframes, T_camera_map)
-        return Candidates(rows, priority, chance, is_doubted[rows], keyframes, T_camera_keyframe)
+        return Candidates(rows, priority, chance, is_doubted.take(rows), keyframes, T_camera_keyframe)

@@ -97,7 +97,16 @@ class _Followed:
         """Return what was found of landmarks: their rows, where (n x 2 px), and which of them."""
         rows, uv, is_found = found
         uv = np.where(is_found[:, None], uv, 0.0)
-        return cls(state, since_s, sensor, rows, landmarks.position[rows], landmarks.covariance[rows], uv, is_found)
+        return cls(
+            state,
+            since_s,
+            sensor,
+            rows,
+            landmarks.position.take(rows, 0),
+            landmarks.covariance.take(rows, 0),
+            uv,
+            is_found,
+        )
 
     def in_motion(self, T_camera_map: Array) -> Array:
         """Return the rays (n x 3, the last NaN) of the middle row if the camera moved straight to a pose."""

@@ -56,7 +56,7 @@ def test_help_is_there_at_once() -> None:
         subprocess.run([sys.executable, "-m", "odom", "--help"], check=True, capture_output=True)
         return time.perf_counter() - begun
 
-    assert min(took_s() for _ in range(5)) <= 0.3
+    assert min(took_s() for _ in range(15)) <= 0.3
 
 
 @pytest.mark.wallclock

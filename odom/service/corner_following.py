@@ -42,5 +42,5 @@ class CornerFollowing:
             if corners is not None:
                 grey = grey_of(color)
                 begun = time.perf_counter()
-                cv2.calcOpticalFlowPyrLK(self._before, grey, corners, None)  # type: ignore[call-overload]
+                cv2.calcOpticalFlowPyrLK(self._before, grey, corners, corners.copy())
                 self._took_ms.append(1e3 * (time.perf_counter() - begun))

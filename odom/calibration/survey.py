@@ -9,6 +9,7 @@ import numpy as np
 from odom.backend import Odometry
 from odom.backend.map.keyframe import Observed
 from odom.backend.mapping.local_adjustment import Adjustment, everything
+from odom.backend.mapping.steady_slopes import steadied, steady_rise
 from odom.calibration.observation_terms import SeenArrays
 from odom.calibration.parameters import LENS, OFFSET, SCALE, vector_of
 from odom.calibration.projection import project
@@ -132,14 +133,14 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
     if not segments:
         raise InputError("nothing could be tracked: look at the recording with odom doctor")
     largest = max(sorted(segments), key=lambda number: len(map_.members(number)))
-    start = everything(map_, odometry.intermediate, largest, odometry.timing, np.eye(3))
+    start = everything(map_, odometry.intermediate, largest, odometry.sensor, np.eye(3))
     between = {frame.number: frame for frame in odometry.intermediate.kept}
     keyframes = [map_.keyframes[number] for number in start.numbers.tolist()]
     others = [between[number] for number in start.between.tolist()]
     frames: list[Observed] = [*keyframes, *others]
     if len(frames) < _LEAST_FRAMES or not len(start.rows):
         raise InputError(f"{len(frames)} frames are linked by common landmarks, too few: walk on for longer")
-    seen, number, landmark = _gathered(frames, odometry, start.rows)
+    seen, number, landmark, late = _gathered(frames, odometry, start.rows)
     stamps = [keyframe.stamp for keyframe in keyframes] + [odometry.frames.stamp_of(s.number) for s in others]
     R_own_told = odometry.sensor.lens.R_own_told
     if camera is not odometry.camera:
@@ -147,6 +148,8 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
     T_camera_map = start.bundle.T_camera_map.copy()
     T_camera_map[:, :3] = R_own_told @ T_camera_map[:, :3]
     at, points = T_camera_map[number], start.bundle.landmarks[landmark]
+    seen = steadied(seen, at[:, :3, :3], landmark, np.array([camera.fx, camera.fy]))
+    seen = replace(seen, values=seen.retimed(late))
     if is_carried_anew:
         twist = (twists_at(stamps, odometry.frames, map_.keyframes).reshape(-1, 3) @ R_own_told.T).reshape(-1, 6)
         seen = carried_anew(seen, camera, twist[number], at, points, odometry.timing.readout_s)
@@ -187,28 +190,25 @@ def steady_slopes(seen: Measurements, by_direction: Array, R_camera_map: Array, 
     a shift of the depth image, which shows in those differences, would be found far too small. `by_direction`
     (N x 2 x 2) is the pixel's derivative by x/z, y/z; `R_camera_map` (N x 3 x 3). NaN becomes 0.
     """
-    x, y, w = seen.values.T
     rise = np.einsum("ni,nij->nj", seen.slope, by_direction)
-    normal = np.column_stack([rise, w - x * rise[:, 0] - y * rise[:, 1]])
-    in_map = np.einsum("nij,ni->nj", R_camera_map, normal / np.linalg.norm(normal, axis=1, keepdims=True))
-    mean = np.zeros((int(landmark.max(initial=-1)) + 1, 3))
-    np.add.at(mean, landmark, np.nan_to_num(in_map))
-    normal = np.einsum("nij,nj->ni", R_camera_map, mean[landmark])
-    facing = normal[:, 0] * x + normal[:, 1] * y + normal[:, 2]
-    steady = np.einsum("nj,nji->ni", normal[:, :2] * (w / facing)[:, None], np.linalg.inv(by_direction))
-    return np.nan_to_num(np.where(np.isfinite(w)[:, None], steady, 0.0), posinf=0.0, neginf=0.0)
+    steady = steady_rise(seen.values, rise, R_camera_map, landmark)[:, None] @ np.linalg.inv(by_direction)
+    return np.nan_to_num(np.where(np.isfinite(seen.values[:, 2:]), steady[:, 0], 0.0), posinf=0.0, neginf=0.0)
 
 
-def _gathered(frames: list[Observed], odometry: Odometry, rows: Index) -> tuple[Measurements, Index, Index]:
-    """Return what the frames measured of the landmarks in `rows` (ascending), with frame and landmark numbers."""
+def _gathered(frames: list[Observed], odometry: Odometry, rows: Index) -> tuple[Measurements, Index, Index, Array]:
+    """Return what the frames measured of the landmarks in `rows` (ascending), with frame and landmark numbers.
+
+    Last is by how much (N x 3, s) the timing has changed since.
+    """
     landmarks, timing = odometry.map.landmarks, odometry.timing.vector
-    numbers, places, measured = [], [], []
+    numbers, places, measured, late = [], [], [], []
     for number, frame in enumerate(frames):
         place = np.searchsorted(rows, frame.rows)
         known = rows[np.minimum(place, len(rows) - 1)] == frame.rows
         chosen = frame.current(landmarks) & known
         one = frame.measurements.take(chosen)
-        measured.append(replace(one, values=one.retimed(timing - frame.timing.vector)))
+        measured.append(one)
+        late.append(np.tile(timing - frame.timing.vector, (len(one), 1)))
         numbers.append(np.full(len(one), number))
         places.append(place[chosen])
     number_of, place_of = np.concatenate(numbers), np.concatenate(places)
@@ -216,7 +216,7 @@ def _gathered(frames: list[Observed], odometry: Odometry, rows: Index) -> tuple[
     found = Measurements(
         *(np.concatenate([getattr(one, f.name) for one in measured])[order] for f in fields(Measurements))
     )
-    return found, number_of[order], place_of[order]
+    return found, number_of[order], place_of[order], np.concatenate(late)[order]
 
 
 def joined(surveys: Sequence[Survey]) -> Survey:

@@ -29,6 +29,8 @@ def test_fast_turns_are_tracked_and_the_rolling_shutter_is_found(turning):
     assert report.ate_m <= 0.018
     assert report.rpe_frame.rmse_deg <= 0.44
     assert 0.010 < ran.timing.readout_s < 0.030
+    # fr1_xyz, by the same camera, and its reverse in time say 25, -30 and 30 ms
+    np.testing.assert_array_less(np.abs(1e3 * ran.timing.vector - (25.0, -30.0, 30.0)), (2.0, 4.0, 8.0))
 
 
 def test_a_place_is_known_again_while_the_camera_turns_fast(turning):

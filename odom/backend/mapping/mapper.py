@@ -1,6 +1,6 @@
 """Keeping the map adjusted and bounded while it grows."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,10 +46,11 @@ class Mapper:
     """Adjusts and prunes `map_`; its `inserter` adds key frames, `intermediate` keeps frames for the end.
 
     A `lens_to_come` takes the place of the sensor's with the next adjustment, which is then of a segment as a whole.
+    `sensor` is what is known of the camera before anything is measured.
     """
 
-    def __init__(self, map_: Map, settings: OdometrySettings) -> None:
-        self._map, self._settings = map_, settings
+    def __init__(self, map_: Map, settings: OdometrySettings, sensor: SensorModel) -> None:
+        self._map, self._settings, self._beforehand = map_, settings, sensor
         self.inserter = KeyframeInserter(map_, settings)
         self.intermediate = IntermediateFrames()
         self._background = Background[_Done]("mapping")
@@ -116,11 +117,11 @@ class Mapper:
         if may_change and self.lens_to_come is not None:
             change, self.lens_to_come = LensChange(sensor.lens, self.lens_to_come), None
             segment = self._map.keyframes[-1].segment
-            adjustment = local_adjustment.through(change, self._map, self.intermediate, segment, sensor.timing, prior)
             sensor = sensor.with_lens(change.after)
+            adjustment = local_adjustment.through(change, self._map, self.intermediate, segment, sensor, prior)
             times += len(adjustment.is_fixed) // TUNING.change_frames
         else:
-            adjustment = local_adjustment.newest(self._map, self._settings.window_keyframes, sensor.timing, prior)
+            adjustment = local_adjustment.newest(self._map, self._settings.window_keyframes, sensor, prior)
         self.inserter.undescribed = []
         linked = [self._map.linked(seen.keyframe) for seen in waiting]
         index = self._map.places
@@ -173,14 +174,17 @@ class Mapper:
         """Adjust each segment as a whole, as far as it is remembered.
 
         Returns the sensor with the timing adjusted, and T_camera_map of the intermediate frames that were adjusted
-        too, by their numbers.
+        too, by their numbers. Of the timing, what was known before the run is the prior: what the run has shown of it
+        since is measured by the same frames, and would count twice.
         """
         adjusted: dict[int, Array] = {}
+        known = self._beforehand
+        sensor = replace(sensor, timing=known.timing, timing_information=known.timing_information)
         mine = [n for n in self._map.remembered if n >= self._map.earlier]
         for segment in sorted({self._map.keyframes[n].segment for n in mine}):
             if len(self._map.members(segment)) >= 2:
                 prior = sensor.timing_information / self._credit(sensor)
-                adjustment = local_adjustment.everything(self._map, self.intermediate, segment, sensor.timing, prior)
+                adjustment = local_adjustment.everything(self._map, self.intermediate, segment, sensor, prior)
                 bundle = adjustment.run()
                 sensor = self._take_over(adjustment, bundle, sensor)
                 adjusted |= adjustment.poses_between(bundle)

@@ -64,8 +64,8 @@ class Measurements:
         )
 
     def retimed(self, change: Array) -> Array:
-        """Return `values` (n x 3) as they would be after the timing's vector has changed by `change` (3, s)."""
-        return np.asarray(self.values + self.jacobian_timing @ change)
+        """Return `values` (n x 3) as they would be once the timing's vector is other by `change` (3 or n x 3, s)."""
+        return np.asarray(self.values + (self.jacobian_timing @ change[..., None])[..., 0])
 
 
 def points_of(measurements: Measurements, share_of_ray: float = 1.0) -> tuple[Array, Array]:

@@ -133,7 +133,7 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
     if not segments:
         raise InputError("nothing could be tracked: look at the recording with odom doctor")
     largest = max(sorted(segments), key=lambda number: len(map_.members(number)))
-    start = everything(map_, odometry.intermediate, largest, odometry.sensor, np.eye(3))
+    start = everything(map_, odometry.intermediate, largest, odometry.sensor, credit=1.0)
     between = {frame.number: frame for frame in odometry.intermediate.kept}
     keyframes = [map_.keyframes[number] for number in start.numbers.tolist()]
     others = [between[number] for number in start.between.tolist()]

@@ -140,20 +140,22 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
     frames: list[Observed] = [*keyframes, *others]
     if len(frames) < _LEAST_FRAMES or not len(start.rows):
         raise InputError(f"{len(frames)} frames are linked by common landmarks, too few: walk on for longer")
-    seen, number, landmark, late = _gathered(frames, odometry, start.rows)
+    seen, number, landmark = _gathered(frames, odometry, start.rows)
     stamps = [keyframe.stamp for keyframe in keyframes] + [odometry.frames.stamp_of(s.number) for s in others]
     R_own_told = odometry.sensor.lens.R_own_told
     if camera is not odometry.camera:
         seen = turned(seen, R_own_told)
     T_camera_map = start.bundle.T_camera_map.copy()
     T_camera_map[:, :3] = R_own_told @ T_camera_map[:, :3]
-    at, points = T_camera_map[number], start.bundle.landmarks[landmark]
-    seen = steadied(seen, at[:, :3, :3], landmark, np.array([camera.fx, camera.fy]))
-    seen = replace(seen, values=seen.retimed(late))
+    at, points, focal_px = T_camera_map[number], start.bundle.landmarks[landmark], np.array([camera.fx, camera.fy])
+    half_readout = np.array([frame.timing.half_readout for frame in frames])[number]
+    seen = steadied(seen, at[:, :3, :3], landmark, half_readout, focal_px)
+    late = np.array([frame.timing.change_to(odometry.timing) for frame in frames])
+    seen = replace(seen, values=seen.retimed(late[number]))
     if is_carried_anew:
         twist = (twists_at(stamps, odometry.frames, map_.keyframes).reshape(-1, 3) @ R_own_told.T).reshape(-1, 6)
         seen = carried_anew(seen, camera, twist[number], at, points, odometry.timing.readout_s)
-    vector, S, fx, fy = vector_of(camera), seen.covariance, camera.fx, camera.fy
+    vector, S, (fx, fy) = vector_of(camera), seen.covariance, focal_px
     uv, by_direction, _ = project(seen.values[:, :2], vector[LENS])
     terms = field_terms(uv, camera.width, camera.height)
     scale = terms @ vector[SCALE]
@@ -195,20 +197,16 @@ def steady_slopes(seen: Measurements, by_direction: Array, R_camera_map: Array, 
     return np.nan_to_num(np.where(np.isfinite(seen.values[:, 2:]), steady[:, 0], 0.0), posinf=0.0, neginf=0.0)
 
 
-def _gathered(frames: list[Observed], odometry: Odometry, rows: Index) -> tuple[Measurements, Index, Index, Array]:
-    """Return what the frames measured of the landmarks in `rows` (ascending), with frame and landmark numbers.
-
-    Last is by how much (N x 3, s) the timing has changed since.
-    """
-    landmarks, timing = odometry.map.landmarks, odometry.timing.vector
-    numbers, places, measured, late = [], [], [], []
+def _gathered(frames: list[Observed], odometry: Odometry, rows: Index) -> tuple[Measurements, Index, Index]:
+    """Return what the frames measured of the landmarks in `rows` (ascending), with frame and landmark numbers."""
+    landmarks = odometry.map.landmarks
+    numbers, places, measured = [], [], []
     for number, frame in enumerate(frames):
         place = np.searchsorted(rows, frame.rows)
         known = rows[np.minimum(place, len(rows) - 1)] == frame.rows
         chosen = frame.current(landmarks) & known
         one = frame.measurements.take(chosen)
         measured.append(one)
-        late.append(np.tile(timing - frame.timing.vector, (len(one), 1)))
         numbers.append(np.full(len(one), number))
         places.append(place[chosen])
     number_of, place_of = np.concatenate(numbers), np.concatenate(places)
@@ -216,7 +214,7 @@ def _gathered(frames: list[Observed], odometry: Odometry, rows: Index) -> tuple[
     found = Measurements(
         *(np.concatenate([getattr(one, f.name) for one in measured])[order] for f in fields(Measurements))
     )
-    return found, number_of[order], place_of[order], np.concatenate(late)[order]
+    return found, number_of[order], place_of[order]
 
 
 def joined(surveys: Sequence[Survey]) -> Survey:

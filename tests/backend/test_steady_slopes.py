@@ -10,6 +10,7 @@ from odom.geometry import se3
 
 FOCAL_PX = np.array([520.0, 515.0])
 FRAMES, LANDMARKS = 12, 150
+HALF = np.full(FRAMES * LANDMARKS, 0.5)
 SLOPE_NOISE = 1e-3
 """1/m for each pixel; a surface at 1 m, seen at 45 degrees, has 2e-3."""
 
@@ -57,12 +58,12 @@ def test_a_lag_is_found_whole_though_slopes_are_noisy(seed):
     true, R, landmark = walk(seed)
     noisy = with_noisy_slopes(true, seed + 10)
     assert fitted(noisy, true, 0.015) < 0.75 * 0.015
-    assert fitted(steadied(noisy, R, landmark, FOCAL_PX), true, 0.015) == pytest.approx(0.015, rel=0.1)
+    assert fitted(steadied(noisy, R, landmark, HALF, FOCAL_PX), true, 0.015) == pytest.approx(0.015, rel=0.1)
 
 
 def test_true_slopes_stay():
     true, R, landmark = walk(0)
-    steady = steadied(true, R, landmark, FOCAL_PX)
+    steady = steadied(true, R, landmark, HALF, FOCAL_PX)
     np.testing.assert_allclose(steady.jacobian_timing, true.jacobian_timing, atol=1e-9)
     assert steady.values is true.values
 
@@ -73,7 +74,7 @@ def test_where_no_depth_was_measured_nothing_changes_and_others_have_their_slope
     noisy.values[::5, 2] = np.nan
     noisy.slope[::5] = 0.0
     noisy.jacobian_timing[::5, 2] = 0.0
-    steady = steadied(noisy, R, landmark, FOCAL_PX)
+    steady = steadied(noisy, R, landmark, HALF, FOCAL_PX)
     assert np.isfinite(steady.jacobian_timing).all()
     np.testing.assert_array_equal(steady.jacobian_timing[::5], noisy.jacobian_timing[::5])
     assert (steady.jacobian_timing[1::5, 2, 1] != noisy.jacobian_timing[1::5, 2, 1]).mean() > 0.95

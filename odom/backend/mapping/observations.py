@@ -32,13 +32,12 @@ def gather_observations(
     Numbers of frames and landmarks in the result count from 0 in the order given and returned; the values are
     carried to the timing of `sensor`. `T_camera_map` (K x 4 x 4) says about where the frames are.
     """
-    frame_numbers, rows, measured, late = [], [], [], []
+    frame_numbers, rows, measured = [], [], []
     for number, frame in enumerate(frames):
         valid = frame.current(landmarks)
         frame_numbers.append(np.full(int(valid.sum()), number))
         rows.append(frame.rows[valid])
         measured.append(frame.measurements.take(valid))
-        late.append(np.tile(sensor.timing.vector - frame.timing.vector, (len(rows[-1]), 1)))
     unique, index, count = np.unique(np.concatenate(rows), return_inverse=True, return_counts=True)
     is_shared = count >= 2
     number_of = np.cumsum(is_shared) - 1
@@ -46,7 +45,9 @@ def gather_observations(
     keep = keep[np.argsort(number_of[index[keep]], kind="stable")]
     frame_number, landmark = np.concatenate(frame_numbers)[keep], number_of[index[keep]]
     seen = Measurements(*(np.concatenate([getattr(m, f.name) for m in measured])[keep] for f in fields(Measurements)))
-    seen = steadied(seen, T_camera_map[frame_number, :3, :3], landmark, sensor.lens.intrinsics[:2])
-    values = seen.retimed(np.concatenate(late)[keep])
+    half_readout, focal_px = np.array([f.timing.half_readout for f in frames]), sensor.lens.intrinsics[:2]
+    seen = steadied(seen, T_camera_map[frame_number, :3, :3], landmark, half_readout[frame_number], focal_px)
+    late = np.array([frame.timing.change_to(sensor.timing) for frame in frames])
+    values = seen.retimed(late[frame_number])
     observations = Observations(frame_number, landmark, values, seen.jacobian_timing, seen.covariance)
     return observations, unique[is_shared]

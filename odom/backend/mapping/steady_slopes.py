@@ -34,11 +34,11 @@ def steady_rise(values: Array, rise: Array, R_camera_map: Array, landmark: Index
         return np.asarray(normal[:, :2] * (w / facing)[:, None])
 
 
-def with_rise(jacobian_timing: Array, change: Array) -> Array:
+def with_rise(jacobian_timing: Array, change: Array, half_readout: Array) -> Array:
     """Return the derivatives by the timing (N x 3 x 3, see `Measurements`) where the rise is other by `change` (N x 2).
 
-    They hold the row in which a feature was seen and how fast it moves. Where `change` is not finite, or the row tells
-    no rate, they stay.
+    They hold the row in which a feature was seen and how fast it moves; `half_readout` (N) is the timing's. Where
+    `change` is not finite, or the row tells no rate, they stay.
     """
     J = jacobian_timing.copy()
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -46,17 +46,20 @@ def with_rise(jacobian_timing: Array, change: Array) -> Array:
         by_lag = (-J[:, :2, 0] / row[:, None] * change).sum(axis=1)
     is_told = np.isfinite(by_lag) & (np.abs(row) > _LEAST_ROW)
     by_lag, row = np.where(is_told, by_lag, 0.0), np.where(is_told, row, 0.0)
-    J[:, 2, 0] += (0.5 - row) * by_lag
+    J[:, 2, 0] += (half_readout - row) * by_lag
     J[:, 2, 1] += by_lag
     J[:, 2, 2] += row * by_lag
     return J
 
 
-def steadied(measured: Measurements, R_camera_map: Array, landmark: Index, focal_px: Array) -> Measurements:
+def steadied(
+    measured: Measurements, R_camera_map: Array, landmark: Index, half_readout: Array, focal_px: Array
+) -> Measurements:
     """Return measurements (N) whose derivatives by the timing are of surfaces that have one normal each.
 
-    `R_camera_map` (N x 3 x 3) and `landmark` (N) as in `steady_rise`; `focal_px` (2: fx, fy) is the lens's.
+    `R_camera_map` (N x 3 x 3) and `landmark` (N) as in `steady_rise`, `half_readout` (N) is that of the timing each
+    was measured by; `focal_px` (2: fx, fy) is the lens's.
     """
     rise = measured.slope * focal_px
     steady = steady_rise(measured.values, rise, R_camera_map, landmark)
-    return replace(measured, jacobian_timing=with_rise(measured.jacobian_timing, steady - rise))
+    return replace(measured, jacobian_timing=with_rise(measured.jacobian_timing, steady - rise, half_readout))

@@ -115,7 +115,7 @@ def measure(
         near = _looked_up(view.depth_mm, uv, errors, lens.depth_model)
     else:
         near = np.ascontiguousarray(inverse_depth_guess)
-    delay_s = view.depth_delay_s + timing.depth_lag_s + timing.readout_s / 2.0
+    delay_s = view.depth_delay_s + timing.depth_lag_s + timing.since_middle_s
     flow, places = moving(
         lens.rays, lens.intrinsics, uv, near, twist, delay_s, timing.readout_s, timing.depth_readout_s, lens.depth_model
     )

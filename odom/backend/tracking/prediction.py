@@ -152,8 +152,9 @@ def _followed_before(landmarks: Landmarks, state: FrameState) -> tuple[Index, Ar
     alive = landmarks.alive[state.rows]
     rows, uv = state.rows[alive], state.uv[alive]
     if len(rows) > TUNING.followed:
-        chosen = np.linspace(0, len(rows) - 1, TUNING.followed).astype(np.int64)
-        rows, uv = rows[chosen], uv[chosen]
+        chosen = (np.arange(TUNING.followed) * ((len(rows) - 1) / (TUNING.followed - 1))).astype(np.int64)
+        chosen[-1] = len(rows) - 1
+        rows, uv = rows.take(chosen), uv.take(chosen, 0)
     return rows, uv
 
 

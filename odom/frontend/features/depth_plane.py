@@ -40,7 +40,7 @@ def read_planes(depth_mm: NDArray[np.uint16], uv: Array, limits: tuple[float, fl
     size = _SIDE * _SIDE
     place = np.arange(size)
     dx, dy = (place % _SIDE - _WINDOW).astype(np.float64), (place // _SIDE - _WINDOW).astype(np.float64)
-    values, counts, in_order = np.zeros(size), np.zeros(size), np.zeros(size)
+    values, counts = np.zeros(size), np.zeros(size)
     for k in range(n):
         u, v = uv[k, 0], uv[k, 1]
         if not (_WINDOW <= u < width - _WINDOW - 1 and _WINDOW <= v < height - _WINDOW - 1):
@@ -65,16 +65,19 @@ def read_planes(depth_mm: NDArray[np.uint16], uv: Array, limits: tuple[float, fl
             least = min(least, values[s] if values[s] > 0.0 else np.inf)
             most = max(most, values[s])
         if most - least > step * least:
-            m = 0
+            # the median is the value with half of them below it; those that were not measured are below all
+            lower, upper = int(size - measured) + (int(measured) - 1) // 2, int(size - measured) + int(measured) // 2
+            low = high = np.inf
             for s in range(size):
-                if values[s] > 0.0:
-                    i = m
-                    while i > 0 and in_order[i - 1] > values[s]:
-                        in_order[i] = in_order[i - 1]
-                        i -= 1
-                    in_order[i] = values[s]
-                    m += 1
-            median = 0.5 * (in_order[(m - 1) // 2] + in_order[m // 2])
+                below, not_above = 0, 0
+                for r in range(size):
+                    below += values[r] < values[s]
+                    not_above += values[r] <= values[s]
+                low = values[s] if below <= lower < not_above else low
+                high = values[s] if below <= upper < not_above else high
+                if low < np.inf and high < np.inf:
+                    break
+            median = 0.5 * (low + high)
             for s in range(size):
                 counts[s] = counts[s] if abs(values[s] - median) <= step * median else 0.0
         # sums of the normal equations of w = b0 + b1 dx + b2 dy over them, from the middle pixel

@@ -13,7 +13,9 @@ FEWEST_BLOCKS = 4
 """Fewer blocks say nothing about confidence."""
 
 _DRAWS = 2000
+"""Draws of the bootstrap: the interval's ends are known to some hundredths of its width."""
 _CONFIDENCE = 0.95
+"""Share of such measurements whose interval holds the true ratio."""
 
 
 @dataclass(frozen=True)

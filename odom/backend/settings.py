@@ -35,7 +35,11 @@ class OdometrySettings(BaseModel, frozen=True, extra="forbid", allow_inf_nan=Fal
         json_schema_extra={"unit": "1/m"},
     )
     readout_prior_s: float = Field(
-        0.024, ge=0, le=1, description="rolling shutter's readout expected before it is known: most of a 30 Hz period"
+        0.024,
+        ge=-1,
+        le=1,
+        description="rolling shutter's readout expected before it is known: most of a 30 Hz period; negative where the "
+        "lowest row is read first, as in images turned by 180 degrees",
     )
     readout_prior_sigma_s: float = Field(0.007, ge=1e-6, le=1, description="one sigma of it")
     depth_lag_prior_s: float = Field(
@@ -47,7 +51,7 @@ class OdometrySettings(BaseModel, frozen=True, extra="forbid", allow_inf_nan=Fal
     depth_lag_prior_sigma_s: float = Field(0.008, ge=1e-6, le=1, description="one sigma of it")
     depth_readout_prior_s: float = Field(
         0.012,
-        ge=0,
+        ge=-1,
         le=1,
         description="the depth shutter's readout expected before it is known: between global and rolling",
     )

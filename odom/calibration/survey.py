@@ -9,6 +9,7 @@ import numpy as np
 from odom.backend import Odometry
 from odom.backend.map.keyframe import Observed
 from odom.backend.mapping.local_adjustment import Adjustment, everything
+from odom.backend.mapping.steady_slopes import steadied, steady_rise
 from odom.calibration.observation_terms import SeenArrays
 from odom.calibration.parameters import LENS, OFFSET, SCALE, vector_of
 from odom.calibration.projection import project
@@ -132,7 +133,7 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
     if not segments:
         raise InputError("nothing could be tracked: look at the recording with odom doctor")
     largest = max(sorted(segments), key=lambda number: len(map_.members(number)))
-    start = everything(map_, odometry.intermediate, largest, odometry.timing, np.eye(3))
+    start = everything(map_, odometry.intermediate, largest, odometry.sensor, credit=1.0)
     between = {frame.number: frame for frame in odometry.intermediate.kept}
     keyframes = [map_.keyframes[number] for number in start.numbers.tolist()]
     others = [between[number] for number in start.between.tolist()]
@@ -146,11 +147,15 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
         seen = turned(seen, R_own_told)
     T_camera_map = start.bundle.T_camera_map.copy()
     T_camera_map[:, :3] = R_own_told @ T_camera_map[:, :3]
-    at, points = T_camera_map[number], start.bundle.landmarks[landmark]
+    at, points, focal_px = T_camera_map[number], start.bundle.landmarks[landmark], np.array([camera.fx, camera.fy])
+    half_readout = np.array([frame.timing.half_readout for frame in frames])[number]
+    seen = steadied(seen, at[:, :3, :3], landmark, half_readout, focal_px)
+    late = np.array([frame.timing.change_to(odometry.timing) for frame in frames])
+    seen = replace(seen, values=seen.retimed(late[number]))
     if is_carried_anew:
         twist = (twists_at(stamps, odometry.frames, map_.keyframes).reshape(-1, 3) @ R_own_told.T).reshape(-1, 6)
         seen = carried_anew(seen, camera, twist[number], at, points, odometry.timing.readout_s)
-    vector, S, fx, fy = vector_of(camera), seen.covariance, camera.fx, camera.fy
+    vector, S, (fx, fy) = vector_of(camera), seen.covariance, focal_px
     uv, by_direction, _ = project(seen.values[:, :2], vector[LENS])
     terms = field_terms(uv, camera.width, camera.height)
     scale = terms @ vector[SCALE]
@@ -187,28 +192,21 @@ def steady_slopes(seen: Measurements, by_direction: Array, R_camera_map: Array, 
     a shift of the depth image, which shows in those differences, would be found far too small. `by_direction`
     (N x 2 x 2) is the pixel's derivative by x/z, y/z; `R_camera_map` (N x 3 x 3). NaN becomes 0.
     """
-    x, y, w = seen.values.T
     rise = np.einsum("ni,nij->nj", seen.slope, by_direction)
-    normal = np.column_stack([rise, w - x * rise[:, 0] - y * rise[:, 1]])
-    in_map = np.einsum("nij,ni->nj", R_camera_map, normal / np.linalg.norm(normal, axis=1, keepdims=True))
-    mean = np.zeros((int(landmark.max(initial=-1)) + 1, 3))
-    np.add.at(mean, landmark, np.nan_to_num(in_map))
-    normal = np.einsum("nij,nj->ni", R_camera_map, mean[landmark])
-    facing = normal[:, 0] * x + normal[:, 1] * y + normal[:, 2]
-    steady = np.einsum("nj,nji->ni", normal[:, :2] * (w / facing)[:, None], np.linalg.inv(by_direction))
-    return np.nan_to_num(np.where(np.isfinite(w)[:, None], steady, 0.0), posinf=0.0, neginf=0.0)
+    steady = steady_rise(seen.values, rise, R_camera_map, landmark)[:, None] @ np.linalg.inv(by_direction)
+    return np.nan_to_num(np.where(np.isfinite(seen.values[:, 2:]), steady[:, 0], 0.0), posinf=0.0, neginf=0.0)
 
 
 def _gathered(frames: list[Observed], odometry: Odometry, rows: Index) -> tuple[Measurements, Index, Index]:
     """Return what the frames measured of the landmarks in `rows` (ascending), with frame and landmark numbers."""
-    landmarks, timing = odometry.map.landmarks, odometry.timing.vector
+    landmarks = odometry.map.landmarks
     numbers, places, measured = [], [], []
     for number, frame in enumerate(frames):
         place = np.searchsorted(rows, frame.rows)
         known = rows[np.minimum(place, len(rows) - 1)] == frame.rows
         chosen = frame.current(landmarks) & known
         one = frame.measurements.take(chosen)
-        measured.append(replace(one, values=one.retimed(timing - frame.timing.vector)))
+        measured.append(one)
         numbers.append(np.full(len(one), number))
         places.append(place[chosen])
     number_of, place_of = np.concatenate(numbers), np.concatenate(places)

@@ -54,7 +54,7 @@ class Scene:
 
     def pose_of_color(self, stamp: Stamp) -> Array:
         """Return T_map_camera at the time of the middle row of the colour image with this stamp."""
-        return self.pose_at(stamp - 0.5e9 * self.timing.readout_s)
+        return self.pose_at(stamp - 1e9 * self.timing.since_middle_s)
 
     def pose_of_depth(self, depth_stamp: Stamp) -> Array:
         """Return T_map_camera at the time that the middle row of the depth image with this stamp shows."""
@@ -66,7 +66,7 @@ class Scene:
         Zero where the trajectory has no poses around it.
         """
         stamps = self.trajectory.stamps
-        middle = stamp - 0.5e9 * self.timing.readout_s
+        middle = stamp - 1e9 * self.timing.since_middle_s
         right = int(np.clip(np.searchsorted(stamps, middle), 1, max(len(stamps) - 1, 1)))
         if len(stamps) < 2:
             return np.zeros(6)

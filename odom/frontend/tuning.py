@@ -59,6 +59,9 @@ class Tuning:
         "larger: loop closures are taken wrongly")
     noise_explained: float = tuned(3.0, unit="variance ratio", source=_SWEEP,
         effect="inflation that noise alone explains; smaller: calibration blamed too soon; larger: too late")
+    tilt_sigma: float = tuned(0.02, unit="rad", source="two cameras are mounted to a degree; fr1's: 1.6 degrees",
+        effect="by which the axis of depth is turned against the colour camera's, before anything is seen; smaller: a "
+        "tilt is found late; larger: a first glimpse is taken for one")
     timing_restart_s: float = tuned(0.001, unit="s", source="assumed of a device that was switched off and on",
         effect="how far a camera's timing may differ from one session to the next; smaller: a changed device is "
         "learnt slowly; larger: it is learnt anew each time")

@@ -8,6 +8,7 @@ from made_up_scene import chain_of_keyframes
 from painted_room import PERIOD, SMALL, START, PaintedRoom
 from rounds import ROUND, round_and_more, turned
 from running import Ran, check_sanity, numbers
+from sensor_models import sensor_model
 
 from odom.backend import Odometry, OdometrySettings, State
 from odom.backend.loop_closure.closing import close_loops, merge_segment
@@ -17,7 +18,6 @@ from odom.backend.mapping.local_adjustment import _oldest_connected
 from odom.backend.mapping.observations import Observations, gather_observations
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import RgbdFrame, Stamp
-from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.features.place_descriptor import Place
 from odom.frontend.matching.place_recognition import PlaceIndex
 from odom.geometry import se3
@@ -57,7 +57,7 @@ def test_a_forgotten_key_frame_keeps_its_pose_and_nothing_that_it_measured():
     assert (np.bincount(L.keyframe[L.alive], minlength=6) == [20, 20, 0, 20, 20, 20]).all()
     forgotten = map_.keyframes[2]
     assert len(forgotten.rows) == len(forgotten.identities) == len(forgotten.uv) == len(forgotten.measurements) == 0
-    twice, _ = gather_observations(2 * map_.keyframes, L, ShutterTiming())
+    twice, _ = gather_observations(2 * map_.keyframes, np.array(2 * poses), L, sensor_model(SMALL))
     assert (np.bincount(twice.keyframe, minlength=12) == 2 * [20, 20, 0, 20, 20, 20]).all()
     assert not map_.links[2]
     assert not any(2 in links for links in map_.links)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from running import check_sanity, run
 
-from odom.backend import State
+from odom.backend import OdometrySettings, State
 
 
 def test_a_desk_is_tracked_and_the_rolling_shutter_is_found(desk):
@@ -29,6 +29,21 @@ def test_fast_turns_are_tracked_and_the_rolling_shutter_is_found(turning):
     assert report.ate_m <= 0.018
     assert report.rpe_frame.rmse_deg <= 0.44
     assert 0.010 < ran.timing.readout_s < 0.030
+    # fr1_xyz, by the same camera, and its reverse in time say 25, -30 and 30 ms
+    np.testing.assert_array_less(np.abs(1e3 * ran.timing.vector - (25.0, -30.0, 30.0)), (2.0, 4.0, 8.0))
+
+
+def test_rows_that_are_read_upwards_are_as_good_where_it_is_said(desk):
+    camera, frames, truth = desk
+    k1, k2, p1, p2, *others = camera.distortion
+    centre = {"cx": camera.width - 1 - camera.cx, "cy": camera.height - 1 - camera.cy}
+    hanging = replace(camera, **centre, distortion=(k1, k2, -p1, -p2, *others))
+    turned = [replace(f, color=f.color[::-1, ::-1].copy(), depth_mm=f.depth_mm[::-1, ::-1].copy()) for f in frames]
+    upwards = run(hanging, turned, OdometrySettings(readout_prior_s=-0.024, depth_readout_prior_s=-0.012))
+    downwards = run(camera, frames)
+    assert upwards.judged(truth).ate_m < 1.15 * downwards.judged(truth).ate_m
+    expected = downwards.timing.vector * (-1.0, 1.0, -1.0)
+    np.testing.assert_array_less(np.abs(1e3 * (upwards.timing.vector - expected)), (1.0, 2.0, 4.0))
 
 
 def test_a_place_is_known_again_while_the_camera_turns_fast(turning):

@@ -64,12 +64,12 @@ def moving_view(twist, readout_s, depth_time_s, depth_readout_s, seed=0):
 @pytest.mark.parametrize(
     "twist", [(0.5, 0.1, 0.4, 0, 0, 0), (0, 0, 0, 0.8, 1.0, 0.6), (-0.4, 0.3, 0.5, -0.7, 0.9, -0.8)]
 )
-@pytest.mark.parametrize("readout_s", [0.0, 0.025])
-@pytest.mark.parametrize("depth_readout_s", [0.0, 0.02])
+@pytest.mark.parametrize("readout_s", [0.0, 0.025, -0.025])
+@pytest.mark.parametrize("depth_readout_s", [0.0, 0.02, -0.02])
 @pytest.mark.parametrize("depth_delay_ns", [-18_000_000, 12_000_000])
 def test_rows_and_depth_are_carried_to_the_middle_row(twist, readout_s, depth_readout_s, depth_delay_ns):
     twist, lag_s = np.array(twist, dtype=np.float64), -0.006
-    since_middle_row_s = depth_delay_ns * 1e-9 + lag_s + readout_s / 2
+    since_middle_row_s = depth_delay_ns * 1e-9 + lag_s + abs(readout_s) / 2
     uv, depth_mm, truth = moving_view(twist, readout_s, since_middle_row_s, depth_readout_s)
     frame = RgbdFrame(0, STAMP, np.zeros((480, 640), np.uint8), Stamp(STAMP + depth_delay_ns), depth_mm)
     nothing = np.zeros((len(uv), 3))
@@ -87,17 +87,18 @@ def test_rows_and_depth_are_carried_to_the_middle_row(twist, readout_s, depth_re
 @pytest.mark.parametrize(
     "twist", [(0.5, 0.1, 0.4, 0, 0, 0), (0, 0, 0, 0.8, 1.0, 0.6), (-0.4, 0.3, 0.5, -0.7, 0.9, -0.8)]
 )
-def test_points_are_expected_where_the_shutter_shows_them(twist):
-    uv, _, truth = moving_view(np.array(twist), 0.025, 0.0, 0.0)
+@pytest.mark.parametrize("readout_s", [0.025, -0.025])
+def test_points_are_expected_where_the_shutter_shows_them(twist, readout_s):
+    uv, _, truth = moving_view(np.array(twist), readout_s, 0.0, 0.0)
     points = np.column_stack([truth[:, :2], np.ones(len(truth))]) / truth[:, 2:]
     lens = (LENS.intrinsics, LENS.distortion, 640, 480, 10.0)
-    expected = seen_in_motion(points, np.eye(4), *lens, np.array(twist), 0.025)
+    expected = seen_in_motion(points, np.eye(4), *lens, np.array(twist), readout_s)
     np.testing.assert_allclose(expected[:, :2], uv, atol=0.1)
     np.testing.assert_allclose(expected[:, 2], points[:, 2])
     assert np.abs(project(points, np.eye(4), *lens)[:, :2] - uv).max() > 1.0
 
 
-@given(twists, st.floats(1.0, 3.0), st.floats(0.0, 0.033))
+@given(twists, st.floats(1.0, 3.0), st.floats(-0.033, 0.033))
 def test_a_ray_is_carried_back_from_where_it_is_expected(twist, faster, readout_s):
     rng = np.random.default_rng(3)
     rays, w = rng.uniform((-0.6, -0.45), (0.6, 0.45), (100, 2)), rng.uniform(0.2, 1.5, 100)
@@ -118,14 +119,15 @@ def test_of_a_global_shutter_or_at_rest_nothing_is_shifted():
     np.testing.assert_array_equal(seen_in_motion(points, np.eye(4), *lens, np.zeros(6), 0.03), straight)
 
 
-def test_retimed_values_are_those_of_a_new_measurement():
+@pytest.mark.parametrize("readouts_s", [(0.016, 0.021), (0.003, -0.004), (-0.021, -0.016)])
+def test_retimed_values_are_those_of_a_new_measurement(readouts_s):
     twist = np.array([0.3, -0.2, 0.4, 0.6, -0.8, 0.5])
     uv, depth_mm, _ = moving_view(twist, 0.02, -0.008, 0.012)
     frame = RgbdFrame(0, STAMP, np.zeros((480, 640), np.uint8), STAMP, depth_mm)
     nothing = np.zeros((len(uv), 3))
-    before, after = ShutterTiming(0.016, -0.010, 0.005), ShutterTiming(0.021, -0.004, 0.018)
+    before, after = ShutterTiming(readouts_s[0], -0.010, 0.005), ShutterTiming(readouts_s[1], -0.004, 0.018)
     a, b = (measure(view_of(frame), sensor_model(CAMERA, timing), uv, nothing, twist) for timing in (before, after))
-    change = after.vector - before.vector
+    change = before.change_to(after)
     deep = np.isfinite(a.values[:, 2]) & np.isfinite(b.values[:, 2])
     moved = np.abs(b.values - a.values)[deep]
     left = np.abs(b.values - a.retimed(change))[deep]

@@ -94,7 +94,7 @@ def add_old_landmarks(map_: Map, found: Found) -> None:
     keyframe.identities = np.concatenate([keyframe.identities, seen.identities[new]])
     keyframe.uv = np.concatenate([keyframe.uv, found.uv[new]])
     values = seen.measurements.take(new)
-    change = keyframe.timing.vector - seen.timing.vector
+    change = seen.timing.change_to(keyframe.timing)
     keyframe.measurements = keyframe.measurements.joined(replace(values, values=values.retimed(change)))
 
 

@@ -13,6 +13,7 @@ from odom.backend.map.pose_graph import Edge
 from odom.backend.map.registrations import Registrations
 from odom.backend.map.saved import Details
 from odom.backend.map.tuning import TUNING
+from odom.frontend.camera.depth_tilt import NO_TILT, without_tilt
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.features.images import FrameImages
 from odom.frontend.features.measurement import Measurements, points_of
@@ -105,9 +106,9 @@ class Map:
             self.register(Edge(against, number, T_against_keyframe, covariance))
         return keyframe
 
-    def add_corners(self, keyframe: Keyframe, images: FrameImages, corners: Corners) -> None:
-        """Make landmarks of new `corners` that a key frame shows in its `images`, measured with its timing."""
-        rows = self._add_landmarks(keyframe.number, keyframe.T_camera_map, images, corners)
+    def add_corners(self, keyframe: Keyframe, images: FrameImages, corners: Corners, tilt: Array = NO_TILT) -> None:
+        """Make landmarks of new `corners` that a key frame shows in its `images`, whose depth has a `tilt` (2)."""
+        rows = self._add_landmarks(keyframe.number, keyframe.T_camera_map, images, corners, tilt)
         keyframe.rows = np.concatenate([keyframe.rows, rows])
         keyframe.identities = np.concatenate([keyframe.identities, self.landmarks.identity[rows]])
         keyframe.uv = np.concatenate([keyframe.uv, corners.uv])
@@ -131,9 +132,11 @@ class Map:
             self.keyframes[edge.a].covariance_since_start, edge.T_a_b, edge.covariance
         )
 
-    def _add_landmarks(self, keyframe: int, T_camera_map: Array, images: FrameImages, corners: Corners) -> Index:
+    def _add_landmarks(
+        self, keyframe: int, T_camera_map: Array, images: FrameImages, corners: Corners, tilt: Array
+    ) -> Index:
         """Make landmarks of the `corners` that a key frame measured; return their rows (n)."""
-        measured = corners.measurements
+        measured = replace(corners.measurements, values=without_tilt(corners.measurements.values, tilt))
         points, covariances = points_of(measured, TUNING.anchor_share)
         T_map_camera = se3.inverse(T_camera_map)
         R = T_map_camera[:3, :3]
@@ -147,10 +150,10 @@ class Map:
             cut_patches(images.half, corners.uv / 2.0),
         )
 
-    def remeasure(self, keyframe: Keyframe, measured: Measurements, timing: ShutterTiming) -> None:
+    def remeasure(self, keyframe: Keyframe, measured: Measurements, timing: ShutterTiming, tilt: Array) -> None:
         """Replace a key frame's measurements (n, in the order of its rows), and move the landmarks it made.
 
-        Where depth is missing now or was missing before, the old values stay; covariances stay as well.
+        Their depth has a `tilt` (2). Where depth is missing now or was before, the old values stay, as covariances do.
         """
         self.journal.measure([keyframe.number])
         before = keyframe.measurements
@@ -159,7 +162,7 @@ class Map:
         keyframe.timing = timing
         L = self.landmarks
         own = keyframe.current(L) & (L.keyframe[keyframe.rows] == keyframe.number)
-        rows, (x, y, w) = keyframe.rows[own], values[own].T
+        rows, (x, y, w) = keyframe.rows[own], without_tilt(values[own], tilt).T
         L.position[rows] = se3.apply(
             se3.inverse(keyframe.T_camera_map), np.column_stack([x, y, np.ones_like(x)]) / w[:, None]
         )

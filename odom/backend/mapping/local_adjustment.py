@@ -11,7 +11,8 @@ from odom.backend.mapping.bundle_adjustment import Bundle, adjust
 from odom.backend.mapping.intermediate_frames import IntermediateFrame, IntermediateFrames
 from odom.backend.mapping.observations import Observations, gather_observations
 from odom.backend.mapping.tuning import TUNING
-from odom.frontend.camera.rolling_shutter import ShutterTiming
+from odom.frontend.camera.depth_tilt import TILTS, by_tilt, without_tilt
+from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.lens_change import LensChange
 from odom.geometry.arrays import Array, Index, Mask
 
@@ -20,7 +21,8 @@ from odom.geometry.arrays import Array, Index, Mask
 class Adjustment:
     """A snapshot of what is to be adjusted; `run` needs nothing else, so that it can work in the background.
 
-    The key frames `numbers` come first, then the intermediate frames, by their numbers `between`.
+    The key frames `numbers` come first, then the intermediate frames, by their numbers `between`. What is adjusted as
+    the bundle's timing is that, and the tilt of depth: `sensor_information` (5 x 5) is what is known of both.
     """
 
     numbers: Index
@@ -30,12 +32,12 @@ class Adjustment:
     identities: Index
     bundle: Bundle
     observations: Observations
-    timing_information: Array
+    sensor_information: Array
     iterations: int
 
     def run(self) -> Bundle:
         """Return the adjusted bundle."""
-        return adjust(self.bundle, self.is_fixed, self.observations, self.timing_information, self.iterations)
+        return adjust(self.bundle, self.is_fixed, self.observations, self.sensor_information, self.iterations)
 
     def poses_between(self, bundle: Bundle) -> dict[int, Array]:
         """Return T_camera_map of the intermediate frames in an adjusted `bundle`, by their numbers."""
@@ -47,8 +49,8 @@ def _snapshot(
     fixed: list[Keyframe],
     free: list[Keyframe],
     between: list[IntermediateFrame],
-    timing: ShutterTiming,
-    information: Array,
+    sensor: SensorModel,
+    credit: float,
     iterations: int,
     change: LensChange | None = None,
 ) -> Adjustment:
@@ -56,20 +58,24 @@ def _snapshot(
     seen: list[Observed] = [*keyframes, *between]
     if change is not None:
         seen = [replace(frame, measurements=change.measured(frame.measurements)) for frame in seen]
-    observations, rows = gather_observations(seen, map_.landmarks, timing)
-    is_fixed = np.zeros(len(keyframes) + len(between), dtype=np.bool_)
+    between_poses = [s.T_camera_keyframe @ map_.keyframes[s.keyframe].T_camera_map for s in between]
+    T_camera_map = np.array([k.T_camera_map for k in keyframes] + between_poses)
+    observations, rows = gather_observations(seen, T_camera_map, map_.landmarks, sensor)
+    straight = without_tilt(observations.values, sensor.depth_tilt)
+    jacobian = np.concatenate([observations.jacobian_timing, by_tilt(observations.values)], axis=2)
+    observations = replace(observations, values=straight, jacobian_timing=jacobian)
+    nothing = np.zeros(len(sensor.timing.vector) + TILTS)
+    is_fixed = np.zeros(len(T_camera_map), dtype=np.bool_)
     is_fixed[: max(1, len(fixed))] = True
-    T_camera_map = [k.T_camera_map for k in keyframes]
-    T_camera_map += [s.T_camera_keyframe @ map_.keyframes[s.keyframe].T_camera_map for s in between]
     return Adjustment(
         np.array([k.number for k in keyframes]),
         np.array([s.number for s in between], dtype=np.int64),
         is_fixed,
         rows,
         map_.landmarks.identity[rows].copy(),
-        Bundle(np.array(T_camera_map), map_.landmarks.position[rows].copy(), np.zeros_like(timing.vector)),
+        Bundle(T_camera_map, map_.landmarks.position[rows].copy(), nothing),
         observations,
-        information,
+        sensor.adjusted_information / credit,
         iterations,
     )
 
@@ -87,7 +93,7 @@ def _oldest_connected(observations: Observations, frames: int) -> Index:
         oldest = reached
 
 
-def newest(map_: Map, window: int, timing: ShutterTiming, timing_information: Array) -> Adjustment:
+def newest(map_: Map, window: int, sensor: SensorModel, credit: float) -> Adjustment:
     """Return the adjustment of the `window` newest key frames, held by older ones that measured the same landmarks."""
     free = [map_.keyframes[n] for n in map_.remembered[-window:] if n >= map_.earlier]
     segment = free[-1].segment
@@ -100,15 +106,15 @@ def newest(map_: Map, window: int, timing: ShutterTiming, timing_information: Ar
     ]
     best = sorted(((n, k) for n, k in shared if n >= TUNING.adjust_shared), reverse=True)[: TUNING.adjust_fixed]
     fixed = [map_.keyframes[k] for _, k in sorted(best, key=lambda pair: pair[1])]
-    return _snapshot(map_, fixed, free, [], timing, timing_information, TUNING.adjust_iterations)
+    return _snapshot(map_, fixed, free, [], sensor, credit, TUNING.adjust_iterations)
 
 
 def everything(
     map_: Map,
     intermediate: IntermediateFrames,
     segment: int,
-    timing: ShutterTiming,
-    timing_information: Array,
+    sensor: SensorModel,
+    credit: float,
     change: LensChange | None = None,
 ) -> Adjustment:
     """Return the adjustment of all remembered key frames of a segment, and of intermediate frames.
@@ -120,7 +126,7 @@ def everything(
     keyframes = map_.members(segment)
     between = intermediate.among(keyframes)
     iterations = TUNING.finish_iterations
-    whole = _snapshot(map_, keyframes[:1], keyframes[1:], between, timing, timing_information, iterations, change)
+    whole = _snapshot(map_, keyframes[:1], keyframes[1:], between, sensor, credit, iterations, change)
     frames = len(whole.is_fixed)
     is_oldest = _oldest_connected(whole.observations, frames) == np.arange(frames)
     is_held = np.zeros(frames, dtype=np.bool_)
@@ -133,11 +139,11 @@ def through(
     map_: Map,
     intermediate: IntermediateFrames,
     segment: int,
-    timing: ShutterTiming,
-    timing_information: Array,
+    sensor: SensorModel,
+    credit: float,
 ) -> Adjustment:
     """Return the adjustment of a segment as a whole to what its frames would have measured through another lens."""
-    whole = everything(map_, intermediate, segment, timing, timing_information, change)
+    whole = everything(map_, intermediate, segment, sensor, credit, change)
     landmarks = positions_through(map_, change, whole.rows)[0]
     return replace(whole, bundle=replace(whole.bundle, landmarks=landmarks))
 

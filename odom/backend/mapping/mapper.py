@@ -46,10 +46,11 @@ class Mapper:
     """Adjusts and prunes `map_`; its `inserter` adds key frames, `intermediate` keeps frames for the end.
 
     A `lens_to_come` takes the place of the sensor's with the next adjustment, which is then of a segment as a whole.
+    `sensor` is what is known of the camera before anything is measured.
     """
 
-    def __init__(self, map_: Map, settings: OdometrySettings) -> None:
-        self._map, self._settings = map_, settings
+    def __init__(self, map_: Map, settings: OdometrySettings, sensor: SensorModel) -> None:
+        self._map, self._settings, self._beforehand = map_, settings, sensor
         self.inserter = KeyframeInserter(map_, settings)
         self.intermediate = IntermediateFrames()
         self._background = Background[_Done]("mapping")
@@ -112,15 +113,15 @@ class Mapper:
         waiting, change, times = self.inserter.undescribed, None, 1
         if self._background.is_busy or not (waiting or (may_change and self.lens_to_come is not None)):
             return
-        prior = sensor.timing_information / self._credit(sensor)
+        credit = self._credit(sensor)
         if may_change and self.lens_to_come is not None:
             change, self.lens_to_come = LensChange(sensor.lens, self.lens_to_come), None
             segment = self._map.keyframes[-1].segment
-            adjustment = local_adjustment.through(change, self._map, self.intermediate, segment, sensor.timing, prior)
             sensor = sensor.with_lens(change.after)
+            adjustment = local_adjustment.through(change, self._map, self.intermediate, segment, sensor, credit)
             times += len(adjustment.is_fixed) // TUNING.change_frames
         else:
-            adjustment = local_adjustment.newest(self._map, self._settings.window_keyframes, sensor.timing, prior)
+            adjustment = local_adjustment.newest(self._map, self._settings.window_keyframes, sensor, credit)
         self.inserter.undescribed = []
         linked = [self._map.linked(seen.keyframe) for seen in waiting]
         index = self._map.places
@@ -172,15 +173,17 @@ class Mapper:
     def finish(self, sensor: SensorModel) -> tuple[SensorModel, dict[int, Array]]:
         """Adjust each segment as a whole, as far as it is remembered.
 
-        Returns the sensor with the timing adjusted, and T_camera_map of the intermediate frames that were adjusted
-        too, by their numbers.
+        Returns the sensor with timing and tilt adjusted, and T_camera_map of the intermediate frames that were adjusted
+        too, by their numbers. Of both, what was known before the run is the prior: what the run has shown of them
+        since is measured by the same frames, and would count twice.
         """
         adjusted: dict[int, Array] = {}
+        sensor = sensor.as_known_before(self._beforehand)
         mine = [n for n in self._map.remembered if n >= self._map.earlier]
         for segment in sorted({self._map.keyframes[n].segment for n in mine}):
             if len(self._map.members(segment)) >= 2:
-                prior = sensor.timing_information / self._credit(sensor)
-                adjustment = local_adjustment.everything(self._map, self.intermediate, segment, sensor.timing, prior)
+                credit = self._credit(sensor)
+                adjustment = local_adjustment.everything(self._map, self.intermediate, segment, sensor, credit)
                 bundle = adjustment.run()
                 sensor = self._take_over(adjustment, bundle, sensor)
                 adjusted |= adjustment.poses_between(bundle)
@@ -195,9 +198,9 @@ class Mapper:
 
     def _take_over(self, adjustment: local_adjustment.Adjustment, bundle: Bundle, sensor: SensorModel) -> SensorModel:
         local_adjustment.take_over(self._map, adjustment, bundle)
-        if np.abs(bundle.timing_change).max() > TUNING.timing_settled_s:
+        if np.abs(bundle.timing_change[: len(sensor.timing.vector)]).max() > TUNING.timing_settled_s:
             self.inserter.wear_out()  # only key frames tell more of it, and what is in view may last for long
-        return sensor.with_timing_change(bundle.timing_change, bundle.information_timing, self._credit(sensor))
+        return sensor.with_adjusted(bundle.timing_change, bundle.information_timing, self._credit(sensor))
 
     def _credit(self, sensor: SensorModel) -> float:
         """Return the share of an adjustment's information on the timing to believe.

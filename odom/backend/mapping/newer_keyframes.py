@@ -25,7 +25,7 @@ def refit_newer(map_: Map, newest: Keyframe, T_old_new: Array, timing: ShutterTi
         older = np.flatnonzero(keyframe.current(L) & (L.keyframe[keyframe.rows] != keyframe.number))
         if len(older) >= TUNING.adjust_shared:
             rows, measured = keyframe.rows[older], keyframe.measurements.take(older)
-            values = measured.retimed(timing.vector - keyframe.timing.vector)
+            values = measured.retimed(keyframe.timing.change_to(timing))
             points, covariances = L.position[rows], L.covariance[rows]
             T_camera_map = fit_pose(points, covariances, values, measured.covariance, T_camera_map).T_camera_map
         T_old_new = se3.inverse(keyframe.T_camera_map) @ T_camera_map

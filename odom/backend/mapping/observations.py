@@ -1,13 +1,15 @@
 """What key frames measured of the landmarks they share, gathered for an adjustment."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from odom.backend.map.keyframe import Observed
 from odom.backend.map.landmarks import Landmarks
-from odom.frontend.camera.rolling_shutter import ShutterTiming
+from odom.backend.mapping.steady_slopes import steadied
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.measurement import Measurements
 from odom.geometry.arrays import Array, Index
 
 
@@ -23,32 +25,29 @@ class Observations:
 
 
 def gather_observations(
-    frames: Sequence[Observed], landmarks: Landmarks, timing: ShutterTiming
+    frames: Sequence[Observed], T_camera_map: Array, landmarks: Landmarks, sensor: SensorModel
 ) -> tuple[Observations, Index]:
     """Return what `frames` measured of the landmarks that at least two of them share, and those landmarks' rows.
 
     Numbers of frames and landmarks in the result count from 0 in the order given and returned; the values are
-    carried to `timing`.
+    carried to the timing of `sensor`. `T_camera_map` (K x 4 x 4) says about where the frames are.
     """
-    frame_numbers, rows, values, jacobians, variances = [], [], [], [], []
+    frame_numbers, rows, measured = [], [], []
     for number, frame in enumerate(frames):
         valid = frame.current(landmarks)
         frame_numbers.append(np.full(int(valid.sum()), number))
         rows.append(frame.rows[valid])
-        m = frame.measurements.take(valid)
-        values.append(m.retimed(timing.vector - frame.timing.vector))
-        jacobians.append(m.jacobian_timing)
-        variances.append(m.covariance)
+        measured.append(frame.measurements.take(valid))
     unique, index, count = np.unique(np.concatenate(rows), return_inverse=True, return_counts=True)
     is_shared = count >= 2
     number_of = np.cumsum(is_shared) - 1
     keep = np.flatnonzero(is_shared[index])
     keep = keep[np.argsort(number_of[index[keep]], kind="stable")]
-    observations = Observations(
-        np.concatenate(frame_numbers)[keep],
-        number_of[index[keep]],
-        np.concatenate(values)[keep],
-        np.concatenate(jacobians)[keep],
-        np.concatenate(variances)[keep],
-    )
+    frame_number, landmark = np.concatenate(frame_numbers)[keep], number_of[index[keep]]
+    seen = Measurements(*(np.concatenate([getattr(m, f.name) for m in measured])[keep] for f in fields(Measurements)))
+    half_readout, focal_px = np.array([f.timing.half_readout for f in frames]), sensor.lens.intrinsics[:2]
+    seen = steadied(seen, T_camera_map[frame_number, :3, :3], landmark, half_readout[frame_number], focal_px)
+    late = np.array([frame.timing.change_to(sensor.timing) for frame in frames])
+    values = seen.retimed(late[frame_number])
+    observations = Observations(frame_number, landmark, values, seen.jacobian_timing, seen.covariance)
     return observations, unique[is_shared]

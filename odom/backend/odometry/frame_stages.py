@@ -50,7 +50,7 @@ class FrameStages:
         self.state: FrameState | None = None
         self.map = Map() if saved is None else open_map(saved)
         self.tracker = FrameTracker(self.map, settings)
-        self.mapper = Mapper(self.map, settings)
+        self.mapper = Mapper(self.map, settings, sensor)
         self.closer = LoopCloser(self.map, self.tracker)
         self.published = PublishedTrajectory(self.map)
         self.chain = Chain()

@@ -18,12 +18,13 @@ from odom.geometry.compiled import compiled
 class ShutterTiming:
     """The timing of a device, constant over a stream.
 
-    `readout_s`: from the first row of a colour image to the last. Poses are estimated for the middle row; an image is
-    stamped when it is complete, so its stamp is `readout_s / 2` later.
+    `readout_s`: from the uppermost row of a colour image to the lowest; negative where the lowest is read first, as in
+    images that were turned by 180 degrees because the camera hangs upside down. Poses are estimated for the middle row;
+    an image is stamped when it is complete, so its stamp is `since_middle_s` later.
 
     `depth_lag_s`: what must be added to a depth image's stamp to get the time that its middle row shows.
 
-    `depth_readout_s`: from the first row of a depth image to the last; 0 for a global shutter.
+    `depth_readout_s`: the same of a depth image; 0 for a global shutter.
     """
 
     readout_s: float = 0.0
@@ -34,6 +35,26 @@ class ShutterTiming:
     def vector(self) -> Array:
         """The three numbers as an array, in this order."""
         return np.array([self.readout_s, self.depth_lag_s, self.depth_readout_s])
+
+    @property
+    def since_middle_s(self) -> float:
+        """How much later than its middle row's time a colour image is complete, in seconds."""
+        return abs(self.readout_s) / 2.0
+
+    @property
+    def half_readout(self) -> float:
+        """By how much `since_middle_s` grows with the readout: .5, or -.5 where the lowest row is read first."""
+        return 0.5 if self.readout_s >= 0.0 else -0.5
+
+    def change_to(self, other: "ShutterTiming") -> Array:
+        """Return by how much (3, s) the `other` vector is more, for derivatives by this one.
+
+        Where rows are read the other way round, `since_middle_s` does not change as these say; the lag makes up for it.
+        """
+        change = other.vector - self.vector
+        if other.half_readout != self.half_readout:
+            change[1] += other.since_middle_s - self.since_middle_s - self.half_readout * change[0]
+        return change
 
     def changed(self, change: Array) -> "ShutterTiming":
         """Return the timing with `change` (3, s) added to its vector."""

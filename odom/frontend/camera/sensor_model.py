@@ -1,8 +1,11 @@
 """All that is known of the camera, in one value: lens, timing of its shutters, clock of its stamps, and noise."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from odom.frame import Stamp
+from odom.frontend.camera.depth_tilt import NO_TILT, TILTS
 from odom.frontend.camera.lens import Lens
 from odom.frontend.camera.noise_monitor import NoiseMonitor
 from odom.frontend.camera.rolling_shutter import ShutterTiming
@@ -15,7 +18,8 @@ from odom.geometry.arrays import Array
 class SensorModel:
     """What the stream has shown of its camera so far; a new value takes this one's place as more is learnt.
 
-    `timing_information` (3 x 3, 1/s^2) says how well the numbers of `timing` are known.
+    `timing_information` (3 x 3, 1/s^2) says how well the numbers of `timing` are known, and `tilt_information` (2 x 2,
+    1/rad^2) those of the `depth_tilt` (2, rad, see there).
     """
 
     lens: Lens
@@ -23,6 +27,43 @@ class SensorModel:
     timing_information: Array
     clock: StampClock
     noise: NoiseMonitor
+    depth_tilt: Array = field(default_factory=lambda: NO_TILT)
+    tilt_information: Array = field(default_factory=lambda: np.eye(TILTS) / TUNING.tilt_sigma**2)
+
+    @property
+    def adjusted_information(self) -> Array:
+        """How well all is known that adjustments change (5 x 5): the timing, then the tilt."""
+        timings = len(self.timing_information)
+        information = np.zeros((timings + TILTS, timings + TILTS))
+        information[:timings, :timings] = self.timing_information
+        information[timings:, timings:] = self.tilt_information
+        return information
+
+    def with_adjusted(self, change: Array, information: Array | None, credit: float) -> "SensorModel":
+        """Return the model after an adjustment has moved timing and tilt by `change` (5), see `with_timing_change`.
+
+        `information` (5 x 5) is what the adjusted observations say of both together.
+        """
+        timings = len(self.timing_information)
+        if information is None:
+            return self.with_timing_change(change[:timings], None, credit)
+        A, B, C = information[:timings, :timings], information[:timings, timings:], information[timings:, timings:]
+        prior = self.adjusted_information / credit
+        of_timing = A - B @ np.linalg.solve(C + prior[timings:, timings:], B.T)
+        of_tilt = C - B.T @ np.linalg.solve(A + prior[:timings, :timings], B)
+        known = self.with_timing_change(change[:timings], of_timing, credit)
+        tilt = self.depth_tilt + change[timings:]
+        return replace(known, depth_tilt=tilt, tilt_information=self.tilt_information + credit * of_tilt)
+
+    def as_known_before(self, before: "SensorModel") -> "SensorModel":
+        """Return the model with what adjustments change, timing and tilt, as it was known `before`."""
+        return replace(
+            self,
+            timing=before.timing,
+            timing_information=before.timing_information,
+            depth_tilt=before.depth_tilt,
+            tilt_information=before.tilt_information,
+        )
 
     def with_timing_change(self, change: Array, information: Array | None, credit: float) -> "SensorModel":
         """Return the model after an adjustment has moved the timing by `change` (3, s).
@@ -40,8 +81,8 @@ class SensorModel:
         return replace(self, clock=self.clock.after(stamp))
 
     def with_lens(self, lens: Lens) -> "SensorModel":
-        """Return the model with another lens."""
-        return replace(self, lens=lens)
+        """Return the model with another lens, through which the tilt, too, is another one."""
+        return replace(self, lens=lens, depth_tilt=NO_TILT, tilt_information=np.eye(TILTS) / TUNING.tilt_sigma**2)
 
     def with_noise(self, noise: NoiseMonitor) -> "SensorModel":
         """Return the model with what the newest frame has shown of the noise."""

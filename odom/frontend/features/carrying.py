@@ -29,6 +29,7 @@ def _find_rows(
 
     Those are x/z, y/z and z as the middle row shows them, x/z and y/z as they are shown, and how late that is (s).
     """
+    latest_s = 0.5 * abs(readout_s)
     for k in range(_LANES):
         x, y, row_s = block[k + 3 * _LANES], block[k + 4 * _LANES], block[k + 5 * _LANES]
         _u, v = pixel_of(x, y, intrinsics, distortion)
@@ -36,8 +37,8 @@ def _find_rows(
         late_s = (v / height - 0.5) * readout_s - row_s
         slower = 1.0 - yd * intrinsics[1] * readout_s / height
         row_s += late_s / (slower if slower > _SLOWEST_ROWS else _SLOWEST_ROWS)
-        row_s = row_s if row_s > -0.5 * readout_s else -0.5 * readout_s
-        row_s = row_s if row_s < 0.5 * readout_s else 0.5 * readout_s
+        row_s = row_s if row_s > -latest_s else -latest_s
+        row_s = row_s if row_s < latest_s else latest_s
         block[k + 3 * _LANES], block[k + 4 * _LANES] = block[k] + xd * row_s, block[k + _LANES] + yd * row_s
         block[k + 5 * _LANES] = row_s
 
@@ -71,7 +72,7 @@ def seen_in_motion(
             x, y, z = ahead(T_camera_points, points, first + k)
             block[k], block[k + _LANES], block[k + 2 * _LANES] = x, y, z
             block[k + 3 * _LANES], block[k + 4 * _LANES], block[k + 5 * _LANES] = x, y, 0.0
-        for _ in range(_ROW_STEPS if readout_s > 0.0 else 0):
+        for _ in range(_ROW_STEPS if readout_s != 0.0 else 0):
             _find_rows(block, numbers, coefficients, float(height), velocity, readout_s)
         for k in range(count):
             u, v = pixel_of(block[k + 3 * _LANES], block[k + 4 * _LANES], numbers, coefficients)
@@ -179,6 +180,7 @@ def carried(
     values, jacobian = np.empty((n, 3)), np.zeros((n, 3, 3))
     covariance, slope = np.empty((n, 4)), np.zeros((n, 2))
     fx, fy = intrinsics[0], intrinsics[1]
+    half = 0.5 if readout_s >= 0.0 else -0.5
     for k in range(n):
         x, y, xd, yd, wd = flow[k, 0], flow[k, 1], flow[k, 2], flow[k, 3], flow[k, 4]
         offset, scale = errors[k, 0], errors[k, 1]
@@ -192,7 +194,7 @@ def carried(
         jacobian[k, 1, 0] = -yd * row
         if w > 0.0:
             jacobian[k, 2, 1] = su * xd * fx + sv * yd * fy - wd
-            jacobian[k, 2, 0] = (0.5 - row) * jacobian[k, 2, 1] - wd * row
+            jacobian[k, 2, 0] = (half - row) * jacobian[k, 2, 1] - wd * row
             jacobian[k, 2, 2] = row * jacobian[k, 2, 1]
             slope[k, 0], slope[k, 1] = su, sv
         covariance[k, 0] = (covariance_uv[k, 0] + pixel_variance) / (fx * fx)

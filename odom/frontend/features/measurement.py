@@ -64,8 +64,8 @@ class Measurements:
         )
 
     def retimed(self, change: Array) -> Array:
-        """Return `values` (n x 3) as they would be after the timing's vector has changed by `change` (3, s)."""
-        return np.asarray(self.values + self.jacobian_timing @ change)
+        """Return `values` (n x 3) as they would be once the timing's vector is other by `change` (3 or n x 3, s)."""
+        return np.asarray(self.values + (self.jacobian_timing @ change[..., None])[..., 0])
 
 
 def points_of(measurements: Measurements, share_of_ray: float = 1.0) -> tuple[Array, Array]:
@@ -115,7 +115,7 @@ def measure(
         near = _looked_up(view.depth_mm, uv, errors, lens.depth_model)
     else:
         near = np.ascontiguousarray(inverse_depth_guess)
-    delay_s = view.depth_delay_s + timing.depth_lag_s + timing.readout_s / 2.0
+    delay_s = view.depth_delay_s + timing.depth_lag_s + timing.since_middle_s
     flow, places = moving(
         lens.rays, lens.intrinsics, uv, near, twist, delay_s, timing.readout_s, timing.depth_readout_s, lens.depth_model
     )

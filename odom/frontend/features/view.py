@@ -55,7 +55,7 @@ class View:
 
     def since_middle_s(self, timing: ShutterTiming) -> float:
         """Return how much later than its middle row's time the frame is stamped, in seconds."""
-        return self.late_s + timing.readout_s / 2.0
+        return self.late_s + timing.since_middle_s
 
     @property
     def depth_delay_s(self) -> float:

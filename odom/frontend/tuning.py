@@ -62,6 +62,9 @@ class Tuning:
     tilt_sigma: float = tuned(0.02, unit="rad", source="two cameras are mounted to a degree; fr1's: 1.6 degrees",
         effect="by which the axis of depth is turned against the colour camera's, before anything is seen; smaller: a "
         "tilt is found late; larger: a first glimpse is taken for one")
+    tilt_odds: float = tuned(20.0, unit="1", source="strong evidence as R. Kass, A. Raftery 1995 call it",
+        effect="Bayes factor from which on depth's axis is taken to be turned; smaller: noise bends walks that hardly "
+        "tell a tilt; larger: a tilt is found late")
     timing_restart_s: float = tuned(0.001, unit="s", source="assumed of a device that was switched off and on",
         effect="how far a camera's timing may differ from one session to the next; smaller: a changed device is "
         "learnt slowly; larger: it is learnt anew each time")

@@ -79,7 +79,7 @@ def chain_of_keyframes(poses, covariance, begins=(0,)):
             None if number in begins else number - 1,
             np.zeros((6, 6)) if number in begins else covariance,
         )
-        map_.add_corners(keyframe, images, Corners(np.full((20, 2), 30.0), measured))
+        map_.add_corners(keyframe, images, Corners(np.full((20, 2), 30.0), measured), np.zeros(2))
     return map_
 
 

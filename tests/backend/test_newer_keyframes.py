@@ -44,7 +44,7 @@ def walk(shared):
         uv = np.full((len(corners), 2), 30.0)
         against = number - 1 if number else None
         keyframe = map_.add_keyframe(view, se3.inverse(T), known, ShutterTiming(), against, 1e-6 * np.eye(6))
-        map_.add_corners(keyframe, images, Corners(uv, corners))
+        map_.add_corners(keyframe, images, Corners(uv, corners), np.zeros(2))
     return map_, np.array([se3.inverse(T) for T in T_map_camera])
 
 

@@ -13,7 +13,7 @@ from odom.backend.map.pose_graph import Edge
 from odom.backend.map.registrations import Registrations
 from odom.backend.map.saved import Details
 from odom.backend.map.tuning import TUNING
-from odom.frontend.camera.depth_tilt import NO_TILT, without_tilt
+from odom.frontend.camera.depth_tilt import without_tilt
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.features.images import FrameImages
 from odom.frontend.features.measurement import Measurements, points_of
@@ -106,7 +106,7 @@ class Map:
             self.register(Edge(against, number, T_against_keyframe, covariance))
         return keyframe
 
-    def add_corners(self, keyframe: Keyframe, images: FrameImages, corners: Corners, tilt: Array = NO_TILT) -> None:
+    def add_corners(self, keyframe: Keyframe, images: FrameImages, corners: Corners, tilt: Array) -> None:
         """Make landmarks of new `corners` that a key frame shows in its `images`, whose depth has a `tilt` (2)."""
         rows = self._add_landmarks(keyframe.number, keyframe.T_camera_map, images, corners, tilt)
         keyframe.rows = np.concatenate([keyframe.rows, rows])

@@ -27,14 +27,16 @@ _CONVERGED = 1e-4
 class Bundle:
     """What is adjusted: T_camera_map (K x 4 x 4), landmarks (L x 3, map frame), change of the timing (t = 3).
 
-    `information_timing` (t x t) is what the observations alone say about the timing, and `covariances` (L x 3 x 3)
-    the landmarks' given the poses; both None before the first adjustment.
+    `information_timing` (t x t) is what the observations alone say about the timing, `pull_timing` (t) how much they
+    would still move it: by the inverse of the one times the other. `covariances` (L x 3 x 3) are the landmarks' given
+    the poses. All are None before the first adjustment.
     """
 
     T_camera_map: Array
     landmarks: Array
     timing_change: Array
     information_timing: Array | None = None
+    pull_timing: Array | None = None
     covariances: Array | None = None
 
 
@@ -99,11 +101,13 @@ def adjust(
             damping *= 100.0
             S, rhs, V_inverse, b_landmark, W_timing, W, cost = reduced(best, damping)
     if damping > _LEAST_DAMPING:  # the result's information must not depend on the damping that the steps ended with
-        S, _, V_inverse, *_ = reduced(best, _LEAST_DAMPING)
+        S, rhs, V_inverse, *_ = reduced(best, _LEAST_DAMPING)
     S_poses, S_across = S[:poses, :poses].copy(), S[:poses, poses:]
     S_poses.flat[:: poses + 1] += 1e-9
-    information = S[poses:, poses:] - S_across.T @ np.linalg.solve(S_poses, S_across)
-    return Bundle(best.T_camera_map, best.landmarks, best.timing_change, information, V_inverse)
+    of_poses = np.linalg.solve(S_poses, np.column_stack([S_across, rhs[:poses]]))
+    information = S[poses:, poses:] - S_across.T @ of_poses[:, :-1]
+    pull = rhs[poses:] - S_across.T @ of_poses[:, -1]
+    return Bundle(best.T_camera_map, best.landmarks, best.timing_change, information, pull, V_inverse)
 
 
 def warm_up() -> None:

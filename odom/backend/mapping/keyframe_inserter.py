@@ -79,7 +79,7 @@ class KeyframeInserter:
         self.recent.forget()
         nothing = Measured.nothing()
         keyframe = self._map.add_keyframe(view, T_camera_map, nothing, sensor.timing, None, _CERTAIN)
-        self._map.add_corners(keyframe, view.images, corners, sensor.depth_tilt)
+        self._map.add_corners(keyframe, view.images, corners, sensor.depth_tilt.angles)
         self._work_on(keyframe, view, AT_REST)
         self._newest = self._coverage_at_keyframe = None
         return keyframe
@@ -115,7 +115,7 @@ class KeyframeInserter:
         grown = self._new_corners.take(count, sensor)
         if grown is not None:
             keyframe = self._map.keyframes[grown.wanted.keyframe]
-            self._map.add_corners(keyframe, grown.wanted.before.view.images, grown.corners, sensor.depth_tilt)
+            self._map.add_corners(keyframe, grown.wanted.before.view.images, grown.corners, sensor.depth_tilt.angles)
             self._map.cull(self._map.neighbours(keyframe.number, keyframe.T_camera_map, self._settings.local_keyframes))
         return grown
 
@@ -201,7 +201,7 @@ class KeyframeInserter:
         """Measure the features of key frame `number` again, now that its motion `twist` (6, SI) is known better."""
         keyframe = self._map.keyframes[number]
         measured = measure_exactly(view, sensor, keyframe.uv, twist)
-        self._map.remeasure(keyframe, measured, sensor.timing, sensor.depth_tilt)
+        self._map.remeasure(keyframe, measured, sensor.timing, sensor.depth_tilt.angles)
 
     def _work_on(self, keyframe: Keyframe, view: View, twist: Array) -> None:
         self.undescribed.append(KeyframeView(keyframe.number, view, twist))

@@ -61,7 +61,7 @@ def _snapshot(
     between_poses = [s.T_camera_keyframe @ map_.keyframes[s.keyframe].T_camera_map for s in between]
     T_camera_map = np.array([k.T_camera_map for k in keyframes] + between_poses)
     observations, rows = gather_observations(seen, T_camera_map, map_.landmarks, sensor)
-    straight = without_tilt(observations.values, sensor.depth_tilt)
+    straight = without_tilt(observations.values, sensor.depth_tilt.angles)
     jacobian = np.concatenate([observations.jacobian_timing, by_tilt(observations.values)], axis=2)
     observations = replace(observations, values=straight, jacobian_timing=jacobian)
     nothing = np.zeros(len(sensor.timing.vector) + TILTS)

@@ -152,13 +152,13 @@ class Mapper:
             return None
         change, adjustment, bundle = taken.change, taken.adjustment, taken.bundle
         if change is None:
-            sensor = self._take_over(adjustment, bundle, sensor)
+            sensor = self._take_over(adjustment, bundle, sensor, self._credit(sensor))
         else:
             newest = self._map.keyframes[int(adjustment.numbers[-1])]
             T_newest_map = newest.T_camera_map
             see_through(self._map, change)
             self.inserter.see_through(change)
-            sensor = self._take_over(adjustment, bundle, sensor.with_lens(change.after))
+            sensor = self._take_over(adjustment, bundle, sensor.with_lens(change.after), self._credit(sensor))
             T_old_new = se3.inverse(T_newest_map) @ newest.T_camera_map
             refit_newer(self._map, newest, T_old_new, sensor.timing)
             self.intermediate.see_through(change, adjustment.poses_between(bundle), self._map.keyframes)
@@ -175,17 +175,17 @@ class Mapper:
 
         Returns the sensor with timing and tilt adjusted, and T_camera_map of the intermediate frames that were adjusted
         too, by their numbers. Of both, what was known before the run is the prior: what the run has shown of them
-        since is measured by the same frames, and would count twice.
+        since is measured by the same frames, and would count twice. Here each frame counts once.
         """
         adjusted: dict[int, Array] = {}
         sensor = sensor.as_known_before(self._beforehand)
         mine = [n for n in self._map.remembered if n >= self._map.earlier]
         for segment in sorted({self._map.keyframes[n].segment for n in mine}):
             if len(self._map.members(segment)) >= 2:
-                credit = self._credit(sensor)
+                credit = 1.0 / sensor.noise.covariance_scale
                 adjustment = local_adjustment.everything(self._map, self.intermediate, segment, sensor, credit)
                 bundle = adjustment.run()
-                sensor = self._take_over(adjustment, bundle, sensor)
+                sensor = self._take_over(adjustment, bundle, sensor, credit)
                 adjusted |= adjustment.poses_between(bundle)
         self._map.journal.measure([*mine, *self._map.journal.thinned])
         return sensor, adjusted
@@ -196,11 +196,14 @@ class Mapper:
         self._settled = max(settled, default=self._settled - 1) + 1
         self._map.journal.measure([*described, *settled])
 
-    def _take_over(self, adjustment: local_adjustment.Adjustment, bundle: Bundle, sensor: SensorModel) -> SensorModel:
+    def _take_over(
+        self, adjustment: local_adjustment.Adjustment, bundle: Bundle, sensor: SensorModel, credit: float
+    ) -> SensorModel:
         local_adjustment.take_over(self._map, adjustment, bundle)
         if np.abs(bundle.timing_change[: len(sensor.timing.vector)]).max() > TUNING.timing_settled_s:
             self.inserter.wear_out()  # only key frames tell more of it, and what is in view may last for long
-        return sensor.with_adjusted(bundle.timing_change, bundle.information_timing, self._credit(sensor))
+        told = bundle.information_timing, bundle.pull_timing
+        return sensor.with_adjusted(bundle.timing_change, *told, credit)
 
     def _credit(self, sensor: SensorModel) -> float:
         """Return the share of an adjustment's information on the timing to believe.

@@ -89,7 +89,7 @@ class FoundLandmarks:
 
     def _values(self, measured: Measurements) -> Array:
         """Return what was measured (n x 3) with depth along the colour camera's axis."""
-        return without_tilt(measured.values, self.sensor.depth_tilt)
+        return without_tilt(measured.values, self.sensor.depth_tilt.angles)
 
     def _chi2(self, measured: Measurements, T_camera_map: Array) -> Array:
         """Return chi2 (n x 2: ray, depth) of all at a pose."""

@@ -6,29 +6,78 @@ the edges, several times the noise there. A landmark that wanders through the im
 camera with it. Seen at several places in the image, landmarks tell the tilt, and adjustments find it. Source: two axes,
 geometry; that depth errs more by such fields than by noise: A. Teichman, S. Miller, S. Thrun, "Unsupervised intrinsic
 calibration of depth sensors via SLAM", RSS 2013.
+
+A walk that hardly tells a tilt would be bent by what noise takes for one. So there is none until it is likelier than
+none by far. Source: Bayes factors, R. Kass, A. Raftery, Journal of the American Statistical Association 90, 1995.
 """
+
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from odom.frontend.tuning import TUNING
 from odom.geometry.arrays import Array
 
 TILTS = 2
 """Numbers of a tilt (rad): inverse depth is measured as smaller by their products with a ray's x/z and y/z."""
-NO_TILT: Array = np.zeros(TILTS)
+_NO_TILT: Array = np.zeros(TILTS)
 """The tilt of depth that is measured along the colour camera's axis."""
+_UNSEEN = np.eye(TILTS) / TUNING.tilt_sigma**2
+"""How well a tilt (2 x 2, 1/rad^2) is known before anything is seen."""
+_HELD = np.eye(TILTS) * 1e12
+"""The same of a tilt that adjustments must not change."""
 
 
-def without_tilt(values: Array, tilt: Array) -> Array:
-    """Return `values` (n x 3: x/z, y/z, 1/z; NaN without depth) as they would be measured without a `tilt` (2, rad)."""
-    if not tilt.any():
+@dataclass(frozen=True, eq=False)
+class DepthTilt:
+    """What the stream has shown of the tilt: its `angles` (2, rad), and their `information` (2 x 2, 1/rad^2).
+
+    Until `is_shown`, the angles are 0, and `evidence` (2, 1/rad) is the information times the angles that the
+    observations ask for.
+    """
+
+    angles: Array = field(default_factory=lambda: _NO_TILT)
+    information: Array = field(default_factory=lambda: _UNSEEN)
+    evidence: Array = field(default_factory=lambda: np.zeros(TILTS))
+    is_shown: bool = False
+
+    @property
+    def adjusted_information(self) -> Array:
+        """What an adjustment is to take for known (2 x 2, 1/rad^2)."""
+        return self.information if self.is_shown else _HELD
+
+    def with_change(self, change: Array, information: Array) -> "DepthTilt":
+        """Return a tilt that is shown after an adjustment has moved it by `change` (2, rad).
+
+        `information` (2 x 2, 1/rad^2) is what is learnt by it.
+        """
+        return replace(self, angles=self.angles + change, information=self.information + information)
+
+    def with_evidence(self, pull: Array, information: Array) -> "DepthTilt":
+        """Return a tilt that is not shown after one more adjustment; it may be now.
+
+        By their `information` (2 x 2, 1/rad^2) the observations would move it by that inverse times their `pull` (2,
+        1/rad). Twice the logarithm of the Bayes factor is what a tilt explains less what its freedom costs.
+        """
+        evidence, information = self.evidence + pull, self.information + information
+        explained = evidence @ np.linalg.solve(information, evidence)
+        freedom = np.linalg.slogdet(information)[1] - np.linalg.slogdet(_UNSEEN)[1]
+        if explained < freedom + 2.0 * np.log(TUNING.tilt_odds):
+            return replace(self, information=information, evidence=evidence)
+        return DepthTilt(is_shown=True)
+
+
+def without_tilt(values: Array, angles: Array) -> Array:
+    """Return `values` (n x 3: x/z, y/z, 1/z; NaN without depth) as measured without a tilt by `angles` (2, rad)."""
+    if not angles.any():
         return values
     straight = values.copy()
-    straight[:, 2] *= 1.0 + values[:, :2] @ tilt
+    straight[:, 2] *= 1.0 + values[:, :2] @ angles
     return straight
 
 
 def by_tilt(values: Array) -> Array:
-    """Return the derivative (n x 3 x 2) of `without_tilt` by the tilt, 0 without depth."""
+    """Return the derivative (n x 3 x 2) of `without_tilt` by the angles, 0 without depth."""
     derivative = np.zeros((len(values), 3, TILTS))
     derivative[:, 2] = np.nan_to_num(values[:, 2:]) * values[:, :2]
     return derivative

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from odom.frame import Stamp
-from odom.frontend.camera.depth_tilt import NO_TILT, TILTS
+from odom.frontend.camera.depth_tilt import TILTS, DepthTilt
 from odom.frontend.camera.lens import Lens
 from odom.frontend.camera.noise_monitor import NoiseMonitor
 from odom.frontend.camera.rolling_shutter import ShutterTiming
@@ -18,8 +18,7 @@ from odom.geometry.arrays import Array
 class SensorModel:
     """What the stream has shown of its camera so far; a new value takes this one's place as more is learnt.
 
-    `timing_information` (3 x 3, 1/s^2) says how well the numbers of `timing` are known, and `tilt_information` (2 x 2,
-    1/rad^2) those of the `depth_tilt` (2, rad, see there).
+    `timing_information` (3 x 3, 1/s^2) says how well the numbers of `timing` are known.
     """
 
     lens: Lens
@@ -27,8 +26,7 @@ class SensorModel:
     timing_information: Array
     clock: StampClock
     noise: NoiseMonitor
-    depth_tilt: Array = field(default_factory=lambda: NO_TILT)
-    tilt_information: Array = field(default_factory=lambda: np.eye(TILTS) / TUNING.tilt_sigma**2)
+    depth_tilt: DepthTilt = field(default_factory=DepthTilt)
 
     @property
     def adjusted_information(self) -> Array:
@@ -36,33 +34,40 @@ class SensorModel:
         timings = len(self.timing_information)
         information = np.zeros((timings + TILTS, timings + TILTS))
         information[:timings, :timings] = self.timing_information
-        information[timings:, timings:] = self.tilt_information
+        information[timings:, timings:] = self.depth_tilt.adjusted_information
         return information
 
-    def with_adjusted(self, change: Array, information: Array | None, credit: float) -> "SensorModel":
+    def with_adjusted(
+        self, change: Array, information: Array | None, pull: Array | None, credit: float
+    ) -> "SensorModel":
         """Return the model after an adjustment has moved timing and tilt by `change` (5), see `with_timing_change`.
 
-        `information` (5 x 5) is what the adjusted observations say of both together.
+        `information` (5 x 5) is what the adjusted observations say of both together, `pull` (5) how much they would
+        still move them.
         """
         timings = len(self.timing_information)
-        if information is None:
+        if information is None or pull is None:
             return self.with_timing_change(change[:timings], None, credit)
         A, B, C = information[:timings, :timings], information[:timings, timings:], information[timings:, timings:]
         prior = self.adjusted_information / credit
         of_timing = A - B @ np.linalg.solve(C + prior[timings:, timings:], B.T)
         of_tilt = C - B.T @ np.linalg.solve(A + prior[:timings, :timings], B)
         known = self.with_timing_change(change[:timings], of_timing, credit)
-        tilt = self.depth_tilt + change[timings:]
-        return replace(known, depth_tilt=tilt, tilt_information=self.tilt_information + credit * of_tilt)
+        if self.depth_tilt.is_shown:
+            return replace(known, depth_tilt=self.depth_tilt.with_change(change[timings:], credit * of_tilt))
+        share = credit * self.noise.covariance_scale  # a tilt itself makes the halves of an image disagree
+        return replace(known, depth_tilt=self.depth_tilt.with_evidence(share * pull[timings:], share * of_tilt))
 
     def as_known_before(self, before: "SensorModel") -> "SensorModel":
-        """Return the model with what adjustments change, timing and tilt, as it was known `before`."""
+        """Return the model with what adjustments change, timing and tilt, as it was known `before`.
+
+        Whether there is a tilt remains known.
+        """
         return replace(
             self,
             timing=before.timing,
             timing_information=before.timing_information,
-            depth_tilt=before.depth_tilt,
-            tilt_information=before.tilt_information,
+            depth_tilt=DepthTilt(is_shown=self.depth_tilt.is_shown),
         )
 
     def with_timing_change(self, change: Array, information: Array | None, credit: float) -> "SensorModel":
@@ -82,7 +87,7 @@ class SensorModel:
 
     def with_lens(self, lens: Lens) -> "SensorModel":
         """Return the model with another lens, through which the tilt, too, is another one."""
-        return replace(self, lens=lens, depth_tilt=NO_TILT, tilt_information=np.eye(TILTS) / TUNING.tilt_sigma**2)
+        return replace(self, lens=lens, depth_tilt=DepthTilt())
 
     def with_noise(self, noise: NoiseMonitor) -> "SensorModel":
         """Return the model with what the newest frame has shown of the noise."""

@@ -27,7 +27,6 @@ from odom.backend.estimate import ChainPose, RelativePose
 from odom.backend.map.map import Map
 from odom.backend.map.pose_covariance import calibration_covariance
 from odom.frame import Stamp
-from odom.frontend.camera.noise_monitor import NoiseMonitor
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.lens_change import LensChange
 from odom.geometry import se3
@@ -85,7 +84,7 @@ class Chain:
         self.link, self._end = link, self._renewed(frame, sight, sensor)
         return self._described(frame, why, sensor)
 
-    def close(self, map_: Map, is_keyframe: bool, reference: int, noise: NoiseMonitor) -> None:
+    def close(self, map_: Map, is_keyframe: bool, reference: int, sensor: SensorModel) -> None:
         """Make a node of the newest frame if it is due, or if it is the map's newest key frame; look for closures.
 
         `reference` is the key frame nearest in pose.
@@ -94,7 +93,7 @@ class Chain:
         if end is not None and (is_keyframe or self.closures.are_due(end.view.stamp)):
             node = self._node(end.view.stamp, map_.keyframes[-1].number if is_keyframe else None)
             self.closures.add(node)
-            self.closures.close(node, end.sight, reference, map_, noise)
+            self.closures.close(node, end.sight, reference, map_, sensor)
 
     def see_through(self, change: LensChange) -> None:
         """Go on through a new lens: what the newest frame and the chain's own corners showed is told by it."""
@@ -128,7 +127,8 @@ class Chain:
         Where few of them agree, corners are followed from the one image to the other besides.
         """
         before, now = end.sight.in_common_with(frame.sight)
-        found = register_frames(before.measured, now.measured, T_hint)
+        angles = sensor.depth_tilt.angles
+        found = register_frames(before.measured.straight(angles), now.measured.straight(angles), T_hint)
         if not isinstance(found, str):
             if np.count_nonzero(found.inliers) >= TUNING.plenty_pairs:
                 return now, found
@@ -138,7 +138,7 @@ class Chain:
             return now, found
         self._next_name = int(more_now.names[-1]) - 1
         before, now_too = before.joined(more_before), now.joined(more_now)
-        found_too = register_frames(before.measured, now_too.measured, T_hint)
+        found_too = register_frames(before.measured.straight(angles), now_too.measured.straight(angles), T_hint)
         return (now, found) if isinstance(found_too, str) else (now_too, found_too)
 
     def _append(

@@ -11,12 +11,12 @@ from odom.backend.chain.closures import ChainNode, closure
 from odom.backend.estimate import ChainClosing, ClosedChain, RelativePose
 from odom.backend.map.map import Map
 from odom.backend.map.pose_graph import Edge, optimise_with_covariance
-from odom.frontend.camera.noise_monitor import NoiseMonitor
+from odom.frontend.camera.sensor_model import SensorModel
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 
 
-def close_chain(chain: Chain, map_: Map, noise: NoiseMonitor) -> ClosedChain | None:
+def close_chain(chain: Chain, map_: Map, sensor: SensorModel) -> ClosedChain | None:
     """Return how the chain moves when its closures are met as well as its links; None where it has not begun.
 
     Over a hole that closures join, they decide; over one that nothing joins the closed chain stands still, as the chain
@@ -37,7 +37,7 @@ def close_chain(chain: Chain, map_: Map, noise: NoiseMonitor) -> ClosedChain | N
     closed = se3.inverse(T_closed[first.number]) @ T_closed[end.number]
     closing = None
     if piece[first.part] == piece[end.part]:
-        closing = _closing(chain, first, end, map_, noise, Edge(first.number, end.number, closed, covariance))
+        closing = _closing(chain, first, end, map_, sensor, Edge(first.number, end.number, closed, covariance))
     pieces = len(set(piece.values()))
     return ClosedChain(stamps, moved, poses, len(closures.edges), closures.refused, pieces, closing)
 
@@ -75,13 +75,13 @@ def _closed_poses(
 
 
 def _closing(
-    chain: Chain, first: ChainNode, end: ChainNode, map_: Map, noise: NoiseMonitor, closed: Edge
+    chain: Chain, first: ChainNode, end: ChainNode, map_: Map, sensor: SensorModel, closed: Edge
 ) -> ChainClosing | None:
     """Return the closing test, None where the last frame does not show what the first one did."""
     if first.keyframe is None or first.keyframe not in map_.remembered or first.number == end.number:
         return None
     chained = first.edge_to(end)
-    direct = closure(first.number, map_.keyframes[first.keyframe], end.number, chain.end_sight, closed.T_a_b, noise)
+    direct = closure(first.number, map_.keyframes[first.keyframe], end.number, chain.end_sight, closed.T_a_b, sensor)
     if direct is None:
         return None
     pose = RelativePose(first.stamp, direct.T_a_b, direct.covariance)

@@ -17,7 +17,7 @@ from odom.backend.map.map import Map
 from odom.backend.map.pose_covariance import independent_covariance
 from odom.backend.map.pose_graph import Edge
 from odom.frame import Stamp
-from odom.frontend.camera.noise_monitor import NoiseMonitor
+from odom.frontend.camera.sensor_model import SensorModel
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 from odom.geometry.numbered import places_of, shared
@@ -74,7 +74,7 @@ class Closures:
             self.nodes = [one for one in self.nodes if one.number not in gone]
             self.edges = [edge for edge in self.edges if not {edge.a, edge.b} & gone]
 
-    def close(self, node: ChainNode, sight: Sight, reference: int, map_: Map, noise: NoiseMonitor) -> None:
+    def close(self, node: ChainNode, sight: Sight, reference: int, map_: Map, sensor: SensorModel) -> None:
         """Register a node, near key frame `reference`, against those of long ago that share most landmarks with it."""
         near = map_.linked(reference).intersection(map_.remembered)
         until = node.stamp - TUNING.closure_after_s * 1e9
@@ -85,21 +85,25 @@ class Closures:
             if counts[k] < TUNING.closure_least:
                 break
             chained = places[k].edge_to(node)
-            edge = closure(places[k].number, keyframes[k], node.number, sight, chained.T_a_b, noise)
-            if edge is None or disagreement(chained.T_a_b, chained.covariance, edge, noise.calibration_error):
+            edge = closure(places[k].number, keyframes[k], node.number, sight, chained.T_a_b, sensor)
+            if edge is None or disagreement(chained.T_a_b, chained.covariance, edge, sensor.noise.calibration_error):
                 self.refused += 1
             else:
                 self.edges.append(edge)
 
 
-def closure(a: int, place: Keyframe, b: int, sight: Sight, T_hint: Array, noise: NoiseMonitor) -> Edge | None:
+def closure(a: int, place: Keyframe, b: int, sight: Sight, T_hint: Array, sensor: SensorModel) -> Edge | None:
     """Return node `b`, with its `sight`, registered against node `a`, a key frame, by the landmarks that both measured.
 
     `T_hint` is T_a_b as expected. None where they cannot be registered.
     """
     here, there = shared(place.identities, sight.names)
-    found = register_frames(place.measurements.take(here), sight.measured.take(there), T_hint)
+    found = register_frames(
+        place.measurements.take(here).straight(sensor.depth_tilt.angles),
+        sight.measured.take(there).straight(sensor.depth_tilt.angles),
+        T_hint,
+    )
     if isinstance(found, str):
         return None
-    covariance = independent_covariance(noise.covariance_scale * found.covariance)
+    covariance = independent_covariance(sensor.noise.covariance_scale * found.covariance)
     return Edge(a, b, found.T_previous_current, covariance, is_loop=True)

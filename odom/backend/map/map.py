@@ -136,7 +136,7 @@ class Map:
         self, keyframe: int, T_camera_map: Array, images: FrameImages, corners: Corners, tilt: Array
     ) -> Index:
         """Make landmarks of the `corners` that a key frame measured; return their rows (n)."""
-        measured = replace(corners.measurements, values=without_tilt(corners.measurements.values, tilt))
+        measured = corners.measurements.straight(tilt)
         points, covariances = points_of(measured, TUNING.anchor_share)
         T_map_camera = se3.inverse(T_camera_map)
         R = T_map_camera[:3, :3]

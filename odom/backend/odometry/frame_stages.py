@@ -150,7 +150,7 @@ class FrameStages:
         watch.lap("chain")
         is_keyframe = self._grow_map(view, judged, published)
         watch.lap("map")
-        self.chain.close(self.map, is_keyframe, tracked.reference, self.sensor.noise)
+        self.chain.close(self.map, is_keyframe, tracked.reference, self.sensor)
         watch.lap("chain")
         moving = self.moving.cells
         return replace(estimate, is_keyframe=is_keyframe, pairwise=self.chain.link, chain=chained, moving=moving)
@@ -225,7 +225,7 @@ class FrameStages:
         published = self.published.begin(view.stamp, keyframe.segment, keyframe.number, self.sensor)
         chain = self.chain.extend(ChainFrame(view, Sight.nothing(), AT_REST, published), None, self.sensor)
         number, rows, uv = keyframe.number, keyframe.rows, keyframe.uv
-        self.chain.close(self.map, True, number, self.sensor.noise)
+        self.chain.close(self.map, True, number, self.sensor)
         self.state = FrameState(view, None, T_camera_map, AT_REST, number, rows, uv, is_bent=True)
         state = State.TRACKING if is_first else State.RECOVERED
         reason = "" if is_first else "new segment: no known place recognised"

@@ -241,7 +241,7 @@ class Odometry:
     def closed_chain(self) -> ClosedChain | None:
         """Return how the chain moves by its closures, None where it has not begun."""
         frames = self._frames
-        return close_chain(frames.chain, frames.map, frames.sensor.noise)
+        return close_chain(frames.chain, frames.map, frames.sensor)
 
     @property
     def _newest_tracked(self) -> Tracked | None:

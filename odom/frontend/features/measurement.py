@@ -3,11 +3,12 @@
 Inverse depth is what a Kinect measures (disparity): there its noise is nearly Gaussian and independent of the pixel's.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from odom.frontend.camera.depth_tilt import without_tilt
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.carrying import carried, depth_errors, moving
 from odom.frontend.features.depth_plane import PLANE_LIMITS, read_planes
@@ -62,6 +63,10 @@ class Measurements:
             np.concatenate([self.covariance, other.covariance]),
             np.concatenate([self.slope, other.slope]),
         )
+
+    def straight(self, angles: Array) -> "Measurements":
+        """Return them as measured without a tilt of depth by `angles` (2, rad)."""
+        return replace(self, values=without_tilt(self.values, angles)) if angles.any() else self
 
     def retimed(self, change: Array) -> Array:
         """Return `values` (n x 3) as they would be once the timing's vector is other by `change` (3 or n x 3, s)."""

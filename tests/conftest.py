@@ -3,18 +3,23 @@
 import os
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import drawn
 import kinds
 import pytest
+import typer.testing
 from hypothesis import settings
 
 from odom.cli import ONE_THREAD
 
 settings.register_profile("shared-machine", deadline=None, derandomize=True)
 settings.load_profile("shared-machine")
+
+if hasattr(typer.testing, "_get_command"):  # built for each call, `odom`'s many commands take longer than most of them
+    typer.testing._get_command = cache(typer.testing._get_command)
 
 FORBIDDEN = ("subprocess.Popen", "os.fork", "os.posix_spawn", "socket.connect", "socket.bind")
 """What a fast test may not do: Python's audit events."""

@@ -56,6 +56,17 @@ def _digest() -> str:
     return state.hexdigest()[:16]
 
 
+_unseen: dict[Path, int] = {}
+"""Of each folder, how many bytes this process may add before it looks again how much is there."""
+
+
+def _has_room(folder: Path) -> bool:
+    """Whether more may be kept. To count thousands of files takes as long as to draw one: this is done seldom."""
+    if _unseen.get(folder, 0) <= 0:
+        _unseen[folder] = (MOST_BYTES - sum(each.stat().st_size for each in folder.glob("*.npz"))) // 4
+    return _unseen[folder] > 0
+
+
 def kept(key: str, draw: Callable[[], Arrays]) -> Arrays:
     """Return the arrays that `key` names, drawn only when they are not kept yet; images among them are kept as PNG."""
     folder = _folder()
@@ -66,10 +77,11 @@ def kept(key: str, draw: Callable[[], Arrays]) -> Arrays:
         with np.load(file) as stored:
             return {name: _decoded(stored[name]) if name in _IMAGES else stored[name] for name in stored}
     arrays = draw()
-    if sum(each.stat().st_size for each in folder.glob("*.npz")) < MOST_BYTES:
+    if _has_room(folder):
         partial = file.with_suffix(f".{os.getpid()}.part")
         with partial.open("wb") as stream:
             np.savez(stream, **{n: _encoded(array) if n in _IMAGES else array for n, array in arrays.items()})
+        _unseen[folder] -= partial.stat().st_size
         partial.replace(file)
     return arrays
 

@@ -69,14 +69,19 @@ def mark(item: pytest.Item) -> None:
         item.add_marker("fast")
 
 
-def _reached(item: pytest.Function) -> set[str]:
+def _reached(item: pytest.Function) -> frozenset[str]:
     """Return the names of what a test, its fixtures and the helpers of both refer to."""
+    names = tuple(item.fixturenames)
+    known = item._fixtureinfo.name2fixturedefs
+    fixtures = tuple(definition.func for name in names for definition in known.get(name, ()))
+    return _names_from((item.function, *fixtures)).union(names)
+
+
+@cache
+def _names_from(things: tuple[Any, ...]) -> frozenset[str]:
     names: set[str] = set()
     seen: set[int] = set()
-    waiting: list[Any] = [item.function]
-    for name in item.fixturenames:
-        names.add(name)
-        waiting += [definition.func for definition in item._fixtureinfo.name2fixturedefs.get(name, ())]
+    waiting = [*things]
     while waiting:
         thing = waiting.pop()
         if id(thing) in seen:
@@ -85,12 +90,22 @@ def _reached(item: pytest.Function) -> set[str]:
         if isinstance(thing, type):
             waiting += [member for member in vars(thing).values() if isinstance(member, FunctionType)]
             continue
-        for name in _names(thing.__code__):
-            value = thing.__globals__.get(name)
-            names |= {name, getattr(value, "__module__", name)}
-            if isinstance(value, FunctionType | type) and _is_of_the_tests(value):
-                waiting.append(value)
-    return names
+        found, helpers = _refers_to(thing)
+        names |= found
+        waiting += helpers
+    return frozenset(names)
+
+
+@cache
+def _refers_to(function: FunctionType) -> tuple[frozenset[str], tuple[Any, ...]]:
+    """Return the names in a function's code with the modules that they are of, and what among them is of the tests."""
+    names, helpers = set(), []
+    for name in _names(function.__code__):
+        value = function.__globals__.get(name)
+        names |= {name, getattr(value, "__module__", name)}
+        if isinstance(value, FunctionType | type) and _is_of_the_tests(value):
+            helpers.append(value)
+    return frozenset(names), tuple(helpers)
 
 
 def _names(code: CodeType) -> Iterator[str]:

@@ -60,7 +60,7 @@ def _building(seed: int, rooms_: int, is_later: bool) -> Building:
 
 
 @lru_cache(maxsize=2)
-def _scene(name: str, seed: int, people: int = 0, is_later: bool = False) -> Renderer:
+def _scene(name: str, seed: int, people: int, is_later: bool) -> Renderer:
     return rooms.corridor(seed) if name == "corridor" else rooms.laboratory(seed, people, is_later)
 
 

@@ -26,11 +26,12 @@ HEMISPHERE_RAYS = 32
 
 
 class Blockers(NamedTuple):
-    """The surfaces that cast shadows, sorted into cubes of CUBE_M: cube c holds `listed[begin[c]:begin[c + 1]]`."""
+    """The surfaces that cast shadows, sorted into cubes of CUBE_M: cube c holds `listed[begin[c]:begin[c + 1]]`.
 
-    origin: Array
-    u: Array
-    v: Array
+    `surfaces` (n x 13) has each one's origin, edges u and v, their product u x v, and its square |u x v|^2.
+    """
+
+    surfaces: Array
     corner: Array
     shape: Index
     begin: Index
@@ -56,7 +57,10 @@ def sort_blockers(panels: list[Panel]) -> Blockers:
     cube, owner = np.concatenate(cubes), np.concatenate(owners)
     order = np.argsort(cube, kind="stable")
     begin = np.searchsorted(cube[order], np.arange(int(shape.prod()) + 1))
-    return Blockers(origin, u, v, corner, shape, begin.astype(np.int64), owner[order].astype(np.int64))
+    normal = np.array([p.across for p in chosen])
+    square = normal[:, 0] * normal[:, 0] + normal[:, 1] * normal[:, 1] + normal[:, 2] * normal[:, 2]
+    surfaces = np.column_stack([origin, u, v, normal, square])
+    return Blockers(surfaces, corner, shape, begin.astype(np.int64), owner[order].astype(np.int64))
 
 
 Triple = tuple[float, float, float] | Array
@@ -73,18 +77,19 @@ def _dot(a: Triple, b: Triple) -> float:
 
 
 @compiled
-def _meets(p: Array, ray: Array, reach: float, o: Array, u: Array, v: Array) -> bool:
-    """Say whether `p + f ray`, 0 < f < reach, meets the surface at `o` with edges `u` and `v`."""
-    normal = _cross(u, v)
-    slope = _dot(normal, ray)
+def _meets(p: Array, ray: Array, reach: float, surface: Array) -> bool:
+    """Say whether `p + f ray`, 0 < f < reach, meets a surface: its origin, edges u and v, u x v and |u x v|^2."""
+    nx, ny, nz = surface[9], surface[10], surface[11]
+    slope = nx * ray[0] + ny * ray[1] + nz * ray[2]
     if abs(slope) < 1e-12:
         return False
-    d = (o[0] - p[0], o[1] - p[1], o[2] - p[2])
-    f = _dot(normal, d) / slope
+    d = (surface[0] - p[0], surface[1] - p[1], surface[2] - p[2])
+    f = (nx * d[0] + ny * d[1] + nz * d[2]) / slope
     if f < 2e-3 or f > reach:
         return False
     hit = (f * ray[0] - d[0], f * ray[1] - d[1], f * ray[2] - d[2])
-    nn = _dot(normal, normal)
+    u, v = (surface[3], surface[4], surface[5]), (surface[6], surface[7], surface[8])
+    normal, nn = (nx, ny, nz), surface[12]
     s, t = _dot(_cross(hit, v), normal) / nn, _dot(_cross(u, hit), normal) / nn
     return bool(0.0 <= s <= 1.0 and 0.0 <= t <= 1.0)
 
@@ -95,7 +100,7 @@ def _blocked(p: Array, ray: Array, reach: float, blockers: Blockers, cube: Index
 
     `cube` (3) and `along` (2 x 3) are working memory.
     """
-    origin, u, v, corner, shape, begin, listed = blockers
+    surfaces, corner, shape, begin, listed = blockers
     ahead, width = along[0], along[1]
     for r in range(3):
         at = (p[r] - corner[r]) / CUBE_M
@@ -109,8 +114,7 @@ def _blocked(p: Array, ray: Array, reach: float, blockers: Blockers, cube: Index
         if 0 <= cube[0] < shape[0] and 0 <= cube[1] < shape[1] and 0 <= cube[2] < shape[2]:
             c = (cube[0] * shape[1] + cube[1]) * shape[2] + cube[2]
             for k in range(begin[c], begin[c + 1]):
-                i = listed[k]
-                if _meets(p, ray, reach, origin[i], u[i], v[i]):
+                if _meets(p, ray, reach, surfaces[listed[k]]):
                     return True
         r = 0 if ahead[0] < ahead[1] else 1
         r = r if ahead[r] < ahead[2] else 2
@@ -173,8 +177,7 @@ def bake(panels: list[Panel], neighbours: list[Panel], lamps: Lamps, seed: int) 
     for panel in panels:
         rows, columns = _grid(panel)
         s, t = (np.arange(columns) + 0.5) / columns, (np.arange(rows) + 0.5) / rows
-        normal = -np.cross(panel.u, panel.v)
-        normal /= np.linalg.norm(normal)
+        normal = -panel.across / panel.area
         grid = panel.origin + t[:, None, None] * panel.v + s[None, :, None] * panel.u + 0.004 * normal
         points.append(grid.reshape(-1, 3))
         normals.append(np.broadcast_to(normal, (rows * columns, 3)))

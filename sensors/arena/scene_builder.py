@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -35,10 +36,16 @@ class Panel:
     v: Array
     material: Material
 
-    @property
+    @cached_property
+    def across(self) -> Array:
+        """`u` x `v`: into the surface for who looks at it, as long as its area."""
+        (a, b, c), (x, y, z) = self.u.tolist(), self.v.tolist()
+        return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
+
+    @cached_property
     def area(self) -> float:
         """Square metres."""
-        return float(np.linalg.norm(np.cross(self.u, self.v)))
+        return float(np.linalg.norm(self.across))
 
     def paint(self) -> Image:
         """Return the picture; it is another one each time, as the painter's random numbers go on."""

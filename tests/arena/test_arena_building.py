@@ -8,12 +8,19 @@ import pytest
 from odom.errors import ConfigError
 from odom.geometry import se3
 from sensors.arena import ArenaOptions, frame
-from sensors.arena.building import ALIKE_ROW, building
+from sensors.arena import frames as session
+from sensors.arena.building import ALIKE_ROW, Building, building
 from sensors.arena.camera_path import make_walk
 from sensors.arena.options import RATE_HZ, WALKING_M_S
 from sensors.arena.ring import BAY_M, ROWS, round_m, side_m, way
 
 SMALL = ArenaOptions(rooms=8, half=True)
+
+
+@pytest.fixture(scope="module")
+def eight_rooms() -> Building:
+    """The building that the frames of SMALL are drawn of: to furnish and light one takes seconds."""
+    return session._building(SMALL.seed, SMALL.rooms, False)
 
 
 @pytest.mark.parametrize("rooms", [4, 20, 92])
@@ -41,8 +48,8 @@ def test_92_rooms_are_three_hundred_metres() -> None:
 
 
 @pytest.mark.long
-def test_rooms_of_one_row_are_alike_to_the_last_book_and_others_are_not() -> None:
-    sections = building(1, 8).sections
+def test_rooms_of_one_row_are_alike_to_the_last_book_and_others_are_not(eight_rooms: Building) -> None:
+    sections = eight_rooms.sections
     in_row = 8 // ROWS + 1  # and a corner
     one, next_, other = sections[ALIKE_ROW * in_row], sections[ALIKE_ROW * in_row + 1], sections[0]
     assert np.array_equal(one.patch, next_.patch)
@@ -53,13 +60,15 @@ def test_rooms_of_one_row_are_alike_to_the_last_book_and_others_are_not() -> Non
 
 
 @pytest.mark.long
-def test_a_frame_is_the_same_in_whatever_order_it_is_asked_for_and_another_visit_shows_another_light() -> None:
+def test_a_frame_is_the_same_in_whatever_order_it_is_asked_for_and_another_visit_shows_another_light(
+    eight_rooms: Building,
+) -> None:
     there = frame(SMALL, 300)
     frame(SMALL, 900)
     again = frame(SMALL, 300)
     assert np.array_equal(there.rgb, again.rgb)
     assert np.array_equal(there.depth_mm, again.depth_mm)
-    first, later = building(1, 8), building(1, 8, is_later=True)
+    first, later = eight_rooms, building(SMALL.seed, SMALL.rooms, is_later=True)
     assert later.atlas.texels.shape == first.atlas.texels.shape
     bright, dim = (np.mean(b.atlas.texels & 0xFF) for b in (first, later))
     assert dim < 0.97 * bright  # half of the light is that of the surroundings

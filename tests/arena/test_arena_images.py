@@ -133,7 +133,7 @@ def test_the_corridor_repeats_itself_to_the_last_pixel() -> None:
     from sensors.arena.rooms import BAY_M
 
     options = ArenaOptions(walk="corridor", faults=False)
-    scene = session._scene("corridor", 1)
+    scene = session._scene("corridor", 1, 0, False)
     T = session.make_walk(options).T_world_camera(7.0)
     further = T.copy()
     further[0, 3] += BAY_M

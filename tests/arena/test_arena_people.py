@@ -124,7 +124,7 @@ def test_a_rolling_shutter_shears_who_walks(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(session, "EXPOSURE_S", 0.0)
     rolled, perfect = ArenaOptions(people=4), ArenaOptions(people=4, faults=False)
     t, walk = 4.1, Rest(Infinity().T_world_camera(2.0))
-    scene = session._scene("laboratory", 1, 4)
+    scene = session._scene("laboratory", 1, 4, False)
 
     def drawn(options: ArenaOptions, at: float) -> np.ndarray:
         return session.unpack(session._light(options, scene, walk, at)).mean(axis=2)

@@ -28,7 +28,7 @@ class Steady:
 
 def drawn(options: ArenaOptions, walk: Steady, t: float) -> np.ndarray:
     """The picture without noise whose middle row is of `t`, grey."""
-    scene = session._scene("laboratory", options.seed)
+    scene = session._scene("laboratory", options.seed, 0, False)
     return session.unpack(session._light(options, scene, walk, t)).mean(axis=2)
 
 
@@ -63,7 +63,7 @@ def test_the_truth_is_the_pose_at_the_stamp(faulty: ArenaOptions) -> None:
 
 def test_a_perfect_camera_shows_the_instant_of_its_stamp(monkeypatch, ideal: ArenaOptions) -> None:
     shot, walk = frame(ideal, 200), make_walk(ideal)
-    scene = session._scene("laboratory", ideal.seed)
+    scene = session._scene("laboratory", ideal.seed, 0, False)
     assert np.array_equal(shot.rgb, session.unpack(session._light(ideal, scene, walk, 200 / 30.0)))
 
 

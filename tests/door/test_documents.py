@@ -6,6 +6,7 @@ import re
 import shlex
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -38,9 +39,14 @@ def commands_of(document):
     return [found.strip() for found in COMMAND.findall(code_of(document.read_text()))]
 
 
+@cache
+def program():
+    return typer.main.get_command(app)
+
+
 def parse(words):
     """Walk a command line through the program's own parser; raises AssertionError at what it does not know."""
-    command = typer.main.get_command(app)
+    command = program()
     words = iter(words)
     for word in words:
         if word.startswith("-") and len(word) > 1:

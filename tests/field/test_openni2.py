@@ -194,7 +194,7 @@ def test_unplugged_and_replugged_ten_times_it_resumes_and_leaks_nothing(
     resumed, said, usage = [], [], []
     try:
         next(stream)
-        for _ in range(10):
+        for away_s in np.linspace(0.3, 2.1, 10):  # it may come back at any moment between two looks for it
             until_time = time.monotonic() + 0.3
             while time.monotonic() < until_time:
                 last = next(stream).stamp
@@ -204,7 +204,7 @@ def test_unplugged_and_replugged_ten_times_it_resumes_and_leaks_nothing(
                 time.sleep(0.005)
             said.append(time.monotonic() - unplugged)
             caplog.clear()
-            time.sleep(3)
+            time.sleep(away_s)
             kinect.plug()
             plugged = time.time_ns()
             stamp = next(m.stamp for m in stream if m.stamp > plugged)

@@ -25,7 +25,7 @@ from odom.viewer import palette
 
 WIDTH, HEIGHT = 1600, 900
 _SOFTWARE = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
-_LOAD_S, _LOOK_S, _SHOT_MS = 15.0, 3.0, 90_000
+_LOOK_S, _SHOT_MS = 3.0, 90_000
 _PATIENCE_S = 200.0
 
 Picture = NDArray[np.uint8]
@@ -109,7 +109,6 @@ def photograph(address: str, out: Path, timeout_s: float, satisfied: Callable[[P
     deadline = time.monotonic() + timeout_s
     with browser_page() as page:
         page.goto(f"{address}&renderer=webgl", timeout=_SHOT_MS)
-        time.sleep(_LOAD_S)
         while True:
             data = page.screenshot(timeout=_SHOT_MS)
             bgr = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from odom.backend.mapping.standing import Evidence, moved_share, standing_corners
+from odom.backend.mapping.standing import Evidence, moved_share, standing_score
+from odom.backend.mapping.tuning import TUNING
 from odom.frontend.matching.look_back import Sighting
 
 WALL = np.column_stack([np.linspace(-1.0, 1.0, 40), np.zeros(40), np.full(40, 2.0)])
@@ -19,30 +20,43 @@ def evidence(stands, moves, missed=NONE, age_s: float = 0.3) -> Evidence:
 
 
 def test_what_moves_is_refused_and_what_stands_becomes_landmarks() -> None:
-    kept = standing_corners(POINTS, evidence(~ON_BODY, ON_BODY))
+    kept = standing_score(POINTS, evidence(~ON_BODY, ON_BODY)) > 0.0
     assert (kept == ~ON_BODY).all()
 
 
 def test_what_was_not_seen_before_goes_with_what_it_is_a_part_of() -> None:
     seen = np.arange(60) % 2 == 0
-    kept = standing_corners(POINTS, evidence(~ON_BODY & seen, ON_BODY & seen))
+    kept = standing_score(POINTS, evidence(~ON_BODY & seen, ON_BODY & seen)) > 0.0
     assert (kept == ~ON_BODY).all()
 
 
 def test_a_body_that_just_turns_round_is_told_by_its_older_views() -> None:
     turning = evidence(~ON_BODY, ON_BODY, age_s=0.4).joined(Sighting(~NONE, ~NONE, NONE), 0.03)
-    assert (standing_corners(POINTS, turning) == ~ON_BODY).all()
+    assert ((standing_score(POINTS, turning) > 0.0) == ~ON_BODY).all()
+
+
+def test_in_doubt_a_body_that_turned_round_before_it_was_missed_does_not_surely_stand() -> None:
+    missed = evidence(~ON_BODY, NONE, ON_BODY, age_s=0.5).joined(Sighting(~NONE, ~NONE, NONE), 0.03)
+    elsewhere = np.column_stack([np.linspace(-1.0, 1.0, 15), np.full(15, -0.5), np.full(15, 1.5)])  # it moves meanwhile
+    nothing = Evidence.nothing(15).joined(Sighting(np.ones(15, bool), np.zeros(15, bool), np.ones(15, bool)), 0.5)
+    both = Evidence(*(np.concatenate(pair) for pair in zip(vars(missed).values(), vars(nothing).values(), strict=True)))
+    points = np.concatenate([POINTS, elsewhere])
+    wall, body = np.arange(75) < 40, (np.arange(75) >= 40) & (np.arange(75) < 60)
+    assert (standing_score(points, both)[body] > 0.0).all()
+    surely = standing_score(points, both, TUNING.standing_weight) > TUNING.standing_least
+    assert surely[wall].all()
+    assert not surely[~wall].any()
 
 
 def test_single_false_matches_cost_themselves_only() -> None:
     false = np.isin(np.arange(60), [3, 17, 29])
-    assert (standing_corners(POINTS, evidence(~false, false)) == ~false).all()
+    assert ((standing_score(POINTS, evidence(~false, false)) > 0.0) == ~false).all()
 
 
 def test_without_any_view_or_any_movement_every_corner_is_kept() -> None:
-    assert standing_corners(POINTS, Evidence.nothing(60)).all()
-    assert standing_corners(POINTS, evidence(NONE, NONE, ~NONE)).all()
-    assert standing_corners(np.zeros((0, 3)), Evidence.nothing(0)).shape == (0,)
+    assert (standing_score(POINTS, Evidence.nothing(60)) > 0.0).all()
+    assert (standing_score(POINTS, evidence(NONE, NONE, ~NONE)) > 0.0).all()
+    assert standing_score(np.zeros((0, 3)), Evidence.nothing(0)).shape == (0,)
 
 
 def corners_of(parts: int, each: int) -> np.ndarray:

@@ -99,7 +99,8 @@ class Map:
         self.remembered.append(number)
         anchors, shared = np.unique(self.landmarks.keyframe[known.rows], return_counts=True)
         self.links.append(set())
-        for other in anchors[shared >= TUNING.link_landmarks].tolist():
+        enough = min(TUNING.link_landmarks, max(shared, default=0))  # a few key frames behind a crowd cut nothing off
+        for other in anchors[shared >= enough].tolist():
             self.link(number, other)
         if against is not None:
             T_against_keyframe = self.keyframes[against].T_camera_map @ se3.inverse(T_camera_map)

@@ -102,9 +102,10 @@ class Before:
     def standing(self, corners: Corners, sensor: SensorModel, in_doubt: bool) -> tuple[Mask, float]:
         """Return which `corners` (n) of the view may become landmarks, and in how much of the view most moved.
 
-        See `standing_corners` and `moved_share`; landmarks found where the pose puts them count as standing. Corners
-        are measured again with the velocity that the rows of the image show: a mean one shears a quick turn. While the
-        pose is `in_doubt`, none that nothing can judge may.
+        See `standing_score` and `moved_share`; landmarks found where the pose puts them count as standing. Corners are
+        measured again with the velocity that the rows of the image show: a mean one shears a quick turn. While the pose
+        is `in_doubt`, none that nothing can judge may, and none that stood for a frame or two only: a body that turns
+        round does so, too, and in doubt its landmarks would not be outvoted.
         """
         view, tracked = self.view, self.tracked
         nothing = np.zeros((len(corners.uv), 3))
@@ -117,10 +118,14 @@ class Before:
                 look_back(patches, earlier, sensor), (view.steady_stamp - earlier.view.steady_stamp) * 1e-9
             )
         stands = np.zeros(len(corners.uv), dtype=np.bool_)
-        stands[known] = standing_corners(patches.position, evidence)
+        score = standing_score(patches.position, evidence)
+        stands[known] = score > 0.0
+        if in_doubt:
+            surely = standing_score(patches.position, evidence, TUNING.standing_weight)
+            stands[known] &= surely > TUNING.standing_least
         judged = evidence.weight > 0.0
         uv = np.concatenate([corners.uv[known[judged]], tracked.inlying.uv])
-        moves = np.concatenate([~stands[known[judged]], np.zeros(tracked.inlier_count, dtype=np.bool_)])
+        moves = np.concatenate([score[judged] <= 0.0, np.zeros(tracked.inlier_count, dtype=np.bool_)])
         moved = moved_share(uv, moves)
         moving = self.moving(sensor)
         if in_doubt if moving is None else moving.share > TUNING.moving_crowd:
@@ -161,19 +166,21 @@ class Evidence:
         return Evidence(self.score + weight * score, self.weight + weight * visible, self.moves | seen.moves)
 
 
-def standing_corners(points: Array, evidence: Evidence) -> Mask:
-    """Return which of n corners, at `points` (n x 3, m), may become landmarks.
+def standing_score(points: Array, evidence: Evidence, full_weight: float = 0.0) -> Array:
+    """Return how much more says that n corners, at `points` (n x 3, m), stand than that they move (n, at most 3).
 
-    A corner is judged with its neighbours in space, so that what was never seen before goes with the body that it is
-    a part of, and a single false match does no harm. Where hardly anything was seen to move, all that did not stay.
+    A corner is judged with its neighbours in space, so that what was never seen before goes with the body that it is a
+    part of, and a single false match does no harm. Evidence of less weight than `full_weight` counts in proportion.
+    Where hardly anything was seen to move, all that did not stand.
     """
     judged = np.flatnonzero(evidence.weight > 0.0)
     if np.count_nonzero(evidence.moves) < max(TUNING.moving_least, TUNING.moving_share * len(judged)):
-        return np.asarray(~evidence.moves)
-    own = evidence.score / np.where(evidence.weight > 0.0, evidence.weight, 1.0)
+        return np.where(evidence.moves, -np.inf, np.inf)
+    weight = np.where(evidence.weight > 0.0, evidence.weight, 1.0)
+    own = evidence.score / np.maximum(weight, full_weight)
     near = nearest(points, points[judged], min(TUNING.judged_neighbours, len(judged)))[0]
     around = own[judged][near].mean(axis=1)
-    return np.asarray(own + TUNING.neighbours_weight * around > 0.0)
+    return np.asarray(own + TUNING.neighbours_weight * around)
 
 
 def moved_share(uv: Array, moved: Mask) -> float:

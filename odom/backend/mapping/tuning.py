@@ -89,6 +89,12 @@ class Tuning:
         effect="fewer: chance decides; more: small bodies are taken for what is around them")
     neighbours_weight: float = tuned(2.0, unit="share of a corner's own", source=_BODIES,
         effect="smaller: chance decides; larger: as judged_neighbours")
+    standing_weight: float = tuned(1.0, unit="views that count in full", source=_BODIES,
+        effect="of evidence that a corner stands count in full while the pose is in doubt; smaller: bodies that turn "
+        "round become landmarks; larger: what comes into view becomes one late")
+    standing_least: float = tuned(0.5, unit="of 3: a corner and its neighbours stood in all views", source=_BODIES,
+        effect="by which more must say that a corner stands than that it moves, in doubt; smaller: as a smaller "
+        "standing_weight; larger: the map grows late where much is blurred or hidden")
     # presence
     gone_s: float = tuned(0.3, unit="s", source=_BODIES,
         effect="a landmark that depth looks through for so long is removed; smaller: landmarks at depth's edges go; "

@@ -11,6 +11,7 @@ from odom.backend.map.pose_graph import Edge
 from odom.backend.map.saved import SavedDetails, SavedKeyframe, SavedLandmarks
 from odom.errors import MapError
 from odom.frame import Stamp
+from odom.frontend.camera.depth_tilt import DepthTilt
 from odom.frontend.camera.noise_monitor import FeatureNoise
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.sensor_memory import SensorMemory
@@ -144,6 +145,7 @@ def place_of(number: int, content: bytes) -> Place:
 
 def sensor_bytes(sensor: SensorMemory) -> bytes:
     """Return the row of what is remembered of the camera."""
+    tilt = sensor.depth_tilt
     return pack(
         {
             "timing": sensor.timing.vector,
@@ -151,16 +153,27 @@ def sensor_bytes(sensor: SensorMemory) -> bytes:
             "pixel_sigma": np.array([sensor.noise.pixel_sigma]),
             "inverse_depth_sigma": sensor.noise.inverse_depth_sigma,
             "inflations": np.array([sensor.halves, sensor.jumps]),
+            "tilt_angles": tilt.angles,
+            "tilt_information": tilt.information,
+            "tilt_evidence": tilt.evidence,
+            "is_tilt_shown": np.array([tilt.is_shown], dtype=np.int64),
         }
     )
 
 
 def sensor_of(content: bytes) -> SensorMemory:
-    """Return what is remembered of the camera; raises MapError where the row is damaged."""
+    """Return what is remembered of the camera; raises MapError where the row is damaged.
+
+    Older maps do not tell of a tilt: they were made as if there were none.
+    """
     a = unpack(content)
+    tilt = DepthTilt()
+    if "tilt_angles" in a:
+        is_shown = bool(a["is_tilt_shown"][0])
+        tilt = DepthTilt(a["tilt_angles"], a["tilt_information"], a["tilt_evidence"], is_shown)
     noise = FeatureNoise(float(a["pixel_sigma"][0]), a["inverse_depth_sigma"])
     timing = ShutterTiming(*a["timing"].tolist())
-    return SensorMemory(timing, a["timing_information"], noise, *a["inflations"].tolist())
+    return SensorMemory(timing, a["timing_information"], noise, *a["inflations"].tolist(), tilt)
 
 
 def _unpacked(number: int, content: bytes) -> dict[str, NDArray[Any]]:

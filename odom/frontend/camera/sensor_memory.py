@@ -1,9 +1,10 @@
-"""What is remembered of a camera from one session to the next: timing of its shutters, and noise."""
+"""What is remembered of a camera from one session to the next: timing of its shutters, tilt of its depth, noise."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from odom.frontend.camera.depth_tilt import DepthTilt
 from odom.frontend.camera.noise_monitor import FeatureNoise
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.sensor_model import SensorModel
@@ -16,19 +17,21 @@ _SEEN = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class SensorMemory:
-    """The `timing` with its information (3 x 3, 1/s^2), the `noise`, and the inflations of pose covariances."""
+    """The `timing` with its information (3 x 3, 1/s^2), the `depth_tilt`, `noise`, and inflations of covariances."""
 
     timing: ShutterTiming
     timing_information: Array
     noise: FeatureNoise
     halves: float
     jumps: float
+    depth_tilt: DepthTilt
 
     @classmethod
     def of(cls, sensor: SensorModel) -> "SensorMemory":
         """Return what is to be remembered of a camera."""
         monitor = sensor.noise
-        return cls(sensor.timing, sensor.timing_information, monitor.noise, monitor.halves, monitor.jumps)
+        inflations = monitor.halves, monitor.jumps
+        return cls(sensor.timing, sensor.timing_information, monitor.noise, *inflations, sensor.depth_tilt)
 
     def recalled(self, sensor: SensorModel) -> SensorModel:
         """Return the model of a camera that has shown nothing yet, with what is remembered of it.
@@ -46,4 +49,5 @@ class SensorMemory:
             residuals_seen=_SEEN,
             jumps_seen=_SEEN,
         )
-        return replace(sensor, timing=self.timing, timing_information=information, noise=noise)
+        recalled = replace(sensor, timing=self.timing, timing_information=information, noise=noise)
+        return replace(recalled, depth_tilt=self.depth_tilt)

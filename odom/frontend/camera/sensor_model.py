@@ -63,11 +63,12 @@ class SensorModel:
 
         Whether there is a tilt remains known.
         """
+        is_new = self.depth_tilt.is_shown and not before.depth_tilt.is_shown
         return replace(
             self,
             timing=before.timing,
             timing_information=before.timing_information,
-            depth_tilt=DepthTilt(is_shown=self.depth_tilt.is_shown),
+            depth_tilt=DepthTilt(is_shown=True) if is_new else before.depth_tilt,
         )
 
     def with_timing_change(self, change: Array, information: Array | None, credit: float) -> "SensorModel":

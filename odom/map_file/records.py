@@ -173,7 +173,8 @@ def sensor_of(content: bytes) -> SensorMemory:
         tilt = DepthTilt(a["tilt_angles"], a["tilt_information"], a["tilt_evidence"], is_shown)
     noise = FeatureNoise(float(a["pixel_sigma"][0]), a["inverse_depth_sigma"])
     timing = ShutterTiming(*a["timing"].tolist())
-    return SensorMemory(timing, a["timing_information"], noise, *a["inflations"].tolist(), tilt)
+    halves, jumps = a["inflations"].tolist()
+    return SensorMemory(timing, a["timing_information"], noise, halves, jumps, tilt)
 
 
 def _unpacked(number: int, content: bytes) -> dict[str, NDArray[Any]]:

@@ -169,9 +169,9 @@ class KeyframeInserter:
         """Make a key frame as soon as the camera has moved, whatever is left of what the last one saw."""
         self._is_worn_out = True
 
-    def forget_coverage(self) -> None:
-        """Compare later frames with the next one: the camera is at another place than the last key frame's."""
-        self._coverage_at_keyframe = None
+    def compare_with(self, number: int) -> None:
+        """Compare later frames with what key frame `number` saw: the camera is there again, not where it was before."""
+        self._coverage_at_keyframe = Coverage.of(self._map.keyframes[number].uv)
 
     def remeasure_newest(self, twist: Array | None, sensor: SensorModel) -> None:
         """If the last frame became a key frame, measure it again: `twist` (6, SI) led from it to the next frame.

@@ -173,9 +173,11 @@ class FrameStages:
         reference, seen = tracked.reference, tracked.inlying
         rows, uv, is_keyframe, in_doubt = seen.rows, seen.uv, False, judged.moving.is_doubtful
         if judged.state is State.RECOVERED:
-            # Its motion, which bends what it measured, is not known: the next frame may become a key frame.
-            mapper.inserter.forget_coverage()
-        elif self._visibility.landmark_depth_stamp == view.stamp and mapper.inserter.is_due(view, tracked, in_doubt):
+            mapper.inserter.compare_with(reference)
+        # The motion of a recovered frame, which bends what it measured, is not known: the next may become a key frame.
+        is_bent = judged.state is State.RECOVERED and self.sensor.clock.period_s < TUNING.longest_gap_s
+        has_depth = self._visibility.landmark_depth_stamp == view.stamp
+        if has_depth and not is_bent and mapper.inserter.is_due(view, tracked, in_doubt):
             keyframe = mapper.inserter.insert(
                 view, tracked, judged.twist, judged.covariance, self.sensor, count, in_doubt
             )

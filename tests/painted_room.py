@@ -90,3 +90,9 @@ def stroll(t: float) -> Array:
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = se3.so3_exp(turn), sway
     return T
+
+
+def tilted(frame: RgbdFrame, angles: Array) -> RgbdFrame:
+    """Return a frame of the SMALL camera as it is where depth has a tilt by `angles` (2, rad; see `depth_tilt`)."""
+    more = 1.0 + Lens.of(SMALL).rays.astype(np.float64) @ angles
+    return replace(frame, depth_mm=np.rint(frame.depth_mm * more).astype(np.uint16))

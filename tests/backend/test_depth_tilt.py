@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from made_up_scene import made_up_bundle
-from painted_room import SMALL, PaintedRoom, stroll
+from painted_room import SMALL, PaintedRoom, stroll, tilted
 from running import Ran
 
 from odom.backend import Odometry
@@ -15,7 +15,6 @@ from odom.backend.mapping.bundle_adjustment import adjust
 from odom.evaluation.report import evaluate
 from odom.evaluation.trajectory import Trajectory
 from odom.frontend.camera.depth_tilt import DepthTilt, by_tilt, without_tilt
-from odom.frontend.camera.lens import Lens
 from odom.geometry import se3
 
 TILT = np.array([0.03, -0.02])
@@ -82,10 +81,8 @@ def test_what_is_not_shown_is_held_at_none_and_what_is_shown_starts_anew():
 
 def strolled(tilt, frames=90):
     """The frames of a walk in a painted room whose depth has a tilt, and the walk's truth."""
-    rays = Lens.of(SMALL).rays.astype(np.float64)
     T = [stroll(k / 30.0) for k in range(frames)]
-    seen = [PaintedRoom().frame(SMALL, k, T[k]) for k in range(frames)]
-    seen = [replace(f, depth_mm=np.rint(f.depth_mm * (1.0 + rays @ tilt)).astype(np.uint16)) for f in seen]
+    seen = [tilted(PaintedRoom().frame(SMALL, k, T[k]), tilt) for k in range(frames)]
     return seen, Trajectory(np.array([f.stamp for f in seen]), np.array(T))
 
 

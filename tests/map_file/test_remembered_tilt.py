@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from painted_room import SMALL, stroll
+from painted_room import SMALL, stroll, tilted
 from walks import HOUR, ROOM, away, shown, walk
 
 from odom.backend import State
 from odom.frontend.camera.depth_tilt import DepthTilt
-from odom.frontend.camera.lens import Lens
 from odom.map_file.arrays import pack, unpack
 from odom.map_file.map_file import MapFile
 from odom.map_file.records import sensor_bytes, sensor_of
@@ -17,18 +16,17 @@ from odom.map_file.records import sensor_bytes, sensor_of
 TILT = np.array([0.03, -0.02])
 
 
-def tilted(frames):
-    """The frames as a camera sees them whose depth has a tilt."""
-    more = 1.0 + Lens.of(SMALL).rays.astype(np.float64) @ TILT
-    return [replace(f, depth_mm=np.rint(f.depth_mm * more).astype(np.uint16)) for f in frames]
+def walked(path, poses, first=0, localize=False):
+    """Walk with a map as a camera does whose depth has a tilt."""
+    return walk(path, [tilted(frame, TILT) for frame in shown(poses, ROOM, first)], localize)
 
 
 @pytest.mark.long
 def test_a_camera_of_tilted_depth_is_found_in_its_map_as_exactly_as_it_was_made(tmp_path):
     path = tmp_path / "room.map"
-    _, made = walk(path, tilted(shown([stroll(k / 30.0) for k in range(120)], ROOM)))
+    _, made = walked(path, [stroll(k / 30.0) for k in range(120)])
     truth = [stroll(1.0 + k / 30.0) for k in range(12)]
-    estimates, again = walk(path, tilted(shown(truth, ROOM, HOUR)), localize=True)
+    estimates, again = walked(path, truth, HOUR, localize=True)
     assert made.sensor.depth_tilt.is_shown
     np.testing.assert_array_equal(again.sensor.depth_tilt.angles, made.sensor.depth_tilt.angles)
     assert [e.state for e in estimates[:2]] == [State.RECOVERED, State.TRACKING]

@@ -202,8 +202,7 @@ class Mapper:
         local_adjustment.take_over(self._map, adjustment, bundle)
         if np.abs(bundle.timing_change[: len(sensor.timing.vector)]).max() > TUNING.timing_settled_s:
             self.inserter.wear_out()  # only key frames tell more of it, and what is in view may last for long
-        told = bundle.information_timing, bundle.pull_timing
-        return sensor.with_adjusted(bundle.timing_change, *told, credit)
+        return sensor.with_adjusted(bundle.timing_change, bundle.information_timing, bundle.pull_timing, credit)
 
     def _credit(self, sensor: SensorModel) -> float:
         """Return the share of an adjustment's information on the timing to believe.

@@ -12,7 +12,6 @@ from odom.backend.tracking.motion_model import Agility, Velocity
 from odom.backend.tracking.pose_solver import PoseFit, fit_pose
 from odom.backend.tracking.row_velocity import fit_velocity
 from odom.backend.tracking.tuning import TUNING
-from odom.frontend.camera.depth_tilt import without_tilt
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.measurement import Measurements, measure
 from odom.frontend.features.view import View
@@ -57,7 +56,7 @@ class FoundLandmarks:
 
     def fit(self, measured: Measurements, T_start: Array) -> PoseFit:
         """Return the pose fitted to what was `measured`, from the start `T_start`, and chi2 of all at it."""
-        values, variances = self._values(measured), measured.covariance
+        values, variances = self._straight(measured).values, measured.covariance
         fit = fit_pose(self.points, self.covariances, values, variances, T_start, self.standing)
         return fit if self.standing.all() else replace(fit, chi2=self._chi2(measured, fit.T_camera_map))
 
@@ -84,16 +83,16 @@ class FoundLandmarks:
             return standing.velocity(measured.take(self.standing), T_camera_map, twist, prior)
         row_s = (self.found.uv[:, 1] / self.view.images.full.shape[0] - 0.5) * self.sensor.timing.readout_s
         expected = prior.motion.after(prior.since_s, _WHITE)
-        seen = replace(measured, values=self._values(measured))
+        seen = self._straight(measured)
         return fit_velocity(self.points, self.covariances, seen, row_s, T_camera_map, twist, expected, prior.scale)
 
-    def _values(self, measured: Measurements) -> Array:
-        """Return what was measured (n x 3) with depth along the colour camera's axis."""
-        return without_tilt(measured.values, self.sensor.depth_tilt.angles)
+    def _straight(self, measured: Measurements) -> Measurements:
+        """Return what was measured with depth along the colour camera's axis."""
+        return measured.straight(self.sensor.depth_tilt.angles)
 
     def _chi2(self, measured: Measurements, T_camera_map: Array) -> Array:
         """Return chi2 (n x 2: ray, depth) of all at a pose."""
-        values, variances = self._values(measured), measured.covariance
+        values, variances = self._straight(measured).values, measured.covariance
         return fit_pose(self.points, self.covariances, values, variances, T_camera_map, iterations=0).chi2
 
     def _take(self, members: Mask, standing: Mask) -> "FoundLandmarks":

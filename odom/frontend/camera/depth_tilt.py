@@ -20,8 +20,6 @@ from odom.geometry.arrays import Array
 
 TILTS = 2
 """Numbers of a tilt (rad): inverse depth is measured as smaller by their products with a ray's x/z and y/z."""
-_NO_TILT: Array = np.zeros(TILTS)
-"""The tilt of depth that is measured along the colour camera's axis."""
 _UNSEEN = np.eye(TILTS) / TUNING.tilt_sigma**2
 """How well a tilt (2 x 2, 1/rad^2) is known before anything is seen."""
 _HELD = np.eye(TILTS) * 1e12
@@ -36,7 +34,7 @@ class DepthTilt:
     observations ask for.
     """
 
-    angles: Array = field(default_factory=lambda: _NO_TILT)
+    angles: Array = field(default_factory=lambda: np.zeros(TILTS))
     information: Array = field(default_factory=lambda: _UNSEEN)
     evidence: Array = field(default_factory=lambda: np.zeros(TILTS))
     is_shown: bool = False

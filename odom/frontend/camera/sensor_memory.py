@@ -49,5 +49,6 @@ class SensorMemory:
             residuals_seen=_SEEN,
             jumps_seen=_SEEN,
         )
-        recalled = replace(sensor, timing=self.timing, timing_information=information, noise=noise)
-        return replace(recalled, depth_tilt=self.depth_tilt)
+        return replace(
+            sensor, timing=self.timing, timing_information=information, noise=noise, depth_tilt=self.depth_tilt
+        )

@@ -1,5 +1,6 @@
 """A painted box seen from inside: exact images and depth of it from any pose, for tests that need no simulator."""
 
+import math
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, replace
 
@@ -11,12 +12,35 @@ from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.camera.lens import Lens
 from odom.geometry import se3
 from odom.geometry.arrays import Array
+from odom.geometry.compiled import compiled
 
 SMALL = Camera(320, 240, 262.5, 262.5, 159.5, 119.5)
 START = Stamp(1_700_000_000_000_000_000)
 PERIOD = 33_333_333
 _BANDS = 24
 """Into so many bands of rows a rolling shutter's image is cut, each drawn at once."""
+_SINE = np.array([(-1) ** k * np.pi ** (2 * k + 1) / math.factorial(2 * k + 1) for k in range(12)])
+"""The Taylor series of sin(pi x), of the powers 1, 3, ... 23 of x: to 1e-16 where |x| is at most .5."""
+
+
+@compiled
+def _mean_of_waves(x: Array, y: Array, waves: Array, phases: Array) -> Array:
+    """Return at points (x, y: n each, m) the mean of m plane waves (m x 2, turns a metre; phases m, turns).
+
+    `np.cos` takes 20 ns, and a test run needs four thousand million; here a vector's worth is found at a time:
+    cos(2 pi t) = 1 - 2 sin(pi t)^2, of t less its whole turns.
+    """
+    out = np.zeros(len(x))
+    for k in range(len(waves)):
+        for i in range(len(x)):
+            t = waves[k, 0] * x[i] + waves[k, 1] * y[i] + phases[k]
+            t -= np.rint(t)
+            square, sine = t * t, 0.0
+            for n in range(11, -1, -1):
+                sine = sine * square + _SINE[n]
+            sine *= t
+            out[i] += 1.0 - 2.0 * sine * sine
+    return out / len(waves)
 
 
 @dataclass(frozen=True)
@@ -56,8 +80,9 @@ class PaintedRoom:
             here = side == number
             across = np.delete(points[here], int(wall[here][0]), axis=1)
             direction, length = rng.uniform(0, 2 * np.pi, 24), np.geomspace(0.05, 0.6, 24)
-            waves = 2 * np.pi / length * np.stack([np.cos(direction), np.sin(direction)])
-            out[here] = np.cos(across @ waves + rng.uniform(0, 2 * np.pi, 24)).mean(axis=1)
+            waves = np.column_stack([np.cos(direction) / length, np.sin(direction) / length])
+            phases = rng.uniform(0, 2 * np.pi, 24) / (2 * np.pi)
+            out[here] = _mean_of_waves(*np.ascontiguousarray(across.T), waves, phases)
         return 3.0 * out
 
     def frame(self, camera: Camera, number: int, T_room_camera: Array) -> RgbdFrame:

@@ -64,34 +64,36 @@ def test_the_examples_in_docstrings_do_what_they_say(name):
     assert attempted > 0
 
 
-@pytest.mark.parametrize(
-    "value",
-    [
-        odom.RgbdFrame(0, 0, np.zeros((480, 640), np.uint8), 0, np.zeros((480, 640), np.uint16)),
-        odom.Pairs(*np.zeros((2, 400, 3)), *np.ones((2, 400, 3))),
-        odom.Prior(np.eye(4), np.eye(6)),
-        odom.register(odom.Pairs(CLOUD, CLOUD, None, np.full((400, 3), 1e-6))),
-        odom.Trajectory(np.arange(100), np.tile(np.eye(4), (100, 1, 1))),
-        odom.Camera(640, 480, 525.0, 525.0, 319.5, 239.5),
-        odom.TrajectoryPose(5, np.eye(4), 0),
-        odom.Estimate(
-            0,
-            5,
-            odom.State.TRACKING,
-            "",
-            0,
-            np.eye(4),
-            np.eye(4),
-            np.eye(6),
-            step=odom.RelativePose(4, np.eye(4), np.eye(6)),
-            timings_ms=dict.fromkeys("abcdefgh", 1.0),
-        ),
-    ],
-    ids=lambda value: type(value).__name__,
-)
-def test_a_value_is_shown_on_one_short_line(value):
+SHOWN = {
+    "RgbdFrame": lambda: odom.RgbdFrame(0, 0, np.zeros((480, 640), np.uint8), 0, np.zeros((480, 640), np.uint16)),
+    "Pairs": lambda: odom.Pairs(*np.zeros((2, 400, 3)), *np.ones((2, 400, 3))),
+    "Prior": lambda: odom.Prior(np.eye(4), np.eye(6)),
+    "Registration": lambda: odom.register(odom.Pairs(CLOUD, CLOUD, None, np.full((400, 3), 1e-6))),
+    "Trajectory": lambda: odom.Trajectory(np.arange(100), np.tile(np.eye(4), (100, 1, 1))),
+    "Camera": lambda: odom.Camera(640, 480, 525.0, 525.0, 319.5, 239.5),
+    "TrajectoryPose": lambda: odom.TrajectoryPose(5, np.eye(4), 0),
+    "Estimate": lambda: odom.Estimate(
+        0,
+        5,
+        odom.State.TRACKING,
+        "",
+        0,
+        np.eye(4),
+        np.eye(4),
+        np.eye(6),
+        step=odom.RelativePose(4, np.eye(4), np.eye(6)),
+        timings_ms=dict.fromkeys("abcdefgh", 1.0),
+    ),
+}
+"""What makes a value of each type: in the test, since registering compiles loops for seconds when it is done first."""
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_a_value_is_shown_on_one_short_line(name):
+    value = SHOWN[name]()
     shown = repr(value)
-    assert shown.startswith(type(value).__name__)
+    assert type(value).__name__ == name
+    assert shown.startswith(name)
     assert "\n" not in shown
     assert "array(" not in shown
     assert len(shown) < 500

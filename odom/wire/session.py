@@ -130,6 +130,7 @@ def _configuration(settings: WireSettings) -> dict[str, Any]:
         "listen/exit_on_failure": True,
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": True,
+        **({"scouting/delay": 0} if settings.mode == "router" and not settings.connect else {}),  # nobody to wait for
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": settings.lease_ms,
         "transport/link/tx/queue/size/data": _QUEUE_BATCHES,

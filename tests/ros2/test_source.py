@@ -7,6 +7,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import replace
 from itertools import islice
@@ -16,7 +17,7 @@ from typing import Any, cast
 import cv2
 import numpy as np
 import pytest
-from ros2_network import DOMAIN, driver, other_node
+from ros2_network import DOMAIN, driver, free_port, other_node, router
 
 from odom.errors import ConfigError
 from odom.frame import Camera, Stamp
@@ -85,6 +86,18 @@ def refusal(port: int, messages: Sequence[Message], source: str = "ros2:/camera"
     with driver(port, messages), pytest.raises(ConfigError) as refused:
         open_source(source, options(port, **({"start_s": "2.5"} | extra)))
     return str(refused.value)
+
+
+def refusals(*cases: Sequence[Message]) -> list[str]:
+    """Why each of several drivers is refused; at the same time, each by a router of its own: all take `start_s`."""
+
+    def alone(messages: Sequence[Message]) -> str:
+        port = free_port()
+        with router(port):
+            return refusal(port, messages)
+
+    with ThreadPoolExecutor(len(cases)) as pool:
+        return list(pool.map(alone, cases))
 
 
 def test_a_foreign_publisher_feeds_the_source(port: int) -> None:
@@ -160,9 +173,9 @@ def test_depth_of_its_own_camera_is_registered_by_tf_static(port: int) -> None:
     assert 36 <= first <= 38
     assert (registered[24, 40:60] == 1500).all()
 
-    told = refusal(port, [INFO, COLOR, depth, depth_info])
-    assert "/tf_static does not say" in told
-    assert "no camera_info of its size" in refusal(port, [INFO, COLOR, depth, tf])
+    untold, unsized = refusals([INFO, COLOR, depth, depth_info], [INFO, COLOR, depth, tf])
+    assert "/tf_static does not say" in untold
+    assert "no camera_info of its size" in unsized
 
 
 def test_of_a_recording_that_waits_to_be_played_no_image_is_lost(port: int) -> None:
@@ -231,14 +244,13 @@ def test_topics_may_be_named_wherever_they_are(port: int) -> None:
     assert np.array_equal(decode_color(of(messages, KEYS.color)), SMOOTH)
 
 
-def test_what_does_not_come_is_told_in_plain_words(port: int) -> None:
-    assert f"no ROS 2 publisher is seen in domain {DOMAIN}" in refusal(port, [])
-    assert f"no images below /camera in domain {DOMAIN}; published are: /rear/image" in refusal(
-        port, [replace(COLOR, topic="rear/image")]
-    )
-    told = refusal(port, [COLOR, ALIGNED])
-    assert told.startswith("no camera_info for 2.5 s: none is published below /camera: give --camera camera.yaml")
-    assert "no depth images; published are /camera/color/" in refusal(port, [INFO, COLOR])
+def test_what_does_not_come_is_told_in_plain_words() -> None:
+    elsewhere = replace(COLOR, topic="rear/image")
+    nobody, other, no_info, no_depth = refusals([], [elsewhere], [COLOR, ALIGNED], [INFO, COLOR])
+    assert f"no ROS 2 publisher is seen in domain {DOMAIN}" in nobody
+    assert f"no images below /camera in domain {DOMAIN}; published are: /rear/image" in other
+    assert no_info.startswith("no camera_info for 2.5 s: none is published below /camera: give --camera camera.yaml")
+    assert "no depth images; published are /camera/color/" in no_depth
 
 
 def test_a_type_of_another_definition_is_refused_by_its_node(port: int) -> None:

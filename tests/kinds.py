@@ -13,7 +13,8 @@ KINDS = {
     "fast": "no process, no network, no walk drawn or recorded",
     "process": "starts processes or opens sessions, sockets or devices",
     "rendered": "works through frames that are drawn for it or recorded",
-    "wallclock": "compares times, or plays in real time: run it alone, without xdist (-n 0)",
+    "wallclock": "plays in real time, or bounds what takes time: without xdist (-n 0), beside what gives way (nice)",
+    "alone": "compares costs, or needs all cores: a `wallclock` beside which nothing may run",
     "long": "tens of seconds each: left out of the default command, run by .ci/run",
     "slow": "minutes long, by hand",
 }
@@ -60,7 +61,7 @@ def mark(item: pytest.Item) -> None:
     folder = item.path.parent.name
     if folder in FOLDERS:
         item.add_marker(FOLDERS[folder])
-    if folder in REAL_TIME_FOLDERS and item.get_closest_marker("process"):
+    if item.get_closest_marker("alone") or (folder in REAL_TIME_FOLDERS and item.get_closest_marker("process")):
         item.add_marker("wallclock")
     parameters = item.callspec.params.values() if hasattr(item, "callspec") else ()
     if item.path.stem in LONG_MODULES or any(p in LONG_PARAMETERS for p in parameters if isinstance(p, str)):

@@ -163,6 +163,7 @@ def compare(folder: Path, per_key: int, frames: int, live: bool = False) -> None
     assert max(flooded.memory) < max(quiet.memory) + 64
 
 
+@pytest.mark.alone
 @pytest.mark.timeout(900)
 def test_a_flood_of_malformed_messages_changes_nothing(tmp_path: Path) -> None:
     compare(tmp_path, 6_000, 240)

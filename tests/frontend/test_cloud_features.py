@@ -143,7 +143,7 @@ def test_two_looks_of_a_kinect_are_registered_by_key_points_alone(sensor):
     assert np.degrees(np.linalg.norm(error[3:])) < 3.0
 
 
-@pytest.mark.wallclock
+@pytest.mark.alone
 def test_a_kinects_cloud_takes_at_most_two_seconds_of_one_core():
     cloud, _ = cloud_at(ArenaOptions(), 320)
     cloud_features(cloud)

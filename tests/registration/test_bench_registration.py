@@ -43,7 +43,7 @@ def test_cost_is_within_its_bars():
     assert found["gate + RF, full covariances, 30 % wrong"].ratio_to_horn <= 1.5 / 0.09
 
 
-@pytest.mark.wallclock
+@pytest.mark.alone
 def test_cost_is_linear_in_the_number_of_pairs():
     for what in ("RF", "gate + RF, 30 % wrong"):
         chosen = [cost for cost in growth((1000, 10_000, 100_000)) if cost.what == what]

@@ -47,7 +47,7 @@ def test_a_run_loads_evaluation_recordings_and_a_bar_only_when_it_needs_them() -
     assert not loaded("import odom.service.local_run") & {"matplotlib", "gtsam", "rerun", "mcap", "rich"}
 
 
-@pytest.mark.wallclock
+@pytest.mark.alone
 def test_help_is_there_at_once() -> None:
     """Bar: .3 s."""
 
@@ -59,7 +59,7 @@ def test_help_is_there_at_once() -> None:
     assert min(took_s() for _ in range(15)) <= 0.3
 
 
-@pytest.mark.wallclock
+@pytest.mark.alone
 @pytest.mark.long
 def test_a_run_of_thirty_frames_costs_little_beside_its_frames(tmp_path: Path, shared_data: Path) -> None:
     """Bar: 7 times the CPU that it takes to load the libraries once; all processes, from start to plot."""

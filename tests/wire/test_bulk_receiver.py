@@ -182,7 +182,7 @@ def take_for(subscriber: Subscriber, seconds: float) -> None:
         subscriber.receive(0.05)
 
 
-@pytest.mark.wallclock
+@pytest.mark.alone
 @pytest.mark.timeout(60)
 def test_a_flooded_key_holds_up_nothing_else_while_the_interpreter_is_busy(
     open_peer: OpenSession, endpoint: str

@@ -335,7 +335,7 @@ def test_a_pose_that_is_not_finite_is_never_sent(bad: np.ndarray) -> None:
         codec.encode_pose("p", STAMP, bad, "map")
 
 
-@pytest.mark.wallclock
+@pytest.mark.alone
 def test_a_raw_vga_pair_costs_a_millisecond_each_way() -> None:
     """The best of many, so that a busy machine does not decide; the bar is 1 ms, measured .25 and .05."""
     color, depth = textured(480, 640), kinect_depth(480, 640)

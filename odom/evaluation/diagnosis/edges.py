@@ -125,27 +125,34 @@ def edge_shift(
     base = (image * 2 + axis) * (stack.shape[2] * stack.shape[3])
     few = rng.permutation(len(uv))[:_COARSE_EDGES]
 
-    # mean colour gradient across the depth edges, for a shift and a lag of all of them
-    def score(shift_x: float, shift_y: float, lag: float, chosen: NDArray[np.intp] | slice = slice(None)) -> float:
-        at = np.rint(uv[chosen] + lag * velocity[chosen] + (shift_x, shift_y)).astype(np.intp)
-        x = np.clip(at[:, 0], 0, stack.shape[3] - 1)
-        y = np.clip(at[:, 1], 0, stack.shape[2] - 1)
-        return float(stack.ravel()[base[chosen] + y * stack.shape[3] + x].mean())
+    # mean colour gradient across the depth edges, for each of several shifts and lags of all of them
+    def scores(xs: Array, ys: Array, lags: Array, chosen: NDArray[np.intp] | slice = slice(None)) -> Array:
+        u, v, flat = uv[chosen], velocity[chosen], stack.ravel()
+        out = np.empty((len(xs), len(ys), len(lags)))
+        for k, lag in enumerate(lags):
+            x, y = (u + lag * v).T
+            columns = [np.clip(np.rint(x + by).astype(np.intp), 0, stack.shape[3] - 1) for by in xs]
+            rows = [np.clip(np.rint(y + by).astype(np.intp), 0, stack.shape[2] - 1) * stack.shape[3] for by in ys]
+            for j, row in enumerate(rows):
+                start = base[chosen] + row
+                out[:, j, k] = [flat[start + column].mean() for column in columns]
+        return out
 
     speed = float(np.sqrt(np.mean(np.square(velocity - velocity.mean(axis=0)))))
     moving = speed * _FRAME_S > _LEAST_FLOW_PX
     lags = np.arange(-_REACH_S, _REACH_S + 1e-9, _COARSE_S) if moving else np.zeros(1)
     pixels = np.arange(-_REACH_PX, _REACH_PX + 1e-9, _COARSE_PX)
-    grid = np.array([[[score(x, y, lag, few) for lag in lags] for y in pixels] for x in pixels])
+    grid = scores(pixels, pixels, lags, few)
     i, j, k = np.unravel_index(int(np.argmax(grid)), grid.shape)
     best = np.array([pixels[i], pixels[j], lags[k]])
     contrast = float((grid.max() - np.median(grid)) / (NORMAL_MAD * np.median(np.abs(grid - np.median(grid))) + 1e-9))
     for size_px, size_s in _FINE:
-        around = [
-            best + np.array([a * size_px, b * size_px, c * size_s])
-            for a in range(-3, 4) for b in range(-3, 4) for c in (range(-3, 4) if moving else (0,))
-        ]  # fmt: skip
-        best = max(around, key=lambda place: score(*place))
+        steps = np.arange(-3, 4)
+        xs, ys = best[0] + steps * size_px, best[1] + steps * size_px
+        times = best[2] + (steps if moving else np.zeros(1)) * size_s
+        around = scores(xs, ys, times)
+        i, j, k = np.unravel_index(int(np.argmax(around)), around.shape)
+        best = np.array([xs[i], ys[j], times[k]])
     return EdgeShift((float(best[0]), float(best[1])), float(best[2]) if moving else float("nan"), contrast, len(uv))
 
 

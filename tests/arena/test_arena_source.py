@@ -60,7 +60,7 @@ def test_two_sessions_are_byte_equal() -> None:
     assert session() == session()
 
 
-@pytest.mark.wallclock
+@pytest.mark.alone
 def test_a_live_session_is_never_early_and_leaves_out_what_would_be_late() -> None:
     options = SourceOptions(seconds=1.5, live=True, extra=(("half", "1"),))
     source = open_arena(options)
@@ -76,7 +76,7 @@ def test_a_live_session_is_never_early_and_leaves_out_what_would_be_late() -> No
     assert frames + source.skipped == 45
 
 
-@pytest.mark.wallclock
+@pytest.mark.alone
 def test_a_live_session_loses_no_frame_when_the_machine_is_busy_for_a_moment(monkeypatch) -> None:
     def drawn(arena: ArenaOptions, index: int) -> ArenaFrame:
         if index == 24:

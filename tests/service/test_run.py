@@ -323,7 +323,8 @@ def test_children_do_not_outlive_a_killed_run(odom: Start, eventually: Eventuall
 
 @pytest.mark.long
 def test_a_viewer_sees_a_run_by_the_line_that_it_prints(odom: Start, eventually: Eventually, tmp_path: Path) -> None:
-    run = odom("run", *ENDLESS, "--namespace", "left", "--headless", "--out", tmp_path / "out")
+    # in real time: at full speed a run leaves its viewer, which gives way to it, half a minute or more to start in
+    run = odom("run", *ENDLESS, "--realtime", "--namespace", "left", "--headless", "--out", tmp_path / "out")
     heard = Heard(run)
     eventually(lambda: "to watch it: odom view" in heard.words, 60, "the line")
     watch = heard.words.split("to watch it: odom ")[1].splitlines()[0].split()

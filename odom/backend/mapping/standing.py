@@ -202,6 +202,14 @@ def standing_score(points: Array, evidence: Evidence, in_doubt: bool = False) ->
     return np.asarray(own + TUNING.neighbours_weight * around)
 
 
+def standing_since(view: View, corners: Corners, earlier: EarlierView, sensor: SensorModel) -> Mask:
+    """Return which `corners` (n) of a view an `earlier` one shows to stand, where no map tells anything of the two."""
+    patches = CornerPatches.of(view, corners.uv, corners.measurements)
+    age_s = (view.steady_stamp - earlier.view.steady_stamp) * 1e-9
+    evidence = Evidence.nothing(len(corners.uv)).joined(look_back(patches, earlier, sensor), age_s)
+    return (evidence.weight > 0.0) & (standing_score(patches.position, evidence, True) > 0.0)
+
+
 def moved_share(uv: Array, moved: Mask) -> float:
     """Return the share of an image's parts that moved: those where most of the corners did, at `uv` (n x 2 px).
 

@@ -106,6 +106,17 @@ def test_what_stood_still_before_tells_that_the_camera_was_not_taken_along() -> 
     assert told([0.6] * 40, found=60)[-1].is_doubtful  # nothing was seen before
 
 
+def test_a_crowds_doubt_ends_where_what_stood_still_before_agrees_again() -> None:
+    crowded = told([*STILL, 0.6], found=60, missed=80)[-1]
+    assert crowded.is_doubtful
+    assert crowded.stamp is not None
+    view = cast(Any, SimpleNamespace(steady_stamp=SteadyStamp(crowded.stamp + 200_000_000)))
+    for missed in (80, 40):
+        tracked, landmarks = tracked_by(60, missed)
+        later = crowded.after(view, tracked, cast(Any, Shown(0.3, 0.0)), landmarks, cast(Any, None))
+        assert later.is_doubtful == (missed > 60)
+
+
 def test_views_that_cannot_tell_end_no_doubt() -> None:
     assert told([*STILL, 0.6, *[None] * 30])[-1].doubt == "most of the view moved"
 

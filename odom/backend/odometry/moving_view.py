@@ -108,7 +108,7 @@ class MovingView:
             return replace(seen, is_crowded=not is_backed, calm=None)
         calm = stamp if self.calm is None else self.calm
         is_calm = (stamp - calm) * 1e-9 >= TUNING.moving_calm_s
-        seen = replace(seen, is_crowded=self.is_crowded and not is_calm, calm=calm)
+        seen = replace(seen, is_crowded=self.is_crowded and not (is_calm or is_backed), calm=calm)
         return replace(seen, proven=landmarks.next_identity) if is_calm and not seen.is_suspicious else seen
 
     def after_loss(self, next_identity: int = 0) -> "MovingView":

@@ -90,11 +90,11 @@ def test_a_camera_found_again_on_a_body_that_fills_most_of_the_view_is_not_sure(
 @pytest.mark.parametrize(
     ("name", "seed", "count", "share"), [("tum_fr1_rpy_part", 1, 2, 0.4), ("tum_fr1_xyz", 3, 2, 0.4)]
 )
-def test_among_bodies_the_covariance_is_honest_whether_one_of_them_is_followed_or_not(
+def test_among_bodies_that_fill_much_of_the_view_none_is_followed_and_the_covariance_is_honest(
     shared_data: Path, name: str, seed: int, count: int, share: float
 ) -> None:
     found, share_on_body = run(*painted(shared_data, name, seed, end=2.5, count=count, share=share))
-    assert (share_on_body > 0.5) == (seed == 1)  # the first one follows a body
+    assert share_on_body < 0.05
     assert found.wrong == 0.0
     assert found.nees is not None
     assert found.nees <= 9.0

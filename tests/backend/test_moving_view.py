@@ -18,17 +18,18 @@ from odom.frontend.matching.moving_surfaces import MovingCells
 class Shown:
     """Recent views before which a given share of the view moves; None: they cannot tell.
 
-    Of its features, `as_one` follow one other motion.
+    Of its features, `as_one` follow one other motion, which may be that of the scene.
     """
 
     share: float | None
     as_one: float
+    has_scene: bool = False
 
     def moving(self, *_: object) -> MovingCells | None:
         return None if self.share is None else MovingCells(np.zeros((2, 2), bool), self.share, (8, 8))
 
     def what_else_moves(self, *_: object) -> WhatElseMoves | None:
-        return None if self.share is None else WhatElseMoves(self.as_one, self.share * np.eye(6))
+        return None if self.share is None else WhatElseMoves(self.as_one, self.share * np.eye(6), self.has_scene)
 
 
 def tracked_by(found: int, missed: int) -> tuple[Any, Any]:
@@ -50,11 +51,12 @@ def told(
     keyframes: Mapping[int, float] = MappingProxyType({}),
     lost: Collection[int] = (),
     as_one: Callable[[int], float] = lambda look: 0.2,
+    scene_moves: Collection[int] = (),
 ) -> list[MovingView]:
     """What is known after each look, `period_s` apart (see `tracked_by`).
 
     Looks that became `keyframes` had corners that moved in such a share of their view; before those in `lost` the view
-    was lost. A share `as_one` of a look's features follows another motion.
+    was lost. A share `as_one` of a look's features follows another motion; in `scene_moves` that is the scene's.
     """
     tracked, landmarks = tracked_by(found, missed)
     moving, every = MovingView(), []
@@ -62,7 +64,7 @@ def told(
         stamp = SteadyStamp(round(1.001e9 * i * period_s))
         view = cast(Any, SimpleNamespace(steady_stamp=stamp))
         moving = (moving.after_loss() if i in lost else moving).after(
-            view, tracked, cast(Any, Shown(share, as_one(i))), landmarks, cast(Any, None)
+            view, tracked, cast(Any, Shown(share, as_one(i), i in scene_moves)), landmarks, cast(Any, None)
         )
         if i in keyframes:
             moving = moving.after_keyframe(stamp, keyframes[i], tracked, landmarks)
@@ -102,6 +104,17 @@ def test_what_stood_still_before_tells_that_the_camera_was_not_taken_along() -> 
     assert told([*STILL, 0.6], found=60, missed=80)[-1].is_doubtful
     assert told([*STILL, 0.6], found=20)[-1].is_doubtful
     assert told([0.6] * 40, found=60)[-1].is_doubtful  # nothing was seen before
+
+
+def test_a_crowds_doubt_ends_where_what_stood_still_before_agrees_again() -> None:
+    crowded = told([*STILL, 0.6], found=60, missed=80)[-1]
+    assert crowded.is_doubtful
+    assert crowded.stamp is not None
+    view = cast(Any, SimpleNamespace(steady_stamp=SteadyStamp(crowded.stamp + 200_000_000)))
+    for missed in (80, 40):
+        tracked, landmarks = tracked_by(60, missed)
+        later = crowded.after(view, tracked, cast(Any, Shown(0.3, 0.0)), landmarks, cast(Any, None))
+        assert later.is_doubtful == (missed > 60)
 
 
 def test_views_that_cannot_tell_end_no_doubt() -> None:
@@ -198,3 +211,28 @@ def test_the_camera_knows_its_place_again_by_landmarks_from_before_the_doubt_alo
     backed = told([*shares[:-1], 0.6], found=60, missed=40)
     assert not any(moving.is_doubtful for moving in backed)
     assert told([0.6, *[0.0] * (CALM + 20)], found=60)[-1].is_rooted is False  # all it knows was seen in doubt
+
+
+def test_a_camera_from_which_the_scene_moves_away_follows_a_body_unless_what_stood_before_agrees() -> None:
+    crowd, look = [*STILL, 0.6, 0.6, 0.6], len(STILL) + 1
+    assert told(crowd, scene_moves=[look])[look].is_left_behind
+    assert not told(crowd, scene_moves=[look])[look - 1].is_left_behind
+    assert not told(crowd, scene_moves=[look])[look + 1].is_left_behind
+    assert not told(crowd, found=60, missed=40, scene_moves=[look])[look].is_left_behind
+
+
+def test_a_pose_that_the_landmarks_from_before_contradict_is_looked_at_though_nothing_seems_to_move() -> None:
+    look = len(STILL)
+    contradicted = told([*STILL, 0.0], found=10, missed=90, scene_moves=[look])[look]
+    assert contradicted.is_left_behind
+    assert contradicted.is_doubtful
+    assert not told([*STILL, 0.0], found=30, missed=60, scene_moves=[look])[look].is_left_behind
+    assert not told([*STILL, 0.0], found=10, missed=90)[look].is_doubtful
+
+
+def test_after_a_body_was_followed_the_view_is_in_doubt_and_landmarks_count_anew() -> None:
+    followed = told([*STILL, 0.0], found=10, missed=90, scene_moves=[len(STILL)])[-1]
+    lost = followed.after_loss(77)
+    assert lost.is_doubtful
+    assert not lost.is_left_behind
+    assert lost.fresh == 77

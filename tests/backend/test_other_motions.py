@@ -34,6 +34,7 @@ def test_in_a_room_at_rest_a_camera_that_walks_is_not_unsure() -> None:
     found = seen(ROOM.frame(SMALL, 33, T_now), ROOM.frame(SMALL, 30, T_earlier), se3.inverse(T_earlier) @ T_now)
     assert found is not None
     assert found.share == 0.0
+    assert not found.has_scene
     assert not found.spread.any()
 
 
@@ -64,3 +65,12 @@ def test_where_too_little_can_be_followed_nothing_is_told() -> None:
     plain = ROOM.frame(SMALL, 33, HERE)
     dark = RgbdFrame(30, plain.stamp, np.zeros_like(plain.color), plain.stamp, plain.depth_mm)
     assert seen(plain, dark, HERE) is None
+
+
+def test_a_camera_that_follows_a_body_sees_the_scene_move_and_one_that_follows_the_scene_does_not() -> None:
+    (now, T_body), (earlier, T_body_before) = seen_with_a_body(33), seen_with_a_body(30)
+    followed, stood = seen(now, earlier, T_body_before @ se3.inverse(T_body)), seen(now, earlier, HERE)
+    assert followed is not None
+    assert followed.has_scene
+    assert stood is not None
+    assert not stood.has_scene

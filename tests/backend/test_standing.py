@@ -43,9 +43,19 @@ def test_in_doubt_a_body_that_turned_round_before_it_was_missed_does_not_surely_
     points = np.concatenate([POINTS, elsewhere])
     wall, body = np.arange(75) < 40, (np.arange(75) >= 40) & (np.arange(75) < 60)
     assert (standing_score(points, both)[body] > 0.0).all()
-    surely = standing_score(points, both, TUNING.standing_weight) > TUNING.standing_least
+    surely = standing_score(points, both, in_doubt=True) > TUNING.standing_least
     assert surely[wall].all()
     assert not surely[~wall].any()
+
+
+def test_in_doubt_what_no_view_saw_and_what_one_saw_a_moment_ago_do_not_surely_stand() -> None:
+    just_now = Evidence.nothing(60).joined(Sighting(~ON_BODY, ~ON_BODY, NONE), 0.03)
+    assert (standing_score(POINTS, just_now) > 0.0).all()
+    assert not (standing_score(POINTS, just_now, in_doubt=True) > TUNING.standing_least).any()
+    before = just_now.joined(Sighting(~ON_BODY, ~ON_BODY, NONE), 0.3)
+    surely = standing_score(POINTS, before, in_doubt=True) > TUNING.standing_least
+    assert (surely & ~ON_BODY == ~ON_BODY).all()
+    assert (standing_score(POINTS, Evidence.nothing(60), in_doubt=True) == 0.0).all()
 
 
 def test_single_false_matches_cost_themselves_only() -> None:

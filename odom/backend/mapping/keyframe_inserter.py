@@ -7,7 +7,8 @@ import numpy as np
 from odom.backend.map.keyframe import Keyframe, Measured
 from odom.backend.map.map import Corners, Map
 from odom.backend.mapping.new_corners import Grown, NewCorners, Wanted, measure_exactly
-from odom.backend.mapping.standing import RecentViews
+from odom.backend.mapping.presence import retire
+from odom.backend.mapping.standing import RecentViews, standing_since
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.frame_state import FrameState, Tracked
@@ -16,6 +17,7 @@ from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.image_parts import parts_of
 from odom.frontend.features.lens_change import LensChange
 from odom.frontend.features.view import View
+from odom.frontend.matching.look_back import EarlierView
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 from odom.geometry.numbered import distinct
@@ -68,9 +70,14 @@ class KeyframeInserter:
         self.recent = RecentViews(map_)
         self._new_corners = NewCorners(settings)
 
-    def first_corners(self, view: View, sensor: SensorModel) -> Corners | None:
-        """Return a frame's corners with depth, as if at rest; None: too few for the next frame to be found by them."""
+    def first_corners(self, view: View, sensor: SensorModel, scene: EarlierView | None = None) -> Corners | None:
+        """Return a frame's corners with depth, as if at rest; None: too few for the next frame to be found by them.
+
+        Where an earlier view shows the `scene`, only those that stand in it.
+        """
         corners = self._new_corners.first(view, np.zeros((0, 2)), AT_REST, sensor)
+        if scene is not None:
+            corners = corners.take(standing_since(view, corners, scene, sensor))
         return corners if len(corners.uv) >= TUNING.least_begun else None
 
     def begin_segment(self, view: View, corners: Corners, T_camera_map: Array, sensor: SensorModel) -> Keyframe:
@@ -136,6 +143,12 @@ class KeyframeInserter:
             keyframe.T_middle_stamp = _T_middle_stamp(state.view, state.twist, sensor)
             self.take_corners(None, sensor)
         return replace(state, tracked=tracked, reference=keyframe.number, rows=keyframe.rows, uv=keyframe.uv)
+
+    def drop(self, segment: int, since: int, sensor: SensorModel) -> None:
+        """Remove a segment's landmarks from the identity `since` on, and forget the recent frames: all on a body."""
+        self._new_corners.take(None, sensor)
+        retire(self._map, segment, since)
+        self.recent.forget()
 
     def is_due(self, view: View, tracked: Tracked, in_doubt: bool) -> bool:
         """Return whether too little is left in a view of what the last key frame saw, and the camera has moved.

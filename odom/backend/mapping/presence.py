@@ -3,6 +3,7 @@
 import numpy as np
 
 from odom.backend.map.landmarks import Landmarks
+from odom.backend.map.map import Map
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.tracking.frame_state import Tracked
 from odom.geometry.arrays import Array, Index
@@ -28,6 +29,16 @@ def note_sightings(landmarks: Landmarks, tracked: Tracked, since_previous_s: flo
     if len(vanished):
         near = _around(landmarks, landmarks.position[vanished], tracked.T_map_camera[:3, 3])
         landmarks.gone_s[near] = np.maximum(landmarks.gone_s[near], TUNING.gone_step_s)
+
+
+def retire(map_: Map, segment: int, since: int) -> None:
+    """Remove the landmarks of a segment that were made from the identity `since` on: they lie on what moves."""
+    landmarks = map_.landmarks
+    is_member = np.array([keyframe.segment == segment for keyframe in map_.keyframes])
+    rows = np.flatnonzero(landmarks.alive & (landmarks.identity >= since))
+    rows = rows[is_member[landmarks.keyframe[rows]]]
+    map_.journal.thin(landmarks.keyframe[rows].tolist())
+    landmarks.cull(rows)
 
 
 def _around(landmarks: Landmarks, places: Array, eye: Array) -> Index:

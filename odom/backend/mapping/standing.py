@@ -73,7 +73,7 @@ class RecentViews:
         return None
 
     def _before(self, view: View, tracked: Tracked) -> list[EarlierView]:
-        """Return the views to look in, spread over the last while; none where even the newest is long ago.
+        """Return the views to look in, of the last while; none where even the newest is long ago.
 
         After a wide step, what was not seen well cannot be told from what moved.
         """
@@ -81,8 +81,7 @@ class RecentViews:
         recent = [one for one in self._views if 0.0 < _since_s(one, stamp) <= TUNING.recent_s]
         if not recent or _since_s(recent[-1], stamp) > TUNING.newest_s:
             return []
-        chosen = np.linspace(0, len(recent) - 1, min(len(recent), TUNING.recent_views)).round().astype(int)
-        return [self._seen_from(recent[i], tracked) for i in chosen]
+        return [self._seen_from(one, tracked) for one in recent]
 
     def _seen_from(self, recent: _RecentView, tracked: Tracked) -> EarlierView:
         keyframe = self._map.keyframes[recent.reference]
@@ -92,7 +91,11 @@ class RecentViews:
 
 @dataclass(frozen=True, eq=False)
 class Before:
-    """A `tracked` `view` and `earlier` ones to look in; `looked` holds what was seen to move, if it was looked at."""
+    """A `tracked` `view` and `earlier` ones to look in; `looked` holds what was seen to move, if it was looked at.
+
+    The views that overlap with this one are few in a quick turn: in doubt, and where the depth of a whole view is
+    compared, only those are looked in.
+    """
 
     view: View
     tracked: Tracked
@@ -113,22 +116,19 @@ class Before:
         known = np.flatnonzero(measured.values[:, 2] > 0.0)
         patches = CornerPatches.of(view, corners.uv[known], measured.take(known))
         evidence = Evidence.nothing(len(known))
-        for earlier in self.earlier:
+        for earlier in _spread(self._overlapping if in_doubt else self.earlier):
             evidence = evidence.joined(
                 look_back(patches, earlier, sensor), (view.steady_stamp - earlier.view.steady_stamp) * 1e-9
             )
         stands = np.zeros(len(corners.uv), dtype=np.bool_)
-        score = standing_score(patches.position, evidence)
-        stands[known] = score > 0.0
-        if in_doubt:
-            surely = standing_score(patches.position, evidence, TUNING.standing_weight)
-            stands[known] &= surely > TUNING.standing_least
+        score = standing_score(patches.position, evidence, in_doubt)
+        stands[known] = score > (TUNING.standing_least if in_doubt else 0.0)
         judged = evidence.weight > 0.0
         uv = np.concatenate([corners.uv[known[judged]], tracked.inlying.uv])
         moves = np.concatenate([score[judged] <= 0.0, np.zeros(tracked.inlier_count, dtype=np.bool_)])
         moved = moved_share(uv, moves)
         moving = self.moving(sensor)
-        if in_doubt if moving is None else moving.share > TUNING.moving_crowd:
+        if in_doubt or (moving is not None and moving.share > TUNING.moving_crowd):
             stands[known[~judged]] = False
         return stands if moving is None else stands & ~moving.at(corners.uv), moved
 
@@ -136,8 +136,24 @@ class Before:
         """Return which part of the view moves; None where no view is recent enough to tell."""
         if self.looked:
             return self.looked[0]
-        earlier = self.earlier[: TUNING.moving_views]
+        earlier = _spread(self._overlapping)[: TUNING.moving_views]
         return moving_cells(DepthGrid.of(self.view, sensor, self.tracked.twist), earlier, sensor) if earlier else None
+
+    @property
+    def _overlapping(self) -> list[EarlierView]:
+        """The earlier views from which the camera has turned little, and the newest."""
+        return [one for one in self.earlier[:-1] if _turn(one) < TUNING.recent_turn_rad] + self.earlier[-1:]
+
+
+def _spread(views: list[EarlierView]) -> list[EarlierView]:
+    """Return as many of the views as are looked in, spread over all their time."""
+    n = len(views)
+    return [views[i] for i in np.linspace(0, n - 1, min(n, TUNING.recent_views)).round().astype(int)]
+
+
+def _turn(earlier: EarlierView) -> float:
+    """Return by what angle the camera has turned since (radians)."""
+    return float(np.linalg.norm(se3.log(earlier.T_view_corners)[3:]))
 
 
 def _since_s(earlier: _RecentView, stamp: SteadyStamp) -> float:
@@ -166,21 +182,32 @@ class Evidence:
         return Evidence(self.score + weight * score, self.weight + weight * visible, self.moves | seen.moves)
 
 
-def standing_score(points: Array, evidence: Evidence, full_weight: float = 0.0) -> Array:
+def standing_score(points: Array, evidence: Evidence, in_doubt: bool = False) -> Array:
     """Return how much more says that n corners, at `points` (n x 3, m), stand than that they move (n, at most 3).
 
     A corner is judged with its neighbours in space, so that what was never seen before goes with the body that it is a
-    part of, and a single false match does no harm. Evidence of less weight than `full_weight` counts in proportion.
-    Where hardly anything was seen to move, all that did not stand.
+    part of, and a single false match does no harm. Where hardly anything was seen to move, all that did not stand;
+    not while the pose is `in_doubt`: a body that just comes is not seen to move. Then, too, little evidence counts in
+    proportion.
     """
     judged = np.flatnonzero(evidence.weight > 0.0)
-    if np.count_nonzero(evidence.moves) < max(TUNING.moving_least, TUNING.moving_share * len(judged)):
+    if not in_doubt and np.count_nonzero(evidence.moves) < max(TUNING.moving_least, TUNING.moving_share * len(judged)):
         return np.where(evidence.moves, -np.inf, np.inf)
+    if not len(judged):
+        return np.zeros(len(points))
     weight = np.where(evidence.weight > 0.0, evidence.weight, 1.0)
-    own = evidence.score / np.maximum(weight, full_weight)
+    own = evidence.score / np.maximum(weight, TUNING.standing_weight if in_doubt else 0.0)
     near = nearest(points, points[judged], min(TUNING.judged_neighbours, len(judged)))[0]
     around = own[judged][near].mean(axis=1)
     return np.asarray(own + TUNING.neighbours_weight * around)
+
+
+def standing_since(view: View, corners: Corners, earlier: EarlierView, sensor: SensorModel) -> Mask:
+    """Return which `corners` (n) of a view an `earlier` one shows to stand, where no map tells anything of the two."""
+    patches = CornerPatches.of(view, corners.uv, corners.measurements)
+    age_s = (view.steady_stamp - earlier.view.steady_stamp) * 1e-9
+    evidence = Evidence.nothing(len(corners.uv)).joined(look_back(patches, earlier, sensor), age_s)
+    return (evidence.weight > 0.0) & (standing_score(patches.position, evidence, True) > 0.0)
 
 
 def moved_share(uv: Array, moved: Mask) -> float:

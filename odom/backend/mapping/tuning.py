@@ -54,6 +54,9 @@ class Tuning:
         effect="fewer: a corner of the image speaks for all of it; more: poor scenes tell nothing")
     recent_s: float = tuned(0.6, unit="s", source=_BODIES,
         effect="how far corners are looked back for; smaller: slow bodies become landmarks; larger: fewer were in view")
+    recent_turn_rad: float = tuned(0.35, unit="rad", source="half of a Kinect's field of view is .5 x .38",
+        effect="by which the camera has turned since; smaller: slow bodies become landmarks in turns; larger: in quick "
+        "turns the views hardly overlap, and who comes into view becomes a landmark")
     newest_s: float = tuned(0.25, unit="s", source="fr1_xyz thinned to 2 Hz",
         effect="age of the newest view beyond which none is looked in; smaller: bodies in slow streams become "
         "landmarks; larger: wide steps are LOST")
@@ -92,7 +95,7 @@ class Tuning:
     standing_weight: float = tuned(1.0, unit="views that count in full", source=_BODIES,
         effect="of evidence that a corner stands count in full while the pose is in doubt; smaller: bodies that turn "
         "round become landmarks; larger: what comes into view becomes one late")
-    standing_least: float = tuned(0.5, unit="of 3: a corner and its neighbours stood in all views", source=_BODIES,
+    standing_least: float = tuned(0.9, unit="of 3: a corner and its neighbours stood in all views", source=_BODIES,
         effect="by which more must say that a corner stands than that it moves, in doubt; smaller: as a smaller "
         "standing_weight; larger: the map grows late where much is blurred or hidden")
     # presence

@@ -17,6 +17,7 @@ from odom.backend.mapping.mapper import Mapper
 from odom.backend.mapping.presence import note_sightings
 from odom.backend.mapping.wide_step import follow_wide_step
 from odom.backend.odometry.judged_frame import JudgedFrame
+from odom.backend.odometry.lost_views import LostViews
 from odom.backend.odometry.moving_view import MovingView
 from odom.backend.odometry.published_trajectory import PublishedTrajectory
 from odom.backend.odometry.tuning import TUNING
@@ -57,6 +58,7 @@ class FrameStages:
         self._settings = settings
         self.moving = MovingView()
         self._visibility = Visibility()
+        self._lost = LostViews()
         self._confirmation = Confirmation(self.map)
 
     def estimate(self, view: View, T_predicted: Array | None, watch: Stopwatch, on_pose: OnPose) -> Estimate:
@@ -68,7 +70,11 @@ class FrameStages:
         is_followable = not (self.published.is_lost or is_blind)
         tracked = self._track(view, T_predicted, watch) if is_followable else None
         if tracked is not None:
-            return self._advance(view, self._judge(view, tracked, is_recovered=False), watch, on_pose)
+            judged = self._judge(view, tracked, is_recovered=False)
+            if not judged.moving.is_left_behind:
+                return self._advance(view, judged, watch, on_pose)
+            self.mapper.inserter.drop(self._segment, max(judged.moving.proven, judged.moving.fresh), self.sensor)
+            return self._search(view, TUNING.least_corners, is_blind)
         features = 0
         if not is_blind:
             place = describe_place(view, self.sensor, AT_REST)
@@ -127,7 +133,7 @@ class FrameStages:
             noise = observe_noise(noise, self.map, tracked, view.images.full.shape[1])
         self.sensor = self.sensor.with_noise(noise)
         covariance = tracked.covariance * noise.covariance_scale
-        moving = self.moving.after_loss() if is_recovered else self.moving
+        moving = self.moving.after_loss(self.map.landmarks.next_identity) if is_recovered else self.moving
         self.moving = moving.after(view, tracked, self.mapper.inserter.recent, self.map.landmarks, self.sensor)
         state, reason = judge_pose(tracked, covariance, is_recovered, lacks_depth, self.moving.doubt)
         return JudgedFrame(tracked, since_previous_s, twist, covariance, state, reason, self.moving)
@@ -158,29 +164,26 @@ class FrameStages:
     def _publish(self, view: View, judged: JudgedFrame) -> Publication:
         """Return a judged frame's published pose, carried from its middle row's time to its stamp."""
         tracked = judged.tracked
-        reference = self.map.keyframes[tracked.reference]
-        delay_s = view.since_middle_s(self.sensor.timing)
+        reference, delay_s = self.map.keyframes[tracked.reference], view.since_middle_s(self.sensor.timing)
         T_reference_middle = reference.T_camera_map @ tracked.T_map_camera
         middle = LoggedFrame(view.stamp, reference.segment, delay_s, reference.number, T_reference_middle)
         return self.published.advance(middle, judged, self.sensor)
 
     def _grow_map(self, view: View, judged: JudgedFrame, published: Publication) -> bool:
         """Add a frame to the map as far as it is needed, and make it the newest; return whether it is a key frame."""
-        tracked, mapper, count = judged.tracked, self.mapper, self.published.frames.count
+        tracked, mapper, count, sensor = judged.tracked, self.mapper, self.published.frames.count, self.sensor
         if mapper.intermediate.wants(count - 1):
-            mapper.keep_for_the_end(count - 1, tracked, self.sensor)
-        mapper.start_background(count, self.sensor, self.closer.is_idle)
+            mapper.keep_for_the_end(count - 1, tracked, sensor)
+        mapper.start_background(count, sensor, self.closer.is_idle)
         reference, seen = tracked.reference, tracked.inlying
         rows, uv, is_keyframe, in_doubt = seen.rows, seen.uv, False, judged.moving.is_doubtful
         if judged.state is State.RECOVERED:
             mapper.inserter.compare_with(reference)
         # The motion of a recovered frame, which bends what it measured, is not known: the next may become a key frame.
-        is_bent = judged.state is State.RECOVERED and self.sensor.clock.period_s < TUNING.longest_gap_s
+        is_bent = judged.state is State.RECOVERED and sensor.clock.period_s < TUNING.longest_gap_s
         has_depth = self._visibility.landmark_depth_stamp == view.stamp
         if has_depth and not is_bent and mapper.inserter.is_due(view, tracked, in_doubt):
-            keyframe = mapper.inserter.insert(
-                view, tracked, judged.twist, judged.covariance, self.sensor, count, in_doubt
-            )
+            keyframe = mapper.inserter.insert(view, tracked, judged.twist, judged.covariance, sensor, count, in_doubt)
             keyframe.T_middle_stamp = published.T_middle_stamp
             reference, rows, uv, is_keyframe = keyframe.number, keyframe.rows, keyframe.uv, True
         self.state = FrameState(view, tracked, tracked.T_camera_map, judged.twist, reference, rows, uv)
@@ -191,8 +194,8 @@ class FrameStages:
         """Let the motion prediction stand in for a frame that could not be tracked."""
         self.state = replace(state, is_bridged=True)
         published = self.published.bridge(view.stamp, state.twist, self.sensor)
-        reason = "not tracked: the motion is predicted"
-        return replace(self._describe(view, State.UNCERTAIN, reason, published), is_predicted=True)
+        estimate = self._describe(view, State.UNCERTAIN, "not tracked: the motion is predicted", published)
+        return replace(estimate, is_predicted=True)
 
     def _search(self, view: View, features: int, is_blind: bool) -> Estimate:
         """Say that the frame has no pose, or begin a new segment where none can be hoped for.
@@ -203,10 +206,11 @@ class FrameStages:
         if features >= TUNING.least_corners:
             reason = "no known place recognised"
             self._visibility = self._visibility.with_search(self.published.since_last_s(view.stamp))
-            patience = TUNING.patience if self.moving.is_doubtful else 1.0
-            is_time = self._is_unproven or self._visibility.searching_s > patience * self._settings.new_segment_s
+            self._lost = self._lost.after(view, self.sensor, self.moving.is_doubtful)
+            longest_s = self._lost.patience * self._settings.new_segment_s
+            is_time = self._is_unproven or self._visibility.searching_s > longest_s
             may_begin = is_time and not self.map.is_fixed
-            corners = self.mapper.inserter.first_corners(view, self.sensor) if may_begin else None
+            corners = self.mapper.inserter.first_corners(view, self.sensor, self._lost.scene) if may_begin else None
             if corners is not None:
                 return self._begin_segment(view, corners)
         self.published.lose(view.stamp, self._segment)
@@ -226,12 +230,11 @@ class FrameStages:
         self._visibility, self.moving = self._visibility.with_new_segment(view.stamp), self.moving.after_loss()
         published = self.published.begin(view.stamp, keyframe.segment, keyframe.number, self.sensor)
         chain = self.chain.extend(ChainFrame(view, Sight.nothing(), AT_REST, published), None, self.sensor)
-        number, rows, uv = keyframe.number, keyframe.rows, keyframe.uv
+        number, rows = keyframe.number, keyframe.rows
         self.chain.close(self.map, True, number, self.sensor)
-        self.state = FrameState(view, None, T_camera_map, AT_REST, number, rows, uv, is_bent=True)
-        state = State.TRACKING if is_first else State.RECOVERED
-        reason = "" if is_first else "new segment: no known place recognised"
-        return replace(self._describe(view, state, reason, published), matches=len(rows), is_keyframe=True, chain=chain)
+        self.state = FrameState(view, None, T_camera_map, AT_REST, number, rows, keyframe.uv, is_bent=True)
+        why = (State.TRACKING, "") if is_first else (State.RECOVERED, "new segment: no known place recognised")
+        return replace(self._describe(view, *why, published), matches=len(rows), is_keyframe=True, chain=chain)
 
     @property
     def _segment(self) -> int:
@@ -243,5 +246,5 @@ class FrameStages:
         frame = view.sequence, view.stamp, state, reason, max(segment, 0), self.published.T_map_odom
         if published is None:
             return Estimate(*frame)
-        T, covariance = published.T_odom_camera, published.covariance
-        return Estimate(*frame, T, covariance, step=published.step, second=published.second)
+        pose = published.T_odom_camera, published.covariance
+        return Estimate(*frame, *pose, step=published.step, second=published.second)

@@ -53,6 +53,8 @@ class MovingView:
     rooted: int = 0
     is_rooted: bool = False
     spread: Array | None = None
+    is_left_behind: bool = False
+    fresh: int = 0
 
     def after(
         self, view: View, tracked: Tracked, recent: RecentViews, landmarks: Landmarks, sensor: SensorModel
@@ -64,18 +66,19 @@ class MovingView:
         looked = self._looked(stamp, recent.moving(view, tracked, sensor), tracked, landmarks)
         rooted = looked.proven if looked.is_suspicious else self.rooted
         looked = replace(looked, rooted=rooted, is_rooted=rooted > 0 and is_supported(tracked, landmarks, rooted))
-        is_unproven = looked.proven == 0 or looked.is_suspicious
+        is_unproven = looked.proven == 0 or looked.is_suspicious or is_contradicted(tracked, landmarks, looked.proven)
         return looked._with_others(recent.what_else_moves(view, tracked, sensor) if is_unproven else None)
 
     def _with_others(self, others: WhatElseMoves | None) -> "MovingView":
         """Return what is known where the newest look showed what else moves, None: it could not tell."""
         if others is None:
-            return self if self.is_doubtful else replace(self, spread=None)
+            seen = replace(self, is_left_behind=False)
+            return seen if self.is_doubtful else replace(seen, spread=None)
         is_seen = self.is_suspicious and others.share > TUNING.moved_as_one
         seen = replace(self, other=self.stamp) if is_seen else self
         if min(self.as_one, others.share) > TUNING.moved_rival and self.proven == 0:
             seen = replace(seen, rival=self.stamp)
-        seen = replace(seen, as_one=others.share)
+        seen = replace(seen, as_one=others.share, is_left_behind=others.has_scene and not self.is_rooted)
         if not seen.is_doubtful:
             return replace(seen, spread=None)
         before = others.spread if self.spread is None else self.spread
@@ -105,15 +108,17 @@ class MovingView:
             return replace(seen, is_crowded=not is_backed, calm=None)
         calm = stamp if self.calm is None else self.calm
         is_calm = (stamp - calm) * 1e-9 >= TUNING.moving_calm_s
-        seen = replace(seen, is_crowded=self.is_crowded and not is_calm, calm=calm)
+        seen = replace(seen, is_crowded=self.is_crowded and not (is_calm or is_backed), calm=calm)
         return replace(seen, proven=landmarks.next_identity) if is_calm and not seen.is_suspicious else seen
 
-    def after_loss(self) -> "MovingView":
+    def after_loss(self, next_identity: int = 0) -> "MovingView":
         """Return what is known where a segment begins or the camera is found again: it is counted anew from there.
+
+        Landmarks made from then on begin with `next_identity`.
 
         After a loss in doubt, that nothing seems to move proves little: so does a body that is followed.
         """
-        lost = replace(self, is_young=False, is_astray=self.is_doubtful)
+        lost = replace(self, is_young=False, is_astray=self.is_doubtful, is_left_behind=False, fresh=next_identity)
         return replace(lost, stamp=None, cells=None, begun=None, calm=None, as_one=0.0, rival=None)
 
     def after_keyframe(
@@ -138,7 +143,7 @@ class MovingView:
     @property
     def is_doubtful(self) -> bool:
         """Whether what moves leaves the pose in doubt."""
-        if self.is_crowded or self.is_young or self.is_astray or self.is_rivalled:
+        if self.is_crowded or self.is_young or self.is_astray or self.is_rivalled or self.is_left_behind:
             return True
         if self.strayed is None or self.other is None or self.stamp is None:
             return False
@@ -159,6 +164,17 @@ def is_supported(tracked: Tracked, landmarks: Landmarks, proven: int, times: flo
 
     Most: at least so many `times` as many as do not.
     """
+    found, missed = _found_and_missed(tracked, landmarks, proven)
+    return bool(found >= max(TRACKING.sure_inliers, times * missed))
+
+
+def is_contradicted(tracked: Tracked, landmarks: Landmarks, proven: int) -> bool:
+    """Return whether landmarks made before `proven` (an identity) should be in view with a pose, and hardly any are."""
+    found, missed = _found_and_missed(tracked, landmarks, proven)
+    return bool(missed >= max(TRACKING.sure_inliers, TUNING.moved_contradicts * found))
+
+
+def _found_and_missed(tracked: Tracked, landmarks: Landmarks, proven: int) -> tuple[int, int]:
     found = int(np.count_nonzero(landmarks.identity[tracked.rows[tracked.inliers]] < proven))
     missed = int(np.count_nonzero((landmarks.identity[tracked.missed] < proven) & ~tracked.sight.hidden))
-    return bool(found >= max(TRACKING.sure_inliers, times * missed))
+    return found, missed

@@ -51,6 +51,9 @@ class Tuning:
         "the scene between two key frames; larger: UNCERTAIN for longer")
     moved_support: float = tuned(2.0, unit="landmarks from before found for each one missed", source=_BODIES,
         effect="that end this doubt sooner; smaller: as a smaller moved_parts_s; larger: as a larger one")
+    moved_contradicts: float = tuned(3.0, unit="landmarks from before missed for each one found", source=_BODIES,
+        effect="before it is looked for what else moves; smaller: slower in quick turns; larger: a body that comes to "
+        "be followed in a quick turn is not noticed")
     moved_as_one: float = tuned(0.1, unit="share of the votes", source="torn, blurred, ill exposed images; " + _BODIES,
         effect="that another motion must have for corners that do not stand to count; smaller: chance counts; larger: "
         "a small body is not noticed")
@@ -87,6 +90,9 @@ class Tuning:
     patience: float = tuned(5.0, unit="times the time after which a segment begins", source=_BODIES,
         effect="that a camera looks for known places where most of the view moved; smaller: segments begin on bodies; "
         "larger: LOST for longer")
+    patience_with_scene: float = tuned(0.25, unit="times the time after which a segment begins", source=_BODIES,
+        effect="as patience, where lost views show the scene by themselves; smaller: segments that soon would have "
+        "been found again; larger: LOST for longer")
     recent: int = tuned(64, unit="frames", source="two seconds at 30 Hz",
         effect="frames among which that of a second ago is searched; fewer: none at high rates; more: memory")
     near_a_second_s: float = tuned(0.075, unit="s", source="two periods at 30 Hz, rounded up",

@@ -48,7 +48,8 @@ class FrameTracker:
         tracked = self.track(view, sensor, T_predicted, twist, local, prior)
         if not (is_plausible_motion(prior.twist_to(tracked.T_camera_map)) and has_enough_inliers(tracked)):
             return None
-        if in_doubt and prior.expected is not None and not prior.expected.is_within_reach(tracked.T_camera_map):
+        is_jerk = prior.expected is not None and not prior.expected.is_within_reach(tracked.T_camera_map)
+        if in_doubt and is_jerk and tracked.found_again < TUNING.sure_share * tracked.visible_count:
             return None
         is_continuous = is_same_view(tracked, state.tracked) and not state.is_bridged
         return tracked if is_continuous or is_known_place(tracked) else None

@@ -30,7 +30,7 @@ _MOST_MOTIONS = 3
 
 
 @dataclass(frozen=True, eq=False)
-class _Followed:
+class FollowedCorners:
     """n corners at `points` (n x 3, m, an earlier camera) with `covariances` (n x 3 x 3, m^2), followed into a view.
 
     There they are at `uv` (n x 2 px), and `measured` (n); `pixel` is how wide a pixel is as a ray.
@@ -43,7 +43,7 @@ class _Followed:
     pixel: float
 
     @classmethod
-    def between(cls, earlier: EarlierView, view: View, twist: Array, sensor: SensorModel) -> "_Followed":
+    def between(cls, earlier: EarlierView, view: View, twist: Array, sensor: SensorModel) -> "FollowedCorners":
         """Return the corners with depth that can be followed to a `view`, in motion with `twist` (6, SI), and back."""
         images, lens = (earlier.view.images.half, view.images.half), sensor.lens
         uv = 2.0 * detect_corners(images[0], np.zeros((0, 2)), TUNING.other_cell_px // 2)
@@ -61,10 +61,10 @@ class _Followed:
             points[rows], covariances[rows], uv, measure(view, sensor, uv, exact, twist), 1.0 / lens.intrinsics[0]
         )
 
-    def take(self, rows: Mask) -> "_Followed":
+    def take(self, rows: Mask) -> "FollowedCorners":
         """Return the chosen corners."""
         measured = self.measured.take(rows)
-        return _Followed(self.points[rows], self.covariances[rows], self.uv[rows], measured, self.pixel)
+        return FollowedCorners(self.points[rows], self.covariances[rows], self.uv[rows], measured, self.pixel)
 
     @cached_property
     def features(self) -> FollowedFeatures:
@@ -83,15 +83,29 @@ class _Followed:
 class OtherMotion:
     """A motion that a `share` of the votes shows, by which the camera's is `off` (6, `se3`, the later camera's frame).
 
-    That would be the camera's error, with 6 x 6 `covariance`, if these features stood still.
+    That would be the camera's error, with 6 x 6 `covariance`, if these features stood still; they do where it
+    `is_scene`.
     """
 
     share: float
     off: Array
     covariance: Array
+    is_scene: bool
 
 
-def other_motions(followed: _Followed, T_view_earlier: Array, since_s: float) -> Iterator[OtherMotion]:
+def is_scene(followed: FollowedCorners, agrees: Mask) -> bool:
+    """Return whether corners that agree with a motion (n) show the scene: most of the votes, and behind the rest.
+
+    People walk before a scene, not behind it. Of what does not agree some lies far away where a body hides much.
+    """
+    votes, depth = followed.features.votes, followed.points[:, 2]
+    if len(depth) < TUNING.scene_least or votes[agrees].sum() < TUNING.scene_share * votes.sum() or agrees.all():
+        return False
+    rest = np.quantile(depth[~agrees], TUNING.scene_rest)
+    return bool(np.median(depth[agrees]) > TUNING.scene_behind * rest)
+
+
+def other_motions(followed: FollowedCorners, T_view_earlier: Array, since_s: float) -> Iterator[OtherMotion]:
     """Yield the motions of corners that do not follow the camera's own, which is T_view_earlier over `since_s`."""
     is_left = followed.features.off_px(T_view_earlier) > TUNING.differs_px
     votes = followed.features.votes / followed.features.votes.sum()
@@ -103,21 +117,25 @@ def other_motions(followed: _Followed, T_view_earlier: Array, since_s: float) ->
             return
         agrees = left.features.off_px(T) < TUNING.differs_px
         fit = left.fit(T, agrees)
-        share = float(votes[is_left][agrees].sum())
         off = se3.log(T_view_earlier @ se3.inverse(fit.T_camera_map))
-        yield OtherMotion(share, off, np.asarray(np.linalg.inv(fit.information)))
-        is_left[np.flatnonzero(is_left)[agrees]] = False
+        members = np.zeros_like(is_left)
+        members[np.flatnonzero(is_left)[agrees]] = True
+        share, covariance = float(votes[members].sum()), np.asarray(np.linalg.inv(fit.information))
+        yield OtherMotion(share, off, covariance, is_scene(followed, members))
+        is_left &= ~members
 
 
 @dataclass(frozen=True, eq=False)
 class WhatElseMoves:
     """The motions in a view beside the camera's: the largest `share` of the votes that one has, 0 where there is none.
 
-    `spread` is the 6 x 6 covariance ((m/s, rad/s)^2, camera frame) of the camera's velocity by them all.
+    `spread` is the 6 x 6 covariance ((m/s, rad/s)^2, camera frame) of the camera's velocity by them all. `has_scene`:
+    one of them is the scene's.
     """
 
     share: float
     spread: Array
+    has_scene: bool = False
 
 
 def what_else_moves(earlier: EarlierView, view: View, twist: Array, sensor: SensorModel) -> WhatElseMoves | None:
@@ -125,10 +143,11 @@ def what_else_moves(earlier: EarlierView, view: View, twist: Array, sensor: Sens
 
     None where too few corners can be followed to tell.
     """
-    followed = _Followed.between(earlier, view, twist, sensor)
+    followed = FollowedCorners.between(earlier, view, twist, sensor)
     if len(followed.uv) < TUNING.contested_least:
         return None
     since_s = (view.steady_stamp - earlier.view.steady_stamp) * 1e-9
     others = list(other_motions(followed, se3.inverse(earlier.T_view_corners), since_s))
     spread = sum((one.share * (np.outer(one.off, one.off) + one.covariance) for one in others), np.zeros((6, 6)))
-    return WhatElseMoves(max((one.share for one in others), default=0.0), np.asarray(spread / since_s**2))
+    share, has_scene = max((one.share for one in others), default=0.0), any(one.is_scene for one in others)
+    return WhatElseMoves(share, np.asarray(spread / since_s**2), has_scene)

@@ -81,6 +81,23 @@ class Tuning:
         effect="side of a square with one corner that is followed; smaller: slower; larger: motions go unseen")
     other_back_px: float = tuned(0.5, unit="px of the half-size image", source="as look_back_return_px of the search",
         effect="followed there and back; smaller: bodies are not found again; larger: chance counts")
+    scene_least: int = tuned(30, unit="features", source=_BODIES,
+        effect="followed between two views before their motion counts as the camera's; fewer: chance; more: LOST for "
+        "longer in poor scenes")
+    scene_share: float = tuned(0.5, unit="share of the votes", source="most of them; " + _BODIES,
+        effect="that a motion must have to be the camera's; smaller: bodies are followed; larger: LOST among people")
+    scene_alone: float = tuned(0.8, unit="share of the votes", source=_BODIES,
+        effect="with which it is the camera's wherever the rest lies, if scene_reach; smaller: a body that fills the "
+        "view is followed; larger: LOST where somebody stands behind a desk")
+    scene_reach: float = tuned(0.45, unit="share of the image", source=_BODIES,
+        effect="inside the hull of what agrees; smaller: a body before a blurred scene is followed; larger: LOST where "
+        "half of a view is bare")
+    scene_behind: float = tuned(1.25, unit="ratio of depths", source="550 views with bodies painted into fr1, people",
+        effect="by which it lies farther than scene_rest of the rest; smaller: a body that hides others is "
+        "followed; larger: LOST where people walk near a wall")
+    scene_rest: float = tuned(0.75, unit="share of the rest", source=_BODIES,
+        effect="that must be so much nearer; smaller: a body that hides much, between a desk and a wall, is followed; "
+        "larger: a few blurred corners of the scene speak against it")
     # departing
     departing_neighbours: int = tuned(12, unit="landmarks", source=_BODIES,
         effect="judged together; fewer: chance outliers take good ones along; more: limbs and small things go unseen")

@@ -1,0 +1,51 @@
+"""The newest views in which the camera is lost among what moves: whether they show the scene, by themselves.
+
+Where two looks running tell how the camera moved, a segment may begin without waiting, with what stands there only.
+"""
+
+from dataclasses import dataclass
+
+from odom.backend.mapping.tuning import TUNING
+from odom.backend.odometry.tuning import TUNING as ODOMETRY
+from odom.backend.tracking.motion_model import AT_REST
+from odom.backend.tracking.scene_motion import scene_motion
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.view import View
+from odom.frontend.matching.look_back import EarlierView
+from odom.geometry import se3
+
+_MOST_VIEWS = 8
+"""Views kept, some 1 MB each: quick streams look less far back."""
+
+
+@dataclass(frozen=True, eq=False)
+class LostViews:
+    """Views of the last quarter second, oldest first; `latest` is an earlier one seen from the last, by the scene.
+
+    None where the last look did not tell. `scene` is that where the look before told it, too. `patience` says how many
+    times as long as elsewhere known places are looked for before a segment begins.
+    """
+
+    views: tuple[View, ...] = ()
+    latest: EarlierView | None = None
+    scene: EarlierView | None = None
+    patience: float = 1.0
+
+    def after(self, view: View, sensor: SensorModel, in_doubt: bool) -> "LostViews":
+        """Return what is known after one more view without a pose: nothing unless what moves left that `in_doubt`."""
+        if not in_doubt:
+            return LostViews()
+        near = [one for one in self.views if 0.0 < _age_s(one, view) <= TUNING.newest_s]
+        apart = [one for one in near if _age_s(one, view) >= TUNING.spread_least_s]
+        kept = (*near, view)[-_MOST_VIEWS:]
+        T_view_earlier = scene_motion(apart[-1], view, sensor) if apart else None
+        if T_view_earlier is None:
+            return LostViews(kept, patience=ODOMETRY.patience)
+        latest = EarlierView(apart[-1], se3.inverse(T_view_earlier), AT_REST)
+        if self.latest is None:
+            return LostViews(kept, latest, patience=ODOMETRY.patience)
+        return LostViews(kept, latest, latest, ODOMETRY.patience_with_scene)
+
+
+def _age_s(earlier: View, view: View) -> float:
+    return (view.steady_stamp - earlier.steady_stamp) * 1e-9

@@ -1,0 +1,41 @@
+"""How a camera moved between two views where no map tells: by what most of them shows and lies behind the rest.
+
+Where nothing else moves there is no rest: then by what reaches over most of the image. A body does not, unless it hides
+nearly all.
+"""
+
+import numpy as np
+
+from odom.backend.tracking.consensus import ExpectedPose, consensus
+from odom.backend.tracking.motion_model import AT_REST
+from odom.backend.tracking.other_motions import FollowedCorners, is_scene
+from odom.backend.tracking.tuning import TUNING
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.view import View
+from odom.frontend.matching.look_back import EarlierView
+from odom.geometry.arrays import Array, Mask
+
+
+def scene_motion(earlier: View, view: View, sensor: SensorModel) -> Array | None:
+    """Return T_view_earlier, by the scene that both views show; None where it is not told from what moves."""
+    followed = FollowedCorners.between(EarlierView(earlier, np.eye(4), AT_REST), view, AT_REST, sensor)
+    features = followed.features
+    if len(followed.uv) < TUNING.scene_least:
+        return None
+    since_s = (view.steady_stamp - earlier.steady_stamp) * 1e-9
+    found = consensus(features, np.eye(4), ExpectedPose.at_unknown_velocity(np.eye(4), since_s))
+    T = np.eye(4) if found is None else found
+    T = followed.fit(T, features.off_px(T) < TUNING.differs_px).T_camera_map
+    agrees = features.off_px(T) < TUNING.differs_px
+    return T if is_scene(followed, agrees) or _reaches_far(followed, agrees, view) else None
+
+
+def _reaches_far(followed: FollowedCorners, agrees: Mask, view: View) -> bool:
+    """Return whether corners that agree (n) are most by far, and lie all over the image."""
+    import cv2
+
+    votes = followed.features.votes
+    if votes[agrees].sum() < TUNING.scene_alone * votes.sum():
+        return False
+    hull = cv2.convexHull(followed.uv[agrees].astype(np.float32))
+    return bool(cv2.contourArea(hull) > TUNING.scene_reach * view.depth_mm.size)

@@ -35,10 +35,16 @@ class Residuals:
 
 
 def split(survey: Survey) -> Mask:
-    """Return which observations (N) are held out: one of two of each landmark's, in the stretches held out."""
+    """Return which observations (N) are held out: one of two of each landmark's, in the stretches held out.
+
+    None of a landmark without depth in the rest: it might go anywhere, and one alone would cost more than all others.
+    """
     seconds = survey.seconds[survey.frame]
     stretch = np.floor(_STRETCHES * seconds / (survey.seconds.max() + 1e-9)).astype(np.int64)
-    return np.asarray((stretch % _EVERY == _EVERY - 1) & (np.arange(len(survey)) % 2 == 1))
+    held = (stretch % _EVERY == _EVERY - 1) & (np.arange(len(survey)) % 2 == 1)
+    placed = np.zeros(len(survey.landmarks), dtype=np.bool_)
+    placed[survey.landmark[~held & np.isfinite(survey.inverse_depth)]] = True
+    return np.asarray(held & placed[survey.landmark])
 
 
 def compare(

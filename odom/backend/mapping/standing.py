@@ -115,11 +115,7 @@ class Before:
         measured = measure(view, sensor, corners.uv, nothing, tracked.twist)
         known = np.flatnonzero(measured.values[:, 2] > 0.0)
         patches = CornerPatches.of(view, corners.uv[known], measured.take(known))
-        evidence = Evidence.nothing(len(known))
-        for earlier in _spread(self._overlapping if in_doubt else self.earlier):
-            evidence = evidence.joined(
-                look_back(patches, earlier, sensor), (view.steady_stamp - earlier.view.steady_stamp) * 1e-9
-            )
+        evidence = _evidence(view, patches, _spread(self._overlapping if in_doubt else self.earlier), sensor)
         stands = np.zeros(len(corners.uv), dtype=np.bool_)
         score = standing_score(patches.position, evidence, in_doubt)
         stands[known] = score > (TUNING.standing_least if in_doubt else 0.0)
@@ -182,6 +178,14 @@ class Evidence:
         return Evidence(self.score + weight * score, self.weight + weight * visible, self.moves | seen.moves)
 
 
+def _evidence(view: View, patches: CornerPatches, views: list[EarlierView], sensor: SensorModel) -> Evidence:
+    """Return what earlier `views` say of the corners of a `view` that `patches` shows."""
+    evidence = Evidence.nothing(len(patches.position))
+    for earlier in views:
+        evidence = evidence.joined(look_back(patches, earlier, sensor), view.since_s(earlier.view))
+    return evidence
+
+
 def standing_score(points: Array, evidence: Evidence, in_doubt: bool = False) -> Array:
     """Return how much more says that n corners, at `points` (n x 3, m), stand than that they move (n, at most 3).
 
@@ -205,8 +209,7 @@ def standing_score(points: Array, evidence: Evidence, in_doubt: bool = False) ->
 def standing_since(view: View, corners: Corners, earlier: EarlierView, sensor: SensorModel) -> Mask:
     """Return which `corners` (n) of a view an `earlier` one shows to stand, where no map tells anything of the two."""
     patches = CornerPatches.of(view, corners.uv, corners.measurements)
-    age_s = (view.steady_stamp - earlier.view.steady_stamp) * 1e-9
-    evidence = Evidence.nothing(len(corners.uv)).joined(look_back(patches, earlier, sensor), age_s)
+    evidence = _evidence(view, patches, [earlier], sensor)
     return (evidence.weight > 0.0) & (standing_score(patches.position, evidence, True) > 0.0)
 
 

@@ -35,8 +35,8 @@ class LostViews:
         """Return what is known after one more view without a pose: nothing unless what moves left that `in_doubt`."""
         if not in_doubt:
             return LostViews()
-        near = [one for one in self.views if 0.0 < _age_s(one, view) <= TUNING.newest_s]
-        apart = [one for one in near if _age_s(one, view) >= TUNING.spread_least_s]
+        near = [one for one in self.views if 0.0 < view.since_s(one) <= TUNING.newest_s]
+        apart = [one for one in near if view.since_s(one) >= TUNING.spread_least_s]
         kept = (*near, view)[-_MOST_VIEWS:]
         T_view_earlier = scene_motion(apart[-1], view, sensor) if apart else None
         if T_view_earlier is None:
@@ -45,7 +45,3 @@ class LostViews:
         if self.latest is None:
             return LostViews(kept, latest, patience=ODOMETRY.patience)
         return LostViews(kept, latest, latest, ODOMETRY.patience_with_scene)
-
-
-def _age_s(earlier: View, view: View) -> float:
-    return (view.steady_stamp - earlier.steady_stamp) * 1e-9

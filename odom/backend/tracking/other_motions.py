@@ -146,7 +146,7 @@ def what_else_moves(earlier: EarlierView, view: View, twist: Array, sensor: Sens
     followed = FollowedCorners.between(earlier, view, twist, sensor)
     if len(followed.uv) < TUNING.contested_least:
         return None
-    since_s = (view.steady_stamp - earlier.view.steady_stamp) * 1e-9
+    since_s = view.since_s(earlier.view)
     others = list(other_motions(followed, se3.inverse(earlier.T_view_corners), since_s))
     spread = sum((one.share * (np.outer(one.off, one.off) + one.covariance) for one in others), np.zeros((6, 6)))
     share, has_scene = max((one.share for one in others), default=0.0), any(one.is_scene for one in others)

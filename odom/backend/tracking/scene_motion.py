@@ -22,8 +22,7 @@ def scene_motion(earlier: View, view: View, sensor: SensorModel) -> Array | None
     features = followed.features
     if len(followed.uv) < TUNING.scene_least:
         return None
-    since_s = (view.steady_stamp - earlier.steady_stamp) * 1e-9
-    found = consensus(features, np.eye(4), ExpectedPose.at_unknown_velocity(np.eye(4), since_s))
+    found = consensus(features, np.eye(4), ExpectedPose.at_unknown_velocity(np.eye(4), view.since_s(earlier)))
     T = np.eye(4) if found is None else found
     T = followed.fit(T, features.off_px(T) < TUNING.differs_px).T_camera_map
     agrees = features.off_px(T) < TUNING.differs_px

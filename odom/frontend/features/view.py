@@ -53,6 +53,10 @@ class View:
         """How much later than the steady time the stamp is, in seconds."""
         return (self.stamp - self.steady_stamp) * 1e-9
 
+    def since_s(self, earlier: "View") -> float:
+        """Return by how much the steady time is later than an `earlier` view's, in seconds."""
+        return (self.steady_stamp - earlier.steady_stamp) * 1e-9
+
     def since_middle_s(self, timing: ShutterTiming) -> float:
         """Return how much later than its middle row's time the frame is stamped, in seconds."""
         return self.late_s + timing.since_middle_s

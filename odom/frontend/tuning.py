@@ -65,6 +65,10 @@ class Tuning:
     tilt_odds: float = tuned(20.0, unit="1", source="strong evidence as R. Kass, A. Raftery 1995 call it",
         effect="Bayes factor from which on depth's axis is taken to be turned; smaller: noise bends walks that hardly "
         "tell a tilt; larger: a tilt is found late")
+    tilt_odds_at_once: float = tuned(1e4, unit="1",
+        source="between windows of a time-of-flight camera, whose depth errs in rings, and a Kinect's with a tilt",
+        effect="the same of a single adjustment's frames, whose errors may be alike; smaller: another fault of depth "
+        "is taken for a tilt; larger: a walk's first second is bent by it")
     timing_restart_s: float = tuned(0.001, unit="s", source="assumed of a device that was switched off and on",
         effect="how far a camera's timing may differ from one session to the next; smaller: a changed device is "
         "learnt slowly; larger: it is learnt anew each time")

@@ -54,29 +54,45 @@ def test_an_adjustment_finds_the_tilt_beside_the_timing(seed):
     np.testing.assert_allclose(found.timing_change[3:], TILT, atol=0.003)
 
 
-def shown(seen, sigma=0.005, times=10):
+def shown(seen, share=1.0, sigma=0.005):
     """Whether a tilt is shown by adjustments that ask for `seen` (times x 2, rad), each with this `sigma` (rad)."""
     tilt = DepthTilt()
-    for angles in seen[:times]:
+    for angles in seen:
         if not tilt.is_shown:
-            tilt = tilt.with_evidence(angles / sigma**2, np.eye(2) / sigma**2)
+            tilt = tilt.with_evidence(angles / sigma**2, np.eye(2) / sigma**2, share)
     return tilt.is_shown
 
 
-def test_noise_hardly_ever_shows_a_tilt_and_a_tilt_soon_does():
-    noise = np.random.default_rng(0).normal(0.0, 0.005, (200, 10, 2))
-    assert np.mean([shown(seen) for seen in noise]) < 0.03
-    assert np.mean([shown(seen + TILT, times=2) for seen in noise]) > 0.97
+NOISE = np.random.default_rng(0).normal(0.0, 0.005, (200, 20, 2))
+
+
+def test_noise_hardly_ever_shows_a_tilt():
+    assert np.mean([shown(seen) for seen in NOISE]) < 0.03
+    overlapping = [np.stack([seen[k : k + 7].mean(axis=0) for k in range(14)]) for seen in NOISE]
+    assert np.mean([shown(seen, 1.0 / 7.0, 0.005 / np.sqrt(7.0)) for seen in overlapping]) < 0.03
+
+
+def test_a_tilt_that_bends_a_walk_is_shown_by_the_first_adjustment():
+    assert np.mean([shown(seen[:1] + TILT, 1.0 / 7.0) for seen in NOISE]) > 0.97
+
+
+def test_a_tilt_that_no_adjustment_shows_alone_is_shown_by_many():
+    seen = NOISE + TILT / 5.0
+    assert np.mean([shown(each[:1]) for each in seen]) < 0.03
+    assert np.mean([shown(each) for each in seen]) > 0.97
 
 
 def test_what_is_not_shown_is_held_at_none_and_what_is_shown_starts_anew():
-    held = DepthTilt().with_evidence(np.array([0.1, 0.0]), np.eye(2) * 1e4)
+    held = DepthTilt().with_evidence(np.array([0.1, 0.0]), np.eye(2) * 1e4, 1.0)
     assert not held.is_shown
+    assert not held.is_new
     np.testing.assert_array_equal(held.angles, 0.0)
     assert np.linalg.eigvalsh(held.adjusted_information).min() > 1e9
-    known = held.with_evidence(np.array([4000.0, 0.0]), np.eye(2) * 1e4)
+    known = held.with_evidence(np.array([4000.0, 0.0]), np.eye(2) * 1e4, 1.0)
     assert known.is_shown
+    assert known.is_new
     np.testing.assert_array_equal(known.adjusted_information, DepthTilt().information)
+    assert not known.with_change(TILT, np.eye(2) * 1e4).is_new
 
 
 def strolled(tilt, frames=90):

@@ -1,4 +1,4 @@
-"""Key frames made while the map was adjusted by another lens are fitted to it, and what they added follows them."""
+"""Key frames made while the map was adjusted to another lens or tilt are fitted to it, and their landmarks follow."""
 
 import numpy as np
 import pytest
@@ -19,6 +19,8 @@ OWN = 20
 STEP = se3.exp(np.array([0.05, 0.01, 0.08, 0.02, 0.05, -0.03]))
 DISPLACED = se3.exp(np.array([0.01, -0.006, 0.008, 0.003, 0.004, -0.005]))
 BACK = se3.inverse(DISPLACED)
+NO_TILT = np.zeros(2)
+TILT = np.array([0.02, -0.01])
 
 
 def exact(values):
@@ -27,8 +29,11 @@ def exact(values):
     return Measurements(values, np.zeros((n, 3, 3)), variances, np.zeros((n, 2)))
 
 
-def walk(shared):
-    """A map of three key frames a `STEP` apart with landmarks of their own, each with `shared` ones of the first."""
+def walk(shared, tilt=NO_TILT):
+    """A map of three key frames a `STEP` apart with landmarks of their own, each with `shared` ones of the first.
+
+    Depth is measured with a `tilt`.
+    """
     rng, map_ = np.random.default_rng(0), Map()
     images = FrameImages.of(np.zeros((48, 64), np.uint8))
     T_map_camera = [np.eye(4), STEP, STEP @ STEP]
@@ -40,6 +45,7 @@ def walk(shared):
         if number:
             rows = np.arange(shared)
             seen = project(se3.inverse(T), map_.landmarks.position[rows])
+            seen[:, 2] /= 1.0 + seen[:, :2] @ tilt
             known = Measured(rows, np.full((shared, 2), 30.0), exact(seen))
         uv = np.full((len(corners), 2), 30.0)
         against = number - 1 if number else None
@@ -48,17 +54,19 @@ def walk(shared):
     return map_, np.array([se3.inverse(T) for T in T_map_camera])
 
 
-@pytest.mark.parametrize(("shared", "T_old_new"), [(60, np.eye(4)), (60, BACK), (5, BACK)])
-def test_they_are_where_the_landmarks_of_older_ones_show_them_and_take_their_own_along(shared, T_old_new):
-    map_, true = walk(shared)
+@pytest.mark.parametrize(
+    ("shared", "T_old_new", "tilt"), [(60, np.eye(4), NO_TILT), (60, BACK, NO_TILT), (60, BACK, TILT), (5, BACK, TILT)]
+)
+def test_they_are_where_the_landmarks_of_older_ones_show_them_and_take_their_own_along(shared, T_old_new, tilt):
+    map_, true = walk(shared, tilt)
     L = map_.landmarks
     own = [np.flatnonzero(L.alive & (L.keyframe == k)) for k in (1, 2)]
     where = [L.position[rows].copy() for rows in own]
-    for k in (1, 2):  # the old lens had displaced them all
+    for k in (1, 2):  # the old lens or tilt had displaced them all
         rows = own[k - 1]
         map_.move_keyframes(np.array([k]), (true[k] @ DISPLACED)[None], rows)
         L.position[rows] = se3.apply(se3.inverse(true[k] @ DISPLACED) @ true[k], L.position[rows])
-    refit_newer(map_, map_.keyframes[0], T_old_new, ShutterTiming())
+    refit_newer(map_, map_.keyframes[0], T_old_new, ShutterTiming(), tilt)
     for k in (1, 2):
         np.testing.assert_allclose(map_.keyframes[k].T_camera_map, true[k], atol=1e-5)
         np.testing.assert_allclose(L.position[own[k - 1]], where[k - 1], atol=1e-4)
@@ -67,7 +75,7 @@ def test_they_are_where_the_landmarks_of_older_ones_show_them_and_take_their_own
 def test_the_registrations_say_what_the_poses_do():
     map_, _ = walk(60)
     map_.move_keyframes(np.array([2]), (map_.keyframes[2].T_camera_map @ DISPLACED)[None], np.zeros(0, dtype=np.int64))
-    refit_newer(map_, map_.keyframes[0], np.eye(4), ShutterTiming())
+    refit_newer(map_, map_.keyframes[0], np.eye(4), ShutterTiming(), NO_TILT)
     edge = map_.registrations.of(2)[0]
     a, b = (map_.keyframes[k].T_camera_map for k in (edge.a, edge.b))
     np.testing.assert_allclose(edge.T_a_b, a @ se3.inverse(b), atol=1e-9)

@@ -63,10 +63,14 @@ class IntermediateFrames:
             self._every *= 2
             self.kept = [s for s in self.kept if self.wants(s.number)]
 
-    def see_through(self, change: LensChange, adjusted: Mapping[int, Array], keyframes: list[Keyframe]) -> None:
-        """Tell what was measured through a new lens, at the T_camera_map that were `adjusted` by it, by number."""
+    def see_through(self, change: LensChange) -> None:
+        """Tell what was measured through a new lens."""
         for frame in self.kept:
             frame.measurements = change.measured(frame.measurements)
+
+    def move(self, adjusted: Mapping[int, Array], keyframes: list[Keyframe]) -> None:
+        """Move the frames whose T_camera_map were `adjusted` with those of the `keyframes`, by their numbers."""
+        for frame in self.kept:
             if frame.number in adjusted:
                 T_map_keyframe = se3.inverse(keyframes[frame.keyframe].T_camera_map)
                 frame.T_camera_keyframe = adjusted[frame.number] @ T_map_keyframe

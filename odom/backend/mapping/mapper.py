@@ -32,7 +32,8 @@ from odom.geometry.arrays import Array, Index
 class _Done:
     """What the background has made: an adjustment with its result, new key frames, and the index with their places.
 
-    `change` is that of the lens by which all this was made, None where it stays.
+    `change` is that of the lens by which all this was made, None where it stays. `is_whole`: a segment was adjusted as
+    a whole, not only its newest key frames.
     """
 
     adjustment: local_adjustment.Adjustment
@@ -40,12 +41,14 @@ class _Done:
     described: list[DescribedKeyframe]
     places: GrownIndex
     change: LensChange | None
+    is_whole: bool
 
 
 class Mapper:
     """Adjusts and prunes `map_`; its `inserter` adds key frames, `intermediate` keeps frames for the end.
 
-    A `lens_to_come` takes the place of the sensor's with the next adjustment, which is then of a segment as a whole.
+    A `lens_to_come` takes the place of the sensor's with the next adjustment, which is then of a segment as a whole. So
+    is the first one after a tilt of depth was shown: all that the segment has measured was bent by it.
     `sensor` is what is known of the camera before anything is measured.
     """
 
@@ -113,15 +116,18 @@ class Mapper:
         waiting, change, times = self.inserter.undescribed, None, 1
         if self._background.is_busy or not (waiting or (may_change and self.lens_to_come is not None)):
             return
-        credit = self._credit(sensor)
+        credit, segment = self._credit(sensor), self._map.keyframes[-1].segment
+        is_whole = sensor.depth_tilt.is_new
         if may_change and self.lens_to_come is not None:
-            change, self.lens_to_come = LensChange(sensor.lens, self.lens_to_come), None
-            segment = self._map.keyframes[-1].segment
+            change, self.lens_to_come, is_whole = LensChange(sensor.lens, self.lens_to_come), None, True
             sensor = sensor.with_lens(change.after)
             adjustment = local_adjustment.through(change, self._map, self.intermediate, segment, sensor, credit)
-            times += len(adjustment.is_fixed) // TUNING.change_frames
+        elif is_whole:
+            adjustment = local_adjustment.everything(self._map, self.intermediate, segment, sensor, credit)
         else:
             adjustment = local_adjustment.newest(self._map, self._settings.window_keyframes, sensor, credit)
+        if is_whole:
+            times += len(adjustment.is_fixed) // TUNING.change_frames
         self.inserter.undescribed = []
         linked = [self._map.linked(seen.keyframe) for seen in waiting]
         index = self._map.places
@@ -132,9 +138,8 @@ class Mapper:
             found = [recognise(index, place, known) for place, known in zip(places, linked, strict=True)]
             expect_around(self._map, [r.candidate for one in found for r in one if not r.refusal])
             described = [DescribedKeyframe(*one) for one in zip(waiting, places, found, strict=True)]
-            return _Done(
-                adjustment, bundle, described, index.grown({d.seen.keyframe: d.place for d in described}), change
-            )
+            grown = index.grown({d.seen.keyframe: d.place for d in described})
+            return _Done(adjustment, bundle, described, grown, change, is_whole)
 
         due_stamp = SteadyStamp(sensor.clock.steady + round(times * TUNING.background_s * 1e9))
         self._background.start(count + times * self._settings.background_delay_frames, due_stamp, work)
@@ -151,17 +156,18 @@ class Mapper:
         if taken is None:
             return None
         change, adjustment, bundle = taken.change, taken.adjustment, taken.bundle
-        if change is None:
-            sensor = self._take_over(adjustment, bundle, sensor, self._credit(sensor))
-        else:
-            newest = self._map.keyframes[int(adjustment.numbers[-1])]
-            T_newest_map = newest.T_camera_map
+        newest = self._map.keyframes[int(adjustment.numbers[-1])]
+        T_newest_map = newest.T_camera_map
+        if change is not None:
             see_through(self._map, change)
             self.inserter.see_through(change)
-            sensor = self._take_over(adjustment, bundle, sensor.with_lens(change.after), self._credit(sensor))
+            self.intermediate.see_through(change)
+            sensor = sensor.with_lens(change.after)
+        sensor = self._take_over(adjustment, bundle, sensor, self._credit(sensor))
+        if taken.is_whole:
             T_old_new = se3.inverse(T_newest_map) @ newest.T_camera_map
-            refit_newer(self._map, newest, T_old_new, sensor.timing)
-            self.intermediate.see_through(change, adjustment.poses_between(bundle), self._map.keyframes)
+            refit_newer(self._map, newest, T_old_new, sensor.timing, sensor.depth_tilt.angles)
+            self.intermediate.move(adjustment.poses_between(bundle), self._map.keyframes)
         self._map.places.adopt(taken.places)
         self._note_measured([one.seen.keyframe for one in taken.described])
         return sensor, taken.described

@@ -1,4 +1,4 @@
-"""Key frames that were made while others were adjusted by another lens: fitted to the map as it is by that."""
+"""Key frames made while a whole segment was adjusted to another lens or tilt: fitted to the map as it is by that."""
 
 import numpy as np
 
@@ -6,17 +6,19 @@ from odom.backend.map.keyframe import Keyframe
 from odom.backend.map.map import Map
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.tracking.pose_solver import fit_pose
+from odom.frontend.camera.depth_tilt import without_tilt
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 
 
-def refit_newer(map_: Map, newest: Keyframe, T_old_new: Array, timing: ShutterTiming) -> None:
+def refit_newer(map_: Map, newest: Keyframe, T_old_new: Array, timing: ShutterTiming, tilt: Array) -> None:
     """Fit the key frames that were made after the `newest` adjusted one to the landmarks that older ones made.
 
-    Through the old lens they were placed where the same landmarks are no longer. Each starts from where it was in the
-    map around the one before it, which has moved by `T_old_new` around the newest, and stays there where it shares
-    little; its own landmarks follow. What they measured is told through the new lens already, and carried to `timing`.
+    By the old lens or tilt they were placed where the same landmarks are no longer. Each starts from where it was in
+    the map around the one before it, which has moved by `T_old_new` around the newest, and stays there where it shares
+    little; its own landmarks follow. What they measured is told through the new lens already; it is carried to
+    `timing`, without the `tilt` (2) of its depth.
     """
     L = map_.landmarks
     newer = [keyframe for keyframe in map_.members(newest.segment) if keyframe.number > newest.number]
@@ -25,7 +27,7 @@ def refit_newer(map_: Map, newest: Keyframe, T_old_new: Array, timing: ShutterTi
         older = np.flatnonzero(keyframe.current(L) & (L.keyframe[keyframe.rows] != keyframe.number))
         if len(older) >= TUNING.adjust_shared:
             rows, measured = keyframe.rows[older], keyframe.measurements.take(older)
-            values = measured.retimed(keyframe.timing.change_to(timing))
+            values = without_tilt(measured.retimed(keyframe.timing.change_to(timing)), tilt)
             points, covariances = L.position[rows], L.covariance[rows]
             T_camera_map = fit_pose(points, covariances, values, measured.covariance, T_camera_map).T_camera_map
         T_old_new = se3.inverse(keyframe.T_camera_map) @ T_camera_map

@@ -40,6 +40,11 @@ class DepthTilt:
     is_shown: bool = False
 
     @property
+    def is_new(self) -> bool:
+        """Whether it is shown, but no adjustment has said yet how large it is."""
+        return self.is_shown and not self.angles.any()
+
+    @property
     def adjusted_information(self) -> Array:
         """What an adjustment is to take for known (2 x 2, 1/rad^2)."""
         return self.information if self.is_shown else _HELD
@@ -51,18 +56,24 @@ class DepthTilt:
         """
         return replace(self, angles=self.angles + change, information=self.information + information)
 
-    def with_evidence(self, pull: Array, information: Array) -> "DepthTilt":
+    def with_evidence(self, pull: Array, information: Array, share: float) -> "DepthTilt":
         """Return a tilt that is not shown after one more adjustment; it may be now.
 
         By their `information` (2 x 2, 1/rad^2) the observations would move it by that inverse times their `pull` (2,
-        1/rad). Twice the logarithm of the Bayes factor is what a tilt explains less what its freedom costs.
+        1/rad). Adjustments have most frames in common, so that only a `share` of each counts beside the others.
         """
-        evidence, information = self.evidence + pull, self.information + information
-        explained = evidence @ np.linalg.solve(information, evidence)
-        freedom = np.linalg.slogdet(information)[1] - np.linalg.slogdet(_UNSEEN)[1]
-        if explained < freedom + 2.0 * np.log(TUNING.tilt_odds):
-            return replace(self, information=information, evidence=evidence)
-        return DepthTilt(is_shown=True)
+        evidence, known = self.evidence + share * pull, self.information + share * information
+        is_shown_at_once = _log_odds(pull, _UNSEEN + information) > np.log(TUNING.tilt_odds_at_once)
+        if is_shown_at_once or _log_odds(evidence, known) > np.log(TUNING.tilt_odds):
+            return DepthTilt(is_shown=True)
+        return replace(self, information=known, evidence=evidence)
+
+
+def _log_odds(evidence: Array, information: Array) -> float:
+    """Return the logarithm of the Bayes factor: half of what a tilt explains less what its freedom costs."""
+    explained = evidence @ np.linalg.solve(information, evidence)
+    freedom = np.linalg.slogdet(information)[1] - np.linalg.slogdet(_UNSEEN)[1]
+    return float(0.5 * (explained - freedom))
 
 
 def without_tilt(values: Array, angles: Array) -> Array:

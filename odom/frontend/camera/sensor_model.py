@@ -56,7 +56,7 @@ class SensorModel:
         if self.depth_tilt.is_shown:
             return replace(known, depth_tilt=self.depth_tilt.with_change(change[timings:], credit * of_tilt))
         share = credit * self.noise.covariance_scale  # a tilt itself makes the halves of an image disagree
-        return replace(known, depth_tilt=self.depth_tilt.with_evidence(share * pull[timings:], share * of_tilt))
+        return replace(known, depth_tilt=self.depth_tilt.with_evidence(pull[timings:], of_tilt, share))
 
     def as_known_before(self, before: "SensorModel") -> "SensorModel":
         """Return the model with what adjustments change, timing and tilt, as it was known `before`.

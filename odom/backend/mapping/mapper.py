@@ -114,10 +114,10 @@ class Mapper:
         `may_change`: nothing else is at work that a new lens would make wrong.
         """
         waiting, change, times = self.inserter.undescribed, None, 1
-        if self._background.is_busy or not (waiting or (may_change and self.lens_to_come is not None)):
+        is_whole = sensor.depth_tilt.is_new and len(self._map.members(self._map.keyframes[-1].segment)) >= 2
+        if self._background.is_busy or not (waiting or is_whole or (may_change and self.lens_to_come is not None)):
             return
         credit, segment = self._credit(sensor), self._map.keyframes[-1].segment
-        is_whole = sensor.depth_tilt.is_new
         if may_change and self.lens_to_come is not None:
             change, self.lens_to_come, is_whole = LensChange(sensor.lens, self.lens_to_come), None, True
             sensor = sensor.with_lens(change.after)

@@ -1,4 +1,4 @@
-"""Key frames made while the map was adjusted to another lens or tilt are fitted to it, and their landmarks follow."""
+"""Key frames made while older ones were adjusted move with them and are fitted to another lens; landmarks follow."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from made_up_scene import DEPTH_SIGMA, NO_DEPTH, RAY_SIGMA, points_ahead, projec
 
 from odom.backend.map.keyframe import Measured
 from odom.backend.map.map import Corners, Map
-from odom.backend.mapping.newer_keyframes import refit_newer
+from odom.backend.mapping.newer_keyframes import carry_newer, refit_newer
 from odom.frame import Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.stamp_clock import SteadyStamp
@@ -66,16 +66,31 @@ def test_they_are_where_the_landmarks_of_older_ones_show_them_and_take_their_own
         rows = own[k - 1]
         map_.move_keyframes(np.array([k]), (true[k] @ DISPLACED)[None], rows)
         L.position[rows] = se3.apply(se3.inverse(true[k] @ DISPLACED) @ true[k], L.position[rows])
-    refit_newer(map_, map_.keyframes[0], T_old_new, ShutterTiming(), tilt)
+    carry_newer(map_, map_.keyframes[0], T_old_new)
+    refit_newer(map_, map_.keyframes[0], ShutterTiming(), tilt)
     for k in (1, 2):
         np.testing.assert_allclose(map_.keyframes[k].T_camera_map, true[k], atol=1e-5)
         np.testing.assert_allclose(L.position[own[k - 1]], where[k - 1], atol=1e-4)
 
 
+def test_carried_along_they_are_where_they_were_as_seen_from_the_newest_adjusted_one():
+    map_, true = walk(5)
+    L = map_.landmarks
+    own = [np.flatnonzero(L.alive & (L.keyframe == k)) for k in (1, 2)]
+    seen = [se3.apply(true[k], L.position[own[k - 1]]) for k in (1, 2)]
+    map_.move_keyframes(np.array([0]), (true[0] @ DISPLACED)[None], np.zeros(0, dtype=np.int64))
+    carry_newer(map_, map_.keyframes[0], DISPLACED)
+    for k in (1, 2):
+        T_camera_map = map_.keyframes[k].T_camera_map
+        T_first_map = map_.keyframes[0].T_camera_map
+        np.testing.assert_allclose(T_camera_map @ se3.inverse(T_first_map), true[k], atol=1e-9)
+        np.testing.assert_allclose(se3.apply(T_camera_map, L.position[own[k - 1]]), seen[k - 1], atol=1e-9)
+
+
 def test_the_registrations_say_what_the_poses_do():
     map_, _ = walk(60)
     map_.move_keyframes(np.array([2]), (map_.keyframes[2].T_camera_map @ DISPLACED)[None], np.zeros(0, dtype=np.int64))
-    refit_newer(map_, map_.keyframes[0], np.eye(4), ShutterTiming(), NO_TILT)
+    refit_newer(map_, map_.keyframes[0], ShutterTiming(), NO_TILT)
     edge = map_.registrations.of(2)[0]
     a, b = (map_.keyframes[k].T_camera_map for k in (edge.a, edge.b))
     np.testing.assert_allclose(edge.T_a_b, a @ se3.inverse(b), atol=1e-9)

@@ -14,7 +14,7 @@ from odom.backend.mapping.bundle_adjustment import Bundle
 from odom.backend.mapping.described import DescribedKeyframe
 from odom.backend.mapping.intermediate_frames import IntermediateFrames
 from odom.backend.mapping.keyframe_inserter import KeyframeInserter
-from odom.backend.mapping.newer_keyframes import refit_newer
+from odom.backend.mapping.newer_keyframes import carry_newer, refit_newer
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.frame_state import FrameState, Tracked
@@ -164,9 +164,9 @@ class Mapper:
             self.intermediate.see_through(change)
             sensor = sensor.with_lens(change.after)
         sensor = self._take_over(adjustment, bundle, sensor, self._credit(sensor))
+        carry_newer(self._map, newest, se3.inverse(T_newest_map) @ newest.T_camera_map)
         if taken.is_whole:
-            T_old_new = se3.inverse(T_newest_map) @ newest.T_camera_map
-            refit_newer(self._map, newest, T_old_new, sensor.timing, sensor.depth_tilt.angles)
+            refit_newer(self._map, newest, sensor.timing, sensor.depth_tilt.angles)
             self.intermediate.move(adjustment.poses_between(bundle), self._map.keyframes)
         self._map.places.adopt(taken.places)
         self._note_measured([one.seen.keyframe for one in taken.described])

@@ -1,4 +1,4 @@
-"""Key frames made while a whole segment was adjusted to another lens or tilt: fitted to the map as it is by that."""
+"""Key frames made while older ones were adjusted: they move with those, and are fitted to another lens or tilt."""
 
 import numpy as np
 
@@ -11,17 +11,30 @@ from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 
+_NO_ROWS = np.zeros(0, dtype=np.int64)
 
-def refit_newer(map_: Map, newest: Keyframe, T_old_new: Array, timing: ShutterTiming, tilt: Array) -> None:
+
+def carry_newer(map_: Map, newest: Keyframe, T_old_new: Array) -> None:
+    """Move the key frames that were made after the `newest` adjusted one with it, and their landmarks with them.
+
+    Seen from the newest, the map has moved by `T_old_new`. Left where they were, they would tell of a motion that the
+    camera never made.
+    """
+    newer = _newer(map_, newest)
+    T_camera_map = np.array([keyframe.T_camera_map @ T_old_new for keyframe in newer]).reshape(-1, 4, 4)
+    map_.move_keyframes(np.array([keyframe.number for keyframe in newer], dtype=np.int64), T_camera_map, _NO_ROWS)
+    map_.registrations.adjust([keyframe.number for keyframe in newer], map_.keyframes)
+
+
+def refit_newer(map_: Map, newest: Keyframe, timing: ShutterTiming, tilt: Array) -> None:
     """Fit the key frames that were made after the `newest` adjusted one to the landmarks that older ones made.
 
-    By the old lens or tilt they were placed where the same landmarks are no longer. Each starts from where it was in
-    the map around the one before it, which has moved by `T_old_new` around the newest, and stays there where it shares
-    little; its own landmarks follow. What they measured is told through the new lens already; it is carried to
-    `timing`, without the `tilt` (2) of its depth.
+    By the old lens or tilt they were placed where the same landmarks are no longer. Each starts from where it is in
+    the map around the one before it, and stays there where it shares little; its own landmarks follow. What they
+    measured is told through the new lens already; it is carried to `timing`, without the `tilt` (2) of its depth.
     """
-    L = map_.landmarks
-    newer = [keyframe for keyframe in map_.members(newest.segment) if keyframe.number > newest.number]
+    L, T_old_new = map_.landmarks, np.eye(4)
+    newer = _newer(map_, newest)
     for keyframe in newer:
         T_camera_map = keyframe.T_camera_map @ T_old_new
         older = np.flatnonzero(keyframe.current(L) & (L.keyframe[keyframe.rows] != keyframe.number))
@@ -31,5 +44,9 @@ def refit_newer(map_: Map, newest: Keyframe, T_old_new: Array, timing: ShutterTi
             points, covariances = L.position[rows], L.covariance[rows]
             T_camera_map = fit_pose(points, covariances, values, measured.covariance, T_camera_map).T_camera_map
         T_old_new = se3.inverse(keyframe.T_camera_map) @ T_camera_map
-        map_.move_keyframes(np.array([keyframe.number]), T_camera_map[None], np.zeros(0, dtype=np.int64))
+        map_.move_keyframes(np.array([keyframe.number]), T_camera_map[None], _NO_ROWS)
     map_.registrations.adjust([keyframe.number for keyframe in newer], map_.keyframes)
+
+
+def _newer(map_: Map, newest: Keyframe) -> list[Keyframe]:
+    return [keyframe for keyframe in map_.members(newest.segment) if keyframe.number > newest.number]

@@ -96,12 +96,13 @@ class FoundLandmarks:
         return fit_pose(self.points, self.covariances, values, variances, T_camera_map, iterations=0).chi2
 
     def _take(self, members: Mask, standing: Mask) -> "FoundLandmarks":
+        rows = np.flatnonzero(members)
         return replace(
             self,
-            found=self.found.take(members),
-            points=self.points[members],
-            covariances=self.covariances[members],
-            seen=self.seen[members],
-            found_before=self.found_before[members],
-            standing=standing[members],
+            found=self.found.take(rows),
+            points=self.points.take(rows, 0),
+            covariances=self.covariances.take(rows, 0),
+            seen=self.seen.take(rows),
+            found_before=self.found_before.take(rows),
+            standing=standing.take(rows),
         )

@@ -118,13 +118,13 @@ class _Followed:
 
     def features(self, landmarks: Landmarks, rays: Array) -> FollowedFeatures:
         """Return the found ones with their `rays` (n x 3) by the motion to a pose."""
-        found = self.found
+        found = np.flatnonzero(self.found)
         return FollowedFeatures(
-            self.points[found],
+            self.points.take(found, 0),
             self.state.T_map_camera[:3, 3],
-            rays[found, :2],
-            self.uv[found],
-            landmarks.seen[self.rows[found]],
+            rays[:, :2].take(found, 0),
+            self.uv.take(found, 0),
+            landmarks.seen.take(self.rows.take(found)),
             TUNING.followed_sigma_px,
             1.0 / self.sensor.lens.intrinsics[0],
         )

@@ -9,7 +9,7 @@ from odom.backend.map.map import Map
 from odom.backend.tracking.consensus import FollowedFeatures, consensus, is_contested, is_exact
 from odom.backend.tracking.frame_state import FrameState
 from odom.backend.tracking.motions import motions_from
-from odom.backend.tracking.pose_solver import fit_pose
+from odom.backend.tracking.pose_solver import chi2_of, fit_pose
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
@@ -137,7 +137,7 @@ class _Followed:
             fit = fit_pose(self.points, self.covariances, rays, variances, T, used, cauchy=TUNING.coarse_cauchy)
             T = fit.T_camera_map
         rays, variances = self.in_motion(T), self._variances(_GATES_PX[-1])
-        chi2 = fit_pose(self.points, self.covariances, rays, variances, T, None, 0).chi2[:, 0]
+        chi2 = chi2_of(self.points, self.covariances, rays, variances, T)[:, 0]
         return _CoarsePose(T, rays, self.found & (chi2 < TUNING.coarse_chi2))
 
     def _variances(self, sigma_px: float) -> Array:

@@ -49,9 +49,7 @@ def predict_pose(map_: Map, state: FrameState, images: FrameImages, stamp: Stead
     rival = None
     if is_contested(followed.found & ~coarse.agrees, followed.found):
         rival = consensus(features, coarse.T_camera_map, state.expected_after(since_s))
-    elif is_exact(
-        followed.features(landmarks, followed.in_motion(T_predicted)), T_predicted, features, coarse.T_camera_map
-    ):
+    elif is_exact(features, coarse.T_camera_map, coarse.rays_before[followed.found, :2], T_predicted):
         rival = T_predicted
     if rival is not None:
         members = followed.fitted(rival, followed.found, ()).agrees
@@ -61,9 +59,13 @@ def predict_pose(map_: Map, state: FrameState, images: FrameImages, stamp: Stead
 
 @dataclass(frozen=True, eq=False)
 class _CoarsePose:
-    """A rough pose, the followed features' `rays` by the motion to it (n x 3), and which of them agree with it (n)."""
+    """A rough pose, the followed features' `rays` by the motion to it (n x 3), and which of them agree with it (n).
+
+    `rays_before` (n x 3) are those by the motion to where the fit began.
+    """
 
     T_camera_map: Array
+    rays_before: Array
     rays: Array
     agrees: Mask
 
@@ -131,14 +133,15 @@ class _Followed:
 
     def fitted(self, T_start: Array, used: Mask, gates_px: tuple[float, ...]) -> _CoarsePose:
         """Return the pose of the features `used`, by gates that close one after the other."""
-        T = T_start
+        T, rays = T_start, self.in_motion(T_start)
+        rays_before = rays
         for gate_px in gates_px:
-            rays, variances = self.in_motion(T), self._variances(gate_px)
+            variances = self._variances(gate_px)
             fit = fit_pose(self.points, self.covariances, rays, variances, T, used, cauchy=TUNING.coarse_cauchy)
             T = fit.T_camera_map
-        rays, variances = self.in_motion(T), self._variances(_GATES_PX[-1])
-        chi2 = chi2_of(self.points, self.covariances, rays, variances, T)[:, 0]
-        return _CoarsePose(T, rays, self.found & (chi2 < TUNING.coarse_chi2))
+            rays = self.in_motion(T)
+        chi2 = chi2_of(self.points, self.covariances, rays, self._variances(_GATES_PX[-1]), T)[:, 0]
+        return _CoarsePose(T, rays_before, rays, self.found & (chi2 < TUNING.coarse_chi2))
 
     def _variances(self, sigma_px: float) -> Array:
         fx, fy = self.sensor.lens.intrinsics[:2].tolist()

@@ -37,6 +37,7 @@ _COMPRESSION = 2
 _STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans", "font.size": 9.5,
     "axes.titlesize": 10.5, "axes.titleweight": "bold", "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # where it would be put anyhow, after a look at all that might be in its way
     "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "#666666", "axes.linewidth": 0.8,
     "axes.grid": True, "axes.axisbelow": True, "grid.color": "#e4e4e4", "grid.linewidth": 0.7,
     "legend.frameon": False, "xtick.color": "#444444", "ytick.color": "#444444",
@@ -53,9 +54,18 @@ class ClaimedError:
 
 
 def load_drawing() -> None:
-    """Import what `plot` needs, for those who have a quarter of a second before they need it."""
-    for name in ("matplotlib.backends.backend_agg", "matplotlib.figure", "matplotlib.font_manager"):
-        import_module(name)
+    """Import what `plot` needs, for those who have half a second before they need it.
+
+    A quarter of that matplotlib would write documentation of its own classes, which nobody reads here.
+    """
+    from matplotlib import artist as artists
+
+    documentation, artists.kwdoc = artists.kwdoc, lambda artist: ""
+    try:
+        for name in ("matplotlib.backends.backend_agg", "matplotlib.figure", "matplotlib.font_manager"):
+            import_module(name)
+    finally:
+        artists.kwdoc = documentation
 
 
 def plot(
@@ -73,6 +83,7 @@ def plot(
     """
     R_drawn_world = _upright(final.truth.T_world_body)
     final, online = _turned(final, R_drawn_world), _turned(online, R_drawn_world) if online else None
+    load_drawing()
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

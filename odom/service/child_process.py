@@ -79,7 +79,7 @@ class ChildProcess:
     @property
     def failed(self) -> bool:
         """Whether it has ended otherwise than with status 0 or by the SIGTERM that it was sent."""
-        return self.poll() not in (None, 0, -signal.SIGTERM if self._asked_to_stop else 0)
+        return self.status not in (None, 0, -signal.SIGTERM if self._asked_to_stop else 0)
 
     def ending(self) -> str:
         """Return how it ended, in words."""

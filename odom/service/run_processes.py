@@ -119,7 +119,9 @@ class RunProcesses:
         the end of a live source, and has reported no new frame for five seconds, is asked to end.
         """
         sensor, odometry = self.children["sensor"], self.children["odometry"]
-        while odometry.poll() is None and not stop.is_set() and all(c.name in _SPARED for c in self.failed):
+        while odometry.status is None and not stop.is_set() and all(c.name in _SPARED for c in self.failed):
+            for child in self.children.values():
+                child.poll()
             self._show_progress()
             self._report_failures()
             if self._end_is_lost():

@@ -81,9 +81,9 @@ def test_agility_never_falls_to_nothing():
         agility = agility.after(np.zeros(6), 0.033)
     assert agility.linear >= 0.1
     assert agility.angular >= 0.6
-    assert np.linalg.eigvalsh(agility.noise(0.033)).min() > -1e-18
+    assert np.linalg.eigvalsh(agility.carried(np.zeros((12, 12)), 0.033)).min() > -1e-18
 
 
 def test_noise_grows_with_the_time():
-    sizes = [np.diag(Agility().noise(dt)) for dt in (0.01, 0.03, 0.1, 0.3)]
+    sizes = [np.diag(Agility().carried(np.zeros((12, 12)), dt)) for dt in (0.01, 0.03, 0.1, 0.3)]
     assert all((a < b).all() for a, b in pairwise(sizes))

@@ -25,5 +25,5 @@ class ChainFrame:
 
     def stamp_covariance(self, sensor: SensorModel) -> Array:
         """Return the 6 x 6 covariance of carrying a pose from the middle row's time to the jittering stamp."""
-        jitter = sensor.clock.jitter_s**2 * np.outer(self.twist, self.twist)
+        jitter = sensor.clock.jitter_s**2 * (self.twist[:, None] * self.twist)
         return np.asarray(jitter + self.published.covariance_middle_stamp)

@@ -50,14 +50,16 @@ class LoggedFrame:
 class FrameLog:
     """The newest frames in order, given back to the bit but without covariances; beyond `most` the oldest block goes.
 
-    `count` says how many there ever were, `dropped` how many of them are gone: those are missing in the final
-    trajectory, while their poses as published are wherever they went. Only blocks that are used take memory.
+    `last` is the newest as it was given, None where there is none. `count` says how many there ever were, `dropped` how
+    many of them are gone: those are missing in the final trajectory, while their poses as published are wherever they
+    went. Only blocks that are used take memory.
     """
 
     def __init__(self, block: int = _BLOCK, most: int = _MOST) -> None:
         self.count = self.dropped = 0
         self._size, self._most = block, most // block
         self._blocks: deque[NDArray[np.void]] = deque()
+        self.last: LoggedFrame | None = None
 
     def __len__(self) -> int:
         return self.count - self.dropped
@@ -65,11 +67,6 @@ class FrameLog:
     def __iter__(self) -> Iterator[LoggedFrame]:
         for i in range(len(self)):
             yield self._read(i)
-
-    @property
-    def last(self) -> LoggedFrame | None:
-        """The newest frame, None where there is none."""
-        return self._read(len(self) - 1) if self.count else None
 
     def stamp_of(self, number: int) -> Stamp:
         """Return the stamp of frame `number`, counted from the first; raises IndexError for one that is gone."""
@@ -90,6 +87,7 @@ class FrameLog:
         if frame.keyframe is not None and frame.T_keyframe_camera is not None:
             row["keyframe"], row["T_keyframe_camera"] = frame.keyframe, frame.T_keyframe_camera[:3]
         self.count += 1
+        self.last = frame
 
     def _read(self, index: int) -> LoggedFrame:
         row = self._blocks[index // self._size][index % self._size]

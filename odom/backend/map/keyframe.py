@@ -1,5 +1,6 @@
 """Key frames: where they are, and which landmarks they measured."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,6 +10,7 @@ from odom.frame import Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.features.measurement import Measurements
 from odom.geometry.arrays import Array, Index, Mask
+from odom.geometry.compiled import compiled
 
 _NO_ROWS, _NO_UV = np.zeros(0, dtype=np.int64), np.zeros((0, 2))
 """What a key frame without landmarks has; one array for all of them."""
@@ -94,7 +96,22 @@ def apart(T_camera_map: Array, others: Array) -> Array:
 
     Far is metres plus radians: at a metre's depth, both move a feature about as far.
     """
-    R = T_camera_map[:3, :3] @ others[:, :3, :3].transpose(0, 2, 1)
-    apart_m = np.linalg.norm(T_camera_map[:3, 3] - np.einsum("kij,kj->ki", R, others[:, :3, 3]), axis=1)
-    apart_rad = np.arccos(np.clip((np.trace(R, axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))
-    return np.asarray(apart_m + apart_rad)
+    return _apart(np.array(T_camera_map), np.array(others))  # copies: what a file's bytes hold is of another type
+
+
+@compiled
+def _apart(T: Array, others: Array) -> Array:
+    """Return the length of the translation plus the angle of the rotation of each motion `T inv(others[k])` (n)."""
+    out = np.zeros(len(others))
+    for k in range(len(others)):
+        other, apart_m2, trace = others[k], 0.0, 0.0
+        for i in range(3):
+            away = T[i, 3]
+            for j in range(3):
+                turned = T[i, 0] * other[j, 0] + T[i, 1] * other[j, 1] + T[i, 2] * other[j, 2]
+                away -= turned * other[j, 3]
+                trace += T[i, j] * other[i, j]
+            apart_m2 += away * away
+        cosine = 0.5 * (trace - 1.0)
+        out[k] = math.sqrt(apart_m2) + math.acos(min(max(cosine, -1.0), 1.0))
+    return out

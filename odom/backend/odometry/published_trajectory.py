@@ -122,7 +122,7 @@ class PublishedTrajectory:
         frame = replace(
             middle,
             T_keyframe_camera=middle.T_keyframe_camera @ se3.inverse(T_odom_middle) @ carried.T_fixed_camera,
-            covariance=carried.covariance + np.outer(motion.twist, motion.twist) * sensor.clock.sigma_s**2,
+            covariance=carried.covariance + motion.twist[:, None] * motion.twist * sensor.clock.sigma_s**2,
             delay_s=0.0,
         )
         T_middle_stamp = se3.inverse(motion.T_fixed_camera) @ carried.T_fixed_camera

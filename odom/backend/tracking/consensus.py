@@ -88,14 +88,14 @@ class FollowedFeatures:
         far = np.clip(away / median, 1.0 / TUNING.far_most, TUNING.far_most) ** 2
         return np.asarray(far * proven / np.sqrt(np.bincount(cell)[cell]))
 
-    def off_px(self, T_camera_map: Array) -> Array:
-        """Return how far each feature is from where a pose puts it (n, px)."""
-        points, rays, T = (np.ascontiguousarray(each) for each in (self.points, self.rays, T_camera_map))
-        return np.asarray(_off(points, rays, T) / self.pixel)
+    def off_px(self, T_camera_map: Array, rays: Array | None = None) -> Array:
+        """Return how far each feature is from where a pose puts it (n, px); `rays` (n x 2) may be given in place."""
+        of = self.points, self.rays if rays is None else rays, T_camera_map
+        return np.asarray(_off(*(np.ascontiguousarray(each) for each in of)) / self.pixel)
 
-    def exact_votes(self, T_camera_map: Array) -> float:
-        """Return the share of the votes of features that lie just where a pose puts them."""
-        is_exact = self.off_px(T_camera_map) < TUNING.exact_px
+    def exact_votes(self, T_camera_map: Array, rays: Array | None = None) -> float:
+        """Return the share of the votes of features that lie just where a pose puts them (see `off_px`)."""
+        is_exact = self.off_px(T_camera_map, rays) < TUNING.exact_px
         return float(self.votes[is_exact].sum() / self.votes.sum())
 
 
@@ -105,15 +105,15 @@ def is_contested(outliers: Mask, found: Mask) -> bool:
     return bool(np.count_nonzero(outliers) >= most)
 
 
-def is_exact(predicted: FollowedFeatures, T_predicted: Array, fitted: FollowedFeatures, T_fitted: Array) -> bool:
+def is_exact(fitted: FollowedFeatures, T_fitted: Array, rays_predicted: Array, T_predicted: Array) -> bool:
     """Return whether most features lie just where constant velocity puts them, and not where a fit to all does.
 
-    `predicted` and `fitted` are the same features, their rays carried by the motion to either pose. A near thing that
-    starts to move can be explained, roughly, by a camera that shifts and turns against it.
+    The rays of `fitted` are carried by the motion to that pose, `rays_predicted` (n x 2) by the motion to the other. A
+    near thing that starts to move can be explained, roughly, by a camera that shifts and turns against it.
     """
-    if not len(predicted.uv):
+    if not len(fitted.uv):
         return False
-    exact = predicted.exact_votes(T_predicted)
+    exact = fitted.exact_votes(T_predicted, rays_predicted)
     return exact > TUNING.exact_share and exact > TUNING.consensus_gain * fitted.exact_votes(T_fitted)
 
 

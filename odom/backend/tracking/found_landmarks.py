@@ -9,7 +9,7 @@ from odom.backend.tracking.consensus import ExpectedPose, FollowedFeatures, cons
 from odom.backend.tracking.departing import departing
 from odom.backend.tracking.frame_state import MotionPrior
 from odom.backend.tracking.motion_model import Agility, Velocity
-from odom.backend.tracking.pose_solver import PoseFit, fit_pose
+from odom.backend.tracking.pose_solver import PoseFit, chi2_of, fit_pose
 from odom.backend.tracking.row_velocity import fit_velocity
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
@@ -93,15 +93,16 @@ class FoundLandmarks:
     def _chi2(self, measured: Measurements, T_camera_map: Array) -> Array:
         """Return chi2 (n x 2: ray, depth) of all at a pose."""
         values, variances = self._straight(measured).values, measured.covariance
-        return fit_pose(self.points, self.covariances, values, variances, T_camera_map, iterations=0).chi2
+        return chi2_of(self.points, self.covariances, values, variances, T_camera_map)
 
     def _take(self, members: Mask, standing: Mask) -> "FoundLandmarks":
+        rows = np.flatnonzero(members)
         return replace(
             self,
-            found=self.found.take(members),
-            points=self.points[members],
-            covariances=self.covariances[members],
-            seen=self.seen[members],
-            found_before=self.found_before[members],
-            standing=standing[members],
+            found=self.found.take(rows),
+            points=self.points.take(rows, 0),
+            covariances=self.covariances.take(rows, 0),
+            seen=self.seen.take(rows),
+            found_before=self.found_before.take(rows),
+            standing=standing.take(rows),
         )

@@ -54,7 +54,8 @@ class Tracked:
     @cached_property
     def inlying(self) -> Measured:
         """The landmarks found where the pose predicts them."""
-        return Measured(self.rows[self.inliers], self.uv[self.inliers], self.measurements.take(self.inliers))
+        rows = np.flatnonzero(self.inliers)
+        return Measured(self.rows.take(rows), self.uv.take(rows, 0), self.measurements.take(rows))
 
     @cached_property
     def inlier_count(self) -> int:

@@ -79,7 +79,7 @@ class FrameTracker:
             L, self._candidates(local, T_start), T_start, twist, view.images, sensor, self._settings.max_features
         )
         if view.may_move is not None:
-            in_view = in_view.take(view.stands(in_view.uv))
+            in_view = in_view.take(np.flatnonzero(view.stands(in_view.uv)))
         landmarks = FoundLandmarks.of(view, sensor, in_view, L)
         measured = landmarks.measured(twist)
         fit = landmarks.fit(measured, T_start)

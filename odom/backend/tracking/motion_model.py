@@ -12,6 +12,7 @@ import numpy as np
 from odom.backend.tracking.tuning import TUNING
 from odom.geometry import se3
 from odom.geometry.arrays import Array
+from odom.geometry.compiled import compiled
 
 AT_REST: Array = np.zeros(6)
 """The twist (6, SI) of a camera that does not move."""
@@ -50,18 +51,11 @@ class Agility:
     angular: float = TUNING.agility_angular
     steady_s: float = TUNING.agility_steady_s
 
-    def noise(self, dt: float) -> Array:
-        """Return what unknown acceleration adds to the covariance (12 x 12) of pose and twist in `dt` seconds."""
-        Q = np.zeros((12, 12))
-        if dt == 0.0:
-            return Q
-        variance = np.array([self.linear**2] * 3 + [self.angular**2] * 3)
-        unsteady = dt * dt / (dt * dt + self.steady_s**2) / 12.0
-        diagonal = Q.reshape(-1)
-        diagonal[:78:13] = (0.25 + unsteady) * dt**4 * variance
-        diagonal[6:78:13] = diagonal[72::13][:6] = 0.5 * dt**3 * variance
-        diagonal[78::13] = dt**2 * variance
-        return Q
+    def carried(self, P: Array, dt: float) -> Array:
+        """Return the covariance P (12 x 12) of pose and twist `dt` seconds later: unknown acceleration adds to it."""
+        unsteady = dt**2 / (dt**2 + self.steady_s**2) / 12.0 if dt else 0.0
+        far = (0.25 + unsteady) * dt**4, 0.5 * dt**3, dt**2
+        return _carried(P, dt, far, (self.linear**2, self.angular**2))
 
     def after(self, acceleration: Array, dt: float) -> "Agility":
         """Return the agility after `acceleration` (6, SI) was seen for `dt` seconds."""
@@ -100,10 +94,7 @@ class Motion:
 
     def after(self, dt: float, agility: Agility) -> "Motion":
         """Return the motion predicted `dt` seconds later, of a camera as agile as that."""
-        P = self.P.copy()
-        P[:, :6] += dt * self.P[:, 6:]
-        P[:6] += dt * P[6:]
-        return Motion(self.T_fixed_camera @ se3.exp(self.twist * dt), self.twist, P + agility.noise(dt))
+        return Motion(self.T_fixed_camera @ se3.exp(self.twist * dt), self.twist, agility.carried(self.P, dt))
 
     def corrected(self, T_fixed_camera: Array, covariance: Array) -> "Motion":
         """Return the motion after the pose has been measured with `covariance` (6 x 6)."""
@@ -142,3 +133,26 @@ class MotionFilter:
             agility = agility.after((twist - self.twist) / (0.5 * (dt + self.dt)), dt)
         motion = self.motion.after(dt, agility).corrected(T_fixed_camera, covariance)
         return MotionFilter(motion, agility, T_fixed_camera, twist, dt)
+
+
+@compiled
+def _carried(P: Array, dt: float, far: tuple[float, float, float], variances: tuple[float, float]) -> Array:
+    """Return `F P F' + Q` (12 x 12) with F = [I, dt I; 0, I].
+
+    Q is what an acceleration of so large `variances` (of translation and rotation) adds to each axis: `far` times as
+    much to the pose's variance, to its covariance with the twist, and to the twist's variance.
+    """
+    out = P.copy()
+    for i in range(12):
+        for j in range(6):
+            out[i, j] += dt * P[i, 6 + j]
+    for i in range(6):
+        for j in range(12):
+            out[i, j] += dt * out[6 + i, j]
+    for i in range(6):
+        variance = variances[i // 3]
+        out[i, i] += far[0] * variance
+        out[i, 6 + i] += far[1] * variance
+        out[6 + i, i] += far[1] * variance
+        out[6 + i, 6 + i] += far[2] * variance
+    return out

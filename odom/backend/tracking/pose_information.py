@@ -83,6 +83,22 @@ def _tell(T: Array, block: Array, cauchy: float, told: Array) -> None:
 
 
 @compiled
+def told_chi2(T: Array, blocks: Array, n: int) -> Array:
+    """Return chi2 (n x 2: ray, depth) of n landmarks `in_blocks` at the pose `T`."""
+    chi2, told = np.zeros((n, 2)), np.zeros(_TOLD)
+    for k in range(n):
+        at = k % _LANES
+        if at == 0:
+            first = k // _LANES * _READ
+            _tell(T, blocks[first : first + _READ], 1.0, told)
+        if told[at + 2 * _LANES] == 0.0:
+            chi2[k, 0] = BEHIND_CAMERA_CHI2
+        else:
+            chi2[k, 0], chi2[k, 1] = told[at + 3 * _LANES], told[at + 4 * _LANES]
+    return chi2
+
+
+@compiled
 def add_up(T: Array, blocks: Array, used: Mask, cauchy: float) -> tuple[Array, Array, Array]:
     """Return H = sum J' inv(S) J (6 x 6), g = sum J' inv(S) r (6) and chi2 (n x 2: ray, depth) at the pose `T`.
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odom.backend.tracking.pose_information import NEAREST_M, add_up, in_blocks
+from odom.backend.tracking.pose_information import NEAREST_M, add_up, in_blocks, told_chi2
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.rolling_shutter import interaction_matrix
 from odom.geometry.arrays import Array, Mask
@@ -136,6 +136,15 @@ def fit_pose(
     return PoseFit(
         *_fitted(points_map, covariances_map, values, variances, T_camera_map, chosen, iterations, float(cauchy))
     )
+
+
+@compiled
+def chi2_of(points_map: Array, covariances_map: Array, values: Array, variances: Array, T_camera_map: Array) -> Array:
+    """Return chi2 (n x 2: ray, depth) of what a frame measured of n landmarks, at the pose `T_camera_map`.
+
+    The arguments are those of `fit_pose`; chi2 is huge for a point behind the camera.
+    """
+    return told_chi2(T_camera_map, in_blocks(points_map, covariances_map, values, variances), len(points_map))
 
 
 @compiled

@@ -9,7 +9,7 @@ from odom.backend.map.map import Map
 from odom.backend.tracking.consensus import FollowedFeatures, consensus, is_contested, is_exact
 from odom.backend.tracking.frame_state import FrameState
 from odom.backend.tracking.motions import motions_from
-from odom.backend.tracking.pose_solver import fit_pose
+from odom.backend.tracking.pose_solver import chi2_of, fit_pose
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
@@ -49,9 +49,7 @@ def predict_pose(map_: Map, state: FrameState, images: FrameImages, stamp: Stead
     rival = None
     if is_contested(followed.found & ~coarse.agrees, followed.found):
         rival = consensus(features, coarse.T_camera_map, state.expected_after(since_s))
-    elif is_exact(
-        followed.features(landmarks, followed.in_motion(T_predicted)), T_predicted, features, coarse.T_camera_map
-    ):
+    elif is_exact(features, coarse.T_camera_map, coarse.rays_before[followed.found, :2], T_predicted):
         rival = T_predicted
     if rival is not None:
         members = followed.fitted(rival, followed.found, ()).agrees
@@ -61,9 +59,13 @@ def predict_pose(map_: Map, state: FrameState, images: FrameImages, stamp: Stead
 
 @dataclass(frozen=True, eq=False)
 class _CoarsePose:
-    """A rough pose, the followed features' `rays` by the motion to it (n x 3), and which of them agree with it (n)."""
+    """A rough pose, the followed features' `rays` by the motion to it (n x 3), and which of them agree with it (n).
+
+    `rays_before` (n x 3) are those by the motion to where the fit began.
+    """
 
     T_camera_map: Array
+    rays_before: Array
     rays: Array
     agrees: Mask
 
@@ -118,27 +120,28 @@ class _Followed:
 
     def features(self, landmarks: Landmarks, rays: Array) -> FollowedFeatures:
         """Return the found ones with their `rays` (n x 3) by the motion to a pose."""
-        found = self.found
+        found = np.flatnonzero(self.found)
         return FollowedFeatures(
-            self.points[found],
+            self.points.take(found, 0),
             self.state.T_map_camera[:3, 3],
-            rays[found, :2],
-            self.uv[found],
-            landmarks.seen[self.rows[found]],
+            rays[:, :2].take(found, 0),
+            self.uv.take(found, 0),
+            landmarks.seen.take(self.rows.take(found)),
             TUNING.followed_sigma_px,
             1.0 / self.sensor.lens.intrinsics[0],
         )
 
     def fitted(self, T_start: Array, used: Mask, gates_px: tuple[float, ...]) -> _CoarsePose:
         """Return the pose of the features `used`, by gates that close one after the other."""
-        T = T_start
+        T, rays = T_start, self.in_motion(T_start)
+        rays_before = rays
         for gate_px in gates_px:
-            rays, variances = self.in_motion(T), self._variances(gate_px)
+            variances = self._variances(gate_px)
             fit = fit_pose(self.points, self.covariances, rays, variances, T, used, cauchy=TUNING.coarse_cauchy)
             T = fit.T_camera_map
-        rays, variances = self.in_motion(T), self._variances(_GATES_PX[-1])
-        chi2 = fit_pose(self.points, self.covariances, rays, variances, T, None, 0).chi2[:, 0]
-        return _CoarsePose(T, rays, self.found & (chi2 < TUNING.coarse_chi2))
+            rays = self.in_motion(T)
+        chi2 = chi2_of(self.points, self.covariances, rays, self._variances(_GATES_PX[-1]), T)[:, 0]
+        return _CoarsePose(T, rays_before, rays, self.found & (chi2 < TUNING.coarse_chi2))
 
     def _variances(self, sigma_px: float) -> Array:
         fx, fy = self.sensor.lens.intrinsics[:2].tolist()

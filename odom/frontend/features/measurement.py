@@ -66,7 +66,8 @@ class Measurements:
 
     def straight(self, angles: Array) -> "Measurements":
         """Return them as measured without a tilt of depth by `angles` (2, rad)."""
-        return replace(self, values=without_tilt(self.values, angles))
+        values = without_tilt(self.values, angles)
+        return self if values is self.values else replace(self, values=values)
 
     def retimed(self, change: Array) -> Array:
         """Return `values` (n x 3) as they would be once the timing's vector is other by `change` (3 or n x 3, s)."""

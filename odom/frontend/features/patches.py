@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.frontend.tuning import TUNING
-from odom.geometry.arrays import Array, Image, Mask
+from odom.geometry.arrays import Array, Image, Index, Mask
 from odom.geometry.compiled import compiled, vectorised
 
 RADIUS = 12
@@ -53,7 +53,6 @@ def cut_patches(image: Image, uv: Array) -> Image:
     return out
 
 
-@vectorised
 def align_patches(
     image: Image,
     patches: Image,
@@ -64,7 +63,25 @@ def align_patches(
     limit_px: float,
     limits: tuple[float, float, float],
 ) -> tuple[NDArray[np.float32], Array]:
-    """Align each `valid` patch in `image` from the start `uv` (n x 2, changed in place, pixels of `image`).
+    """Align all of the `patches` (see `align_chosen`)."""
+    return align_chosen(
+        image, patches, np.arange(len(patches)), H_reference_current, uv, valid, iterations, limit_px, limits
+    )
+
+
+@vectorised
+def align_chosen(
+    image: Image,
+    patches: Image,
+    rows: Index,
+    H_reference_current: Array,
+    uv: Array,
+    valid: Mask,
+    iterations: int,
+    limit_px: float,
+    limits: tuple[float, float, float],
+) -> tuple[NDArray[np.float32], Array]:
+    """Align each `valid` one of n `patches[rows]` in `image` from the start `uv` (n x 2 px of it, changed in place).
 
     `H_reference_current` (n x 3 x 2) maps an offset in `image` to one in the patch (see `homographies`). `limits` (see
     `PATCH_LIMITS`) are the least variance of a patch (grey^2), the least gain, and the square of the step at which it
@@ -110,7 +127,7 @@ def align_patches(
         if not reach <= (RADIUS - 0.01) * nearest:
             continue
         # the reference patch as the predicted pose shows it (bilinear)
-        patch = patches[k].reshape(-1)
+        patch = patches[rows[k]].reshape(-1)
         for m in range(len(dx)):
             share = one / (one + h0 * dx[m] + h1 * dy[m])
             u, v = (a00 * dx[m] + a01 * dy[m]) * share + radius, (a10 * dx[m] + a11 * dy[m]) * share + radius

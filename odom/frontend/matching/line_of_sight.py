@@ -40,10 +40,11 @@ class LineOfSight:
             points, T_camera_points, lens.intrinsics, lens.distortion, width, height, float(TUNING.sight_step_px)
         )
         visible = np.flatnonzero(uvz[:, 2] > 0.0)
-        expected = 1.0 / uvz[visible, 2]
-        sigma = _sigma(expected, covariances[visible], T_camera_points, sensor.noise.noise.inverse_depth_sigma)
+        uvz = uvz.take(visible, 0)
+        expected = 1.0 / uvz[:, 2]
+        sigma = _sigma(expected, covariances.take(visible, 0), T_camera_points, sensor.noise.noise.inverse_depth_sigma)
         gate = TUNING.look_back_depth_sigmas * sigma + TUNING.look_back_depth_share * expected
-        uv, measured, scale = as_measured(lens.depth_model, uvz[visible, :2], expected, width, height)
+        uv, measured, scale = as_measured(lens.depth_model, uvz[:, :2], expected, width, height)
         hidden, seen_through = (np.zeros(len(points), dtype=np.bool_) for _ in range(2))
         hidden[visible], seen_through[visible] = _looked(depth_mm, uv, measured, gate * scale, TUNING.sight_step_px)
         return cls(hidden, seen_through)

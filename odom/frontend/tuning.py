@@ -189,8 +189,13 @@ class Tuning:
         effect="smaller: matches over a change of view are lost; larger: chance matches")
     place_candidates: int = tuned(3, unit="places", source=_SWEEP,
         effect="fewer: the true place is not among them; more: slower in the background")
+    place_candidates_apart: int = tuned(12, unit="places", source="three bodies painted into fr1_rpy, five seeds",
+        effect="of other segments, where most of the view moves; fewer: segments are not joined; more: slower there")
     place_least_inliers: int = tuned(25, unit="matches", source=_SWEEP,
         effect="fewer: look-alike places pass; more: places seen from elsewhere are not recognised")
+    place_around_px: int = tuned(24, unit="px", source="bodies painted into fr1_rpy, against those painted's own mask",
+        effect="from a landmark that stands; smaller: few features are left of a place among people; larger: people "
+        "are a part of places")
     place_bucket: int = tuned(24, unit="places", source=_SWEEP,
         effect="newest places that count for each feature; fewer: old ones are forgotten; more: slower")
 # fmt: on

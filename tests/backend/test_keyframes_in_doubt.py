@@ -8,7 +8,11 @@ import pytest
 from made_up_scene import NO_DEPTH, chain_of_keyframes
 from painted_room import SMALL, PaintedRoom
 
-from odom.backend.mapping.keyframe_inserter import KeyframeInserter
+from odom.backend.loop_closure import candidate
+from odom.backend.map.keyframe import Measured
+from odom.backend.mapping.keyframe_inserter import KeyframeInserter, KeyframeView
+from odom.backend.mapping.mapper import Mapper
+from odom.backend.mapping.new_corners import measure_exactly
 from odom.backend.mapping.standing import RecentViews
 from odom.backend.odometry.unproven_sensor import unproven_sensor
 from odom.backend.settings import OdometrySettings
@@ -16,6 +20,7 @@ from odom.frame import Stamp
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.images import FrameImages
 from odom.frontend.features.view import View
+from odom.frontend.tuning import TUNING as PLACES
 from odom.geometry import se3
 
 POSES = [se3.exp(np.array([0.1 * k, 0.0, 0.0, 0.0, 0.0, 0.0])) for k in range(4)]
@@ -63,3 +68,73 @@ def test_in_doubt_no_corner_that_nothing_can_judge_becomes_a_landmark(in_doubt: 
     tracked = cast("Any", SimpleNamespace(twist=np.zeros(6), inlying=nothing, inlier_count=0))
     stands, _ = RecentViews(map_).before(view, tracked).standing(corners, sensor, in_doubt)  # no view before this one
     assert stands.mean() == (0.0 if in_doubt else 1.0)
+
+
+@pytest.mark.parametrize("in_doubt", [False, True])
+def test_in_doubt_a_place_is_what_stands_there_which_is_known_when_new_corners_are(in_doubt: bool) -> None:
+    frame = PaintedRoom().frame(SMALL, 0, np.eye(4))
+    sensor = unproven_sensor(SMALL, OdometrySettings()).with_stamp(frame.stamp)
+    view = View.of(frame, sensor.clock, FrameImages.of(frame.color), None)
+    map_ = chain_of_keyframes(POSES, np.eye(6))
+    mapper = Mapper(map_, OdometrySettings(), sensor)
+    rows = np.arange(len(map_.landmarks.alive[map_.landmarks.alive]))
+    uv = np.tile([40.0, 30.0], (len(rows), 1))
+    tracked = cast(
+        "Any", SimpleNamespace(T_camera_map=np.eye(4), reference=3, twist=np.zeros(6), inlier_count=len(rows))
+    )
+    tracked.inlying = Measured(rows, uv, measure_exactly(view, sensor, uv, np.zeros(6)))
+    mapper.inserter.insert(view, tracked, np.zeros(6), np.eye(6), sensor, 0, in_doubt)
+    assert len(mapper.inserter.undescribed) == (0 if in_doubt else 1)
+    assert mapper.inserter.take_corners(None, sensor) is not None
+    (seen,) = mapper.inserter.undescribed
+    if in_doubt:
+        assert seen.standing is not None
+        assert np.array_equal(seen.standing, map_.keyframes[-1].uv)
+    else:
+        assert seen.standing is None
+
+
+@pytest.mark.parametrize(
+    ("in_doubt", "found_again", "is_known"), [(True, 15, True), (False, 15, False), (True, 8, False)]
+)
+def test_a_place_of_what_stands_among_people_is_known_by_fewer_landmarks_where_they_agree_with_descriptors(
+    monkeypatch: pytest.MonkeyPatch, in_doubt: bool, found_again: int, is_known: bool
+) -> None:
+    map_ = chain_of_keyframes(POSES, np.eye(6), begins=(0, 3))
+    old, new = map_.keyframes[0], map_.keyframes[3]
+    T_old_new = old.T_camera_map @ se3.inverse(new.T_camera_map)
+    registration = SimpleNamespace(
+        ok=True, inliers=np.ones(30, np.bool_), T_target_source=T_old_new, covariance=np.eye(6)
+    )
+    tracked = SimpleNamespace(
+        found_again=found_again,
+        visible_count=100,  # most are hidden by people
+        T_camera_map=new.T_camera_map,
+        T_map_camera=se3.inverse(new.T_camera_map),
+        covariance=np.eye(6),
+        reference=0,
+        inlying=SimpleNamespace(rows=np.arange(3), measurements=None, uv=np.zeros((3, 2))),
+    )
+    monkeypatch.setattr(candidate, "track_place", lambda *_: tracked)
+    sensor = cast("Any", SimpleNamespace(
+        noise=SimpleNamespace(covariance_scale=1.0), clock=SimpleNamespace(period_s=0.03), timing=None
+    ))  # fmt: skip
+    seen = KeyframeView(3, cast("Any", None), np.zeros(6), np.zeros((1, 2)) if in_doubt else None)
+    recognition = cast("Any", SimpleNamespace(candidate=0, registration=registration))
+    found = candidate.track_candidate(map_, cast("Any", None), seen, recognition, sensor)
+    assert isinstance(found, candidate.Found) == is_known
+
+
+def test_in_doubt_other_segments_places_come_first_and_more_of_them() -> None:
+    map_ = chain_of_keyframes(POSES, np.eye(6), begins=(0, 3))
+    sensor = unproven_sensor(SMALL, OdometrySettings())
+    looks = [
+        Mapper(map_, OdometrySettings(), sensor)._looks(KeyframeView(3, cast("Any", None), np.zeros(6), standing))
+        for standing in (None, np.zeros((1, 2)))
+    ]
+    assert looks[0] == [(map_.linked(3), PLACES.place_candidates)]
+    (apart, most), (mine, _) = looks[1]
+    assert most > PLACES.place_candidates
+    assert apart.isdisjoint({0, 1, 2})
+    assert 3 in apart
+    assert mine.issuperset({0, 1, 2})

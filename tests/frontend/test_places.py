@@ -131,3 +131,17 @@ def test_a_feature_is_as_exact_as_the_caller_says():
     assert np.allclose(whole - exact, 4.0 * (half - exact))
     assert (np.trace(half - exact, axis1=1, axis2=2) > 0.0).all()
     assert np.array_equal(whole, describe_place(view, SENSOR, np.zeros(6)).covariances)
+
+
+def test_a_place_can_be_described_by_what_is_around_some_points_alone_and_all_its_features_are_there():
+    view = view_of(PaintedRoom().frame(CAMERA, 0, stroll(0.0)))
+    points = np.array([[100.0, 120.0], [500.0, 300.0]])
+    whole, part = (describe_place(view, SENSOR, np.zeros(6), around=around) for around in (None, points))
+    uv = part.points[:, :2] / part.points[:, 2:] * 525.0 + (319.5, 239.5)
+    away_px = np.linalg.norm(uv[:, None] - points, axis=2).min(axis=1)
+    assert len(part.points) > 20
+    assert away_px.max() < 26.0  # 24 px, and the pixels' own width
+    seen = np.unique(whole.descriptors, axis=0)
+    is_same = [(one == seen).all(axis=1).any() for one in part.descriptors]
+    assert np.mean(is_same) < 1.0  # there are more features around them than among those of the whole
+    assert len(describe_place(view, SENSOR, np.zeros(6), around=points[:0]).points) == 0

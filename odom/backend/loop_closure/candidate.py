@@ -52,7 +52,8 @@ def track_candidate(
 ) -> Found | LoopCandidate:
     """Return a recognition that tracking confirms, with what it would do, or the candidate that is refused.
 
-    A segment that was left a few frames ago, near to here, is known by less: as when a camera is found again there.
+    A segment that was left a few frames ago, near to here, is known by less: as when a camera is found again there. So
+    is any by a place that was described among what moves, which hides landmarks: it is of what stands alone.
     """
     keyframe, place = map_.keyframes[seen.keyframe], map_.keyframes[recognition.candidate]
     registration = recognition.registration
@@ -64,8 +65,10 @@ def track_candidate(
     T_place_keyframe = place.T_camera_map @ tracked.T_map_camera
     candidate = replace(candidate, inliers=tracked.found_again, T_candidate_current=T_place_keyframe)
     is_loop = place.segment == keyframe.segment
-    is_soon = not is_loop and was_there_of_late(map_, tracked, keyframe.stamp, sensor.clock.period_s)
-    if not is_known_place(tracked, is_loop) and not (is_soon and agree(tracked, registration, T_start)):
+    is_other = not is_loop and (
+        seen.standing is not None or was_there_of_late(map_, tracked, keyframe.stamp, sensor.clock.period_s)
+    )
+    if not is_known_place(tracked, is_loop) and not (is_other and agree(tracked, registration, T_start)):
         reason = f"only {tracked.found_again} of {tracked.visible_count} landmarks found again"
         return replace(candidate, reason=reason)
     covariance = tracked.covariance * sensor.noise.covariance_scale

@@ -6,6 +6,7 @@ import numpy as np
 
 from odom.backend.map.keyframe import Keyframe, Measured
 from odom.backend.map.map import Corners, Map
+from odom.backend.mapping.coverage import Coverage
 from odom.backend.mapping.new_corners import Grown, NewCorners, Wanted, measure_exactly
 from odom.backend.mapping.presence import retire
 from odom.backend.mapping.standing import RecentViews, standing_since
@@ -14,13 +15,11 @@ from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.backend.tracking.motion_model import AT_REST
 from odom.frontend.camera.sensor_model import SensorModel
-from odom.frontend.features.image_parts import parts_of
 from odom.frontend.features.lens_change import LensChange
 from odom.frontend.features.view import View
 from odom.frontend.matching.look_back import EarlierView
 from odom.geometry import se3
 from odom.geometry.arrays import Array
-from odom.geometry.numbered import distinct
 
 _CERTAIN = np.zeros((6, 6))
 """Covariance of a segment's first pose, which is certain by definition."""
@@ -28,42 +27,30 @@ _CERTAIN = np.zeros((6, 6))
 
 @dataclass(frozen=True, eq=False)
 class KeyframeView:
-    """The view of key frame number `keyframe`, while it is worked on, and the `twist` (6, SI) it was measured with."""
+    """The view of key frame number `keyframe`, while it is worked on, and the `twist` (6, SI) it was measured with.
+
+    Where what moves leaves its pose in doubt, only what is around `standing` points of the image (n x 2 px) is the
+    place that it shows; None: all of it.
+    """
 
     keyframe: int
     view: View
     twist: Array
-
-
-@dataclass(frozen=True)
-class Coverage:
-    """What a frame sees: how many `landmarks`, and how many `cells` of the image they lie in."""
-
-    landmarks: int
-    cells: int
-
-    @classmethod
-    def of(cls, uv: Array) -> "Coverage":
-        """Return the coverage by landmarks found at `uv` (n x 2 px)."""
-        return cls(len(uv), len(distinct(parts_of(uv, TUNING.coverage_cell_px))))
-
-    def is_worn(self, at_keyframe: "Coverage") -> bool:
-        """Return whether too little is left of what was seen right after the last key frame."""
-        wanted = min(TUNING.coverage_enough, TUNING.coverage_share_landmarks * at_keyframe.landmarks)
-        is_worn_in_part = self.cells < TUNING.coverage_share_cells * at_keyframe.cells
-        return self.landmarks < wanted or self.landmarks < TUNING.coverage_least or is_worn_in_part
+    standing: Array | None = None
 
 
 class KeyframeInserter:
     """Inserts key frames into `map_`; `undescribed` are the newest ones whose places are not in the index yet.
 
     `recent` are the frames before, which tell what stands still. The new corners of a key frame are looked for in the
-    background; a quick stream goes on meanwhile with the landmarks that are known (see `NewCorners`).
+    background; a quick stream goes on meanwhile with the landmarks that are known (see `NewCorners`). In doubt, the
+    place that it shows is described after that: by then it is known what stands in it.
     """
 
     def __init__(self, map_: Map, settings: OdometrySettings) -> None:
         self._map, self._settings = map_, settings
         self._newest: KeyframeView | None = None
+        self._in_doubt: KeyframeView | None = None
         self._coverage_at_keyframe: Coverage | None = None
         self._is_worn_out = False
         self.undescribed: list[KeyframeView] = []
@@ -80,14 +67,19 @@ class KeyframeInserter:
             corners = corners.take(standing_since(view, corners, scene, sensor))
         return corners if len(corners.uv) >= TUNING.least_begun else None
 
-    def begin_segment(self, view: View, corners: Corners, T_camera_map: Array, sensor: SensorModel) -> Keyframe:
-        """Begin a segment with a frame and its `first_corners`; `remeasure` it once its motion is known."""
+    def begin_segment(
+        self, view: View, corners: Corners, T_camera_map: Array, sensor: SensorModel, in_doubt: bool
+    ) -> Keyframe:
+        """Begin a segment with a frame and its `first_corners`; `remeasure` it once its motion is known.
+
+        `in_doubt`: most of the view moves.
+        """
         self.take_corners(None, sensor)
         self.recent.forget()
         nothing = Measured.nothing()
         keyframe = self._map.add_keyframe(view, T_camera_map, nothing, sensor.timing, None, _CERTAIN)
         self._map.add_corners(keyframe, view.images, corners, sensor.depth_tilt.angles)
-        self._work_on(keyframe, view, AT_REST)
+        self._work_on(KeyframeView(keyframe.number, view, AT_REST, corners.uv if in_doubt else None))
         self._newest = self._coverage_at_keyframe = None
         return keyframe
 
@@ -108,8 +100,12 @@ class KeyframeInserter:
         """
         T, seen, reference = tracked.T_camera_map, tracked.inlying, tracked.reference
         keyframe = self._map.add_keyframe(view, T, seen, sensor.timing, reference, covariance)
-        self._work_on(keyframe, view, twist)
-        self._newest, self._coverage_at_keyframe, self._is_worn_out = self.undescribed[-1], None, False
+        newest = KeyframeView(keyframe.number, view, twist)
+        self._newest, self._coverage_at_keyframe, self._is_worn_out = newest, None, False
+        if in_doubt:
+            self._in_doubt = newest
+        else:
+            self._work_on(newest)
         before = self.recent.before(view, tracked)
         self._new_corners.look_for(Wanted(keyframe.number, before, twist, sensor, in_doubt), count)
         return keyframe
@@ -124,6 +120,9 @@ class KeyframeInserter:
             keyframe = self._map.keyframes[grown.wanted.keyframe]
             self._map.add_corners(keyframe, grown.wanted.before.view.images, grown.corners, sensor.depth_tilt.angles)
             self._map.cull(self._map.neighbours(keyframe.number, keyframe.T_camera_map, self._settings.local_keyframes))
+            if self._in_doubt is not None:
+                self._work_on(replace(self._in_doubt, standing=keyframe.uv))
+                self._in_doubt = None
         return grown
 
     def kept(self, state: FrameState, sensor: SensorModel, in_doubt: bool) -> FrameState:
@@ -147,6 +146,7 @@ class KeyframeInserter:
     def drop(self, segment: int, since: int, sensor: SensorModel) -> None:
         """Remove a segment's landmarks from the identity `since` on, and forget the recent frames: all on a body."""
         self._new_corners.take(None, sensor)
+        self._in_doubt = None
         retire(self._map, segment, since)
         self.recent.forget()
 
@@ -216,8 +216,8 @@ class KeyframeInserter:
         measured = measure_exactly(view, sensor, keyframe.uv, twist)
         self._map.remeasure(keyframe, measured, sensor.timing, sensor.depth_tilt.angles)
 
-    def _work_on(self, keyframe: Keyframe, view: View, twist: Array) -> None:
-        self.undescribed.append(KeyframeView(keyframe.number, view, twist))
+    def _work_on(self, seen: KeyframeView) -> None:
+        self.undescribed.append(seen)
         del self.undescribed[: -self._settings.background_delay_frames]
 
 

@@ -13,7 +13,7 @@ from odom.backend.mapping.background import Background
 from odom.backend.mapping.bundle_adjustment import Bundle
 from odom.backend.mapping.described import DescribedKeyframe
 from odom.backend.mapping.intermediate_frames import IntermediateFrames
-from odom.backend.mapping.keyframe_inserter import KeyframeInserter
+from odom.backend.mapping.keyframe_inserter import KeyframeInserter, KeyframeView
 from odom.backend.mapping.newer_keyframes import carry_newer, refit_newer
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.settings import OdometrySettings
@@ -24,6 +24,7 @@ from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.lens_change import LensChange
 from odom.frontend.features.place_descriptor import describe_place
 from odom.frontend.matching.place_recognition import GrownIndex, recognise
+from odom.frontend.tuning import TUNING as PLACES
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index
 
@@ -129,13 +130,16 @@ class Mapper:
         if is_whole:
             times += len(adjustment.is_fixed) // TUNING.change_frames
         self.inserter.undescribed = []
-        linked = [self._map.linked(seen.keyframe) for seen in waiting]
+        looks = [self._looks(seen) for seen in waiting]
         index = self._map.places
 
         def work() -> _Done:
             bundle = adjustment.run()
-            places = [describe_place(seen.view, sensor, seen.twist) for seen in waiting]
-            found = [recognise(index, place, known) for place, known in zip(places, linked, strict=True)]
+            places = [describe_place(seen.view, sensor, seen.twist, around=seen.standing) for seen in waiting]
+            found = [
+                [one for excluded, most in look for one in recognise(index, place, excluded, most)]
+                for place, look in zip(places, looks, strict=True)
+            ]
             expect_around(self._map, [r.candidate for one in found for r in one if not r.refusal])
             described = [DescribedKeyframe(*one) for one in zip(waiting, places, found, strict=True)]
             grown = index.grown({d.seen.keyframe: d.place for d in described})
@@ -143,6 +147,20 @@ class Mapper:
 
         due_stamp = SteadyStamp(sensor.clock.steady + round(times * TUNING.background_s * 1e9))
         self._background.start(count + times * self._settings.background_delay_frames, due_stamp, work)
+
+    def _looks(self, seen: KeyframeView) -> list[tuple[set[int], int]]:
+        """Return which key frames are left out, and how many are tried, in each look for places like a key frame's.
+
+        Those it is linked with are left out. In doubt, a run falls into segments, and little of what stands is in view:
+        then it is looked for more places, those of other segments by themselves and first.
+        """
+        keyframes, linked = self._map.keyframes, self._map.linked(seen.keyframe)
+        if seen.standing is None:
+            return [(linked, PLACES.place_candidates)]
+        segment = keyframes[seen.keyframe].segment
+        mine = {k.number for k in keyframes if k.segment == segment}
+        others = set(self._map.remembered) - mine
+        return [(linked | mine, PLACES.place_candidates_apart), (linked | others, PLACES.place_candidates)]
 
     def take_background(
         self, count: int | None, sensor: SensorModel

@@ -224,9 +224,9 @@ class FrameStages:
 
     def _begin_segment(self, view: View, corners: Corners) -> Estimate:
         """Begin a new segment of the map at the last known pose."""
-        is_first = self.state is None
+        is_first, in_doubt = self.state is None, self.moving.is_doubtful
         T_camera_map = np.eye(4) if self.state is None else self.state.T_camera_map
-        keyframe = self.mapper.inserter.begin_segment(view, corners, T_camera_map, self.sensor)
+        keyframe = self.mapper.inserter.begin_segment(view, corners, T_camera_map, self.sensor, in_doubt)
         self._visibility, self.moving = self._visibility.with_new_segment(view.stamp), self.moving.after_loss()
         published = self.published.begin(view.stamp, keyframe.segment, keyframe.number, self.sensor)
         chain = self.chain.extend(ChainFrame(view, Sight.nothing(), AT_REST, published), None, self.sensor)

@@ -27,8 +27,12 @@ class Place:
     covariances: Array
 
 
-def describe_place(view: View, sensor: SensorModel, twist: Array, sigma_px: float = 1.0) -> Place:
+def describe_place(
+    view: View, sensor: SensorModel, twist: Array, sigma_px: float = 1.0, around: Array | None = None
+) -> Place:
     """Return the place that a view shows, seen while moving with `twist` (6, SI, camera frame).
+
+    With `around` (n x 2 px) only what lies around these points of the image counts, so that all features are there.
 
     `sigma_px` is the standard deviation of a feature's place at full scale, beyond the sensor's own noise. The default
     is careful: seconds and half a metre apart, the arena's truth shows .6 px, but neighbouring features share errors,
@@ -38,7 +42,7 @@ def describe_place(view: View, sensor: SensorModel, twist: Array, sigma_px: floa
     orb = cv2.ORB.create(
         nfeatures=TUNING.place_features, scaleFactor=TUNING.place_scale, fastThreshold=TUNING.place_fast_threshold
     )
-    keypoints, descriptors = orb.detectAndCompute(view.images.full, None)
+    keypoints, descriptors = orb.detectAndCompute(view.images.full, None if around is None else _around(around, view))
     if descriptors is None:
         return Place(np.zeros((0, 32), np.uint8), np.zeros((0, 3)), np.zeros((0, 3, 3)))
     uv = np.array([k.pt for k in keypoints], dtype=np.float64)
@@ -48,3 +52,11 @@ def describe_place(view: View, sensor: SensorModel, twist: Array, sigma_px: floa
     deep = (measured.values[:, 2] > 0.0) & view.stands(uv)
     points, covariances = points_of(measured.take(deep))
     return Place(np.asarray(descriptors, dtype=np.uint8)[deep], points, covariances)
+
+
+def _around(uv: Array, view: View) -> NDArray[np.uint8]:
+    """Return the mask (H x W) of a view's pixels that are near any of n points (n x 2 px)."""
+    mask = np.zeros(view.images.full.shape, dtype=np.uint8)
+    for u, v in uv.round().astype(int).tolist():
+        cv2.circle(mask, (u, v), TUNING.place_around_px, 255, cv2.FILLED)
+    return mask

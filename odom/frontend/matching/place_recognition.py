@@ -129,13 +129,13 @@ def believable(registration: Registration) -> bool:
     return registration.ok and int(registration.inliers.sum()) >= TUNING.place_least_inliers
 
 
-def recognise(index: PlaceIndex, place: Place, excluded: set[int]) -> list[Recognition]:
+def recognise(index: PlaceIndex, place: Place, excluded: set[int], most: int | None = None) -> list[Recognition]:
     """Return the places of `index`, without the `excluded` ones, that look most like `place`, each registered.
 
-    The registration is `T_candidate_place`.
+    The registration is `T_candidate_place`. There are at most `most` of them; None: as many as the tuning says.
     """
     candidates = []
-    for number in index.look_up(place, excluded, TUNING.place_candidates):
+    for number in index.look_up(place, excluded, TUNING.place_candidates if most is None else most):
         known = index.place_of(number)
         if known is None:
             continue

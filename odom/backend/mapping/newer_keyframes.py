@@ -12,6 +12,7 @@ from odom.geometry import se3
 from odom.geometry.arrays import Array
 
 _NO_ROWS = np.zeros(0, dtype=np.int64)
+"""Landmarks that were adjusted already: none of those that move with a key frame."""
 
 
 def carry_newer(map_: Map, newest: Keyframe, T_old_new: Array) -> None:

@@ -30,6 +30,14 @@ def hat(phi: Array) -> Array:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
+def hats(phi: Array) -> Array:
+    """Return the `hat` (n x 3 x 3) of each of n vectors (n x 3)."""
+    out, (x, y, z) = np.zeros((len(phi), 3, 3)), phi.T
+    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -z, y, -x
+    out[:, 1, 0], out[:, 2, 0], out[:, 2, 1] = z, -y, x
+    return out
+
+
 def so3_exp(phi: Array) -> Array:
     """Return the rotation matrix of the rotation vector `phi` (3, radians): Rodrigues' formula."""
     theta = math.sqrt(phi @ phi)
@@ -151,12 +159,9 @@ def adjoint(T: Array) -> Array:
 def adjoints(T: Array) -> Array:
     """Return the `adjoint` (n x 6 x 6) of each of n rigid motions."""
     out = np.zeros((len(T), 6, 6))
-    R, (x, y, z) = T[:, :3, :3], T[:, :3, 3].T
+    R = T[:, :3, :3]
     out[:, :3, :3] = out[:, 3:, 3:] = R
-    skew = np.zeros((len(T), 3, 3))
-    skew[:, 0, 1], skew[:, 0, 2], skew[:, 1, 2] = -z, y, -x
-    skew[:, 1, 0], skew[:, 2, 0], skew[:, 2, 1] = z, -y, x
-    out[:, :3, 3:] = skew @ R
+    out[:, :3, 3:] = hats(T[:, :3, 3]) @ R
     return out
 
 

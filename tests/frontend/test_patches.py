@@ -7,6 +7,7 @@ from odom.frontend.features.patches import PATCH_LIMITS, UNWARPED, align_patches
 SHAPE = (120, 160)
 AT = np.array([[60.0, 50.0], [80.0, 62.0], [101.0, 70.0], [46.0, 75.0]])
 IDENTITY = np.tile(UNWARPED, (len(AT), 1, 1))
+ALL = np.arange(len(AT))
 DITHER = 0.5
 """Grey levels of noise in the shifted pictures: without any, whole numbers err alike over a whole slope."""
 ROUNDING = np.sqrt(2.0 * (DITHER**2 + 1.0 / 12.0))
@@ -48,7 +49,7 @@ def test_a_shifted_patch_is_found_to_a_fiftieth_of_a_pixel_whatever_gain_and_off
     patches = cut_patches(picture(seed, noise=DITHER), AT)
     uv = AT.copy()
     score, covariance = align_patches(
-        picture(seed, None, shift, gain, offset, DITHER), patches, IDENTITY, uv, EVERY, 12, 4.0, PATCH_LIMITS
+        picture(seed, None, shift, gain, offset, DITHER), patches, ALL, IDENTITY, uv, EVERY, 12, 4.0, PATCH_LIMITS
     )
     assert (score > 0.98).all()
     rounding = ROUNDING * np.sqrt(covariance[:, [0, 2]])
@@ -65,7 +66,7 @@ def test_a_turned_and_scaled_patch_is_found_through_its_affinity(seed, scale, tu
     image = picture(seed, A)
     uv = truth + 0.7
     H = np.tile([*A, [0.0, 0.0]], (len(AT), 1, 1))
-    score, covariance = align_patches(image, patches, H, uv, EVERY, 12, 4.0, PATCH_LIMITS)
+    score, covariance = align_patches(image, patches, ALL, H, uv, EVERY, 12, 4.0, PATCH_LIMITS)
     assert (score > 0.97).all()
     rounding = ROUNDING * np.sqrt(covariance[:, [0, 2]])
     assert (np.abs(uv - truth) < 0.05 + 4.0 * rounding).all()
@@ -79,7 +80,7 @@ def test_the_claimed_covariance_is_that_of_repeated_measurements():
         grey = clean + 4.0 * np.random.default_rng(k).normal(size=SHAPE)
         uv = AT.copy()
         _, covariance = align_patches(
-            np.rint(grey).astype(np.uint8), reference, IDENTITY, uv, EVERY, 12, 4.0, PATCH_LIMITS
+            np.rint(grey).astype(np.uint8), reference, ALL, IDENTITY, uv, EVERY, 12, 4.0, PATCH_LIMITS
         )
         errors.append(uv - AT)
         claimed.append(covariance * 4.0**2)
@@ -90,7 +91,9 @@ def test_the_claimed_covariance_is_that_of_repeated_measurements():
 
 
 def test_a_patch_that_is_not_there_gets_a_low_score():
-    score, _ = align_patches(picture(7), cut_patches(picture(5), AT), IDENTITY, AT.copy(), EVERY, 12, 4.0, PATCH_LIMITS)
+    score, _ = align_patches(
+        picture(7), cut_patches(picture(5), AT), ALL, IDENTITY, AT.copy(), EVERY, 12, 4.0, PATCH_LIMITS
+    )
     assert (score < 0.75).all()
 
 
@@ -99,22 +102,25 @@ def test_flat_or_one_dimensional_patches_the_border_and_huge_warps_are_not_align
     stripes = np.tile((127 + 60 * np.sin(u / 3.0)).astype(np.uint8), (SHAPE[0], 1))
     flat = np.full(SHAPE, 90, np.uint8)
     for image in (stripes, flat):
-        score, _ = align_patches(image, cut_patches(image, AT), IDENTITY, AT.copy(), EVERY, 8, 4.0, PATCH_LIMITS)
+        score, _ = align_patches(image, cut_patches(image, AT), ALL, IDENTITY, AT.copy(), EVERY, 8, 4.0, PATCH_LIMITS)
         assert (score == 0).all()
     image = picture(1)
     corners = np.array([[2.0, 2.0], [158.0, 50.0], [50.0, 118.0], [1e6, -1e6]])
-    assert (align_patches(image, cut_patches(image, AT), IDENTITY, corners, EVERY, 8, 4.0, PATCH_LIMITS)[0] == 0).all()
     assert (
-        align_patches(image, cut_patches(image, AT), 4.0 * IDENTITY, AT.copy(), EVERY, 8, 4.0, PATCH_LIMITS)[0] == 0
+        align_patches(image, cut_patches(image, AT), ALL, IDENTITY, corners, EVERY, 8, 4.0, PATCH_LIMITS)[0] == 0
+    ).all()
+    assert (
+        align_patches(image, cut_patches(image, AT), ALL, 4.0 * IDENTITY, AT.copy(), EVERY, 8, 4.0, PATCH_LIMITS)[0]
+        == 0
     ).all()
     nothing = np.zeros(len(AT), dtype=bool)
     assert (
-        align_patches(image, cut_patches(image, AT), IDENTITY, AT.copy(), nothing, 8, 4.0, PATCH_LIMITS)[0] == 0
+        align_patches(image, cut_patches(image, AT), ALL, IDENTITY, AT.copy(), nothing, 8, 4.0, PATCH_LIMITS)[0] == 0
     ).all()
 
 
 def test_an_alignment_never_leaves_its_limit():
     patches, start = cut_patches(picture(9), AT), AT + np.array([3.0, -3.0])
     uv = start.copy()
-    align_patches(picture(9), patches, IDENTITY, uv, EVERY, 20, 1.0, PATCH_LIMITS)
+    align_patches(picture(9), patches, ALL, IDENTITY, uv, EVERY, 20, 1.0, PATCH_LIMITS)
     assert np.abs(uv - start).max() <= 1.0

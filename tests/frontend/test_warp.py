@@ -51,13 +51,13 @@ def seen_patches(camera, T_reference_current):
 def test_patches_of_slanted_walls_are_found_where_they_truly_are(camera, motion):
     reference, current, uv_reference, truth, H, usable = seen_patches(camera, MOTIONS[motion])
     uv = truth.copy()
-    patches = cut_patches(reference, uv_reference)
-    score, _ = align_patches(current, patches, H, uv, usable, 10, 3.0, PATCH_LIMITS)
+    patches, rows = cut_patches(reference, uv_reference), np.arange(len(uv))
+    score, _ = align_patches(current, patches, rows, H, uv, usable, 10, 3.0, PATCH_LIMITS)
     found = score > 0.9
     assert found.sum() > 0.6 * len(uv)
     assert np.median(np.linalg.norm(uv - truth, axis=1)[found]) < 0.08
     unwarped, _ = align_patches(
-        current, patches, np.tile(UNWARPED, (len(uv), 1, 1)), truth.copy(), usable, 10, 3.0, PATCH_LIMITS
+        current, patches, rows, np.tile(UNWARPED, (len(uv), 1, 1)), truth.copy(), usable, 10, 3.0, PATCH_LIMITS
     )
     assert np.mean(1.0 - unwarped[found]) > 4.0 * np.mean(1.0 - score[found])
 

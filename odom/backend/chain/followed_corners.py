@@ -14,7 +14,7 @@ from odom.backend.tracking.tuning import TUNING as TRACKING
 from odom.frontend.camera.lens import project
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.measurement import measure
-from odom.frontend.features.patches import PATCH_LIMITS, UNWARPED, align_chosen
+from odom.frontend.features.patches import PATCH_LIMITS, UNWARPED, align_patches
 from odom.frontend.matching.optical_flow import follow_there_and_back
 from odom.frontend.tuning import TUNING as SEARCH
 from odom.geometry import se3
@@ -37,7 +37,7 @@ def follow_corners(
     in_view = np.flatnonzero(expected[:, 2] > 0.0)
     uv, kept = follow_there_and_back(*images, corners.uv[in_view], expected[in_view, :2], TUNING.followed_back_px)
     unwarped = np.tile(UNWARPED, (len(in_view), 1, 1))
-    score, covariance_uv = align_chosen(
+    score, covariance_uv = align_patches(
         images[1],
         corners.patch_full,
         in_view,

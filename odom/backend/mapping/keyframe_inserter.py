@@ -50,7 +50,6 @@ class KeyframeInserter:
     def __init__(self, map_: Map, settings: OdometrySettings) -> None:
         self._map, self._settings = map_, settings
         self._newest: KeyframeView | None = None
-        self._in_doubt: KeyframeView | None = None
         self._coverage_at_keyframe: Coverage | None = None
         self._is_worn_out = False
         self.undescribed: list[KeyframeView] = []
@@ -100,12 +99,10 @@ class KeyframeInserter:
         """
         T, seen, reference = tracked.T_camera_map, tracked.inlying, tracked.reference
         keyframe = self._map.add_keyframe(view, T, seen, sensor.timing, reference, covariance)
-        newest = KeyframeView(keyframe.number, view, twist)
-        self._newest, self._coverage_at_keyframe, self._is_worn_out = newest, None, False
-        if in_doubt:
-            self._in_doubt = newest
-        else:
-            self._work_on(newest)
+        self._newest = KeyframeView(keyframe.number, view, twist)
+        self._coverage_at_keyframe, self._is_worn_out = None, False
+        if not in_doubt:
+            self._work_on(self._newest)
         before = self.recent.before(view, tracked)
         self._new_corners.look_for(Wanted(keyframe.number, before, twist, sensor, in_doubt), count)
         return keyframe
@@ -117,12 +114,12 @@ class KeyframeInserter:
         """
         grown = self._new_corners.take(count, sensor)
         if grown is not None:
-            keyframe = self._map.keyframes[grown.wanted.keyframe]
-            self._map.add_corners(keyframe, grown.wanted.before.view.images, grown.corners, sensor.depth_tilt.angles)
+            wanted = grown.wanted
+            keyframe, view = self._map.keyframes[wanted.keyframe], wanted.before.view
+            self._map.add_corners(keyframe, view.images, grown.corners, sensor.depth_tilt.angles)
             self._map.cull(self._map.neighbours(keyframe.number, keyframe.T_camera_map, self._settings.local_keyframes))
-            if self._in_doubt is not None:
-                self._work_on(replace(self._in_doubt, standing=keyframe.uv))
-                self._in_doubt = None
+            if wanted.in_doubt:
+                self._work_on(KeyframeView(keyframe.number, view, wanted.twist, keyframe.uv))
         return grown
 
     def kept(self, state: FrameState, sensor: SensorModel, in_doubt: bool) -> FrameState:
@@ -146,7 +143,6 @@ class KeyframeInserter:
     def drop(self, segment: int, since: int, sensor: SensorModel) -> None:
         """Remove a segment's landmarks from the identity `since` on, and forget the recent frames: all on a body."""
         self._new_corners.take(None, sensor)
-        self._in_doubt = None
         retire(self._map, segment, since)
         self.recent.forget()
 

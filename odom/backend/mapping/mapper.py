@@ -116,11 +116,12 @@ class Mapper:
         """
         waiting, change, times = self.inserter.undescribed, None, 1
         is_whole = sensor.depth_tilt.is_new and len(self._map.members(self._map.keyframes[-1].segment)) >= 2
-        if self._background.is_busy or not (waiting or is_whole or (may_change and self.lens_to_come is not None)):
+        lens = self.lens_to_come if may_change else None
+        if self._background.is_busy or not (waiting or is_whole or lens is not None):
             return
         credit, segment = self._credit(sensor), self._map.keyframes[-1].segment
-        if may_change and self.lens_to_come is not None:
-            change, self.lens_to_come, is_whole = LensChange(sensor.lens, self.lens_to_come), None, True
+        if lens is not None:
+            change, self.lens_to_come, is_whole = LensChange(sensor.lens, lens), None, True
             sensor = sensor.with_lens(change.after)
             adjustment = local_adjustment.through(change, self._map, self.intermediate, segment, sensor, credit)
         elif is_whole:

@@ -143,17 +143,20 @@ def edge_shift(
     lags = np.arange(-_REACH_S, _REACH_S + 1e-9, _COARSE_S) if moving else np.zeros(1)
     pixels = np.arange(-_REACH_PX, _REACH_PX + 1e-9, _COARSE_PX)
     grid = scores(pixels, pixels, lags, few)
-    i, j, k = np.unravel_index(int(np.argmax(grid)), grid.shape)
-    best = np.array([pixels[i], pixels[j], lags[k]])
+    best = _highest(grid, pixels, pixels, lags)
     contrast = float((grid.max() - np.median(grid)) / (NORMAL_MAD * np.median(np.abs(grid - np.median(grid))) + 1e-9))
     for size_px, size_s in _FINE:
         steps = np.arange(-3, 4)
         xs, ys = best[0] + steps * size_px, best[1] + steps * size_px
         times = best[2] + (steps if moving else np.zeros(1)) * size_s
-        around = scores(xs, ys, times)
-        i, j, k = np.unravel_index(int(np.argmax(around)), around.shape)
-        best = np.array([xs[i], ys[j], times[k]])
+        best = _highest(scores(xs, ys, times), xs, ys, times)
     return EdgeShift((float(best[0]), float(best[1])), float(best[2]) if moving else float("nan"), contrast, len(uv))
+
+
+def _highest(scores: Array, *axes: Array) -> Array:
+    """Return where along the `axes` of a grid its `scores` are highest: one value of each."""
+    at = np.unravel_index(int(np.argmax(scores)), scores.shape)
+    return np.array([axis[k] for axis, k in zip(axes, at, strict=True)])
 
 
 def _gradients(image: Image) -> Image:

@@ -168,10 +168,7 @@ def _normal_equations(motion: PairMotion, a: Array, focal_px: Array) -> tuple[Ar
     by_point[:, 2, 2] = 1.0 / sigma_z
     moved = np.zeros((len(z), 3, 8))
     moved[:, :, :3] = np.eye(3)
-    x, y, height = later.T  # -hat(p)
-    moved[:, 0, 4], moved[:, 0, 5] = height, -y
-    moved[:, 1, 3], moved[:, 1, 5] = -height, x
-    moved[:, 2, 3], moved[:, 2, 4] = y, -x
+    moved[:, :, 3:6] = -se3.hats(later)
     moved[:, :, 6:] = motion.T_later_earlier[:3, :2] * earlier[:, None, :2]
     J = by_point @ moved
     J[:, (0, 1), (6, 7)] -= per_ray * seen

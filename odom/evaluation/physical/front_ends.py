@@ -116,7 +116,7 @@ def _followed(source: Look, target: Look, uv_target: Array, uv_guess: Array) -> 
     straight = np.tile(UNWARPED, (len(kept), 1, 1))
     patches = cut_patches(there, uv_target)
     score, covariance = align_patches(
-        back, patches, straight, uv_source, kept, _STEPS, _THERE_AND_BACK_PX, PATCH_LIMITS
+        back, patches, np.arange(len(kept)), straight, uv_source, kept, _STEPS, _THERE_AND_BACK_PX, PATCH_LIMITS
     )
     kept = score > 0.0
     exact = np.zeros((int(np.count_nonzero(kept)), 3))

@@ -53,24 +53,8 @@ def cut_patches(image: Image, uv: Array) -> Image:
     return out
 
 
-def align_patches(
-    image: Image,
-    patches: Image,
-    H_reference_current: Array,
-    uv: Array,
-    valid: Mask,
-    iterations: int,
-    limit_px: float,
-    limits: tuple[float, float, float],
-) -> tuple[NDArray[np.float32], Array]:
-    """Align all of the `patches` (see `align_chosen`)."""
-    return align_chosen(
-        image, patches, np.arange(len(patches)), H_reference_current, uv, valid, iterations, limit_px, limits
-    )
-
-
 @vectorised
-def align_chosen(
+def align_patches(
     image: Image,
     patches: Image,
     rows: Index,

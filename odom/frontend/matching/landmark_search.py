@@ -10,7 +10,7 @@ from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.carrying import seen_in_motion
 from odom.frontend.features.images import FrameImages
 from odom.frontend.features.patch_warp import WARP_LIMITS, at_half_size, homographies
-from odom.frontend.features.patches import PATCH_LIMITS, align_chosen
+from odom.frontend.features.patches import PATCH_LIMITS, align_patches
 from odom.frontend.tuning import TUNING
 from odom.geometry.arrays import Array, Image, Index, Mask
 from odom.geometry.compiled import compiled
@@ -190,17 +190,19 @@ class _Expected:
     def aligned_finely(
         self, landmarks: LandmarkPatches, image: Image, uv: Array, valid: Mask
     ) -> tuple[NDArray[np.float32], Array]:
-        """Align the patches in the full image from `uv`, which changes (see `align_chosen`)."""
+        """Align the patches in the full image from `uv`, which changes (see `align_patches`)."""
         iterations, limit_px = TUNING.search_iterations, TUNING.search_fine_limit_px
         patches, H = landmarks.patch_full, self.H_reference_current
-        return align_chosen(image, patches, self.rows, H, uv, valid, iterations, limit_px, PATCH_LIMITS)
+        return align_patches(image, patches, self.rows, H, uv, valid, iterations, limit_px, PATCH_LIMITS)
 
     def aligned_coarsely(self, landmarks: LandmarkPatches, images: FrameImages) -> tuple[Array, Mask]:
         """Return where the half-size image shows them (n x 2 px of the full one), and which were found there."""
         uv = self.uv / 2.0
         iterations, limit_px = TUNING.search_iterations, TUNING.search_coarse_limit_px
         patches, H = landmarks.patch_half, at_half_size(self.H_reference_current)
-        score, _ = align_chosen(images.half, patches, self.rows, H, uv, self.usable, iterations, limit_px, PATCH_LIMITS)
+        score, _ = align_patches(
+            images.half, patches, self.rows, H, uv, self.usable, iterations, limit_px, PATCH_LIMITS
+        )
         return 2.0 * uv, score > TUNING.search_coarse_score
 
 

@@ -22,7 +22,7 @@ from odom.wire import Topics
 from sensors.catalogue import open_source
 from sensors.source import SourceOptions
 
-SECONDS = 8.0
+SECONDS = 5.0
 
 
 def shifted(frame: RgbdFrame, pixels: int) -> RgbdFrame:
@@ -124,6 +124,7 @@ def arena() -> Recording:
 
 
 @pytest.mark.rendered
+@pytest.mark.usefixtures("followed_once")
 @pytest.mark.parametrize(
     ("source", "fault", "expected"),
     [

@@ -94,7 +94,7 @@ FAULTS = [
     (both_focals_wrong, {"focal length"}),
     (scale_wrong, {"depth scale"}),
 ]
-RARE = (every_second_missing, both_focals_wrong)
+RARE = (half_missing, every_second_missing, both_focals_wrong)
 """Variants that the real recording is enough for."""
 
 

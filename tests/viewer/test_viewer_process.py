@@ -108,7 +108,7 @@ def test_a_late_viewer_has_the_clouds_of_the_same_key_frames_and_the_loops_of_an
     late = start("view", "--headless", "--rrd", tmp_path / "late.rrd")
     late.wait_for("showing cam0", 120)
     device.wait_for("ended", 120)
-    assert (early.stop(), late.stop()) == (0, 0)
+    assert (early.process.wait(60), late.process.wait(60)) == (0, 0)  # by themselves, when they have shown the end
     clouds = _clouds(tmp_path / "early.rrd")
     late_clouds = _clouds(tmp_path / "late.rrd")
     print(len(clouds), "clouds of", sum(clouds.values()), "points; only one has", clouds.keys() ^ late_clouds.keys())

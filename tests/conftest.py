@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import compiling
 import drawn
 import kinds
 import pytest
@@ -14,6 +15,7 @@ import typer.testing
 from hypothesis import settings
 
 from odom.cli import ONE_THREAD
+from odom.geometry.compiled import compiled_before
 
 settings.register_profile("shared-machine", deadline=None, derandomize=True)
 settings.load_profile("shared-machine")
@@ -34,6 +36,14 @@ def pytest_configure(config: pytest.Config) -> None:
     if config.cache is not None:
         os.environ.setdefault(drawn.ENVIRONMENT, str(config.cache.mkdir("frames")))
     sys.addaudithook(_refuse)
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Before the workers of the whole suite start, compile what both of them need."""
+    config = session.config
+    is_whole = config.args_source is config.ArgsSource.TESTPATHS and not config.option.collectonly
+    if is_whole and not hasattr(config, "workerinput") and not compiled_before():
+        compiling.compile_all(compiling.PRODUCT, compiling.ARENA)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -5,7 +5,10 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
+from queue import Empty, SimpleQueue
 
 import zenoh
 
@@ -30,7 +33,9 @@ _SMALL_AT_ONCE = 200
 _SMALL_WAITING = 512
 """Small messages that wait, two seconds of them; then the oldest go."""
 _HISTORY_S = 2.0
-"""For answers about what happened before; when no odometry answers, the viewer opens so much later."""
+"""For the next answer about what happened before; when an odometry gives none, the viewer opens so much later."""
+_WHOLE_HISTORY_S = 60.0
+"""For all answers of a kind: a hundred clouds take seconds on a busy machine, and those cut off would never come."""
 _REPEAT_S = 20.0
 """Between two drawings of everything for browsers that open late, when Rerun's server has forgotten the first."""
 _LAST_WORDS_S = 1.0
@@ -169,5 +174,15 @@ class Viewer:
         keys = (self.topics.history, self.topics.path, self.topics.landmarks, self.topics.keyframes)
         for key in keys:
             every = zenoh.ConsolidationMode.NONE  # otherwise only the last message of a key would come
-            replies = list(self.session.zenoh.get(f"{key}?_anyke", timeout=_HISTORY_S, consolidation=every))
-            yield from (reply.ok for reply in replies if reply.ok is not None)
+            replies: SimpleQueue[zenoh.Reply | None] = SimpleQueue()
+            handler = zenoh.handlers.Callback(replies.put, partial(replies.put, None))
+            self.session.zenoh.get(f"{key}?_anyke", handler, timeout=_WHOLE_HISTORY_S, consolidation=every)
+            yield from _until_silent(replies)
+
+
+def _until_silent(replies: SimpleQueue[zenoh.Reply | None]) -> Iterator[zenoh.Sample]:
+    """Yield good answers until there are no more, or the next one is not here in time."""
+    with suppress(Empty):
+        while (reply := replies.get(timeout=_HISTORY_S)) is not None:
+            if reply.ok is not None:
+                yield reply.ok

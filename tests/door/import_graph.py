@@ -54,7 +54,8 @@ def modules() -> Mapping[str, Path]:
     return found
 
 
-def imports_of(module: str) -> set[str]:
+@cache
+def imports_of(module: str) -> frozenset[str]:
     """The modules that one imports, inside functions too, but not those for type checkers only.
 
     The front door alone names for them what it imports at run time by name.
@@ -67,7 +68,7 @@ def imports_of(module: str) -> set[str]:
         elif isinstance(node, ast.ImportFrom):
             names = {f"{node.module}.{alias.name}" for alias in node.names}
             found |= {name if name in modules() else str(node.module) for name in names}
-    return found & modules().keys() - {module}
+    return frozenset(found & modules().keys() - {module})
 
 
 def _run_nodes(tree: ast.AST) -> Iterator[ast.AST]:

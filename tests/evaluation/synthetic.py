@@ -5,28 +5,30 @@ from scipy.interpolate import CubicSpline
 
 from odom.evaluation import Trajectory
 from odom.geometry import se3
+from odom.geometry.rotations import matrices_of_vectors
 
 T_BODY_CAMERA = se3.exp(np.array([0.05, -0.04, 0.047, 0.3, -0.35, 0.25]))
 
 
 def smooth(rng, seconds=40.0, metres=0.3, radians=0.35, knot_s=0.8):
-    """A function from seconds to poses of a camera swung about by hand."""
+    """A function from n seconds to n x 4 x 4 poses of a camera swung about by hand."""
     knots = np.arange(-2.0, seconds + 2.0, knot_s)
     values = rng.normal(0, [metres] * 3 + [radians] * 3, (len(knots), 6))
     spline = CubicSpline(knots, values)
 
-    def pose(t):
-        xi = spline(t)
-        T = se3.exp(np.concatenate([np.zeros(3), xi[3:]]))
-        T[:3, 3] = xi[:3]
-        return T
+    return lambda times: _poses(spline(times))
 
-    return pose
+
+def _poses(xi):
+    """Poses (n x 4 x 4) of n positions with rotation vectors."""
+    T = np.tile(np.eye(4), (len(xi), 1, 1))
+    T[:, :3, :3], T[:, :3, 3] = matrices_of_vectors(xi[:, 3:]), xi[:, :3]
+    return T
 
 
 def trajectory(pose, times, start_s=1000.0):
     stamps = np.round((start_s + np.asarray(times)) * 1e9).astype(np.int64)
-    return Trajectory(stamps, np.array([pose(t) for t in times]))
+    return Trajectory(stamps, pose(np.asarray(times)))
 
 
 def mocap(rng, pose, seconds, rate_hz=120.0, offset_s=0.0, T_body_camera=T_BODY_CAMERA, noise_m=2e-4, noise_rad=1e-3):
@@ -34,7 +36,7 @@ def mocap(rng, pose, seconds, rate_hz=120.0, offset_s=0.0, T_body_camera=T_BODY_
     times = np.arange(0.0, seconds, 1.0 / rate_hz) - 0.5
     T_camera_body = se3.inverse(T_body_camera)
     sigma = [noise_m] * 3 + [noise_rad] * 3
-    poses = np.array([pose(t) @ T_camera_body @ se3.exp(rng.normal(0, sigma)) for t in times])
+    poses = pose(times) @ T_camera_body @ _poses(rng.normal(0, sigma, (len(times), 6)))
     return Trajectory(np.round((1000.0 + times + offset_s) * 1e9).astype(np.int64), poses)
 
 

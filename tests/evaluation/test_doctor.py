@@ -22,7 +22,7 @@ from odom.wire import Topics
 from sensors.catalogue import open_source
 from sensors.source import SourceOptions
 
-SECONDS = 8.0
+SECONDS = 5.0
 
 
 def shifted(frame: RgbdFrame, pixels: int) -> RgbdFrame:
@@ -94,7 +94,7 @@ FAULTS = [
     (both_focals_wrong, {"focal length"}),
     (scale_wrong, {"depth scale"}),
 ]
-RARE = (every_second_missing, both_focals_wrong)
+RARE = (half_missing, every_second_missing, both_focals_wrong)
 """Variants that the real recording is enough for."""
 
 
@@ -124,6 +124,7 @@ def arena() -> Recording:
 
 
 @pytest.mark.rendered
+@pytest.mark.usefixtures("followed_once")
 @pytest.mark.parametrize(
     ("source", "fault", "expected"),
     [

@@ -135,6 +135,7 @@ CHANGED: dict[str, tuple[Callable[[Recording], Recording], str, str]] = {
 }  # fmt: skip
 
 
+@pytest.mark.usefixtures("followed_once")
 @pytest.mark.parametrize("fault", CHANGED)
 def test_a_fault_of_images_or_calibration_is_named_by_its_cause(good: Recording, fault: str) -> None:
     change, key, remedy = CHANGED[fault]

@@ -9,16 +9,11 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import compiling
 import psutil
 import pytest
 
 ODOM = [sys.executable, "-m", "odom"]
-COMPILE = """
-from odom.backend import OdometrySettings
-from odom.service.startup import warm_up
-from odom.wire import Topics
-warm_up(OdometrySettings(), Topics())
-"""
 
 
 @pytest.fixture(scope="session")
@@ -28,7 +23,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> None:
     shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     with (shared / "compiling").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        subprocess.run([sys.executable, "-c", COMPILE], check=True, timeout=580)
+        compiling.compile_all(compiling.PRODUCT)
 
 
 @pytest.fixture

@@ -10,6 +10,8 @@ import pytest
 from painted_wall import CAMERA, SIZE, write_wall
 
 from odom.service.failed_tracking import why_not_tracked
+from sensors.catalogue import open_source
+from sensors.source import SourceOptions
 
 Start = Callable[..., "subprocess.Popen[str]"]
 WIDTH, HEIGHT = SIZE
@@ -43,12 +45,26 @@ SPOILT: dict[str, tuple[Callable[[Path], object], str]] = {
 }
 
 
-@pytest.mark.parametrize("fault", SPOILT)
-def test_a_run_that_tracks_nothing_fails_with_the_reason_and_the_remedy(
-    odom: Start, tmp_path: Path, fault: str
-) -> None:
-    folder, out = write_wall(tmp_path / "wall", frames=60), tmp_path / "out"
+@pytest.fixture
+def wall(tmp_path: Path) -> Path:
+    folder = write_wall(tmp_path / "wall", frames=60)
     (folder / "camera.yaml").write_text(CAMERA)
+    return folder
+
+
+@pytest.mark.parametrize("fault", ["black depth", "white images", "depth of 8 bits"])
+def test_the_reason_and_the_remedy_are_found_in_the_source(wall: Path, fault: str) -> None:
+    spoil, remedy = SPOILT[fault]
+    spoil(wall)
+    assert remedy in why_not_tracked({}, str(wall), lambda: open_source(str(wall), SourceOptions()))
+
+
+@pytest.mark.parametrize("fault", ["black depth", "swapped lists"])
+def test_a_run_that_tracks_nothing_fails_with_the_reason_and_the_remedy(
+    odom: Start, wall: Path, tmp_path: Path, fault: str
+) -> None:
+    """Of frames that cannot be tracked, and without any."""
+    folder, out = wall, tmp_path / "out"
     spoil, remedy = SPOILT[fault]
     spoil(folder)
     run = odom("run", folder, "--headless", "--out", out)

@@ -1,17 +1,15 @@
 """A wrong call is refused before anything is started or touched, with the reason and status 2."""
 
-import logging
 import os
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from refused import process_as_it_was, refusal
 from typer.testing import CliRunner
 
 from odom.cli import app
-from odom.errors import ConfigError
 from odom.frame import Camera, Stamp
 from odom.service.run_folder import held, new_folder
 from odom.wire import Topics, codec
@@ -26,15 +24,10 @@ RESULTS = ("trajectory.txt", "odometry.txt", "report.json", "plot.png", "session
 
 
 @pytest.fixture(autouse=True)
-def process_as_it_was(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
-    """No signal handler, environment or log of a command outlives its test."""
-    before, handlers = dict(os.environ), logging.getLogger().handlers[:]
-    monkeypatch.setattr("odom.cli.signals.stop_event", threading.Event)
+def here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
     monkeypatch.chdir(tmp_path)
-    yield
-    os.environ.clear()
-    os.environ.update(before)
-    logging.getLogger().handlers[:] = handlers
+    with process_as_it_was():
+        yield
 
 
 @pytest.fixture
@@ -55,15 +48,6 @@ def record(path: Path) -> None:
         writer.write(codec.encode_camera_info(topics.camera_info, stamp, Camera(64, 48, 50.0, 50.0, 32.0, 24.0)))
         writer.write(codec.encode_color(topics.color, stamp, np.zeros((48, 64, 3), np.uint8)))
         writer.write(codec.encode_depth(topics.depth, stamp, np.zeros((48, 64), np.uint16)))
-
-
-def refusal(*arguments: str | Path) -> str:
-    """The words with which `odom ARGUMENTS` is refused; anything but a refusal with status 2 is a failure."""
-    done = CliRunner().invoke(app, [str(argument) for argument in arguments])
-    if isinstance(done.exception, ConfigError):
-        return str(done.exception)
-    assert done.exit_code == 2, (done.output, done.exception)
-    return " ".join(line.strip("│ ") for line in done.output.splitlines())
 
 
 WRONG = [
@@ -89,6 +73,7 @@ WRONG = [
     (("desk", "--record", "desk/rgb.txt"), "is what would be read"),
     (("desk", "--record", "desk/rgb.txt/new.mcap"), "nothing can be written"),
     (("desk", "--record", "desk/rgb.txt", "--overwrite"), "is what would be read"),
+    (("old.mcap", "--topic", "color=/elsewhere"), "--topic color=/elsewhere: not in the recording"),
     (("old.mcap", "--record", "old.mcap"), "is what would be read"),
     (("old.mcap", "--record", "old.mcap", "--overwrite"), "is what would be read"),
     (("desk", "--record", "old.mcap"), "replace it with --overwrite"),
@@ -96,6 +81,7 @@ WRONG = [
     (("desk", "--config", "typo.yaml"), "typo.yaml"),
     (("arena", "--camera", "desk/camera.yaml"), "has no use for --camera"),
     (("arena", "--option", "walls=7"), "walls"),
+    (("arena", "--sensor", "kinect2", "--option", "walls=7"), "walls"),
     (("arena", "--option", "mocap_offset_s=inf"), "mocap_offset_s"),
     (("arena", "--option", "marker_deg=1e300"), "marker_deg"),
     (("kinect", "--start", "1"), "has no use for --start"),

@@ -4,6 +4,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -71,11 +72,15 @@ def served(odom: Start, eventually: Eventually, tmp_path: Path) -> Iterator[Serv
         assert not any("Traceback" in line for line in running.words), running.words
 
 
+@cache
+def wall() -> NDArray[np.uint8]:
+    texture = np.random.default_rng(1).integers(0, 256, (60, 160, 3), dtype=np.uint8)
+    return np.asarray(cv2.resize(texture, (1600, 500), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
+
+
 def scene(i: int) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
     """A wall with texture, the camera moving sideways by 4 pixels a frame."""
-    texture = np.random.default_rng(1).integers(0, 256, (60, 160, 3), dtype=np.uint8)
-    wall = np.asarray(cv2.resize(texture, (1600, 500), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
-    color = np.ascontiguousarray(wall[:480, 4 * i : 4 * i + 640])
+    color = np.ascontiguousarray(wall()[:480, 4 * i : 4 * i + 640])
     return color, np.full((480, 640), 2000, dtype=np.uint16)
 
 

@@ -37,7 +37,7 @@ def looks_like(map_, number, candidates, off=HERE):
         T = map_.keyframes[candidate].T_camera_map @ se3.inverse(map_.keyframes[number].T_camera_map) @ off
         registration = SimpleNamespace(ok=True, inliers=np.ones(60, np.bool_), T_target_source=T, covariance=SMALL)
         found.append(Recognition(candidate, registration))
-    return DescribedKeyframe(SimpleNamespace(keyframe=number), None, found)
+    return DescribedKeyframe(SimpleNamespace(keyframe=number, standing=None), None, found)
 
 
 @pytest.fixture

@@ -23,15 +23,13 @@ def close_loops(map_: Map, closures: Sequence[Edge]) -> None:
 
 
 def merge_segment(map_: Map, edge: Edge) -> list[int]:
-    """Move the whole segment of key frame `edge.b` into the map of `edge.a`'s segment, as the registration says.
+    """Merge the segments of an `edge`'s key frames, as the registration says: the one of the higher number moves.
 
-    Returns the numbers of its key frames.
+    Returns the numbers of its key frames. So what earlier sessions made stays where it is.
 
-    From then on its covariances since the start are those of that segment, by way of the registration. What earlier
-    sessions made stays where it is: then the other segment moves.
+    From then on its covariances since the start are those of the other segment, by way of the registration.
     """
-    if _is_earlier(map_, edge.b) and not _is_earlier(map_, edge.a):
-        edge = edge.seen_from(edge.b)
+    edge = edge.seen_from(min(edge.a, edge.b, key=lambda number: map_.keyframes[number].segment))
     a, b = map_.keyframes[edge.a], map_.keyframes[edge.b]
     merged = [k for k in map_.keyframes if k.segment == b.segment]
     T_old_new = se3.inverse(b.T_camera_map) @ se3.inverse(edge.T_a_b) @ a.T_camera_map
@@ -50,9 +48,3 @@ def merge_segment(map_: Map, edge: Edge) -> list[int]:
             onward += [e for e in map_.registrations.of(step.b) if not e.is_loop]
             map_.propagate_covariance(step)
     return [k.number for k in merged]
-
-
-def _is_earlier(map_: Map, number: int) -> bool:
-    """Return whether a key frame is in a segment that an earlier session began."""
-    segment = map_.keyframes[number].segment
-    return any(k.segment == segment for k in map_.keyframes[: map_.earlier])

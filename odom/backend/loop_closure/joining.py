@@ -49,8 +49,7 @@ def join_parts(map_: Map, recognised: Sequence[Edge], calibration_error: float) 
     weighed = dict(zip(recognised, _weighed(recognised), strict=True))
     closures: list[Edge] = []
     while (join := _surest(map_, recognised, calibration_error)) is not None:
-        edge = weighed[join.seed]
-        merge_segment(map_, edge.seen_from(min(edge.a, edge.b, key=lambda n: map_.keyframes[n].segment)))
+        merge_segment(map_, weighed[join.seed])
         closures += [replace(weighed[agreeing], is_loop=True) for agreeing in join.agreeing]
     close_loops(map_, closures)
     return Joined(tuple(closures), len(recognised) - len(closures))

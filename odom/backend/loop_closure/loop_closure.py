@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from odom.backend.estimate import LoopCandidate
+from odom.backend.loop_closure.apart import KeptViews, recognised_apart
 from odom.backend.loop_closure.candidate import Found, add_old_landmarks, refused_at_once, track_candidate
 from odom.backend.loop_closure.closing import merge_segment
 from odom.backend.loop_closure.graph import Moves, SegmentGraph
@@ -18,6 +19,7 @@ from odom.backend.map.map import Map
 from odom.backend.map.pose_graph import Edge
 from odom.backend.mapping.background import Background
 from odom.backend.mapping.described import DescribedKeyframe
+from odom.backend.mapping.keyframe_inserter import KeyframeView
 from odom.backend.tracking.frame_tracker import FrameTracker
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
@@ -51,6 +53,7 @@ class LoopCloser:
         self._rests_until = 0
         self._merged: list[int] = []
         """Key frames that were merged with another segment since the background began."""
+        self._kept = KeptViews()
 
     @property
     def is_idle(self) -> bool:
@@ -69,6 +72,8 @@ class LoopCloser:
         What would close a loop waits to be tracked: see `look`.
         """
         decided: list[LoopCandidate] = []
+        described = list(described)
+        self._kept = self._kept.with_more(one.seen for one in described)
         for one in described:
             likely: list[Recognition] = []
             for recognition in one.recognitions:
@@ -107,6 +112,16 @@ class LoopCloser:
                 self._look_at_next(sensor, decided)
             self._start(self._rests_until, sensor)
             decided += self._take(None, sensor.clock.steady)
+        return decided if count is not None else decided + self._join_segments(sensor)
+
+    def _join_segments(self, sensor: SensorModel) -> list[LoopCandidate]:
+        """Track what the views that were kept show of other segments, once, and merge these: when a run ends."""
+        decided: list[LoopCandidate] = []
+        views, self._kept = self._kept.views, KeptViews()
+        for seen, recognition in recognised_apart(self._map, views):
+            ends = self._map.keyframes[seen.keyframe], self._map.keyframes[recognition.candidate]
+            if ends[0].segment != ends[1].segment:
+                self._is_found(seen, recognition, sensor, decided)
         return decided
 
     def _look_at_next(self, sensor: SensorModel, decided: list[LoopCandidate]) -> None:
@@ -120,17 +135,27 @@ class LoopCloser:
         Returns it with the other places, with none if that was the right one.
         """
         first, *others = one.recognitions
-        found = track_candidate(self._map, self._tracker, one.seen, first, sensor)
+        is_found = self._is_found(one.seen, first, sensor, decided)
+        return replace(one, recognitions=[] if is_found else others)
+
+    def _is_found(
+        self, seen: KeyframeView, place: Recognition, sensor: SensorModel, decided: list[LoopCandidate]
+    ) -> bool:
+        """Track a place that a key frame looks like; return whether it is that, and add to what is `decided`.
+
+        If so, segments are merged at once, and a loop waits to be closed.
+        """
+        found = track_candidate(self._map, self._tracker, seen, place, sensor)
         if isinstance(found, LoopCandidate):
             decided.append(found)
-            return replace(one, recognitions=others)
+            return False
         if found.edge.is_loop:
             self._waiting = [*self._waiting, found][-TUNING.most_waiting :]
         else:
             self._merged += merge_segment(self._map, found.edge)
             add_old_landmarks(self._map, found)
             decided.append(found.candidate)
-        return replace(one, recognitions=[])
+        return True
 
     def _start(self, count: int, sensor: SensorModel) -> None:
         """Begin to close what waits, of one segment, if idle and rested; frame `count` is the newest.

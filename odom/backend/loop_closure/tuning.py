@@ -41,6 +41,13 @@ class Tuning:
         "take longer; more: loops are closed later, and views wait in memory",
         source="at 10 Hz four of ten frames of a walk are key frames",
     )
+    kept_views: int = tuned(
+        64,
+        unit="key frames",
+        effect="in doubt whose views are kept for the end of a run, to look for other segments; fewer: segments stay "
+        "apart; more: memory, 1 MB each, and .1 s each at the end of a run that fell apart",
+        source="three bodies painted into fr1_rpy: 40 to 60 key frames in 8 s",
+    )
     join_least: int = tuned(
         3,
         unit="key frames",

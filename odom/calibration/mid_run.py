@@ -26,7 +26,7 @@ def is_sure(survey: Survey, found: Calibrated) -> bool:
 
 
 class MidRunCalibrator:
-    """A calibrator for an `Odometry`; `found` is what each look found that found another camera, the newest last.
+    """A calibrator for an `Odometry`; `latest` is what it found last, None as long as the camera given is kept.
 
     Its work waits until `ready` is set, since code that it needs may still be compiling (None: it is compiled when it
     is first used). Where frames cannot wait, as in a live stream (`may_wait()` is False), a look before that finds
@@ -34,15 +34,11 @@ class MidRunCalibrator:
     """
 
     def __init__(self, ready: threading.Event | None = None, may_wait: Callable[[], bool] = lambda: True) -> None:
-        self.found: list[SelfCalibration] = []
+        self.latest: SelfCalibration | None = None
         if ready is None:
             ready = threading.Event()
             ready.set()
         self._ready, self._may_wait = ready, may_wait
-
-    def told_of(self, camera: Camera) -> SelfCalibration | None:
-        """Return what was found together with a `camera`, None of one that was not found on the way."""
-        return next((one for one in self.found if one.found is not None and one.found.camera is camera), None)
 
     def wait(self) -> None:
         """Wait until the work can be done."""
@@ -65,7 +61,7 @@ class MidRunCalibrator:
                 return None
             if found.found is None:
                 return None
-            self.found.append(found)
+            self.latest = found
             return found.found.camera
 
         return work

@@ -69,8 +69,7 @@ class Tuning:
         "hololens; a body counts with the share of the view it fills",
         effect="elsewhere in most frames; smaller: good walks are refused; larger: what moves bends the lens")
     # self-calibration while a run goes on
-    change_times: float = tuned(1.5, unit="times the pixels by which the camera found may be off",
-        source="twelve starts of fr1_xyz and fr1_rpy from an average camera and from the sheet, 1.5 and 2",
+    change_times: float = tuned(2.0, unit="times the pixels by which the camera found may be off", source=_LOOKS,
         effect="by which the one in use must be off to be changed; smaller: first guesses are used; larger: a poor "
         "camera stays in use until the end")
     change_unsure_px: float = tuned(2.5, unit="px", source=_LOOKS,

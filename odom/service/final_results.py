@@ -55,9 +55,9 @@ def _self_calibration(odometry: Odometry, keeper: MapKeeper) -> SelfCalibration:
 
 
 def latest_calibration(odometry: Odometry) -> SelfCalibration | None:
-    """Return what was found while the run went on and is in use now, None while the camera given is."""
-    calibrator = odometry.calibrator
-    return calibrator.told_of(odometry.camera_in_use) if isinstance(calibrator, MidRunCalibrator) else None
+    """Return what was found while the run went on and is in use since, None where nothing was."""
+    calibrator, is_changed = odometry.calibrator, odometry.camera_in_use is not odometry.camera
+    return calibrator.latest if is_changed and isinstance(calibrator, MidRunCalibrator) else None
 
 
 def calibrator_for(

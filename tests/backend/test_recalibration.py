@@ -29,16 +29,3 @@ def test_a_slow_stream_takes_it_over_by_its_stamps():
     later = SteadyStamp(stamp + round(1.01e9 * TUNING.calibrate_s))
     assert recalibration.after_frame(None, TUNING.calibrate_least, 100, stamp) is None
     assert recalibration.after_frame(None, TUNING.calibrate_least, 101, later) == FOUND
-
-
-def test_what_was_found_is_looked_at_again_once_it_is_in_use():
-    recalibration, stamp = Recalibration(GIVEN, Finds()), SteadyStamp(10**18)
-    measured, count = TUNING.calibrate_least, 100 + TUNING.calibrate_frames
-    recalibration.after_frame(None, measured, 100, stamp)
-    assert recalibration.after_frame(None, measured, count, stamp) == FOUND
-    later = count + 100
-    for at in (later, later + 100):  # still to come: no look
-        assert recalibration.after_frame(None, 2 * measured, at, stamp) is None
-    recalibration.adopt()
-    assert recalibration.after_frame(None, 2 * measured, later, stamp) is None
-    assert recalibration.after_frame(None, 2 * measured, later + 2 * TUNING.calibrate_frames, stamp) == FOUND

@@ -1,4 +1,4 @@
-"""An optional hook: someone's calibrator looks at what was measured so far, and may find other cameras in mid-run."""
+"""An optional hook: someone's calibrator looks at what was measured so far, and may find another camera in mid-run."""
 
 from collections.abc import Callable
 from typing import Generic, Protocol, TypeVar
@@ -24,9 +24,9 @@ class Calibrator(Protocol[LookedAt]):
 
 
 class Recalibration(Generic[LookedAt]):
-    """Asks a calibrator whenever some times as many frames were measured as the last time.
+    """Asks a calibrator whenever some times as many frames were measured as the last time, until it finds something.
 
-    `in_use` is the camera that frames are measured by. Until what was found has become that, nothing is looked at.
+    `in_use` is the camera that frames are measured by.
     """
 
     def __init__(self, given: Camera, calibrator: Calibrator[LookedAt] | None = None) -> None:
@@ -47,11 +47,9 @@ class Recalibration(Generic[LookedAt]):
         if self._background.is_busy:
             found = self._background.take(count, stamp)
             if found is not None:
-                self._to_come = found
+                self._to_come, self._calibrator = found, None
             return found
-        if self._calibrator is None or self.in_use is not self._to_come:
-            return None
-        if self._next <= measured <= TUNING.calibrate_most:
+        if self._calibrator is not None and self._next <= measured <= TUNING.calibrate_most:
             self._next = TUNING.calibrate_again * measured
             share = measured // TUNING.calibrate_least  # what takes longer the more there is to look at has longer
             due = SteadyStamp(stamp + round(share * TUNING.calibrate_s * 1e9))

@@ -25,9 +25,8 @@ def close_loops(map_: Map, closures: Sequence[Edge]) -> None:
 def merge_segment(map_: Map, edge: Edge) -> list[int]:
     """Merge the segments of an `edge`'s key frames, as the registration says: the one of the higher number moves.
 
-    Returns the numbers of its key frames. So what earlier sessions made stays where it is.
-
-    From then on its covariances since the start are those of the other segment, by way of the registration.
+    So what earlier sessions made stays where it is. Returns the numbers of the key frames that moved; from then on
+    their covariances since the start are those of the other segment, by way of the registration.
     """
     edge = edge.seen_from(min(edge.a, edge.b, key=lambda number: map_.keyframes[number].segment))
     a, b = map_.keyframes[edge.a], map_.keyframes[edge.b]

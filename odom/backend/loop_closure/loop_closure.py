@@ -5,7 +5,7 @@ in a large map that takes longer than a frame. What would close a loop can wait,
 frame, after frames that have time.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from odom.backend.estimate import LoopCandidate
@@ -65,14 +65,13 @@ class LoopCloser:
         self._put_off, self._waiting = [], []
         self._is_stale = self._background.is_busy
 
-    def judge(self, described: Iterable[DescribedKeyframe], sensor: SensorModel) -> list[LoopCandidate]:
+    def judge(self, described: Sequence[DescribedKeyframe], sensor: SensorModel) -> list[LoopCandidate]:
         """Track what key frames look like in other segments; merge these, and return what is decided already.
 
         Places that the chain contradicts at the first glance are not tracked.
         What would close a loop waits to be tracked: see `look`.
         """
         decided: list[LoopCandidate] = []
-        described = list(described)
         self._kept = self._kept.with_more(one.seen for one in described)
         for one in described:
             likely: list[Recognition] = []
@@ -112,17 +111,20 @@ class LoopCloser:
                 self._look_at_next(sensor, decided)
             self._start(self._rests_until, sensor)
             decided += self._take(None, sensor.clock.steady)
-        return decided if count is not None else decided + self._join_segments(sensor)
+        if count is None:
+            self._join_segments(sensor, decided)
+        return decided
 
-    def _join_segments(self, sensor: SensorModel) -> list[LoopCandidate]:
-        """Track what the views that were kept show of other segments, once, and merge these: when a run ends."""
-        decided: list[LoopCandidate] = []
+    def _join_segments(self, sensor: SensorModel, decided: list[LoopCandidate]) -> None:
+        """Track what the views that were kept show of other segments, once, and merge these: when a run ends.
+
+        What becomes of each is added to what is `decided`.
+        """
         views, self._kept = self._kept.views, KeptViews()
         for seen, recognition in recognised_apart(self._map, views):
             ends = self._map.keyframes[seen.keyframe], self._map.keyframes[recognition.candidate]
             if ends[0].segment != ends[1].segment:
-                self._is_found(seen, recognition, sensor, decided)
-        return decided
+                self._try_place(seen, recognition, sensor, decided)
 
     def _look_at_next(self, sensor: SensorModel, decided: list[LoopCandidate]) -> None:
         rest = self._look_at(self._put_off.pop(0), sensor, decided)
@@ -135,10 +137,10 @@ class LoopCloser:
         Returns it with the other places, with none if that was the right one.
         """
         first, *others = one.recognitions
-        is_found = self._is_found(one.seen, first, sensor, decided)
+        is_found = self._try_place(one.seen, first, sensor, decided)
         return replace(one, recognitions=[] if is_found else others)
 
-    def _is_found(
+    def _try_place(
         self, seen: KeyframeView, place: Recognition, sensor: SensorModel, decided: list[LoopCandidate]
     ) -> bool:
         """Track a place that a key frame looks like; return whether it is that, and add to what is `decided`.

@@ -1,6 +1,5 @@
 """When a frame becomes a key frame, and what it adds to the map: too little is left of what the last one saw."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,14 +56,14 @@ class KeyframeInserter:
         self.recent = RecentViews(map_)
         self._new_corners = NewCorners(settings)
 
-    def first_corners(self, view: View, sensor: SensorModel, scenes: Sequence[EarlierView] = ()) -> Corners | None:
+    def first_corners(self, view: View, sensor: SensorModel, scene: EarlierView | None = None) -> Corners | None:
         """Return a frame's corners with depth, as if at rest; None: too few for the next frame to be found by them.
 
-        Where earlier views show the `scenes`, only those that stand in all of them.
+        Where an earlier view shows the `scene`, only those that stand in it.
         """
         corners = self._new_corners.first(view, np.zeros((0, 2)), AT_REST, sensor)
-        if scenes:
-            corners = corners.take(np.all([standing_since(view, corners, one, sensor) for one in scenes], axis=0))
+        if scene is not None:
+            corners = corners.take(standing_since(view, corners, scene, sensor))
         return corners if len(corners.uv) >= TUNING.least_begun else None
 
     def begin_segment(

@@ -209,10 +209,10 @@ class FrameStages:
             self._lost = self._lost.after(view, self.sensor, self.moving.is_doubtful)
             longest_s = self._lost.patience * self._settings.new_segment_s
             is_time = self._is_unproven or self._visibility.searching_s > longest_s
-            if is_time and not self.map.is_fixed:
-                corners = self.mapper.inserter.first_corners(view, self.sensor, self._lost.scenes(self.sensor))
-                if corners is not None:
-                    return self._begin_segment(view, corners)
+            may_begin = is_time and not self.map.is_fixed
+            corners = self.mapper.inserter.first_corners(view, self.sensor, self._lost.scene) if may_begin else None
+            if corners is not None:
+                return self._begin_segment(view, corners)
         self.published.lose(view.stamp, self._segment)
         self.mapper.start_background(self.published.frames.count, self.sensor)
         return self._describe(view, State.LOST, reason, None)

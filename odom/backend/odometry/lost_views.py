@@ -45,19 +45,3 @@ class LostViews:
         if self.latest is None:
             return LostViews(kept, latest, patience=ODOMETRY.patience)
         return LostViews(kept, latest, latest, ODOMETRY.patience_with_scene)
-
-    def scenes(self, sensor: SensorModel) -> tuple[EarlierView, ...]:
-        """Return the earlier views, seen from the last, in which corners must stand for a segment to begin with them.
-
-        None without `scene`; else that, and the oldest one that shows the scene as well: over a short time a body that
-        walks slowly, or along the line of sight, stands too.
-        """
-        if self.scene is None:
-            return ()
-        for earlier in self.views:
-            if earlier is self.scene.view:
-                break
-            T_view_earlier = scene_motion(earlier, self.views[-1], sensor)
-            if T_view_earlier is not None:
-                return EarlierView(earlier, se3.inverse(T_view_earlier), AT_REST), self.scene
-        return (self.scene,)

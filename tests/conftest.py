@@ -33,7 +33,7 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ.update(dict.fromkeys((*ONE_THREAD, "OPENCV_FOR_THREADS_NUM"), "1"))  # for the workers, as in a command
     for kind, meaning in kinds.KINDS.items():
         config.addinivalue_line("markers", f"{kind}: {meaning}")
-    if config.cache is not None:
+    if getattr(config, "cache", None) is not None:
         os.environ.setdefault(drawn.ENVIRONMENT, str(config.cache.mkdir("frames")))
     sys.addaudithook(_refuse)
 

@@ -18,18 +18,22 @@ from odom.frontend.matching.moving_surfaces import MovingCells
 class Shown:
     """Recent views before which a given share of the view moves; None: they cannot tell.
 
-    Of its features, `as_one` follow one other motion, which may be that of the scene.
+    Of its features, `as_one` follow one other motion, which may be that of the scene. Or else the camera's own is
+    confirmed to be that.
     """
 
     share: float | None
     as_one: float
     has_scene: bool = False
+    is_confirmed: bool = False
 
     def moving(self, *_: object) -> MovingCells | None:
         return None if self.share is None else MovingCells(np.zeros((2, 2), bool), self.share, (8, 8))
 
     def what_else_moves(self, *_: object) -> WhatElseMoves | None:
-        return None if self.share is None else WhatElseMoves(self.as_one, self.share * np.eye(6), self.has_scene)
+        if self.share is None:
+            return None
+        return WhatElseMoves(self.as_one, self.share * np.eye(6), self.has_scene, self.is_confirmed)
 
 
 def tracked_by(found: int, missed: int) -> tuple[Any, Any]:
@@ -52,11 +56,13 @@ def told(
     lost: Collection[int] = (),
     as_one: Callable[[int], float] = lambda look: 0.2,
     scene_moves: Collection[int] = (),
+    confirmed: Collection[int] = (),
 ) -> list[MovingView]:
     """What is known after each look, `period_s` apart (see `tracked_by`).
 
     Looks that became `keyframes` had corners that moved in such a share of their view; before those in `lost` the view
-    was lost. A share `as_one` of a look's features follows another motion; in `scene_moves` that is the scene's.
+    was lost. A share `as_one` of a look's features follows another motion; in `scene_moves` that is the scene's, in
+    `confirmed` the camera's own is.
     """
     tracked, landmarks = tracked_by(found, missed)
     moving, every = MovingView(), []
@@ -64,7 +70,11 @@ def told(
         stamp = SteadyStamp(round(1.001e9 * i * period_s))
         view = cast(Any, SimpleNamespace(steady_stamp=stamp))
         moving = (moving.after_loss() if i in lost else moving).after(
-            view, tracked, cast(Any, Shown(share, as_one(i), i in scene_moves)), landmarks, cast(Any, None)
+            view,
+            tracked,
+            cast(Any, Shown(share, as_one(i), i in scene_moves, i in confirmed)),
+            landmarks,
+            cast(Any, None),
         )
         if i in keyframes:
             moving = moving.after_keyframe(stamp, keyframes[i], tracked, landmarks)
@@ -236,3 +246,25 @@ def test_after_a_body_was_followed_the_view_is_in_doubt_and_landmarks_count_anew
     assert lost.is_doubtful
     assert not lost.is_left_behind
     assert lost.fresh == 77
+
+
+def test_in_a_crowd_that_never_thins_landmarks_tell_once_the_scene_has_confirmed_the_camera_for_a_while() -> None:
+    crowd, enough = [0.6] * 20, TUNING.confirmed_looks
+    assert told(crowd, found=60)[-1].is_doubtful
+    assert told(crowd, found=60, confirmed=range(enough - 1))[-1].is_doubtful
+    assert not told(crowd, found=60, confirmed=range(0, 2 * enough, 2))[-1].is_doubtful
+    assert told(crowd, found=60, missed=80, confirmed=range(enough))[-1].is_doubtful
+
+
+def test_a_look_in_which_the_scene_or_much_else_moves_otherwise_takes_back_what_looks_before_confirmed() -> None:
+    crowd, enough = [0.6] * 20, TUNING.confirmed_looks
+    scene_moved = told(crowd, found=60, confirmed=range(1, enough + 1), scene_moves=[enough])
+    assert scene_moved[-1].is_doubtful
+    much_moved = told(
+        crowd, found=60, confirmed=range(1, enough + 1), as_one=lambda look: 0.6 if look == enough else 0.2
+    )
+    assert much_moved[-1].is_doubtful
+
+
+def test_what_the_scene_confirmed_does_not_say_how_far_the_camera_has_gone_astray() -> None:
+    assert not told([0.6] * 20, found=60, confirmed=range(20))[-1].is_rooted

@@ -71,6 +71,6 @@ def test_a_camera_that_follows_a_body_sees_the_scene_move_and_one_that_follows_t
     (now, T_body), (earlier, T_body_before) = seen_with_a_body(33), seen_with_a_body(30)
     followed, stood = seen(now, earlier, T_body_before @ se3.inverse(T_body)), seen(now, earlier, HERE)
     assert followed is not None
-    assert followed.has_scene
+    assert (followed.has_scene, followed.is_confirmed) == (True, False)
     assert stood is not None
-    assert not stood.has_scene
+    assert (stood.has_scene, stood.is_confirmed) == (False, True)

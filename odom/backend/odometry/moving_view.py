@@ -35,7 +35,9 @@ class MovingView:
     `proven`: a body may be followed that was taken for the scene from the start. `is_rooted`: landmarks made before
     `rooted`, when it became suspicious the last time, agree with the pose. `spread` is the covariance (6 x 6) of the
     camera's velocity by what else moved of late, the newest looks counting most: bodies turn, and not each look tells
-    them from the scene. None without doubt, or before anything told.
+    them from the scene. None without doubt, or before anything told. In a crowd that never thins nothing is ever
+    `proven`: but where so many looks as `confirmed` showed that the camera follows the scene, and none since that it
+    does not, the landmarks made before `known` tell as well that it was not taken along.
     """
 
     stamp: SteadyStamp | None = None
@@ -55,6 +57,8 @@ class MovingView:
     spread: Array | None = None
     is_left_behind: bool = False
     fresh: int = 0
+    confirmed: int = 0
+    known: int = 0
 
     def after(
         self, view: View, tracked: Tracked, recent: RecentViews, landmarks: Landmarks, sensor: SensorModel
@@ -67,7 +71,9 @@ class MovingView:
         rooted = looked.proven if looked.is_suspicious else self.rooted
         looked = replace(looked, rooted=rooted, is_rooted=rooted > 0 and is_supported(tracked, landmarks, rooted))
         is_unproven = looked.proven == 0 or looked.is_suspicious or is_contradicted(tracked, landmarks, looked.proven)
-        return looked._with_others(recent.what_else_moves(view, tracked, sensor) if is_unproven else None)
+        looked = looked._with_others(recent.what_else_moves(view, tracked, sensor) if is_unproven else None)
+        is_known = looked.confirmed > self.confirmed and looked.confirmed >= TUNING.confirmed_looks
+        return replace(looked, known=landmarks.next_identity) if is_known else looked
 
     def _with_others(self, others: WhatElseMoves | None) -> "MovingView":
         """Return what is known where the newest look showed what else moves, None: it could not tell."""
@@ -76,7 +82,9 @@ class MovingView:
             return seen if self.is_doubtful else replace(seen, spread=None)
         is_seen = self.is_suspicious and others.share > TUNING.moved_as_one
         seen = replace(self, other=self.stamp) if is_seen else self
-        if min(self.as_one, others.share) > TUNING.moved_rival and self.proven == 0:
+        is_denied = others.has_scene or others.share > TUNING.moved_rival
+        seen = replace(seen, confirmed=0 if is_denied else self.confirmed + others.is_confirmed)
+        if min(self.as_one, others.share) > TUNING.moved_rival and max(self.proven, self.known) == 0:
             seen = replace(seen, rival=self.stamp)
         seen = replace(seen, as_one=others.share, is_left_behind=others.has_scene and not self.is_rooted)
         if not seen.is_doubtful:
@@ -97,7 +105,7 @@ class MovingView:
         ):
             strayed = None
         begun = stamp if self.begun is None else self.begun
-        since_s, is_backed = (stamp - begun) * 1e-9, is_supported(tracked, landmarks, self.proven)
+        since_s, is_backed = (stamp - begun) * 1e-9, is_supported(tracked, landmarks, max(self.proven, self.known))
         is_young = (
             since_s < TUNING.moving_young_s and not is_backed and (self.is_young or cells.share > TUNING.moving_little)
         )
@@ -119,7 +127,7 @@ class MovingView:
         After a loss in doubt, that nothing seems to move proves little: so does a body that is followed.
         """
         lost = replace(self, is_young=False, is_astray=self.is_doubtful, is_left_behind=False, fresh=next_identity)
-        return replace(lost, stamp=None, cells=None, begun=None, calm=None, as_one=0.0, rival=None)
+        return replace(lost, stamp=None, cells=None, begun=None, calm=None, as_one=0.0, rival=None, confirmed=0)
 
     def after_keyframe(
         self, stamp: SteadyStamp, moved_share: float, tracked: Tracked, landmarks: Landmarks

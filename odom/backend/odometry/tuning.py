@@ -64,6 +64,9 @@ class Tuning:
     moved_as_one_s: float = tuned(1.0, unit="s", source="as moved_as_one",
         effect="for which another motion that was seen counts; smaller: sure between two looks that show the body; "
         "larger: UNCERTAIN for longer")
+    confirmed_looks: int = tuned(5, unit="looks", source=_BODIES,
+        effect="that must show that the camera follows the scene, none of them since that it does not, for its "
+        "landmarks to tell, too; fewer: a body is followed and called sure; more: UNCERTAIN for longer")
     spread_newest: float = tuned(0.3, unit="1", source=_BODIES,
         effect="weight of the newest look in how unsure the velocity is; smaller: bodies that stop are doubted for "
         "longer; larger: a single look in which the body is not told from the scene makes the step too sure")

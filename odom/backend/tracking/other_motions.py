@@ -105,6 +105,20 @@ def is_scene(followed: FollowedCorners, agrees: Mask) -> bool:
     return bool(np.median(depth[agrees]) > TUNING.scene_behind * rest)
 
 
+def reaches_far(followed: FollowedCorners, agrees: Mask, view: View) -> bool:
+    """Return whether corners that agree with a motion (n) are most by far, and lie all over the image.
+
+    Where nothing else moves, nothing lies before the scene. A body does not reach so far, unless it hides nearly all.
+    """
+    import cv2
+
+    votes = followed.features.votes
+    if votes[agrees].sum() < TUNING.scene_alone * votes.sum():
+        return False
+    hull = cv2.convexHull(followed.uv[agrees].astype(np.float32))
+    return bool(cv2.contourArea(hull) > TUNING.scene_reach * view.depth_mm.size)
+
+
 def other_motions(followed: FollowedCorners, T_view_earlier: Array, since_s: float) -> Iterator[OtherMotion]:
     """Yield the motions of corners that do not follow the camera's own, which is T_view_earlier over `since_s`."""
     is_left = followed.features.off_px(T_view_earlier) > TUNING.differs_px
@@ -130,12 +144,13 @@ class WhatElseMoves:
     """The motions in a view beside the camera's: the largest `share` of the votes that one has, 0 where there is none.
 
     `spread` is the 6 x 6 covariance ((m/s, rad/s)^2, camera frame) of the camera's velocity by them all. `has_scene`:
-    one of them is the scene's.
+    one of them is the scene's. `is_confirmed`: the camera's own is.
     """
 
     share: float
     spread: Array
     has_scene: bool = False
+    is_confirmed: bool = False
 
 
 def what_else_moves(earlier: EarlierView, view: View, twist: Array, sensor: SensorModel) -> WhatElseMoves | None:
@@ -146,8 +161,10 @@ def what_else_moves(earlier: EarlierView, view: View, twist: Array, sensor: Sens
     followed = FollowedCorners.between(earlier, view, twist, sensor)
     if len(followed.uv) < TUNING.contested_least:
         return None
-    since_s = view.since_s(earlier.view)
-    others = list(other_motions(followed, se3.inverse(earlier.T_view_corners), since_s))
+    since_s, T_view_earlier = view.since_s(earlier.view), se3.inverse(earlier.T_view_corners)
+    others = list(other_motions(followed, T_view_earlier, since_s))
+    agrees = followed.features.off_px(T_view_earlier) < TUNING.differs_px
+    is_confirmed = is_scene(followed, agrees) or reaches_far(followed, agrees, view)
     spread = sum((one.share * (np.outer(one.off, one.off) + one.covariance) for one in others), np.zeros((6, 6)))
     share, has_scene = max((one.share for one in others), default=0.0), any(one.is_scene for one in others)
-    return WhatElseMoves(share, np.asarray(spread / since_s**2), has_scene)
+    return WhatElseMoves(share, np.asarray(spread / since_s**2), has_scene, is_confirmed)

@@ -8,12 +8,12 @@ import numpy as np
 
 from odom.backend.tracking.consensus import ExpectedPose, consensus
 from odom.backend.tracking.motion_model import AT_REST
-from odom.backend.tracking.other_motions import FollowedCorners, is_scene
+from odom.backend.tracking.other_motions import FollowedCorners, is_scene, reaches_far
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.view import View
 from odom.frontend.matching.look_back import EarlierView
-from odom.geometry.arrays import Array, Mask
+from odom.geometry.arrays import Array
 
 
 def scene_motion(earlier: View, view: View, sensor: SensorModel) -> Array | None:
@@ -26,15 +26,4 @@ def scene_motion(earlier: View, view: View, sensor: SensorModel) -> Array | None
     T = np.eye(4) if found is None else found
     T = followed.fit(T, features.off_px(T) < TUNING.differs_px).T_camera_map
     agrees = features.off_px(T) < TUNING.differs_px
-    return T if is_scene(followed, agrees) or _reaches_far(followed, agrees, view) else None
-
-
-def _reaches_far(followed: FollowedCorners, agrees: Mask, view: View) -> bool:
-    """Return whether corners that agree (n) are most by far, and lie all over the image."""
-    import cv2
-
-    votes = followed.features.votes
-    if votes[agrees].sum() < TUNING.scene_alone * votes.sum():
-        return False
-    hull = cv2.convexHull(followed.uv[agrees].astype(np.float32))
-    return bool(cv2.contourArea(hull) > TUNING.scene_reach * view.depth_mm.size)
+    return T if is_scene(followed, agrees) or reaches_far(followed, agrees, view) else None

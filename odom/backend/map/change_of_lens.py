@@ -27,8 +27,7 @@ def see_through(map_: Map, change: LensChange) -> None:
     rows = np.flatnonzero(L.alive)
     L.position[rows], L.plane[rows, 0] = positions_through(map_, change, rows)
     for number in map_.remembered:
-        keyframe = map_.keyframes[number]
-        keyframe.measurements = change.measured(keyframe.measurements)
+        map_.keyframes[number].see_through(change)
     places = map_.places.places
     for number, place in list(places.items()):
         places[number] = replace(place, points=change.points(place.points))

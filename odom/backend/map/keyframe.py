@@ -8,6 +8,7 @@ import numpy as np
 from odom.backend.map.landmarks import Landmarks
 from odom.frame import Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
+from odom.frontend.features.lens_change import LensChange
 from odom.frontend.features.measurement import Measurements
 from odom.geometry.arrays import Array, Index, Mask
 from odom.geometry.compiled import compiled
@@ -34,12 +35,29 @@ class Measured:
 
 @dataclass(eq=False, kw_only=True)
 class Observed:
-    """What a frame measured of landmarks, which `rows` and `identities` (n) name, computed with `timing`."""
+    """What a frame measured of landmarks, which `rows` and `identities` (n) name, computed with `timing`.
+
+    `displaced` is what it measured of others, which it found near where its pose predicts them but not there (None:
+    nothing). The map is not made of it. A poor lens shows in it: without it, that lens would be found again.
+    """
 
     rows: Index
     identities: Index
     measurements: Measurements
     timing: ShutterTiming
+    displaced: "Observed | None" = None
+
+    @classmethod
+    def of(cls, measured: Measured, landmarks: Landmarks, timing: ShutterTiming) -> "Observed":
+        """Return what a frame has `measured` of the `landmarks` of a map."""
+        identities = landmarks.identity[measured.rows].copy()
+        return Observed(rows=measured.rows, identities=identities, measurements=measured.measurements, timing=timing)
+
+    def see_through(self, change: LensChange) -> None:
+        """Tell what was measured through a new lens."""
+        self.measurements = change.measured(self.measurements)
+        if self.displaced is not None:
+            self.displaced.see_through(change)
 
     def current(self, landmarks: Landmarks) -> Mask:
         """Return which of the measured landmarks are still in the map (n); those culled at once have the identity 0."""
@@ -87,6 +105,7 @@ class Keyframe(Observed):
 
     def forget(self) -> None:
         """Drop what was measured; the empty arrays that remain are shared by all forgotten key frames."""
+        self.displaced = None
         self.rows = self.identities = _NO_ROWS
         self.uv, self.measurements = _NO_UV, _NOTHING_MEASURED
 

@@ -47,13 +47,14 @@ class IntermediateFrames:
         """Keep what the tracked frame `number` measured, once."""
         if self.kept and self.kept[-1].number == number:
             return
-        rows = tracked.inlying.rows
+        seen = Observed.of(tracked.inlying, landmarks, timing)
         self.kept.append(
             IntermediateFrame(
-                rows=rows,
-                identities=landmarks.identity[rows].copy(),
-                measurements=tracked.inlying.measurements,
+                rows=seen.rows,
+                identities=seen.identities,
+                measurements=seen.measurements,
                 timing=timing,
+                displaced=Observed.of(tracked.displaced, landmarks, timing),
                 number=number,
                 keyframe=tracked.reference,
                 T_camera_keyframe=tracked.T_camera_map @ se3.inverse(keyframes[tracked.reference].T_camera_map),
@@ -66,7 +67,7 @@ class IntermediateFrames:
     def see_through(self, change: LensChange) -> None:
         """Tell what was measured through a new lens."""
         for frame in self.kept:
-            frame.measurements = change.measured(frame.measurements)
+            frame.see_through(change)
 
     def move(self, adjusted: Mapping[int, Array], keyframes: list[Keyframe]) -> None:
         """Move the frames whose T_camera_map were `adjusted` with those of the `keyframes`, by their numbers."""

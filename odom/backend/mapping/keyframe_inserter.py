@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from odom.backend.map.keyframe import Keyframe, Measured
+from odom.backend.map.keyframe import Keyframe, Measured, Observed
 from odom.backend.map.map import Corners, Map
 from odom.backend.mapping.coverage import Coverage
 from odom.backend.mapping.new_corners import Grown, NewCorners, Wanted, measure_exactly
@@ -99,6 +99,7 @@ class KeyframeInserter:
         """
         T, seen, reference = tracked.T_camera_map, tracked.inlying, tracked.reference
         keyframe = self._map.add_keyframe(view, T, seen, sensor.timing, reference, covariance)
+        keyframe.displaced = Observed.of(tracked.displaced, self._map.landmarks, sensor.timing)
         self._newest = KeyframeView(keyframe.number, view, twist)
         self._coverage_at_keyframe, self._is_worn_out = None, False
         if not in_doubt:

@@ -54,7 +54,15 @@ class Tracked:
     @cached_property
     def inlying(self) -> Measured:
         """The landmarks found where the pose predicts them."""
-        rows = np.flatnonzero(self.inliers)
+        return self._measured(self.inliers)
+
+    @property
+    def displaced(self) -> Measured:
+        """The landmarks found near where the pose predicts them, but not there."""
+        return self._measured(~self.inliers & (self.chi2[:, 0] < TUNING.displaced_chi2))
+
+    def _measured(self, chosen: Mask) -> Measured:
+        rows = np.flatnonzero(chosen)
         return Measured(self.rows.take(rows), self.uv.take(rows, 0), self.measurements.take(rows))
 
     @cached_property

@@ -35,6 +35,9 @@ class Tuning:
         effect="features that agree with the coarse pose; smaller: fewer agree; larger: chance agrees")
     inlier_chi2: float = tuned(12.0, unit="chi-squared", source=".9975 quantile with 2 degrees of freedom",
         effect="smaller: good landmarks are dropped; larger: wrong ones count")
+    displaced_chi2: float = tuned(40.0, unit="chi-squared", source="six sigma; fr1_rpy by a poor lens: 100 alike",
+        effect="up to which a landmark counts where the camera is calibrated; smaller: a poor lens is found again; "
+        "larger: more of what is wrong is looked at")
     image_noise: float = tuned(3.0, unit="grey levels", source="noise of a Kinect's image, JPEG included",
         effect="smaller: aligned positions seem too exact; larger: too rough")
     reference_rank: float = tuned(3.0, unit="sightings", source=_SWEEP,

@@ -7,7 +7,7 @@ S = Sp + P R Sq R' P'. A feature without depth has two rows instead of three.
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from made_up_scene import noisy, points_ahead, project
 
@@ -72,7 +72,6 @@ def fitted(points, covariances, values, variances, T):
     return T, fit.information - _PRIOR * np.eye(6)
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 100_000), st.integers(12, 200), st.sampled_from([0.0, 0.3, 1.0]))
 def test_fit_pose_and_the_recursion_give_the_same_pose_and_information(seed, n, blind_share):
     points, covariances, values, variances, true = scene(seed, n, blind_share)

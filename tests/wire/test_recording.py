@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from made_up_messages import BEGIN, PERIOD_NS, session_messages
 
@@ -156,7 +156,6 @@ def test_most_of_a_cut_chunk_is_saved(recording: Path, messages: list[Message]) 
     assert len(back) > 0.8 * len(messages)
 
 
-@settings(max_examples=60)
 @given(st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255)), min_size=1, max_size=20), st.sampled_from(CODECS))
 def test_damage_anywhere_is_survived(
     tmp_path_factory: pytest.TempPathFactory, flips: list[tuple[float, int]], codec: str

@@ -11,11 +11,14 @@ from odom.registration import Pairs, register, robust
 
 CELLS = [(m, noise, both) for m in MAGNITUDES_M for noise in (Noise.AXIS, Noise.POINT, Noise.RAY) for both in (0, 1)]
 CELLS += [("small", Noise.KINECT, both) for both in (0, 1)]
+FEW_CELLS = [("small", Noise.AXIS, 1), ("average", Noise.POINT, 0), ("large", Noise.RAY, 1), ("small", Noise.KINECT, 0)]
+"""Each magnitude and each kind of noise once."""
 
 
-def test_filters_with_true_covariances_reach_the_cramer_rao_bound_and_rf_knows_its_covariance():
+@pytest.mark.parametrize("cells", [FEW_CELLS, pytest.param(CELLS, marks=pytest.mark.long)], ids=["few", "all"])
+def test_filters_with_true_covariances_reach_the_cramer_rao_bound_and_rf_knows_its_covariance(cells):
     nees = []
-    for magnitude, noise, both in CELLS:
+    for magnitude, noise, both in cells:
         clouds = (cloud(seed, noise, magnitude, bool(both)) for seed in range(200))
         found = rows("", "", clouds, {name: ESTIMATORS[name] for name in ("RF", "KF")})
         for row in found:
@@ -29,9 +32,11 @@ def test_filters_with_true_covariances_reach_the_cramer_rao_bound_and_rf_knows_i
     assert all(6.0 - 4 * 0.245 < value < 6.0 + 4 * 0.245 for value in nees), nees
 
 
+@pytest.mark.parametrize("clouds", [25, pytest.param(100, marks=pytest.mark.long)])
 @pytest.mark.parametrize("case", STRESS)
-def test_told_wrongly_rf_is_no_worse_than_kf_near_the_best_and_knows_how_wrong_it_is(case):
-    found = {row.estimator: row for row in rows("", case, (stressed(seed, case) for seed in range(100)), ESTIMATORS)}
+def test_told_wrongly_rf_is_no_worse_than_kf_near_the_best_and_knows_how_wrong_it_is(case, clouds):
+    samples = (stressed(seed, case) for seed in range(clouds))
+    found = {row.estimator: row for row in rows("", case, samples, ESTIMATORS)}
     assert found["RF"].degenerate == 0
     assert found["RF"].rmse_mm <= found["KF"].rmse_mm * (1.0 + 1e-9)
     assert found["RF"].rmse_mm <= 1.2 * min(row.rmse_mm for row in found.values())
@@ -56,7 +61,10 @@ def outlier_runs(ratio, clouds):
     return np.array(found)
 
 
-@pytest.mark.parametrize(("ratio", "clouds"), [(0.0, 200), (0.3, 200), (0.5, 200), (0.7, 300), (0.8, 1000)])
+MANY_CLOUDS = [pytest.param(ratio, clouds, marks=pytest.mark.long) for ratio, clouds in ((0.7, 300), (0.8, 1000))]
+
+
+@pytest.mark.parametrize(("ratio", "clouds"), [(ratio, 200) for ratio in (0.0, 0.3, 0.5, 0.8)] + MANY_CLOUDS)
 def test_the_gate_leaves_what_the_right_pairs_alone_would_give(ratio, clouds):
     ok, rmse, distance = outlier_runs(ratio, clouds).T
     assert np.mean((ok == 1) & (rmse <= 3.0)) >= 0.995
@@ -64,9 +72,11 @@ def test_the_gate_leaves_what_the_right_pairs_alone_would_give(ratio, clouds):
     assert 5.0 < np.mean(distance**2) < 7.0
 
 
-@pytest.mark.parametrize("ratio", [0.95, 0.98, 1.0])
-def test_at_hopeless_ratios_the_answer_is_right_or_none(ratio):
-    ok, _, distance = outlier_runs(ratio, 1000 if ratio == 0.95 else 100).T
+@pytest.mark.parametrize(
+    ("ratio", "clouds"), [(0.95, 100), pytest.param(0.95, 1000, marks=pytest.mark.long), (0.98, 100), (1.0, 100)]
+)
+def test_at_hopeless_ratios_the_answer_is_right_or_none(ratio, clouds):
+    ok, _, distance = outlier_runs(ratio, clouds).T
     assert np.mean((ok == 1) & (distance > 5.0)) <= 0.001
     assert np.mean(ok) == 0.0 if ratio == 1.0 else True
 

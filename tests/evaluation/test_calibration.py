@@ -10,7 +10,7 @@ from odom.evaluation.clock_offset import clock_offset
 from odom.evaluation.mocap_calibration import CalibrationOptions, calibrate
 from odom.geometry import se3
 
-FRAMES = np.arange(0.0, 30.0, 1 / 30)
+FRAMES = np.arange(0.0, 30.0, 1 / 15)
 
 
 def scene(seed, offset_s, **motion):

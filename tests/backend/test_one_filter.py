@@ -59,8 +59,10 @@ def recursion(points, covariances, values, variances, T):
         A, Y, y = np.zeros((6, 10)), np.empty((12, 12)), np.zeros(12)
         accumulate(points, targets, W, np.ones(len(points)), A, y)
         information_matrix(A, Y)
-        T = T.copy()
+        before, T = T, T.copy()
         assert project_onto_se3(Y, y, np.empty((0, 0)), T, T, H) > 0
+        if np.abs(T - before).max() < 1e-13:
+            break
     return T, H
 
 

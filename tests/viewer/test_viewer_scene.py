@@ -174,7 +174,7 @@ def test_same_messages_same_picture() -> None:
 def test_a_marker_body_on_another_clock_is_brought_onto_the_camera() -> None:
     X = se3.exp(np.array([0.05, -0.04, 0.05, 0.3, 0.3, -0.3]))
     scene = _scene()
-    _play(scene, MadeUp(frames=450, body="markers", T_body_camera=X, clock_offset_s=0.037, images=False))
+    _play(scene, MadeUp(frames=320, body="markers", T_body_camera=X, clock_offset_s=0.037, images=False))
     fit = scene._truth.fit
     assert fit is not None
     assert fit.calibrated is not None

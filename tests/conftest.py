@@ -17,7 +17,8 @@ from hypothesis import settings
 from odom.cli import ONE_THREAD
 from odom.geometry.compiled import compiled_before
 
-settings.register_profile("shared-machine", deadline=None, derandomize=True)
+settings.register_profile("shared-machine", deadline=None, derandomize=True, max_examples=25)
+settings.register_profile("thorough", settings.get_profile("shared-machine"), max_examples=100)  # as .ci/run's
 settings.load_profile("shared-machine")
 
 if hasattr(typer.testing, "_get_command"):  # built for each call, `odom`'s many commands take longer than most of them

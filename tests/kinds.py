@@ -15,7 +15,7 @@ KINDS = {
     "rendered": "works through frames that are drawn for it or recorded",
     "wallclock": "plays in real time, or bounds what takes time: without xdist (-n 0), beside what gives way (nice)",
     "alone": "compares costs, or needs all cores: a `wallclock` beside which nothing may run",
-    "long": "tens of seconds each: left out of the default command, run by .ci/run",
+    "long": "tens of seconds each, or a quick one many times over: left out of the default command, run by .ci/run",
     "slow": "minutes long, by hand",
 }
 """The marks; each test has at least one of them."""

@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,10 @@ def test_every_tuned_number_says_unit_effect_and_source(module):
         assert refers or len(words) > 3, f"{module}: the effect of {name} is too short to say anything"
 
 
+parsed = cache(ast.parse)
+"""A module's tree, which two tests look at."""
+
+
 def is_number(node):
     """Whether an expression is made of numbers alone: literals, sums and products, tuples, calls of math or numpy."""
     match node:
@@ -61,7 +66,7 @@ def is_number(node):
 
 def undocumented(text):
     """Return the names of module-level numbers without a docstring under them or a comment beside or above."""
-    lines, body = text.splitlines(), ast.parse(text).body
+    lines, body = text.splitlines(), parsed(text).body
     found = []
     for node, after in zip(body, [*body[1:], None], strict=True):
         if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None or not is_number(node.value):
@@ -96,7 +101,9 @@ def test_a_number_is_told_from_what_is_none(text, names):
 
 def tuned_in_loops(text):
     """Return the compiled functions that read `TUNING`, or a global made of it: their cached code keeps old values."""
-    body = ast.parse(text).body
+    if "TUNING" not in text:
+        return []
+    body = parsed(text).body
     tuned = {"TUNING"}
     for node in body:
         if isinstance(node, ast.Assign) and tuned & {name.id for name in ast.walk(node) if isinstance(name, ast.Name)}:

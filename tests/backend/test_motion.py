@@ -1,3 +1,4 @@
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +12,8 @@ AHEAD_S = 1.0 / 60.0
 POSE_SIGMA = np.array([0.0004] * 3 + [0.0003] * 3)
 
 
-def carried(seed, agility, seconds=40.0):
+@cache
+def carried(seed, agility, seconds=30.0):
     """T_fixed_camera of a camera whose acceleration forgets itself in `steady_s`, every 1/240 s."""
     rng = np.random.default_rng(seed)
     sigma = np.repeat([agility.linear, agility.angular], 3)

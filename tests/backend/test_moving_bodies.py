@@ -87,6 +87,7 @@ def test_a_camera_found_again_on_a_body_that_fills_most_of_the_view_is_not_sure(
     assert found.wrong == 0.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "seed", "count", "share"), [("tum_fr1_rpy_part", 1, 2, 0.4), ("tum_fr1_xyz", 3, 2, 0.4)]
 )

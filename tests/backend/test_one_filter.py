@@ -7,7 +7,7 @@ S = Sp + P R Sq R' P'. A feature without depth has two rows instead of three.
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from made_up_scene import noisy, points_ahead, project
 
@@ -59,8 +59,10 @@ def recursion(points, covariances, values, variances, T):
         A, Y, y = np.zeros((6, 10)), np.empty((12, 12)), np.zeros(12)
         accumulate(points, targets, W, np.ones(len(points)), A, y)
         information_matrix(A, Y)
-        T = T.copy()
+        before, T = T, T.copy()
         assert project_onto_se3(Y, y, np.empty((0, 0)), T, T, H) > 0
+        if np.abs(T - before).max() < 1e-13:
+            break
     return T, H
 
 
@@ -72,7 +74,6 @@ def fitted(points, covariances, values, variances, T):
     return T, fit.information - _PRIOR * np.eye(6)
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 100_000), st.integers(12, 200), st.sampled_from([0.0, 0.3, 1.0]))
 def test_fit_pose_and_the_recursion_give_the_same_pose_and_information(seed, n, blind_share):
     points, covariances, values, variances, true = scene(seed, n, blind_share)

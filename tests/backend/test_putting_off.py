@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from made_up_scene import chain_of_keyframes
 
@@ -101,7 +101,6 @@ def test_at_the_end_nothing_waits_any_more(tracked):
 
 
 @given(st.integers(0, 10_000), st.floats(0.0, 0.1))
-@settings(max_examples=60, deadline=None)
 def test_what_contradicts_the_chain_by_way_of_its_start_contradicts_it(seed, size):
     map_, rng = straight_on(), np.random.default_rng(seed)
     a, b = sorted(rng.choice(COUNT, 2, replace=False).tolist())

@@ -29,6 +29,7 @@ def read(shared_data: Path) -> Callable[[str], Read]:
     return read
 
 
+@pytest.mark.long
 def test_wide_steps_in_images_half_as_large_make_one_segment_too(read: Callable[[str], Read]) -> None:
     recording, frames = read("hololens_part")
     c = recording.camera
@@ -47,10 +48,10 @@ def test_wide_steps_in_images_half_as_large_make_one_segment_too(read: Callable[
 @pytest.mark.parametrize(
     ("name", "every", "least_complete", "most_ate_m"),
     [
-        ("hololens_part", 1, 0.98, 0.06),
-        ("tum_fr1_xyz", 16, 0.98, 0.0085),
-        ("tum_fr1_rpy_part", 2, 0.97, 0.0185),
-        ("tum_fr1_rpy_part", 4, 0.95, 0.018),
+        pytest.param("hololens_part", 1, 0.98, 0.06, marks=pytest.mark.long),
+        pytest.param("tum_fr1_xyz", 16, 0.98, 0.0085, marks=pytest.mark.long),
+        pytest.param("tum_fr1_rpy_part", 2, 0.97, 0.0185, marks=pytest.mark.long),
+        pytest.param("tum_fr1_rpy_part", 4, 0.95, 0.018, marks=pytest.mark.long),
         ("tum_fr1_rpy_part", 8, 0.95, 0.033),
     ],
 )

@@ -55,13 +55,19 @@ def modules() -> Mapping[str, Path]:
 
 
 @cache
+def parsed(path: Path) -> ast.Module:
+    """A module's tree, which several tests look at."""
+    return ast.parse(path.read_text())
+
+
+@cache
 def imports_of(module: str) -> frozenset[str]:
     """The modules that one imports, inside functions too, but not those for type checkers only.
 
     The front door alone names for them what it imports at run time by name.
     """
     found: set[str] = set()
-    tree = ast.parse(modules()[module].read_text())
+    tree = parsed(modules()[module])
     for node in ast.walk(tree) if module == "odom" else _run_nodes(tree):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
@@ -72,11 +78,16 @@ def imports_of(module: str) -> frozenset[str]:
 
 
 def _run_nodes(tree: ast.AST) -> Iterator[ast.AST]:
-    for node in ast.iter_child_nodes(tree):
+    for node in statements_in(tree):
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
             continue
         yield node
         yield from _run_nodes(node)
+
+
+def statements_in(node: ast.AST) -> Iterator[ast.AST]:
+    """What stands directly inside a module or statement, without expressions: those are most of a tree."""
+    return (child for child in ast.iter_child_nodes(node) if not isinstance(child, ast.expr))
 
 
 def package_of(module: str) -> str:
@@ -127,7 +138,7 @@ def diagram(graph: Mapping[str, set[str]]) -> list[str]:
 
 def first_line(module: str) -> str:
     """The first sentence of a module's docstring."""
-    text = ast.get_docstring(ast.parse(modules()[module].read_text())) or ""
+    text = ast.get_docstring(parsed(modules()[module])) or ""
     return " ".join(text.split("\n\n")[0].split())
 
 

@@ -15,7 +15,7 @@ from sensors.arena.motion_capture import POSITION_M, RATE_HZ, ROTATION_RAD, T_ca
 from sensors.arena.options import ArenaOptions
 
 
-@pytest.fixture(scope="module", params=[1, 2])
+@pytest.fixture(scope="module", params=[1, pytest.param(2, marks=pytest.mark.long)])
 def session(request):
     """The camera's exact trajectory, a drifting estimate of it as good as this odometry's, mocap and options."""
     options = ArenaOptions(seed=request.param)

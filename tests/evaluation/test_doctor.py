@@ -150,7 +150,7 @@ def test_nothing_is_good_about_an_empty_source():
 
 def test_a_still_camera_is_not_judged_where_motion_is_needed():
     rng = np.random.default_rng(0)
-    image = cv2.GaussianBlur(rng.integers(0, 255, (480, 640), dtype=np.uint8), (0, 0), 3)
+    image = cv2.GaussianBlur(rng.integers(0, 255, (240, 320), dtype=np.uint8), (0, 0), 3)
     stamps = np.arange(60, dtype=np.int64) * 33_333_333
     frames = tuple(
         RgbdFrame(
@@ -162,7 +162,7 @@ def test_a_still_camera_is_not_judged_where_motion_is_needed():
     from odom.frame import Camera
 
     truth = {"camera": Trajectory(stamps, np.tile(np.eye(4), (60, 1, 1)))}
-    found = examine(Recording(stamps, stamps, frames, Camera(640, 480, 525, 525, 319.5, 239.5), truth))
+    found = examine(Recording(stamps, stamps, frames, Camera(320, 240, 262.5, 262.5, 159.5, 119.5), truth))
     verdicts = {finding.key: finding.verdict for finding in found}
     for key in ("depth registration", "depth time", "focal length", "depth scale"):
         assert verdicts[key] is Verdict.UNKNOWN, (key, found)

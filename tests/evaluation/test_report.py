@@ -1,8 +1,10 @@
 """What a run leaves on disk, judged; and the command that judges any two trajectories."""
 
 import json
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -12,10 +14,11 @@ from scipy.stats import chi2
 from synthetic import T_BODY_CAMERA, mocap, odometry, smooth, trajectory
 
 from odom.errors import InputError
-from odom.evaluation import EvaluationOptions, Trajectory, align, evaluate
+from odom.evaluation import EvaluationOptions, Trajectory, align, evaluate, run_report
 from odom.evaluation.files import write_tum
 from odom.evaluation.metrics import NEES_BOUND_95
 from odom.evaluation.run_report import report_with_truth
+from odom.evaluation.trajectory import inverse_all
 from odom.frame import Stamp
 from odom.geometry import se3
 from odom.wire.codec import encode_pose
@@ -28,9 +31,15 @@ FIELDS = {
 COVARIANCE = np.diag([0.002**2] * 3 + [0.001**2] * 3)
 
 
-def relative_line(earlier, current, T, covariance):
-    numbers = (*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_quat(), *covariance[np.triu_indices(6)])
-    return " ".join([f"{s // 10**9}.{s % 10**9:09d}" for s in (earlier, current)] + [f"{v:.9e}" for v in numbers])
+def relative_lines(rng, true, lag):
+    """The steps over `lag` frames of a trajectory, with errors of the covariance that they state."""
+    steps = inverse_all(true.T_world_body[:-lag]) @ true.T_world_body[lag:]
+    steps = steps @ np.array([se3.exp(e) for e in rng.multivariate_normal(np.zeros(6), COVARIANCE, len(steps))])
+    turns = Rotation.from_matrix(steps[:, :3, :3]).as_quat()
+    stated = " ".join(f"{v:.9e}" for v in COVARIANCE[np.triu_indices(6)])
+    for earlier, current, T, turn in zip(true.stamps[:-lag], true.stamps[lag:], steps, turns, strict=True):
+        stamps = " ".join(f"{s // 10**9}.{s % 10**9:09d}" for s in (earlier, current))
+        yield f"{stamps} {' '.join(f'{v:.9e}' for v in (*T[:3, 3], *turn))} {stated}\n"
 
 
 @pytest.fixture(scope="module")
@@ -41,21 +50,29 @@ def scene():
     return rng, true, odometry(rng, true), mocap(rng, pose, 31.0, offset_s=0.037)
 
 
-@pytest.fixture
-def run(tmp_path, scene):
+@pytest.fixture(scope="module")
+def written(tmp_path_factory, scene):
     """A folder as a run leaves it: exact truth of the camera, honest covariances."""
+    folder = tmp_path_factory.mktemp("written")
     rng, true, estimate, _ = scene
-    write_tum(tmp_path / "trajectory.txt", estimate)
-    write_tum(tmp_path / "odometry.txt", estimate)
-    write_tum(tmp_path / "truth.txt", true)
+    write_tum(folder / "trajectory.txt", estimate)
+    write_tum(folder / "odometry.txt", estimate)
+    write_tum(folder / "truth.txt", true)
     for name, lag in (("relative_step.txt", 1), ("relative_second.txt", 30)):
-        lines = []
-        for k in range(lag, len(true)):
-            T = se3.inverse(true.T_world_body[k - lag]) @ true.T_world_body[k]
-            T = T @ se3.exp(rng.multivariate_normal(np.zeros(6), COVARIANCE))
-            lines.append(relative_line(true.stamps[k - lag], true.stamps[k], T, COVARIANCE))
-        (tmp_path / name).write_text("\n".join(lines) + "\n")
-    return tmp_path
+        (folder / name).write_text("".join(relative_lines(rng, true, lag)))
+    return folder
+
+
+@pytest.fixture
+def run(tmp_path, written):
+    """The folder, a test's own."""
+    return Path(shutil.copytree(written, tmp_path, dirs_exist_ok=True))
+
+
+@pytest.fixture
+def unplotted(monkeypatch):
+    """Nothing is drawn: the picture is another test's."""
+    monkeypatch.setattr(run_report, "plot", lambda *_: None)
 
 
 def test_the_fields_of_the_contract_are_all_there_and_a_plot(run):
@@ -71,6 +88,7 @@ def test_the_fields_of_the_contract_are_all_there_and_a_plot(run):
     assert len(np.unique(picture @ (1, 256, 256**2))) > 200
 
 
+@pytest.mark.usefixtures("unplotted")
 def test_truth_of_a_marker_body_is_calibrated_by_the_name_in_its_file(run, scene):
     write_tum(run / "truth.txt", scene[3])
     text = (run / "truth.txt").read_text()
@@ -124,6 +142,7 @@ def test_segments_that_were_never_joined_are_not_glued(scene):
     assert any("never joined" in note for note in report.notes)
 
 
+@pytest.mark.usefixtures("unplotted")
 def test_the_online_trajectory_is_judged_in_the_segment_that_the_final_one_is(run, scene):
     _, true, estimate, _ = scene
     late = np.arange(len(estimate)) >= 600

@@ -1,6 +1,7 @@
 """Rolling shutter and depth lag: what a moving camera sees of resting points, carried to one time."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -43,20 +44,30 @@ def plane_seen(normal, distance, T_start_camera, row):
     return (LENS.rays[row].astype(np.float64) @ n[:2] + n[2]) / d
 
 
-def moving_view(twist, readout_s, depth_time_s, depth_readout_s, seed=0):
-    """Features of a slanted wall as rolling shutters show them, the depth image, and the truth at the middle row."""
-    rng = np.random.default_rng(seed)
-    normal, distance = np.array([0.3, -0.2, 1.0]), 2.2
+NORMAL, DISTANCE_M = np.array([0.3, -0.2, 1.0]), 2.2
+"""A slanted wall."""
+
+
+@cache
+def seen_features(twist, readout_s):
+    """Rays and inverse depths of features of the wall at the middle row, and their pixels by a rolling shutter."""
+    twist, rng = np.array(twist), np.random.default_rng(0)
     rays = rng.uniform((-0.5, -0.38), (0.5, 0.38), (300, 2))
-    w = (rays @ normal[:2] + normal[2]) / distance
+    w = (rays @ NORMAL[:2] + NORMAL[2]) / DISTANCE_M
     points = np.column_stack([rays, np.ones(300)]) / w[:, None]
     uv = project(points, np.eye(4), LENS.intrinsics, LENS.distortion, 640, 480, -200.0)[:, :2]
     for _ in range(6):  # the row says when, and when says the row
         for k in range(300):
             T = se3.exp(-(uv[k, 1] / 480 - 0.5) * readout_s * twist)
             uv[k] = project(points[k : k + 1], T, LENS.intrinsics, LENS.distortion, 640, 480, -200.0)[0, :2]
+    return rays, w, uv
+
+
+def moving_view(twist, readout_s, depth_time_s, depth_readout_s):
+    """Features of the wall as rolling shutters show them, the depth image, and the truth at the middle row."""
+    rays, w, uv = seen_features(tuple(twist), readout_s)
     rows = [depth_time_s + (v / 480 - 0.5) * depth_readout_s for v in range(480)]
-    inverse_depth = np.stack([plane_seen(normal, distance, se3.exp(t * twist), v) for v, t in enumerate(rows)])
+    inverse_depth = np.stack([plane_seen(NORMAL, DISTANCE_M, se3.exp(t * twist), v) for v, t in enumerate(rows)])
     inside = ((uv > 25) & (uv < (615, 455))).all(axis=1)
     return uv[inside], np.rint(1000.0 / inverse_depth).astype(np.uint16), np.column_stack([rays, w])[inside]
 

@@ -88,7 +88,7 @@ def test_a_model_with_terms_that_projection_does_not_have_is_refused():
         Lens.of(camera)
 
 
-@settings(max_examples=25)
+@settings(max_examples=max(8, settings.default.max_examples // 4))
 @given(cameras(), st.integers(0, 1000))
 def test_a_lens_told_in_the_frame_of_another_camera_sees_nearly_as_that_one_and_projects_to_its_own_pixels(
     camera, seed

@@ -38,7 +38,6 @@ def picture(seed, A=None, shift=(0.0, 0.0), gain=0.8, offset=127.0, noise=0.0):
     return np.clip(np.rint(grey), 0, 255).astype(np.uint8)
 
 
-@settings(max_examples=60)
 @given(
     st.integers(0, 10_000),
     st.tuples(st.floats(-1.4, 1.4), st.floats(-1.4, 1.4)),

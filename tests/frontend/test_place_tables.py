@@ -4,7 +4,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from odom.frontend.features.place_descriptor import Place
@@ -37,7 +37,6 @@ def expected(held, asked, excluded, most):
 chosen = st.lists(st.integers(0, len(LOOKS) - 1), max_size=4)
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     st.lists(st.tuples(chosen, st.booleans()), max_size=90), chosen, st.sets(st.integers(0, 90), max_size=5),
     st.randoms(use_true_random=False),

@@ -11,13 +11,18 @@ from odom.registration import Pairs, register, robust
 
 CELLS = [(m, noise, both) for m in MAGNITUDES_M for noise in (Noise.AXIS, Noise.POINT, Noise.RAY) for both in (0, 1)]
 CELLS += [("small", Noise.KINECT, both) for both in (0, 1)]
+FEW_CELLS = [("small", Noise.AXIS, 1), ("average", Noise.POINT, 0), ("large", Noise.RAY, 1), ("small", Noise.KINECT, 0)]
+"""Each magnitude and each kind of noise once."""
 
 
-def test_filters_with_true_covariances_reach_the_cramer_rao_bound_and_rf_knows_its_covariance():
+@pytest.mark.parametrize(
+    ("cells", "clouds"), [(FEW_CELLS, 100), pytest.param(CELLS, 200, marks=pytest.mark.long)], ids=["few", "all"]
+)
+def test_filters_with_true_covariances_reach_the_cramer_rao_bound_and_rf_knows_its_covariance(cells, clouds):
     nees = []
-    for magnitude, noise, both in CELLS:
-        clouds = (cloud(seed, noise, magnitude, bool(both)) for seed in range(200))
-        found = rows("", "", clouds, {name: ESTIMATORS[name] for name in ("RF", "KF")})
+    for magnitude, noise, both in cells:
+        samples = (cloud(seed, noise, magnitude, bool(both)) for seed in range(clouds))
+        found = rows("", "", samples, {name: ESTIMATORS[name] for name in ("RF", "KF")})
         for row in found:
             assert row.degenerate == 0, (magnitude, noise, both)
             assert row.rmse_mm <= 1.05 * row.bound_mm, (magnitude, noise, both)
@@ -25,13 +30,15 @@ def test_filters_with_true_covariances_reach_the_cramer_rao_bound_and_rf_knows_i
             assert 0.85 < row.rms_ratio < 1.1, (magnitude, noise, both)
         nees.append(found[0].nees)
     assert 5.5 <= np.mean(nees) <= 6.5
-    # 200 clouds a cell: the mean of chi-square (6) has a sigma of .245
+    # the mean of chi-square (6) over 200 clouds has a sigma of .245
     assert all(6.0 - 4 * 0.245 < value < 6.0 + 4 * 0.245 for value in nees), nees
 
 
+@pytest.mark.parametrize("clouds", [25, pytest.param(100, marks=pytest.mark.long)])
 @pytest.mark.parametrize("case", STRESS)
-def test_told_wrongly_rf_is_no_worse_than_kf_near_the_best_and_knows_how_wrong_it_is(case):
-    found = {row.estimator: row for row in rows("", case, (stressed(seed, case) for seed in range(100)), ESTIMATORS)}
+def test_told_wrongly_rf_is_no_worse_than_kf_near_the_best_and_knows_how_wrong_it_is(case, clouds):
+    samples = (stressed(seed, case) for seed in range(clouds))
+    found = {row.estimator: row for row in rows("", case, samples, ESTIMATORS)}
     assert found["RF"].degenerate == 0
     assert found["RF"].rmse_mm <= found["KF"].rmse_mm * (1.0 + 1e-9)
     assert found["RF"].rmse_mm <= 1.2 * min(row.rmse_mm for row in found.values())
@@ -56,7 +63,12 @@ def outlier_runs(ratio, clouds):
     return np.array(found)
 
 
-@pytest.mark.parametrize(("ratio", "clouds"), [(0.0, 200), (0.3, 200), (0.5, 200), (0.7, 300), (0.8, 1000)])
+MANY_CLOUDS = [
+    pytest.param(ratio, clouds, marks=pytest.mark.long) for ratio, clouds in ((0.5, 200), (0.7, 300), (0.8, 1000))
+]
+
+
+@pytest.mark.parametrize(("ratio", "clouds"), [(ratio, 200) for ratio in (0.0, 0.3, 0.8)] + MANY_CLOUDS)
 def test_the_gate_leaves_what_the_right_pairs_alone_would_give(ratio, clouds):
     ok, rmse, distance = outlier_runs(ratio, clouds).T
     assert np.mean((ok == 1) & (rmse <= 3.0)) >= 0.995
@@ -64,9 +76,15 @@ def test_the_gate_leaves_what_the_right_pairs_alone_would_give(ratio, clouds):
     assert 5.0 < np.mean(distance**2) < 7.0
 
 
-@pytest.mark.parametrize("ratio", [0.95, 0.98, 1.0])
-def test_at_hopeless_ratios_the_answer_is_right_or_none(ratio):
-    ok, _, distance = outlier_runs(ratio, 1000 if ratio == 0.95 else 100).T
+@pytest.mark.parametrize(
+    ("ratio", "clouds"),
+    [(0.95, 100), (0.98, 40), (1.0, 40)]
+    + [
+        pytest.param(ratio, clouds, marks=pytest.mark.long) for ratio, clouds in ((0.95, 1000), (0.98, 100), (1.0, 100))
+    ],
+)
+def test_at_hopeless_ratios_the_answer_is_right_or_none(ratio, clouds):
+    ok, _, distance = outlier_runs(ratio, clouds).T
     assert np.mean((ok == 1) & (distance > 5.0)) <= 0.001
     assert np.mean(ok) == 0.0 if ratio == 1.0 else True
 

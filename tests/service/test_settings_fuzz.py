@@ -45,7 +45,7 @@ def said(read: Any) -> str:
     return words
 
 
-@settings(max_examples=300)
+@settings(max_examples=3 * settings.default.max_examples)
 @given(st.sampled_from(NAMES), st.one_of(texts, values.map(lambda value: json.dumps(value, default=str))))
 @example("wire.listen", "[" * 100_000)
 @example("wire.zenoh", '{"a":' * 5_000)
@@ -64,7 +64,7 @@ def test_any_text_in_a_variable_is_taken_or_refused_by_name(name: str, text: str
         said(lambda: part_settings("viewer", ViewerSettings, None, {}))
 
 
-@settings(max_examples=200)
+@settings(max_examples=2 * settings.default.max_examples)
 @given(st.dictionaries(st.sampled_from(NAMES) | texts, values, max_size=3))
 def test_any_value_in_a_file_is_taken_or_refused(tmp_path_factory: pytest.TempPathFactory, given: Any) -> None:
     file = tmp_path_factory.getbasetemp() / "fuzz.yaml"
@@ -80,7 +80,7 @@ def test_any_value_in_a_file_is_taken_or_refused(tmp_path_factory: pytest.TempPa
     said(lambda: part_settings("wire", WireSettings, file, {}))
 
 
-@settings(max_examples=200)
+@settings(max_examples=2 * settings.default.max_examples)
 @given(st.text(max_size=60) | st.binary(max_size=60))
 @example("wire: {zenoh: &a {x: *a}}")
 @example("wire: {listen: " + "[" * 1_500)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from made_up_messages import BEGIN, PERIOD_NS, session_messages
 
@@ -114,16 +114,32 @@ def test_reading_from_a_stamp_does_not_trust_the_clock_of_logging(
 
 
 def test_a_file_cut_anywhere_reads_to_the_cut_and_says_so(recording: Path, messages: list[Message]) -> None:
-    """At every 3000th byte of the last megabyte (with the default codec), and at every byte of the end."""
-    whole = recording.read_bytes()
-    cut_file = recording.with_suffix(".cut")
+    """At every 20,000th byte of the last megabyte."""
+    counts = _cut(recording, messages, step=20_000)
+    assert counts[0] == len(messages)
+    assert recording.stat().st_size > 1_000_000
+
+
+@pytest.mark.long
+def test_a_file_cut_at_any_byte_of_its_end_or_often_before_reads_to_the_cut(
+    recording: Path, messages: list[Message]
+) -> None:
+    _cut(recording, messages, step=3000)
+    _cut(recording, messages, step=1, cuts=200)
+
+
+@pytest.mark.parametrize("compression", CODECS)
+def test_a_small_file_cut_at_any_byte_of_its_end_reads_to_the_cut(tmp_path: Path, compression: str) -> None:
+    small = session_messages(4)
+    _cut(write(tmp_path / "small.mcap", small, compression), small, step=1, cuts=200)
+
+
+def _cut(recording: Path, messages: list[Message], step: int, cuts: int = 1_000_000) -> list[int]:
+    """Cut a file short by more and more steps; return how many messages were read each time, none too many."""
+    cut_file, whole = recording.with_suffix(".cut"), recording.read_bytes()
     cut_file.write_bytes(whole)
-    size = len(whole)
-    step, fine = (3000, 1) if "zstd" in recording.name else (10_000, 10)
-    last_megabyte = range(size - 1, max(0, size - 1_000_000), -step)
-    lengths = sorted({*last_megabyte, *range(size - 1, size - 200, -fine)}, reverse=True)
-    counts = []
-    for length in lengths:
+    size, counts = len(whole), []
+    for length in range(size - 1, max(0, size - min(1_000_000, cuts * step)), -step):
         os.truncate(cut_file, length)
         back, reader = read(cut_file)
         assert back == messages[: len(back)]
@@ -132,8 +148,7 @@ def test_a_file_cut_anywhere_reads_to_the_cut_and_says_so(recording: Path, messa
         assert f"{length}" in reader.damage[-1]
         counts.append(len(back))
     assert all(earlier >= later for earlier, later in pairwise(counts))
-    assert counts[0] == len(messages)
-    assert size > 1_000_000
+    return counts
 
 
 @pytest.mark.parametrize("length", [0, 1, 7, 8, 20, 60])
@@ -156,7 +171,6 @@ def test_most_of_a_cut_chunk_is_saved(recording: Path, messages: list[Message]) 
     assert len(back) > 0.8 * len(messages)
 
 
-@settings(max_examples=60)
 @given(st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255)), min_size=1, max_size=20), st.sampled_from(CODECS))
 def test_damage_anywhere_is_survived(
     tmp_path_factory: pytest.TempPathFactory, flips: list[tuple[float, int]], codec: str

@@ -23,7 +23,8 @@ from odom.geometry import se3
 
 
 def tracked(reference=0):
-    return SimpleNamespace(inlying=Measured.nothing(), reference=reference, T_camera_map=np.eye(4))
+    nothing = Measured.nothing()
+    return SimpleNamespace(inlying=nothing, displaced=nothing, reference=reference, T_camera_map=np.eye(4))
 
 
 def kept_of(count, every, most):

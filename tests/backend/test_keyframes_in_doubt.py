@@ -83,6 +83,7 @@ def test_in_doubt_a_place_is_what_stands_there_which_is_known_when_new_corners_a
         "Any", SimpleNamespace(T_camera_map=np.eye(4), reference=3, twist=np.zeros(6), inlier_count=len(rows))
     )
     tracked.inlying = Measured(rows, uv, measure_exactly(view, sensor, uv, np.zeros(6)))
+    tracked.displaced = Measured.nothing()
     mapper.inserter.insert(view, tracked, np.zeros(6), np.eye(6), sensor, 0, in_doubt)
     assert len(mapper.inserter.undescribed) == (0 if in_doubt else 1)
     assert mapper.inserter.take_corners(None, sensor) is not None

@@ -2,31 +2,51 @@
 
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from odom.backend import Odometry
 from odom.calibration.pixel_error import ray_sigma_px, significant_error_px
 from odom.calibration.result import Calibrated
-from odom.calibration.self_calibration import SelfCalibration, judged
+from odom.calibration.self_calibration import GOOD, SelfCalibration, judged
 from odom.calibration.survey import Survey, surveyed
 from odom.calibration.tuning import TUNING
 from odom.errors import ConfigError, InputError
 from odom.frame import Camera
 
 
-def is_sure(survey: Survey, found: Calibrated) -> bool:
-    """Return whether the error of the camera in use is several times the uncertainty of the estimated one.
+@dataclass(frozen=True)
+class Sureness:
+    """By how much the camera in use seems to be off, and by how much the estimated one may be (px, over the image)."""
 
-    Early in a walk estimates can be far off, and a wrong camera does more harm during a run than a slightly poor one.
-    """
-    own_px = ray_sigma_px(found)
-    off_px = significant_error_px(survey.camera, found.camera, found.sigma, survey)
-    return own_px < TUNING.change_unsure_px and off_px > TUNING.change_times * own_px
+    off_px: float
+    own_px: float
+
+    @classmethod
+    def of(cls, survey: Survey, found: Calibrated) -> "Sureness":
+        """Return that of a calibration from a survey."""
+        return cls(significant_error_px(survey.camera, found.camera, found.sigma, survey), ray_sigma_px(found))
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether the estimated camera may be used.
+
+        Early in a walk estimates can be far off, and a wrong camera does more harm during a run than a slightly poor
+        one.
+        """
+        return self.own_px < TUNING.change_unsure_px and self.off_px > TUNING.change_times * self.own_px
+
+    @property
+    def is_near(self) -> bool:
+        """Whether a somewhat longer walk is likely to show that another camera is better."""
+        return self.off_px > TUNING.again_times * self.own_px
 
 
 class MidRunCalibrator:
     """A calibrator for an `Odometry`; `latest` is what it found last, None as long as the camera given is kept.
+
+    `again` is what the last look says of the next one (see `Calibrator`).
 
     Its work waits until `ready` is set, since code that it needs may still be compiling (None: it is compiled when it
     is first used). Where frames cannot wait, as in a live stream (`may_wait()` is False), a look before that finds
@@ -35,6 +55,7 @@ class MidRunCalibrator:
 
     def __init__(self, ready: threading.Event | None = None, may_wait: Callable[[], bool] = lambda: True) -> None:
         self.latest: SelfCalibration | None = None
+        self.again = TUNING.again
         if ready is None:
             ready = threading.Event()
             ready.set()
@@ -53,10 +74,18 @@ class MidRunCalibrator:
         except (InputError, ConfigError, np.linalg.LinAlgError):
             return lambda: None
 
+        asked: list[Sureness] = []
+
+        def is_sure(found: Calibrated) -> bool:
+            asked.append(Sureness.of(survey, found))
+            return asked[-1].is_enough
+
         def work() -> Camera | None:
             self.wait()
             try:
-                found = judged(survey, given, lambda found: is_sure(survey, found))
+                found = judged(survey, given, is_sure)
+                seems_good = not asked[-1].is_near if asked else found.reason == GOOD
+                self.again = TUNING.again if seems_good else TUNING.again_soon
             except (InputError, ConfigError, np.linalg.LinAlgError):
                 return None
             if found.found is None:

@@ -24,7 +24,7 @@ from odom.frontend.camera.rays import turn_between
 
 _SEED = 1
 """Of the chance that draws landmarks: a run calibrates itself alike every time."""
-_GOOD = "good as far as this walk shows: no other explains frames better that were held out"
+GOOD = "good as far as this walk shows: no other explains frames better that were held out"
 _UNSURE = "the walk does not show another one surely"
 _TIMING = np.arange(TIMINGS)
 _TWICE = 2
@@ -74,7 +74,7 @@ def judged(
     few = newest.of_frames(newest.every_nth(TUNING.self_times)).thinned(TUNING.self_observations, _SEED)
     begin = System.at_start(few, FREE)
     if likely_gain(begin, Prior(vector_of(in_use), prior_sigma(in_use))) < TUNING.accept_gain:
-        return SelfCalibration(reason=_GOOD)
+        return SelfCalibration(reason=GOOD)
     found = calibrated(few, given, begin=begin)
     if found.contradicted:
         return SelfCalibration(reason=CONTRADICTED)
@@ -85,7 +85,7 @@ def judged(
     if not is_sure(told):
         return SelfCalibration(off_px, _UNSURE)
     if not judge(few, found).is_better:
-        return SelfCalibration(off_px, _GOOD)
+        return SelfCalibration(off_px, GOOD)
     return SelfCalibration(off_px, "", told)
 
 

@@ -69,6 +69,15 @@ class Tuning:
         "hololens; a body counts with the share of the view it fills",
         effect="elsewhere in most frames; smaller: good walks are refused; larger: what moves bends the lens")
     # self-calibration while a run goes on
+    again: float = tuned(2.0, unit="times as many frames", source="cost: a look takes .1 to .2 s of CPU",
+        effect="after which another look follows one that found nothing; smaller: costs more; larger: what a longer "
+        "walk shows comes late")
+    again_soon: float = tuned(1.4, unit="times as many frames", source="cost; twelve starts of fr1_xyz and fr1_rpy",
+        effect="the same where the last look found the camera in use off by again_times; smaller: costs more; larger: "
+        "a poor camera stays in use for longer")
+    again_times: float = tuned(1.0, unit="times the pixels by which the camera found may be off", source="looks from "
+        "an average camera: 1.1 to 9; from sheets: .2 to 1.0",
+        effect="smaller: good cameras are looked at often; larger: as a larger again_soon")
     change_times: float = tuned(2.0, unit="times the pixels by which the camera found may be off", source=_LOOKS,
         effect="by which the one in use must be off to be changed; smaller: first guesses are used; larger: a poor "
         "camera stays in use until the end")

@@ -21,6 +21,8 @@ EARLY = replace(recalibration.TUNING, calibrate_least=8)
 class Told:
     """A calibrator that knows the camera."""
 
+    again = 2.0
+
     def __init__(self, camera: Camera) -> None:
         self._camera, self.looks = camera, 0
 

@@ -1,5 +1,6 @@
 """When a calibrator looks, and when what it found is taken over: by frames, never by the clock."""
 
+import numpy as np
 import pytest
 
 from odom.backend.odometry.recalibration import Recalibration
@@ -11,6 +12,8 @@ GIVEN, FOUND = Camera(640, 480, 525.0, 525.0, 319.5, 239.5), Camera(640, 480, 54
 
 
 class Finds:
+    again = 2.0
+
     def looked_at(self, odometry):
         return lambda: FOUND
 
@@ -29,3 +32,24 @@ def test_a_slow_stream_takes_it_over_by_its_stamps():
     later = SteadyStamp(stamp + round(1.01e9 * TUNING.calibrate_s))
     assert recalibration.after_frame(None, TUNING.calibrate_least, 100, stamp) is None
     assert recalibration.after_frame(None, TUNING.calibrate_least, 101, later) == FOUND
+
+
+def test_the_calibrator_says_after_how_many_more_frames_it_wants_to_look_again():
+    class FindsNothing:
+        again, looks = 2.0, 0
+
+        def looked_at(self, odometry):
+            self.looks += 1
+            return lambda: None
+
+    calibrator, stamp = FindsNothing(), SteadyStamp(10**18)
+    recalibration, at, frame = Recalibration(GIVEN, calibrator), [], 0
+    for measured in range(1, TUNING.calibrate_most):
+        calibrator.again = 2.0 if measured < 3 * TUNING.calibrate_least else 1.25
+        before, frame = calibrator.looks, frame + 10 * TUNING.calibrate_frames
+        recalibration.after_frame(None, measured, frame, stamp)
+        recalibration.after_frame(None, measured, frame + 9 * TUNING.calibrate_frames, stamp)
+        at += [measured] * (calibrator.looks - before)
+    assert at[:2] == [TUNING.calibrate_least, 2 * TUNING.calibrate_least]
+    assert at[2] == 3 * TUNING.calibrate_least
+    assert at[3] == int(np.ceil(1.25 * at[2]))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from odom import Odometry, Trajectory, read_recording
-from odom.calibration.mid_run import MidRunCalibrator, is_sure
+from odom.calibration.mid_run import MidRunCalibrator, Sureness
 from odom.calibration.pixel_error import ray_sigma_px
 from odom.calibration.result import as_measured, calibrated
 from odom.evaluation.report import evaluate
@@ -23,8 +23,8 @@ def found_in(survey):
 
 def test_a_poor_camera_is_changed_and_a_good_one_is_not():
     poor, good = made_up_survey(spoilt(**POOR)), made_up_survey(spoilt())
-    assert is_sure(poor, found_in(poor))
-    assert not is_sure(good, found_in(good))
+    assert Sureness.of(poor, found_in(poor)).is_enough
+    assert not Sureness.of(good, found_in(good)).is_enough
 
 
 def test_fewer_landmarks_leave_the_rays_less_sure():
@@ -34,7 +34,15 @@ def test_fewer_landmarks_leave_the_rays_less_sure():
 
 def test_a_camera_at_rest_changes_nothing():
     survey = made_up_survey(spoilt(**POOR), walk=at_rest)
-    assert not is_sure(survey, found_in(survey))
+    assert not Sureness.of(survey, found_in(survey)).is_enough
+
+
+def test_a_look_that_was_nearly_sure_is_repeated_sooner_than_one_that_found_the_camera_good():
+    assert Sureness(off_px=1.5, own_px=1.0).is_near
+    assert not Sureness(off_px=1.5, own_px=1.0).is_enough
+    assert not Sureness(off_px=0.5, own_px=1.0).is_near
+    good = made_up_survey(spoilt())
+    assert not Sureness.of(good, found_in(good)).is_near
 
 
 def test_the_centre_alone_hardly_counts_since_the_camera_may_be_turned_in_its_housing():

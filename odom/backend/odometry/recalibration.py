@@ -13,7 +13,15 @@ LookedAt = TypeVar("LookedAt", contravariant=True)
 
 
 class Calibrator(Protocol[LookedAt]):
-    """Looks at an odometry at certain frames, whose number does not depend on the clock."""
+    """Looks at an odometry at certain frames, whose number does not depend on the clock.
+
+    `again` says, once a look has found nothing, after how many times as many frames another one is worth its cost.
+    """
+
+    @property
+    def again(self) -> float:
+        """More than 1; it must not change while nothing is looked at."""
+        ...
 
     def looked_at(self, odometry: LookedAt, /) -> Callable[[], Camera | None]:
         """Return work for the background that finds a better camera than the one in use, or None.
@@ -24,7 +32,7 @@ class Calibrator(Protocol[LookedAt]):
 
 
 class Recalibration(Generic[LookedAt]):
-    """Asks a calibrator whenever some times as many frames were measured as the last time, until it finds something.
+    """Asks a calibrator whenever so many more frames were measured as it wants, until it finds something.
 
     `in_use` is the camera that frames are measured by.
     """
@@ -33,7 +41,7 @@ class Recalibration(Generic[LookedAt]):
         self.in_use = self._to_come = given
         self._calibrator = calibrator
         self._background = Background[Camera | None]("calibration")
-        self._next = float(TUNING.calibrate_least)
+        self._looked_at = 0
 
     def adopt(self) -> None:
         """Note that what was found last is in use from now on."""
@@ -49,9 +57,12 @@ class Recalibration(Generic[LookedAt]):
             if found is not None:
                 self._to_come, self._calibrator = found, None
             return found
-        if self._calibrator is not None and self._next <= measured <= TUNING.calibrate_most:
-            self._next = TUNING.calibrate_again * measured
+        if self._calibrator is None:
+            return None
+        due = max(TUNING.calibrate_least, self._calibrator.again * self._looked_at)
+        if due <= measured <= TUNING.calibrate_most:
+            self._looked_at = measured
             share = measured // TUNING.calibrate_least  # what takes longer the more there is to look at has longer
-            due = SteadyStamp(stamp + round(share * TUNING.calibrate_s * 1e9))
-            self._background.start(count + share * TUNING.calibrate_frames, due, self._calibrator.looked_at(odometry))
+            by = SteadyStamp(stamp + round(share * TUNING.calibrate_s * 1e9))
+            self._background.start(count + share * TUNING.calibrate_frames, by, self._calibrator.looked_at(odometry))
         return None

@@ -77,8 +77,6 @@ class Tuning:
     calibrate_least: int = tuned(16, unit="frames", source="twelve starts of fr1: 12 and 24 are worse",
         effect="key frames and frames between that a calibrator first looks at; fewer: they show too little; more: a "
         "poor calibration is used for longer")
-    calibrate_again: float = tuned(1.4, unit="times as many frames", source="cost: a look takes .1 to .2 s of CPU",
-        effect="after which it looks again; smaller: costs more; larger: what a longer walk shows comes late")
     calibrate_most: int = tuned(200, unit="frames", source="a map of so many is adjusted anew in 2 s",
         effect="beyond which it does not look any more; fewer: walks that show little keep a poor camera; more: frames "
         "wait for the map")

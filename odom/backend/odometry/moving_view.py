@@ -84,7 +84,7 @@ class MovingView:
         seen = replace(self, other=self.stamp) if is_seen else self
         is_denied = others.has_scene or others.share > TUNING.moved_rival
         seen = replace(seen, confirmed=0 if is_denied else self.confirmed + others.is_confirmed)
-        if min(self.as_one, others.share) > TUNING.moved_rival and max(self.proven, self.known) == 0:
+        if min(self.as_one, others.share) > TUNING.moved_rival and self.trusted == 0:
             seen = replace(seen, rival=self.stamp)
         seen = replace(seen, as_one=others.share, is_left_behind=others.has_scene and not self.is_rooted)
         if not seen.is_doubtful:
@@ -105,7 +105,7 @@ class MovingView:
         ):
             strayed = None
         begun = stamp if self.begun is None else self.begun
-        since_s, is_backed = (stamp - begun) * 1e-9, is_supported(tracked, landmarks, max(self.proven, self.known))
+        since_s, is_backed = (stamp - begun) * 1e-9, is_supported(tracked, landmarks, self.trusted)
         is_young = (
             since_s < TUNING.moving_young_s and not is_backed and (self.is_young or cells.share > TUNING.moving_little)
         )
@@ -135,6 +135,11 @@ class MovingView:
         """Return what is known after a key frame, of whose view a `moved_share` was seen to move by its corners."""
         is_strayed = moved_share > TUNING.moved_parts and not is_supported(tracked, landmarks, self.proven)
         return replace(self, strayed=stamp if is_strayed else None)
+
+    @property
+    def trusted(self) -> int:
+        """The identity before which landmarks tell whether the camera was taken along, 0 where none do."""
+        return max(self.proven, self.known)
 
     @property
     def is_suspicious(self) -> bool:

@@ -105,7 +105,12 @@ def is_scene(followed: FollowedCorners, agrees: Mask) -> bool:
     return bool(np.median(depth[agrees]) > TUNING.scene_behind * rest)
 
 
-def reaches_far(followed: FollowedCorners, agrees: Mask, view: View) -> bool:
+def shows_scene(followed: FollowedCorners, agrees: Mask, view: View) -> bool:
+    """Return whether corners that agree with a motion (n) show the scene: behind the rest, or nearly alone."""
+    return is_scene(followed, agrees) or _reaches_far(followed, agrees, view)
+
+
+def _reaches_far(followed: FollowedCorners, agrees: Mask, view: View) -> bool:
     """Return whether corners that agree with a motion (n) are most by far, and lie all over the image.
 
     Where nothing else moves, nothing lies before the scene. A body does not reach so far, unless it hides nearly all.
@@ -164,7 +169,7 @@ def what_else_moves(earlier: EarlierView, view: View, twist: Array, sensor: Sens
     since_s, T_view_earlier = view.since_s(earlier.view), se3.inverse(earlier.T_view_corners)
     others = list(other_motions(followed, T_view_earlier, since_s))
     agrees = followed.features.off_px(T_view_earlier) < TUNING.differs_px
-    is_confirmed = is_scene(followed, agrees) or reaches_far(followed, agrees, view)
+    is_confirmed = shows_scene(followed, agrees, view)
     spread = sum((one.share * (np.outer(one.off, one.off) + one.covariance) for one in others), np.zeros((6, 6)))
     share, has_scene = max((one.share for one in others), default=0.0), any(one.is_scene for one in others)
     return WhatElseMoves(share, np.asarray(spread / since_s**2), has_scene, is_confirmed)

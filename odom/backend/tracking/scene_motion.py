@@ -8,7 +8,7 @@ import numpy as np
 
 from odom.backend.tracking.consensus import ExpectedPose, consensus
 from odom.backend.tracking.motion_model import AT_REST
-from odom.backend.tracking.other_motions import FollowedCorners, is_scene, reaches_far
+from odom.backend.tracking.other_motions import FollowedCorners, shows_scene
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.view import View
@@ -26,4 +26,4 @@ def scene_motion(earlier: View, view: View, sensor: SensorModel) -> Array | None
     T = np.eye(4) if found is None else found
     T = followed.fit(T, features.off_px(T) < TUNING.differs_px).T_camera_map
     agrees = features.off_px(T) < TUNING.differs_px
-    return T if is_scene(followed, agrees) or reaches_far(followed, agrees, view) else None
+    return T if shows_scene(followed, agrees, view) else None

@@ -30,10 +30,15 @@ class _Middle:
 
 
 def trajectory(frames: Iterable[LoggedFrame], keyframes: list[Keyframe]) -> tuple[TrajectoryPose, ...]:
+    """Return every frame's pose at its stamp, with smoothed positions."""
+    return smoothed(at_stamps(frames, keyframes))
+
+
+def at_stamps(frames: Iterable[LoggedFrame], keyframes: list[Keyframe]) -> tuple[TrajectoryPose, ...]:
     """Return every frame's pose at its stamp: carried from the middle row's time along the motion to the next frame."""
     middles = chain([None], (_Middle.of(frame, keyframes) for frame in frames), [None])
     around = pairwise(pairwise(middles))
-    return smoothed(tuple(_at_stamp(here, before, after) for (before, here), (_, after) in around if here is not None))
+    return tuple(_at_stamp(here, before, after) for (before, here), (_, after) in around if here is not None)
 
 
 def _at_stamp(here: _Middle, before: _Middle | None, after: _Middle | None) -> TrajectoryPose:

@@ -82,6 +82,15 @@ def told(
     return every
 
 
+def next_look(moving: MovingView, found: int, missed: int, as_one: float = 0.0) -> MovingView:
+    """What is known after one more look in which nothing moves by its cells."""
+    assert moving.stamp is not None
+    tracked, landmarks = tracked_by(found, missed)
+    landmarks.next_identity = 50
+    view = cast(Any, SimpleNamespace(steady_stamp=SteadyStamp(moving.stamp + 100_100_000)))
+    return moving.after(view, tracked, cast(Any, Shown(0.0, as_one)), landmarks, cast(Any, None))
+
+
 YOUNG, CALM = round(TUNING.moving_young_s * 10) + 2, round(TUNING.moving_calm_s * 10) + 2
 STILL = [0.0] * max(YOUNG, CALM)
 
@@ -237,20 +246,42 @@ def test_a_pose_that_the_landmarks_from_before_contradict_is_looked_at_though_no
     assert contradicted.is_left_behind
     assert contradicted.is_doubtful
     assert not told([*STILL, 0.0], found=30, missed=60, scene_moves=[look])[look].is_left_behind
-    assert not told([*STILL, 0.0], found=10, missed=90)[look].is_doubtful
+    assert not next_look(told(STILL)[-1], 10, 90).is_doubtful
+
+
+AFTER_A_CROWD = [*STILL, 0.6, *[0.0] * CALM]
 
 
 def test_soon_after_a_doubt_landmarks_that_contradict_the_pose_time_and_again_put_it_in_doubt_again() -> None:
-    enough, calm = TUNING.denied_looks, [*STILL, 0.6, *[0.0] * CALM]
-    tracked, landmarks = tracked_by(10, 90)
-    for begin, is_doubtful_again in ((told(calm)[-1], True), (told(STILL)[-1], False)):
-        moving = begin
-        assert not moving.is_doubtful
-        for look in range(enough):
-            assert moving.stamp is not None
-            view = cast(Any, SimpleNamespace(steady_stamp=SteadyStamp(moving.stamp + 100_100_000)))
-            moving = moving.after(view, tracked, cast(Any, Shown(0.0, 0.0)), landmarks, cast(Any, None))
-            assert moving.is_doubtful == (is_doubtful_again and look == enough - 1)
+    for begin, looks in ((AFTER_A_CROWD, TUNING.denied_looks), (STILL, TUNING.denied_looks_calm)):
+        moving = told(begin)[-1]
+        for look in range(looks):
+            assert not moving.is_doubtful
+            moving = next_look(moving, 10, 90)
+            assert moving.denied == look + 1
+        assert moving.is_doubtful
+        assert next_look(moving, 60, 40).denied == 0
+
+
+def test_soon_after_a_doubt_one_look_is_enough_in_which_next_to_none_of_the_landmarks_from_before_is_found() -> None:
+    assert next_look(told(AFTER_A_CROWD)[-1], 5, 90).is_doubtful
+    assert not next_look(told(STILL)[-1], 5, 90).is_doubtful
+
+
+def test_what_is_made_while_landmarks_from_before_contradict_the_pose_proves_nothing() -> None:
+    calm = told(STILL)[-1]
+    assert calm.proven == 1
+    assert next_look(calm, 60, 40).proven == 50
+    assert next_look(calm, 10, 90).proven == 1
+
+
+def test_a_pose_that_is_contradicted_while_much_else_moves_as_one_follows_a_body() -> None:
+    much, once = 1.1 * TUNING.moved_rival, next_look(told(STILL)[-1], 10, 90, 1.1 * TUNING.moved_rival)
+    assert once.is_doubtful
+    assert not once.is_left_behind
+    assert next_look(once, 10, 90, much).is_left_behind
+    assert not next_look(once, 10, 90, 0.5 * TUNING.moved_rival).is_left_behind
+    assert not next_look(once, 60, 40, much).is_left_behind
 
 
 def test_after_a_body_was_followed_the_view_is_in_doubt_and_landmarks_count_anew() -> None:

@@ -39,7 +39,8 @@ class MovingView:
     `proven`: but where so many looks as `confirmed` showed that the camera follows the scene, and none since that it
     does not, the landmarks made before `known` tell as well that it was not taken along. `doubted` is when the pose was
     last in doubt; soon after, landmarks that tell put it in doubt again where they contradict it in several looks in a
-    row, of which there were `denied`: it may follow a body that has just come into view, and moves with the camera.
+    row, of which there were `denied`: it may follow a body that has just come into view, and moves as the camera turns.
+    Where much else moves as one meanwhile, it does, and the place is looked for anew.
     """
 
     stamp: SteadyStamp | None = None
@@ -87,11 +88,12 @@ class MovingView:
             return seen if self.is_doubtful else replace(seen, spread=None)
         is_seen = self.is_suspicious and others.share > TUNING.moved_as_one
         seen = replace(self, other=self.stamp) if is_seen else self
-        is_denied = others.has_scene or others.share > TUNING.moved_rival
-        seen = replace(seen, confirmed=0 if is_denied else self.confirmed + others.is_confirmed)
-        if min(self.as_one, others.share) > TUNING.moved_rival and self.trusted == 0:
+        has_rival = others.share > TUNING.moved_rival
+        seen = replace(seen, confirmed=0 if others.has_scene or has_rival else self.confirmed + others.is_confirmed)
+        if has_rival and (self.denied or (self.as_one > TUNING.moved_rival and self.trusted == 0)):
             seen = replace(seen, rival=self.stamp)
-        seen = replace(seen, as_one=others.share, is_left_behind=others.has_scene and not self.is_rooted)
+        is_behind = others.has_scene or (has_rival and self.denied >= TUNING.denied_looks)
+        seen = replace(seen, as_one=others.share, is_left_behind=is_behind and not self.is_rooted)
         if not seen.is_doubtful:
             return replace(seen, spread=None)
         before = others.spread if self.spread is None else self.spread
@@ -117,18 +119,33 @@ class MovingView:
         is_astray = self.is_astray and since_s < TUNING.moved_parts_s and not is_backed
         seen = replace(self, stamp=stamp, cells=cells, begun=begun, strayed=strayed)
         seen = replace(seen, is_young=is_young, is_astray=is_astray)
-        denied = self.denied + 1 if is_contradicted(tracked, landmarks, self.trusted) else 0
-        seen = replace(seen, denied=denied)
-        if cells.share > TUNING.moving_most or (denied >= TUNING.denied_looks and self._was_doubtful(stamp)):
+        seen = replace(seen, denied=self._denied(tracked, landmarks))
+        is_taken_along = seen.denied >= (TUNING.denied_looks if seen._was_doubtful else TUNING.denied_looks_calm)
+        if cells.share > TUNING.moving_most or is_taken_along:
             return replace(seen, is_crowded=not is_backed, calm=None)
         calm = stamp if self.calm is None else self.calm
         is_calm = (stamp - calm) * 1e-9 >= TUNING.moving_calm_s
         seen = replace(seen, is_crowded=self.is_crowded and not (is_calm or is_backed), calm=calm)
-        return replace(seen, proven=landmarks.next_identity) if is_calm and not seen.is_suspicious else seen
+        is_proven = is_calm and not (seen.is_suspicious or seen.denied)
+        return replace(seen, proven=landmarks.next_identity) if is_proven else seen
 
-    def _was_doubtful(self, stamp: SteadyStamp) -> bool:
-        """Return whether the pose was in doubt of late."""
-        return self.doubted is not None and (stamp - self.doubted) * 1e-9 < TUNING.moved_parts_s
+    def _denied(self, tracked: Tracked, landmarks: Landmarks) -> int:
+        """Return in how many looks in a row landmarks that tell contradict the pose, this one included.
+
+        Where next to none of them is found, one look tells as much as several.
+        """
+        if not is_contradicted(tracked, landmarks, self.trusted):
+            return 0
+        if is_contradicted(tracked, landmarks, self.trusted, TUNING.moved_denies):
+            return max(self.denied + 1, TUNING.denied_looks)
+        return self.denied + 1
+
+    @property
+    def _was_doubtful(self) -> bool:
+        """Whether the pose was in doubt of late."""
+        if self.doubted is None or self.stamp is None:
+            return False
+        return (self.stamp - self.doubted) * 1e-9 < TUNING.moved_parts_s
 
     def after_loss(self, next_identity: int = 0) -> "MovingView":
         """Return what is known where a segment begins or the camera is found again: it is counted anew from there.
@@ -192,10 +209,15 @@ def is_supported(tracked: Tracked, landmarks: Landmarks, proven: int, times: flo
     return bool(found >= max(TRACKING.sure_inliers, times * missed))
 
 
-def is_contradicted(tracked: Tracked, landmarks: Landmarks, proven: int) -> bool:
-    """Return whether landmarks made before `proven` (an identity) should be in view with a pose, and hardly any are."""
+def is_contradicted(
+    tracked: Tracked, landmarks: Landmarks, proven: int, times: float = TUNING.moved_contradicts
+) -> bool:
+    """Return whether landmarks made before `proven` (an identity) should be in view with a pose, and hardly any are.
+
+    Hardly any: at least so many `times` as many are missed.
+    """
     found, missed = _found_and_missed(tracked, landmarks, proven)
-    return bool(missed >= max(TRACKING.sure_inliers, TUNING.moved_contradicts * found))
+    return bool(missed >= max(TRACKING.sure_inliers, times * found))
 
 
 def _found_and_missed(tracked: Tracked, landmarks: Landmarks, proven: int) -> tuple[int, int]:

@@ -111,11 +111,13 @@ RESTLESS = (
 def restless_share(survey: Survey, result: Calibrated) -> float:
     """Return the share of landmarks that most frames see elsewhere than the fit has them: they moved meanwhile.
 
-    The robust fit leaves them aside as far as they are few, yet they pull all the same.
+    The robust fit leaves them aside as far as they are few, yet they pull all the same. What was displaced in the run
+    does not count: some of it is another thing that looks alike.
     """
     ray, _ = chi_squared(linearised(survey, result.fitted.vector, result.fitted.bundle))
-    seen = np.bincount(survey.landmark, minlength=len(survey.landmarks))
-    elsewhere = np.bincount(survey.landmark, ray > TUNING.restless_chi2, minlength=len(survey.landmarks))
+    counted = survey.landmark[~survey.is_displaced]
+    seen = np.bincount(counted, minlength=len(survey.landmarks))
+    elsewhere = np.bincount(counted, ray[~survey.is_displaced] > TUNING.restless_chi2, minlength=len(survey.landmarks))
     return float((elsewhere > 0.5 * seen)[seen >= _SEVERAL].mean()) if (seen >= _SEVERAL).any() else 0.0
 
 

@@ -1,6 +1,5 @@
 """The measurements of a recording that calibrate its camera: landmarks seen by key frames and frames between."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -24,6 +23,8 @@ _LEAST_FRAMES = 8
 """Frames of a survey: fewer show too little for any number."""
 _SEVERAL = 3
 """Observations of a landmark when some are chosen by chance: fewer say little of the camera."""
+MEASURED = ("uv", "inverse_depth", "slope", "by_timing", "variance_uv", "variance_depth", "is_displaced")
+"""The arrays of a survey that say what an observation measured, besides what of and in which frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,7 @@ class Survey:
     `frame`, `landmark` (N); `uv` (N x 2, px) where it was seen, carried to the image's middle row; `inverse_depth` (N,
     1/m, NaN: none) as the depth image says, read by the depth model of `camera`; `slope` (N x 2) of that per pixel.
     `by_timing` (N x 3 x 3) is the derivative of x/z, y/z, 1/z; `variance_uv` (N x 3: uu, uv, vv), `variance_depth` (N).
+    The `is_displaced` (N) were not where the run's poses predicted them: a poor lens, another thing or motion.
     `T_camera_map` (K x 4 x 4), `landmarks` (L x 3, m) and `is_fixed` (K) are where an adjustment begins; `seconds` (K)
     is when, `recording` (K) in which recording; `camera` the one they were measured with.
     """
@@ -46,6 +48,7 @@ class Survey:
     by_timing: Array
     variance_uv: Array
     variance_depth: Array
+    is_displaced: Mask
     T_camera_map: Array
     landmarks: Array
     is_fixed: Mask
@@ -57,8 +60,7 @@ class Survey:
 
     def part(self, chosen: Mask) -> "Survey":
         """Return the survey with the observations `chosen` (N) alone."""
-        names = ("frame", "landmark", "uv", "inverse_depth", "slope", "by_timing", "variance_uv", "variance_depth")
-        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
+        return replace(self, **{name: getattr(self, name)[chosen] for name in ("frame", "landmark", *MEASURED)})
 
     def newest(self, most: int) -> "Survey":
         """Return the survey of the `most` newest frames, of which one is fixed at least."""
@@ -140,7 +142,7 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
     frames: list[Observed] = [*keyframes, *others]
     if len(frames) < _LEAST_FRAMES or not len(start.rows):
         raise InputError(f"{len(frames)} frames are linked by common landmarks, too few: walk on for longer")
-    seen, number, landmark = _gathered(frames, odometry, start.rows)
+    seen, number, landmark, is_displaced = _gathered(frames, odometry, start.rows)
     stamps = [keyframe.stamp for keyframe in keyframes] + [odometry.frames.stamp_of(s.number) for s in others]
     R_own_told = odometry.sensor.lens.R_own_told
     if camera is not odometry.camera:
@@ -170,6 +172,7 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
         by_timing=seen.jacobian_timing,
         variance_uv=np.column_stack([S[:, 0] * fx**2, S[:, 1] * fx * fy, S[:, 2] * fy**2]),
         variance_depth=S[:, 3] * scale**2,
+        is_displaced=is_displaced,
         T_camera_map=T_camera_map,
         landmarks=start.bundle.landmarks,
         is_fixed=start.is_fixed,
@@ -197,53 +200,23 @@ def steady_slopes(seen: Measurements, by_direction: Array, R_camera_map: Array, 
     return np.nan_to_num(np.where(np.isfinite(seen.values[:, 2:]), steady[:, 0], 0.0), posinf=0.0, neginf=0.0)
 
 
-def _gathered(frames: list[Observed], odometry: Odometry, rows: Index) -> tuple[Measurements, Index, Index]:
-    """Return what the frames measured of the landmarks in `rows` (ascending), with frame and landmark numbers."""
+def _gathered(frames: list[Observed], odometry: Odometry, rows: Index) -> tuple[Measurements, Index, Index, Mask]:
+    """Return what frames measured of the landmarks in `rows` (ascending), in which frame, of which, if displaced."""
     landmarks = odometry.map.landmarks
-    numbers, places, measured = [], [], []
+    numbers, places, displaced, measured = [], [], [], []
     parts = [(k, part) for k, frame in enumerate(frames) for part in (frame, frame.displaced) if part is not None]
-    for number, frame in parts:
-        place = np.searchsorted(rows, frame.rows)
-        known = rows[np.minimum(place, len(rows) - 1)] == frame.rows
-        chosen = frame.current(landmarks) & known
-        one = frame.measurements.take(chosen)
+    for number, part in parts:
+        place = np.searchsorted(rows, part.rows)
+        known = rows[np.minimum(place, len(rows) - 1)] == part.rows
+        chosen = part.current(landmarks) & known
+        one = part.measurements.take(chosen)
         measured.append(one)
         numbers.append(np.full(len(one), number))
+        displaced.append(np.full(len(one), part is frames[number].displaced))
         places.append(place[chosen])
-    number_of, place_of = np.concatenate(numbers), np.concatenate(places)
+    place_of = np.concatenate(places)
     order = np.argsort(place_of, kind="stable")
     found = Measurements(
         *(np.concatenate([getattr(one, f.name) for one in measured])[order] for f in fields(Measurements))
     )
-    return found, number_of[order], place_of[order]
-
-
-def joined(surveys: Sequence[Survey]) -> Survey:
-    """Return the surveys of several recordings of one camera as one; raises InputError for images of other sizes."""
-    first = surveys[0]
-    sizes = {(s.camera.width, s.camera.height) for s in surveys}
-    if len(sizes) > 1:
-        raise InputError(f"images of {' and '.join(f'{w} x {h}' for w, h in sorted(sizes))} are of different cameras")
-    frames = np.cumsum([0, *(len(s.T_camera_map) for s in surveys)])
-    points = np.cumsum([0, *(len(s.landmarks) for s in surveys)])
-
-    def every(name: str) -> Array:
-        return np.concatenate([getattr(s, name) for s in surveys])
-
-    ends = np.cumsum([0.0, *(s.seconds.max() + 1.0 for s in surveys)])
-    return Survey(
-        camera=first.camera,
-        frame=np.concatenate([s.frame + at for s, at in zip(surveys, frames, strict=False)]),
-        landmark=np.concatenate([s.landmark + at for s, at in zip(surveys, points, strict=False)]),
-        uv=every("uv"),
-        inverse_depth=every("inverse_depth"),
-        slope=every("slope"),
-        by_timing=every("by_timing"),
-        variance_uv=every("variance_uv"),
-        variance_depth=every("variance_depth"),
-        T_camera_map=every("T_camera_map"),
-        landmarks=every("landmarks"),
-        is_fixed=np.concatenate([s.is_fixed for s in surveys]),
-        seconds=np.concatenate([s.seconds + at for s, at in zip(surveys, ends, strict=False)]),
-        recording=np.repeat(np.arange(len(surveys)), [len(s.T_camera_map) for s in surveys]),
-    )
+    return found, np.concatenate(numbers)[order], place_of[order], np.concatenate(displaced)[order]

@@ -27,6 +27,7 @@ def warm_up() -> None:
         by_timing=np.zeros((2 * N, 3, TIMINGS)),
         variance_uv=np.tile([0.1, 0.0, 0.1], (2 * N, 1)),
         variance_depth=np.full(2 * N, 1e-4),
+        is_displaced=np.zeros(2 * N, dtype=np.bool_),
         T_camera_map=T,
         landmarks=landmarks,
         is_fixed=np.arange(frames) == 0,

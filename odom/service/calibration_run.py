@@ -19,7 +19,8 @@ from odom.calibration.result import (
     restless_share,
 )
 from odom.calibration.same_camera import apart, halves, most_different
-from odom.calibration.survey import Survey, joined, survey_of
+from odom.calibration.several_recordings import joined
+from odom.calibration.survey import Survey, survey_of
 from odom.calibration.tuning import TUNING
 from odom.calibration.unit_of_length import in_metres, in_unit_of_depth
 from odom.errors import ConfigError, InputError, RecordingError

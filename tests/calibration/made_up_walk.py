@@ -95,6 +95,7 @@ def made_up_survey(vector, walk=turning, seed=0, points=400, noise=1.0, wall=Fal
         by_timing=np.zeros((N, 3, TIMINGS)),
         variance_uv=np.tile([PIXEL_SIGMA**2, 0.0, PIXEL_SIGMA**2], (N, 1)),
         variance_depth=np.full(N, DEPTH_SIGMA**2),
+        is_displaced=np.zeros(N, dtype=np.bool_),
         T_camera_map=np.array([se3.exp(a) @ pose for a, pose in zip(away, T_camera_map, strict=True)]),
         landmarks=X + noise * rng.normal(size=X.shape) * 0.02,
         is_fixed=np.arange(frames) == 0,

@@ -1,5 +1,8 @@
 """A scene in which much moves is refused, and a little of it does not change a good calibration."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from odom.calibration.adjustment import FREE, Prior, System, likely_gain
@@ -40,3 +43,15 @@ def test_a_poor_calibration_has_something_to_gain_and_a_good_one_has_not():
     gains = [likely_gain(System.at_start(survey, FREE), prior) for survey in surveys]
     assert gains[0] < 0.1 * TUNING.accept_gain
     assert gains[1] > TUNING.accept_gain
+
+
+@pytest.mark.long
+def test_landmarks_that_something_alike_was_taken_for_are_none_that_move():
+    survey = made_up_survey(spoilt(fx=10.0, k1=0.1), points=200)
+    rng = np.random.default_rng(1)
+    is_other = rng.random(len(survey.landmarks)) < 0.2
+    aside = is_other[survey.landmark] & (np.arange(len(survey)) % 5 > 0)
+    seen = replace(survey, uv=survey.uv + rng.choice([-4.0, 4.0], survey.uv.shape) * aside[:, None])
+    assert restless_share(seen, calibrated(seen, SHEET)) > TUNING.restless_most
+    told = replace(seen, is_displaced=aside)
+    assert restless_share(told, calibrated(told, SHEET)) < 0.2 * TUNING.restless_most

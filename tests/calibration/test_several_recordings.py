@@ -8,7 +8,7 @@ from made_up_walk import SHEET, made_up_survey, spoilt
 from odom.calibration.parameters import NAMES
 from odom.calibration.result import calibrated, judge, restless_share
 from odom.calibration.same_camera import apart
-from odom.calibration.survey import joined
+from odom.calibration.several_recordings import joined
 from odom.calibration.tuning import TUNING
 from odom.errors import InputError
 from odom.frame import Camera

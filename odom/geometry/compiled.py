@@ -9,6 +9,7 @@ inlines other calls, which depends on whether a loop was compiled or loaded, and
 Where a function calls no other compiled one this cannot happen: its sums may be `vectorised`.
 """
 
+import contextlib
 import fcntl
 import hashlib
 import os
@@ -93,8 +94,12 @@ class _SharedCache(FunctionCache):
             return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]  # numba gives no types
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Save what was compiled for a signature, while no other process saves anything in this folder."""
-        with (Path(self.cache_path).parent / "lock").open("w") as lock:
+        """Save what was compiled for a signature, while no other process saves anything in this folder.
+
+        The code runs all the same where that fails: the disk is full, or a newer version, installed meanwhile, has
+        deleted the folder.
+        """
+        with contextlib.suppress(OSError), (Path(self.cache_path).parent / "lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             super().save_overload(sig, data)  # type: ignore[no-untyped-call]  # numba gives no types
 

@@ -6,7 +6,7 @@ import numpy as np
 from made_up_scene import bare_keyframe
 
 from odom.backend.map.frame_log import FrameLog, LoggedFrame
-from odom.backend.odometry.final_trajectory import trajectory
+from odom.backend.odometry.final_trajectory import at_stamps
 from odom.frame import Stamp
 from odom.geometry import se3
 
@@ -71,7 +71,7 @@ def test_the_trajectory_goes_on_from_what_is_left():
     frames = FrameLog(block=8, most=16)
     for frame in given:
         frames.append(frame)
-    whole, left = trajectory(given, keyframes), trajectory(frames, keyframes)
+    whole, left = at_stamps(given, keyframes), at_stamps(frames, keyframes)
     assert [p.stamp for p in left] == [p.stamp for p in whole[frames.dropped :]]
     for a, b in zip(left, whole[frames.dropped :], strict=True):
         assert a.T_map_camera.tobytes() == b.T_map_camera.tobytes()

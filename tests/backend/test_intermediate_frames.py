@@ -11,7 +11,7 @@ from running import read_tum_frames
 
 from odom.backend import Odometry
 from odom.backend.map.frame_log import FrameLog, LoggedFrame
-from odom.backend.map.keyframe import Measured
+from odom.backend.map.keyframe import Keyframe, Measured
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.mapping.intermediate_frames import IntermediateFrames, corrected
 from odom.evaluation.mocap_calibration import calibrate
@@ -20,6 +20,7 @@ from odom.evaluation.trajectory import Trajectory
 from odom.frame import Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.geometry import se3
+from odom.geometry.arrays import Array
 
 
 def tracked(reference=0):
@@ -53,20 +54,41 @@ def test_key_frames_and_intermediate_frames_adjusted_together_are_bounded_and_th
     assert [s.number for s in chosen] == sorted(s.number for s in chosen)
 
 
+MOVED = np.array([0.01, -0.02, 0.005, 0.01, 0.02, -0.01])
+
+
+def a_walk(count: int) -> list[Array]:
+    """Poses T_camera_map of frames, one each tenth of a second; key frame n is made at n seconds."""
+    start = se3.exp(np.random.default_rng(1).standard_normal(6))
+    return [se3.exp(0.02 * number * np.array([1.0, 0.3, 0.0, 0.1, 0.0, 0.2])) @ start for number in range(count)]
+
+
+def moves(walk: list[Array], of: list[int], keyframes: list[Keyframe], adjusted: dict[int, Array]) -> Array:
+    """How far each frame of the walk, placed by its key frame `of` as that was, moves with those adjusted (n x 6)."""
+    frames = FrameLog()
+    for number, (T, k) in enumerate(zip(walk, of, strict=True)):
+        T_keyframe_camera = walk[10 * k] @ se3.inverse(T)
+        frames.append(LoggedFrame(Stamp(100_000_000 * number), 0, 0.0, k, T_keyframe_camera))
+    found = [
+        se3.inverse(frame.T_keyframe_camera) @ keyframes[frame.keyframe].T_camera_map
+        for frame in corrected(frames, keyframes, adjusted)
+    ]
+    return np.array([se3.log(T @ se3.inverse(before)) for T, before in zip(found, walk, strict=True)])
+
+
 def test_a_frame_between_two_intermediate_ones_moves_as_they_do():
-    rng = np.random.default_rng(1)
-    keyframe = bare_keyframe(0, se3.exp(rng.standard_normal(6)))
-    frames, T_camera_map = FrameLog(), []
-    for number in range(20):
-        T = se3.exp(0.02 * number * np.array([1.0, 0.3, 0.0, 0.1, 0.0, 0.2])) @ keyframe.T_camera_map
-        T_camera_map.append(T)
-        frames.append(LoggedFrame(Stamp(number), 0, 0.0, 0, keyframe.T_camera_map @ se3.inverse(T)))
-    moved = np.array([0.01, -0.02, 0.005, 0.01, 0.02, -0.01])
-    adjusted = {5: se3.exp(moved) @ T_camera_map[5], 11: se3.exp(2 * moved) @ T_camera_map[11]}
-    found = [se3.inverse(p.T_keyframe_camera) @ keyframe.T_camera_map for p in corrected(frames, [keyframe], adjusted)]
-    by = np.array([se3.log(T @ se3.inverse(before)) for T, before in zip(found, T_camera_map, strict=True)])
-    share = np.interp(np.arange(20), [-1, 5, 11], [0.0, 1.0, 2.0])
-    np.testing.assert_allclose(by, share[:, None] * moved, atol=1e-12)
+    walk = a_walk(20)
+    adjusted = {6: se3.exp(MOVED) @ walk[6], 12: se3.exp(2 * MOVED) @ walk[12]}
+    share = np.interp(np.arange(20), [0, 6, 12], [0.0, 1.0, 2.0])
+    by = moves(walk, [0] * 20, [bare_keyframe(0, se3.inverse(walk[0]))], adjusted)
+    np.testing.assert_allclose(by, share[:, None] * MOVED, atol=1e-12)
+
+
+def test_frames_move_ever_more_until_the_next_key_frame_which_stands_where_it_was_adjusted():
+    walk = a_walk(20)
+    next_one = bare_keyframe(1, se3.inverse(se3.exp(MOVED) @ walk[10]))
+    by = moves(walk, [0] * 11 + [1] * 9, [bare_keyframe(0, se3.inverse(walk[0])), next_one], {})
+    np.testing.assert_allclose(by[:11], np.linspace(0.0, 1.0, 11)[:, None] * MOVED, atol=1e-12)
 
 
 def test_frames_of_a_key_frame_without_intermediate_frames_and_lost_ones_stay():

@@ -240,6 +240,19 @@ def test_a_pose_that_the_landmarks_from_before_contradict_is_looked_at_though_no
     assert not told([*STILL, 0.0], found=10, missed=90)[look].is_doubtful
 
 
+def test_soon_after_a_doubt_landmarks_that_contradict_the_pose_time_and_again_put_it_in_doubt_again() -> None:
+    enough, calm = TUNING.denied_looks, [*STILL, 0.6, *[0.0] * CALM]
+    tracked, landmarks = tracked_by(10, 90)
+    for begin, is_doubtful_again in ((told(calm)[-1], True), (told(STILL)[-1], False)):
+        moving = begin
+        assert not moving.is_doubtful
+        for look in range(enough):
+            assert moving.stamp is not None
+            view = cast(Any, SimpleNamespace(steady_stamp=SteadyStamp(moving.stamp + 100_100_000)))
+            moving = moving.after(view, tracked, cast(Any, Shown(0.0, 0.0)), landmarks, cast(Any, None))
+            assert moving.is_doubtful == (is_doubtful_again and look == enough - 1)
+
+
 def test_after_a_body_was_followed_the_view_is_in_doubt_and_landmarks_count_anew() -> None:
     followed = told([*STILL, 0.0], found=10, missed=90, scene_moves=[len(STILL)])[-1]
     lost = followed.after_loss(77)

@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import shutil
 import subprocess
 import sys
 import threading
@@ -79,6 +80,17 @@ def test_what_is_compiled_waits_while_another_process_saves_there(tmp_path, monk
         assert not list(folder.rglob("*.nbi"))
     waiting.join(30.0)
     assert len(list(folder.rglob("*.nbc"))) == 1
+
+
+def test_a_loop_runs_also_where_a_newer_version_has_deleted_the_folder_meanwhile(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+
+    @compiled.compiled
+    def treble(a):
+        return 3 * a
+
+    shutil.rmtree(compiled._cache_folder(*__name__.split(".")[1:2]))
+    assert treble(2.0) == 6.0
 
 
 def test_nothing_counts_as_compiled_before_until_every_package_has_something(tmp_path, monkeypatch):

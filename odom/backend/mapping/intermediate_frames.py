@@ -90,20 +90,26 @@ class IntermediateFrames:
 def corrected(frames: FrameLog, keyframes: list[Keyframe], adjusted: Mapping[int, Array]) -> Iterator[LoggedFrame]:
     """Yield `frames` moved with those that were adjusted, whose T_camera_map `adjusted` holds by their numbers.
 
-    Between adjusted frames the correction against the same key frame is interpolated; it is none at that key frame.
+    The frames that became `keyframes` were adjusted, too. Between adjusted frames the correction against the same key
+    frame is interpolated; it is none at that key frame.
     """
+    became = {keyframe.stamp: keyframe for keyframe in keyframes}
     knots: dict[int, list[tuple[int, Array]]] = {}
     for number, frame in enumerate(frames, frames.dropped):
+        own = became.get(frame.stamp)
+        if own is not None:
+            knots.setdefault(own.number, []).append((number, np.zeros(6)))
         if frame.keyframe is None or frame.T_keyframe_camera is None:
             continue
-        mine = knots.setdefault(frame.keyframe, [(number - 1, np.zeros(6))])
-        if number in adjusted:
-            T_map_camera = se3.inverse(keyframes[frame.keyframe].T_camera_map) @ frame.T_keyframe_camera
-            mine.append((number, -se3.log(adjusted[number] @ T_map_camera)))
+        reference, T_camera_map = keyframes[frame.keyframe], adjusted.get(number)
+        if own is not None and own.segment == reference.segment:
+            T_camera_map = own.T_camera_map
+        if T_camera_map is not None:
+            T_map_camera = se3.inverse(reference.T_camera_map) @ frame.T_keyframe_camera
+            knots.setdefault(reference.number, []).append((number, -se3.log(T_camera_map @ T_map_camera)))
     lines = {
         keyframe: (np.array([at for at, _ in mine]), np.array([moved for _, moved in mine]).T)
         for keyframe, mine in knots.items()
-        if len(mine) > 1
     }
     for number, frame in enumerate(frames, frames.dropped):
         if frame.keyframe not in lines or frame.T_keyframe_camera is None:

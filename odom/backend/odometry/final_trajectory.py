@@ -1,4 +1,4 @@
-"""The final trajectory: every frame's pose at its stamp, moved with the map as it was adjusted."""
+"""The final trajectory: every frame's pose at its stamp, moved with the map as it was adjusted, and smoothed."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -7,6 +7,7 @@ from itertools import chain, pairwise
 from odom.backend.estimate import TrajectoryPose
 from odom.backend.map.frame_log import LoggedFrame
 from odom.backend.map.keyframe import Keyframe
+from odom.backend.odometry.smoothing import smoothed
 from odom.backend.odometry.tuning import TUNING
 from odom.geometry import se3
 from odom.geometry.arrays import Array
@@ -29,6 +30,11 @@ class _Middle:
 
 
 def trajectory(frames: Iterable[LoggedFrame], keyframes: list[Keyframe]) -> tuple[TrajectoryPose, ...]:
+    """Return every frame's pose at its stamp, with smoothed positions."""
+    return smoothed(at_stamps(frames, keyframes))
+
+
+def at_stamps(frames: Iterable[LoggedFrame], keyframes: list[Keyframe]) -> tuple[TrajectoryPose, ...]:
     """Return every frame's pose at its stamp: carried from the middle row's time along the motion to the next frame."""
     middles = chain([None], (_Middle.of(frame, keyframes) for frame in frames), [None])
     around = pairwise(pairwise(middles))

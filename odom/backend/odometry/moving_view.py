@@ -37,7 +37,9 @@ class MovingView:
     camera's velocity by what else moved of late, the newest looks counting most: bodies turn, and not each look tells
     them from the scene. None without doubt, or before anything told. In a crowd that never thins nothing is ever
     `proven`: but where so many looks as `confirmed` showed that the camera follows the scene, and none since that it
-    does not, the landmarks made before `known` tell as well that it was not taken along.
+    does not, the landmarks made before `known` tell as well that it was not taken along. `doubted` is when the pose was
+    last in doubt; soon after, landmarks that tell put it in doubt again where they contradict it in several looks in a
+    row, of which there were `denied`: it may follow a body that has just come into view, and moves with the camera.
     """
 
     stamp: SteadyStamp | None = None
@@ -59,6 +61,8 @@ class MovingView:
     fresh: int = 0
     confirmed: int = 0
     known: int = 0
+    doubted: SteadyStamp | None = None
+    denied: int = 0
 
     def after(
         self, view: View, tracked: Tracked, recent: RecentViews, landmarks: Landmarks, sensor: SensorModel
@@ -73,7 +77,8 @@ class MovingView:
         is_unproven = looked.proven == 0 or looked.is_suspicious or is_contradicted(tracked, landmarks, looked.proven)
         looked = looked._with_others(recent.what_else_moves(view, tracked, sensor) if is_unproven else None)
         is_known = looked.confirmed > self.confirmed and looked.confirmed >= TUNING.confirmed_looks
-        return replace(looked, known=landmarks.next_identity) if is_known else looked
+        looked = replace(looked, known=landmarks.next_identity) if is_known else looked
+        return replace(looked, doubted=stamp) if looked.is_doubtful else looked
 
     def _with_others(self, others: WhatElseMoves | None) -> "MovingView":
         """Return what is known where the newest look showed what else moves, None: it could not tell."""
@@ -112,12 +117,18 @@ class MovingView:
         is_astray = self.is_astray and since_s < TUNING.moved_parts_s and not is_backed
         seen = replace(self, stamp=stamp, cells=cells, begun=begun, strayed=strayed)
         seen = replace(seen, is_young=is_young, is_astray=is_astray)
-        if cells.share > TUNING.moving_most:
+        denied = self.denied + 1 if is_contradicted(tracked, landmarks, self.trusted) else 0
+        seen = replace(seen, denied=denied)
+        if cells.share > TUNING.moving_most or (denied >= TUNING.denied_looks and self._was_doubtful(stamp)):
             return replace(seen, is_crowded=not is_backed, calm=None)
         calm = stamp if self.calm is None else self.calm
         is_calm = (stamp - calm) * 1e-9 >= TUNING.moving_calm_s
         seen = replace(seen, is_crowded=self.is_crowded and not (is_calm or is_backed), calm=calm)
         return replace(seen, proven=landmarks.next_identity) if is_calm and not seen.is_suspicious else seen
+
+    def _was_doubtful(self, stamp: SteadyStamp) -> bool:
+        """Return whether the pose was in doubt of late."""
+        return self.doubted is not None and (stamp - self.doubted) * 1e-9 < TUNING.moved_parts_s
 
     def after_loss(self, next_identity: int = 0) -> "MovingView":
         """Return what is known where a segment begins or the camera is found again: it is counted anew from there.

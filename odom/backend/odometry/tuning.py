@@ -67,6 +67,9 @@ class Tuning:
     confirmed_looks: int = tuned(5, unit="looks", source=_BODIES,
         effect="that must show that the camera follows the scene, none of them since that it does not, for its "
         "landmarks to tell, too; fewer: a body is followed and called sure; more: UNCERTAIN for longer")
+    denied_looks: int = tuned(2, unit="looks", source=_BODIES,
+        effect="in a row in which landmarks that tell contradict the pose, for it to be in doubt again soon after a "
+        "doubt; fewer: UNCERTAIN in quick turns; more: a body that has just come is followed and called sure")
     spread_newest: float = tuned(0.3, unit="1", source=_BODIES,
         effect="weight of the newest look in how unsure the velocity is; smaller: bodies that stop are doubted for "
         "longer; larger: a single look in which the body is not told from the scene makes the step too sure")

@@ -1,0 +1,79 @@
+"""Positions smoothed by how a camera moves: their errors differ from frame to frame, its velocity hardly does.
+
+The prior is motion whose acceleration is white noise (Barfoot, State Estimation for Robotics, 2017, 3.4), so that the
+likeliest path is a cubic smoothing spline (Reinsch, Smoothing by spline functions, 1967). How much of what is seen is
+the frames' noise and how much the camera's acceleration is what makes all positions likeliest: where frames are few or
+precise, nothing moves. Orientation is not smoothed: by the same measure it has no noise from frame to frame.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import cho_solve_banded, cholesky_banded
+
+from odom.backend.estimate import TrajectoryPose
+from odom.geometry.arrays import Array
+
+_LEAST = 30
+"""Frames: fewer say too little of how the camera moves."""
+_LOG_RATIOS = np.linspace(np.log(1e-6), np.log(1e6), 41)
+"""Of the acceleration's variance to the noise's, by factors of two: from means over some 30 frames to none at all."""
+_NEAREST = 1e-3
+"""Of the usual step: frames closer in time than this count as so far apart, or the equations lose their digits."""
+
+
+def smoothed(poses: tuple[TrajectoryPose, ...]) -> tuple[TrajectoryPose, ...]:
+    """Return the poses, in order of their stamps, with the positions of each segment smoothed; LOST ones stay LOST."""
+    out = list(poses)
+    for segment in {pose.segment for pose in poses}:
+        mine = [(i, p.stamp, p.T_map_camera) for i, p in enumerate(poses) if p.segment == segment]
+        tracked = [(i, stamp, T) for i, stamp, T in mine if T is not None]
+        if len(tracked) < _LEAST:
+            continue
+        seconds = (np.array([stamp for _, stamp, _ in tracked]) - tracked[0][1]) * 1e-9
+        positions = smoothed_positions(seconds, np.array([T[:3, 3] for _, _, T in tracked]))
+        for (i, _, T), position in zip(tracked, positions, strict=True):
+            moved = T.copy()
+            moved[:3, 3] = position
+            out[i] = replace(out[i], T_map_camera=moved)
+    return tuple(out)
+
+
+def smoothed_positions(seconds: Array, positions: Array) -> Array:
+    """Return the likeliest `positions` (N x D, m) at ascending times (N), each measured with the same unknown noise.
+
+    With y the positions, D y are their second divided differences, whose covariance is r D D' + q G: r the variance of
+    a position, q that of the acceleration, G the inner products of hat functions. r and q make D y likeliest; the
+    smoothed positions are y - r D' (r D D' + q G)^-1 D y.
+    """
+    steps = np.diff(seconds)
+    usual = np.median(steps)
+    h = np.maximum(steps / usual, _NEAREST)
+    changes = np.diff(np.diff(positions, axis=0) / h[:, None], axis=0)
+    if not changes.any():
+        return positions
+    before, after = 1.0 / h[:-1], 1.0 / h[1:]
+    here = -(before + after)
+    noise, acceleration = np.zeros((2, 3, len(changes)))
+    noise[0] = before**2 + here**2 + after**2
+    noise[1, :-1] = here[:-1] * before[1:] + after[:-1] * here[1:]
+    noise[2, :-2] = after[:-2] * before[2:]
+    acceleration[0] = (h[:-1] + h[1:]) / 3.0
+    acceleration[1, :-1] = h[1:-1] / 6.0
+
+    def factor_of(log_ratio: float) -> Array:
+        return np.asarray(cholesky_banded(noise + np.exp(log_ratio) * acceleration, lower=True))
+
+    def solved(factor: Array) -> Array:
+        return np.asarray(cho_solve_banded((factor, True), changes))
+
+    def unlikelihood(log_ratio: float) -> float:
+        factor = factor_of(log_ratio)
+        squares = float(np.vdot(changes, solved(factor)))
+        return float(changes.size * np.log(squares) + 2.0 * positions.shape[1] * np.log(factor[0]).sum())
+
+    pulls, out = solved(factor_of(min(_LOG_RATIOS, key=unlikelihood))), positions.copy()
+    out[:-2] -= before[:, None] * pulls
+    out[1:-1] -= here[:, None] * pulls
+    out[2:] -= after[:, None] * pulls
+    return out

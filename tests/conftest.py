@@ -1,8 +1,9 @@
 """Fixtures that every test may use, the marks of the tests, and what a fast test is refused."""
 
+import gc
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -45,6 +46,17 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     is_whole = config.args_source is config.ArgsSource.TESTPATHS and not config.option.collectonly
     if is_whole and not hasattr(config, "workerinput") and not compiled_before():
         compiling.compile_all(compiling.PRODUCT, compiling.ARENA)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Collect without looking for garbage: modules stay, and to look at all of them again and again takes a second."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

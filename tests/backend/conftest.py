@@ -46,9 +46,19 @@ def room_frames() -> list[RgbdFrame]:
 
 
 @pytest.fixture(scope="session")
+def room_ran(room_frames) -> Ran:
+    return run(SMALL, room_frames)
+
+
+@pytest.fixture(scope="session")
 def desk(shared_data: Path) -> tuple[Camera, list[RgbdFrame], Trajectory]:
     """The first five seconds of a real Kinect at a desk."""
     return read_tum_frames(shared_data / "tum_fr1_xyz", 150)
+
+
+@pytest.fixture(scope="session")
+def desk_ran(desk) -> Ran:
+    return run(desk[0], desk[1])
 
 
 @pytest.fixture(scope="session")

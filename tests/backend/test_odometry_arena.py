@@ -64,11 +64,18 @@ KNOWN_TIMING = OdometrySettings(
 )
 
 
-@pytest.mark.parametrize(("settings", "least"), [(KNOWN_TIMING, 0.5), (None, 0.0)], ids=["known timing", "unknown"])
+@pytest.fixture(scope="module")
+def arena_ran_knowing_the_timing(arena):
+    return run(arena[0], [f.rgbd() for f in arena[1]], KNOWN_TIMING)
+
+
+@pytest.mark.parametrize(
+    ("walk", "least"), [("arena_ran_knowing_the_timing", 0.5), ("arena_ran", 0.0)], ids=["known timing", "unknown"]
+)
 def test_motions_have_honest_covariances_and_careful_ones_while_the_timing_is_unknown(
-    arena, arena_truth, settings, least
+    request, arena_truth, walk, least
 ):
-    ran = run(arena[0], [f.rgbd() for f in arena[1]], settings)
+    ran = request.getfixturevalue(walk)
     at = {int(s): T for s, T in zip(arena_truth.stamps, arena_truth.T_world_body, strict=True)}
     for name in ("step", "second", "pairwise"):
         relatives = [(e.stamp, getattr(e, name)) for e in ran.estimates if getattr(e, name) is not None]

@@ -30,13 +30,12 @@ def made_of(rng, kind, number):
     return RgbdFrame(number, stamp, color, stamp, depth)
 
 
-def test_a_perfect_small_stream_is_tracked_to_a_few_millimetres(room_frames):
-    ran = run(SMALL, room_frames)
-    check_sanity(ran)
-    assert set(ran.states) == {State.TRACKING}
+def test_a_perfect_small_stream_is_tracked_to_a_few_millimetres(room_frames, room_ran):
+    check_sanity(room_ran)
+    assert set(room_ran.states) == {State.TRACKING}
     truth = Trajectory(np.array([f.stamp for f in room_frames]), np.array([stroll(k / 30.0) for k in range(60)]))
-    assert ran.judged(truth).ate_m < 0.004
-    assert numbers(run(SMALL, room_frames)) == numbers(ran)
+    assert room_ran.judged(truth).ate_m < 0.004
+    assert numbers(run(SMALL, room_frames)) == numbers(room_ran)
 
 
 @pytest.mark.parametrize("apart_ns", [1, 10, 1_000, 100_000])

@@ -17,21 +17,25 @@ SIGMAS = 5.5
 EVERY = np.ones(len(AT), dtype=bool)
 
 
-def waves(seed, uv):
-    """A smooth picture: waves of 10 to 60 px in all directions, 40 grey levels rms about 0."""
+def waves(seed, A=IDENTITY[0, :2], shift=(0.0, 0.0)):
+    """A smooth picture: waves of 10 to 60 px in all directions, 40 grey levels rms about 0.
+
+    At x it shows what is at A (x - centre - shift) + centre. A plane wave is a product of one along u and one along v.
+    """
     rng = np.random.default_rng(seed)
     direction, length = rng.uniform(0, 2 * np.pi, 20), np.geomspace(10.0, 60.0, 20)
-    k = 2 * np.pi / length * np.stack([np.cos(direction), np.sin(direction)])
-    return 40.0 * np.sqrt(0.1) * np.cos(uv @ k + rng.uniform(0, 2 * np.pi, 20)).sum(axis=-1)
-
-
-def picture(seed, A=None, shift=(0.0, 0.0), gain=0.8, offset=127.0, noise=0.0):
-    v, u = np.mgrid[0 : SHAPE[0], 0 : SHAPE[1]].astype(np.float64)
-    uv = np.stack([u, v], axis=-1)
+    k = 2 * np.pi / length[:, None] * np.column_stack([np.cos(direction), np.sin(direction)])
     centre = np.array([80.0, 60.0])
-    uv = (uv - centre - shift) @ (np.eye(2) if A is None else A).T + centre
+    phase = rng.uniform(0, 2 * np.pi, 20) + k @ (centre - A @ (centre + shift))
+    along_u, along_v = (
+        np.exp(1j * np.outer(np.arange(size), way)) for size, way in zip(SHAPE[::-1], (k @ A).T, strict=True)
+    )
+    return 40.0 * np.sqrt(0.1) * ((along_v * np.exp(1j * phase)) @ along_u.T).real
+
+
+def picture(seed, A=IDENTITY[0, :2], shift=(0.0, 0.0), gain=0.8, offset=127.0, noise=0.0):
     grey = (
-        gain * waves(seed, uv)
+        gain * waves(seed, A, shift)
         + offset
         + noise * np.random.default_rng([seed + 1, round(1e6 * offset)]).normal(size=SHAPE)
     )
@@ -48,7 +52,15 @@ def test_a_shifted_patch_is_found_to_a_fiftieth_of_a_pixel_whatever_gain_and_off
     patches = cut_patches(picture(seed, noise=DITHER), AT)
     uv = AT.copy()
     score, covariance = align_patches(
-        picture(seed, None, shift, gain, offset, DITHER), patches, ALL, IDENTITY, uv, EVERY, 12, 4.0, PATCH_LIMITS
+        picture(seed, shift=shift, gain=gain, offset=offset, noise=DITHER),
+        patches,
+        ALL,
+        IDENTITY,
+        uv,
+        EVERY,
+        12,
+        4.0,
+        PATCH_LIMITS,
     )
     assert (score > 0.98).all()
     rounding = ROUNDING * np.sqrt(covariance[:, [0, 2]])
@@ -73,8 +85,7 @@ def test_a_turned_and_scaled_patch_is_found_through_its_affinity(seed, scale, tu
 
 def test_the_claimed_covariance_is_that_of_repeated_measurements():
     reference, errors, claimed = cut_patches(picture(4), AT), [], []
-    v, u = np.mgrid[0 : SHAPE[0], 0 : SHAPE[1]].astype(np.float64)
-    clean = 0.8 * waves(4, np.stack([u, v], axis=-1)) + 127.0
+    clean = 0.8 * waves(4) + 127.0
     for k in range(300):
         grey = clean + 4.0 * np.random.default_rng(k).normal(size=SHAPE)
         uv = AT.copy()

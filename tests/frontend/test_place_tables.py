@@ -80,7 +80,7 @@ def test_an_entry_is_copied_a_few_times_however_many_places_there_are(monkeypatc
         return merged(a, b)
 
     rng, index = np.random.default_rng(2), PlaceIndex()
-    looks = rng.integers(0, 256, (2000, 10, 32), dtype=np.uint8)
+    looks = rng.integers(0, 256, (1000, 10, 32), dtype=np.uint8)
     monkeypatch.setattr(place_block, "merged", counted)
     for number, look in enumerate(looks):
         index.adopt(index.grown({number: place_of(look)}))

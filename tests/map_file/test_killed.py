@@ -16,6 +16,8 @@ from odom.map_file.map_file import MapFile
 
 pytestmark = pytest.mark.process
 
+PRELOADED = ["pytest", "odom.backend", "odom.map_file.map_file"]
+"""What this module and the made-up map import: loaded once for all that are killed."""
 PERIOD_S = 0.01
 """Between two key frames: fifty times as many as a camera makes."""
 SESSION = 40
@@ -53,7 +55,7 @@ class Told:
 def killed(path: Path, number: int, after_s: float) -> Told:
     """Write to a map in a process that is killed `after_s` it opens the map; return what it had told."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["odom.map_file.map_file"])
+    context.set_forkserver_preload(PRELOADED)
     ours, theirs = context.Pipe(duplex=False)
     process = context.Process(target=write_until_killed, args=(path, number, theirs), daemon=True)
     process.start()

@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import replace
@@ -73,31 +73,42 @@ def some(source: Source, count: int = 40) -> list[Message]:
         return list(islice(source.messages(), count))
 
 
-def opened(port: int, messages: Sequence[Message], source: str = "ros2:/camera", **extra: str) -> list[Message]:
+def opened(port: int, messages: Sequence[Message], **extra: str) -> list[Message]:
     with driver(port, messages):
-        return some(open_source(source, options(port, **extra)))
+        return some(open_source("ros2:/camera", options(port, **extra)))
 
 
 def of(messages: list[Message], *topics: str) -> Message:
     return next(message for message in messages if message.topic in topics)
 
 
-def refusal(port: int, messages: Sequence[Message], source: str = "ros2:/camera", **extra: str) -> str:
-    with driver(port, messages), pytest.raises(ConfigError) as refused:
-        open_source(source, options(port, **({"start_s": "2.5"} | extra)))
-    return str(refused.value)
+def refusal(port: int, messages: Sequence[Message]) -> str:
+    with driver(port, messages), pytest.raises(ConfigError) as error:
+        open_source("ros2:/camera", options(port, start_s="2.5"))
+    return str(error.value)
 
 
-def refusals(*cases: Sequence[Message]) -> list[str]:
-    """Why each of several drivers is refused; at the same time, each by a router of its own: all take `start_s`."""
+Look = Callable[[int], Any]
 
-    def alone(messages: Sequence[Message]) -> str:
+
+def at_once(*looks: Look) -> list[Any]:
+    """What several looks at a driver give, each by a router of its own: they mostly wait, so they wait together."""
+
+    def alone(look: Look) -> Any:
         port = free_port()
         with router(port):
-            return refusal(port, messages)
+            return look(port)
 
-    with ThreadPoolExecutor(len(cases)) as pool:
-        return list(pool.map(alone, cases))
+    with ThreadPoolExecutor(len(looks)) as pool:
+        return list(pool.map(alone, looks))
+
+
+def refused(*messages: Message) -> Look:
+    return lambda port: refusal(port, messages)
+
+
+def read(*messages: Message, **extra: str) -> Look:
+    return lambda port: opened(port, messages, **extra)
 
 
 def test_a_foreign_publisher_feeds_the_source(port: int) -> None:
@@ -119,32 +130,34 @@ GREY = cv2.cvtColor(SMOOTH, cv2.COLOR_RGB2GRAY)
 YUYV = cv2.cvtColor(SMOOTH, cv2.COLOR_RGB2YUV_YUY2)
 
 
-@pytest.mark.parametrize(
-    ("encoding", "pixels", "tolerance"),
-    [
-        ("bgr8", SMOOTH[..., ::-1], 0),
-        ("bgra8", RGBA[..., [2, 1, 0, 3]], 0),
-        ("mono8", GREY, 0),
-        ("yuyv", YUYV, 40),
-        ("yuv422_yuy2", YUYV, 40),
-    ],
-)
-def test_colour_of_any_encoding_is_read(port: int, encoding: str, pixels: np.ndarray, tolerance: int) -> None:
-    messages = opened(port, [INFO, image(COLOR.topic, encoding, pixels), ALIGNED])
-    read = decode_color(of(messages, KEYS.color)).astype(int)
-    assert np.abs(read - (GREY if encoding == "mono8" else SMOOTH)).max() <= tolerance
+ENCODED = {
+    "bgr8": (SMOOTH[..., ::-1], 0),
+    "bgra8": (RGBA[..., [2, 1, 0, 3]], 0),
+    "mono8": (GREY, 0),
+    "yuyv": (YUYV, 40),
+    "yuv422_yuy2": (YUYV, 40),
+}
+"""Pixels in each encoding, and by how much what is read of them may be off."""
 
 
-def test_what_is_offered_compressed_only_is_read_so_and_raw_is_taken_of_both(port: int) -> None:
+def test_colour_of_any_encoding_is_read() -> None:
+    looks = [read(INFO, image(COLOR.topic, encoding, pixels), ALIGNED) for encoding, (pixels, _) in ENCODED.items()]
+    for (encoding, (_, tolerance)), messages in zip(ENCODED.items(), at_once(*looks), strict=True):
+        found = decode_color(of(messages, KEYS.color)).astype(int)
+        assert np.abs(found - (GREY if encoding == "mono8" else SMOOTH)).max() <= tolerance, encoding
+
+
+def test_what_is_offered_compressed_only_is_read_so_and_raw_is_taken_of_both() -> None:
     jpeg = encode_color_jpeg("camera/color/image_raw/compressed", AT, SMOOTH, OPTICAL)
     png = encode_depth_compressed("camera/depth/image_raw/compressedDepth", AT, DEPTH, OPTICAL, "png")
     strange = replace(jpeg, topic="camera/color/image_raw/compressedDepth")
-    messages = opened(port, [INFO, jpeg, png, strange])
+    both = [INFO, COLOR, jpeg, ALIGNED]
+    messages, raw, compressed = at_once(
+        read(INFO, jpeg, png, strange), read(*both), read(*both, transport="compressed")
+    )
     assert of(messages, KEYS.color_compressed).payload[12:] == jpeg.payload[12:]
     assert (decode_depth(of(messages, KEYS.depth_compressed)) == DEPTH).all()
-    both = [INFO, COLOR, jpeg, ALIGNED]
-    assert of(opened(port, both), KEYS.color, KEYS.color_compressed).topic == KEYS.color
-    compressed = opened(port, both, transport="compressed")
+    assert of(raw, KEYS.color, KEYS.color_compressed).topic == KEYS.color
     assert of(compressed, KEYS.color, KEYS.color_compressed).topic == KEYS.color_compressed
 
 
@@ -156,7 +169,7 @@ def test_aligned_depth_is_taken_before_the_sensors_own_and_other_cameras_are_lef
     assert (decode_depth(of(messages, KEYS.depth)) == 1500).all()
 
 
-def test_depth_of_its_own_camera_is_registered_by_tf_static(port: int) -> None:
+def test_depth_of_its_own_camera_is_registered_by_tf_static() -> None:
     small = Camera(32, 24, 25.0, 25.0, 15.5, 11.5)
     T = np.eye(4)
     T[0, 3] = 0.15  # 5 px of 50 px focal length at 1.5 m
@@ -166,14 +179,16 @@ def test_depth_of_its_own_camera_is_registered_by_tf_static(port: int) -> None:
     depth_info = encode_camera_info("camera/depth/camera_info", AT, small, "camera_depth_optical_frame")
     middle = ("camera_link", OPTICAL, np.eye(4)), ("camera_link", "camera_depth_optical_frame", T)
     tf = encode_tf(AT, middle, topic="tf_static")
-    messages = opened(port, [INFO, COLOR, depth, depth_info, tf])
+    messages, untold, unsized = at_once(
+        read(INFO, COLOR, depth, depth_info, tf),
+        refused(INFO, COLOR, depth, depth_info),
+        refused(INFO, COLOR, depth, tf),
+    )
     registered = decode_depth(of(messages, KEYS.depth))
     assert registered.shape == (48, 64)
     first = np.flatnonzero(registered[24])[0]
     assert 36 <= first <= 38
     assert (registered[24, 40:60] == 1500).all()
-
-    untold, unsized = refusals([INFO, COLOR, depth, depth_info], [INFO, COLOR, depth, tf])
     assert "/tf_static does not say" in untold
     assert "no camera_info of its size" in unsized
 
@@ -246,7 +261,9 @@ def test_topics_may_be_named_wherever_they_are(port: int) -> None:
 
 def test_what_does_not_come_is_told_in_plain_words() -> None:
     elsewhere = replace(COLOR, topic="rear/image")
-    nobody, other, no_info, no_depth = refusals([], [elsewhere], [COLOR, ALIGNED], [INFO, COLOR])
+    nobody, other, no_info, no_depth = at_once(
+        refused(), refused(elsewhere), refused(COLOR, ALIGNED), refused(INFO, COLOR)
+    )
     assert f"no ROS 2 publisher is seen in domain {DOMAIN}" in nobody
     assert f"no images below /camera in domain {DOMAIN}; published are: /rear/image" in other
     assert no_info.startswith("no camera_info for 2.5 s: none is published below /camera: give --camera camera.yaml")

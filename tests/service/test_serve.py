@@ -143,7 +143,7 @@ def test_malformed_messages_are_counted_and_tracking_goes_on(served: Served, eve
     assert len(warned) <= 16, "one line a kind"
 
 
-def test_truth_of_bodies_with_impossible_names_is_counted_and_ends_nothing(
+def test_truth_of_bodies_with_impossible_names_or_too_many_is_counted_and_ends_nothing(
     served: Served, eventually: Eventually
 ) -> None:
     names = ["Küche", "a" * 250, "the rig", "..", "camera"]
@@ -156,12 +156,11 @@ def test_truth_of_bodies_with_impossible_names_is_counted_and_ends_nothing(
     assert (served.out / "truth.txt").read_text().splitlines()[0] == "# body camera"
     assert not list(served.out.glob("truth_*"))
 
-
-def test_a_flood_of_bodies_makes_a_few_files_only(served: Served, eventually: Eventually) -> None:
+    before = served.count("dropped")
     for i in range(100):
         served.publisher.put(codec.encode_pose(f"truth/body{i}/pose", START, np.eye(4), "world"))
         time.sleep(0.005)
-    eventually(lambda: served.count("dropped") == 100 - 16, 60, f"{served.status}")
+    eventually(lambda: served.count("dropped") == before + 100 - 15, 60, f"a flood of bodies counted {served.status}")
     assert len(list(served.out.glob("truth*.txt"))) == 16
 
 
@@ -187,7 +186,7 @@ def test_a_full_disk_holds_no_pose_back(served: Served, eventually: Eventually) 
     poses = served.session.subscriber((TOPICS.odom,), depth=64)
     stream(served, range(10, 25))
     eventually(lambda: served.count("unwritten") >= 12, 60, f"what was not written is counted {served.status}")
-    assert poses.waiting >= 14
+    eventually(lambda: poses.waiting >= 14, 60, "poses are published all the same")
     assert sum("cannot be written" in line for line in served.words) == 1
     odometry.rlimit(psutil.RLIMIT_FSIZE, before)
     stream(served, range(25, 35))
@@ -195,7 +194,7 @@ def test_a_full_disk_holds_no_pose_back(served: Served, eventually: Eventually) 
     assert {len(line.split()) for line in (served.out / "odometry.txt").read_text().splitlines()} == {8}
 
 
-def test_a_calibration_that_the_odometry_cannot_use_gives_way_to_one_that_it_can(
+def test_a_calibration_that_cannot_be_used_gives_way_to_one_that_can_and_that_one_to_no_other(
     served: Served, eventually: Eventually
 ) -> None:
     prism = replace(CAMERA, distortion=(0.0,) * 8 + (0.01,) * 4)
@@ -209,6 +208,13 @@ def test_a_calibration_that_the_odometry_cannot_use_gives_way_to_one_that_it_can
     eventually(lambda: served.poses() >= 18, 60, f"poses {served.status}")
     assert sum("first 8 coefficients" in line for line in served.words) == 1
 
+    eventually(lambda: served.count("frames") >= 20, 60, f"frames counted {served.status}")
+    before, poses = served.count("dropped"), served.poses()
+    calibrate(served, replace(CAMERA, fx=500.0))
+    stream(served, range(25, 35))
+    eventually(lambda: served.poses() >= poses + 9, 60, f"poses after another calibration {served.status}")
+    eventually(lambda: served.count("dropped") == before + 1, 60, f"the other calibration counted {served.status}")
+
 
 def test_a_calibration_of_another_image_is_not_held_on_to(served: Served, eventually: Eventually) -> None:
     calibrate(served, Camera(4096, 4096, 3000.0, 3000.0, 2047.5, 2047.5))
@@ -219,20 +225,24 @@ def test_a_calibration_of_another_image_is_not_held_on_to(served: Served, eventu
     eventually(lambda: served.poses() >= 20, 60, f"poses {served.status}")
 
 
-def test_a_calibration_that_changes_during_a_walk_is_refused(served: Served, eventually: Eventually) -> None:
-    stream(served, range(10))
-    calibrate(served, replace(CAMERA, fx=500.0))
-    stream(served, range(10, 20))
-    eventually(lambda: served.poses() >= 19, 60, f"poses {served.status}")
-    eventually(lambda: served.count("dropped") == 1, 60, f"the other calibration counted {served.status}")
-
-
-def test_a_stream_that_stops_and_returns_is_followed_again(served: Served, eventually: Eventually) -> None:
+def test_a_stream_that_stops_is_followed_again_and_two_that_do_one_job_are_told(
+    served: Served, eventually: Eventually
+) -> None:
+    """Poses, or images, of two that do one job would alternate: log and status say so after a while."""
     stream(served, range(15))
+    assert "conflict" not in served.status
+    for role, name in (("odometry", "desk-77"), ("sensor", "rig-1"), ("sensor", "spare-2")):
+        served.session.announce(f"{TOPICS.alive_of(role)}/{name}")
     eventually(lambda: served.status.get("state") == "WAITING", 5, "the silence is told")
     assert "no frame for" in served.status["reason"]
     stream(served, range(15, 30), 2_000_000_000)
     eventually(lambda: served.count("frames") >= 27, 60, "frames after the silence")
+
+    eventually(lambda: served.status.get("conflict", "").count("--namespace") == 2, 20, "both conflicts in the status")
+    told = [line for line in served.words if "alternate" in line]
+    assert len(told) == 2
+    assert any(all(word in line for word in ("2 odometry processes", "desk-77", "poses")) for line in told)
+    assert any(all(word in line for word in ("2 sensors", "rig-1", "spare-2", "images")) for line in told)
 
 
 def history(served: Served) -> dict[str, tuple[codec.StampedPose, ...]]:
@@ -245,7 +255,9 @@ def history(served: Served) -> dict[str, tuple[codec.StampedPose, ...]]:
     return {message.topic: codec.decode_path(message) for message in messages}
 
 
-def test_those_who_join_late_are_told_the_way_so_far(served: Served, eventually: Eventually) -> None:
+def test_those_who_join_late_are_told_the_way_so_far_or_the_new_one_after_the_time_went_back(
+    served: Served, eventually: Eventually
+) -> None:
     served.publisher.put(codec.encode_pose("truth/body/pose", START, np.eye(4), "world"))
     stream(served, range(15))
     eventually(lambda: served.poses() >= 13, 60, "poses")
@@ -253,10 +265,7 @@ def test_those_who_join_late_are_told_the_way_so_far(served: Served, eventually:
     assert told.keys() >= {"cam0/history/odom", "truth/body/history"}
     assert len(told["cam0/history/odom"]) >= 13
 
-
-def test_those_who_join_after_the_time_went_back_are_told_the_new_way(served: Served, eventually: Eventually) -> None:
     minute = 60 * 1_000_000_000
-    stream(served, range(15))
     stream(served, range(15, 35), -minute)
     eventually(lambda: served.count("frames") >= 25, 60, f"frames of both {served.status}")
     way = history(served)["cam0/history/odom"]
@@ -291,14 +300,3 @@ def test_each_key_frame_has_a_cloud_of_its_own_colours_for_those_who_join_late(
         v = np.rint(points[:, 1] / points[:, 2] * CAMERA.fy + CAMERA.cy).astype(int)
         small = cv2.resize(color, (160, 120), interpolation=cv2.INTER_AREA)
         assert np.abs(colors.astype(int) - small[v // 4, u // 4]).mean() < 8
-
-
-def test_two_that_do_one_job_are_told_in_log_and_status(served: Served, eventually: Eventually) -> None:
-    """Their poses, or images, would alternate."""
-    for role, name in (("odometry", "desk-77"), ("sensor", "rig-1"), ("sensor", "spare-2")):
-        served.session.announce(f"{TOPICS.alive_of(role)}/{name}")
-    eventually(lambda: served.status.get("conflict", "").count("--namespace") == 2, 20, "both conflicts in the status")
-    told = [line for line in served.words if "alternate" in line]
-    assert len(told) == 2
-    assert any(all(word in line for word in ("2 odometry processes", "desk-77", "poses")) for line in told)
-    assert any(all(word in line for word in ("2 sensors", "rig-1", "spare-2", "images")) for line in told)

@@ -28,6 +28,8 @@ from odom.wire.session import open_session
 from odom.wire.settings import ANY_LOCAL_PORT
 
 Start = Callable[..., Running]
+SHOWN_BYTES = 2_000_000
+"""Of a recording with some 20 frames of the made-up device, each of 100 kB with its images."""
 
 
 def _loaded(rrd: Path) -> dict[str, list[pa.RecordBatch]]:
@@ -194,12 +196,16 @@ def test_viewers_that_start_at_the_same_moment_each_get_a_port_of_their_own(star
 
 
 def test_ctrl_c_ends_cleanly(start: Start, tmp_path: Path) -> None:
-    device = start("device", 600, 30)
-    view = start("view", "--headless", "--rrd", tmp_path / "cut.rrd")
-    device.wait_for("frame 30", 120)
+    file = tmp_path / "cut.rrd"
+    start("device", 600, 30)
+    view = start("view", "--headless", "--rrd", file)
+    deadline = time.monotonic() + 120
+    while not (file.exists() and file.stat().st_size > SHOWN_BYTES):
+        assert time.monotonic() < deadline, view.lines
+        time.sleep(0.05)
     view.process.send_signal(signal.SIGINT)
     assert view.process.wait(60) == 0
-    assert _rows(_loaded(tmp_path / "cut.rrd")["/world/camera"]) > 10
+    assert _rows(_loaded(file)["/world/camera"]) > 10
 
 
 @pytest.mark.parametrize("arguments", [["--headless"], ["--web", "--headless"], ["--web", "--web-port", "70000"]])

@@ -120,11 +120,11 @@ def test_the_chain_is_a_line_of_its_own_that_can_be_switched_off(is_on: bool) ->
 
 def test_a_part_that_was_never_joined_is_drawn_apart_with_its_name_until_it_is_joined() -> None:
     scene = _scene()
-    drawn = _play(scene, MadeUp(frames=360, images=False, part_from=120, part_until=300))
+    drawn = _play(scene, MadeUp(frames=200, images=False, part_from=60, part_until=150))
     part = next(i for i, item in enumerate(drawn) if item.path == f"{entities.UNJOINED}/segment_0" and _named(item))
     item = drawn[part]
     assert item.stamp is not None
-    assert 120 <= (item.stamp - BEGIN) / PERIOD_NS <= 180
+    assert 60 <= (item.stamp - BEGIN) / PERIOD_NS <= 120
     assert _batch(item, "labels") == ["segment 0: not joined"]
     assert _batch(item, "colors") == [int.from_bytes((*palette.UNJOINED, 255))]
     first = np.concatenate([np.array(s) for s in _batch(item, "strips")])
@@ -193,7 +193,7 @@ def test_a_late_joiner_sees_the_whole_way_from_history_and_path() -> None:
     scene.history(codec.encode_path("cam0/history/odom", poses[-1][0], poses, "odom"))
     scene.history(codec.encode_path("truth/camera/history", poses[-1][0], true, "world"))
     list(scene.handle(codec.encode_path(TOPICS.path, poses[-1][0], poses[::5], "map")))
-    late = [frame for i, frame in enumerate(messages(MadeUp(frames=540, camera=SMALL_CAMERA), TOPICS)) if i >= 510]
+    late = [frame for i, frame in enumerate(messages(MadeUp(frames=540, images=False), TOPICS)) if i >= 510]
     drawn = [item for frame in late for message in frame for item in scene.handle(message)]
     for path in (entities.ONLINE, entities.CORRECTED, f"{entities.TRUTH}/camera"):
         points = np.concatenate([np.array(s) for s in _batch(_last(drawn, path), "strips")])
@@ -203,7 +203,7 @@ def test_a_late_joiner_sees_the_whole_way_from_history_and_path() -> None:
 
 def test_memory_is_bounded_and_old_clouds_are_cleared() -> None:
     scene = _scene(path_poses=64, cloud_keyframes=8, loops=10)
-    drawn = _play(scene, MadeUp(frames=150, keyframe_every=3, camera=SMALL_CAMERA))
+    drawn = _play(scene, MadeUp(frames=90, keyframe_every=2, camera=SMALL_CAMERA))
     assert len(scene._map.online) <= 65
     assert len(scene._map.clouds) <= 8
     assert len(scene._map._loops) <= 10

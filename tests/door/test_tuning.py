@@ -2,10 +2,10 @@
 
 import ast
 import importlib
-from functools import cache
 from pathlib import Path
 
 import pytest
+from import_graph import parsed
 
 import odom
 from odom.geometry.tuning import documented
@@ -40,10 +40,6 @@ def test_every_tuned_number_says_unit_effect_and_source(module):
         words = said.effect.split()
         refers = words[0] == "as" and words[1] in numbers.keys() - {name}
         assert refers or len(words) > 3, f"{module}: the effect of {name} is too short to say anything"
-
-
-parsed = cache(ast.parse)
-"""A module's tree, which two tests look at."""
 
 
 def is_number(node):

@@ -54,4 +54,4 @@ def test_landmarks_that_something_alike_was_taken_for_are_none_that_move():
     seen = replace(survey, uv=survey.uv + rng.choice([-4.0, 4.0], survey.uv.shape) * aside[:, None])
     assert restless_share(seen, calibrated(seen, SHEET)) > TUNING.restless_most
     told = replace(seen, is_displaced=aside)
-    assert restless_share(told, calibrated(told, SHEET)) < 0.2 * TUNING.restless_most
+    assert restless_share(told, calibrated(told, SHEET)) < 0.5 * TUNING.restless_most

@@ -48,11 +48,6 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         compiling.compile_all(compiling.PRODUCT, compiling.ARENA)
 
 
-def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """Two, as cores; for the default command, whose tests wait for half of their time, a third beside them."""
-    return 3 if "not long" in config.option.markexpr else 2
-
-
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
     """Collect without looking for garbage: modules stay, and to look at all of them again and again takes a second."""

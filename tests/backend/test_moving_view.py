@@ -253,14 +253,14 @@ AFTER_A_CROWD = [*STILL, 0.6, *[0.0] * CALM]
 
 
 def test_soon_after_a_doubt_landmarks_that_contradict_the_pose_time_and_again_put_it_in_doubt_again() -> None:
-    for begin, looks in ((AFTER_A_CROWD, TUNING.denied_looks), (STILL, TUNING.denied_looks_calm)):
-        moving = told(begin)[-1]
-        for look in range(looks):
-            assert not moving.is_doubtful
-            moving = next_look(moving, 10, 90)
-            assert moving.denied == look + 1
-        assert moving.is_doubtful
-        assert next_look(moving, 60, 40).denied == 0
+    moving, calm = told(AFTER_A_CROWD)[-1], told(STILL)[-1]
+    for look in range(TUNING.denied_looks):
+        assert not moving.is_doubtful
+        moving, calm = next_look(moving, 10, 90), next_look(calm, 10, 90)
+        assert moving.denied == look + 1
+    assert moving.is_doubtful
+    assert next_look(moving, 60, 40).denied == 0
+    assert not calm.is_doubtful
 
 
 def test_soon_after_a_doubt_one_look_is_enough_in_which_next_to_none_of_the_landmarks_from_before_is_found() -> None:
@@ -269,14 +269,15 @@ def test_soon_after_a_doubt_one_look_is_enough_in_which_next_to_none_of_the_land
 
 
 def test_what_is_made_while_landmarks_from_before_contradict_the_pose_proves_nothing() -> None:
-    calm = told(STILL)[-1]
+    calm = told(AFTER_A_CROWD)[-1]
     assert calm.proven == 1
     assert next_look(calm, 60, 40).proven == 50
     assert next_look(calm, 10, 90).proven == 1
 
 
 def test_a_pose_that_is_contradicted_while_much_else_moves_as_one_follows_a_body() -> None:
-    much, once = 1.1 * TUNING.moved_rival, next_look(told(STILL)[-1], 10, 90, 1.1 * TUNING.moved_rival)
+    much = 1.1 * TUNING.moved_rival
+    once = next_look(told(AFTER_A_CROWD)[-1], 10, 90, much)
     assert once.is_doubtful
     assert not once.is_left_behind
     assert next_look(once, 10, 90, much).is_left_behind

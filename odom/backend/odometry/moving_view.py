@@ -120,8 +120,7 @@ class MovingView:
         seen = replace(self, stamp=stamp, cells=cells, begun=begun, strayed=strayed)
         seen = replace(seen, is_young=is_young, is_astray=is_astray)
         seen = replace(seen, denied=self._denied(tracked, landmarks))
-        is_taken_along = seen.denied >= (TUNING.denied_looks if seen._was_doubtful else TUNING.denied_looks_calm)
-        if cells.share > TUNING.moving_most or is_taken_along:
+        if cells.share > TUNING.moving_most or seen.denied >= TUNING.denied_looks:
             return replace(seen, is_crowded=not is_backed, calm=None)
         calm = stamp if self.calm is None else self.calm
         is_calm = (stamp - calm) * 1e-9 >= TUNING.moving_calm_s
@@ -130,11 +129,11 @@ class MovingView:
         return replace(seen, proven=landmarks.next_identity) if is_proven else seen
 
     def _denied(self, tracked: Tracked, landmarks: Landmarks) -> int:
-        """Return in how many looks in a row landmarks that tell contradict the pose, this one included.
+        """Return in how many looks in a row landmarks that tell contradict the pose soon after a doubt, with this one.
 
-        Where next to none of them is found, one look tells as much as several.
+        Where next to none of them is found, one look tells as much as several. Without people, quick turns do the same.
         """
-        if not is_contradicted(tracked, landmarks, self.trusted):
+        if not (self._was_doubtful and is_contradicted(tracked, landmarks, self.trusted)):
             return 0
         if is_contradicted(tracked, landmarks, self.trusted, TUNING.moved_denies):
             return max(self.denied + 1, TUNING.denied_looks)

@@ -73,8 +73,6 @@ class Tuning:
     denied_looks: int = tuned(2, unit="looks", source=_BODIES,
         effect="in a row in which landmarks that tell contradict the pose, for it to be in doubt again soon after a "
         "doubt; fewer: UNCERTAIN in quick turns; more: a body that has just come is followed and called sure")
-    denied_looks_calm: int = tuned(5, unit="looks", source=_BODIES,
-        effect="as denied_looks, where there was no doubt of late")
     spread_newest: float = tuned(0.3, unit="1", source=_BODIES,
         effect="weight of the newest look in how unsure the velocity is; smaller: bodies that stop are doubted for "
         "longer; larger: a single look in which the body is not told from the scene makes the step too sure")

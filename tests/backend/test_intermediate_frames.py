@@ -91,6 +91,18 @@ def test_frames_move_ever_more_until_the_next_key_frame_which_stands_where_it_wa
     np.testing.assert_allclose(by[:11], np.linspace(0.0, 1.0, 11)[:, None] * MOVED, atol=1e-12)
 
 
+def test_a_frame_at_the_time_of_a_saved_maps_key_frame_is_not_taken_for_it():
+    """As where the recording that a map was made of is run again, in that map."""
+    walk = a_walk(11)
+    saved = bare_keyframe(1, se3.inverse(se3.exp(MOVED) @ walk[10]))
+    frames = FrameLog()
+    for number, T in enumerate(walk):
+        frames.append(LoggedFrame(Stamp(100_000_000 * number), 0, 0.0, 0, walk[0] @ se3.inverse(T)))
+    found = corrected(frames, [bare_keyframe(0, se3.inverse(walk[0])), saved], {}, earlier=2)
+    for placed, given_ in zip(found, frames, strict=True):
+        np.testing.assert_array_equal(placed.T_keyframe_camera, given_.T_keyframe_camera)
+
+
 def test_frames_of_a_key_frame_without_intermediate_frames_and_lost_ones_stay():
     keyframes = [bare_keyframe(0, np.eye(4)), bare_keyframe(1, np.eye(4))]
     frames = FrameLog()

@@ -87,13 +87,16 @@ class IntermediateFrames:
         return mine[:: -max(1, -(-len(mine) // room))][::-1] if room > 0 else []
 
 
-def corrected(frames: FrameLog, keyframes: list[Keyframe], adjusted: Mapping[int, Array]) -> Iterator[LoggedFrame]:
+def corrected(
+    frames: FrameLog, keyframes: list[Keyframe], adjusted: Mapping[int, Array], earlier: int = 0
+) -> Iterator[LoggedFrame]:
     """Yield `frames` moved with those that were adjusted, whose T_camera_map `adjusted` holds by their numbers.
 
-    The frames that became `keyframes` were adjusted, too. Between adjusted frames the correction against the same key
-    frame is interpolated; it is none at that key frame.
+    The frames that became `keyframes` were adjusted, too; the first `earlier` of these are of a saved map, and none of
+    the frames became one. Between adjusted frames the correction against the same key frame is interpolated; it is none
+    at that key frame.
     """
-    became = {keyframe.stamp: keyframe for keyframe in keyframes}
+    became = {keyframe.stamp: keyframe for keyframe in keyframes[earlier:]}
     knots: dict[int, list[tuple[int, Array]]] = {}
     for number, frame in enumerate(frames, frames.dropped):
         own = became.get(frame.stamp)

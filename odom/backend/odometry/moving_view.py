@@ -133,18 +133,16 @@ class MovingView:
 
         Where next to none of them is found, one look tells as much as several. Without people, quick turns do the same.
         """
-        if not (self._was_doubtful and is_contradicted(tracked, landmarks, self.trusted)):
+        was_doubtful = self._was_lately(self.doubted, TUNING.moved_parts_s)
+        if not (was_doubtful and is_contradicted(tracked, landmarks, self.trusted)):
             return 0
         if is_contradicted(tracked, landmarks, self.trusted, TUNING.moved_denies):
             return max(self.denied + 1, TUNING.denied_looks)
         return self.denied + 1
 
-    @property
-    def _was_doubtful(self) -> bool:
-        """Whether the pose was in doubt of late."""
-        if self.doubted is None or self.stamp is None:
-            return False
-        return (self.stamp - self.doubted) * 1e-9 < TUNING.moved_parts_s
+    def _was_lately(self, then: SteadyStamp | None, within_s: float) -> bool:
+        """Return whether something was less than so long before the newest look (None: it never was)."""
+        return then is not None and self.stamp is not None and (self.stamp - then) * 1e-9 < within_s
 
     def after_loss(self, next_identity: int = 0) -> "MovingView":
         """Return what is known where a segment begins or the camera is found again: it is counted anew from there.
@@ -176,18 +174,14 @@ class MovingView:
     @property
     def is_rivalled(self) -> bool:
         """Whether, of late, so much else moved as one that the camera may have followed a body from the start."""
-        if self.rival is None or self.stamp is None:
-            return False
-        return (self.stamp - self.rival) * 1e-9 < TUNING.moved_as_one_s
+        return self._was_lately(self.rival, TUNING.moved_as_one_s)
 
     @property
     def is_doubtful(self) -> bool:
         """Whether what moves leaves the pose in doubt."""
         if self.is_crowded or self.is_young or self.is_astray or self.is_rivalled or self.is_left_behind:
             return True
-        if self.strayed is None or self.other is None or self.stamp is None:
-            return False
-        return (self.stamp - self.other) * 1e-9 < TUNING.moved_as_one_s
+        return self.strayed is not None and self._was_lately(self.other, TUNING.moved_as_one_s)
 
     @property
     def doubt(self) -> str:

@@ -225,11 +225,9 @@ class Odometry:
 
         Both are given by their numbers; the other frames move along, the map stays as it is.
         """
-        moved = [
-            replace(keyframe, T_camera_map=keyframes[keyframe.number]) if keyframe.number in keyframes else keyframe
-            for keyframe in self._frames.map.keyframes
-        ]
-        return trajectory(corrected(self._frames.published.frames, moved, {**self._adjusted, **between}), moved)
+        map_, adjusted = self._frames.map, {**self._adjusted, **between}
+        moved = [replace(k, T_camera_map=keyframes[k.number]) if k.number in keyframes else k for k in map_.keyframes]
+        return trajectory(corrected(self._frames.published.frames, moved, adjusted, map_.earlier), moved)
 
     def closing_test(self) -> ClosingTest | None:
         """Return the paper's test of a closed walk after `finish`, None where it can't be made (see `closing_test`)."""

@@ -11,6 +11,7 @@ from odom.wire import allocator
 
 {before}
 bytes(16 << 20)  # as large as glibc's own threshold goes up to by this
+filled = [b"z" * 5_000 for _ in range(4_000)]  # what imports have left free, or what stays would lie there
 before = psutil.Process().memory_info().rss
 large, stays = [], []
 for size in range({smallest}, 3 * {smallest}, {smallest} // 100):

@@ -79,11 +79,10 @@ def test_three_of_them_leave_gaps_and_doubt_but_hardly_a_wrong_pose(shared_data:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "seed"), [("tum_fr1_xyz", 8), ("tum_fr1_rpy_part", 5)])
-def test_a_camera_found_again_on_a_body_that_fills_most_of_the_view_is_not_sure(
+def test_a_camera_before_a_body_that_fills_most_of_the_view_from_the_start_is_nowhere_sure_and_wrong(
     shared_data: Path, name: str, seed: int
 ) -> None:
-    found, share_on_body = run(*painted(shared_data, name, seed, end=5.5, share=0.6))
-    assert share_on_body > 0.5  # it is followed, since the walk began on it
+    found, _ = run(*painted(shared_data, name, seed, end=5.5, share=0.6))
     assert found.wrong == 0.0
 
 

@@ -31,7 +31,7 @@ class MovingView:
     `calm` is when it became still. `is_astray`: the view was lost in doubt, so that a body may have been taken for the
     place. At `strayed`, the corners of a key frame did not stand: either a body is followed, or images are blurred or
     torn. A body leaves the scene behind, which then moves as one: `other` is when such another motion was last seen,
-    `as_one` its share of the votes in the newest look. At `rival`, much did so in two looks before anything was
+    `much_at` when it last had much of the votes. At `rival`, it had so in two looks of a second before anything was
     `proven`: a body may be followed that was taken for the scene from the start. `is_rooted`: landmarks made before
     `rooted`, when it became suspicious the last time, agree with the pose. `spread` is the covariance (6 x 6) of the
     camera's velocity by what else moved of late, the newest looks counting most: bodies turn, and not each look tells
@@ -52,7 +52,7 @@ class MovingView:
     proven: int = 0
     strayed: SteadyStamp | None = None
     other: SteadyStamp | None = None
-    as_one: float = 0.0
+    much_at: SteadyStamp | None = None
     rival: SteadyStamp | None = None
     is_astray: bool = False
     rooted: int = 0
@@ -90,10 +90,11 @@ class MovingView:
         seen = replace(self, other=self.stamp) if is_seen else self
         has_rival = others.share > TUNING.moved_rival
         seen = replace(seen, confirmed=0 if others.has_scene or has_rival else self.confirmed + others.is_confirmed)
-        if has_rival and (self.denied or (self.as_one > TUNING.moved_rival and self.trusted == 0)):
+        if has_rival and (self.denied or (self._was_lately(self.much_at, TUNING.moved_as_one_s) and self.trusted == 0)):
             seen = replace(seen, rival=self.stamp)
         is_behind = others.has_scene or (has_rival and self.denied >= TUNING.denied_looks)
-        seen = replace(seen, as_one=others.share, is_left_behind=is_behind and not self.is_rooted)
+        much_at = self.stamp if has_rival else self.much_at
+        seen = replace(seen, much_at=much_at, is_left_behind=is_behind and not self.is_rooted)
         if not seen.is_doubtful:
             return replace(seen, spread=None)
         before = others.spread if self.spread is None else self.spread
@@ -152,7 +153,7 @@ class MovingView:
         After a loss in doubt, that nothing seems to move proves little: so does a body that is followed.
         """
         lost = replace(self, is_young=False, is_astray=self.is_doubtful, is_left_behind=False, fresh=next_identity)
-        return replace(lost, stamp=None, cells=None, begun=None, calm=None, as_one=0.0, rival=None, confirmed=0)
+        return replace(lost, stamp=None, cells=None, begun=None, calm=None, much_at=None, rival=None, confirmed=0)
 
     def after_keyframe(
         self, stamp: SteadyStamp, moved_share: float, tracked: Tracked, landmarks: Landmarks

@@ -44,6 +44,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from odom.backend import Estimate, Odometry, OdometrySettings, RelativePose, State, TrajectoryPose
+    from odom.calibration.mid_run import MidRunCalibrator
     from odom.errors import ConfigError, InputError, OdomError, RecordingError, SourceError
     from odom.evaluation import EvaluationOptions, Report, Trajectory, evaluate
     from odom.evaluation.files import read_tum, write_tum
@@ -71,6 +72,7 @@ __all__ = [
     "EvaluationOptions",
     "InputError",
     "KinectV1",
+    "MidRunCalibrator",
     "OdomError",
     "Odometry",
     "OdometrySettings",
@@ -104,6 +106,7 @@ __all__ = [
 
 _HOMES = {
     "backend": ("Estimate", "Odometry", "OdometrySettings", "RelativePose", "State", "TrajectoryPose"),
+    "calibration.mid_run": ("MidRunCalibrator",),
     "errors": ("ConfigError", "InputError", "OdomError", "RecordingError", "SourceError"),
     "evaluation": ("EvaluationOptions", "Report", "Trajectory", "evaluate"),
     "evaluation.mocap_calibration": ("calibrate",),

@@ -24,7 +24,7 @@ class OdometrySettings(BaseModel, frozen=True, extra="forbid", allow_inf_nan=Fal
     self_calibration: bool = Field(
         True,
         description="look for a better calibration on the way and at the end, and go on with it where the one "
-        "given is clearly poor",
+        "given is clearly poor (in Python: give the Odometry a MidRunCalibrator)",
     )
     pixel_sigma_px: float = Field(0.6, ge=0.01, le=100, description="localisation noise of a feature, at the start")
     inverse_depth_sigma: float = Field(

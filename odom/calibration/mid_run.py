@@ -44,7 +44,9 @@ class Sureness:
 
 
 class MidRunCalibrator:
-    """A calibrator for an `Odometry`; `latest` is what it found last, None as long as the camera given is kept.
+    """Finds a better camera for an `Odometry(camera, calibrator=MidRunCalibrator())` on the way, where that is poor.
+
+    `latest` is what it found last, None as long as the camera given is kept.
 
     `again` is what the last look says of the next one (see `Calibrator`).
 

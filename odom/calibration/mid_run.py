@@ -44,11 +44,10 @@ class Sureness:
 
 
 class MidRunCalibrator:
-    """Finds a better camera for an `Odometry(camera, calibrator=MidRunCalibrator())` on the way, where that is poor.
+    """Finds a better camera while an odometry runs, where the camera given to that is poor.
 
-    `latest` is what it found last, None as long as the camera given is kept.
-
-    `again` is what the last look says of the next one (see `Calibrator`).
+    It is used as `Odometry(camera, calibrator=MidRunCalibrator())`. `latest` is what it found last, None as long as
+    the camera given is kept; `again` is what the last look says of the next one (see `Calibrator`).
 
     Its work waits until `ready` is set, since code that it needs may still be compiling (None: it is compiled when it
     is first used). Where frames cannot wait, as in a live stream (`may_wait()` is False), a look before that finds

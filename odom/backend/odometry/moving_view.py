@@ -31,16 +31,16 @@ class MovingView:
     `calm` is when it became still. `is_astray`: the view was lost in doubt, so that a body may have been taken for the
     place. At `strayed`, the corners of a key frame did not stand: either a body is followed, or images are blurred or
     torn. A body leaves the scene behind, which then moves as one: `other` is when such another motion was last seen,
-    `much_at` when it last had much of the votes. At `rival`, it had so in two looks of a second before anything was
-    `proven`: a body may be followed that was taken for the scene from the start. `is_rooted`: landmarks made before
-    `rooted`, when it became suspicious the last time, agree with the pose. `spread` is the covariance (6 x 6) of the
-    camera's velocity by what else moved of late, the newest looks counting most: bodies turn, and not each look tells
-    them from the scene. None without doubt, or before anything told. In a crowd that never thins nothing is ever
-    `proven`: but where so many looks as `confirmed` showed that the camera follows the scene, and none since that it
-    does not, the landmarks made before `known` tell as well that it was not taken along. `doubted` is when the pose was
-    last in doubt; soon after, landmarks that tell put it in doubt again where they contradict it in several looks in a
-    row, of which there were `denied`: it may follow a body that has just come into view, and moves as the camera turns.
-    Where much else moves as one meanwhile, it does, and the place is looked for anew.
+    `contender` when one last had much of the votes. At `rival`, one had them for the second time within a second before
+    anything was `proven`: a body may be followed that was taken for the scene from the start. `is_rooted`: landmarks
+    made before `rooted`, when it became suspicious the last time, agree with the pose. `spread` is the covariance (6 x
+    6) of the camera's velocity by what else moved of late, the newest looks counting most: bodies turn, and not each
+    look tells them from the scene. None without doubt, or before anything told. In a crowd that never thins nothing is
+    ever `proven`: but where so many looks as `confirmed` showed that the camera follows the scene, and none since that
+    it does not, the landmarks made before `known` tell as well that it was not taken along. `doubted` is when the pose
+    was last in doubt; soon after, landmarks that tell put it in doubt again where they contradict it in several looks
+    in a row, of which there were `denied`: it may follow a body that has just come into view, and moves as the camera
+    turns. Where much else moves as one meanwhile, it does, and the place is looked for anew.
     """
 
     stamp: SteadyStamp | None = None
@@ -52,7 +52,7 @@ class MovingView:
     proven: int = 0
     strayed: SteadyStamp | None = None
     other: SteadyStamp | None = None
-    much_at: SteadyStamp | None = None
+    contender: SteadyStamp | None = None
     rival: SteadyStamp | None = None
     is_astray: bool = False
     rooted: int = 0
@@ -90,11 +90,12 @@ class MovingView:
         seen = replace(self, other=self.stamp) if is_seen else self
         has_rival = others.share > TUNING.moved_rival
         seen = replace(seen, confirmed=0 if others.has_scene or has_rival else self.confirmed + others.is_confirmed)
-        if has_rival and (self.denied or (self._was_lately(self.much_at, TUNING.moved_as_one_s) and self.trusted == 0)):
+        is_again = self._was_lately(self.contender, TUNING.moved_as_one_s)
+        if has_rival and (self.denied or (is_again and self.trusted == 0)):
             seen = replace(seen, rival=self.stamp)
         is_behind = others.has_scene or (has_rival and self.denied >= TUNING.denied_looks)
-        much_at = self.stamp if has_rival else self.much_at
-        seen = replace(seen, much_at=much_at, is_left_behind=is_behind and not self.is_rooted)
+        contender = self.stamp if has_rival else self.contender
+        seen = replace(seen, contender=contender, is_left_behind=is_behind and not self.is_rooted)
         if not seen.is_doubtful:
             return replace(seen, spread=None)
         before = others.spread if self.spread is None else self.spread
@@ -153,7 +154,7 @@ class MovingView:
         After a loss in doubt, that nothing seems to move proves little: so does a body that is followed.
         """
         lost = replace(self, is_young=False, is_astray=self.is_doubtful, is_left_behind=False, fresh=next_identity)
-        return replace(lost, stamp=None, cells=None, begun=None, calm=None, much_at=None, rival=None, confirmed=0)
+        return replace(lost, stamp=None, cells=None, begun=None, calm=None, contender=None, rival=None, confirmed=0)
 
     def after_keyframe(
         self, stamp: SteadyStamp, moved_share: float, tracked: Tracked, landmarks: Landmarks

@@ -58,9 +58,9 @@ class Tuning:
         effect="that another motion must have for corners that do not stand to count; smaller: chance counts; larger: "
         "a small body is not noticed")
     moved_rival: float = tuned(0.4, unit="share of the votes", source=_BODIES,
-        effect="that another motion must have in two looks for a pose to be in doubt before any view was calm; "
-        "smaller: who walks by leaves sure poses in doubt; larger: a body that fills the view from the start is "
-        "followed and called sure")
+        effect="that another motion must have in two looks of moved_as_one_s for a pose to be in doubt before any view "
+        "was calm; smaller: who walks by leaves sure poses in doubt; larger: a body that fills the view from the "
+        "start is followed and called sure")
     moved_as_one_s: float = tuned(1.0, unit="s", source="as moved_as_one",
         effect="for which another motion that was seen counts; smaller: sure between two looks that show the body; "
         "larger: UNCERTAIN for longer")

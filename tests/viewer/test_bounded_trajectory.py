@@ -1,6 +1,7 @@
 from itertools import pairwise
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -80,3 +81,13 @@ def test_dashes_of_two_phases_never_cover_each_other_and_lie_on_the_line(points:
     assert abs(spans[-1][1] - line[0][-1, 0]) < 1e-3
     assert all(abs(end - begin) < 1e-3 for (_, end), (begin, _) in pairwise(spans))
     assert max(len(pieces) for pieces in covered) <= 1501
+
+
+@pytest.mark.parametrize("extent_m", [0.5, 3.0, 12.0, 80.0])
+def test_a_dash_can_be_seen_where_the_whole_way_fills_the_view(extent_m: float) -> None:
+    way = np.zeros((400, 3), dtype=np.float32)
+    way[:, 0] = extent_m * np.abs(np.linspace(-1.0, 1.0, 400))
+    dash = dashes([way], 0)[0]
+    length = float(np.linalg.norm(dash[-1] - dash[0]))
+    assert length > extent_m / 70
+    assert length < max(0.051, extent_m / 30)

@@ -27,6 +27,16 @@ def calibration_covariance(T_earlier_current: Array, calibration_error: float) -
     return np.asarray(float(moved @ moved) * _I6)
 
 
+def unit_covariance(T_earlier_current: Array) -> Array:
+    """Return the 6 x 6 covariance (`se3`, current frame) that a motion has because the unit of depth is not exact.
+
+    All that is measured is too long, or too short, by one share: the motion errs along its own direction.
+    """
+    moved = np.zeros(6)
+    moved[:3] = TUNING.unit_of_length * (T_earlier_current[:3, :3].T @ T_earlier_current[:3, 3])
+    return moved[:, None] * moved
+
+
 def relative_covariance(
     map_: Map, earlier: LoggedFrame, current: LoggedFrame, calibration_error: float
 ) -> Array | None:
@@ -49,8 +59,9 @@ def relative_covariance(
     apart_s = (current.stamp - earlier.stamp) * 1e-9
     inflation = 1.0 + TUNING.shared_error * (1.0 - np.exp(-apart_s / TUNING.shared_error_s))
     ends = current.covariance + A_earlier @ earlier.covariance @ A_earlier.T
-    calibration = calibration_covariance(se3.inverse(T_current_earlier), calibration_error)
-    return np.asarray(inflation * ends + A_b @ between @ A_b.T + calibration)
+    T_earlier_current = se3.inverse(T_current_earlier)
+    alike = calibration_covariance(T_earlier_current, calibration_error) + unit_covariance(T_earlier_current)
+    return np.asarray(inflation * ends + A_b @ between @ A_b.T + alike)
 
 
 def covariance_since_start(keyframes: list[Keyframe], frame: LoggedFrame, calibration_error: float) -> Array | None:
@@ -61,4 +72,5 @@ def covariance_since_start(keyframes: list[Keyframe], frame: LoggedFrame, calibr
     T_first_keyframe = keyframes[keyframe.first].T_camera_map @ se3.inverse(keyframe.T_camera_map)
     T_first_camera = T_first_keyframe @ frame.T_keyframe_camera
     own = independent_covariance(frame.covariance) + calibration_covariance(T_first_camera, calibration_error)
+    own = own + unit_covariance(T_first_camera)
     return se3.compose_covariance(keyframe.covariance_since_start, frame.T_keyframe_camera, own)

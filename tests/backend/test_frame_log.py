@@ -41,6 +41,17 @@ def test_frames_come_back_exactly_as_they_were_given():
     assert frames.dropped == 0
 
 
+def test_of_a_covariance_the_mean_variance_of_the_position_is_kept():
+    frames = FrameLog()
+    covariance = np.diag([1e-6, 2e-6, 3e-6, 1.0, 1.0, 1.0])
+    frames.append(LoggedFrame(Stamp(1), 0, 0.0, 0, np.eye(4), covariance))
+    frames.append(placed(2))
+    known, unknown = frames
+    np.testing.assert_allclose(known.position_variance, 2e-6)
+    assert known.covariance is None
+    assert np.isnan(unknown.position_variance)
+
+
 def test_the_oldest_block_is_dropped_at_the_bound_and_counted():
     given = [placed(k) for k in range(100)]
     frames = FrameLog(block=8, most=32)

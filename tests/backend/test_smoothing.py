@@ -65,6 +65,38 @@ def test_the_result_is_a_cubic_smoothing_spline_at_irregular_times_too(seed):
     assert min(apart) < 1e-9
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_with_weights_it_is_the_weighted_smoothing_spline(seed):
+    rng = np.random.default_rng(seed)
+    seconds, shares = np.cumsum(rng.uniform(0.02, 0.2, COUNT)), rng.uniform(0.1, 50.0, COUNT)
+    positions = walked(seconds) + 0.002 * np.sqrt(shares)[:, None] * rng.standard_normal((COUNT, 3))
+    found = smoothed_positions(seconds, positions, shares)
+    usual_s = np.median(np.diff(seconds))
+    apart = [
+        np.abs(make_smoothing_spline(seconds, positions, 1.0 / shares, usual_s**3 * 2.0**power)(seconds) - found).max()
+        for power in np.linspace(-np.log2(1e6), np.log2(1e6), 41)
+    ]
+    assert min(apart) < 1e-8
+
+
+@given(st.integers(0, 1000), st.integers(1, 4), st.integers(20, COUNT - 20))
+def test_poses_that_claim_little_and_are_far_off_are_placed_by_the_others(seed, count, begin):
+    sigma = np.full(COUNT, 0.001)
+    sigma[begin : begin + count] = 0.05
+    off = noisy(seed)
+    off[begin : begin + count] += np.random.default_rng(seed).normal(0.0, 0.05, 3)
+    found = np.array([pose.T_map_camera[:3, 3] for pose in smoothed(tuple(poses_of(off)), sigma**2)])
+    assert np.abs(found - walked(SECONDS)).max() < 0.006
+
+
+def test_a_first_pose_without_any_variance_and_a_walk_of_such_poses_are_smoothed_too():
+    variances = np.full(COUNT, 1e-6)
+    variances[0] = 0.0
+    for given_variances in (variances, np.zeros(COUNT)):
+        found = np.array([pose.T_map_camera[:3, 3] for pose in smoothed(tuple(poses_of(noisy(1))), given_variances)])
+        assert rms(found - walked(SECONDS)) < 0.75 * rms(noisy(1) - walked(SECONDS))
+
+
 @given(st.integers(0, 1000), st.floats(0.01, 100.0))
 def test_it_does_not_matter_in_which_frame_and_unit_of_time_the_positions_are(seed, faster):
     R, t = Rotation.random(rng=seed).as_matrix(), np.array([1.0, -2.0, 3.0])
@@ -91,10 +123,10 @@ def poses_of(positions, segment=0, first=0):
 def test_each_segment_is_smoothed_by_itself_and_lost_frames_and_orientations_stay():
     one, few, other = poses_of(noisy(1)), poses_of(noisy(2)[:20], 1, 1000), poses_of(noisy(3) + 5.0, 2, 2000)
     one[50] = TrajectoryPose(one[50].stamp, None, 0)
-    found = smoothed((*one, *few, *other))
+    found = smoothed((*one, *few, *other), np.full(2 * COUNT + 20, np.nan))
     assert found[50] is one[50]
     assert found[COUNT : COUNT + 20] == tuple(few)
-    for together, alone in zip(found[-COUNT:], smoothed(tuple(other)), strict=True):
+    for together, alone in zip(found[-COUNT:], smoothed(tuple(other), np.full(COUNT, np.nan)), strict=True):
         np.testing.assert_array_equal(together.T_map_camera, alone.T_map_camera)
     moved = [(a.T_map_camera, b.T_map_camera) for a, b in zip(found, one, strict=False) if b.T_map_camera is not None]
     assert max(np.abs(a[:3, 3] - b[:3, 3]).max() for a, b in moved) > 1e-4

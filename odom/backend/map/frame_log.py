@@ -1,4 +1,4 @@
-"""Every frame's pose relative to a key frame, kept in arrays: 120 bytes a frame, for the last eight hours."""
+"""Every frame's pose relative to a key frame, kept in arrays: 124 bytes a frame, for the last eight hours."""
 
 from collections import deque
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from odom.geometry.arrays import Array
 _BLOCK = 4096
 """Frames that are allocated, and dropped, together."""
 _MOST = 211 * _BLOCK
-"""Frames that are kept: eight hours at 30 Hz, 104 MB."""
+"""Frames that are kept: eight hours at 30 Hz, 107 MB."""
 _LOST = -1
 """Stands for the key frame of a frame that has none."""
 _ROW = np.dtype(
@@ -23,6 +23,7 @@ _ROW = np.dtype(
         ("segment", np.int32),
         ("keyframe", np.int32),
         ("T_keyframe_camera", np.float64, (3, 4)),
+        ("position_variance", np.float32),
     ]
 )
 
@@ -32,7 +33,8 @@ class LoggedFrame:
     """One frame: `T_keyframe_camera` and its 6 x 6 covariance (`se3`, camera frame); `keyframe` is None when LOST.
 
     The pose belongs to `stamp - delay_s`, the middle row's time. `segment` counts only while the frame is LOST:
-    otherwise its key frame's does, which may have been merged with another since.
+    otherwise its key frame's does, which may have been merged with another since. `position_variance` (m^2, mean of
+    three axes) is what a log keeps of the covariance, NaN where it is not known.
     """
 
     stamp: Stamp
@@ -41,6 +43,7 @@ class LoggedFrame:
     keyframe: int | None = None
     T_keyframe_camera: Array | None = None
     covariance: Array | None = None
+    position_variance: float = np.nan
 
     def since_s(self, other: "LoggedFrame") -> float:
         """Return the seconds from the `other` frame's middle row to this one's."""
@@ -83,9 +86,11 @@ class FrameLog:
             self._blocks.append(np.zeros(self._size, dtype=_ROW))
         row = self._blocks[-1][len(self) % self._size]
         row["stamp"], row["delay_s"], row["segment"] = frame.stamp, frame.delay_s, frame.segment
-        row["keyframe"] = _LOST
+        row["keyframe"], row["position_variance"] = _LOST, np.nan
         if frame.keyframe is not None and frame.T_keyframe_camera is not None:
             row["keyframe"], row["T_keyframe_camera"] = frame.keyframe, frame.T_keyframe_camera[:3]
+            if frame.covariance is not None:
+                row["position_variance"] = np.trace(frame.covariance[:3, :3]) / 3.0
         self.count += 1
         self.last = frame
 
@@ -96,4 +101,5 @@ class FrameLog:
             return LoggedFrame(stamp, segment, delay_s)
         T = np.eye(4)
         T[:3] = row["T_keyframe_camera"]
-        return LoggedFrame(stamp, segment, delay_s, int(row["keyframe"]), T)
+        variance = float(row["position_variance"])
+        return LoggedFrame(stamp, segment, delay_s, int(row["keyframe"]), T, position_variance=variance)

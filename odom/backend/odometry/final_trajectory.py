@@ -1,8 +1,10 @@
 """The final trajectory: every frame's pose at its stamp, moved with the map as it was adjusted, and smoothed."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import chain, pairwise
+
+import numpy as np
 
 from odom.backend.estimate import TrajectoryPose
 from odom.backend.map.frame_log import LoggedFrame
@@ -31,7 +33,15 @@ class _Middle:
 
 def trajectory(frames: Iterable[LoggedFrame], keyframes: list[Keyframe]) -> tuple[TrajectoryPose, ...]:
     """Return every frame's pose at its stamp, with smoothed positions."""
-    return smoothed(at_stamps(frames, keyframes))
+    variances: list[float] = []
+
+    def noted() -> Iterator[LoggedFrame]:
+        for frame in frames:
+            variances.append(frame.position_variance)
+            yield frame
+
+    poses = at_stamps(noted(), keyframes)
+    return smoothed(poses, np.array(variances))
 
 
 def at_stamps(frames: Iterable[LoggedFrame], keyframes: list[Keyframe]) -> tuple[TrajectoryPose, ...]:

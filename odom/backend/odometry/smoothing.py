@@ -3,7 +3,9 @@
 The prior is motion whose acceleration is white noise (Barfoot, State Estimation for Robotics, 2017, 3.4), so that the
 likeliest path is a cubic smoothing spline (Reinsch, Smoothing by spline functions, 1967). How much of what is seen is
 the frames' noise and how much the camera's acceleration is what makes all positions likeliest: where frames are few or
-precise, nothing moves. Orientation is not smoothed: by the same measure it has no noise from frame to frame.
+precise, nothing moves. Of two frames the one of the larger claimed variance gives way: where the camera was hardly
+seen, or its motion only predicted, the frames before and after say where it was. Orientation is not smoothed: by the
+same measure it has no noise from frame to frame.
 """
 
 from dataclasses import replace
@@ -18,12 +20,17 @@ _LEAST = 30
 """Frames: fewer say too little of how the camera moves."""
 _LOG_RATIOS = np.linspace(np.log(1e-6), np.log(1e6), 41)
 """Of the acceleration's variance to the noise's, by factors of two: from means over some 30 frames to none at all."""
+_SUREST = 0.1
+"""Least variance over the usual one: the first frame of a segment, which is where it is by definition, has none."""
 _NEAREST = 1e-3
 """Of the usual step: frames closer in time than this count as so far apart, or the equations lose their digits."""
 
 
-def smoothed(poses: tuple[TrajectoryPose, ...]) -> tuple[TrajectoryPose, ...]:
-    """Return the poses, in order of their stamps, with the positions of each segment smoothed; LOST ones stay LOST."""
+def smoothed(poses: tuple[TrajectoryPose, ...], variances: Array) -> tuple[TrajectoryPose, ...]:
+    """Return the poses, in order of their stamps, with the positions of each segment smoothed; LOST ones stay LOST.
+
+    `variances` (m^2, a pose each) say how sure one position is against another, NaN: as sure as most.
+    """
     out = list(poses)
     for segment in {pose.segment for pose in poses}:
         mine = [(i, p.stamp, p.T_map_camera) for i, p in enumerate(poses) if p.segment == segment]
@@ -31,7 +38,8 @@ def smoothed(poses: tuple[TrajectoryPose, ...]) -> tuple[TrajectoryPose, ...]:
         if len(tracked) < _LEAST:
             continue
         seconds = (np.array([stamp for _, stamp, _ in tracked]) - tracked[0][1]) * 1e-9
-        positions = smoothed_positions(seconds, np.array([T[:3, 3] for _, _, T in tracked]))
+        shares = _shares(variances[[i for i, _, _ in tracked]])
+        positions = smoothed_positions(seconds, np.array([T[:3, 3] for _, _, T in tracked]), shares)
         for (i, _, T), position in zip(tracked, positions, strict=True):
             moved = T.copy()
             moved[:3, 3] = position
@@ -39,13 +47,22 @@ def smoothed(poses: tuple[TrajectoryPose, ...]) -> tuple[TrajectoryPose, ...]:
     return tuple(out)
 
 
-def smoothed_positions(seconds: Array, positions: Array) -> Array:
-    """Return the likeliest `positions` (N x D, m) at ascending times (N), each measured with the same unknown noise.
+def _shares(variances: Array) -> Array:
+    """Return the variances over the usual one; 1 where not known."""
+    known = np.isfinite(variances)
+    usual = np.median(variances[known]) if known.any() else 0.0
+    return np.where(known, np.maximum(variances / usual, _SUREST), 1.0) if usual > 0.0 else np.ones(len(variances))
 
-    With y the positions, D y are their second divided differences, whose covariance is r D D' + q G: r the variance of
-    a position, q that of the acceleration, G the inner products of hat functions. r and q make D y likeliest; the
-    smoothed positions are y - r D' (r D D' + q G)^-1 D y.
+
+def smoothed_positions(seconds: Array, positions: Array, shares: Array | None = None) -> Array:
+    """Return the likeliest `positions` (N x D, m) at ascending times (N), each measured with noise.
+
+    Its variance is one that is not known times `shares` (N, None: all 1). With y the positions, D y are their second
+    divided differences, whose covariance is r D W D' + q G: r W the variances of the positions, q that of the
+    acceleration, G the inner products of hat functions. r and q make D y likeliest; the smoothed positions are
+    y - r W D' (r D W D' + q G)^-1 D y.
     """
+    w = np.ones(len(positions)) if shares is None else shares
     steps = np.diff(seconds)
     usual = np.median(steps)
     h = np.maximum(steps / usual, _NEAREST)
@@ -55,9 +72,9 @@ def smoothed_positions(seconds: Array, positions: Array) -> Array:
     before, after = 1.0 / h[:-1], 1.0 / h[1:]
     here = -(before + after)
     noise, acceleration = np.zeros((2, 3, len(changes)))
-    noise[0] = before**2 + here**2 + after**2
-    noise[1, :-1] = here[:-1] * before[1:] + after[:-1] * here[1:]
-    noise[2, :-2] = after[:-2] * before[2:]
+    noise[0] = before**2 * w[:-2] + here**2 * w[1:-1] + after**2 * w[2:]
+    noise[1, :-1] = here[:-1] * before[1:] * w[1:-2] + after[:-1] * here[1:] * w[2:-1]
+    noise[2, :-2] = after[:-2] * before[2:] * w[2:-2]
     acceleration[0] = (h[:-1] + h[1:]) / 3.0
     acceleration[1, :-1] = h[1:-1] / 6.0
 
@@ -73,7 +90,7 @@ def smoothed_positions(seconds: Array, positions: Array) -> Array:
         return float(changes.size * np.log(squares) + 2.0 * positions.shape[1] * np.log(factor[0]).sum())
 
     pulls, out = solved(factor_of(min(_LOG_RATIOS, key=unlikelihood))), positions.copy()
-    out[:-2] -= before[:, None] * pulls
-    out[1:-1] -= here[:, None] * pulls
-    out[2:] -= after[:, None] * pulls
+    out[:-2] -= (w[:-2] * before)[:, None] * pulls
+    out[1:-1] -= (w[1:-1] * here)[:, None] * pulls
+    out[2:] -= (w[2:] * after)[:, None] * pulls
     return out

@@ -37,6 +37,18 @@ def test_depth_tells_what_is_hidden_and_what_is_gone(depth_mm: int, hidden: bool
     assert (found.hidden[0], found.seen_through[0]) == (hidden, seen_through)
 
 
+@pytest.mark.parametrize(("brightness", "is_washed_out"), [(60, False), (200, False), (252, True), (255, True)])
+def test_where_all_is_white_nobody_could_find_anything(brightness: int, is_washed_out: bool) -> None:
+    grey = np.full((SMALL.height, SMALL.width), brightness, np.uint8)
+    lit = view_of(RgbdFrame(0, START, grey, START, np.asarray(filled(2000), np.uint16)))
+    found = LineOfSight.to(AT_2_M, 1e-5 * np.eye(3)[None], np.eye(4), lit, SENSOR)
+    assert found.washed_out[0] == is_washed_out
+    middle = SMALL.height // 2, SMALL.width // 2
+    grey[middle[0] - 8 : middle[0] + 9, middle[1] - 8 : middle[1] + 9] -= 60
+    shaded = view_of(RgbdFrame(0, START, grey, START, np.asarray(filled(2000), np.uint16)))
+    assert not LineOfSight.to(AT_2_M, 1e-5 * np.eye(3)[None], np.eye(4), shaded, SENSOR).washed_out[0]
+
+
 def test_at_an_edge_of_the_depth_neither_is_said() -> None:
     edge = filled(3000)
     edge[:, : SMALL.width // 2 + 2] = 2000

@@ -217,5 +217,6 @@ def is_contradicted(
 
 def _found_and_missed(tracked: Tracked, landmarks: Landmarks, proven: int) -> tuple[int, int]:
     found = int(np.count_nonzero(landmarks.identity[tracked.rows[tracked.inliers]] < proven))
-    missed = int(np.count_nonzero((landmarks.identity[tracked.missed] < proven) & ~tracked.sight.hidden))
+    could_be_seen = ~(tracked.sight.hidden | tracked.sight.washed_out)
+    missed = int(np.count_nonzero((landmarks.identity[tracked.missed] < proven) & could_be_seen))
     return found, missed

@@ -1,4 +1,4 @@
-"""What the depth image shows where landmarks should be: themselves, something before them, or what is behind them."""
+"""What a view shows where landmarks should be: themselves, what is before or behind them, or white light."""
 
 from dataclasses import dataclass
 
@@ -11,19 +11,25 @@ from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.carrying import sigma_at
 from odom.frontend.features.view import View
 from odom.frontend.tuning import TUNING
-from odom.geometry.arrays import Array, Mask
+from odom.geometry.arrays import Array, Image, Mask
 from odom.geometry.compiled import compiled
 
 _PLACES = 9
 """Where depth is looked at around a landmark: a square of three by three."""
+_WHITE = 250
+"""Grey level from which on nothing is told apart any more; a little below 255, which JPEG does not keep."""
 
 
 @dataclass(frozen=True, eq=False)
 class LineOfSight:
-    """Which of n landmarks are `hidden` by something nearer, and which places of theirs are `seen_through`."""
+    """Which of n landmarks are `hidden` by something nearer, and which places of theirs are `seen_through`.
+
+    Where all is white, the image is `washed_out` by too much light, and nobody could find anything.
+    """
 
     hidden: Mask
     seen_through: Mask
+    washed_out: Mask
 
     @classmethod
     def to(
@@ -45,9 +51,10 @@ class LineOfSight:
         sigma = _sigma(expected, covariances.take(visible, 0), T_camera_points, sensor.noise.noise.inverse_depth_sigma)
         gate = TUNING.look_back_depth_sigmas * sigma + TUNING.look_back_depth_share * expected
         uv, measured, scale = as_measured(lens.depth_model, uvz[:, :2], expected, width, height)
-        hidden, seen_through = (np.zeros(len(points), dtype=np.bool_) for _ in range(2))
+        hidden, seen_through, washed_out = (np.zeros(len(points), dtype=np.bool_) for _ in range(3))
+        washed_out[visible] = _is_white(view.images.full, uvz[:, :2], TUNING.sight_step_px)
         hidden[visible], seen_through[visible] = _looked(depth_mm, uv, measured, gate * scale, TUNING.sight_step_px)
-        return cls(hidden, seen_through)
+        return cls(hidden, seen_through, washed_out)
 
 
 @compiled
@@ -84,3 +91,17 @@ def _looked(depth_mm: NDArray[np.uint16], uv: Array, expected: Array, gate: Arra
             hidden[k] = farthest > expected[k] + gate[k]
             seen_through[k] = nearest < expected[k] - gate[k]
     return hidden, seen_through
+
+
+@compiled
+def _is_white(grey: Image, uv: Array, step_px: int) -> Mask:
+    """Return around which of `uv` (n x 2 px) an image is white in all nine places."""
+    height, width = grey.shape
+    out = np.ones(len(uv), np.bool_)
+    for k in range(len(uv)):
+        column, row = round(uv[k, 0]), round(uv[k, 1])
+        for i in range(row - step_px, row + step_px + 1, step_px):
+            for j in range(column - step_px, column + step_px + 1, step_px):
+                if 0 <= i < height and 0 <= j < width and grey[i, j] < _WHITE:
+                    out[k] = False
+    return out

@@ -97,6 +97,12 @@ def test_a_first_pose_without_any_variance_and_a_walk_of_such_poses_are_smoothed
         assert rms(found - walked(SECONDS)) < 0.75 * rms(noisy(1) - walked(SECONDS))
 
 
+@given(st.lists(st.floats(0.0, allow_infinity=True) | st.just(np.nan), min_size=40, max_size=40))
+def test_whatever_is_claimed_of_poses_their_positions_stay_finite(variances):
+    found = smoothed(tuple(poses_of(noisy(1)[:40])), np.array(variances))
+    assert np.isfinite([pose.T_map_camera for pose in found]).all()
+
+
 @given(st.integers(0, 1000), st.floats(0.01, 100.0))
 def test_it_does_not_matter_in_which_frame_and_unit_of_time_the_positions_are(seed, faster):
     R, t = Rotation.random(rng=seed).as_matrix(), np.array([1.0, -2.0, 3.0])

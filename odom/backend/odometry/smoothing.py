@@ -20,8 +20,9 @@ _LEAST = 30
 """Frames: fewer say too little of how the camera moves."""
 _LOG_RATIOS = np.linspace(np.log(1e-6), np.log(1e6), 41)
 """Of the acceleration's variance to the noise's, by factors of two: from means over some 30 frames to none at all."""
-_SUREST = 0.1
-"""Least variance over the usual one: the first frame of a segment, which is where it is by definition, has none."""
+_SUREST, _LEAST_SURE = 0.1, 1e4
+"""Least and largest variance over the usual one. The first frame of a segment, which is where it is by definition, has
+none; and a hundred times the usual sigma says nothing any more, while the equations lose their digits beyond it."""
 _NEAREST = 1e-3
 """Of the usual step: frames closer in time than this count as so far apart, or the equations lose their digits."""
 
@@ -48,10 +49,12 @@ def smoothed(poses: tuple[TrajectoryPose, ...], variances: Array) -> tuple[Traje
 
 
 def _shares(variances: Array) -> Array:
-    """Return the variances over the usual one; 1 where not known."""
+    """Return the variances over the usual one, within limits; 1 where not known."""
     known = np.isfinite(variances)
     usual = np.median(variances[known]) if known.any() else 0.0
-    return np.where(known, np.maximum(variances / usual, _SUREST), 1.0) if usual > 0.0 else np.ones(len(variances))
+    if usual <= 0.0:
+        return np.ones(len(variances))
+    return np.where(known, np.clip(variances / usual, _SUREST, _LEAST_SURE), 1.0)
 
 
 def smoothed_positions(seconds: Array, positions: Array, shares: Array | None = None) -> Array:

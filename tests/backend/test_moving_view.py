@@ -7,10 +7,11 @@ from typing import Any, cast
 
 import numpy as np
 
-from odom.backend.odometry.moving_view import MovingView
+from odom.backend.odometry.moving_view import MovingView, is_contradicted
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.tracking.other_motions import WhatElseMoves
 from odom.frontend.camera.stamp_clock import SteadyStamp
+from odom.frontend.matching.line_of_sight import LineOfSight
 from odom.frontend.matching.moving_surfaces import MovingCells
 
 
@@ -42,7 +43,7 @@ def tracked_by(found: int, missed: int) -> tuple[Any, Any]:
         rows=np.arange(found),
         inliers=np.ones(found, dtype=np.bool_),
         missed=np.arange(missed),
-        sight=SimpleNamespace(hidden=np.zeros(missed, dtype=np.bool_)),
+        sight=LineOfSight(*np.zeros((3, missed), dtype=np.bool_)),
     )
     return tracked, SimpleNamespace(identity=np.zeros(100, dtype=np.int64), next_identity=1)
 
@@ -315,3 +316,12 @@ def test_a_look_in_which_the_scene_or_much_else_moves_otherwise_takes_back_what_
 
 def test_what_the_scene_confirmed_does_not_say_how_far_the_camera_has_gone_astray() -> None:
     assert not told([0.6] * 20, found=60, confirmed=range(20))[-1].is_rooted
+
+
+def test_landmarks_that_nobody_could_find_do_not_contradict_a_pose():
+    tracked, landmarks = tracked_by(found=0, missed=80)
+    assert is_contradicted(tracked, landmarks, proven=1)
+    nothing, everything = np.zeros(80, dtype=np.bool_), np.ones(80, dtype=np.bool_)
+    for sight in (LineOfSight(everything, nothing, nothing), LineOfSight(nothing, nothing, everything)):
+        tracked.sight = sight
+        assert not is_contradicted(tracked, landmarks, proven=1)

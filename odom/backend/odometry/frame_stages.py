@@ -166,8 +166,7 @@ class FrameStages:
         tracked = judged.tracked
         reference, delay_s = self.map.keyframes[tracked.reference], view.since_middle_s(self.sensor.timing)
         T_reference_middle = reference.T_camera_map @ tracked.T_map_camera
-        where = reference.number, T_reference_middle, judged.covariance
-        middle = LoggedFrame(view.stamp, reference.segment, delay_s, *where)
+        middle = LoggedFrame(view.stamp, reference.segment, delay_s, reference.number, T_reference_middle)
         return self.published.advance(middle, judged, self.sensor)
 
     def _grow_map(self, view: View, judged: JudgedFrame, published: Publication) -> bool:

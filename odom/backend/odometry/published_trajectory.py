@@ -106,7 +106,7 @@ class PublishedTrajectory:
         distance that the camera covers in that time adds to the covariance.
         """
         assert middle.T_keyframe_camera is not None
-        self.frames.append(middle)
+        self.frames.append(replace(middle, covariance=judged.covariance))
         last = self._recent[-1].frame.keyframe if self._recent else None
         if last is not None and self._map.keyframes[last].segment != middle.segment:
             self._recent.clear()

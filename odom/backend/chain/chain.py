@@ -25,7 +25,7 @@ from odom.backend.chain.sight import Sight
 from odom.backend.chain.tuning import TUNING
 from odom.backend.estimate import ChainPose, RelativePose
 from odom.backend.map.map import Map
-from odom.backend.map.pose_covariance import calibration_covariance, unit_covariance
+from odom.backend.map.pose_covariance import common_covariance
 from odom.frame import Stamp
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.lens_change import LensChange
@@ -181,6 +181,6 @@ class Chain:
         T_middle_stamp = frame.published.T_middle_stamp
         T_chain_stamp = self.T_chain_camera @ T_middle_stamp
         ends = self._start_covariance + frame.stamp_covariance(sensor)
-        alike = calibration_covariance(T_chain_stamp, sensor.noise.calibration_error) + unit_covariance(T_chain_stamp)
-        covariance = se3.compose_covariance(self.covariance, T_middle_stamp, ends + alike)
+        ends = ends + common_covariance(T_chain_stamp, sensor.noise.calibration_error)
+        covariance = se3.compose_covariance(self.covariance, T_middle_stamp, ends)
         return ChainPose(T_chain_stamp, covariance, hole)

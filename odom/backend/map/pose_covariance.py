@@ -37,6 +37,11 @@ def unit_covariance(T_earlier_current: Array) -> Array:
     return moved[:, None] * moved
 
 
+def common_covariance(T_earlier_current: Array, calibration_error: float) -> Array:
+    """Return the 6 x 6 covariance of a motion by what errs alike in all that is measured: calibration and unit."""
+    return calibration_covariance(T_earlier_current, calibration_error) + unit_covariance(T_earlier_current)
+
+
 def relative_covariance(
     map_: Map, earlier: LoggedFrame, current: LoggedFrame, calibration_error: float
 ) -> Array | None:
@@ -59,9 +64,8 @@ def relative_covariance(
     apart_s = (current.stamp - earlier.stamp) * 1e-9
     inflation = 1.0 + TUNING.shared_error * (1.0 - np.exp(-apart_s / TUNING.shared_error_s))
     ends = current.covariance + A_earlier @ earlier.covariance @ A_earlier.T
-    T_earlier_current = se3.inverse(T_current_earlier)
-    alike = calibration_covariance(T_earlier_current, calibration_error) + unit_covariance(T_earlier_current)
-    return np.asarray(inflation * ends + A_b @ between @ A_b.T + alike)
+    common = common_covariance(se3.inverse(T_current_earlier), calibration_error)
+    return np.asarray(inflation * ends + A_b @ between @ A_b.T + common)
 
 
 def covariance_since_start(keyframes: list[Keyframe], frame: LoggedFrame, calibration_error: float) -> Array | None:
@@ -71,6 +75,5 @@ def covariance_since_start(keyframes: list[Keyframe], frame: LoggedFrame, calibr
     keyframe = keyframes[frame.keyframe]
     T_first_keyframe = keyframes[keyframe.first].T_camera_map @ se3.inverse(keyframe.T_camera_map)
     T_first_camera = T_first_keyframe @ frame.T_keyframe_camera
-    own = independent_covariance(frame.covariance) + calibration_covariance(T_first_camera, calibration_error)
-    own = own + unit_covariance(T_first_camera)
+    own = independent_covariance(frame.covariance) + common_covariance(T_first_camera, calibration_error)
     return se3.compose_covariance(keyframe.covariance_since_start, frame.T_keyframe_camera, own)

@@ -66,7 +66,7 @@ def test_the_oldest_block_is_dropped_at_the_bound_and_counted():
 
 
 def test_a_frame_costs_less_than_150_bytes():
-    frames, given, many = FrameLog(), [placed(k) for k in range(64)], 20_000
+    frames, given, many = FrameLog(), [placed(k) for k in range(64)], 5 * 4096
     tracemalloc.start()
     before = tracemalloc.get_traced_memory()[0]
     for k in range(many):
@@ -74,6 +74,15 @@ def test_a_frame_costs_less_than_150_bytes():
     cost = (tracemalloc.get_traced_memory()[0] - before) / many
     tracemalloc.stop()
     assert cost < BYTES_A_FRAME
+
+
+def test_the_twist_is_kept_to_single_precision():
+    frames, twist = FrameLog(), np.random.default_rng(1).normal(size=6)
+    frames.append(LoggedFrame(Stamp(1), 0, 0.0, 0, np.eye(4), twist=twist))
+    frames.append(placed(2))
+    known, unknown = frames
+    np.testing.assert_allclose(known.twist, twist, rtol=1e-6)
+    assert unknown.twist is None
 
 
 def test_the_trajectory_goes_on_from_what_is_left():

@@ -349,6 +349,19 @@ def test_the_trajectory_carries_every_pose_to_its_stamp():
         np.testing.assert_allclose(pose.T_map_camera, at(i * period * 1e-9), atol=1e-9)
 
 
+def test_frames_far_apart_are_carried_to_their_stamps_by_their_own_velocities():
+    delay_s, period, keyframes = 0.0135, 267_000_000, [bare_keyframe(0, np.eye(4))]
+    twists = np.random.default_rng(1).uniform(-0.3, 0.3, (8, 6))
+    poses = [se3.exp(np.full(6, 0.05 * i)) for i in range(8)]
+    frames = [
+        LoggedFrame(Stamp(i * period), 0, delay_s, 0, T, twist=None if i == 3 else twist)
+        for i, (T, twist) in enumerate(zip(poses, twists, strict=True))
+    ]
+    for i, (pose, T) in enumerate(zip(trajectory(frames, keyframes), poses, strict=True)):
+        wanted = T if i == 3 else T @ se3.exp(delay_s * twists[i])
+        np.testing.assert_allclose(pose.T_map_camera, wanted, atol=1e-12)
+
+
 def test_links_lead_to_near_key_frames_only():
     map_: Map = chain_of_keyframes(circle(), SMALL)
     near = map_.neighbours(10, map_.keyframes[10].T_camera_map, 5)

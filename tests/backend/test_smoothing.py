@@ -1,5 +1,7 @@
 """Smoothing of the final trajectory: noise from frame to frame goes, motion stays, and so does what says too little."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -79,6 +81,17 @@ def test_with_weights_it_is_the_weighted_smoothing_spline(seed):
     assert min(apart) < 1e-8
 
 
+@given(st.integers(0, 1000))
+def test_steps_of_a_walker_between_far_frames_are_not_taken_for_noise(seed):
+    seconds = np.arange(COUNT) * 0.267
+    steps = np.column_stack([0.3 * seconds, np.zeros(COUNT), 0.02 * np.sin(4.0 * np.pi * seconds + seed)])
+    seen = steps + 0.0005 * np.random.default_rng(seed).standard_normal((COUNT, 3))
+    poses = tuple(replace(pose, stamp=Stamp(round(s * 1e9))) for pose, s in zip(poses_of(seen), seconds, strict=True))
+    found = np.array([pose.T_map_camera[:3, 3] for pose in smoothed(poses, np.full(COUNT, 0.001**2))])
+    assert rms(found - steps) < 0.001
+    assert rms(smoothed_positions(seconds, seen) - steps) > 0.002, "they look like noise"
+
+
 @given(st.integers(0, 1000), st.integers(1, 4), st.integers(20, COUNT - 20))
 def test_poses_that_claim_little_and_are_far_off_are_placed_by_the_others(seed, count, begin):
     sigma = np.full(COUNT, 0.001)
@@ -90,7 +103,7 @@ def test_poses_that_claim_little_and_are_far_off_are_placed_by_the_others(seed, 
 
 
 def test_a_first_pose_without_any_variance_and_a_walk_of_such_poses_are_smoothed_too():
-    variances = np.full(COUNT, 1e-6)
+    variances = np.full(COUNT, 0.0015**2)
     variances[0] = 0.0
     for given_variances in (variances, np.zeros(COUNT)):
         found = np.array([pose.T_map_camera[:3, 3] for pose in smoothed(tuple(poses_of(noisy(1))), given_variances)])

@@ -1,4 +1,4 @@
-"""Every frame's pose relative to a key frame, kept in arrays: 124 bytes a frame, for the last eight hours."""
+"""Every frame's pose relative to a key frame, kept in arrays: 148 bytes a frame, for the last eight hours."""
 
 from collections import deque
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from odom.geometry.arrays import Array
 _BLOCK = 4096
 """Frames that are allocated, and dropped, together."""
 _MOST = 211 * _BLOCK
-"""Frames that are kept: eight hours at 30 Hz, 107 MB."""
+"""Frames that are kept: eight hours at 30 Hz, 128 MB."""
 _LOST = -1
 """Stands for the key frame of a frame that has none."""
 _ROW = np.dtype(
@@ -24,6 +24,7 @@ _ROW = np.dtype(
         ("keyframe", np.int32),
         ("T_keyframe_camera", np.float64, (3, 4)),
         ("position_variance", np.float32),
+        ("twist", np.float32, 6),
     ]
 )
 
@@ -34,7 +35,8 @@ class LoggedFrame:
 
     The pose belongs to `stamp - delay_s`, the middle row's time. `segment` counts only while the frame is LOST:
     otherwise its key frame's does, which may have been merged with another since. `position_variance` (m^2, mean of
-    three axes) is what a log keeps of the covariance, NaN where it is not known.
+    three axes) is what a log keeps of the covariance, NaN where it is not known. `twist` (6, SI, camera frame) is how
+    the camera moved then, as far as that is known.
     """
 
     stamp: Stamp
@@ -44,6 +46,7 @@ class LoggedFrame:
     T_keyframe_camera: Array | None = None
     covariance: Array | None = None
     position_variance: float = np.nan
+    twist: Array | None = None
 
     def since_s(self, other: "LoggedFrame") -> float:
         """Return the seconds from the `other` frame's middle row to this one's."""
@@ -87,6 +90,7 @@ class FrameLog:
         row = self._blocks[-1][len(self) % self._size]
         row["stamp"], row["delay_s"], row["segment"] = frame.stamp, frame.delay_s, frame.segment
         row["keyframe"], row["position_variance"] = _LOST, np.nan
+        row["twist"] = np.nan if frame.twist is None else frame.twist
         if frame.keyframe is not None and frame.T_keyframe_camera is not None:
             row["keyframe"], row["T_keyframe_camera"] = frame.keyframe, frame.T_keyframe_camera[:3]
             if frame.covariance is not None:
@@ -101,5 +105,6 @@ class FrameLog:
             return LoggedFrame(stamp, segment, delay_s)
         T = np.eye(4)
         T[:3] = row["T_keyframe_camera"]
-        variance = float(row["position_variance"])
-        return LoggedFrame(stamp, segment, delay_s, int(row["keyframe"]), T, position_variance=variance)
+        variance, twist = float(row["position_variance"]), row["twist"].astype(np.float64)
+        known = None if np.isnan(twist[0]) else twist
+        return LoggedFrame(stamp, segment, delay_s, int(row["keyframe"]), T, position_variance=variance, twist=known)

@@ -45,7 +45,11 @@ def trajectory(frames: Iterable[LoggedFrame], keyframes: list[Keyframe]) -> tupl
 
 
 def at_stamps(frames: Iterable[LoggedFrame], keyframes: list[Keyframe]) -> tuple[TrajectoryPose, ...]:
-    """Return every frame's pose at its stamp: carried from the middle row's time along the motion to the next frame."""
+    """Return every frame's pose at its stamp: carried from the middle row's time along the motion to the next frame.
+
+    Where frames are so far apart that the camera turned back in between, it is carried by the velocity that the frame's
+    own rows have shown.
+    """
     middles = chain([None], (_Middle.of(frame, keyframes) for frame in frames), [None])
     around = pairwise(pairwise(middles))
     return tuple(_at_stamp(here, before, after) for (before, here), (_, after) in around if here is not None)
@@ -53,12 +57,15 @@ def at_stamps(frames: Iterable[LoggedFrame], keyframes: list[Keyframe]) -> tuple
 
 def _at_stamp(here: _Middle, before: _Middle | None, after: _Middle | None) -> TrajectoryPose:
     frame, T = here.frame, here.T_map_camera
-    T_stamp = T
+    if T is None or not frame.delay_s:
+        return TrajectoryPose(frame.stamp, T, here.segment)
+    twist = frame.twist
     for there, sign in ((after, 1.0), (before, -1.0)):
-        if T is None or not frame.delay_s or there is None or there.segment != here.segment:
+        if there is None or there.T_map_camera is None or there.segment != here.segment:
             continue
         apart_s = abs(there.frame.since_s(frame))
-        if there.T_map_camera is not None and 0.0 < apart_s < TUNING.interpolation_gap_s:
-            T_stamp = T @ se3.exp(sign * frame.delay_s / apart_s * se3.log(se3.inverse(T) @ there.T_map_camera))
+        if 0.0 < apart_s < TUNING.interpolation_gap_s:
+            twist = sign / apart_s * se3.log(se3.inverse(T) @ there.T_map_camera)
             break
+    T_stamp = T if twist is None else T @ se3.exp(frame.delay_s * twist)
     return TrajectoryPose(frame.stamp, T_stamp, here.segment)

@@ -106,7 +106,7 @@ class PublishedTrajectory:
         distance that the camera covers in that time adds to the covariance.
         """
         assert middle.T_keyframe_camera is not None
-        self.frames.append(replace(middle, covariance=judged.covariance))
+        self.frames.append(replace(middle, covariance=judged.covariance, twist=judged.twist))
         last = self._recent[-1].frame.keyframe if self._recent else None
         if last is not None and self._map.keyframes[last].segment != middle.segment:
             self._recent.clear()

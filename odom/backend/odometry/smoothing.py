@@ -3,9 +3,10 @@
 The prior is motion whose acceleration is white noise (Barfoot, State Estimation for Robotics, 2017, 3.4), so that the
 likeliest path is a cubic smoothing spline (Reinsch, Smoothing by spline functions, 1967). How much of what is seen is
 the frames' noise and how much the camera's acceleration is what makes all positions likeliest: where frames are few or
-precise, nothing moves. Of two frames the one of the larger claimed variance gives way: where the camera was hardly
-seen, or its motion only predicted, the frames before and after say where it was. Orientation is not smoothed: by the
-same measure it has no noise from frame to frame.
+precise, nothing moves. Noise is a part of what the frames claim, no more: two steps a second of somebody who walks look
+like noise in four frames a second. Of two frames the one of the larger claimed variance gives way: where the camera was
+hardly seen, or its motion only predicted, the frames before and after say where it was. Orientation is not smoothed: by
+the same measure it has no noise from frame to frame.
 """
 
 from dataclasses import replace
@@ -20,6 +21,8 @@ _LEAST = 30
 """Frames: fewer say too little of how the camera moves."""
 _LOG_RATIOS = np.linspace(np.log(1e-6), np.log(1e6), 41)
 """Of the acceleration's variance to the noise's, by factors of two: from means over some 30 frames to none at all."""
+_NOISE = 0.5
+"""Of the usual claimed variance, what can be noise from frame to frame: errors of the map and of the lens last."""
 _SUREST, _LEAST_SURE = 0.1, 1e4
 """Least and largest variance over the usual one. The first frame of a segment, which is where it is by definition, has
 none; and a hundred times the usual sigma says nothing any more, while the equations lose their digits beyond it."""
@@ -39,8 +42,14 @@ def smoothed(poses: tuple[TrajectoryPose, ...], variances: Array) -> tuple[Traje
         if len(tracked) < _LEAST:
             continue
         seconds = (np.array([stamp for _, stamp, _ in tracked]) - tracked[0][1]) * 1e-9
-        shares = _shares(variances[[i for i, _, _ in tracked]])
-        positions = smoothed_positions(seconds, np.array([T[:3, 3] for _, _, T in tracked]), shares)
+        claimed = variances[[i for i, _, _ in tracked]]
+        usual = _usual(claimed)
+        positions = np.array([T[:3, 3] for _, _, T in tracked])
+        if usual > 0.0:
+            shares = np.where(np.isfinite(claimed), np.clip(claimed / usual, _SUREST, _LEAST_SURE), 1.0)
+            positions = smoothed_positions(seconds, positions, shares, _NOISE * usual)
+        else:
+            positions = smoothed_positions(seconds, positions)
         for (i, _, T), position in zip(tracked, positions, strict=True):
             moved = T.copy()
             moved[:3, 3] = position
@@ -48,22 +57,19 @@ def smoothed(poses: tuple[TrajectoryPose, ...], variances: Array) -> tuple[Traje
     return tuple(out)
 
 
-def _shares(variances: Array) -> Array:
-    """Return the variances over the usual one, within limits; 1 where not known."""
-    known = np.isfinite(variances)
-    usual = np.median(variances[known]) if known.any() else 0.0
-    if usual <= 0.0:
-        return np.ones(len(variances))
-    return np.where(known, np.clip(variances / usual, _SUREST, _LEAST_SURE), 1.0)
+def _usual(variances: Array) -> float:
+    """Return the median of the variances that are known, 0 where none is."""
+    known = variances[np.isfinite(variances)]
+    return float(np.median(known)) if len(known) else 0.0
 
 
-def smoothed_positions(seconds: Array, positions: Array, shares: Array | None = None) -> Array:
+def smoothed_positions(seconds: Array, positions: Array, shares: Array | None = None, most_m2: float = np.inf) -> Array:
     """Return the likeliest `positions` (N x D, m) at ascending times (N), each measured with noise.
 
-    Its variance is one that is not known times `shares` (N, None: all 1). With y the positions, D y are their second
-    divided differences, whose covariance is r D W D' + q G: r W the variances of the positions, q that of the
-    acceleration, G the inner products of hat functions. r and q make D y likeliest; the smoothed positions are
-    y - r W D' (r D W D' + q G)^-1 D y.
+    Its variance is one that is not known, `most_m2` (m^2) at most, times `shares` (N, None: all 1). With y the
+    positions, D y are their second divided differences, whose covariance is r D W D' + q G: r W the variances of the
+    positions, q that of the acceleration, G the inner products of hat functions. r and q make D y likeliest; the
+    smoothed positions are y - r W D' (r D W D' + q G)^-1 D y.
     """
     w = np.ones(len(positions)) if shares is None else shares
     steps = np.diff(seconds)
@@ -90,9 +96,15 @@ def smoothed_positions(seconds: Array, positions: Array, shares: Array | None = 
     def unlikelihood(log_ratio: float) -> float:
         factor = factor_of(log_ratio)
         squares = float(np.vdot(changes, solved(factor)))
+        if squares > changes.size * most_m2:
+            return np.inf
         return float(changes.size * np.log(squares) + 2.0 * positions.shape[1] * np.log(factor[0]).sum())
 
-    pulls, out = solved(factor_of(min(_LOG_RATIOS, key=unlikelihood))), positions.copy()
+    unlikelihoods = [unlikelihood(log_ratio) for log_ratio in _LOG_RATIOS]
+    best = int(np.argmin(unlikelihoods))
+    if unlikelihoods[best] == np.inf:
+        return positions
+    pulls, out = solved(factor_of(_LOG_RATIOS[best])), positions.copy()
     out[:-2] -= (w[:-2] * before)[:, None] * pulls
     out[1:-1] -= (w[1:-1] * here)[:, None] * pulls
     out[2:] -= (w[2:] * after)[:, None] * pulls

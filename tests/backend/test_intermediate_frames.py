@@ -28,10 +28,13 @@ def tracked(reference=0):
     return SimpleNamespace(inlying=nothing, displaced=nothing, reference=reference, T_camera_map=np.eye(4))
 
 
+PERIOD_S = 0.033
+
+
 def kept_of(count, every, most):
-    intermediate = IntermediateFrames(every, most)
+    intermediate = IntermediateFrames(every * PERIOD_S, most)
     for number in range(count):
-        if intermediate.wants(number):
+        if intermediate.wants(number, PERIOD_S):
             intermediate.add(number, tracked(), [bare_keyframe(0, np.eye(4))], Landmarks(), ShutterTiming())
     return intermediate
 
@@ -42,6 +45,15 @@ def test_intermediate_frames_are_spread_evenly_over_a_walk_of_any_length(count, 
     assert len(numbers) <= most
     assert len(numbers) >= min(most // 2, -(-count // every))
     assert len(set(np.diff(numbers))) <= 1
+
+
+@pytest.mark.parametrize(
+    ("period_s", "every"), [(0.0333, 6), (1.0 / 60.0, 12), (0.1, 2), (0.133, 2), (0.267, 1), (2.0, 1)]
+)
+def test_as_many_a_second_are_kept_at_any_rate(period_s, every):
+    intermediate = IntermediateFrames(0.2)
+    assert [n for n in range(40) if intermediate.wants(n, period_s)] == list(range(0, 40, every))
+    assert [n for n in range(40) if intermediate.wants(n, 0.0)] == [0], "of an unknown rate only the first"
 
 
 @pytest.mark.parametrize("members", [1, 75, 149, 150, 500])

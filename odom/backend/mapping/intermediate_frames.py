@@ -1,7 +1,7 @@
 """Frames between key frames: what some of them measured is kept for the final adjustment.
 
 A key frame is made where the view has changed; in between, dozens of frames see the same landmarks from other poses.
-Adjusting one in six of them with the key frames at the end takes a tenth to a third off the trajectory's error; the
+Adjusting five a second of them with the key frames at the end takes a tenth to a third off the trajectory's error; the
 others are moved with them.
 """
 
@@ -31,15 +31,19 @@ class IntermediateFrame(Observed):
 
 
 class IntermediateFrames:
-    """Every sixth tracked frame; beyond 240 (7 MB) every second of them is dropped, and later half as many kept."""
+    """Five tracked frames a second; beyond 240 (7 MB) every second of them is dropped, and later half as many kept."""
 
-    def __init__(self, every: int = TUNING.intermediate_every, most: int = TUNING.intermediate_most) -> None:
+    def __init__(self, every_s: float = TUNING.intermediate_s, most: int = TUNING.intermediate_most) -> None:
         self.kept: list[IntermediateFrame] = []
-        self._every, self._most = every, most
+        self._every_s, self._most = every_s, most
 
-    def wants(self, number: int) -> bool:
-        """Return whether frame `number` is one of those to be kept."""
-        return number % self._every == 0
+    def wants(self, number: int, period_s: float) -> bool:
+        """Return whether frame `number` is one of those to be kept, of a stream whose frames are `period_s` apart.
+
+        Where the period is not known yet (0), only the first one is.
+        """
+        every = max(1, round(self._every_s / period_s)) if period_s else np.inf
+        return number % every == 0
 
     def add(
         self, number: int, tracked: Tracked, keyframes: list[Keyframe], landmarks: Landmarks, timing: ShutterTiming
@@ -61,8 +65,8 @@ class IntermediateFrames:
             )
         )
         if len(self.kept) > self._most:
-            self._every *= 2
-            self.kept = [s for s in self.kept if self.wants(s.number)]
+            self._every_s *= 2.0
+            self.kept = self.kept[::2]
 
     def see_through(self, change: LensChange) -> None:
         """Tell what was measured through a new lens."""

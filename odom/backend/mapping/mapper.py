@@ -191,6 +191,11 @@ class Mapper:
         self._note_measured([one.seen.keyframe for one in taken.described])
         return sensor, taken.described
 
+    def keep_now_and_then(self, number: int, tracked: Tracked, sensor: SensorModel) -> None:
+        """Keep what the tracked frame `number` measured, if it is one of the few a second that are kept."""
+        if self.intermediate.wants(number, sensor.clock.period_s):
+            self.keep_for_the_end(number, tracked, sensor)
+
     def keep_for_the_end(self, number: int, tracked: Tracked, sensor: SensorModel) -> None:
         """Keep what the tracked frame `number` measured, for `finish`."""
         self.intermediate.add(number, tracked, self._map.keyframes, self._map.landmarks, sensor.timing)

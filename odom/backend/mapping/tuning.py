@@ -130,8 +130,9 @@ class Tuning:
     finish_iterations: int = tuned(15, unit="1", source=_SWEEP,
         effect="steps of the final adjustment; as adjust_iterations")
     # intermediate_frames
-    intermediate_every: int = tuned(6, unit="frames", source=_SWEEP,
-        effect="smaller: the final adjustment is slower; larger: frames between key frames gain less")
+    intermediate_s: float = tuned(0.2, unit="s", source="fr1_xyz, fr1_rpy, arena, hololens_part, at 2 to 30 Hz",
+        effect="from one to the next; smaller: the final adjustment is slower; larger: frames between key frames gain "
+        "less")
     intermediate_most: int = tuned(240, unit="frames", source="memory: 7 MB",
         effect="smaller: long walks gain less; larger: more memory")
     adjusted_most: int = tuned(150, unit="frames", source="memory grows with the square; 10 MB a copy of the system",

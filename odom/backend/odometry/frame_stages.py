@@ -122,8 +122,9 @@ class FrameStages:
         previous, clock = self.state, self.sensor.clock
         since_previous_s = 0.0 if is_recovered or previous is None else previous.since_s(view.steady_stamp)
         step = np.zeros(6) if previous is None else previous.step_to(tracked)
-        twist = -step / since_previous_s if 0.0 < since_previous_s < TUNING.longest_gap_s else tracked.twist
-        self.mapper.inserter.remeasure_newest(twist if since_previous_s else None, self.sensor)
+        is_near = 0.0 < since_previous_s < TUNING.longest_gap_s
+        twist = -step / since_previous_s if is_near else tracked.twist
+        self.mapper.inserter.remeasure_newest(twist if is_near else None, self.sensor)
         note_sightings(self.map.landmarks, tracked, since_previous_s)
         is_one_period = abs(since_previous_s - clock.period_s) < TUNING.steady_share * clock.period_s
         noise = self.sensor.noise.with_step(step if since_previous_s and is_one_period else None, tracked.information)
@@ -172,8 +173,7 @@ class FrameStages:
     def _grow_map(self, view: View, judged: JudgedFrame, published: Publication) -> bool:
         """Add a frame to the map as far as it is needed, and make it the newest; return whether it is a key frame."""
         tracked, mapper, count, sensor = judged.tracked, self.mapper, self.published.frames.count, self.sensor
-        if mapper.intermediate.wants(count - 1):
-            mapper.keep_for_the_end(count - 1, tracked, sensor)
+        mapper.keep_now_and_then(count - 1, tracked, sensor)
         mapper.start_background(count, sensor, self.closer.is_idle)
         reference, seen = tracked.reference, tracked.inlying
         rows, uv, is_keyframe, in_doubt = seen.rows, seen.uv, False, judged.moving.is_doubtful

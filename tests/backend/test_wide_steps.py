@@ -6,6 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import cv2
+import drawn
 import numpy as np
 import pytest
 
@@ -13,6 +14,7 @@ from odom import Camera, RgbdFrame, RgbdRecording, read_recording
 from odom.backend import Odometry, State
 from odom.evaluation.report import evaluate
 from odom.evaluation.trajectory import Trajectory
+from sensors.arena import ArenaOptions
 
 Read = tuple[RgbdRecording, list[RgbdFrame]]
 
@@ -81,3 +83,20 @@ def test_a_time_lapse_of_fast_turns_hardly_falls_to_pieces(read: Callable[[str],
     assert trajectory.segment is not None
     assert np.bincount(trajectory.segment).max() >= (0.85 if every == 16 else 0.75) * len(estimates), "most are joined"
     assert evaluate(trajectory.longest_segment(), recording.truth()["camera"]).ate_m <= 0.033
+
+
+@pytest.mark.long
+@pytest.mark.rendered
+@pytest.mark.parametrize(("seed", "full_rate_m", "every"), [(1, 0.00146, 8), (1, 0.00146, 16), (4, 0.00108, 16)])
+def test_a_walk_at_four_and_two_frames_a_second_errs_at_most_two_and_a_half_times_as_much(
+    seed: int, full_rate_m: float, every: int
+) -> None:
+    options = ArenaOptions(seed=seed)
+    odometry, stamps, poses = Odometry(options.camera), [], []
+    for index in range(0, options.frames, every):
+        frame = drawn.frame(options, index)
+        assert odometry.process(frame.rgbd()).state is State.TRACKING
+        stamps.append(frame.stamp)
+        poses.append(frame.T_world_camera)
+    found = evaluate(Trajectory.of(odometry.finish()), Trajectory(np.array(stamps), np.array(poses)))
+    assert found.ate_m <= 2.5 * full_rate_m

@@ -49,14 +49,17 @@ def test_a_run_loads_evaluation_recordings_and_a_bar_only_when_it_needs_them() -
 
 @pytest.mark.alone
 def test_help_is_there_at_once() -> None:
-    """Bar: .3 s."""
+    """Bar: .3 s where the libraries that print it are loaded in .2 s; both by the same machine, in turns."""
 
-    def took_s() -> float:
+    def took_s(*command: str) -> float:
         begun = time.perf_counter()
-        subprocess.run([sys.executable, "-m", "odom", "--help"], check=True, capture_output=True)
+        subprocess.run([sys.executable, *command], check=True, capture_output=True)
         return time.perf_counter() - begun
 
-    assert min(took_s() for _ in range(15)) <= 0.3
+    printers = "import typer.rich_utils"
+    helps, loads = zip(*((took_s("-m", "odom", "--help"), took_s("-c", printers)) for _ in range(15)), strict=True)
+    print(f"{min(helps):.3f} s, the libraries {min(loads):.3f} s")
+    assert min(helps) <= 1.5 * min(loads)
 
 
 @pytest.mark.alone

@@ -186,7 +186,7 @@ class KeyframeInserter:
     def remeasure_newest(self, twist: Array | None, sensor: SensorModel) -> None:
         """If the last frame became a key frame, measure it again: `twist` (6, SI) led from it to the next frame.
 
-        None where the next frame did not follow from it: then it stays as it is.
+        None where the next frame did not follow from it, or came late: then it stays as it is.
         """
         if self._newest is not None and twist is not None:
             mean = 0.5 * (self._newest.twist + twist)

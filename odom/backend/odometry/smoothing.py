@@ -3,10 +3,10 @@
 The prior is motion whose acceleration is white noise (Barfoot, State Estimation for Robotics, 2017, 3.4), so that the
 likeliest path is a cubic smoothing spline (Reinsch, Smoothing by spline functions, 1967). How much of what is seen is
 the frames' noise and how much the camera's acceleration is what makes all positions likeliest: where frames are few or
-precise, nothing moves. Noise is a part of what the frames claim, no more: two steps a second of somebody who walks look
-like noise in four frames a second. Of two frames the one of the larger claimed variance gives way: where the camera was
-hardly seen, or its motion only predicted, the frames before and after say where it was. Orientation is not smoothed: by
-the same measure it has no noise from frame to frame.
+precise, nothing moves. Noise is a part of what the frames claim, no more (errors of the map and the lens last): two
+steps a second of somebody who walks look like noise in four frames a second. Of two frames the one of the larger
+claimed variance gives way: where the camera was hardly seen, or its motion only predicted, the frames before and after
+say where it was. Orientation is not smoothed: by the same measure it has no noise from frame to frame.
 """
 
 from dataclasses import replace
@@ -15,14 +15,13 @@ import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from odom.backend.estimate import TrajectoryPose
+from odom.backend.odometry.tuning import TUNING
 from odom.geometry.arrays import Array
 
 _LEAST = 30
 """Frames: fewer say too little of how the camera moves."""
 _LOG_RATIOS = np.linspace(np.log(1e-6), np.log(1e6), 41)
 """Of the acceleration's variance to the noise's, by factors of two: from means over some 30 frames to none at all."""
-_NOISE = 0.5
-"""Of the usual claimed variance, what can be noise from frame to frame: errors of the map and of the lens last."""
 _SUREST, _LEAST_SURE = 0.1, 1e4
 """Least and largest variance over the usual one. The first frame of a segment, which is where it is by definition, has
 none; and a hundred times the usual sigma says nothing any more, while the equations lose their digits beyond it."""
@@ -47,7 +46,7 @@ def smoothed(poses: tuple[TrajectoryPose, ...], variances: Array) -> tuple[Traje
         positions = np.array([T[:3, 3] for _, _, T in tracked])
         if usual > 0.0:
             shares = np.where(np.isfinite(claimed), np.clip(claimed / usual, _SUREST, _LEAST_SURE), 1.0)
-            positions = smoothed_positions(seconds, positions, shares, _NOISE * usual)
+            positions = smoothed_positions(seconds, positions, shares, TUNING.noise_share * usual)
         else:
             positions = smoothed_positions(seconds, positions)
         for (i, _, T), position in zip(tracked, positions, strict=True):

@@ -108,7 +108,12 @@ class Tuning:
         effect="how fast a predicted pose gets worse; smaller: too sure; larger: too unsure")
     bridge_sigma_rad_s: float = tuned(1.0, unit="rad/s", source="as bridge_sigma_m_s", effect="as bridge_sigma_m_s")
     interpolation_gap_s: float = tuned(0.2, unit="s", source="as longest_gap_s",
-        effect="longest gap over which a final pose is carried to its stamp; larger: motion is guessed")
+        effect="longest gap over which a final pose is carried to its stamp by the motion to the next one, else by its "
+        "own velocity; larger: steps of who walks are lost; smaller: velocities of single frames shake")
+    # smoothing
+    noise_share: float = tuned(0.5, unit="share of the claimed variance", source="fr1, arena, 2 to 30 Hz",
+        effect="can be noise from frame to frame at the most; smaller: quick turns at 4 Hz tremble; larger: the steps "
+        "of who walks are smoothed away there")
     steady_share: float = tuned(0.2, unit="share of a period", source=_SWEEP,
         effect="steps that count as one period long; smaller: jittery streams show no jumps; "
         "larger: gaps count as jumps")

@@ -215,6 +215,7 @@ def test_a_flood_that_claims_to_be_lossless_is_bounded_in_bytes(open_peer: OpenS
     sender, receiver = open_peer(), open_peer()
     subscriber = receiver.subscriber(["a", "b"], depth=3, lossless=True)
     meet(sender, "a")
+    meet(sender, "b")
     publisher = sender.publisher(lossless=True)
     megabyte = encode_text("a", Stamp(0), "x" * 2**20)
     for i in range(200):

@@ -21,7 +21,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-import numba
+os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")  # it colours messages that nobody sees, too
+
+import numba  # what is set above is read when it is imported
 from numba.core import config, types
 from numba.core.caching import FunctionCache
 
@@ -136,7 +138,8 @@ def _compiled(function: F, fastmath: bool | set[str]) -> F:
     before = settings["CACHE_DIR"]
     settings["CACHE_DIR"] = _cache_folder(*function.__module__.split(".")[1:2])  # read when a function is decorated
     try:
-        jitted: Any = numba.njit(nogil=True, error_model="numpy", fastmath=fastmath)(function)
+        # no wrapper for callers in C, which nobody is: a tenth of the compilation
+        jitted: Any = numba.njit(nogil=True, error_model="numpy", fastmath=fastmath, no_cfunc_wrapper=True)(function)
         jitted._cache = _SharedCache(function)  # type: ignore[no-untyped-call]  # numba gives no types
         jitted.get_call_template = _without_literals(jitted.get_call_template)
     finally:

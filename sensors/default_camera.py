@@ -26,6 +26,8 @@ _TUM = {
 """Intrinsics of the colour cameras freiburg1, 2 and 3, as the TUM RGB-D benchmark publishes them; the third's images
 are undistorted already."""
 _TUM_NAME = re.compile(r"(?:^|[^a-z])(?:freiburg|fr)([123])(?![0-9])", re.IGNORECASE)
+ICL_NUIM = Camera(*_SIZE, 481.2, 480.0, 319.5, 239.5)
+"""The camera that drew ICL-NUIM's rooms, its y axis turned to point down as everyone else's."""
 _PUBLISHED = (
     (
         re.compile(r"rgbd_bonn", re.IGNORECASE),
@@ -33,10 +35,7 @@ _PUBLISHED = (
             *_SIZE, 542.822841, 542.576870, 315.593520, 237.756098, (0.039903, -0.099343, -0.000730, -0.000144, 0.0)
         ),
     ),
-    (
-        re.compile(r"icl[-_]?nuim|living_?room_?traj|office_?room_?traj", re.IGNORECASE),
-        Camera(*_SIZE, 481.2, 480.0, 319.5, 239.5),
-    ),
+    (re.compile(r"icl[-_]?nuim|living_?room_?traj|office_?room_?traj", re.IGNORECASE), ICL_NUIM),
 )
 """Cameras of other data sets by the names of their folders: Bonn's dynamic scenes, ICL-NUIM's drawn rooms."""
 _KINECT_FX = 525.0

@@ -6,7 +6,6 @@ Where files carry numbers instead of stamps, they count frames of 1/30 s.
 import json
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,43 +15,25 @@ from odom.frame import Camera, Stamp
 from odom.geometry.arrays import Array
 from odom.geometry.quaternion import quaternion_from_rotation
 from sensors.default_camera import image_size
-from sensors.image_lists import TumEntry, read_list
+from sensors.image_lists import FolderLayout, TumEntry, stamp_of_frame
+from sensors.listed_folders import ASSOCIATIONS, associated, tum
 
-_RATE_HZ = 30
-"""Frames a second assumed where a folder has no stamps: a Kinect's. It scales velocities, not the trajectory."""
-_LISTS = ("associations.txt", "associate.txt", "association.txt")
 _SEVEN_SCENES = Camera(640, 480, 585.0, 585.0, 320.0, 240.0)
 """The camera that 7-Scenes publishes for its images; 65535 stands for unknown depth there."""
 _REPLICA = Camera(1200, 680, 600.0, 600.0, 599.5, 339.5)
 """The camera of Replica's rooms as they were drawn for NICE-SLAM, with 6553.5 units of depth a metre."""
 
 
-@dataclass(frozen=True)
-class FolderLayout:
-    """The lists of a folder: `name` says where they are from; files are relative to the folder.
-
-    `truth` holds poses as TUM writes them (x y z, quaternion x y z w). `camera` is None where nothing says it. Depth
-    images have `depth_scale` units in a metre and `unknown_depth` where nothing was measured; they are those of
-    `depth_camera`, if that is not colour's.
-    """
-
-    name: str
-    color: list[TumEntry]
-    depth: list[TumEntry]
-    truth: list[TumEntry]
-    camera: Camera | None = None
-    depth_scale: float = 5000.0
-    unknown_depth: int = 0
-    depth_camera: Camera | None = None
-
-
 def is_image_folder(path: Path) -> bool:
     """Whether a folder holds images in a layout that is known."""
-    return (path / "rgb.txt").is_file() or any(_is(path) for _is, _ in _LAYOUTS)
+    return any(_is(path) for _is, _ in _LAYOUTS)
 
 
 def layout_of(path: Path) -> FolderLayout:
-    """Return the lists of a folder of any layout but TUM's; raises SourceError when it has none that is known."""
+    """Return the lists of a folder.
+
+    Raises SourceError when it has no layout that is known or a list is damaged, ConfigError when its camera is.
+    """
     for _is, read in _LAYOUTS:
         if _is(path):
             return read(path)
@@ -92,7 +73,7 @@ def _replica(path: Path) -> FolderLayout:
     images = path / "results"
     file = path / "traj.txt"
     lines = _lines(file) if file.is_file() else []
-    poses = [_true(_stamp(i), np.array(line, dtype=float).reshape(4, 4)) for i, line in enumerate(lines)]
+    poses = [_true(stamp_of_frame(i), np.array(line, dtype=float).reshape(4, 4)) for i, line in enumerate(lines)]
     camera, scale = _replica_camera(path)
     return FolderLayout(
         "results/",
@@ -104,26 +85,9 @@ def _replica(path: Path) -> FolderLayout:
     )
 
 
-def _associated(path: Path) -> FolderLayout:
-    """ICL-NUIM's: one list with stamp and file of both images a line, and the trajectory in `*.gt.freiburg`."""
-    file = next(path / name for name in _LISTS if (path / name).is_file())
-    pairs = read_list(file, 3)
-    is_depth_first = bool(pairs) and "depth" in pairs[0].values[0]
-    first = [TumEntry(entry.stamp, entry.values[:1]) for entry in pairs]
-    second = [TumEntry(entry.stamp, entry.values[2:]) for entry in pairs]
-    truth_file = next(iter(sorted((*path.glob("*.gt.freiburg"), *path.glob("groundtruth.txt")))), None)
-    truth = [] if truth_file is None else read_list(truth_file, 7)
-    counts_frames = all(entry.stamp % 1_000_000_000 == 0 for entry in pairs)
-    first, second, truth = (
-        [TumEntry(_stamp(e.stamp // 1_000_000_000), e.values) if counts_frames else e for e in entries]
-        for entries in (first, second, truth)
-    )
-    color, depth = (second, first) if is_depth_first else (first, second)
-    return FolderLayout(file.name, color, depth, truth)
-
-
 _LAYOUTS: tuple[tuple[Callable[[Path], bool], Callable[[Path], FolderLayout]], ...] = (
-    (lambda path: any((path / name).is_file() for name in _LISTS) and (path / "depth").is_dir(), _associated),
+    (lambda path: (path / "rgb.txt").is_file(), tum),
+    (lambda path: any((path / name).is_file() for name in ASSOCIATIONS) and (path / "depth").is_dir(), associated),
     (lambda path: next(path.glob("frame-*.color.png"), None) is not None, _seven_scenes),
     (lambda path: all((path / name).is_dir() for name in ("color", "depth", "pose")), _scannet),
     (lambda path: next((path / "results").glob("depth*.png"), None) is not None, _replica),
@@ -136,12 +100,8 @@ def _numbered(folder: Path, files: Iterable[Path]) -> list[TumEntry]:
     for file in files:
         numbers = re.findall(r"\d+", file.name.partition(".")[0])
         if numbers:
-            entries.append(TumEntry(_stamp(int(numbers[-1])), (file.relative_to(folder).as_posix(),)))
+            entries.append(TumEntry(stamp_of_frame(int(numbers[-1])), (file.relative_to(folder).as_posix(),)))
     return sorted(entries, key=lambda entry: entry.stamp)
-
-
-def _stamp(frame: int) -> Stamp:
-    return Stamp(round(frame * 1_000_000_000 / _RATE_HZ))
 
 
 def _pose(folder: Path, entry: TumEntry) -> list[TumEntry]:

@@ -1,4 +1,4 @@
-"""Lists of images and poses by their stamps, as the TUM RGB-D benchmark writes them."""
+"""Lists of images and poses by their stamps, as the TUM RGB-D benchmark writes them, and those that a folder has."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,9 +6,14 @@ from pathlib import Path
 import numpy as np
 
 from odom.errors import SourceError
-from odom.frame import Stamp, from_seconds
+from odom.frame import Camera, Stamp, from_seconds
 from odom.geometry.arrays import Array
 from odom.geometry.quaternion import rotation_from_quaternion
+
+SECOND = 1_000_000_000
+"""Nanoseconds in a second."""
+_RATE_HZ = 30
+"""Frames a second assumed where a folder has no stamps: a Kinect's. It scales velocities, not the trajectory."""
 
 
 @dataclass(frozen=True)
@@ -17,6 +22,25 @@ class TumEntry:
 
     stamp: Stamp
     values: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class FolderLayout:
+    """The lists of a folder: `name` says where they are from; files are relative to the folder.
+
+    `truth` holds poses as TUM writes them (x y z, quaternion x y z w). `camera` is None where nothing says it. Depth
+    images have `depth_scale` units in a metre and `unknown_depth` where nothing was measured; they are those of
+    `depth_camera`, if that is not colour's.
+    """
+
+    name: str
+    color: list[TumEntry]
+    depth: list[TumEntry]
+    truth: list[TumEntry]
+    camera: Camera | None = None
+    depth_scale: float = 5000.0
+    unknown_depth: int = 0
+    depth_camera: Camera | None = None
 
 
 def read_list(path: Path, columns: int) -> list[TumEntry]:
@@ -50,3 +74,8 @@ def pose_of(entry: TumEntry) -> Array:
     T_world_camera[:3, :3] = rotation_from_quaternion(values[3:])
     T_world_camera[:3, 3] = values[:3]
     return T_world_camera
+
+
+def stamp_of_frame(frame: int) -> Stamp:
+    """Return the stamp of a frame that has a number alone."""
+    return Stamp(round(frame * SECOND / _RATE_HZ))

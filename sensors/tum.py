@@ -1,4 +1,4 @@
-"""A folder in the format of the TUM RGB-D benchmark, as a recorded source.
+"""A folder of images, as the TUM RGB-D benchmark lays it out or others do (see `folder_layouts`), as a recorded source.
 
 Colour files pass unchanged; depth is converted to millimetres and rounded once; the ground truth, if there is any,
 becomes `truth/camera/pose`.
@@ -24,12 +24,12 @@ from odom.wire.codec import (
     encode_pose,
 )
 from odom.wire.codec.image_files import decode_file
-from sensors.calibration_file import TUM_DEPTH_SCALE, Calibration, depth_scale_alone, load_calibration
+from sensors.calibration_file import Calibration, depth_scale_alone, load_calibration
 from sensors.default_camera import assumed_calibration
 from sensors.depth_registration import DepthRegistration
-from sensors.folder_layouts import FolderLayout, layout_of
+from sensors.folder_layouts import layout_of
+from sensors.image_lists import FolderLayout, pose_of
 from sensors.image_lists import TumEntry as TumEntry
-from sensors.image_lists import pose_of
 from sensors.image_lists import read_list as read_list
 from sensors.source import SourceOptions
 
@@ -65,15 +65,12 @@ class TumSource:
 
     lossless = True
 
-    def __init__(
-        self, folder: Path, calibration: Calibration, options: SourceOptions, layout: FolderLayout | None = None
-    ) -> None:
+    def __init__(self, folder: Path, calibration: Calibration, options: SourceOptions, layout: FolderLayout) -> None:
         self.refused: Counter[tuple[str, str]] = Counter()
         self._folder = folder
         self._calibration = calibration
         self.is_assumed = calibration.is_assumed
         self._topics: Topics = options.topics
-        layout = layout or _tum_layout(folder)
         color, depth = layout.color, layout.depth
         if not color or not depth:
             raise SourceError(f"{folder}: {layout.name} lists no images of {'depth' if color else 'colour'}")
@@ -154,15 +151,6 @@ class _NotDepthError(WireError):
     """An image that holds no distances."""
 
 
-def _read_truth(path: Path) -> list[TumEntry]:
-    """Return the true poses of a file, none of one that cannot be read, which is logged: images do not need them."""
-    try:
-        return read_list(path, 7)
-    except SourceError as error:
-        log.warning("%s; it goes on without truth", error)
-        return []
-
-
 def _why(error: Exception) -> str:
     """Return in few words why an image could not be used, the same for all of a kind."""
     from odom.evaluation.diagnosis.recording import NO_FILE, NOT_DEPTH
@@ -179,24 +167,16 @@ def open_tum(path: Path, options: SourceOptions) -> TumSource:
     `assumed_calibration`); a file that holds `depth_scale` alone leaves it so. Raises ConfigError when the calibration
     cannot be used, SourceError when the folder's lists are missing or damaged.
     """
-    layout = None if (path / "rgb.txt").is_file() else layout_of(path)
+    layout = layout_of(path)
     file = options.camera or (path / "camera.yaml" if (path / "camera.yaml").is_file() else None)
-    unit = TUM_DEPTH_SCALE if layout is None else layout.depth_scale
-    depth_scale = unit if file is None else depth_scale_alone(file)
+    depth_scale = layout.depth_scale if file is None else depth_scale_alone(file)
     if depth_scale is None:
         assert file is not None
         return TumSource(path, load_calibration(file), options, layout)
-    if layout is not None and layout.camera is not None:
+    if layout.camera is not None:
         return TumSource(path, Calibration(layout.camera, depth_scale), options, layout)
-    images = read_list(path / "rgb.txt", 1) if layout is None else layout.color
-    first = path / images[0].values[0] if images else path
+    first = path / layout.color[0].values[0] if layout.color else path
     return TumSource(path, assumed_calibration(path, first, depth_scale), options, layout)
-
-
-def _tum_layout(folder: Path) -> FolderLayout:
-    file = folder / "groundtruth.txt"
-    color, depth = read_list(folder / "rgb.txt", 1), read_list(folder / "depth.txt", 1)
-    return FolderLayout("rgb.txt or depth.txt", color, depth, _read_truth(file) if file.is_file() else [])
 
 
 def _between(entries: list[TumEntry], begin: int, end: int | None) -> list[TumEntry]:

@@ -40,6 +40,11 @@ class Camera:
     def __post_init__(self) -> None:
         object.__setattr__(self, "distortion", tuple(float(value) for value in np.ravel(self.distortion)))
         values = (self.width, self.height, self.fx, self.fy, self.cx, self.cy, *self.distortion)
+        if self.fy < 0 < self.fx:
+            raise ConfigError(
+                f"fy is negative, {self.fy:g}: its y axis points up, and true poses by it are mirrored; give "
+                f"{-self.fy:g} (true poses in ICL-NUIM's *.gt.freiburg are turned round when they are read)"
+            )
         if not np.isfinite(values).all() or min(values[:4]) <= 0:
             raise ConfigError(f"camera {self} cannot be used: give finite intrinsics and a positive size")
         if self.width % 1 or self.height % 1:

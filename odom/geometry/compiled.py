@@ -139,7 +139,13 @@ def _compiled(function: F, fastmath: bool | set[str]) -> F:
     settings["CACHE_DIR"] = _cache_folder(*function.__module__.split(".")[1:2])  # read when a function is decorated
     try:
         # no wrapper for callers in C, which nobody is: a tenth of the compilation
-        jitted: Any = numba.njit(nogil=True, error_model="numpy", fastmath=fastmath, no_cfunc_wrapper=True)(function)
+        options: dict[str, Any] = {
+            "nogil": True,
+            "error_model": "numpy",
+            "fastmath": fastmath,
+            "no_cfunc_wrapper": True,
+        }
+        jitted: Any = numba.njit(**options)(function)
         jitted._cache = _SharedCache(function)  # type: ignore[no-untyped-call]  # numba gives no types
         jitted.get_call_template = _without_literals(jitted.get_call_template)
     finally:

@@ -12,6 +12,7 @@ import pytest
 from odom.batch.recordings import find_recordings
 from odom.errors import ConfigError, SourceError
 from odom.frame import Camera
+from odom.geometry.quaternion import quaternion_from_rotation
 from odom.rgbd_recording import read_recording
 from odom.wire import Topics, truth
 from odom.wire.codec import decode_camera_info, decode_color, decode_depth, decode_pose
@@ -38,9 +39,19 @@ def depth(i: int, units: float, unknown: int = 0) -> np.ndarray:
 
 def pose(i: int) -> np.ndarray:
     T = np.eye(4)
-    T[:3, :3] = cv2.Rodrigues(np.array([0.0, 0.1 * i, 0.0]))[0]
+    T[:3, :3] = cv2.Rodrigues(0.1 * i * np.array([0.6, 0.48, 0.64]))[0]
     T[:3, 3] = 0.1 * i, 0.2, 0.3
     return T
+
+
+def as_seen_from_a_camera_whose_y_axis_points_up(T_world_camera: np.ndarray) -> np.ndarray:
+    """The pose in ICL-NUIM's frames, which are left-handed: world and camera have the opposite y axis."""
+    mirror = np.diag([1.0, -1.0, 1.0, 1.0])
+    return mirror @ T_world_camera @ mirror
+
+
+def tum_line(stamp: float, T: np.ndarray) -> str:
+    return " ".join(map(str, (stamp, *T[:3, 3].tolist(), *quaternion_from_rotation(T[:3, :3]).tolist())))
 
 
 def seven_scenes(folder: Path) -> Camera:
@@ -82,8 +93,7 @@ def icl_nuim(folder: Path) -> Camera:
         cv2.imwrite(str(folder / "rgb" / f"{i}.png"), color(i))
         cv2.imwrite(str(folder / "depth" / f"{i}.png"), depth(i, 5000))
         pairs.append(f"{i} depth/{i}.png {i} rgb/{i}.png")
-        half = 0.05 * i
-        poses.append(f"{i} {0.1 * i} 0.2 0.3 0 {np.sin(half)} 0 {np.cos(half)}")
+        poses.append(tum_line(i, as_seen_from_a_camera_whose_y_axis_points_up(pose(i))))
     (folder / "associations.txt").write_text("\n".join(pairs))
     (folder / "livingRoom0.gt.freiburg").write_text("\n".join(poses))
     (folder / "camera.yaml").write_text(
@@ -92,7 +102,27 @@ def icl_nuim(folder: Path) -> Camera:
     return Camera(*SIZE, 60.0, 61.0, 31.5, 23.5)
 
 
-LAYOUTS = (seven_scenes, scannet, replica, icl_nuim)
+def others_with_associations(folder: Path) -> Camera:
+    """ICL-NUIM's lists with true poses as everyone else writes them."""
+    camera = icl_nuim(folder)
+    (folder / "livingRoom0.gt.freiburg").unlink()
+    (folder / "groundtruth.txt").write_text("\n".join(tum_line(i, pose(i)) for i in range(FRAMES)))
+    return camera
+
+
+def eth3d(folder: Path) -> Camera:
+    (folder / "rgb").mkdir()
+    (folder / "depth").mkdir()
+    for name, images in (("rgb", color), ("depth", lambda i: depth(i, 5000))):
+        for i in range(FRAMES):
+            cv2.imwrite(str(folder / name / f"{i}.png"), images(i))
+        (folder / f"{name}.txt").write_text("\n".join(f"{i / 30:.9f} {name}/{i}.png" for i in range(FRAMES)))
+    (folder / "groundtruth.txt").write_text("\n".join(tum_line(i / 30, pose(i)) for i in range(FRAMES)))
+    (folder / "calibration.txt").write_text("60 61 31.5 23.5\n")
+    return Camera(*SIZE, 60.0, 61.0, 31.5, 23.5)
+
+
+LAYOUTS = (seven_scenes, scannet, replica, icl_nuim, others_with_associations, eth3d)
 
 
 @pytest.mark.parametrize("write", LAYOUTS)
@@ -107,7 +137,7 @@ def test_images_poses_and_stamps_are_those_of_the_walk(tmp_path: Path, write: Wr
     assert counts == {TOPICS.color_compressed: FRAMES, TOPICS.depth: FRAMES, truth("camera"): FRAMES}
     of = {topic: [message for message in rest if message.topic == topic] for topic in counts}
     for i in range(FRAMES):
-        assert {of[topic][i].stamp for topic in counts} == {round(i * 1e9 / 30)}
+        assert all(of[topic][i].stamp == pytest.approx(i * 1e9 / 30, abs=1.0) for topic in counts)
         assert np.array_equal(decode_color(of[TOPICS.color_compressed][i]), color(i)[..., ::-1])
         mm = decode_depth(of[TOPICS.depth][i])
         assert (mm[0] == 0).all()
@@ -158,6 +188,42 @@ def test_what_cannot_be_used_is_told(tmp_path: Path) -> None:
     (tmp_path / "intrinsic" / "intrinsic_color.txt").unlink()
     with pytest.raises(SourceError, match="color/ or depth/ lists no images of depth"):
         open_source(str(tmp_path), SourceOptions())
+
+
+def test_images_of_a_pair_keep_the_stamps_of_their_own(tmp_path: Path) -> None:
+    icl_nuim(tmp_path)
+    lines = [f"{i / 30:.6f} depth/{i}.png {i / 30 + 0.012:.6f} rgb/{i}.png" for i in range(FRAMES)]
+    (tmp_path / "associations.txt").write_text("\n".join(lines))
+    found = layout_of(tmp_path)
+    late_ms = [(c.stamp - d.stamp) * 1e-6 for c, d in zip(found.color, found.depth, strict=True)]
+    assert late_ms == pytest.approx([12.0] * FRAMES, abs=1e-3)
+    (tmp_path / "associations.txt").write_text("0.1 depth/0.png rgb/0.png later")
+    with pytest.raises(SourceError, match=r"'rgb/0.png' is not a time stamp"):
+        layout_of(tmp_path)
+
+
+def test_a_folder_of_icl_nuim_is_known_by_its_true_poses_whatever_its_name(tmp_path: Path) -> None:
+    icl_nuim(tmp_path)
+    (tmp_path / "camera.yaml").unlink()
+    for i in range(FRAMES):
+        cv2.imwrite(str(tmp_path / "rgb" / f"{i}.png"), color(i, (640, 480)))
+        cv2.imwrite(str(tmp_path / "depth" / f"{i}.png"), np.full((480, 640), 10_000, dtype=np.uint16))
+    info = next(iter(open_source(str(tmp_path), SourceOptions(topics=TOPICS)).messages()))
+    assert decode_camera_info(info) == Camera(640, 480, 481.2, 480.0, 319.5, 239.5)
+
+
+def test_a_file_that_holds_no_intrinsics_is_told_and_left_aside(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    eth3d(tmp_path)
+    (tmp_path / "calibration.txt").write_text("60 61 thirty 23.5\n")
+    assert layout_of(tmp_path).camera is None
+    assert "calibration.txt is left aside" in caplog.text
+
+
+def test_an_axis_that_points_up_is_told_with_the_remedy() -> None:
+    with pytest.raises(ConfigError, match=r"fy is negative.*give 480"):
+        Camera(640, 480, 481.2, -480.0, 319.5, 239.5)
 
 
 @pytest.mark.parametrize(

@@ -18,8 +18,12 @@ from sensors.default_camera import image_size
 from sensors.image_lists import FolderLayout, TumEntry, stamp_of_frame
 from sensors.listed_folders import ASSOCIATIONS, associated, tum
 
-_SEVEN_SCENES = Camera(640, 480, 585.0, 585.0, 320.0, 240.0)
-"""The camera that 7-Scenes publishes for its images; 65535 stands for unknown depth there."""
+_SEVEN_SCENES_FOCAL = 585.0 / 640
+"""Focal length of the depth camera that 7-Scenes publishes, in widths of the image, in whose middle its centre is. Of
+the colour camera, a Kinect's like any other, and of how the two are mounted nothing is published."""
+_KINECT_BASELINE_M = (-0.025, 0.0, 0.0)
+"""Where a Kinect v1's depth camera is, seen from the colour camera: 2.5 cm to the left."""
+_SAME = np.eye(4)
 _REPLICA = Camera(1200, 680, 600.0, 600.0, 599.5, 339.5)
 """The camera of Replica's rooms as they were drawn for NICE-SLAM, with 6553.5 units of depth a metre."""
 
@@ -41,16 +45,27 @@ def layout_of(path: Path) -> FolderLayout:
 
 
 def _seven_scenes(path: Path) -> FolderLayout:
+    """Return the lists of raw images of a Kinect: depth is not registered to colour, and true poses are depth's."""
     poses = _numbered(path, path.glob("frame-*.pose.txt"))
+    T_depth_color = np.eye(4)
+    T_depth_color[:3, 3] = -np.array(_KINECT_BASELINE_M)
+    depth = _numbered(path, path.glob("frame-*.depth.png"))
+    size = image_size(path / depth[0].values[0]) if depth else None
     return FolderLayout(
         "7-Scenes' frame-*.png",
         _numbered(path, path.glob("frame-*.color.png")),
-        _numbered(path, path.glob("frame-*.depth.png")),
-        [pose for entry in poses for pose in _pose(path, entry)],
-        _SEVEN_SCENES,
+        depth,
+        [pose for entry in poses for pose in _pose(path, entry, T_depth_color)],
         depth_scale=1000.0,
         unknown_depth=65535,
+        depth_camera=None if size is None else _seven_scenes_depth(*size),
+        depth_position_m=_KINECT_BASELINE_M,
     )
+
+
+def _seven_scenes_depth(width: int, height: int) -> Camera:
+    focal = _SEVEN_SCENES_FOCAL * width
+    return Camera(width, height, focal, focal, width / 2, height / 2)
 
 
 def _scannet(path: Path) -> FolderLayout:
@@ -104,13 +119,13 @@ def _numbered(folder: Path, files: Iterable[Path]) -> list[TumEntry]:
     return sorted(entries, key=lambda entry: entry.stamp)
 
 
-def _pose(folder: Path, entry: TumEntry) -> list[TumEntry]:
-    """Return the pose of a file of 16 numbers, none where tracking was lost (ScanNet writes infinities)."""
+def _pose(folder: Path, entry: TumEntry, T_body_camera: Array = _SAME) -> list[TumEntry]:
+    """Return the camera's pose by a file of 16 numbers, its body's, none where that was lost (ScanNet's infinities)."""
     try:
-        T = np.loadtxt(folder / entry.values[0]).reshape(4, 4)
+        T_world_body = np.loadtxt(folder / entry.values[0]).reshape(4, 4)
     except (OSError, ValueError):
         return []
-    return _true(entry.stamp, T)
+    return _true(entry.stamp, T_world_body @ T_body_camera) if np.isfinite(T_world_body).all() else []
 
 
 def _true(stamp: Stamp, T_world_camera: Array) -> list[TumEntry]:

@@ -30,7 +30,7 @@ class FolderLayout:
 
     `truth` holds poses as TUM writes them (x y z, quaternion x y z w). `camera` is None where nothing says it. Depth
     images have `depth_scale` units in a metre and `unknown_depth` where nothing was measured; they are those of
-    `depth_camera`, if that is not colour's.
+    `depth_camera`, if that is not colour's, which is turned as colour's is and at `depth_position_m` in its frame.
     """
 
     name: str
@@ -41,6 +41,7 @@ class FolderLayout:
     depth_scale: float = 5000.0
     unknown_depth: int = 0
     depth_camera: Camera | None = None
+    depth_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def read_list(path: Path, columns: int) -> list[TumEntry]:

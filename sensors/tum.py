@@ -85,7 +85,9 @@ class TumSource:
         self._table = depth_table(calibration.depth_scale, layout.unknown_depth)
         self._registration = None
         if layout.depth_camera is not None and layout.depth_camera != calibration.camera:
-            self._registration = DepthRegistration(layout.depth_camera, calibration.camera, np.eye(4))
+            T_color_depth = np.eye(4)
+            T_color_depth[:3, 3] = layout.depth_position_m
+            self._registration = DepthRegistration(layout.depth_camera, calibration.camera, T_color_depth)
         self.length: int | None = len(self._color)
         self._closed = False
 

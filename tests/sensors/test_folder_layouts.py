@@ -17,7 +17,7 @@ from odom.rgbd_recording import read_recording
 from odom.wire import Topics, truth
 from odom.wire.codec import decode_camera_info, decode_color, decode_depth, decode_pose
 from sensors.catalogue import open_source
-from sensors.default_camera import tum_camera
+from sensors.default_camera import kinect_camera, tum_camera
 from sensors.folder_layouts import layout_of
 from sensors.source import SourceOptions
 
@@ -54,12 +54,18 @@ def tum_line(stamp: float, T: np.ndarray) -> str:
     return " ".join(map(str, (stamp, *T[:3, 3].tolist(), *quaternion_from_rotation(T[:3, :3]).tolist())))
 
 
+def beside(x: float) -> np.ndarray:
+    T = np.eye(4)
+    T[0, 3] = x
+    return T
+
+
 def seven_scenes(folder: Path) -> Camera:
     for i in range(FRAMES):
         cv2.imwrite(str(folder / f"frame-{i:06}.color.png"), color(i))
         cv2.imwrite(str(folder / f"frame-{i:06}.depth.png"), depth(i, 1000, 65535))
-        np.savetxt(folder / f"frame-{i:06}.pose.txt", pose(i))
-    return Camera(640, 480, 585.0, 585.0, 320.0, 240.0)
+        np.savetxt(folder / f"frame-{i:06}.pose.txt", pose(i) @ beside(-0.025))
+    return kinect_camera(*SIZE)
 
 
 def scannet(folder: Path) -> Camera:
@@ -141,7 +147,7 @@ def test_images_poses_and_stamps_are_those_of_the_walk(tmp_path: Path, write: Wr
         assert np.array_equal(decode_color(of[TOPICS.color_compressed][i]), color(i)[..., ::-1])
         mm = decode_depth(of[TOPICS.depth][i])
         assert (mm[0] == 0).all()
-        assert (mm[1:] == 1500 + 100 * i).all()
+        assert (mm[6:-6, 6:-6] == 1500 + 100 * i).all()
         assert np.allclose(decode_pose(of[truth("camera")][i]).T_parent_child, pose(i), atol=1e-9)
 
 
@@ -165,6 +171,21 @@ def test_depth_of_another_size_is_registered_to_colour(tmp_path: Path) -> None:
     mm = decode_depth(next(message for message in messages if message.topic == TOPICS.depth))
     assert mm.shape == (96, 128)
     assert (mm[10:-4, 4:-4] == 1500).all()
+
+
+def test_raw_depth_of_a_kinect_is_registered_to_colour(tmp_path: Path) -> None:
+    """A post 1.2 m before the depth camera stands elsewhere in colour: another focal length, and 2.5 cm to the side."""
+    for i in range(FRAMES):
+        cv2.imwrite(str(tmp_path / f"frame-{i:06}.color.png"), color(i, (640, 480)))
+        image = np.full((480, 640), 65535, dtype=np.uint16)
+        image[:, 500:520] = 1200
+        cv2.imwrite(str(tmp_path / f"frame-{i:06}.depth.png"), image)
+    messages = open_source(str(tmp_path), SourceOptions(topics=TOPICS)).messages()
+    mm = decode_depth(next(message for message in messages if message.topic == TOPICS.depth))
+    seen = np.flatnonzero(mm[240] == 1200)
+    left, right = 525.0 * ((np.array([499.5, 519.5]) - 320.0) / 585.0 - 0.025 / 1.2) + 319.5
+    assert seen[0] == pytest.approx(left, abs=1.0)
+    assert seen[-1] == pytest.approx(right, abs=1.0)
 
 
 def test_a_pose_that_was_lost_and_a_file_that_is_none_are_left_out(tmp_path: Path) -> None:

@@ -23,25 +23,19 @@ class Calibration:
     is_assumed: bool = False
 
 
-def load_calibration(path: Path) -> Calibration:
-    """Read a ROS camera-calibration YAML; raises ConfigError naming the field that is missing or unusable."""
+def load_calibration(path: Path, depth_scale: float = TUM_DEPTH_SCALE) -> Calibration:
+    """Read a ROS camera-calibration YAML; `depth_scale` is that of a file that gives none.
+
+    Raises ConfigError naming the field that is missing or unusable.
+    """
     content = _read(path)
-    return Calibration(read_camera(content, f"calibration {path}"), _depth_scale(content, path))
+    return Calibration(read_camera(content, f"calibration {path}"), _depth_scale(content, path, depth_scale))
 
 
 def depth_scale_alone(path: Path) -> float | None:
     """Return the depth scale of a file that holds nothing else, None of any other; raises ConfigError as above."""
     content = _read(path)
     return _depth_scale(content, path) if content.keys() == {"depth_scale"} else None
-
-
-def depth_scale_of(source: str, camera: Path | None) -> float:
-    """Return the units per metre of the depth images of a TUM folder, which the new calibration keeps."""
-    own = camera or Path(source) / "camera.yaml"
-    if not own.is_file():
-        return TUM_DEPTH_SCALE
-    alone = depth_scale_alone(own)
-    return load_calibration(own).depth_scale if alone is None else alone
 
 
 def _read(path: Path) -> dict[Any, Any]:
@@ -54,9 +48,9 @@ def _read(path: Path) -> dict[Any, Any]:
     return content
 
 
-def _depth_scale(content: dict[Any, Any], path: Path) -> float:
+def _depth_scale(content: dict[Any, Any], path: Path, usual: float = TUM_DEPTH_SCALE) -> float:
     try:
-        scale = float(content.get("depth_scale", TUM_DEPTH_SCALE))
+        scale = float(content.get("depth_scale", usual))
     except (TypeError, ValueError, OverflowError) as error:
         raise ConfigError(f"calibration {path}: depth_scale is not a number: {error}") from error
     if not 1 <= scale <= 1e6:
@@ -95,22 +89,31 @@ def _depth_model(content: Any) -> DepthModel:
 def calibration_text(calibration: Calibration, remarks: Iterable[str] = ()) -> str:
     """Return a calibration as the text of a file that `load_calibration` reads, below `remarks`, one a line."""
     camera = calibration.camera
+    content = camera_keys(camera) | {"depth_scale": calibration.depth_scale}
+    if camera.depth != DepthModel():
+        content["depth_model"] = {
+            name: [round(value, 7) for value in values] for name, values in asdict(camera.depth).items()
+        }
+    lines = [f"# {remark}".rstrip() + "\n" for remark in remarks]
+    return "".join(lines) + as_yaml(content)
+
+
+def camera_keys(camera: Camera) -> dict[str, Any]:
+    """Return a camera under ROS's keys, as `read_camera` takes it, without how depth errs."""
     K = [round(float(value), 4) for value in camera.matrix.ravel()]
-    content: dict[str, Any] = {
+    return {
         "image_width": camera.width,
         "image_height": camera.height,
         "camera_name": "camera",
         "camera_matrix": {"rows": 3, "cols": 3, "data": K},
         "distortion_model": "plumb_bob" if len(camera.distortion) <= 5 else "rational_polynomial",
         "distortion_coefficients": _row(camera.distortion or (0.0,) * 5),
-        "depth_scale": calibration.depth_scale,
     }
-    if camera.depth != DepthModel():
-        content["depth_model"] = {
-            name: [round(value, 7) for value in values] for name, values in asdict(camera.depth).items()
-        }
-    lines = [f"# {remark}".rstrip() + "\n" for remark in remarks]
-    return "".join(lines) + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
+
+
+def as_yaml(content: dict[str, Any]) -> str:
+    """Return keys in their order as lines of a calibration file."""
+    return str(yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120))
 
 
 def _row(values: tuple[float, ...]) -> dict[str, Any]:

@@ -60,14 +60,18 @@ def tum_camera(folder: Path, size: tuple[int, int] | None) -> Camera | None:
     return None
 
 
+def usual_camera(folder: Path, size: tuple[int, int] | None) -> Camera:
+    """Return the camera of a folder that says nothing of it: its data set's by the name, else an average Kinect's."""
+    return tum_camera(folder, size) or kinect_camera(*(size or _SIZE))
+
+
 def assumed_calibration(folder: Path, first_image: Path, depth_scale: float) -> Calibration:
     """Return the calibration of a folder that has none, and log which was taken and how to do better."""
     size = image_size(first_image)
-    known = tum_camera(folder, size)
-    if known is not None:
+    camera = usual_camera(folder, size)
+    if tum_camera(folder, size) is not None:
         log.info("%s: no camera.yaml; by the folder's name the published calibration of its data set is taken", folder)
-        return Calibration(known, depth_scale)
-    camera = kinect_camera(*(size or _SIZE))
+        return Calibration(camera, depth_scale)
     log.warning(
         "%s has no calibration: an average Kinect's is taken (fx = fy = %.1f px, no distortion, %g depth units a "
         "metre), which costs accuracy and is wrong for other cameras: put camera.yaml into the folder, or give "

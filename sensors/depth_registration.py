@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from odom.errors import ConfigError
 from odom.frame import Camera
 from odom.geometry.arrays import Array
-from sensors.calibration_file import read_camera
+from sensors.calibration_file import as_yaml, camera_keys, read_camera
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +69,10 @@ class DepthRegistration:
 def load_depth_registration(path: Path, color_camera: Camera) -> DepthRegistration | None:
     """Return what the calibration file says about the depth camera, None when it says nothing.
 
-    Beside ROS's keys for the colour camera the YAML file may hold `depth_camera` (the same keys again) and
-    `T_color_depth` (`data`: 16 numbers, row by row, metres). Raises ConfigError when one is missing or malformed.
+    Beside ROS's keys for the colour camera the YAML file may hold `depth_camera` (the same keys again),
+    `T_color_depth` (`data`: 16 numbers, row by row, metres) and `registered_to` (a camera): depth is then registered to
+    that one, for which how depth errs was found, and not to the colour camera. Raises ConfigError when one is missing
+    or malformed.
     """
     document = yaml.safe_load(path.read_text())
     if not isinstance(document, dict) or not {"depth_camera", "T_color_depth"} & document.keys():
@@ -83,8 +85,22 @@ def load_depth_registration(path: Path, color_camera: Camera) -> DepthRegistrati
     camera = read_camera(document["depth_camera"], f"{path}, depth_camera")
     try:
         T = np.array([float(value) for value in document["T_color_depth"]["data"]]).reshape(4, 4)
-        return DepthRegistration(camera, color_camera, T)
+        target = (
+            read_camera(document["registered_to"], "registered_to") if "registered_to" in document else color_camera
+        )
+        return DepthRegistration(camera, target, T)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ConfigError(f"{path}: T_color_depth: give data, 16 numbers row by row: {error}") from error
+
+
+def registration_text(registration: DepthRegistration) -> str:
+    """Return the lines of a calibration file by which depth is registered as it was when the calibration was found."""
+    return as_yaml(
+        {
+            "depth_camera": camera_keys(registration.depth_camera),
+            "T_color_depth": {"rows": 4, "cols": 4, "data": registration.T_color_depth.ravel().tolist()},
+            "registered_to": camera_keys(registration.color_camera),
+        }
+    )

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.errors import SourceError, WireError
-from odom.frame import from_seconds
+from odom.frame import Camera, from_seconds
 from odom.wire import Message, Topics, truth
 from odom.wire.codec import (
     encode_calibration,
@@ -24,10 +24,10 @@ from odom.wire.codec import (
     encode_pose,
 )
 from odom.wire.codec.image_files import decode_file
-from sensors.calibration_file import Calibration, depth_scale_alone, load_calibration
-from sensors.default_camera import assumed_calibration
-from sensors.depth_registration import DepthRegistration
-from sensors.folder_layouts import layout_of
+from sensors.calibration_file import TUM_DEPTH_SCALE, Calibration, depth_scale_alone, load_calibration
+from sensors.default_camera import assumed_calibration, image_size, usual_camera
+from sensors.depth_registration import DepthRegistration, load_depth_registration
+from sensors.folder_layouts import is_image_folder, layout_of
 from sensors.image_lists import FolderLayout, pose_of
 from sensors.image_lists import TumEntry as TumEntry
 from sensors.image_lists import read_list as read_list
@@ -65,7 +65,14 @@ class TumSource:
 
     lossless = True
 
-    def __init__(self, folder: Path, calibration: Calibration, options: SourceOptions, layout: FolderLayout) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        calibration: Calibration,
+        options: SourceOptions,
+        layout: FolderLayout,
+        registration: DepthRegistration | None = None,
+    ) -> None:
         self.refused: Counter[tuple[str, str]] = Counter()
         self._folder = folder
         self._calibration = calibration
@@ -83,11 +90,7 @@ class TumSource:
             first, last = self._color[0].stamp - _TRUTH_MARGIN, self._color[-1].stamp + _TRUTH_MARGIN
             self._truth = _between(self._truth, first, last)
         self._table = depth_table(calibration.depth_scale, layout.unknown_depth)
-        self._registration = None
-        if layout.depth_camera is not None and layout.depth_camera != calibration.camera:
-            T_color_depth = np.eye(4)
-            T_color_depth[:3, 3] = layout.depth_position_m
-            self._registration = DepthRegistration(layout.depth_camera, calibration.camera, T_color_depth)
+        self._registration = registration
         self.length: int | None = len(self._color)
         self._closed = False
 
@@ -166,19 +169,54 @@ def open_tum(path: Path, options: SourceOptions) -> TumSource:
     """Open a TUM RGB-D folder, or one of another layout (see `layout_of`).
 
     Without a calibration, in options or folder, the camera is that of the layout or assumed (see
-    `assumed_calibration`); a file that holds `depth_scale` alone leaves it so. Raises ConfigError when the calibration
-    cannot be used, SourceError when the folder's lists are missing or damaged.
+    `assumed_calibration`); a file that holds `depth_scale` alone leaves it so. Depth of a camera of its own, as file or
+    layout say it, is registered. Raises ConfigError when the calibration cannot be used, SourceError when the folder's
+    lists are missing or damaged.
     """
-    layout = layout_of(path)
-    file = options.camera or (path / "camera.yaml" if (path / "camera.yaml").is_file() else None)
+    layout, file = layout_of(path), _calibration_file(path, options.camera)
     depth_scale = layout.depth_scale if file is None else depth_scale_alone(file)
     if depth_scale is None:
         assert file is not None
-        return TumSource(path, load_calibration(file), options, layout)
-    if layout.camera is not None:
-        return TumSource(path, Calibration(layout.camera, depth_scale), options, layout)
-    first = path / layout.color[0].values[0] if layout.color else path
-    return TumSource(path, assumed_calibration(path, first, depth_scale), options, layout)
+        calibration = load_calibration(file, layout.depth_scale)
+    elif layout.camera is not None:
+        calibration = Calibration(layout.camera, depth_scale)
+    else:
+        first = path / layout.color[0].values[0] if layout.color else path
+        calibration = assumed_calibration(path, first, depth_scale)
+    return TumSource(path, calibration, options, layout, _registration(layout, file, calibration.camera))
+
+
+def depth_images_of(source: str, camera: Path | None) -> tuple[float, DepthRegistration | None]:
+    """Return what a new calibration keeps of a source's depth images: units a metre, and how they are registered.
+
+    `camera` is the calibration file that was given. Raises ConfigError and SourceError as `open_tum` does.
+    """
+    path = Path(source)
+    layout, file = layout_of(path) if is_image_folder(path) else None, _calibration_file(path, camera)
+    usual = TUM_DEPTH_SCALE if layout is None else layout.depth_scale
+    alone = usual if file is None else depth_scale_alone(file)
+    if alone is None:
+        assert file is not None
+        given = load_calibration(file, usual)
+        return given.depth_scale, _registration(layout, file, given.camera)
+    if layout is None or layout.depth_camera is None:
+        return alone, None
+    color = layout.camera or usual_camera(path, image_size(path / layout.color[0].values[0]) if layout.color else None)
+    return alone, _registration(layout, None, color)
+
+
+def _calibration_file(path: Path, given: Path | None) -> Path | None:
+    return given or (path / "camera.yaml" if (path / "camera.yaml").is_file() else None)
+
+
+def _registration(layout: FolderLayout | None, file: Path | None, color: Camera) -> DepthRegistration | None:
+    found = None if file is None else load_depth_registration(file, color)
+    if found is not None or layout is None or layout.depth_camera in (None, color):
+        return found
+    assert layout.depth_camera is not None
+    T_color_depth = np.eye(4)
+    T_color_depth[:3, 3] = layout.depth_position_m
+    return DepthRegistration(layout.depth_camera, color, T_color_depth)
 
 
 def _between(entries: list[TumEntry], begin: int, end: int | None) -> list[TumEntry]:

@@ -13,6 +13,7 @@ from odom.cli.options import Config, End, OwnTopics, Seconds, Seed, SimulatedSen
 
 if TYPE_CHECKING:
     from odom.service.calibration_run import Outcome
+    from sensors.depth_registration import DepthRegistration
 
 
 def calibrate(
@@ -50,9 +51,9 @@ def calibrate(
     from odom.service.progress import counting
     from odom.service.settings_sources import part_settings
     from odom.wire import Topics
-    from sensors.calibration_file import depth_scale_of
     from sensors.catalogue import check_source, open_source
     from sensors.source import SourceOptions
+    from sensors.tum import depth_images_of
 
     if out.suffix not in (".yaml", ".yml"):
         raise ConfigError(f"--out {out}: give the name of a .yaml file")
@@ -78,11 +79,13 @@ def calibrate(
     text = remarks(outcome, sources)
     for line in text:
         typer.echo(line)
-    _settle(outcome, files, text, depth_scale_of(sources[0], camera))
+    _settle(outcome, files, text, *depth_images_of(sources[0], camera))
     typer.echo(how_to_use(sources[0], out))
 
 
-def _settle(outcome: "Outcome", files: list[Path], text: list[str], depth_scale: float) -> None:
+def _settle(
+    outcome: "Outcome", files: list[Path], text: list[str], depth_scale: float, how: "DepthRegistration | None"
+) -> None:
     """Write what is worth it; exit with 1 where nothing is."""
     from odom.service.calibration_files import write_calibration
 
@@ -90,4 +93,4 @@ def _settle(outcome: "Outcome", files: list[Path], text: list[str], depth_scale:
     if judgement is not None and not judgement.is_better:
         typer.echo("nothing written: frames that were held out are explained no better; the calibration given is kept")
         raise typer.Exit(1)
-    write_calibration(files, outcome, text, depth_scale)
+    write_calibration(files, outcome, text, depth_scale, how)

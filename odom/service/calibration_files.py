@@ -12,6 +12,7 @@ from odom.frame import DepthModel
 from odom.service.calibration_run import DIFFERENT_LENS, Outcome
 from sensors.calibration_file import Calibration, calibration_text
 from sensors.catalogue import takes_calibration
+from sensors.depth_registration import DepthRegistration, registration_text
 
 
 def remarks(outcome: Outcome, sources: Sequence[str]) -> list[str]:
@@ -52,12 +53,18 @@ def how_to_use(source: str, calibration: Path) -> str:
     return f"use it with --camera {calibration}, for recordings of this camera; {source} itself takes no other camera"
 
 
-def write_calibration(files: Sequence[Path], outcome: Outcome, text: Iterable[str], depth_scale: float) -> None:
-    """Write calibration, report and picture to three files; the picture needs a judgement."""
+def write_calibration(
+    files: Sequence[Path], outcome: Outcome, text: Iterable[str], depth_scale: float, how: DepthRegistration | None
+) -> None:
+    """Write calibration, report and picture to three files; the picture needs a judgement.
+
+    The calibration keeps the unit of the depth images that it was found in, and `how` they are registered in software.
+    """
     yaml_file, report, picture = files
     yaml_file.parent.mkdir(parents=True, exist_ok=True)
     text = list(text)
     content = calibration_text(Calibration(outcome.result.camera, depth_scale), text)
+    content += "" if how is None else registration_text(how)
     yaml_file.write_text(content, encoding="utf-8")
     report.write_text("\n".join(text) + "\n", encoding="utf-8")
     if outcome.judgement is not None:

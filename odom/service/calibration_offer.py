@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from odom.errors import ConfigError, OdomError
-from sensors.calibration_file import Calibration, calibration_text, depth_scale_of
+from sensors.calibration_file import Calibration, calibration_text
 from sensors.remembered import remember
 
 if TYPE_CHECKING:
@@ -29,13 +29,19 @@ def offer_calibration(own: "SelfCalibration", folder: Path) -> None:
     _LOG.info("the calibration given is off by %.1f px: trajectory.txt is adjusted by %s", own.off_px, path)
 
 
-def keep_depth_scale(folder: Path, source: str, camera: Path | None) -> None:
-    """Give a calibration that was offered the unit of the source's depth images; raises OSError."""
+def keep_depth_images(folder: Path, source: str, camera: Path | None) -> None:
+    """Give a calibration that was offered the unit of the source's depth images, and how they are registered.
+
+    Raises OSError, and ConfigError where the calibration given has vanished.
+    """
+    from sensors.depth_registration import registration_text
+    from sensors.tum import depth_images_of
+
     path = folder / CALIBRATION_FILE
     if path.is_file():
-        scale = depth_scale_of(source, camera)
+        scale, registration = depth_images_of(source, camera)
         text = re.sub(r"(?m)^depth_scale: .*$", f"depth_scale: {scale!r}", path.read_text(encoding="utf-8"))
-        path.write_text(text, encoding="utf-8")
+        path.write_text(text + ("" if registration is None else registration_text(registration)), encoding="utf-8")
 
 
 def remember_calibration(folder: Path, serial: str) -> None:

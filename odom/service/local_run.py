@@ -11,7 +11,7 @@ from typing import Any
 
 from odom.errors import ConfigError, OdomError
 from odom.service import previous_results
-from odom.service.calibration_offer import keep_depth_scale, remember_calibration
+from odom.service.calibration_offer import keep_depth_images, remember_calibration
 from odom.service.failed_tracking import why_not_tracked, why_poor
 from odom.service.input_report import with_source
 from odom.service.progress import open_display
@@ -76,7 +76,7 @@ def _run(
                 processes.end_work()
         try:
             report = complete_report(plan.out, processes)
-            keep_depth_scale(plan.out, plan.source, plan.camera)
+            keep_depth_images(plan.out, plan.source, plan.camera)
             if plan.remember:
                 remember_calibration(plan.out, (processes.reports["sensor"] or {}).get("serial", ""))
             if report.get("frames"):

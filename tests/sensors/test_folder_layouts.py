@@ -1,6 +1,7 @@
 """One walk in the layouts of several data sets gives the same images, poses and stamps."""
 
 import json
+import re
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -16,10 +17,13 @@ from odom.geometry.quaternion import quaternion_from_rotation
 from odom.rgbd_recording import read_recording
 from odom.wire import Topics, truth
 from odom.wire.codec import decode_camera_info, decode_color, decode_depth, decode_pose
+from sensors.calibration_file import Calibration, calibration_text
 from sensors.catalogue import open_source
 from sensors.default_camera import kinect_camera, tum_camera
+from sensors.depth_registration import DepthRegistration, registration_text
 from sensors.folder_layouts import layout_of
 from sensors.source import SourceOptions
+from sensors.tum import depth_images_of
 
 TOPICS = Topics()
 FRAMES = 4
@@ -186,6 +190,45 @@ def test_raw_depth_of_a_kinect_is_registered_to_colour(tmp_path: Path) -> None:
     left, right = 525.0 * ((np.array([499.5, 519.5]) - 320.0) / 585.0 - 0.025 / 1.2) + 319.5
     assert seen[0] == pytest.approx(left, abs=1.0)
     assert seen[-1] == pytest.approx(right, abs=1.0)
+
+
+def test_a_calibration_that_says_no_unit_leaves_that_of_the_layout(tmp_path: Path) -> None:
+    scannet(tmp_path)
+    (tmp_path / "own.yaml").write_text(calibration_text(Calibration(Camera(*SIZE, 60.0, 61.0, 0.0, 0.0))))
+    own = tmp_path / "own.yaml"
+    own.write_text(re.sub("depth_scale: .*\n", "", own.read_text()))
+    messages = open_source(str(tmp_path), SourceOptions(topics=TOPICS, camera=own)).messages()
+    assert decode_depth(next(message for message in messages if message.topic == TOPICS.depth)).max() == 1500
+    assert depth_images_of(str(tmp_path), own)[0] == depth_images_of(str(tmp_path), None)[0] == 1000.0
+
+
+def test_depth_is_registered_as_when_its_calibration_was_found(tmp_path: Path) -> None:
+    seven_scenes(tmp_path)
+    _, found = depth_images_of(str(tmp_path), None)
+    assert found is not None
+    calibrated = Camera(*SIZE, 53.0, 54.0, 29.0, 26.0)
+    own = tmp_path / "camera-calibrated.yaml"
+    own.write_text(calibration_text(Calibration(calibrated, 1000.0)) + registration_text(found))
+    before, after = (
+        [decode_depth(m) for m in open_source(str(tmp_path), options).messages() if m.topic == TOPICS.depth]
+        for options in (SourceOptions(topics=TOPICS), SourceOptions(topics=TOPICS, camera=own))
+    )
+    assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
+    _, kept = depth_images_of(str(tmp_path), own)
+    assert kept is not None
+    assert (kept.depth_camera, kept.color_camera) == (found.depth_camera, found.color_camera)
+
+
+def test_depth_of_a_camera_that_the_folders_calibration_describes_is_registered(tmp_path: Path) -> None:
+    eth3d(tmp_path)
+    (tmp_path / "calibration.txt").unlink()
+    depth_camera = Camera(*SIZE, 30.0, 30.5, 31.5, 23.5)
+    registration = DepthRegistration(depth_camera, Camera(*SIZE, 60.0, 61.0, 31.5, 23.5), np.eye(4))
+    text = calibration_text(Calibration(registration.color_camera)) + registration_text(registration)
+    (tmp_path / "camera.yaml").write_text(text)
+    messages = open_source(str(tmp_path), SourceOptions(topics=TOPICS)).messages()
+    mm = decode_depth(next(message for message in messages if message.topic == TOPICS.depth))
+    assert (mm == 1500).all()  # the middle of depth's view fills colour's: its first row, without depth, lies outside
 
 
 def test_a_pose_that_was_lost_and_a_file_that_is_none_are_left_out(tmp_path: Path) -> None:

@@ -23,7 +23,8 @@ _SEVEN_SCENES_FOCAL = 585.0 / 640
 the colour camera, a Kinect's like any other, and of how the two are mounted nothing is published."""
 _KINECT_BASELINE_M = (-0.025, 0.0, 0.0)
 """Where a Kinect v1's depth camera is, seen from the colour camera: 2.5 cm to the left."""
-_SAME = np.eye(4)
+_THE_CAMERAS_OWN = np.eye(4)
+"""`T_body_camera` of true poses that are the colour camera's."""
 _REPLICA = Camera(1200, 680, 600.0, 600.0, 599.5, 339.5)
 """The camera of Replica's rooms as they were drawn for NICE-SLAM, with 6553.5 units of depth a metre."""
 
@@ -119,7 +120,7 @@ def _numbered(folder: Path, files: Iterable[Path]) -> list[TumEntry]:
     return sorted(entries, key=lambda entry: entry.stamp)
 
 
-def _pose(folder: Path, entry: TumEntry, T_body_camera: Array = _SAME) -> list[TumEntry]:
+def _pose(folder: Path, entry: TumEntry, T_body_camera: Array = _THE_CAMERAS_OWN) -> list[TumEntry]:
     """Return the camera's pose by a file of 16 numbers, its body's, none where that was lost (ScanNet's infinities)."""
     try:
         T_world_body = np.loadtxt(folder / entry.values[0]).reshape(4, 4)

@@ -37,7 +37,8 @@ def is_image_folder(path: Path) -> bool:
 def layout_of(path: Path) -> FolderLayout:
     """Return the lists of a folder.
 
-    Raises SourceError when it has no layout that is known or a list is damaged, ConfigError when its camera is.
+    Raises SourceError when it has no layout that is known or a list is damaged, ConfigError when the camera that its
+    files describe cannot be used.
     """
     for _is, read in _LAYOUTS:
         if _is(path):
@@ -121,7 +122,7 @@ def _numbered(folder: Path, files: Iterable[Path]) -> list[TumEntry]:
 
 
 def _pose(folder: Path, entry: TumEntry, T_body_camera: Array = _THE_CAMERAS_OWN) -> list[TumEntry]:
-    """Return the camera's pose by a file of 16 numbers, its body's, none where that was lost (ScanNet's infinities)."""
+    """Return the camera's pose by a file with that of its body, none where that was lost (infinities in ScanNet)."""
     try:
         T_world_body = np.loadtxt(folder / entry.values[0]).reshape(4, 4)
     except (OSError, ValueError):

@@ -84,7 +84,7 @@ def calibrate(
 
 
 def _settle(
-    outcome: "Outcome", files: list[Path], text: list[str], depth_scale: float, how: "DepthRegistration | None"
+    outcome: "Outcome", files: list[Path], text: list[str], depth_scale: float, registered: "DepthRegistration | None"
 ) -> None:
     """Write what is worth it; exit with 1 where nothing is."""
     from odom.service.calibration_files import write_calibration
@@ -93,4 +93,4 @@ def _settle(
     if judgement is not None and not judgement.is_better:
         typer.echo("nothing written: frames that were held out are explained no better; the calibration given is kept")
         raise typer.Exit(1)
-    write_calibration(files, outcome, text, depth_scale, how)
+    write_calibration(files, outcome, text, depth_scale, registered)

@@ -54,17 +54,21 @@ def how_to_use(source: str, calibration: Path) -> str:
 
 
 def write_calibration(
-    files: Sequence[Path], outcome: Outcome, text: Iterable[str], depth_scale: float, how: DepthRegistration | None
+    files: Sequence[Path],
+    outcome: Outcome,
+    text: Iterable[str],
+    depth_scale: float,
+    registered: DepthRegistration | None,
 ) -> None:
     """Write calibration, report and picture to three files; the picture needs a judgement.
 
-    The calibration keeps the unit of the depth images that it was found in, and `how` they are registered in software.
+    The calibration keeps the unit of the depth images that it was found in, and how they were `registered` in software.
     """
     yaml_file, report, picture = files
     yaml_file.parent.mkdir(parents=True, exist_ok=True)
     text = list(text)
     content = calibration_text(Calibration(outcome.result.camera, depth_scale), text)
-    content += "" if how is None else registration_text(how)
+    content += "" if registered is None else registration_text(registered)
     yaml_file.write_text(content, encoding="utf-8")
     report.write_text("\n".join(text) + "\n", encoding="utf-8")
     if outcome.judgement is not None:

@@ -17,8 +17,9 @@ _SHORTEST_M = 0.05
 """Shortest dash, and what longer ones are doubled from: so lines that lie on each other have dashes of one length."""
 _BY_EXTENT = 1 / 32
 """Longest dash, as a share of the room that a trajectory takes: shorter ones are specks in a view of the whole."""
-LINE, DASH = -1.2, -2.2
-"""Radii of lines; Rerun reads negative ones as screen units, which stay as thick when one looks closer."""
+LINE, DASH, TRUTH_DASH = -1.2, -2.2, -3.6
+"""Radii of lines; Rerun reads negative ones as screen units, which stay as thick when one looks closer. Truth is the
+thickest: where another line lies on it, its rim is seen."""
 ONLINE_PHASE, TRUTH_PHASE, CHAIN_PHASE = 0, 1, 2
 """Where dashes begin, in thirds: lines that lie on each other stay visible."""
 
@@ -60,7 +61,7 @@ def _dash_m(strips: list[NDArray[np.float32]]) -> float:
 def truth_line(body: str, stamp: Stamp, positions: Array, strips: NDArray[np.int64]) -> EntityUpdate:
     """Return the true trajectory of a body, positions n x 3 in the map."""
     dashed = dashes(lines(positions, strips), TRUTH_PHASE)
-    return strips_entity(f"{entities.TRUTH}/{body}", stamp, dashed, palette.TRUTH, DASH)
+    return strips_entity(f"{entities.TRUTH}/{body}", stamp, dashed, palette.TRUTH, TRUTH_DASH)
 
 
 def strips_entity(

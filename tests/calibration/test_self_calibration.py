@@ -109,8 +109,8 @@ def test_from_an_average_kinect_a_run_comes_near_to_its_own_sheet_and_from_the_s
 @pytest.mark.long
 def test_an_exact_calibration_is_kept_and_said_to_be(tmp_path):
     source = Path(__file__).parents[2] / "recordings" / "arena.mcap"
-    kept = run(source, tmp_path / "kept")
-    run(source, tmp_path / "off", "--config", _off(tmp_path))
+    kept = run(source, tmp_path / "kept", "--end", 16)
+    run(source, tmp_path / "off", "--end", 16, "--config", _off(tmp_path))
     assert "good" in kept["calibration_kept"]
     assert kept["calibration"]["fx"][0] == kept["calibration"]["fx"][1] == 262.5
     assert not (tmp_path / "kept" / "camera-calibrated.yaml").exists()

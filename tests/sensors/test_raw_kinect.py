@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -13,6 +14,8 @@ from odom import read_recording
 from odom.frame import Camera
 from sensors.depth_registration import DepthRegistration
 
+FRAMES = 130
+"""Four seconds: fewer hardly show the camera."""
 TURN, POSITION_M = (0.003, 0.004, 0.0), (-0.025, 0.0005, -0.002)
 """How the depth camera is mounted beside colour's: not quite as any Kinect's is supposed to be."""
 
@@ -25,7 +28,7 @@ def make_raw(source: Path, folder: Path) -> None:
     T_color_depth[:3, :3], T_color_depth[:3, 3] = cv2.Rodrigues(np.array(TURN))[0], POSITION_M
     raw = Camera(640, 480, 585.0, 585.0, 320.0, 240.0)
     as_seen_by_depth = DepthRegistration(recording.camera, raw, np.linalg.inv(T_color_depth))
-    for i, frame in enumerate(recording):
+    for i, frame in enumerate(islice(recording, FRAMES)):
         name = folder / f"frame-{i:06}"
         mm = as_seen_by_depth(frame.depth_mm)
         cv2.imwrite(f"{name}.color.png", frame.color[..., ::-1])

@@ -147,11 +147,12 @@ def test_images_poses_and_stamps_are_those_of_the_walk(tmp_path: Path, write: Wr
     assert counts == {TOPICS.color_compressed: FRAMES, TOPICS.depth: FRAMES, truth("camera"): FRAMES}
     of = {topic: [message for message in rest if message.topic == topic] for topic in counts}
     for i in range(FRAMES):
-        assert all(of[topic][i].stamp == pytest.approx(i * 1e9 / 30, abs=1.0) for topic in counts)
+        assert {of[topic][i].stamp for topic in counts} == {round(i * 1e9 / 30)}
         assert np.array_equal(decode_color(of[TOPICS.color_compressed][i]), color(i)[..., ::-1])
         mm = decode_depth(of[TOPICS.depth][i])
         assert (mm[0] == 0).all()
-        assert (mm[6:-6, 6:-6] == 1500 + 100 * i).all()
+        seen = np.s_[6:-6, 6:-6] if write is seven_scenes else np.s_[1:]  # raw depth does not fill colour's view
+        assert (mm[seen] == 1500 + 100 * i).all()
         assert np.allclose(decode_pose(of[truth("camera")][i]).T_parent_child, pose(i), atol=1e-9)
 
 

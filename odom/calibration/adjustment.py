@@ -34,7 +34,7 @@ _HELD = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What is known of the camera's numbers beforehand: `mean` and `sigma` (28)."""
+    """What is known of the camera's numbers beforehand: `mean` and `sigma` (30)."""
 
     mean: Array
     sigma: Array
@@ -44,7 +44,7 @@ class Prior:
 class System:
     """The normal equations of a `survey` in its poses and the numbers `free` (p) of its camera (see `reduce_survey`).
 
-    They are those at a camera's `vector` (28), poses T_camera_map (K x 4 x 4) and `landmarks`, with so much `damping`.
+    They are those at a camera's `vector` (30), poses T_camera_map (K x 4 x 4) and `landmarks`, with so much `damping`.
     """
 
     survey: Survey
@@ -66,7 +66,7 @@ class System:
 
     @classmethod
     def of(cls, survey: Survey, vector: Array, bundle: Bundle, free: Index, damping: float = _DAMPING) -> "System":
-        """Return the normal equations at a camera's `vector` (28) and the poses and landmarks of `bundle`."""
+        """Return the normal equations at a camera's `vector` (30) and the poses and landmarks of `bundle`."""
         T, landmarks, camera = bundle.T_camera_map, bundle.landmarks, camera_arrays(survey, vector)
         pose, cauchy = places(survey), TRACKING.cauchy_chi2
         reduced = reduce_survey(T, landmarks, camera, free, pose, survey.arrays, damping, cauchy)
@@ -139,7 +139,7 @@ class Fit:
 
     @property
     def vector(self) -> Array:
-        """The camera's numbers (28)."""
+        """The camera's numbers (30)."""
         return self.system.vector
 
     @property
@@ -166,7 +166,7 @@ class Fit:
 
 
 def camera_arrays(survey: Survey, vector: Array) -> CameraArrays:
-    """Return a camera with `vector` (28) for compiled loops."""
+    """Return a camera with `vector` (30) for compiled loops."""
     return vector, vector_of(survey.camera), np.array([survey.camera.width, survey.camera.height], dtype=np.float64)
 
 

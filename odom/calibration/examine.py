@@ -6,7 +6,7 @@ import numpy as np
 
 from odom.backend import Odometry
 from odom.calibration.metric_scale import metric_scale
-from odom.calibration.parameters import BASELINE, NAMES, SHIFT
+from odom.calibration.parameters import BASELINE, NAMES, SHIFT, STRETCH
 from odom.calibration.result import Calibrated, calibrated
 from odom.calibration.survey import Survey, survey_of
 from odom.errors import ConfigError, InputError
@@ -14,6 +14,7 @@ from odom.evaluation.diagnosis.finding import WITHIN_95, Finding, Verdict
 from odom.evaluation.diagnosis.scale import ScaleFit
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera, RgbdFrame
+from odom.frontend.camera.rays import grid_over
 
 _FOCAL_SHARE, _SHIFT_PX, _SCALE_SHARE = 0.01, 2.0, 0.01
 """Errors of focal length (a share), of depth beside colour (px) and of the unit of depth (a share) that are faults."""
@@ -50,7 +51,7 @@ def examine_calibration(
 def judge_survey(survey: Survey, scale: ScaleFit | None = None) -> list[Finding]:
     """Return what a survey says of the camera it was measured with; `scale` is its unit against motion capture."""
     found = calibrated(survey, survey.camera)
-    findings = [_judge_focal(found, survey.camera), _judge_shift(found, survey)]
+    findings = [_judge_focal(found, survey.camera), _judge_shift(found, survey), _judge_stretch(found)]
     return findings if scale is None else [*findings, _judge_unit(scale)]
 
 
@@ -83,6 +84,25 @@ def _judge_shift(found: Calibrated, survey: Survey) -> Finding:
     aside = 1e3 * size / usual / float(found.camera.fx)
     advice = f"depth is that of a place {aside:.0f} mm aside: {_REMEDY}"
     return Finding.judged(key, value, size - _SURELY * float(spread.max()) > _SHIFT_PX, advice)
+
+
+def _judge_stretch(found: Calibrated) -> Finding:
+    key, camera = "registration over the image, walk", found.camera
+    spread_px = grid_over(camera).std(axis=0)
+    moved = (found.vector - found.start)[STRETCH]
+    sigma_px = np.hypot(found.sigma[STRETCH] * spread_px, _SHIFT_FLOOR_PX)
+    if not found.shown[STRETCH].all() or sigma_px.max() > _UNSURE_PX:
+        advice = "look along slanted surfaces that pass through the image from border to border"
+        return Finding(key, "not shown", Verdict.UNKNOWN, advice)
+    right, below = moved * ((camera.width - 1) / 2, (camera.height - 1) / 2)
+    value = f"colour lies {right:+.1f} px right of depth at the right border and {below:+.1f} px below at the lower"
+    own = (1.0 - moved) * (camera.fx, camera.fy)
+    advice = (
+        f"depth has focal lengths of {own[0]:.0f} and {own[1]:.0f} px, colour {camera.fx:.0f} and {camera.fy:.0f}: "
+        f"have the driver register depth, or {_REMEDY}"
+    )
+    is_fault = bool((np.abs(moved * spread_px) - _SURELY * sigma_px > _SHIFT_PX).any())
+    return Finding.judged(key, value, is_fault, advice)
 
 
 def _judge_unit(scale: ScaleFit) -> Finding:

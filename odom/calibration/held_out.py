@@ -50,7 +50,7 @@ def split(survey: Survey) -> Mask:
 def compare(
     survey: Survey, before: Array, after: Fit, prior: Prior, stopped: Callable[[], bool]
 ) -> tuple[tuple[Residuals, Residuals], tuple[Fit, Fit]]:
-    """Return the residuals on held-out observations by the camera `before` (28) and by that of the fit `after`.
+    """Return the residuals on held-out observations by the camera `before` (30) and by that of the fit `after`.
 
     With them come the fits to all observations by both. What each would be without those held out is one step away:
     from farther off, some landmarks would not find to where they belong.
@@ -68,7 +68,7 @@ def compare(
 
 
 def residuals(survey: Survey, vector: Array, bundle: Bundle) -> Residuals:
-    """Return the residuals of a survey at a camera's `vector` (28), poses and landmarks."""
+    """Return the residuals of a survey at a camera's `vector` (30), poses and landmarks."""
     lines = linearised(survey, vector, bundle)
     ray, depth = chi_squared(lines)
     deep = np.isfinite(depth)

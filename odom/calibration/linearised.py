@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.backend.mapping.bundle_adjustment import Bundle
-from odom.calibration.parameters import BASELINE, LENS, OFFSET, SCALE, SHIFT, TIMINGS, vector_of
+from odom.calibration.parameters import BASELINE, DEPTH, LENS, OFFSET, SCALE, TIMINGS, vector_of
 from odom.calibration.projection import project
 from odom.calibration.survey import Survey
+from odom.frame.depth_model import far_in_depth
 from odom.geometry.arrays import Array
 
 _NEAREST_M = 0.05
@@ -36,7 +37,7 @@ class Linearised:
 
 
 def linearised(survey: Survey, vector: Array, bundle: Bundle) -> Linearised:
-    """Return the residuals at the camera's `vector` (28) and at the poses and landmarks of `bundle`."""
+    """Return the residuals at the camera's `vector` (30) and at the poses and landmarks of `bundle`."""
     T = bundle.T_camera_map[survey.frame]
     points = np.einsum("nij,nj->ni", T[:, :3, :3], bundle.landmarks[survey.landmark]) + T[:, :3, 3]
     w = 1.0 / np.maximum(points[:, 2], _NEAREST_M)
@@ -46,7 +47,8 @@ def linearised(survey: Survey, vector: Array, bundle: Bundle) -> Linearised:
     terms = survey.terms
     offset, scale = terms @ vector[OFFSET], terms @ vector[SCALE]
     moved = vector - vector_of(survey.camera)
-    shift = moved[SHIFT] + moved[BASELINE] * w[:, None]
+    far = far_in_depth(moved[DEPTH], survey.uv, survey.camera.width, survey.camera.height)
+    shift = survey.uv - far + moved[BASELINE] * w[:, None]
     measured = survey.inverse_depth - np.einsum("nc,nc->n", survey.slope, shift)
 
     values = np.empty((len(survey), 3))

@@ -7,7 +7,7 @@ scale of depth can make them smaller.
 import math
 
 from odom.backend.mapping.landmark_elimination import BEHIND_CAMERA_COST
-from odom.calibration.parameters import BASELINE, DEPTH, LENS, OFFSET, SCALE, SHIFT, TIMINGS
+from odom.calibration.parameters import BASELINE, DEPTH, LENS, OFFSET, SCALE, SHIFT, STRETCH, TIMINGS
 from odom.frontend.camera.rolling_shutter import interaction_matrix
 from odom.geometry.arrays import Array, Index
 from odom.geometry.compiled import compiled
@@ -17,11 +17,13 @@ _NEAREST_M = 0.05
 NUMBERS = DEPTH.stop
 """Numbers of a camera."""
 CameraArrays = tuple[Array, Array, Array]
-"""A camera's vector (28), that of the one it was measured with (28), the image's size (2)."""
+"""A camera's vector (30), that of the one it was measured with (30), the image's size (2)."""
 SeenArrays = tuple[Index, Index, Array, Array, Array, Array, Array]
 """The observations of a survey: `frame`, `landmark`, `uv`, `inverse_depth`, `slope`, `by_timing`, `whitening` (see
 `Survey`)."""
-_LENS, _SHIFT, _BASELINE, _OFFSET, _SCALE = (part.start for part in (LENS, SHIFT, BASELINE, OFFSET, SCALE))
+_LENS, _SHIFT, _BASELINE, _OFFSET, _SCALE, _STRETCH = (
+    part.start for part in (LENS, SHIFT, BASELINE, OFFSET, SCALE, STRETCH)
+)
 
 
 @compiled
@@ -39,7 +41,7 @@ def whitened_terms(
 ) -> float:
     """Fill the residual r (3) of observation `o` and the derivatives of what is predicted; return its robust cost.
 
-    By the pose, moved on the left, J (3 x 6), by the `point` (3, m) P (3 x 3), by the numbers of the camera C (3 x 28,
+    By the pose, moved on the left, J (3 x 6), by the `point` (3, m) P (3 x 3), by the numbers of the camera C (3 x 30,
     zeros at first: what the lens does to depth, and the depth model to the pixel, is not written). All rows are divided
     by the standard deviation and multiplied by the root of Cauchy's weight: the first two are those of the pixel, the
     third that of the inverse depth, 0 where none was measured.
@@ -83,7 +85,8 @@ def whitened_terms(
     b00, b01 = a00 * d00, a00 * d01
     b10, b11 = a10 * d00 + a11 * d10, a10 * d01 + a11 * d11
     # inverse depth as measured: offset + scale / z, a shift of the pixel times the slope farther on
-    s, t = (uv[o, 0] - 0.5 * (size[0] - 1.0)) / (0.5 * size[0]), (uv[o, 1] - 0.5 * (size[1] - 1.0)) / (0.5 * size[0])
+    from_middle = uv[o, 0] - 0.5 * (size[0] - 1.0), uv[o, 1] - 0.5 * (size[1] - 1.0)
+    s, t = from_middle[0] / (0.5 * size[0]), from_middle[1] / (0.5 * size[0])
     terms = (1.0, s, t, s * s, s * t, t * t)
     offset = scale = 0.0
     for k in range(6):
@@ -92,8 +95,9 @@ def whitened_terms(
     by_w, measured = scale, inverse_depth[o]
     for k in range(2):
         aside = vector[_BASELINE + k] - given[_BASELINE + k]
+        stretch = vector[_STRETCH + k] - given[_STRETCH + k]
         by_w += slope[o, k] * aside
-        measured -= slope[o, k] * (vector[_SHIFT + k] - given[_SHIFT + k] + aside * w)
+        measured -= slope[o, k] * (vector[_SHIFT + k] - given[_SHIFT + k] + aside * w + stretch * from_middle[k])
     a22 = 0.0
     r[2] = 0.0
     if math.isfinite(measured):
@@ -125,6 +129,7 @@ def whitened_terms(
     for k in range(2):
         C[2, _SHIFT + k] = a22 * slope[o, k]
         C[2, _BASELINE + k] = a22 * slope[o, k] * w
+        C[2, _STRETCH + k] = a22 * slope[o, k] * from_middle[k]
     for k in range(6):
         C[2, _OFFSET + k] = a22 * terms[k]
         C[2, _SCALE + k] = a22 * terms[k] * w

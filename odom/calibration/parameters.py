@@ -45,15 +45,22 @@ GROUPS = (
         "1",
         "see the same things from near and from far, in the middle and at the border of the image",
     ),
+    Group(
+        "depth stretch",
+        ("stretch_u", "stretch_v"),
+        "1",
+        "look along slanted surfaces that pass through the image from border to border",
+    ),
 )
 NAMES = tuple(name for group in GROUPS for name in group.names)
 """All numbers, in the order of a parameter vector."""
 TIMINGS = 3
-"""The vector begins with the timing, then come the lens (9) and the depth model (16)."""
+"""The vector begins with the timing, then come the lens (9) and the depth model (18)."""
 LENS = slice(TIMINGS, TIMINGS + 9)
-DEPTH = slice(TIMINGS + 9, TIMINGS + 25)
+DEPTH = slice(TIMINGS + 9, TIMINGS + 27)
 SHIFT, BASELINE = slice(DEPTH.start, DEPTH.start + 2), slice(DEPTH.start + 2, DEPTH.start + 4)
 OFFSET, SCALE = slice(DEPTH.start + 4, DEPTH.start + 10), slice(DEPTH.start + 10, DEPTH.start + 16)
+STRETCH = slice(DEPTH.start + 16, DEPTH.start + 18)
 SCALE_NUMBER = NAMES.index("scale_1")
 _PLUMB_BOB = 5
 """Terms of ROS's plumb_bob model: k1, k2, p1, p2, k3."""
@@ -65,7 +72,7 @@ def numbers_of(group: Group) -> Index:
 
 
 def vector_of(camera: Camera) -> Array:
-    """Return the vector (28) of a camera, with no change of the timing.
+    """Return the vector (30) of a camera, with no change of the timing.
 
     Raises ConfigError for a lens of another model than plumb_bob.
     """
@@ -87,11 +94,12 @@ def camera_of(vector: Array, camera: Camera) -> Camera:
 
 
 def prior_sigma(camera: Camera) -> Array:
-    """Return how well the numbers (28) of a calibration that somebody gives are known: standard deviations."""
+    """Return how well the numbers (30) of a calibration that somebody gives are known: standard deviations."""
     t = TUNING
     focal, centre = [t.prior_focal * camera.fx, t.prior_focal * camera.fy], [t.prior_centre * camera.width] * 2
     timing = [t.prior_timing_s] * TIMINGS
     lens = [t.prior_k1, t.prior_k2, t.prior_tangential, t.prior_tangential, t.prior_k3]
     moved = [t.prior_shift_px] * 2 + [t.prior_baseline_m * camera.fx] * 2
     fields = [t.prior_offset] * 6 + [t.prior_unit] + [t.prior_field] * 5
-    return np.array([*timing, *focal, *centre, *lens, *moved, *fields])
+    stretch = [t.prior_focal] * 2
+    return np.array([*timing, *focal, *centre, *lens, *moved, *fields, *stretch])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from odom.calibration.parameters import BASELINE, LENS, SHIFT, camera_of, vector_of
+from odom.calibration.parameters import BASELINE, LENS, SHIFT, STRETCH, camera_of, vector_of
 from odom.calibration.result import Calibrated
 from odom.calibration.survey import Survey
 from odom.frame import Camera
@@ -14,11 +14,14 @@ _SHIFT_SIGMAS, _SHIFT_FLOOR_PX = 2.0, 0.4
 
 
 def significant_error_px(given: Camera, camera: Camera, sigma: Array, survey: Survey) -> float:
-    """Return by how many pixels the camera `given` differs from `camera`, whose 28 numbers have the sigmas `sigma`.
+    """Return by how many pixels the camera `given` differs from `camera`, whose 30 numbers have the sigmas `sigma`.
 
-    The larger of two: the root mean square difference of the rays over the image, after the rotation that brings them
-    closest together; and the shift of depth against colour at the survey's usual range, less two sigmas.
+    The largest of three, two of them root mean squares over the image: the difference of the rays after the rotation
+    that brings them closest together; the shift of depth against colour at the survey's usual range, less two sigmas;
+    and by how much the two images differ in size, less two sigmas.
     """
+    if camera == given:
+        return 0.0
     uv = grid_over(given)
     rays = rays_of(given, uv)
     turned = turned_onto(rays_of(camera, uv), rays) - rays
@@ -26,7 +29,14 @@ def significant_error_px(given: Camera, camera: Camera, sigma: Array, survey: Su
     moved, usual = vector_of(camera) - vector_of(given), float(np.nanmedian(survey.inverse_depth))
     unsure = np.hypot(np.minimum(sigma[SHIFT], usual * sigma[BASELINE]), _SHIFT_FLOOR_PX)
     shift_px = float(np.linalg.norm(moved[SHIFT] + usual * moved[BASELINE]))
-    return max(rays_px, shift_px - _SHIFT_SIGMAS * float(unsure.max()))
+    spread_px = uv.std(axis=0)
+    stretch_px = float(np.linalg.norm(moved[STRETCH] * spread_px))
+    stretch_unsure = np.hypot(sigma[STRETCH] * spread_px, _SHIFT_FLOOR_PX)
+    return max(
+        rays_px,
+        shift_px - _SHIFT_SIGMAS * float(unsure.max()),
+        stretch_px - _SHIFT_SIGMAS * float(stretch_unsure.max()),
+    )
 
 
 def ray_sigma_px(found: Calibrated) -> float:

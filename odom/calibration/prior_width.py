@@ -22,7 +22,7 @@ _SETTLED = 1e-3
 """Gain of the logarithm of the probability, below which no other widths are looked for."""
 _KIND_OF = {
     "timing": "timing", "focal length": "focal length", "image centre": "image centre", "lens distortion": "bent",
-    "depth shift": "beside colour", "depth baseline": "beside colour",
+    "depth shift": "beside colour", "depth baseline": "beside colour", "depth stretch": "stretched",
     "depth offset": "depth", "depth scale": "depth", "depth field": "depth",
 }  # fmt: skip
 """The kind of each group's numbers: those of one kind are off alike. What a walk hardly tells apart is of one kind, or

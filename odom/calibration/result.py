@@ -27,9 +27,9 @@ _STEPS_MORE = 4
 
 @dataclass(frozen=True, eq=False)
 class Calibrated:
-    """A `camera`, the standard deviations `sigma` (28) of its numbers, and which the walk has `shown` (28).
+    """A `camera`, the standard deviations `sigma` (30) of its numbers, and which the walk has `shown` (30).
 
-    `vector` (28) is that of the camera, and `start` the one it began with; what was not shown is as it was there, with
+    `vector` (30) is that of the camera, and `start` the one it began with; what was not shown is as it was there, with
     the prior's sigma. `fitted` is the last adjustment, under `prior`. `contradicted`: the walk as a whole would
     determine the focal length, yet its parts disagree so much that it is not shown; what was measured is not of a still
     scene seen by such a camera.

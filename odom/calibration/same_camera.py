@@ -39,7 +39,7 @@ def halves(survey: Survey) -> tuple[Survey, Survey]:
 
 
 def _covariance(found: Calibrated) -> Array:
-    """Return the covariance (28 x 28) of a calibration's numbers: the fit's, as wide as the sigmas."""
+    """Return the covariance (30 x 30) of a calibration's numbers: the fit's, as wide as the sigmas."""
     free, covariance = found.fitted.free, np.zeros((len(NAMES), len(NAMES)))
     plain = np.linalg.inv(found.fitted.information)
     wider = found.sigma[free] / np.sqrt(np.diag(plain))

@@ -24,8 +24,10 @@ _NO_FIELD = (0.0,) * len(FIELD_TERMS)
 class DepthModel:
     """What depth shows against what it should, z being the true distance in metres.
 
-    The colour image lies `shift_px + baseline_px_m / z` right of and below the depth image: the first is a wrong table
-    or offset, the second two cameras side by side whose distance was not corrected (focal length times distance).
+    The colour image lies `shift_px + baseline_px_m / z + stretch * (uv - middle)` right of and below the depth image:
+    the first is a wrong table or offset, the second two cameras side by side whose distance was not corrected (focal
+    length times distance), the third two focal lengths (1 - depth's / colour's); `uv` is the pixel in colour, `middle`
+    that of the image.
     The inverse depth measured is `offset + scale / z`, both smooth fields over the image (see `FIELD_TERMS`, six
     coefficients, offset in 1/m): a structured-light sensor errs so in disparity, and its unit may be off.
 
@@ -36,9 +38,10 @@ class DepthModel:
     baseline_px_m: tuple[float, float] = (0.0, 0.0)
     offset: tuple[float, ...] = _NO_FIELD
     scale: tuple[float, ...] = _EXACT
+    stretch: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        for name, length in (("shift_px", 2), ("baseline_px_m", 2), ("offset", 6), ("scale", 6)):
+        for name, length in (("shift_px", 2), ("baseline_px_m", 2), ("offset", 6), ("scale", 6), ("stretch", 2)):
             values = tuple(float(value) for value in np.ravel(getattr(self, name)))
             if len(values) != length or not np.isfinite(values).all():
                 raise ConfigError(f"{name} of the depth model: give {length} finite numbers, not {values}")
@@ -54,14 +57,14 @@ class DepthModel:
 
     @property
     def vector(self) -> Array:
-        """The 16 numbers in the order of the fields."""
-        return np.array([*self.shift_px, *self.baseline_px_m, *self.offset, *self.scale])
+        """The 18 numbers in the order of the fields."""
+        return np.array([*self.shift_px, *self.baseline_px_m, *self.offset, *self.scale, *self.stretch])
 
     @classmethod
     def of(cls, vector: Array) -> "DepthModel":
-        """Return the model with such a `vector` (16); raises ConfigError as above."""
+        """Return the model with such a `vector` (18, or 16 where none has a stretch); raises ConfigError as above."""
         v = tuple(np.asarray(vector, dtype=np.float64).tolist())
-        return cls(v[0:2], v[2:4], v[4:10], v[10:])
+        return cls(v[0:2], v[2:4], v[4:10], v[10:16], v[16:] or cls.stretch)
 
 
 EXACT_DEPTH = DepthModel()
@@ -81,9 +84,14 @@ def as_measured(model: Array, uv: Array, inverse_depth: Array, width: int, heigh
     `model` is a `DepthModel.vector`, `inverse_depth` (n, 1/m) the true one; the image is `width` x `height` pixels.
     """
     terms = field_terms(uv, width, height)
-    scale = terms @ model[10:]
-    uv_depth = uv - model[0:2] - model[2:4] * inverse_depth[:, None]
+    scale = terms @ model[10:16]
+    uv_depth = far_in_depth(model, uv, width, height) - model[2:4] * inverse_depth[:, None]
     return uv_depth, terms @ model[4:10] + scale * inverse_depth, scale
+
+
+def far_in_depth(model: Array, uv: Array, width: int, height: int) -> Array:
+    """Return where a depth image shows what colour shows at `uv` (n x 2), were all of it far away: no baseline."""
+    return np.asarray(uv - model[0:2] - model[16:18] * (uv - ((width - 1) / 2, (height - 1) / 2)))
 
 
 def corrected_depth(depth_mm: NDArray[np.uint16], model: DepthModel) -> NDArray[np.uint16]:
@@ -95,12 +103,14 @@ def corrected_depth(depth_mm: NDArray[np.uint16], model: DepthModel) -> NDArray[
         return depth_mm
     height, width = depth_mm.shape
     v, u = np.mgrid[:height, :width]
-    terms = field_terms(np.column_stack([u.ravel(), v.ravel()]), width, height)
+    uv = np.column_stack([u.ravel(), v.ravel()])
+    terms = field_terms(uv, width, height)
+    far_u, far_v = far_in_depth(model.vector, uv, width, height).T.reshape(2, height, width)
     offset, scale = ((terms @ np.array(field)).reshape(height, width) for field in (model.offset, model.scale))
     near = np.full((height, width), _FIRST_GUESS)
     for _ in range(_LOOKS if any(model.baseline_px_m) else 1):
-        column = np.rint(u - model.shift_px[0] - model.baseline_px_m[0] * near).astype(np.int64)
-        row = np.rint(v - model.shift_px[1] - model.baseline_px_m[1] * near).astype(np.int64)
+        column = np.rint(far_u - model.baseline_px_m[0] * near).astype(np.int64)
+        row = np.rint(far_v - model.baseline_px_m[1] * near).astype(np.int64)
         inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
         seen = np.where(inside, depth_mm[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], 0)
         true = (1000.0 / np.maximum(seen, 1) - offset) / scale

@@ -2,7 +2,18 @@
 
 import numpy as np
 
-from odom.calibration.parameters import BASELINE, LENS, NAMES, OFFSET, SCALE, SHIFT, TIMINGS, camera_of, vector_of
+from odom.calibration.parameters import (
+    BASELINE,
+    LENS,
+    NAMES,
+    OFFSET,
+    SCALE,
+    SHIFT,
+    STRETCH,
+    TIMINGS,
+    camera_of,
+    vector_of,
+)
 from odom.calibration.projection import project
 from odom.calibration.survey import Survey
 from odom.frame import Camera
@@ -79,7 +90,7 @@ def made_up_survey(vector, walk=turning, seed=0, points=400, noise=1.0, wall=Fal
     plane = n / np.einsum("ni,ni->n", n, seen)[:, None]
     slope = np.einsum("nj,nji->ni", plane[:, :2], np.linalg.inv(by_direction))
     terms = field_terms(uv, 640, 480)
-    shift = vector[SHIFT] + vector[BASELINE] * w[:, None]
+    shift = vector[SHIFT] + vector[BASELINE] * w[:, None] + vector[STRETCH] * (uv - (319.5, 239.5))
     scale = terms @ vector[SCALE]
     measured = terms @ vector[OFFSET] + scale * w + np.einsum("ni,ni->n", slope * scale[:, None], shift)
     N = len(w)

@@ -17,10 +17,10 @@ from odom.frontend.features.measurement import measure
 from odom.frontend.features.view import View
 from odom.wire import Topics
 from odom.wire.assembler import FrameAssembler
-from odom.wire.codec import decode_depth_model, encode_calibration, encode_camera_info
+from odom.wire.codec import cdr, decode_depth_model, encode_calibration, encode_camera_info
 from sensors.calibration_file import Calibration, calibration_text, load_calibration
 
-ERRING = DepthModel((1.5, -2.0), (-13.0, 0.5), (0.01, 0, 0, 0.002, 0, 0), (1.02, 0.01, 0, 0, 0, -0.005))
+ERRING = DepthModel((1.5, -2.0), (-13.0, 0.5), (0.01, 0, 0, 0.002, 0, 0), (1.02, 0.01, 0, 0, 0, -0.005), (-0.1, 0.02))
 CAMERA = Camera(640, 480, 520.0, 530.0, 310.0, 250.0, (0.1, -0.2, 0.001, 0.002, 0.05), ERRING)
 KEYS = Topics().camera_info, Topics().depth_info
 
@@ -56,6 +56,14 @@ def test_a_camera_without_it_sends_one_message_as_before():
     assert encode_calibration(KEYS, Stamp(5), plain) == (encode_camera_info(KEYS[0], Stamp(5), plain),)
 
 
+def test_a_recording_of_before_depth_could_be_stretched_is_read():
+    message = encode_calibration(KEYS, Stamp(5), replace(CAMERA, depth=replace(ERRING, stretch=(0.0, 0.0))))[0]
+    info = cdr.deserialise(message, cdr.CAMERA_INFO)
+    info.d = info.d[:16]
+    old = cdr.serialise(KEYS[1], cdr.CAMERA_INFO, Stamp(5), info)
+    assert decode_depth_model(old) == replace(ERRING, stretch=(0.0, 0.0))
+
+
 def test_another_calibration_of_a_depth_camera_says_nothing_and_broken_bytes_are_told():
     info = encode_camera_info(KEYS[1], Stamp(5), CAMERA)
     assert decode_depth_model(info) is None
@@ -72,18 +80,19 @@ def sensor_of(camera):
 
 @pytest.mark.parametrize("seen_before", [True, False])
 def test_depth_is_read_where_it_is_and_corrected(seen_before):
-    """A slanted wall in a depth image that was taken from beside, in another unit."""
+    """A slanted wall in a depth image that was taken from beside, with another focal length and in another unit."""
     camera = replace(CAMERA, distortion=())
     V, U = np.mgrid[0:480, 0:640].astype(float)
     slope = np.array([6e-4, -3e-4])
     true = 0.5 + slope[0] * (U - 320) + slope[1] * (V - 240)
     uv = np.random.default_rng(1).uniform((60, 60), (580, 420), (50, 2))
     wanted = 0.5 + (uv - (320, 240)) @ slope
-    # what depth shows at a pixel is the wall `shift` farther on, where the wall's own depth sets the shift
+    # what depth shows at a pixel is the wall at u, v of colour, of which the wall's own depth sets a part
     w = true
     for _ in range(20):
-        w = 0.5 + slope[0] * (U + 1.5 - 13.0 * w - 320) + slope[1] * (V - 2.0 + 0.5 * w - 240)
-    x, y = (U - 319.5) / 320, (V - 239.5) / 320
+        u, v = (U + 1.5 - 13.0 * w + 31.95) / 1.1, (V - 2.0 + 0.5 * w - 4.79) / 0.98
+        w = 0.5 + slope[0] * (u - 320) + slope[1] * (v - 240)
+    x, y = (u - 319.5) / 320, (v - 239.5) / 320
     measured = 0.01 + 0.002 * x * x + w * (1.02 + 0.01 * x - 0.005 * y * y)
     depth = np.rint(1000.0 / measured).astype(np.uint16)
     frame = RgbdFrame(0, Stamp(0), np.zeros((480, 640), np.uint8), Stamp(0), depth)

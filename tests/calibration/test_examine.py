@@ -24,6 +24,7 @@ def test_a_good_calibration_has_no_fault():
         ({"fx": 15.0, "fy": 15.0}, "focal length, walk", "28 mm a metre"),
         ({"shift_u_px": 5.0, "shift_v_px": 3.0}, "registration, walk", "mm aside"),
         ({"baseline_u": -13.0}, "registration, walk", "mm aside"),
+        ({"stretch_u": -0.11, "stretch_v": -0.11}, "registration over the image, walk", "583 and 583 px"),
     ],
 )
 def test_a_fault_is_named_with_its_cost_and_the_remedy(numbers, key, cost):

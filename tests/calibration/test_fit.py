@@ -20,6 +20,7 @@ WRONG = {
     "barrel": {"k1": 0.12, "k2": -0.22, "p1": 0.001, "p2": -0.001},
     "shift": {"shift_u_px": -3.0, "shift_v_px": 2.0},
     "baseline": {"baseline_u": -13.0},
+    "stretch": {"stretch_u": -0.11, "stretch_v": -0.11},
     "field": {"offset_1": 0.01, "offset_x": 0.01, "scale_xx": -0.01},
 }
 WRONG["all"] = {name: value for numbers in WRONG.values() for name, value in numbers.items()}
@@ -137,7 +138,7 @@ def terms_of(survey, vector, bundle):
 
 
 def test_derivatives_of_the_residuals_are_those_of_their_values_where_there_is_no_residual():
-    vector = spoilt(fx=5.0, k1=0.05, shift_u_px=1.0, baseline_v=2.0, offset_1=0.003, scale_x=0.01)
+    vector = spoilt(fx=5.0, k1=0.05, shift_u_px=1.0, baseline_v=2.0, offset_1=0.003, scale_x=0.01, stretch_v=-0.1)
     survey = made_up_survey(vector, points=20, noise=0.0)
     survey.by_timing[:] = np.random.default_rng(1).normal(0.0, 0.1, survey.by_timing.shape)
     start = start_of(survey)
@@ -161,7 +162,7 @@ def test_derivatives_of_the_residuals_are_those_of_their_values_where_there_is_n
 
 
 def test_residuals_are_those_that_are_drawn():
-    vector = spoilt(fx=5.0, k1=0.05, shift_u_px=1.0, baseline_v=2.0, offset_1=0.003, scale_x=0.01)
+    vector = spoilt(fx=5.0, k1=0.05, shift_u_px=1.0, baseline_v=2.0, offset_1=0.003, scale_x=0.01, stretch_v=-0.1)
     survey = made_up_survey(vector, points=20)
     r = terms_of(survey, vector, start_of(survey))[0]
     ray, depth = chi_squared(linearised(survey, vector, start_of(survey)))

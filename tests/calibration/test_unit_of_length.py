@@ -70,7 +70,7 @@ def test_all_lengths_longer_by_one_factor_leave_every_residual_as_it_was():
     vector = spoilt(fx=5.0, offset_1=0.01, scale_x=0.02, baseline_u=3.0, shift_v_px=1.0)
     other = replace(survey(), camera=camera_of(vector_of(SHEET), SHEET))
     scaled = in_unit_of_depth(with_vector(vector), other).vector
-    factor = scaled[-6] / vector[-6]
+    factor = scaled[SCALE_NUMBER] / vector[SCALE_NUMBER]
     assert abs(factor - 1.0) > 1e-3
     start = start_of(other)
     T = start.T_camera_map.copy()

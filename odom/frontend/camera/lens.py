@@ -31,7 +31,7 @@ class Lens:
     `rays` is H x W x 2: the normalised coordinates (x/z, y/z) seen by each pixel. `intrinsics` is (fx, fy, cx, cy),
     and `distortion` (18) holds the 8 coefficients (k1, k2, p1, p2, k3, k4, k5, k6), zeros where unused, by rows the
     rotation to the camera's own axes, which are aside where rays are told in another camera's frame, and the squared
-    tangent of the angle from the axis up to which the model holds. `depth_model` (16) is the vector of the `DepthModel`
+    tangent of the angle from the axis up to which the model holds. `depth_model` (18) is the vector of the `DepthModel`
     of the depth image that is registered to it.
     """
 
@@ -89,7 +89,7 @@ def _reach(k: Array) -> float:
 
 
 def _told_depth(camera: Camera, R_told_own: Array) -> Array:
-    """Return the vector (16) of a depth model by which inverse depths are along the turned axis.
+    """Return the vector (18) of a depth model by which inverse depths are along the turned axis.
 
     The distance along it is that along the camera's own, times a linear function of the ray.
     """
@@ -97,7 +97,7 @@ def _told_depth(camera: Camera, R_told_own: Array) -> Array:
     rays = rays_of(camera, uv)
     terms = field_terms(uv, camera.width, camera.height)
     farther = rays @ R_told_own[2] / rays[:, 2]
-    model[10:] = np.linalg.lstsq(terms, (terms @ model[10:]) * farther, rcond=None)[0]
+    model[10:16] = np.linalg.lstsq(terms, (terms @ model[10:16]) * farther, rcond=None)[0]
     return model
 
 

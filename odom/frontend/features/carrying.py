@@ -129,7 +129,7 @@ def moving(
     `near` (n, 1/m) are inverse depths, about. The depth is read at the pixel where the feature was when its row of the
     depth image was taken.
     """
-    height = rays.shape[0]
+    height, width = rays.shape[:2]
     n = uv.shape[0]
     flow, places = np.empty((n, 5)), np.empty((n, 2))
     for k in range(n):
@@ -138,8 +138,10 @@ def moving(
         xd, yd, wd = point_flow(x, y, near[k], twist)
         since_seen_s = depth_delay_s + (v / height - 0.5) * (depth_readout_s - readout_s)
         flow[k, 0], flow[k, 1], flow[k, 2], flow[k, 3], flow[k, 4] = x, y, xd, yd, wd
-        places[k, 0] = u + xd * intrinsics[0] * since_seen_s - model[0] - model[2] * near[k]
-        places[k, 1] = v + yd * intrinsics[1] * since_seen_s - model[1] - model[3] * near[k]
+        aside_u = model[0] + model[2] * near[k] + model[16] * (u - 0.5 * (width - 1))
+        aside_v = model[1] + model[3] * near[k] + model[17] * (v - 0.5 * (height - 1))
+        places[k, 0] = u + xd * intrinsics[0] * since_seen_s - aside_u
+        places[k, 1] = v + yd * intrinsics[1] * since_seen_s - aside_v
     return flow, places
 
 

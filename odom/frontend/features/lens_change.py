@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from odom.frame.depth_model import far_in_depth
 from odom.frontend.camera.lens import Lens, project, rays_at
 from odom.frontend.features.carrying import depth_errors
 from odom.frontend.features.measurement import Measurements
@@ -36,8 +37,8 @@ class LensChange:
         is_seen = np.isfinite(uv[:, 0])
         uv = np.where(is_seen[:, None], uv, 0.0)
         (offset, scale), w = depth_errors(uv, width, height, old.depth_model).T, values[:, 2]
-        aside = self.after.depth_model[:4] - old.depth_model[:4]
-        read_px = aside[:2] + aside[2:] * w[:, None]
+        moved = self.after.depth_model - old.depth_model
+        read_px = uv - far_in_depth(moved, uv, width, height) + moved[2:4] * w[:, None]
         measured = offset + scale * (w - (slope * read_px).sum(axis=1))
         offset, scale = depth_errors(uv, width, height, self.after.depth_model).T
         new = np.column_stack([rays_at(self.after.rays, uv), (measured - offset) / scale])

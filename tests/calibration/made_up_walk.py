@@ -90,17 +90,18 @@ def made_up_survey(vector, walk=turning, seed=0, points=400, noise=1.0, wall=Fal
     plane = n / np.einsum("ni,ni->n", n, seen)[:, None]
     slope = np.einsum("nj,nji->ni", plane[:, :2], np.linalg.inv(by_direction))
     terms = field_terms(uv, 640, 480)
-    shift = vector[SHIFT] + vector[BASELINE] * w[:, None] + vector[STRETCH] * (uv - (319.5, 239.5))
+    away = noise * rng.normal(size=(frames, 6)) * 0.005
+    away[0] = 0.0
+    found_uv = uv + noise * PIXEL_SIGMA * rng.normal(size=uv.shape)  # where depth is read too
+    shift = vector[SHIFT] + vector[BASELINE] * w[:, None] + vector[STRETCH] * (found_uv - (319.5, 239.5))
     scale = terms @ vector[SCALE]
     measured = terms @ vector[OFFSET] + scale * w + np.einsum("ni,ni->n", slope * scale[:, None], shift)
     N = len(w)
-    away = noise * rng.normal(size=(frames, 6)) * 0.005
-    away[0] = 0.0
     return Survey(
         camera=camera_of(vector_of(SHEET), SHEET),
         frame=number,
         landmark=landmark,
-        uv=uv + noise * PIXEL_SIGMA * rng.normal(size=(N, 2)),
+        uv=found_uv,
         inverse_depth=measured + noise * DEPTH_SIGMA * rng.normal(size=N),
         slope=slope * scale[:, None],
         by_timing=np.zeros((N, 3, TIMINGS)),

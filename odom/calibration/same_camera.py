@@ -5,6 +5,7 @@ import numpy as np
 from odom.calibration.parameters import LENS, NAMES
 from odom.calibration.result import Calibrated
 from odom.calibration.survey import Survey
+from odom.calibration.tuning import TUNING
 from odom.geometry.arrays import Array
 
 _LENS = np.arange(LENS.start, LENS.stop)
@@ -30,6 +31,15 @@ def most_different(one: Calibrated, other: Calibrated) -> tuple[int, float]:
     sigmas = np.abs(one.vector - other.vector) / np.hypot(one.sigma, other.sigma)
     at = int(_CENTRED[np.argmax(np.where(one.shown & other.shown, sigmas, 0.0)[_CENTRED])])
     return at, float(sigmas[at]) if one.shown[at] and other.shown[at] else 0.0
+
+
+def is_of_another_camera(found: Calibrated) -> bool:
+    """Return whether the focal length is farther from the one given than any calibration of this camera would be.
+
+    What such a start leads to does not settle: prior and linearisation are those of another camera.
+    """
+    now, given = found.vector[_CENTRED[:2]], found.start[_CENTRED[:2]]
+    return bool(np.abs(np.log(now / given)).max() > TUNING.other_camera * TUNING.prior_focal)
 
 
 def halves(survey: Survey) -> tuple[Survey, Survey]:

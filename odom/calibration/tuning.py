@@ -20,6 +20,10 @@ class Tuning:
         effect="change of the timing that the odometry found; smaller: stays at it; larger: free where unseen")
     prior_focal: float = tuned(0.06, unit="share of the focal length", source=_CAMERAS,
         effect="smaller: a wrong focal length is mended too little; larger: nonsense is found where nothing shows it")
+    other_camera: float = tuned(4.0, unit="sigma of prior_focal", source="an average Kinect's calibration for other "
+        "makes' cameras: at most 2.7 (615 px); the arena's camera x .7 and x 1.6: 4.7 and 5.2",
+        effect="by which a calibration is another camera's; smaller: an average one is refused; larger: one that leads "
+        "to a poor result is begun with")
     prior_centre: float = tuned(0.04, unit="share of the width", source=_CAMERAS,
         effect="smaller: a wrong centre is mended too little; larger: nonsense is found where nothing shows it")
     prior_k1: float = tuned(0.4, unit="1", source=_CAMERAS,

@@ -18,7 +18,7 @@ from odom.calibration.result import (
     judge,
     restless_share,
 )
-from odom.calibration.same_camera import apart, halves, most_different
+from odom.calibration.same_camera import apart, halves, is_of_another_camera, most_different
 from odom.calibration.several_recordings import joined
 from odom.calibration.survey import Survey, survey_of
 from odom.calibration.tuning import TUNING
@@ -121,6 +121,8 @@ def calibrate_recordings(
     best = replace(best, result=as_measured(best.result), halves_apart=halves_apart)
     if stopped():
         return best
+    if is_of_another_camera(best.result):
+        raise InputError(_of_another_camera(best.result.camera, best.start))
     if (moving := restless_share(best.survey, best.result)) > TUNING.restless_most:
         raise InputError(RESTLESS.format(moving))
     progress("judging")
@@ -213,6 +215,13 @@ def _check_same_camera(each: Sequence[Calibrated], is_settled: bool = False) -> 
                 f"{first.vector[at]:.1f} px in the one and {other.vector[at]:.1f} px in the other "
                 f"({sigmas:.0f} sigma apart); calibrate them one by one"
             )
+
+
+def _of_another_camera(found: Camera, given: Camera) -> str:
+    return (
+        f"the calibration given is that of another camera: its focal lengths are {given.fx:.0f} and {given.fy:.0f} px, "
+        f"the walk shows some {found.fx:.0f} and {found.fy:.0f}: give one of this camera, or begin with those"
+    )
 
 
 def _halves_apart(outcome: Outcome, stopped: Callable[[], bool]) -> float:

@@ -7,7 +7,7 @@ from made_up_walk import SHEET, made_up_survey, spoilt
 
 from odom.calibration.parameters import NAMES
 from odom.calibration.result import calibrated, judge, restless_share
-from odom.calibration.same_camera import apart
+from odom.calibration.same_camera import apart, is_of_another_camera
 from odom.calibration.several_recordings import joined
 from odom.calibration.tuning import TUNING
 from odom.errors import InputError
@@ -33,6 +33,12 @@ def test_two_cameras_are_refused():
     one, other = made_up_survey(spoilt(fx=10.0), points=200), made_up_survey(spoilt(fx=-15.0), points=200)
     with pytest.raises(InputError, match="different cameras"):
         calibration_run._check_same_camera([calibrated(one, SHEET), calibrated(other, SHEET)])
+
+
+@pytest.mark.parametrize(("fx", "is_another"), [(615.0, False), (570.0, False), (350.0, True), (800.0, True)])
+def test_a_calibration_is_of_another_camera_where_its_focal_length_is_farther_off_than_any_of_this_one(fx, is_another):
+    survey = made_up_survey(spoilt(fx=fx - SHEET.fx, fy=fx - SHEET.fy), points=100)
+    assert is_of_another_camera(calibrated(survey, SHEET)) is is_another
 
 
 @pytest.mark.long

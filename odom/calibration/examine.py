@@ -6,7 +6,8 @@ import numpy as np
 
 from odom.backend import Odometry
 from odom.calibration.metric_scale import metric_scale
-from odom.calibration.parameters import BASELINE, NAMES, SHIFT, STRETCH
+from odom.calibration.parameters import BASELINE, NAMES, SHIFT, STRETCH, shown_by
+from odom.calibration.pixel_error import stretch_px
 from odom.calibration.result import Calibrated, calibrated
 from odom.calibration.survey import Survey, survey_of
 from odom.errors import ConfigError, InputError
@@ -14,7 +15,6 @@ from odom.evaluation.diagnosis.finding import WITHIN_95, Finding, Verdict
 from odom.evaluation.diagnosis.scale import ScaleFit
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera, RgbdFrame
-from odom.frontend.camera.rays import grid_over
 
 _FOCAL_SHARE, _SHIFT_PX, _SCALE_SHARE = 0.01, 2.0, 0.01
 """Errors of focal length (a share), of depth beside colour (px) and of the unit of depth (a share) that are faults."""
@@ -61,7 +61,7 @@ def _judge_focal(found: Calibrated, camera: Camera) -> Finding:
     given = np.array([camera.fx, camera.fy])
     sigma = np.hypot(found.sigma[at] / given, _FOCAL_FLOOR)
     if not found.shown[at].all() or sigma.max() > _UNSURE_FOCAL:
-        return Finding(key, "not shown", Verdict.UNKNOWN, "turn the camera to all sides, about its own axis too")
+        return Finding(key, "not shown", Verdict.UNKNOWN, shown_by("fx"))
     off = np.log(found.vector[at] / given)
     words = " and ".join(
         f"{value:.0f} ± {WITHIN_95 * s * f:.0f}" for value, s, f in zip(found.vector[at], sigma, given, strict=True)
@@ -78,7 +78,7 @@ def _judge_shift(found: Calibrated, survey: Survey) -> Finding:
     moved = (found.vector - found.start)[SHIFT] + usual * (found.vector - found.start)[BASELINE]
     spread = np.hypot(np.minimum(found.sigma[SHIFT], usual * found.sigma[BASELINE]), _SHIFT_FLOOR_PX)
     if not (found.shown[SHIFT].all() or found.shown[BASELINE].all()) or spread.max() > _UNSURE_PX:
-        return Finding(key, "not shown", Verdict.UNKNOWN, "look along floors, tables and walls from several sides")
+        return Finding(key, "not shown", Verdict.UNKNOWN, shown_by("shift_u_px"))
     value = f"colour lies {moved[0]:+.1f} px right and {moved[1]:+.1f} px below depth, at {1.0 / usual:.1f} m"
     size = float(np.linalg.norm(moved))
     aside = 1e3 * size / usual / float(found.camera.fx)
@@ -88,12 +88,10 @@ def _judge_shift(found: Calibrated, survey: Survey) -> Finding:
 
 def _judge_stretch(found: Calibrated) -> Finding:
     key, camera = "registration over the image, walk", found.camera
-    spread_px = grid_over(camera).std(axis=0)
     moved = (found.vector - found.start)[STRETCH]
-    sigma_px = np.hypot(found.sigma[STRETCH] * spread_px, _SHIFT_FLOOR_PX)
+    sigma_px = np.hypot(stretch_px(camera, found.sigma[STRETCH]), _SHIFT_FLOOR_PX)
     if not found.shown[STRETCH].all() or sigma_px.max() > _UNSURE_PX:
-        advice = "look along slanted surfaces that pass through the image from border to border"
-        return Finding(key, "not shown", Verdict.UNKNOWN, advice)
+        return Finding(key, "not shown", Verdict.UNKNOWN, shown_by("stretch_u"))
     right, below = moved * ((camera.width - 1) / 2, (camera.height - 1) / 2)
     value = f"colour lies {right:+.1f} px right of depth at the right border and {below:+.1f} px below at the lower"
     own = (1.0 - moved) * (camera.fx, camera.fy)
@@ -101,7 +99,7 @@ def _judge_stretch(found: Calibrated) -> Finding:
         f"depth has focal lengths of {own[0]:.0f} and {own[1]:.0f} px, colour {camera.fx:.0f} and {camera.fy:.0f}: "
         f"have the driver register depth, or {_REMEDY}"
     )
-    is_fault = bool((np.abs(moved * spread_px) - _SURELY * sigma_px > _SHIFT_PX).any())
+    is_fault = bool((stretch_px(camera, np.abs(moved)) - _SURELY * sigma_px > _SHIFT_PX).any())
     return Finding.judged(key, value, is_fault, advice)
 
 

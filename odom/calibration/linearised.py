@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.backend.mapping.bundle_adjustment import Bundle
-from odom.calibration.parameters import BASELINE, DEPTH, LENS, OFFSET, SCALE, TIMINGS, vector_of
+from odom.calibration.parameters import DEPTH, LENS, OFFSET, SCALE, TIMINGS, vector_of
 from odom.calibration.projection import project
 from odom.calibration.survey import Survey
-from odom.frame.depth_model import far_in_depth
+from odom.frame.depth_model import aside_px
 from odom.geometry.arrays import Array
 
 _NEAREST_M = 0.05
@@ -47,8 +47,7 @@ def linearised(survey: Survey, vector: Array, bundle: Bundle) -> Linearised:
     terms = survey.terms
     offset, scale = terms @ vector[OFFSET], terms @ vector[SCALE]
     moved = vector - vector_of(survey.camera)
-    far = far_in_depth(moved[DEPTH], survey.uv, survey.camera.width, survey.camera.height)
-    shift = survey.uv - far + moved[BASELINE] * w[:, None]
+    shift = aside_px(moved[DEPTH], survey.uv, w, survey.camera.width, survey.camera.height)
     measured = survey.inverse_depth - np.einsum("nc,nc->n", survey.slope, shift)
 
     values = np.empty((len(survey), 3))

@@ -71,6 +71,11 @@ def numbers_of(group: Group) -> Index:
     return np.array([NAMES.index(name) for name in group.names])
 
 
+def shown_by(name: str) -> str:
+    """Return what motion shows a number."""
+    return next(group.shown_by for group in GROUPS if name in group.names)
+
+
 def vector_of(camera: Camera) -> Array:
     """Return the vector (30) of a camera, with no change of the timing.
 
@@ -101,5 +106,4 @@ def prior_sigma(camera: Camera) -> Array:
     lens = [t.prior_k1, t.prior_k2, t.prior_tangential, t.prior_tangential, t.prior_k3]
     moved = [t.prior_shift_px] * 2 + [t.prior_baseline_m * camera.fx] * 2
     fields = [t.prior_offset] * 6 + [t.prior_unit] + [t.prior_field] * 5
-    stretch = [t.prior_focal] * 2
-    return np.array([*timing, *focal, *centre, *lens, *moved, *fields, *stretch])
+    return np.array([*timing, *focal, *centre, *lens, *moved, *fields, *[t.prior_focal] * 2])

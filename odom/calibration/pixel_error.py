@@ -29,14 +29,18 @@ def significant_error_px(given: Camera, camera: Camera, sigma: Array, survey: Su
     moved, usual = vector_of(camera) - vector_of(given), float(np.nanmedian(survey.inverse_depth))
     unsure = np.hypot(np.minimum(sigma[SHIFT], usual * sigma[BASELINE]), _SHIFT_FLOOR_PX)
     shift_px = float(np.linalg.norm(moved[SHIFT] + usual * moved[BASELINE]))
-    spread_px = uv.std(axis=0)
-    stretch_px = float(np.linalg.norm(moved[STRETCH] * spread_px))
-    stretch_unsure = np.hypot(sigma[STRETCH] * spread_px, _SHIFT_FLOOR_PX)
+    larger_px = float(np.linalg.norm(stretch_px(given, moved[STRETCH])))
+    larger_unsure = np.hypot(stretch_px(given, sigma[STRETCH]), _SHIFT_FLOOR_PX)
     return max(
         rays_px,
         shift_px - _SHIFT_SIGMAS * float(unsure.max()),
-        stretch_px - _SHIFT_SIGMAS * float(stretch_unsure.max()),
+        larger_px - _SHIFT_SIGMAS * float(larger_unsure.max()),
     )
+
+
+def stretch_px(camera: Camera, stretch: Array) -> Array:
+    """Return by how many pixels (2) a `stretch` (2) of depth moves it, root mean square over a camera's image."""
+    return np.asarray(stretch * grid_over(camera).std(axis=0))
 
 
 def ray_sigma_px(found: Calibrated) -> float:

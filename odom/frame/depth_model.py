@@ -85,13 +85,17 @@ def as_measured(model: Array, uv: Array, inverse_depth: Array, width: int, heigh
     """
     terms = field_terms(uv, width, height)
     scale = terms @ model[10:16]
-    uv_depth = far_in_depth(model, uv, width, height) - model[2:4] * inverse_depth[:, None]
+    uv_depth = uv - aside_px(model, uv, inverse_depth, width, height)
     return uv_depth, terms @ model[4:10] + scale * inverse_depth, scale
 
 
-def far_in_depth(model: Array, uv: Array, width: int, height: int) -> Array:
-    """Return where a depth image shows what colour shows at `uv` (n x 2), were all of it far away: no baseline."""
-    return np.asarray(uv - model[0:2] - model[16:18] * (uv - ((width - 1) / 2, (height - 1) / 2)))
+def aside_px(model: Array, uv: Array, inverse_depth: Array, width: int, height: int) -> Array:
+    """Return how far right of and below depth colour lies (n x 2, px) at `uv` (n x 2) of colour, `inverse_depth` (n).
+
+    `model` is a `DepthModel.vector`, or the difference of two: it is linear in that.
+    """
+    from_middle = uv - ((width - 1) / 2, (height - 1) / 2)
+    return np.asarray(model[0:2] + model[2:4] * inverse_depth[:, None] + model[16:18] * from_middle)
 
 
 def corrected_depth(depth_mm: NDArray[np.uint16], model: DepthModel) -> NDArray[np.uint16]:
@@ -105,7 +109,7 @@ def corrected_depth(depth_mm: NDArray[np.uint16], model: DepthModel) -> NDArray[
     v, u = np.mgrid[:height, :width]
     uv = np.column_stack([u.ravel(), v.ravel()])
     terms = field_terms(uv, width, height)
-    far_u, far_v = far_in_depth(model.vector, uv, width, height).T.reshape(2, height, width)
+    far_u, far_v = (uv - aside_px(model.vector, uv, np.zeros(len(uv)), width, height)).T.reshape(2, height, width)
     offset, scale = ((terms @ np.array(field)).reshape(height, width) for field in (model.offset, model.scale))
     near = np.full((height, width), _FIRST_GUESS)
     for _ in range(_LOOKS if any(model.baseline_px_m) else 1):

@@ -21,21 +21,24 @@ TURN, POSITION_M = (0.003, 0.004, 0.0), (-0.025, 0.0005, -0.002)
 """How the depth camera is mounted beside colour's: not quite as any Kinect's is supposed to be."""
 
 
-def make_raw(source: Path, folder: Path) -> None:
-    """Write a registered recording as the raw images of a Kinect, with true poses of its depth camera."""
+def make_raw(source: Path, folder: Path) -> list[int]:
+    """Write a registered recording as raw images of a Kinect, with true poses of its depth camera; return stamps."""
     recording = read_recording(source)
     truth = recording.truth()["camera"]
     T_color_depth = np.eye(4)
     T_color_depth[:3, :3], T_color_depth[:3, 3] = cv2.Rodrigues(np.array(TURN))[0], POSITION_M
     raw = Camera(640, 480, 585.0, 585.0, 320.0, 240.0)
     as_seen_by_depth = DepthRegistration(recording.camera, raw, np.linalg.inv(T_color_depth))
+    stamps = []
     for i, frame in enumerate(islice(recording, FRAMES)):
+        stamps.append(frame.stamp)
         name = folder / f"frame-{i:06}"
         mm = as_seen_by_depth(frame.depth_mm)
         cv2.imwrite(f"{name}.color.png", frame.color[..., ::-1])
         cv2.imwrite(f"{name}.depth.png", np.where(mm == 0, 65535, mm).astype(np.uint16))
         nearest = np.argmin(np.abs(truth.stamps - frame.stamp))
         np.savetxt(f"{name}.pose.txt", truth.T_world_body[nearest] @ T_color_depth)
+    return stamps
 
 
 def run(folder: Path, out: Path, *arguments: object) -> dict:
@@ -64,9 +67,7 @@ def test_raw_images_err_at_most_half_as_much_again_as_registered_ones_and_a_cali
 
 def make_unregistered(source: Path, folder: Path) -> None:
     """Write such raw images as if depth were registered: listed in pairs, with nothing said of another camera."""
-    make_raw(source, folder)
-    recording = read_recording(source)
-    stamps = [frame.stamp for frame in islice(recording, FRAMES)]
+    stamps = make_raw(source, folder)
     (folder / "camera.yaml").write_text("depth_scale: 1000\n")
     for name, kind in (("rgb", "color"), ("depth", "depth")):
         lines = (f"{stamp * 1e-9:.6f} frame-{i:06}.{kind}.png\n" for i, stamp in enumerate(stamps))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from odom.frame.depth_model import far_in_depth
+from odom.frame.depth_model import aside_px
 from odom.frontend.camera.lens import Lens, project, rays_at
 from odom.frontend.features.carrying import depth_errors
 from odom.frontend.features.measurement import Measurements
@@ -37,8 +37,7 @@ class LensChange:
         is_seen = np.isfinite(uv[:, 0])
         uv = np.where(is_seen[:, None], uv, 0.0)
         (offset, scale), w = depth_errors(uv, width, height, old.depth_model).T, values[:, 2]
-        moved = self.after.depth_model - old.depth_model
-        read_px = uv - far_in_depth(moved, uv, width, height) + moved[2:4] * w[:, None]
+        read_px = aside_px(self.after.depth_model - old.depth_model, uv, w, width, height)
         measured = offset + scale * (w - (slope * read_px).sum(axis=1))
         offset, scale = depth_errors(uv, width, height, self.after.depth_model).T
         new = np.column_stack([rays_at(self.after.rays, uv), (measured - offset) / scale])

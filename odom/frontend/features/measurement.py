@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.frame.depth_model import far_in_depth
+from odom.frame.depth_model import aside_px
 from odom.frontend.camera.depth_tilt import without_tilt
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.carrying import carried, depth_errors, moving
@@ -152,9 +152,8 @@ def _looked_up(depth_mm: NDArray[np.uint16], uv: Array, errors: Array, model: Ar
     """
     near = np.full(len(uv), _UNKNOWN_INVERSE_DEPTH)
     height, width = depth_mm.shape
-    far = far_in_depth(model, uv, width, height)
     for _ in range(_LOOKS if model[2:4].any() else 1):
-        places = far - near[:, None] * model[2:4]
+        places = uv - aside_px(model, uv, near, width, height)
         seen = (read_planes(depth_mm, places, PLANE_LIMITS)[:, 0] - errors[:, 0]) / errors[:, 1]
         near = np.where(seen > 0.0, seen, _UNKNOWN_INVERSE_DEPTH)
     return near

@@ -3,7 +3,7 @@
 import threading
 from pathlib import Path
 
-from odom.wire.codec.cdr import typestore
+from odom.wire.codec.cdr import DIAGNOSTICS, typestore
 
 
 class EvaluationImports:
@@ -26,7 +26,7 @@ class EvaluationImports:
 
 
 def _load() -> None:
-    typestore()  # which the first status would wait for
+    typestore(DIAGNOSTICS)  # which the first status would wait for
     from odom.evaluation import run_report
 
     run_report.load_drawing()

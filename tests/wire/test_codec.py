@@ -9,6 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from made_up_messages import kinect_depth, textured
+from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
 from odom.errors import WireError
@@ -45,6 +46,21 @@ EXAMPLES: dict[str, tuple[Message, Callable[[Message], object]]] = {
     "text": (codec.encode_text("e", STAMP, "end"), codec.decode_text),
     "numbers": (codec.encode_numbers("n", STAMP, (1, 2, 3)), codec.decode_numbers),
 }
+
+
+@pytest.mark.parametrize("type_name", sorted({message.type_name for message, _ in EXAMPLES.values()}))
+def test_the_definitions_of_messages_are_ros_2s_own(type_name: str) -> None:
+    all_types = get_typestore(Stores.ROS2_HUMBLE)
+    own = cdr.typestore(type_name)
+    assert own.fielddefs != all_types.fielddefs, "not among the project's own"
+    assert own.generate_msgdef(type_name, ros_version=2) == all_types.generate_msgdef(type_name, ros_version=2)
+    assert own.hash_rihs01(type_name) == all_types.hash_rihs01(type_name)
+
+
+def test_a_type_that_is_not_sent_is_known_all_the_same() -> None:
+    assert b"float64 altitude" in cdr.schema("sensor_msgs/msg/NavSatFix")
+    with pytest.raises(WireError, match="is not known"):
+        cdr.schema("sensor_msgs/msg/Nothing")
 
 
 def test_raw_images_return_bit_for_bit() -> None:

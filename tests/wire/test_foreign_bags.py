@@ -39,6 +39,7 @@ from sensors.source import SourceOptions
 CAMERA = Camera(64, 48, 50.0, 51.0, 31.0, 23.0, (0.1, 0.0, 0.0, 0.0, 0.0))
 FRAMES = 6
 OTHER = Path("camera") / "infra1" / "image_rect_raw"
+ROS2 = get_typestore(Stores.ROS2_HUMBLE)
 
 Encode = Callable[[str, Stamp, np.ndarray], Message]
 
@@ -71,7 +72,7 @@ def record(folder: Path, messages: list[Message], plugin: StoragePlugin = Storag
         for message in messages:
             if message.topic not in connections:
                 connections[message.topic] = writer.add_connection(
-                    f"/{message.topic}", message.type_name, typestore=cdr.typestore()
+                    f"/{message.topic}", message.type_name, typestore=ROS2
                 )
             writer.write(connections[message.topic], message.stamp + 80_000_000, message.payload)
     return folder
@@ -135,7 +136,7 @@ def test_a_database_is_read_without_its_metadata_and_as_a_file(tmp_path: Path) -
 
 
 def test_a_bag_of_ros_1_is_read_alike(tmp_path: Path) -> None:
-    ros1, ros2 = get_typestore(Stores.ROS1_NOETIC), cdr.typestore()
+    ros1 = get_typestore(Stores.ROS1_NOETIC)
     path = tmp_path / "take.bag"
     with Ros1Writer(path) as writer:
         connections = {}
@@ -143,7 +144,7 @@ def test_a_bag_of_ros_1_is_read_alike(tmp_path: Path) -> None:
             name = message.type_name
             if message.topic not in connections:
                 connections[message.topic] = writer.add_connection(f"/{message.topic}", name, typestore=ros1)
-            raw = migrate_bytes(ros2, ros1, name, name, {}, message.payload, src_is2=True, dst_is2=False)
+            raw = migrate_bytes(ROS2, ros1, name, name, {}, message.payload, src_is2=True, dst_is2=False)
             writer.write(connections[message.topic], message.stamp + 80_000_000, raw)
     frames, assembler = frames_of(path)
     assert assembler.camera == CAMERA
@@ -362,7 +363,7 @@ def test_big_endian_cdr_is_read(tmp_path: Path) -> None:
             message.type_name,
             message.stamp,
             bytes(
-                cdr.typestore().serialize_cdr(
+                ROS2.serialize_cdr(
                     cdr.deserialise(message, message.type_name), message.type_name, little_endian=False
                 )
             ),

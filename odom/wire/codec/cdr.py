@@ -4,6 +4,7 @@ Only the stamp is read and written here, at its fixed place, because `rosbags` w
 """
 
 from functools import lru_cache
+from pathlib import Path
 from struct import Struct
 from typing import Any
 
@@ -33,9 +34,25 @@ _TIME = {0: Struct(">iI"), 1: Struct("<iI")}
 """Layout of a stamp by the second byte of the payload, which says the byte order."""
 
 
+def typestore(type_name: str) -> Any:
+    """Return a store of definitions with this type, if ROS 2 defines it (no type: `rosbags` generates its classes)."""
+    own = _own_types()
+    return own if type_name in own.types else _all_types()
+
+
 @lru_cache(maxsize=1)
-def typestore() -> Any:
-    """Return the definitions of all message types of ROS 2 (no type: `rosbags` generates its classes)."""
+def _own_types() -> Any:
+    """Return the store of the types that this project sends: `rosbags` takes a fifth of the time for them alone."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.EMPTY)
+    first, rest = Path(__file__).with_name("messages.msg").read_text().removeprefix("MSG: ").split("\n", 1)
+    store.register(get_types_from_msg(rest, first))
+    return store
+
+
+@lru_cache(maxsize=1)
+def _all_types() -> Any:
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.ROS2_HUMBLE)
@@ -53,7 +70,7 @@ def build(type_name: str, *values: Any, **fields: Any) -> Any:
 def schema(type_name: str) -> bytes:
     """Return the message definition (`ros2msg`) that a recording stores beside the messages."""
     _message_class(type_name)
-    return str(typestore().generate_msgdef(type_name, ros_version=2)[0]).encode()
+    return str(typestore(type_name).generate_msgdef(type_name, ros_version=2)[0]).encode()
 
 
 def header(stamp: Stamp, frame_id: str) -> Any:
@@ -104,7 +121,7 @@ def encode(topic: str, type_name: str, stamp: Stamp, frame_id: str, **fields: An
 def serialise(topic: str, type_name: str, stamp: Stamp, message: Any) -> Message:
     """Return the wire message of a `rosbags` message object; raises WireError when a field does not fit its type."""
     try:
-        payload = bytes(typestore().serialize_cdr(message, type_name, little_endian=True))
+        payload = bytes(typestore(type_name).serialize_cdr(message, type_name, little_endian=True))
     except Exception as error:  # whatever the generated code raises for a value out of range
         raise WireError(f"{type_name} for {topic} cannot be serialised: {error}") from error
     return Message(topic, type_name, stamp, payload)
@@ -119,7 +136,7 @@ def deserialise(message: Message, *type_names: str) -> Any:
         raise WireError(f"{message.topic} carries {message.type_name}, expected {' or '.join(type_names)}")
     stamp_of(message.type_name, message.payload)
     try:
-        return typestore().deserialize_cdr(memoryview(message.payload), message.type_name)
+        return typestore(message.type_name).deserialize_cdr(memoryview(message.payload), message.type_name)
     except Exception as error:  # the generated code meets arbitrary bytes
         raise WireError(f"{message.topic}: malformed {message.type_name}: {error}") from error
 
@@ -127,7 +144,7 @@ def deserialise(message: Message, *type_names: str) -> Any:
 @lru_cache(maxsize=64)
 def _message_class(type_name: str) -> Any:
     try:
-        return typestore().types[type_name]
+        return typestore(type_name).types[type_name]
     except KeyError:
         raise WireError(f"message type {type_name!r} is not known") from None
 

@@ -120,7 +120,7 @@ def ros_type(dds: str) -> str | None:
 def type_hash(type_name: str) -> str:
     """Return the hash of a type's definition, `RIHS01_...`; raises WireError for a type that ROS 2 does not define."""
     try:
-        return str(typestore().hash_rihs01(type_name))
+        return str(typestore(type_name).hash_rihs01(type_name))
     except KeyError:
         raise WireError(f"message type {type_name!r} is not known") from None
 

@@ -3,11 +3,20 @@
 import subprocess
 import sys
 
-PRODUCT = """
+FIRST_START = "ODOM_TEST_FIRST_START"
+"""Variable with what this session's first start printed; unset where nothing had to be compiled."""
+
+START = """
+import resource, time
 from odom.backend import OdometrySettings
 from odom.service.startup import warm_up
 from odom.wire import Topics
-warm_up(OdometrySettings(), Topics()).wait()
+
+calibrates = warm_up(OdometrySettings(), Topics())
+own, is_all = time.process_time(), calibrates.is_set()
+calibrates.wait()
+others = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(own, others.ru_utime + others.ru_stime, int(is_all))
 """
 ARENA = """
 from sensors import arena
@@ -15,8 +24,16 @@ arena.frame(arena.ArenaOptions(), 0)
 """
 
 
-def compile_all(*programs: str) -> None:
-    """Run programs that compile, at the same time; what is compiled already they only load."""
-    started = [subprocess.Popen([sys.executable, "-c", program]) for program in programs]
-    statuses = [process.wait(580) for process in started]
+def compile_all(*programs: str) -> list[str]:
+    """Run programs that compile, at the same time, and return what each printed; what is compiled they only load."""
+    started = [subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) for program in programs]
+    printed = [process.communicate(timeout=580)[0].decode() for process in started]
+    statuses = [process.returncode for process in started]
     assert not any(statuses), f"compiling ended with status {statuses}"
+    return printed
+
+
+def start_costs(printed: str) -> tuple[float, float, bool]:
+    """Return a start's seconds of CPU until it was ready, those of its other processes, and whether all was ready."""
+    own_s, others_s, is_all = map(float, printed.split())
+    return own_s, others_s, bool(is_all)

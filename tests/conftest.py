@@ -45,7 +45,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     config = session.config
     is_whole = config.args_source is config.ArgsSource.TESTPATHS and not config.option.collectonly
     if is_whole and not hasattr(config, "workerinput") and not compiled_before():
-        compiling.compile_all(compiling.PRODUCT, compiling.ARENA)
+        os.environ[compiling.FIRST_START], _ = compiling.compile_all(compiling.START, compiling.ARENA)
 
 
 @pytest.hookimpl(wrapper=True)

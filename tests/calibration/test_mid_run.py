@@ -2,6 +2,7 @@
 
 import threading
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -60,7 +61,7 @@ def test_frames_of_a_live_stream_do_not_wait_until_the_calibrator_is_compiled():
 @pytest.mark.long
 def test_from_an_average_kinect_the_causal_trajectory_comes_near_to_that_by_the_sheet(shared_data):
     recording = read_recording(shared_data / "tum_fr1_xyz")
-    frames, truth = list(recording)[:450], recording.truth()["camera"]
+    frames, truth = list(islice(recording, 450)), recording.truth()["camera"]
 
     def online(camera, calibrator):
         odometry = Odometry(camera, calibrator=calibrator)

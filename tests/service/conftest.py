@@ -23,7 +23,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> None:
     shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     with (shared / "compiling").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        compiling.compile_all(compiling.PRODUCT)
+        compiling.compile_all(compiling.START)
 
 
 @pytest.fixture

@@ -3,8 +3,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 PROGRAM = """
 import sys
 from odom.backend import OdometrySettings
@@ -153,32 +151,3 @@ def test_nothing_is_compiled_in_the_midst_of_a_walk():
 def test_nothing_is_compiled_or_imported_late_whatever_images_and_lens_a_source_has():
     """A second of compiling costs a live source 30 frames."""
     assert run(SOURCES) == "{} []"
-
-
-FIRST_START = """
-import resource, time
-from odom.backend import OdometrySettings
-from odom.service.startup import warm_up
-from odom.wire import Topics
-
-calibrates = warm_up(OdometrySettings(), Topics())
-own, is_all = time.process_time(), calibrates.is_set()
-calibrates.wait()
-others = resource.getrusage(resource.RUSAGE_CHILDREN)
-print(own, others.ru_utime + others.ru_stime, int(is_all))
-"""
-
-
-@pytest.mark.long
-def test_two_processes_share_the_compilation_of_a_first_start(tmp_path):
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    starts = []
-    for _ in range(2):
-        done = subprocess.run([sys.executable, "-c", FIRST_START], capture_output=True, text=True, env=environment)
-        assert done.returncode == 0, done.stderr
-        starts.append([float(seconds) for seconds in done.stdout.split()])
-    (own, others, is_all), (own_again, others_again, is_all_again) = starts
-    assert (is_all, is_all_again) == (0.0, 1.0)  # what calibrates a run is not waited for
-    assert max(own, others) < 0.7 * (own + others)
-    assert own_again < 0.3 * own
-    assert others_again == 0.0

@@ -363,9 +363,7 @@ def test_big_endian_cdr_is_read(tmp_path: Path) -> None:
             message.type_name,
             message.stamp,
             bytes(
-                ROS2.serialize_cdr(
-                    cdr.deserialise(message, message.type_name), message.type_name, little_endian=False
-                )
+                ROS2.serialize_cdr(cdr.deserialise(message, message.type_name), message.type_name, little_endian=False)
             ),
         )
         for message in realsense(jpeg)

@@ -109,9 +109,8 @@ def _cdr_of_ros1(type_name: str, raw: bytes) -> bytes:
     from rosbags.convert.converter import migrate_bytes
 
     try:
-        return bytes(
-            migrate_bytes(_ros1(), typestore(type_name), type_name, type_name, _MIGRATIONS, raw, src_is2=False, dst_is2=True)
-        )
+        ros1, ros2 = _ros1(), typestore(type_name)
+        return bytes(migrate_bytes(ros1, ros2, type_name, type_name, _MIGRATIONS, raw, src_is2=False, dst_is2=True))
     except Exception as error:  # the generated code meets arbitrary bytes and types
         raise WireError(f"{type_name} of ROS 1 cannot be read: {error}") from error
 

@@ -17,6 +17,7 @@ from odom.geometry.quaternion import quaternion_from_rotation
 from sensors.default_camera import image_size
 from sensors.image_lists import FolderLayout, TumEntry, stamp_of_frame
 from sensors.listed_folders import ASSOCIATIONS, associated, tum
+from sensors.paired_folders import is_pair_of_folders, pair_of_folders
 
 _SEVEN_SCENES_FOCAL = 585.0 / 640
 """Focal length of the depth camera that 7-Scenes publishes, in widths of the image, in whose middle its centre is. Of
@@ -108,6 +109,7 @@ _LAYOUTS: tuple[tuple[Callable[[Path], bool], Callable[[Path], FolderLayout]], .
     (lambda path: next(path.glob("frame-*.color.png"), None) is not None, _seven_scenes),
     (lambda path: all((path / name).is_dir() for name in ("color", "depth", "pose")), _scannet),
     (lambda path: next((path / "results").glob("depth*.png"), None) is not None, _replica),
+    (is_pair_of_folders, pair_of_folders),
 )
 
 

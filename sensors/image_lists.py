@@ -29,8 +29,9 @@ class FolderLayout:
     """The lists of a folder: `name` says where they are from; files are relative to the folder.
 
     `truth` holds poses as TUM writes them (x y z, quaternion x y z w). `camera` is None where nothing says it. Depth
-    images have `depth_scale` units in a metre and `unknown_depth` where nothing was measured; they are those of
-    `depth_camera`, if that is not colour's, which is turned as colour's is and at `depth_position_m` in its frame.
+    images have `depth_scale` units in a metre and `unknown_depth` where nothing was measured, their 16 bits rotated to
+    the left by `rotated_bits`. They are those of `depth_camera`, if that is not colour's, which is turned as colour's
+    is and at `depth_position_m` in its frame.
     """
 
     name: str
@@ -40,6 +41,7 @@ class FolderLayout:
     camera: Camera | None = None
     depth_scale: float = 5000.0
     unknown_depth: int = 0
+    rotated_bits: int = 0
     depth_camera: Camera | None = None
     depth_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 

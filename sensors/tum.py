@@ -44,14 +44,17 @@ _TRUTH_MARGIN = 500_000_000
 """Nanoseconds by which ground truth begins before the first image and ends after the last: enough to interpolate."""
 
 
-def depth_table(depth_scale: float, unknown: int = 0) -> NDArray[np.uint16] | None:
+def depth_table(depth_scale: float, unknown: int = 0, rotated_bits: int = 0) -> NDArray[np.uint16] | None:
     """Return the millimetres of every 16-bit depth value, 0 beyond 65.535 m and for the value `unknown`.
 
-    It is None when the units are millimetres and 0 is unknown, as it is here.
+    The values are rotated to the left by `rotated_bits`. It is None when the images hold what is wanted here:
+    millimetres, unrotated, 0 where nothing is known.
     """
-    if depth_scale == 1000.0 and unknown == 0:
+    if depth_scale == 1000.0 and unknown == 0 and rotated_bits == 0:
         return None
-    mm = np.rint(np.arange(65536) * (1000.0 / depth_scale))
+    values = np.arange(65536)
+    values = values >> rotated_bits | values << (16 - rotated_bits) & 0xFFFF
+    mm = np.rint(values * (1000.0 / depth_scale))
     mm[unknown] = 0
     return np.where(mm < 65536, mm, 0).astype(np.uint16)
 
@@ -89,7 +92,7 @@ class TumSource:
         if self._color:
             first, last = self._color[0].stamp - _TRUTH_MARGIN, self._color[-1].stamp + _TRUTH_MARGIN
             self._truth = _between(self._truth, first, last)
-        self._table = depth_table(calibration.depth_scale, layout.unknown_depth)
+        self._table = depth_table(calibration.depth_scale, layout.unknown_depth, layout.rotated_bits)
         self._registration = registration
         self.length: int | None = len(self._color)
         self._closed = False

@@ -166,6 +166,64 @@ def test_every_layout_is_read_from_python_and_found_by_a_batch(tmp_path: Path, w
     assert [found.path for found in find_recordings([tmp_path / "all"])] == [folder.resolve()]
 
 
+def open3d(folder: Path) -> tuple[Camera, list[int]]:
+    images(folder, "color/{0:06}.jpg", "depth/{0:06}.png", lambda mm: mm)
+    matrix = [60, 0, 0, 0, 61, 0, 31.5, 23.5, 1]
+    (folder / "intrinsic.json").write_text(json.dumps({"width": 64, "height": 48, "intrinsic_matrix": matrix}))
+    return Camera(*SIZE, 60.0, 61.0, 31.5, 23.5), [round(i * 1e9 / 30) for i in range(FRAMES)]
+
+
+def sun3d(folder: Path) -> tuple[Camera, list[int]]:
+    images(folder, "image/{0:07}-{1:012}.jpg", "depth/{0:07}-{1:012}.png", lambda mm: mm << 3 | mm >> 13)
+    np.savetxt(folder / "intrinsics.txt", [[60, 0, 31.5], [0, 61, 23.5], [0, 0, 1]])
+    return Camera(*SIZE, 60.0, 61.0, 31.5, 23.5), [i * 33_367_000 for i in range(FRAMES)]
+
+
+def named_by_seconds(folder: Path) -> tuple[Camera, list[int]]:
+    images(folder, "rgb/17{0:08}.033367.png", "depth/17{0:08}.033367.png", lambda mm: mm)
+    return kinect_camera(*SIZE), [(1_700_000_000 + i) * 10**9 + 33_367_000 for i in range(FRAMES)]
+
+
+def named_by_milliseconds(folder: Path) -> tuple[Camera, list[int]]:
+    images(folder, "rgb/17{0:08}033.PNG", "depth/17{0:08}033.png", lambda mm: mm)
+    return kinect_camera(*SIZE), [(1_700_000_000 + i) * 10**9 + 33_000_000 for i in range(FRAMES)]
+
+
+def images(folder: Path, color_name: str, depth_name: str, stored: Callable[[np.ndarray], np.ndarray]) -> None:
+    for i in range(FRAMES):
+        for name, image in ((color_name, color(i)), (depth_name, stored(depth(i, 1000) + np.uint16(i % 2)))):
+            file = folder / name.format(i, i * 33_367)
+            file.parent.mkdir(exist_ok=True)
+            cv2.imwrite(str(file), image)
+
+
+@pytest.mark.parametrize("write", [open3d, sun3d, named_by_seconds, named_by_milliseconds])
+def test_colour_and_depth_in_folders_of_their_own_need_no_list(
+    tmp_path: Path, write: Callable[[Path], tuple[Camera, list[int]]]
+) -> None:
+    folder = tmp_path / "all" / "walk"
+    folder.mkdir(parents=True)
+    camera, stamps = write(folder)
+    (folder / "depth" / "notes.txt").write_text("12 images")
+    info, *rest = open_source(str(folder), SourceOptions(topics=TOPICS)).messages()
+    assert decode_camera_info(info) == camera
+    seen = [message for message in rest if message.topic == TOPICS.depth]
+    assert [message.stamp for message in rest if message.topic == TOPICS.color_compressed] == stamps
+    assert [message.stamp for message in seen] == stamps
+    for i, message in enumerate(seen):
+        mm = decode_depth(message)
+        assert (mm[0] == i % 2).all()
+        assert (mm[1:] == 1500 + 100 * i + i % 2).all()
+    assert [found.path for found in find_recordings([tmp_path / "all"])] == [folder.resolve()]
+
+
+def test_intrinsics_beside_the_images_that_are_none_are_told(tmp_path: Path) -> None:
+    open3d(tmp_path)
+    (tmp_path / "intrinsic.json").write_text('{"width": 64}')
+    with pytest.raises(ConfigError, match=r"intrinsic.json: give Open3D's width"):
+        open_source(str(tmp_path), SourceOptions())
+
+
 def test_depth_of_another_size_is_registered_to_colour(tmp_path: Path) -> None:
     scannet(tmp_path)
     for i in range(FRAMES):

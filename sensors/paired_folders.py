@@ -1,0 +1,104 @@
+"""Colour and depth in two folders without lists: those of Open3D's recorders, Redwood and SUN3D, and one's own."""
+
+import json
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from odom.errors import ConfigError, WireError
+from odom.frame import Camera, Stamp, from_seconds
+from odom.wire.codec.image_files import decode_file
+from sensors.default_camera import image_size
+from sensors.image_lists import FolderLayout, TumEntry, stamp_of_frame
+
+_COLOR, _DEPTH = ("color", "rgb", "image"), "depth"
+"""Names of the folders."""
+_IMAGES = (".jpg", ".jpeg", ".png")
+_NUMBER_AND_MICROSECONDS = re.compile(r"\d+-(\d+)\Z")
+"""Names such as `0000012-000000367104.jpg`: the number of the frame and its microseconds."""
+_SECONDS = re.compile(r"\d+\.\d+\Z")
+"""Names such as `1305031102.175304.png`."""
+_UNIT_BY_DIGITS = ((18, 1), (15, 1_000), (12, 1_000_000))
+"""A whole number of so many digits or more counts so many nanoseconds since 1970; one of fewer counts frames."""
+_ROTATED_BITS = 3
+"""SUN3D writes millimetres rotated to the left by so many bits, by which the lowest ones are 0 for all but far ones."""
+
+
+def is_pair_of_folders(path: Path) -> bool:
+    """Whether a folder holds images of colour and of depth in folders of their own."""
+    return _color_folder(path) is not None and _holds_images(path / _DEPTH)
+
+
+def pair_of_folders(path: Path) -> FolderLayout:
+    """Return the images by the stamps in their names, or by their numbers; depth is in millimetres and registered.
+
+    The camera is Open3D's `*intrinsic*.json`, or `*intrinsic*.txt` with a matrix, if one is there. Raises ConfigError
+    where such a file holds something else.
+    """
+    folder = _color_folder(path)
+    assert folder is not None
+    color, depth = _by_stamp(path, folder), _by_stamp(path, path / _DEPTH)
+    size = image_size(path / color[0].values[0]) if color else None
+    return FolderLayout(
+        f"{folder.name}/ or {_DEPTH}/",
+        color,
+        depth,
+        [],
+        None if size is None else _camera(path, *size),
+        depth_scale=1000.0,
+        rotated_bits=_ROTATED_BITS if depth and _is_rotated(path / depth[0].values[0]) else 0,
+    )
+
+
+def _color_folder(path: Path) -> Path | None:
+    return next((path / name for name in _COLOR if _holds_images(path / name)), None)
+
+
+def _holds_images(folder: Path) -> bool:
+    return folder.is_dir() and any(file.suffix.lower() in _IMAGES for file in folder.iterdir())
+
+
+def _by_stamp(path: Path, folder: Path) -> list[TumEntry]:
+    """Return the images of a folder below `path`, sorted; a file whose name holds no number is none of them."""
+    files = (file for file in folder.iterdir() if file.suffix.lower() in _IMAGES and re.search(r"\d", file.stem))
+    entries = (TumEntry(_stamp(file.stem), (file.relative_to(path).as_posix(),)) for file in files)
+    return sorted(entries, key=lambda entry: (entry.stamp, entry.values))
+
+
+def _stamp(stem: str) -> Stamp:
+    if found := _NUMBER_AND_MICROSECONDS.search(stem):
+        return Stamp(int(found[1]) * 1_000)
+    if found := _SECONDS.search(stem):
+        return from_seconds(found[0])
+    number = re.findall(r"\d+", stem)[-1]
+    unit_ns = next((unit for digits, unit in _UNIT_BY_DIGITS if len(number.lstrip("0")) >= digits), None)
+    return stamp_of_frame(int(number)) if unit_ns is None else Stamp(int(number) * unit_ns)
+
+
+def _camera(path: Path, width: int, height: int) -> Camera | None:
+    files = [*sorted(path.glob("*intrinsic*.json")), *sorted(path.glob("*intrinsic*.txt"))]
+    if not files:
+        return None
+    file = files[0]
+    try:
+        if file.suffix == ".json":
+            found = json.loads(file.read_text())
+            K = np.array(found["intrinsic_matrix"], dtype=float).reshape(3, 3).T  # Open3D writes column by column
+            width, height = int(found["width"]), int(found["height"])
+        else:
+            K = np.loadtxt(file)
+        return Camera(width, height, float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2]))
+    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+        what = "Open3D's width, height and intrinsic_matrix" if file.suffix == ".json" else "a matrix of 3 x 3 numbers"
+        raise ConfigError(f"{file}: give {what}: {error!r}") from error
+
+
+def _is_rotated(file: Path) -> bool:
+    try:
+        depth = decode_file(np.fromfile(file, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+    except (WireError, OSError):
+        return False
+    seen = depth[depth > 0]
+    return depth.dtype == np.uint16 and len(seen) > 0 and not (seen & ((1 << _ROTATED_BITS) - 1)).any()

@@ -1,9 +1,9 @@
-"""A better lens taken up between two frames: one event, after which nothing is left that an old one has measured.
+"""The change to a better lens, between two frames: afterwards nothing is left that the old lens has measured.
 
-The mapper has adjusted the map by the new lens in the background, and has told key frames, landmarks, places and frames
-between through it (see `Mapper`). What the newest frame hands to the next one follows here: it is looked at again, as
-the next one will be, or the pose would jump between the two. Recent views need nothing: they are images, measured when
-they are looked at. Loop candidates that wait are dropped.
+The mapper has adjusted the map to the new lens in the background, and has converted key frames, landmarks, places and
+the frames between (see `Mapper`). Here follows what the newest frame hands to the next: it is tracked again through the
+new lens, as the next one will be, or the pose would jump between the two. Recent views need nothing: they are images,
+measured when they are looked at. Waiting loop candidates are dropped.
 """
 
 from dataclasses import replace
@@ -19,7 +19,7 @@ from odom.geometry.arrays import Array
 def go_on_through_lens(
     frames: FrameStages, before: SensorModel, state: FrameState, T_reference_camera: Array
 ) -> FrameState:
-    """Go on through the sensor's new lens in the map adjusted by it; return the newest frame's state there.
+    """Continue with the sensor's new lens in the map adjusted to it; return the newest frame's state there.
 
     `before` was the sensor until now; `state` and `T_reference_camera` are the newest frame's in the map as it was.
     The pose in odom stays what it was.
@@ -30,17 +30,17 @@ def go_on_through_lens(
     frames.chain.see_through(change)
     moved = state.moved_with(frames.map, T_reference_camera)
     moved = moved.seen_through(change, timing_change, frames.map.landmarks)
-    moved = _looked_at_again(frames, moved)
+    moved = _tracked_again(frames, moved)
     frames.published.change_lens(moved.T_map_camera @ state.T_camera_map)
     frames.state = moved
     return moved
 
 
-def _looked_at_again(frames: FrameStages, state: FrameState) -> FrameState:
-    """Return the newest frame's state tracked by what is known now, as it is where too little is found.
+def _tracked_again(frames: FrameStages, state: FrameState) -> FrameState:
+    """Return the newest frame's state tracked with the new lens, unchanged where too little is found.
 
-    Its rows had shown a wrong velocity through the old lens, which had bent what was measured: that of its motion
-    counts, and none is handed on.
+    Through the old lens its rows had shown a wrong velocity, by which the measurements were carried to the middle row.
+    Now they are carried by `state.twist`, and no velocity of the rows is handed on.
     """
     before, tracker, T = state.tracked, frames.tracker, state.T_camera_map
     if before is None:

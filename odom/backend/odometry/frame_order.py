@@ -5,25 +5,25 @@ from odom.errors import InputError
 from odom.frame import Camera, RgbdFrame
 
 _SHORTEST_PERIOD_S = 1e-4
-"""No camera is faster: frames closer together are stamped in microseconds or milliseconds, or were given numbers."""
-_MOST_HURRIED = 3
-"""So many frames in a row may be closer, after a hiccup of the device's clock; the next ones are refused."""
+"""No camera is faster: closer stamps are microseconds, milliseconds or frame numbers."""
+_MOST_TOO_CLOSE = 3
+"""This many frames in a row may be closer, after a hiccup of the device's clock; further ones are refused."""
 
 
 class FrameOrder:
-    """The frames of one camera in order of time; a leap back by more than a second is a new time."""
+    """Checks that one camera's frames come in time order; a leap back by more than a second begins a new time."""
 
     def __init__(self) -> None:
-        self._hurried = 0
+        self._too_close = 0
 
     def check(self, frame: RgbdFrame, camera: Camera, since_last_s: float) -> None:
-        """Raise InputError for a frame that cannot follow the last one, which was stamped so long before."""
+        """Raise InputError for a frame that cannot follow the last one, stamped `since_last_s` after it."""
         if frame.depth_mm.shape != (camera.height, camera.width):
             raise InputError(f"a frame of {frame.depth_mm.shape[::-1]} pixels from {camera}: give that camera's own")
         if -TUNING.new_time_s <= since_last_s <= 0.0:
             raise InputError(f"frame {frame.sequence} is not later than the one before: give frames in order of time")
-        self._hurried = self._hurried + 1 if 0.0 < since_last_s < _SHORTEST_PERIOD_S else 0
-        if self._hurried > _MOST_HURRIED:
+        self._too_close = self._too_close + 1 if 0.0 < since_last_s < _SHORTEST_PERIOD_S else 0
+        if self._too_close > _MOST_TOO_CLOSE:
             raise InputError(
                 f"frame {frame.sequence} is stamped {since_last_s:.1e} s after the one before: give stamps in "
                 "nanoseconds; odom.from_seconds(...) makes them of seconds"

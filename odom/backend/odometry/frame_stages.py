@@ -1,4 +1,4 @@
-"""One frame on its way to an estimate: predict, track, judge, publish, map; or bridged, LOST, a new segment."""
+"""The stages of one frame: predict, track, judge, publish, map; if it is not tracked: bridge, LOST, or new segment."""
 
 from dataclasses import replace
 
@@ -42,8 +42,8 @@ class FrameStages:
     """The stages of every frame, and what one frame hands to the next.
 
     `state` is the newest frame with a pose, None before the first; `sensor` what is known of the camera, with the
-    newest frame's stamp in its clock. The map grows by `mapper`, and `closer` closes its loops; `published` and `chain`
-    are what goes out; `moving` tells what moves in the view.
+    newest frame's stamp in its clock. `mapper` extends the map and `closer` closes its loops; `published` and `chain`
+    are the results; `moving` tells what moves in the view.
     """
 
     def __init__(self, sensor: SensorModel, settings: OdometrySettings, saved: SavedMap | None = None) -> None:
@@ -74,14 +74,14 @@ class FrameStages:
             if not judged.moving.is_left_behind:
                 return self._advance(view, judged, watch, on_pose)
             self.mapper.inserter.drop(self._segment, max(judged.moving.proven, judged.moving.fresh), self.sensor)
-            return self._search(view, TUNING.least_corners, is_blind)
+            return self._lose_or_begin(view, TUNING.least_corners, is_blind)
         features = 0
         if not is_blind:
             place = describe_place(view, self.sensor, AT_REST)
             features = len(place.points)
             tracker, inserter, in_doubt = self.tracker, self.mapper.inserter, self.moving.is_doubtful
             self.state, tracked = follow_wide_step(tracker, inserter, self.state, view, place, self.sensor, in_doubt)
-            is_recovered = tracked is None or self.published.is_lost or not self._is_soon(view)
+            is_recovered = tracked is None or self.published.is_lost or not self._is_predictable(view)
             if tracked is None:
                 tracked = relocalise(self.map, self.tracker, self.state, view, place, self.sensor)
                 tracked = self._confirmation.of(tracked, view.steady_stamp)
@@ -90,12 +90,12 @@ class FrameStages:
             return self._advance(view, self._judge(view, tracked, is_recovered), watch, on_pose)
         if self.state is not None and is_followable and 0.0 < self.state.since_s(view.steady_stamp) <= bridge_s:
             return self._bridge(view, self.state)
-        return self._search(view, features, is_blind)
+        return self._lose_or_begin(view, features, is_blind)
 
     def _track(self, view: View, T_predicted: Array | None, watch: Stopwatch) -> Tracked | None:
-        """Predict and follow the frame from the newest one; None where that fails."""
+        """Predict and track the frame from the newest one with a pose; None where that fails."""
         state, tracker, sensor, in_doubt = self.state, self.tracker, self.sensor, self.moving.is_doubtful
-        if state is None or not self._is_soon(view):
+        if state is None or not self._is_predictable(view):
             return None
         if T_predicted is None:
             T_predicted = tracker.predict(state, view.images, view.steady_stamp, sensor)
@@ -112,8 +112,8 @@ class FrameStages:
         watch.lap("track")
         return tracked
 
-    def _is_soon(self, view: View) -> bool:
-        """Return whether the newest frame with a pose was taken so recently that its motion tells of this one's."""
+    def _is_predictable(self, view: View) -> bool:
+        """Return whether the newest frame with a pose is so recent that this one can be predicted by its motion."""
         longest_s = max(TUNING.longest_gap_s, TUNING.longest_gap_periods * self.sensor.clock.period_s)
         return self.state is not None and 0.0 < self.state.since_s(view.steady_stamp) < longest_s
 
@@ -140,7 +140,7 @@ class FrameStages:
         return JudgedFrame(tracked, since_previous_s, twist, covariance, state, reason, self.moving)
 
     def _advance(self, view: View, judged: JudgedFrame, watch: Stopwatch, on_pose: OnPose) -> Estimate:
-        """Publish a judged frame, grow the map by it, and make it the newest one."""
+        """Publish a judged frame, extend chain and map by it, and make it the newest one."""
         watch.lap("judge")
         tracked, previous, published = judged.tracked, self.state, self._publish(view, judged)
         estimate = replace(
@@ -171,7 +171,7 @@ class FrameStages:
         return self.published.advance(middle, judged, self.sensor)
 
     def _grow_map(self, view: View, judged: JudgedFrame, published: Publication) -> bool:
-        """Add a frame to the map as far as it is needed, and make it the newest; return whether it is a key frame."""
+        """Add to the map what it needs of a frame, and make that the newest; return whether it is a key frame."""
         tracked, mapper, count, sensor = judged.tracked, self.mapper, self.published.frames.count, self.sensor
         mapper.keep_now_and_then(count - 1, tracked, sensor)
         mapper.start_background(count, sensor, self.closer.is_idle)
@@ -179,7 +179,7 @@ class FrameStages:
         rows, uv, is_keyframe, in_doubt = seen.rows, seen.uv, False, judged.moving.is_doubtful
         if judged.state is State.RECOVERED:
             mapper.inserter.compare_with(reference)
-        # The motion of a recovered frame, which bends what it measured, is not known: the next may become a key frame.
+        # A recovered frame is no key frame: its motion, which bends what it measured, is not known. The next may be.
         is_bent = judged.state is State.RECOVERED and sensor.clock.period_s < TUNING.longest_gap_s
         has_depth = self._visibility.landmark_depth_stamp == view.stamp
         if has_depth and not is_bent and mapper.inserter.is_due(view, tracked, in_doubt):
@@ -197,10 +197,10 @@ class FrameStages:
         estimate = self._describe(view, State.UNCERTAIN, "not tracked: the motion is predicted", published)
         return replace(estimate, is_predicted=True)
 
-    def _search(self, view: View, features: int, is_blind: bool) -> Estimate:
-        """Say that the frame has no pose, or begin a new segment where none can be hoped for.
+    def _lose_or_begin(self, view: View, features: int, is_blind: bool) -> Estimate:
+        """Report the frame as LOST, or begin a new segment once known places were looked for long enough.
 
-        `features` are those with depth. Time in which there is nothing to see does not count as a search.
+        `features` counts those with depth. Time in which there is nothing to see does not count as looking.
         """
         reason = "no depth" if is_blind else "too little to see"
         if features >= TUNING.least_corners:
@@ -219,7 +219,7 @@ class FrameStages:
 
     @property
     def _is_unproven(self) -> bool:
-        """Whether there is nothing to be found again: no frame yet, or a single one from which none was followed."""
+        """Whether no place can be recognised yet: no frame so far, or one key frame from which none was tracked."""
         return self.state is None or (len(self.map.keyframes) - self.map.earlier == 1 and self.state.tracked is None)
 
     def _begin_segment(self, view: View, corners: Corners) -> Estimate:

@@ -6,7 +6,7 @@ from odom.backend.odometry.frame_stages import FrameStages
 
 
 def grow(frames: FrameStages, count: int | None) -> None:
-    """Take up what is due after frame number `count`, None: after the last one (see `NewCorners`)."""
+    """Add to the map what is due after frame number `count` (None: after the last one; see `NewCorners`)."""
     grown = frames.mapper.inserter.take_corners(count, frames.sensor)
     if grown is not None and frames.state is not None:
         view, tracked = grown.wanted.before.view, grown.wanted.before.tracked

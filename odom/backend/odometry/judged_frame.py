@@ -1,4 +1,4 @@
-"""A tracked frame with what is thought of its pose, on its way to be published."""
+"""A tracked frame whose pose has been judged, before it is published."""
 
 from dataclasses import dataclass
 

@@ -1,6 +1,6 @@
-"""The newest views in which the camera is lost among what moves: whether they show the scene, by themselves.
+"""The newest views of a camera that is lost among moving bodies, and whether they show by themselves what is the scene.
 
-Where two looks running tell how the camera moved, a segment may begin without waiting, with what stands there only.
+Where two looks in a row tell how the camera moved, a segment may begin without waiting, with what stands still only.
 """
 
 from dataclasses import dataclass
@@ -20,10 +20,11 @@ _MOST_VIEWS = 8
 
 @dataclass(frozen=True, eq=False)
 class LostViews:
-    """Views of the last quarter second, oldest first; `latest` is an earlier one seen from the last, by the scene.
+    """The `views` of the last quarter second, oldest first.
 
-    None where the last look did not tell. `scene` is that where the look before told it, too. `patience` says how many
-    times as long as elsewhere known places are looked for before a segment begins.
+    `latest` is an earlier view and where it lies from the newest one, if that look showed the scene's motion; `scene`
+    is the same if the look before showed it, too. Known places are looked for `patience` times as long as elsewhere
+    before a segment begins.
     """
 
     views: tuple[View, ...] = ()
@@ -32,7 +33,7 @@ class LostViews:
     patience: float = 1.0
 
     def after(self, view: View, sensor: SensorModel, in_doubt: bool) -> "LostViews":
-        """Return what is known after one more view without a pose: nothing unless what moves left that `in_doubt`."""
+        """Return what is known after one more view without a pose: nothing unless moving bodies left it `in_doubt`."""
         if not in_doubt:
             return LostViews()
         near = [one for one in self.views if 0.0 < view.since_s(one) <= TUNING.newest_s]

@@ -1,4 +1,4 @@
-"""How much of the view moves, looked at some ten times a second, and whether that leaves the pose in doubt."""
+"""How much of the view moves, judged some ten times a second, and whether that leaves the pose in doubt."""
 
 from dataclasses import dataclass, replace
 
@@ -17,30 +17,35 @@ from odom.frontend.matching.moving_surfaces import MovingCells
 from odom.geometry.arrays import Array
 
 VIEW_MOVED = "of the view moved"
-"""How the reason of a frame ends that is UNCERTAIN for this alone."""
+"""The end of a frame's reason where it is UNCERTAIN for this alone."""
 
 
 @dataclass(frozen=True, eq=False)
 class MovingView:
-    """What moves in the newest view that was looked at, taken at `stamp`; `cells` is None where nothing could tell.
+    """What moves in the view that was looked at last, and whether that leaves the camera's pose in doubt.
 
-    `is_doubtful` from when most of the view moves, or seems to, until hardly anything has moved for a while: a camera
-    that was taken along by what moves sees the scene move instead. What stood still before tells that it was not: the
-    landmarks made before `proven` (an identity), when nothing was suspicious. In the first seconds after the first
-    look, at `begun`, there are none, and little is enough (`is_young`); so after each loss, until they are seen again.
-    `calm` is when it became still. `is_astray`: the view was lost in doubt, so that a body may have been taken for the
-    place. At `strayed`, the corners of a key frame did not stand: either a body is followed, or images are blurred or
-    torn. A body leaves the scene behind, which then moves as one: `other` is when such another motion was last seen,
-    `contender` when one last had much of the votes. At `rival`, one had them for the second time within a second before
-    anything was `proven`: a body may be followed that was taken for the scene from the start. `is_rooted`: landmarks
-    made before `rooted`, when it became suspicious the last time, agree with the pose. `spread` is the covariance (6 x
-    6) of the camera's velocity by what else moved of late, the newest looks counting most: bodies turn, and not each
-    look tells them from the scene. None without doubt, or before anything told. In a crowd that never thins nothing is
-    ever `proven`: but where so many looks as `confirmed` showed that the camera follows the scene, and none since that
-    it does not, the landmarks made before `known` tell as well that it was not taken along. `doubted` is when the pose
-    was last in doubt; soon after, landmarks that tell put it in doubt again where they contradict it in several looks
-    in a row, of which there were `denied`: it may follow a body that has just come into view, and moves as the camera
-    turns. Where much else moves as one meanwhile, it does, and the place is looked for anew.
+    A camera that follows a moving body sees the scene move instead. Landmarks that were made when nothing was
+    suspicious can tell that it does not. Their identities are running numbers: made before X means identity below X.
+
+    - `stamp`: of that view. `cells`: what moves in it, None where nothing could tell.
+    - `is_crowded`: most of the view moves, or did until lately. `calm`: since when it does not.
+    - `begun`: the first look since the last loss. `is_young`: soon after it, a little that moves is enough for doubt,
+      until landmarks from before agree with the pose.
+    - `proven`: landmarks made before this identity were made when nothing was suspicious.
+    - `rooted`: `proven` when the pose last became suspicious. `is_rooted`: landmarks made before that agree with it.
+    - `is_astray`: the camera was lost in doubt, and may have taken a body for the place where it was found again.
+    - `strayed`: when the corners of a key frame did not stand: a body is followed, or images are blurred or torn.
+    - `other`: when another motion was last seen: a scene that the camera leaves behind moves as one.
+    - `contender`: when another motion last had much of the votes. `rival`: when one had them twice within a second
+      while no landmarks could tell, or once against those that could: a body may have been taken for the scene.
+    - `spread`: covariance (6 x 6, SI) of the camera's velocity by what else moved lately, None without doubt or before
+      anything told. The newest looks count most, but not alone: not each of them tells a body from the scene.
+    - `is_left_behind`: it is another motion that the scene shows, so that the camera follows a body.
+    - `fresh`: landmarks made since the camera was last found again have this identity or a larger one.
+    - `confirmed`: so many looks showed that the camera follows the scene, and none since that it does not. `known`:
+      after enough of them, landmarks made before this can tell as well; in a lasting crowd nothing is ever `proven`.
+    - `doubted`: when the pose was last in doubt. `denied`: in so many looks in a row, soon after that, landmarks that
+      can tell contradict the pose: it may follow a body that has just come into view.
     """
 
     stamp: SteadyStamp | None = None
@@ -68,7 +73,7 @@ class MovingView:
     def after(
         self, view: View, tracked: Tracked, recent: RecentViews, landmarks: Landmarks, sensor: SensorModel
     ) -> "MovingView":
-        """Return what is known after a tracked `view`, by the `recent` ones: the same, unless it is time to look."""
+        """Return what is known after a tracked `view`, compared with `recent` ones; unchanged unless a look is due."""
         stamp = view.steady_stamp
         if self.stamp is not None and abs(stamp - self.stamp) * 1e-9 < TUNING.moving_period_s:
             return self
@@ -82,7 +87,7 @@ class MovingView:
         return replace(looked, doubted=stamp) if looked.is_doubtful else looked
 
     def _with_others(self, others: WhatElseMoves | None) -> "MovingView":
-        """Return what is known where the newest look showed what else moves, None: it could not tell."""
+        """Return what is known after a look at which `others` move in the view (None: it could not tell)."""
         if others is None:
             seen = replace(self, is_left_behind=False)
             return seen if self.is_doubtful else replace(seen, spread=None)
@@ -131,9 +136,9 @@ class MovingView:
         return replace(seen, proven=landmarks.next_identity) if is_proven else seen
 
     def _denied(self, tracked: Tracked, landmarks: Landmarks) -> int:
-        """Return in how many looks in a row landmarks that tell contradict the pose soon after a doubt, with this one.
+        """Return in how many looks in a row, up to this, landmarks that can tell contradict the pose soon after doubt.
 
-        Where next to none of them is found, one look tells as much as several. Without people, quick turns do the same.
+        Where next to none of them is found, one look counts as several. Quick turns without people look the same.
         """
         was_doubtful = self._was_lately(self.doubted, TUNING.moved_parts_s)
         if not (was_doubtful and is_contradicted(tracked, landmarks, self.trusted)):
@@ -143,15 +148,14 @@ class MovingView:
         return self.denied + 1
 
     def _was_lately(self, then: SteadyStamp | None, within_s: float) -> bool:
-        """Return whether something was less than so long before the newest look (None: it never was)."""
+        """Return whether `then` (None: never) was less than `within_s` before the newest look."""
         return then is not None and self.stamp is not None and (self.stamp - then) * 1e-9 < within_s
 
     def after_loss(self, next_identity: int = 0) -> "MovingView":
-        """Return what is known where a segment begins or the camera is found again: it is counted anew from there.
+        """Return what is known where a segment begins or the camera is found again: looks are counted anew.
 
-        Landmarks made from then on begin with `next_identity`.
-
-        After a loss in doubt, that nothing seems to move proves little: so does a body that is followed.
+        Landmarks made from then on begin with `next_identity`. After a loss in doubt, a view that seems to stand still
+        proves little: a body that is followed looks the same.
         """
         lost = replace(self, is_young=False, is_astray=self.is_doubtful, is_left_behind=False, fresh=next_identity)
         return replace(lost, stamp=None, cells=None, begun=None, calm=None, contender=None, rival=None, confirmed=0)
@@ -165,7 +169,7 @@ class MovingView:
 
     @property
     def trusted(self) -> int:
-        """The identity before which landmarks tell whether the camera was taken along, 0 where none do."""
+        """Landmarks made before this identity can tell whether the camera follows a body; 0 where none can."""
         return max(self.proven, self.known)
 
     @property
@@ -175,7 +179,7 @@ class MovingView:
 
     @property
     def is_rivalled(self) -> bool:
-        """Whether, of late, so much else moved as one that the camera may have followed a body from the start."""
+        """Whether so much else moved as one lately that the camera may have followed a body from the start."""
         return self._was_lately(self.rival, TUNING.moved_as_one_s)
 
     @property
@@ -196,9 +200,9 @@ class MovingView:
 
 
 def is_supported(tracked: Tracked, landmarks: Landmarks, proven: int, times: float = 1.0) -> bool:
-    """Return whether landmarks made before `proven` (an identity) agree with a pose: enough, most of those in view.
+    """Return whether landmarks made before identity `proven` agree with a pose.
 
-    Most: at least so many `times` as many as do not.
+    There must be enough that do, and at least `times` as many as those that should be in view and do not.
     """
     found, missed = _found_and_missed(tracked, landmarks, proven)
     return bool(found >= max(TRACKING.sure_inliers, times * missed))
@@ -207,9 +211,9 @@ def is_supported(tracked: Tracked, landmarks: Landmarks, proven: int, times: flo
 def is_contradicted(
     tracked: Tracked, landmarks: Landmarks, proven: int, times: float = TUNING.moved_contradicts
 ) -> bool:
-    """Return whether landmarks made before `proven` (an identity) should be in view with a pose, and hardly any are.
+    """Return whether landmarks made before identity `proven` contradict a pose.
 
-    Hardly any: at least so many `times` as many are missed.
+    There must be enough that should be in view and are missed, and at least `times` as many as are found.
     """
     found, missed = _found_and_missed(tracked, landmarks, proven)
     return bool(missed >= max(TRACKING.sure_inliers, times * found))

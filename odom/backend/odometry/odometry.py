@@ -1,4 +1,4 @@
-"""Frames in order of time to poses: what needs no depth is done ahead, what can wait is done in the background."""
+"""Frames in time order to poses: work that needs no depth is done ahead, work that can wait in the background."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -43,11 +43,11 @@ class Odometry:
     """The odometry of one RGB-D camera: give it frames in order, it returns an estimate for each.
 
     Deterministic: what runs in the background takes effect at a fixed frame number, never by the clock; time is that
-    of the frames' stamps. A frame that cannot be placed is LOST, a value. Raises ConfigError for a camera of which
-    nothing can be tracked, or whose lens is not known here. With a `saved` map it goes on in that, or only finds the
-    camera there. No landmark lies on what a `segmenter` marks (see `segmentation`), for people as an example. A
-    `calibrator` may find a better camera on the way (see `recalibration`): the map then moves, what is published goes
-    on from where it was, and poses remain in the frame of the camera given.
+    of the frames' stamps. A frame that cannot be placed has the state LOST; it is not an error. Raises ConfigError for
+    images too small to track in, or an unknown lens model. A `saved` map is extended, or only used to find the camera.
+    No landmark lies on what a `segmenter` marks, for example people (see `segmentation`). A `calibrator` may find a
+    better camera during the run (see `recalibration`): the map is then adjusted, published poses continue without a
+    jump, and they stay in the frame of the given camera.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Odometry:
         self._path = ShownPath()
         self._adjusted: dict[int, Array] = {}
         self.late_loops: tuple[LoopCandidate, ...] = ()
-        """What the last `finish` judged, after the last frame."""
+        """The loop candidates that the last `finish` judged, after the last frame."""
 
     @property
     def camera_in_use(self) -> Camera:
@@ -111,9 +111,9 @@ class Odometry:
         return len(self._frames.map.forgotten)
 
     def anticipate(self, stamp: Stamp, color: Image) -> None:
-        """Do already what needs no depth, for the frame that will hold this very `color` (grey or RGB) of `stamp`.
+        """Do ahead what needs no depth, for the frame of `stamp` that will hold this same `color` array (grey or RGB).
 
-        The estimates are the same with and without, but sooner: a Kinect's depth comes milliseconds behind its colour.
+        The estimate is the same without this, only later: a Kinect's depth comes milliseconds behind its colour.
         """
         frames, state = self._frames, self._frames.state
         if state is None or frames.published.is_lost or color.shape[:2] != state.view.images.full.shape:
@@ -129,11 +129,11 @@ class Odometry:
         """Return the estimate for the next frame.
 
         `on_pose` is given the estimate of a tracked frame as soon as its pose is known, before the chain and the map
-        go on. What these and the background add to it is in what is returned.
+        go on. What these and the background add to it is in the returned estimate only.
 
-        Raises InputError for a frame whose size is not the camera's, or whose stamp is the last one's or up to a
-        second before it; a leap further back is a new time, in which the camera has to be found again. Refused, too,
-        are stamps that stay less than 0.1 ms apart: they are in another unit than nanoseconds.
+        Raises InputError for a frame whose size is not the camera's, whose stamp is the last one's or up to a second
+        before it, or whose stamps stay less than 0.1 ms apart: they are not nanoseconds. A stamp further back begins a
+        new time, in which the camera has to be found again.
         """
         frames = self._frames
         self._order.check(frame, self.camera, frames.published.since_last_s(frame.stamp))
@@ -163,14 +163,14 @@ class Odometry:
         return replace(estimate, loops=tuple(loops), timings_ms=watch.laps_ms)
 
     def take_map_changes(self) -> MapChanges:
-        """Return what of the map is new or other since the last call; nothing unless it was opened to go on in it."""
+        """Return what is new or changed in the map since the last call; nothing unless it was opened to be extended."""
         changes = take_changes(self._frames.map)
         return changes if changes.is_empty else replace(changes, sensor=SensorMemory.of(self._frames.sensor))
 
     def _take_background(self, count: int | None) -> tuple[list[LoopCandidate], bool]:
-        """Take over what the background has for frame `count` (None: all); return what loops came to, if the map moved.
+        """Apply background results due at frame `count` (None: all); return judged loops, and whether the map moved.
 
-        The current pose moves with the map; over a closure, the pose in odom stays what it was.
+        The current pose moves with the map; a loop closure leaves the pose in odom as it was.
         """
         frames, state = self._frames, self._frames.state
         if state is None:
@@ -223,7 +223,7 @@ class Odometry:
     ) -> tuple[TrajectoryPose, ...]:
         """Return the trajectory of `finish` with other T_camera_map of some key frames and of frames `between` them.
 
-        Both are given by their numbers; the other frames move along, the map stays as it is.
+        Both are keyed by number, of the key frame or the frame; other frames move along, the map stays as it is.
         """
         map_, adjusted = self._frames.map, {**self._adjusted, **between}
         moved = [replace(k, T_camera_map=keyframes[k.number]) if k.number in keyframes else k for k in map_.keyframes]
@@ -237,7 +237,7 @@ class Odometry:
         return closing_test(frames.map, frames.tracker, frames.state, last, frames.chain.link, frames.sensor)
 
     def closed_chain(self) -> ClosedChain | None:
-        """Return how the chain moves by its closures, None where it has not begun."""
+        """Return the chain as its loop closures correct it, None where it has not begun."""
         frames = self._frames
         return close_chain(frames.chain, frames.map, frames.sensor)
 

@@ -1,4 +1,4 @@
-"""What is computed of a colour image while its depth is still on the way."""
+"""What is computed from a colour image while its depth is still on the way."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from odom.geometry.arrays import Array, Image
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """What was computed of a colour image before its depth was there: T_camera_map as predicted from `state`."""
+    """A colour image as prepared for tracking, and `T_predicted`: T_camera_map as predicted from `state`."""
 
     color: Image
     images: FrameImages

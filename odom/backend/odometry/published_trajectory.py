@@ -20,18 +20,18 @@ from odom.geometry import se3
 from odom.geometry.arrays import Array
 
 _SECOND_S = 1.0
-"""The longer of the two motions that are published goes over this time: RPE and NEES are judged by it."""
+"""Time of the longer one of the two motions that are published: RPE and NEES are judged by it."""
 _TINY = 1e-12
-"""A motion that is none (m, rad)."""
+"""Keeps a division by the size of no motion finite (m, rad)."""
 _BRIDGE_SIGMA = np.repeat([TUNING.bridge_sigma_m_s, TUNING.bridge_sigma_rad_s], 3)
 """How fast a predicted pose gets worse (6, m/s and rad/s)."""
 
 
 class PublishedTrajectory:
-    """The log of all frames (`frames`, for the middle row) and the newest publications.
+    """The log of all frames (`frames`, poses at the middle row's time) and the newest publications.
 
-    The map grows and moves meanwhile: `T_map_odom` takes the corrections, so that what is published is continuous. It
-    does not become surer by them: since the last publication before the newest correction its covariance only grows.
+    The map grows and moves meanwhile: `T_map_odom` takes up the corrections, so that published poses are continuous.
+    These do not become surer by a correction: from the last publication before it on, their covariance only grows.
     """
 
     def __init__(self, map_: Map) -> None:
@@ -66,17 +66,17 @@ class PublishedTrajectory:
     def change_lens(self, T_new_old: Array) -> None:
         """Keep odom continuous where a better lens has moved the map around the camera by `T_new_old`.
 
-        What the poor one had displaced is taken back little by little as the camera moves (see `_taken_back`).
+        What the poor lens had displaced is undone little by little as the camera moves (see `_taken_back`).
         """
         wanted = self.T_map_odom if self._T_map_odom_wanted is None else self._T_map_odom_wanted
         self.correct(T_new_old)
         self._T_map_odom_wanted = wanted
 
     def _taken_back(self, T_map_camera: Array) -> Array:
-        """Return T_odom_camera of the newest pose in the map, nearer to where a better lens would have had it.
+        """Return T_odom_camera of the newest pose in the map, a step nearer to where the better lens would have had it.
 
-        By a small share of the motion since the last pose, which a calibration errs by anyway. Metres and radians count
-        alike: at a metre's depth, both move a feature about as far.
+        The step is a small share of the motion since the last pose: a calibration errs by as much anyway. Metres and
+        radians count alike: at a depth of a metre, both move a feature about as far.
         """
         T_odom_camera = np.asarray(se3.inverse(self.T_map_odom) @ T_map_camera)
         wanted = self._T_map_odom_wanted
@@ -190,7 +190,7 @@ class PublishedTrajectory:
     def _doubt(self, T_odom_camera: Array, judged: JudgedFrame) -> Doubt:
         """Return how far the camera may have gone astray, at a judged frame's pose: nothing where it is known again.
 
-        What moves was moving already when it was looked for the last time before.
+        What is first seen to move now counts as moving since the look before.
         """
         last, moving = self._newest, judged.moving
         if last is None:

@@ -1,4 +1,4 @@
-"""An optional hook: someone's calibrator looks at what was measured so far, and may find another camera in mid-run."""
+"""An optional hook: a user's calibrator looks at what was measured so far, and may find a better camera in mid-run."""
 
 from collections.abc import Callable
 from typing import Generic, Protocol, TypeVar
@@ -13,9 +13,9 @@ LookedAt = TypeVar("LookedAt", contravariant=True)
 
 
 class Calibrator(Protocol[LookedAt]):
-    """Looks at an odometry at certain frames, whose number does not depend on the clock.
+    """Looks at an odometry after certain numbers of frames, whatever the clock says.
 
-    `again` says, once a look has found nothing, after how many times as many frames another one is worth its cost.
+    A look that has found nothing is worth repeating once `again` times as many frames have been measured.
     """
 
     @property
@@ -32,7 +32,7 @@ class Calibrator(Protocol[LookedAt]):
 
 
 class Recalibration(Generic[LookedAt]):
-    """Asks a calibrator whenever so many more frames were measured as it wants, until it finds something.
+    """Asks a calibrator each time enough more frames have been measured, until it finds a better camera.
 
     `in_use` is the camera that frames are measured by.
     """
@@ -44,13 +44,13 @@ class Recalibration(Generic[LookedAt]):
         self._looked_at = 0
 
     def adopt(self) -> None:
-        """Note that what was found last is in use from now on."""
+        """Note that the camera found last is in use from now on."""
         self.in_use = self._to_come
 
     def after_frame(self, odometry: LookedAt, measured: int, count: int, stamp: SteadyStamp) -> Camera | None:
-        """Return the camera to go on with after frame `count`, as soon as that can be; None to stay with what is.
+        """Return a better camera that was found, after frame `count`; None to keep the one in use.
 
-        So far `measured` frames of the odometry have kept what they measured.
+        `measured` frames of the odometry have kept their measurements so far.
         """
         if self._background.is_busy:
             found = self._background.take(count, stamp)
@@ -62,7 +62,7 @@ class Recalibration(Generic[LookedAt]):
         due = max(TUNING.calibrate_least, self._calibrator.again * self._looked_at)
         if due <= measured <= TUNING.calibrate_most:
             self._looked_at = measured
-            share = measured // TUNING.calibrate_least  # what takes longer the more there is to look at has longer
+            share = measured // TUNING.calibrate_least  # more frames to look at get more time
             by = SteadyStamp(stamp + round(share * TUNING.calibrate_s * 1e9))
             self._background.start(count + share * TUNING.calibrate_frames, by, self._calibrator.looked_at(odometry))
         return None

@@ -1,4 +1,4 @@
-"""An optional hook: someone's segmenter marks what may move, such as people; a wrong mask is ignored and counted."""
+"""An optional hook: a user's segmenter marks what may move, such as people; a wrong mask is ignored and counted."""
 
 from collections import Counter
 from collections.abc import Callable

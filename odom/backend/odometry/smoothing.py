@@ -1,12 +1,12 @@
 """Positions smoothed by how a camera moves: their errors differ from frame to frame, its velocity hardly does.
 
 The prior is motion whose acceleration is white noise (Barfoot, State Estimation for Robotics, 2017, 3.4), so that the
-likeliest path is a cubic smoothing spline (Reinsch, Smoothing by spline functions, 1967). How much of what is seen is
-the frames' noise and how much the camera's acceleration is what makes all positions likeliest: where frames are few or
-precise, nothing moves. Noise is a part of what the frames claim, no more (errors of the map and the lens last): two
-steps a second of somebody who walks look like noise in four frames a second. Of two frames the one of the larger
-claimed variance gives way: where the camera was hardly seen, or its motion only predicted, the frames before and after
-say where it was. Orientation is not smoothed: by the same measure it has no noise from frame to frame.
+likeliest path is a cubic smoothing spline (Reinsch, Smoothing by spline functions, 1967). The ratio of the frames'
+noise to the camera's acceleration is the one that makes all positions likeliest: where frames are few or precise,
+nothing moves. The noise is limited to a share of the variance that frames claim (errors of the map and the lens last):
+in four frames a second, the two steps a second of a walker look like noise. A frame that claims a larger variance gives
+way to its neighbours: where the camera was hardly seen, or its motion only predicted, they say where it was.
+Orientation is not smoothed: by the same measure it has no noise from frame to frame.
 """
 
 from dataclasses import replace
@@ -21,18 +21,20 @@ from odom.geometry.arrays import Array
 _LEAST = 30
 """Frames: fewer say too little of how the camera moves."""
 _LOG_RATIOS = np.linspace(np.log(1e-6), np.log(1e6), 41)
-"""Of the acceleration's variance to the noise's, by factors of two: from means over some 30 frames to none at all."""
+"""Logarithms of the ratio of the acceleration's variance to the noise's, in factors of two.
+
+The least one averages over some 30 frames, the largest one does not smooth at all."""
 _SUREST, _LEAST_SURE = 0.1, 1e4
-"""Least and largest variance over the usual one. The first frame of a segment, which is where it is by definition, has
-none; and a hundred times the usual sigma says nothing any more, while the equations lose their digits beyond it."""
+"""Least and largest variance over the usual one. The first frame of a segment has none, since it lies where it does by
+definition; and beyond a hundred times the usual sigma nothing changes, but the equations lose their digits."""
 _NEAREST = 1e-3
-"""Of the usual step: frames closer in time than this count as so far apart, or the equations lose their digits."""
+"""Share of the usual time step: closer frames count as this far apart, or the equations lose their digits."""
 
 
 def smoothed(poses: tuple[TrajectoryPose, ...], variances: Array) -> tuple[TrajectoryPose, ...]:
     """Return the poses, in order of their stamps, with the positions of each segment smoothed; LOST ones stay LOST.
 
-    `variances` (m^2, a pose each) say how sure one position is against another, NaN: as sure as most.
+    `variances` (N, m^2; NaN: as most) say how sure the position of each of the N poses is against the others.
     """
     out = list(poses)
     for segment in {pose.segment for pose in poses}:
@@ -63,9 +65,9 @@ def _usual(variances: Array) -> float:
 
 
 def smoothed_positions(seconds: Array, positions: Array, shares: Array | None = None, most_m2: float = np.inf) -> Array:
-    """Return the likeliest `positions` (N x D, m) at ascending times (N), each measured with noise.
+    """Return the likeliest positions (N x D, m) at ascending times `seconds` (N) for noisy `positions` measured there.
 
-    Its variance is one that is not known, `most_m2` (m^2) at most, times `shares` (N, None: all 1). With y the
+    The noise's variance is r `shares` (N, None: all 1), with an unknown r of at most `most_m2` (m^2). With y the
     positions, D y are their second divided differences, whose covariance is r D W D' + q G: r W the variances of the
     positions, q that of the acceleration, G the inner products of hat functions. r and q make D y likeliest; the
     smoothed positions are y - r W D' (r D W D' + q G)^-1 D y.
@@ -74,11 +76,12 @@ def smoothed_positions(seconds: Array, positions: Array, shares: Array | None = 
     steps = np.diff(seconds)
     usual = np.median(steps)
     h = np.maximum(steps / usual, _NEAREST)
-    changes = np.diff(np.diff(positions, axis=0) / h[:, None], axis=0)
+    changes = np.diff(np.diff(positions, axis=0) / h[:, None], axis=0)  # D y
     if not changes.any():
         return positions
     before, after = 1.0 / h[:-1], 1.0 / h[1:]
     here = -(before + after)
+    # D W D' (five bands) and G (three bands), their diagonals and lower bands as rows
     noise, acceleration = np.zeros((2, 3, len(changes)))
     noise[0] = before**2 * w[:-2] + here**2 * w[1:-1] + after**2 * w[2:]
     noise[1, :-1] = here[:-1] * before[1:] * w[1:-2] + after[:-1] * here[1:] * w[2:-1]

@@ -15,7 +15,7 @@ _INVERSE_DEPTH_KNOTS = np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0])
 
 
 def unproven_sensor(camera: Camera, settings: OdometrySettings) -> SensorModel:
-    """Return the sensor that the settings make of a camera; raises ConfigError for a lens that is not known here."""
+    """Return the sensor model of a camera by the settings alone; raises ConfigError for an unknown lens model."""
     knots = _INVERSE_DEPTH_KNOTS
     noise = FeatureNoise(settings.pixel_sigma_px, np.stack([knots, np.full_like(knots, settings.inverse_depth_sigma)]))
     sigma_s = [settings.readout_prior_sigma_s, settings.depth_lag_prior_sigma_s, settings.depth_readout_prior_sigma_s]

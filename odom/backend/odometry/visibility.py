@@ -37,9 +37,9 @@ class Visibility:
         return replace(self, landmark_depth_stamp=stamp, searching_s=0.0)
 
     def with_search(self, since_last_s: float) -> "Visibility":
-        """Return the visibility after a frame with depth that could not be placed, so long after the last frame.
+        """Return the visibility after a frame with depth that could not be placed, `since_last_s` after the last one.
 
-        Of a long pause hardly anything was a search, and of a step back in time nothing.
+        Of a long pause hardly anything counts as search, and of a step back in time nothing.
         """
         return replace(self, searching_s=self.searching_s + min(max(since_last_s, 0.0), TUNING.new_time_s))
 

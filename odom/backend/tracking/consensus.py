@@ -31,9 +31,9 @@ _WORTH_REFINING = 0.6
 _PRIOR = 1e-6
 """Information that keeps a triple in one line from running away."""
 _LARGEST_STEP = 1.0
-"""A step (m, rad) beyond this leads nowhere."""
+"""With a step (m, rad) beyond this, a fit counts as diverged."""
 _MISSED, _CLEAN = 1e-3, 0.5
-"""How likely a pose that would win may be missed, and how many triples of its own features lead to it."""
+"""Allowed probability to miss a pose that would win, and the share of its own features' triples that lead to it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +50,11 @@ class ExpectedPose:
 
     @classmethod
     def at_unknown_velocity(cls, T_camera_map: Array, since_s: float) -> "ExpectedPose":
-        """Return the expectation of a camera that was at a pose `since_s` seconds ago, and moves nobody knows how."""
+        """Return what is expected of a camera that was at a pose `since_s` seconds ago, its velocity unknown."""
         return cls(T_camera_map, np.array([TUNING.velocity_sigma_m_s, TUNING.velocity_sigma_rad_s]) * since_s)
 
     def is_within_reach(self, T_camera_map: Array) -> bool:
-        """Return whether a camera held by a hand could have got to a pose, knocks apart."""
+        """Return whether a hand-held camera could have reached a pose without being knocked."""
         away = np.linalg.norm(se3.log(T_camera_map @ se3.inverse(self.T_camera_map)).reshape(2, 3), axis=1)
         return bool(np.linalg.norm(away / self.free) < TUNING.reach_in_doubt)
 
@@ -63,8 +63,8 @@ class ExpectedPose:
 class FollowedFeatures:
     """n features of a frame: landmarks at `points` (n x 3, m, map frame), seen at `rays` (n x 2) and `uv` (n x 2 px).
 
-    `eye` (3, m, map frame) is about where from. `seen` (n) says in how many frames each landmark was found before,
-    `sigma_px` how exact the rays are, `pixel` how wide a pixel is as a ray.
+    `eye` (3, m, map frame) is roughly the camera's centre. `seen` (n) says in how many frames each landmark was found
+    before, `sigma_px` is the rays' sigma, `pixel` the width of a pixel in the rays' unit.
     """
 
     points: Array
@@ -89,9 +89,9 @@ class FollowedFeatures:
         return np.asarray(far * proven / np.sqrt(np.bincount(cell)[cell]))
 
     def off_px(self, T_camera_map: Array, rays: Array | None = None) -> Array:
-        """Return how far each feature is from where a pose puts it (n, px); `rays` (n x 2) may be given in place."""
+        """Return how far each feature is from where a pose puts it (n, px); `rays` (n x 2) replace its own."""
         of = self.points, self.rays if rays is None else rays, T_camera_map
-        return np.asarray(_off(*(np.ascontiguousarray(each) for each in of)) / self.pixel)
+        return np.asarray(_ray_errors(*(np.ascontiguousarray(each) for each in of)) / self.pixel)
 
     def exact_votes(self, T_camera_map: Array, rays: Array | None = None) -> float:
         """Return the share of the votes of features that lie just where a pose puts them (see `off_px`)."""
@@ -108,8 +108,8 @@ def is_contested(outliers: Mask, found: Mask) -> bool:
 def is_exact(fitted: FollowedFeatures, T_fitted: Array, rays_predicted: Array, T_predicted: Array) -> bool:
     """Return whether most features lie just where constant velocity puts them, and not where a fit to all does.
 
-    The rays of `fitted` are carried by the motion to that pose, `rays_predicted` (n x 2) by the motion to the other. A
-    near thing that starts to move can be explained, roughly, by a camera that shifts and turns against it.
+    The rays of `fitted` are carried to the middle row by the motion to `T_fitted`, `rays_predicted` (n x 2) by that to
+    `T_predicted`. A near thing that starts to move can be explained, roughly, by a camera that shifts and turns.
     """
     if not len(fitted.uv):
         return False
@@ -118,7 +118,7 @@ def is_exact(fitted: FollowedFeatures, T_fitted: Array, rays_predicted: Array, T
 
 
 def consensus(features: FollowedFeatures, T_camera_map: Array, expected: ExpectedPose) -> Array | None:
-    """Return the pose that clearly more of the features agree with than with `T_camera_map`; None without any."""
+    """Return a pose that clearly more of the features agree with than with `T_camera_map`; None if there is none."""
     off_px_before = features.off_px(T_camera_map)
     if np.count_nonzero(off_px_before > TUNING.differs_px) < TUNING.contested_least:
         return None
@@ -137,7 +137,7 @@ def consensus(features: FollowedFeatures, T_camera_map: Array, expected: Expecte
 def triples_needed(share: float) -> int:
     """Return how many triples must be tried to find a pose that has at least a `share` of all votes (at most 1).
 
-    Source: Fischler and Bolles' count; what has few votes to beat takes as many as are tried at the most.
+    Source: Fischler and Bolles' count; for a small share it is the largest number that is ever tried.
     """
     pure = _CLEAN * min(share, 1.0) ** 3
     if pure < 1.0 - _MISSED ** (1.0 / TUNING.triples):
@@ -155,7 +155,7 @@ def warm_up() -> None:
 
 
 @compiled
-def _off(points: Array, rays: Array, T: Array) -> Array:
+def _ray_errors(points: Array, rays: Array, T: Array) -> Array:
     """Return how far the rays of points are from where the pose `T` puts them (n); infinite behind the camera."""
     out = np.empty(points.shape[0])
     for k in range(points.shape[0]):
@@ -168,7 +168,7 @@ def _off(points: Array, rays: Array, T: Array) -> Array:
 def _agreement(
     points: Array, rays: Array, votes: Array, sigma: float, T: Array, T_expected_inverse: Array, free: Array
 ) -> float:
-    """Return the votes for the pose `T`, less where that is a surprise."""
+    """Return the votes for the pose `T`, fewer if it is farther than `free` from the one expected."""
     total = 0.0
     for k in range(points.shape[0]):
         x, y, w = projected(T, points, k)
@@ -190,7 +190,7 @@ def _agreement(
 def _refined(
     points: Array, rays: Array, votes: Array, sigma: float, T_start: Array, members: Index, steps: int
 ) -> tuple[Array, bool]:
-    """Return the pose of the features `members`, robustly unless `sigma` is infinite; False where it runs away."""
+    """Return the pose fitted to the features `members`, robustly unless `sigma` is infinite; False if it diverges."""
     T = T_start
     J = np.zeros((3, 6))
     for _ in range(steps):

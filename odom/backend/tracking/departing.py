@@ -1,4 +1,4 @@
-"""Landmarks that begin to move: they used to be found, and now they and their neighbours in space do not agree."""
+"""Landmarks that begin to move: they and their neighbours in space used to be found, and now contradict the pose."""
 
 import numpy as np
 
@@ -10,10 +10,10 @@ from odom.geometry.neighbours import nearest
 def departing(points: Array, eye: Array, found_before: Array, agrees: Mask) -> Mask:
     """Return which of n landmarks at `points` (n x 3, m) lie on something that begins to move.
 
-    `eye` (3, m) is where they are seen from, `found_before` (n) the share of frames in which each was found so far,
-    `agrees` (n) whether it lies where the pose puts it. Some on a body that sets off happen to agree: near as they are,
-    they would draw the camera along. Landmarks that were hardly ever found surprise nobody when they are off, and
-    where landmarks are sparse their neighbours are other things.
+    `eye` (3, m) is the camera's centre, `found_before` (n) the share of frames in which each was found so far, `agrees`
+    (n) whether it lies where the pose puts it. Landmarks on a body that sets off are returned even if they happen to
+    agree: they are near, and would pull the pose along. One that was hardly ever found proves nothing by disagreeing,
+    and where landmarks are sparse their neighbours lie on other things.
     """
     if len(points) <= TUNING.departing_neighbours:
         return np.zeros(len(points), dtype=np.bool_)

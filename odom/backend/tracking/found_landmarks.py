@@ -19,7 +19,7 @@ from odom.frontend.matching.landmark_search import Found
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index, Mask
 
-_WHITE = Agility(steady_s=0.0)
+_WHITE_ACCELERATION = Agility(steady_s=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,12 +50,12 @@ class FoundLandmarks:
         return cls(view, sensor, found, position, covariance, seen, found_before, standing)
 
     def measured(self, twist: Array) -> Measurements:
-        """Return what is measured of them in motion with `twist` (6, SI)."""
+        """Return their measurements in a view taken in motion with `twist` (6, SI)."""
         covariance_uv = self.found.covariance_uv * TUNING.image_noise**2
         return measure(self.view, self.sensor, self.found.uv, covariance_uv, twist, self.found.inverse_depth)
 
     def fit(self, measured: Measurements, T_start: Array) -> PoseFit:
-        """Return the pose fitted to what was `measured`, from the start `T_start`, and chi2 of all at it."""
+        """Return the pose fitted to those `standing` as `measured`, from the start `T_start`, and chi2 of all at it."""
         values, variances = self._straight(measured).values, measured.covariance
         fit = fit_pose(self.points, self.covariances, values, variances, T_start, self.standing)
         return fit if self.standing.all() else replace(fit, chi2=self._chi2(measured, fit.T_camera_map))
@@ -63,7 +63,7 @@ class FoundLandmarks:
     def settled(
         self, measured: Measurements, fit: PoseFit, expected: ExpectedPose
     ) -> tuple["FoundLandmarks", Measurements, Array]:
-        """Return those that have a say where many disagree with a `fit`, and the pose that most of the image shows."""
+        """Return those that count where many disagree with a `fit`, as measured, and the pose that most agree with."""
         eye, pixel = se3.inverse(fit.T_camera_map)[:3, 3], 1.0 / self.sensor.lens.intrinsics[0]
         rays, uv, sigma_px = measured.values[:, :2], self.found.uv, TUNING.found_sigma_px
         features = FollowedFeatures(self.points, eye, rays, uv, self.seen, sigma_px, pixel)
@@ -77,17 +77,17 @@ class FoundLandmarks:
         return self._take(members, standing), measured.take(members), T
 
     def velocity(self, measured: Measurements, T_camera_map: Array, twist: Array, prior: MotionPrior) -> Velocity:
-        """Return the velocity that the image's rows show from a pose, taken in motion with `twist` (6, SI)."""
+        """Return the velocity that the image's rows show; they were measured in motion with `twist` (6, SI)."""
         if not self.standing.all():
             standing = self._take(self.standing, self.standing)
             return standing.velocity(measured.take(self.standing), T_camera_map, twist, prior)
         row_s = (self.found.uv[:, 1] / self.view.images.full.shape[0] - 0.5) * self.sensor.timing.readout_s
-        expected = prior.motion.after(prior.since_s, _WHITE)
+        expected = prior.motion.after(prior.since_s, _WHITE_ACCELERATION)
         seen = self._straight(measured)
         return fit_velocity(self.points, self.covariances, seen, row_s, T_camera_map, twist, expected, prior.scale)
 
     def _straight(self, measured: Measurements) -> Measurements:
-        """Return what was measured with depth along the colour camera's axis."""
+        """Return what was measured, with the tilt of depth against the colour camera's axis taken out."""
         return measured.straight(self.sensor.depth_tilt.angles)
 
     def _chi2(self, measured: Measurements, T_camera_map: Array) -> Array:

@@ -27,9 +27,8 @@ class Tracked:
 
     `rows` (n) are the landmarks found, at `uv` (n x 2 px), with their `measurements`, `chi2` (n x 2: ray, depth) and
     `inliers` (n); `expected` are the rows of all that were looked for, `missed` those of them that are no inliers, with
-    the line of `sight` to each, `reference` the key frame nearest in pose,
-    `twist` (6, SI, camera frame) the velocity that the measurements were carried with, `velocity` what the rows of the
-    image showed of it.
+    the line of `sight` to each. `reference` is the key frame nearest in pose, `twist` (6, SI, camera frame) the
+    velocity that the measurements were carried with, `velocity` the one that the rows of the image showed.
     """
 
     T_camera_map: Array
@@ -88,10 +87,11 @@ class Tracked:
 
 @dataclass(frozen=True, eq=False)
 class MotionPrior:
-    """The camera's `motion` in the map `since_s` seconds ago, and where that leads to by now, `expected`.
+    """The camera's `motion` in the map `since_s` seconds ago, and the pose that it leads to by now, `expected`.
 
-    `scale` multiplies the covariances of measurements. Without `expected` the camera was found otherwise, and rivals
-    of the pose are not looked for. Where landmarks `are_bent` as this frame is, its rows do not tell its velocity.
+    `scale` multiplies the covariances of measurements. Without `expected`, which is so where the pose was not predicted
+    by motion, no other poses are tried. `are_bent`: the landmarks were measured as if at rest, and so are bent as this
+    frame is; its rows then do not tell its velocity.
     """
 
     motion: Motion
@@ -137,7 +137,7 @@ class FrameState:
     def twist_to(self, T_camera_map: Array, since_s: float) -> Array:
         """Return the mean velocity (6, SI, camera frame) that led to the pose `T_camera_map` in `since_s` seconds.
 
-        At rest after a bent frame: the next one is bent alike. That of this frame where no camera could move so.
+        Zero after a bent frame: the next one is bent alike. This frame's `twist` where no camera could move so.
         """
         if self.is_bent:
             return AT_REST
@@ -171,9 +171,9 @@ class FrameState:
         return MotionPrior(motion, since_s, scale, self.expected_after(since_s), self.is_bent)
 
     def seen_through(self, change: LensChange, timing_change: Array, landmarks: Landmarks) -> "FrameState":
-        """Return this state through a new lens, its pose fitted to the `landmarks` as they are by that.
+        """Return this state as measured through a new lens, its pose fitted to the `landmarks` of that lens.
 
-        The timing's vector changed by `timing_change` (3, s) with it.
+        The timing's vector changed by `timing_change` (3, s) with the lens.
         """
         tracked = self.tracked
         if tracked is None:

@@ -37,11 +37,11 @@ class FrameTracker:
     def follow(
         self, state: FrameState, view: View, sensor: SensorModel, T_predicted: Array, twist: Array, in_doubt: bool
     ) -> Tracked | None:
-        """Return the frame tracked from `T_predicted` (T_camera_map), None where what is found cannot be it.
+        """Return the frame tracked from `T_predicted` (T_camera_map), or None.
 
-        It is looked at as taken in motion with `twist` (6, SI, camera frame).
-        It must be a motion that a carried camera can make, without a jerk where what moves leaves its pose `in_doubt`,
-        and the place that the frame before showed, not one that looks alike.
+        It was taken in motion with `twist` (6, SI, camera frame). None where a carried camera cannot have moved so;
+        where moving bodies leave the pose `in_doubt`, and too few landmarks support a motion with a jerk; or where the
+        place may only look like the one that the frame before showed.
         """
         prior = state.motion_prior(state.since_s(view.steady_stamp), sensor.noise.covariance_scale)
         local = self.around(state.reference, T_predicted)
@@ -70,9 +70,9 @@ class FrameTracker:
         """Find the landmarks of the key frames `local` where `T_start` (T_camera_map) predicts them, and fit the pose.
 
         The camera moves with `twist` (6, SI), about. The first of `local` is the reference: its landmarks come first
-        where there are more than are looked for. With the motion `prior` the velocity is measured from the image's
-        rows, and the features are carried to the middle row and fitted once more with that: with a noisy velocity the
-        shutter would seem faster than it is.
+        where there are more than are looked for. With the motion `prior`, the velocity is measured from the image's
+        rows; the features are carried to the middle row by it and fitted once more: by a noisy velocity, the shutter
+        would seem faster than it is.
         """
         L = self._map.landmarks
         in_view = find_landmarks(
@@ -118,7 +118,7 @@ class FrameTracker:
     ) -> Tracked:
         """Track a frame from a rough `T_start` near key frame `near`, and again from where that led.
 
-        Descriptors place a camera to some degrees, which are more pixels than patches can be moved by.
+        Descriptors give a pose to some degrees only: more pixels than patches can be moved by.
         """
         T = self.track(view, sensor, T_start, twist, self.around(near, T_start), prior).T_camera_map
         return self.track(view, sensor, T, twist, self.around(near, T), prior)

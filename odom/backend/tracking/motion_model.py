@@ -22,8 +22,8 @@ _TWIST_SIGMA = np.repeat([TUNING.velocity_sigma_m_s, TUNING.velocity_sigma_rad_s
 
 def is_plausible_motion(twist: Array) -> bool:
     """Return whether something carried by a person, or driving, can move with `twist` (6, m/s and rad/s)."""
-    r, s, t, x, y, z = twist.tolist()
-    speed_m_s, speed_rad_s = math.sqrt(r * r + s * s + t * t), math.sqrt(x * x + y * y + z * z)
+    vx, vy, vz, wx, wy, wz = twist.tolist()
+    speed_m_s, speed_rad_s = math.sqrt(vx * vx + vy * vy + vz * vz), math.sqrt(wx * wx + wy * wy + wz * wz)
     return speed_m_s < TUNING.fastest_m_s and speed_rad_s < TUNING.fastest_rad_s
 
 
@@ -54,16 +54,16 @@ class Agility:
     def carried(self, P: Array, dt: float) -> Array:
         """Return the covariance P (12 x 12) of pose and twist `dt` seconds later: unknown acceleration adds to it."""
         unsteady = dt**2 / (dt**2 + self.steady_s**2) / 12.0 if dt else 0.0
-        far = (0.25 + unsteady) * dt**4, 0.5 * dt**3, dt**2
-        return _carried(P, dt, far, (self.linear**2, self.angular**2))
+        factors = (0.25 + unsteady) * dt**4, 0.5 * dt**3, dt**2
+        return _carried(P, dt, factors, (self.linear**2, self.angular**2))
 
     def after(self, acceleration: Array, dt: float) -> "Agility":
         """Return the agility after `acceleration` (6, SI) was seen for `dt` seconds."""
-        r, s, t, x, y, z = acceleration.tolist()
+        ax, ay, az, bx, by, bz = acceleration.tolist()
         new = min(1.0, dt / TUNING.agility_memory_s)
         old_linear, old_angular = self.linear * self.linear, self.angular * self.angular
-        linear = math.sqrt(old_linear + new * ((r * r + s * s + t * t) / 3.0 - old_linear))
-        angular = math.sqrt(old_angular + new * ((x * x + y * y + z * z) / 3.0 - old_angular))
+        linear = math.sqrt(old_linear + new * ((ax * ax + ay * ay + az * az) / 3.0 - old_linear))
+        angular = math.sqrt(old_angular + new * ((bx * bx + by * by + bz * bz) / 3.0 - old_angular))
         linear, angular = max(linear, TUNING.agility_least_linear), max(angular, TUNING.agility_least_angular)
         return Agility(linear, angular, self.steady_s)
 
@@ -98,9 +98,9 @@ class Motion:
 
     def corrected(self, T_fixed_camera: Array, covariance: Array) -> "Motion":
         """Return the motion after the pose has been measured with `covariance` (6 x 6)."""
-        away = se3.log(se3.inverse(self.T_fixed_camera) @ T_fixed_camera)
+        innovation = se3.log(se3.inverse(self.T_fixed_camera) @ T_fixed_camera)
         K = np.linalg.solve(self.P[:6, :6] + covariance, self.P[:6]).T
-        step = K @ away
+        step = K @ innovation
         P = self.P - K @ self.P[:6]
         T = se3.orthonormal(self.T_fixed_camera @ se3.exp(step[:6]))
         return Motion(T, self.twist + step[6:], 0.5 * (P + P.T))
@@ -136,11 +136,11 @@ class MotionFilter:
 
 
 @compiled
-def _carried(P: Array, dt: float, far: tuple[float, float, float], variances: tuple[float, float]) -> Array:
+def _carried(P: Array, dt: float, factors: tuple[float, float, float], variances: tuple[float, float]) -> Array:
     """Return `F P F' + Q` (12 x 12) with F = [I, dt I; 0, I].
 
-    Q is what an acceleration of so large `variances` (of translation and rotation) adds to each axis: `far` times as
-    much to the pose's variance, to its covariance with the twist, and to the twist's variance.
+    Q is what the acceleration adds, whose `variances` are those of translation and rotation: `factors` times these, on
+    each axis, to the pose's variance, to its covariance with the twist, and to the twist's variance.
     """
     out = P.copy()
     for i in range(12):
@@ -151,8 +151,8 @@ def _carried(P: Array, dt: float, far: tuple[float, float, float], variances: tu
             out[i, j] += dt * out[6 + i, j]
     for i in range(6):
         variance = variances[i // 3]
-        out[i, i] += far[0] * variance
-        out[i, 6 + i] += far[1] * variance
-        out[6 + i, i] += far[1] * variance
-        out[6 + i, 6 + i] += far[2] * variance
+        out[i, i] += factors[0] * variance
+        out[i, 6 + i] += factors[1] * variance
+        out[6 + i, i] += factors[1] * variance
+        out[6 + i, 6 + i] += factors[2] * variance
     return out

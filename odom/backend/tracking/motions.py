@@ -1,4 +1,4 @@
-"""Where a camera stands towards the key frames whose patches it looks for."""
+"""The camera's pose relative to the key frames whose patches are searched for."""
 
 import numpy as np
 

@@ -31,9 +31,10 @@ _MOST_MOTIONS = 3
 
 @dataclass(frozen=True, eq=False)
 class FollowedCorners:
-    """n corners at `points` (n x 3, m, an earlier camera) with `covariances` (n x 3 x 3, m^2), followed into a view.
+    """n corners of an earlier view, followed into a later one.
 
-    There they are at `uv` (n x 2 px), and `measured` (n); `pixel` is how wide a pixel is as a ray.
+    They are at `points` (n x 3, m) with `covariances` (n x 3 x 3, m^2) in the earlier camera's frame, and in the later
+    view at `uv` (n x 2 px), where they are `measured` (n). `pixel` is the width of a pixel in the rays' unit.
     """
 
     points: Array
@@ -68,7 +69,7 @@ class FollowedCorners:
 
     @cached_property
     def features(self) -> FollowedFeatures:
-        """What the view shows of them, each as well known as the other."""
+        """The corners as features, all of them proven alike."""
         rays, alike = self.measured.values[:, :2], np.full(len(self.uv), math.ceil(TUNING.proven_frames))
         sigma_px = TUNING.followed_sigma_px
         return FollowedFeatures(self.points, np.zeros(3), rays, self.uv, alike, sigma_px, self.pixel)
@@ -81,10 +82,9 @@ class FollowedCorners:
 
 @dataclass(frozen=True, eq=False)
 class OtherMotion:
-    """A motion that a `share` of the votes shows, by which the camera's is `off` (6, `se3`, the later camera's frame).
+    """A motion with a `share` of the votes; the camera's differs from it by `off` (6, `se3`, later camera's frame).
 
-    That would be the camera's error, with 6 x 6 `covariance`, if these features stood still; they do where it
-    `is_scene`.
+    If its features stood still, `off` would be the camera's error, with 6 x 6 `covariance`. `is_scene`: they do.
     """
 
     share: float
@@ -96,7 +96,7 @@ class OtherMotion:
 def is_scene(followed: FollowedCorners, agrees: Mask) -> bool:
     """Return whether corners that agree with a motion (n) show the scene: most of the votes, and behind the rest.
 
-    People walk before a scene, not behind it. Of what does not agree some lies far away where a body hides much.
+    People walk before a scene, not behind it. Where a body hides much, a few of the rest may lie far away.
     """
     votes, depth = followed.features.votes, followed.points[:, 2]
     if len(depth) < TUNING.scene_least or votes[agrees].sum() < TUNING.scene_share * votes.sum() or agrees.all():
@@ -146,10 +146,10 @@ def other_motions(followed: FollowedCorners, T_view_earlier: Array, since_s: flo
 
 @dataclass(frozen=True, eq=False)
 class WhatElseMoves:
-    """The motions in a view beside the camera's: the largest `share` of the votes that one has, 0 where there is none.
+    """The motions in a view beside the camera's: `share` is the largest share of the votes, 0 if there are none.
 
-    `spread` is the 6 x 6 covariance ((m/s, rad/s)^2, camera frame) of the camera's velocity by them all. `has_scene`:
-    one of them is the scene's. `is_confirmed`: the camera's own is.
+    `spread` is the 6 x 6 covariance ((m/s, rad/s)^2, camera frame) of the camera's velocity by all of them.
+    `has_scene`: one of them is the scene's. `is_confirmed`: the camera's own motion is.
     """
 
     share: float

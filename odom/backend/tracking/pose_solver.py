@@ -2,7 +2,7 @@
 
 An iterated information filter: every landmark adds J' inv(S) J, with S the measurement's covariance plus the
 landmark's own, carried through the projection P: S = Sp + P Sq P' (the paper's uncertain measurement matrix by its
-exact second moment; see the robust recursion in `odom.registration`). Cauchy weights for ray and depth apart.
+exact second moment; see the robust recursion in `odom.registration`). Ray and depth each have a Cauchy weight.
 """
 
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ from odom.geometry.compiled import compiled
 from odom.geometry.compiled_se3 import is_shorter, moved, orthonormalise, solve_definite
 
 _CONVERGED = 1e-5
-"""Step (m, rad) below which the fit ends: a hundredth of the best pose's sigma, and each is a fraction of the last."""
+"""Step (m, rad) below which the fit ends: a hundredth of the best pose's sigma; later steps would be smaller still."""
 _PRIOR = 1e-6
-"""Information (1/m^2, 1/rad^2) that keeps the start where the landmarks say nothing; it is never felt otherwise."""
+"""Information (1/m^2, 1/rad^2) that keeps the start where the landmarks say nothing; otherwise it has no effect."""
 _ITERATIONS = 10
 """Gauss-Newton steps at the most; three or four are the rule."""
 
@@ -80,11 +80,11 @@ def _dot(a: tuple[float, float, float], b: tuple[float, float, float]) -> float:
 def robust_information(
     T: Array, seen: tuple[float, float, float], C: Array, values: Array, variances: Array, k: int, cauchy: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Return chi2 of the ray and of the depth (0 without), and what a measurement says: I_xx, I_xy, I_yy and I_ww.
+    """Return chi2 of ray and depth (0 without), and a measurement's robust information: I_xx, I_xy, I_yy and I_ww.
 
     Landmark `k`, of covariance `C` (n x 3 x 3), is predicted to be `seen` (x/z, y/z, 1/z) from the pose `T`, and was
     measured as `values` (n x 3) with `variances` (n x 4, see `Measurements`). Its own covariance is carried through the
-    projection; the Cauchy weight is one half at a chi2 of `cauchy`. Slices of arrays would cost as much as the rest.
+    projection; the Cauchy weight is one half at a chi2 of `cauchy`. No array is sliced: that would double the time.
     """
     x, y, w = seen
     by_x = (w * (T[0, 0] - x * T[2, 0]), w * (T[0, 1] - x * T[2, 1]), w * (T[0, 2] - x * T[2, 2]))

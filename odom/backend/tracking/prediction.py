@@ -21,9 +21,9 @@ from odom.geometry.arrays import Array, Index, Mask
 from odom.geometry.numbered import distinct
 
 _BORDER_PX = 2.0
-"""Followed features are predicted up to so close to the image's border."""
+"""Followed features are predicted no closer to the image's border than this."""
 _NEAREST_M = 0.1
-"""Landmarks move in the image as if they were no nearer: those behind the camera are in no image."""
+"""Landmarks count as at least this far away, also those behind the camera."""
 _GATES_PX = (TUNING.coarse_gate_px, TUNING.middle_gate_px, TUNING.last_gate_px)
 
 
@@ -59,9 +59,9 @@ def predict_pose(map_: Map, state: FrameState, images: FrameImages, stamp: Stead
 
 @dataclass(frozen=True, eq=False)
 class _CoarsePose:
-    """A rough pose, the followed features' `rays` by the motion to it (n x 3), and which of them agree with it (n).
+    """A rough pose, the followed features' `rays` (n x 3, as `in_motion` to it), and which of them agree with it (n).
 
-    `rays_before` (n x 3) are those by the motion to where the fit began.
+    `rays_before` (n x 3) are those in motion to the pose where the fit began.
     """
 
     T_camera_map: Array
@@ -72,9 +72,9 @@ class _CoarsePose:
 
 @dataclass(frozen=True, eq=False)
 class _Followed:
-    """Landmarks by their `rows` (n), followed to `uv` (n x 2 px) where `found` (n).
+    """Landmarks `rows` (n) of the frame of `state`, followed to `uv` (n x 2 px) in an image `since_s` later.
 
-    That is `since_s` after the frame of `state`. `points` (n x 3, m, map frame) with `covariances` (n x 3 x 3, m^2) are
+    `found` (n) says which were found there; `points` (n x 3, m, map frame) with `covariances` (n x 3 x 3, m^2) are
     their positions.
     """
 
@@ -96,7 +96,7 @@ class _Followed:
         sensor: SensorModel,
         found: tuple[Index, Array, Mask],
     ) -> "_Followed":
-        """Return what was found of landmarks: their rows, where (n x 2 px), and which of them."""
+        """Return the landmarks `found`: their rows (n), where they are (n x 2 px), and which were found (n)."""
         rows, uv, is_found = found
         uv = np.where(is_found[:, None], uv, 0.0)
         return cls(
@@ -111,15 +111,15 @@ class _Followed:
         )
 
     def in_motion(self, T_camera_map: Array) -> Array:
-        """Return the rays (n x 3, the last NaN) of the middle row if the camera moved straight to a pose."""
-        near = 1.0 / np.maximum(self.points @ T_camera_map[2, :3] + T_camera_map[2, 3], _NEAREST_M)
+        """Return the rays (n x 3, 1/z is NaN), carried to the middle row, if the camera moved straight to a pose."""
+        inverse_depth = 1.0 / np.maximum(self.points @ T_camera_map[2, :3] + T_camera_map[2, 3], _NEAREST_M)
         twist, readout_s = self.state.twist_to(T_camera_map, self.since_s), self.sensor.timing.readout_s
         rays = np.full((len(self.rows), 3), np.nan)
-        rays[:, :2] = middle_rays(self.sensor.lens.rays, self.uv, near, twist, readout_s)
+        rays[:, :2] = middle_rays(self.sensor.lens.rays, self.uv, inverse_depth, twist, readout_s)
         return rays
 
     def features(self, landmarks: Landmarks, rays: Array) -> FollowedFeatures:
-        """Return the found ones with their `rays` (n x 3) by the motion to a pose."""
+        """Return those that were found, with their `rays` (n x 3, as `in_motion` to a pose)."""
         found = np.flatnonzero(self.found)
         return FollowedFeatures(
             self.points.take(found, 0),
@@ -132,7 +132,7 @@ class _Followed:
         )
 
     def fitted(self, T_start: Array, used: Mask, gates_px: tuple[float, ...]) -> _CoarsePose:
-        """Return the pose of the features `used`, by gates that close one after the other."""
+        """Return the pose fitted to the features `used`, with one gate after the other, each narrower."""
         T, rays = T_start, self.in_motion(T_start)
         rays_before = rays
         for gate_px in gates_px:

@@ -1,4 +1,4 @@
-"""Whether to trust the pose of a frame: enough landmarks, the place it should be."""
+"""Whether to trust the pose of a frame: enough landmarks agree, and they are those that it should see."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from odom.geometry.arrays import Array
 
 
 def has_enough_inliers(tracked: Tracked) -> bool:
-    """Return whether a pose fitted to so few landmarks may be one at all."""
+    """Return whether enough landmarks agree with a pose for it to be considered at all."""
     return tracked.inlier_count >= TUNING.least_inliers
 
 
@@ -22,7 +22,7 @@ def is_same_view(tracked: Tracked, previous: Tracked | None) -> bool:
 
 
 def is_known_place(tracked: Tracked, must_agree_with_chain: bool = False) -> bool:
-    """Return whether a frame shows what its key frames saw; fewer landmarks do where the chain has to agree as well."""
+    """Return whether a frame shows what its key frames saw; fewer landmarks suffice if the chain must agree as well."""
     share = TUNING.share_in_chain if must_agree_with_chain else TUNING.share_without_chain
     return tracked.found_again >= max(TUNING.found_again, share * tracked.visible_count)
 

@@ -22,9 +22,9 @@ from odom.registration import Registration, register
 
 
 def registered_step(state: FrameState, view: View, place: Place, sensor: SensorModel) -> Registration | None:
-    """Return T_here_view of a view that shows `place`, matched by descriptors with the newest frame, that of `state`.
+    """Return the registration (T_here_view) of a view that shows `place` with the newest frame, that of `state`.
 
-    None where the two do not match.
+    The two are matched by descriptors; None where they do not match.
     """
     if state.since_s(view.steady_stamp) <= 0.0:
         return None
@@ -51,9 +51,9 @@ def track_wide_step(
 def relocalise(
     map_: Map, tracker: FrameTracker, state: FrameState | None, view: View, place: Place, sensor: SensorModel
 ) -> Tracked | None:
-    """Return the frame that shows `place` tracked around the key frame that it is recognised to show, None without any.
+    """Return the frame that shows `place`, tracked around the key frame where that is recognised; None if nowhere.
 
-    `state` is the newest frame with a pose: in its segment, the camera must have been able to get here since.
+    `state` is the newest frame with a pose: to a pose in its segment, the camera must have been able to move since.
     """
     for recognition in recognise(map_.places, place, set()):
         registration = recognition.registration
@@ -76,10 +76,10 @@ def relocalise(
 
 
 def agree(tracked: Tracked, registration: Registration, T_registered: Array) -> bool:
-    """Return whether landmarks say what the descriptors' registration does, T_camera_map, and both together are many.
+    """Return whether landmarks confirm the T_camera_map `T_registered` that descriptors gave by `registration`.
 
-    Fewer landmarks do where they are found just there. Enough for a camera that could not have gone far; elsewhere
-    places may look alike.
+    Landmarks and matches together must be many; fewer landmarks suffice where the two poses are close. That is enough
+    only for a camera that cannot have gone far: elsewhere, other places may look alike.
     """
     away = se3.log(tracked.T_camera_map @ se3.inverse(T_registered))
     is_same = np.linalg.norm(away[:3]) < TUNING.wide_away_m and np.linalg.norm(away[3:]) < TUNING.wide_away_rad
@@ -89,7 +89,7 @@ def agree(tracked: Tracked, registration: Registration, T_registered: Array) -> 
 
 
 def was_there_of_late(map_: Map, tracked: Tracked, stamp: Stamp, period_s: float) -> bool:
-    """Return whether a pose tracked for `stamp` is near the last one that a segment had by then, a few frames before.
+    """Return whether a pose tracked at `stamp` is near the last key frame of its segment, made a few frames before.
 
     The segment is that of the pose's reference key frame; frames come every `period_s`.
     """
@@ -108,7 +108,7 @@ class _LastSeen:
     def is_near(self, tracked: Tracked) -> bool:
         """Return whether a tracked pose is no farther away than a camera goes in that time.
 
-        That speaks for it as a chain does; after long it says nothing.
+        That supports it as an agreeing chain would; after a long time it says nothing.
         """
         step = se3.log(tracked.T_camera_map @ se3.inverse(self.T_camera_map))
         likely_s = min(self.since_s, TUNING.near_s)
@@ -117,7 +117,7 @@ class _LastSeen:
 
 
 def _last_seen(map_: Map, state: FrameState, reference: int, view: View, period_s: float) -> _LastSeen | None:
-    """Return the last frame in the segment of key frame `reference`, None if another began since, and long ago."""
+    """Return the last frame in the segment of key frame `reference`; None if long ago, or if `view` is earlier."""
     segment = map_.keyframes[reference].segment
     if map_.keyframes[state.reference].segment == segment:
         since_s = state.since_s(view.steady_stamp)

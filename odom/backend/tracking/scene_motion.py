@@ -1,7 +1,7 @@
-"""How a camera moved between two views where no map tells: by what most of them shows and lies behind the rest.
+"""How a camera moved between two views, without a map: as shown by most features, which must lie behind the rest.
 
-Where nothing else moves there is no rest: then by what reaches over most of the image. A body does not, unless it hides
-nearly all.
+Where nothing else moves there is no rest: then they must reach over most of the image. Those on a body do not, unless
+it hides nearly all.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ from odom.geometry.arrays import Array
 
 
 def scene_motion(earlier: View, view: View, sensor: SensorModel) -> Array | None:
-    """Return T_view_earlier, by the scene that both views show; None where it is not told from what moves."""
+    """Return T_view_earlier, by the scene that both views show; None where bodies cannot be told from the scene."""
     followed = FollowedCorners.between(EarlierView(earlier, np.eye(4), AT_REST), view, AT_REST, sensor)
     features = followed.features
     if len(followed.uv) < TUNING.scene_least:

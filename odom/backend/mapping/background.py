@@ -1,4 +1,4 @@
-"""Work beside the frames, whose results are taken at fixed frames, so that replays are equal."""
+"""Work in the background, whose results are taken at fixed frames, so that replays are equal."""
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -37,7 +37,7 @@ class Background(Generic[Result]):
         self._task = _Task(due, due_stamp, self._pool.submit(work))
 
     def take(self, count: int | None, stamp: SteadyStamp) -> Result | None:
-        """Return what is due at frame `count` of `stamp` (None: whatever there is), None where nothing is."""
+        """Wait for the result and return it if it is due at frame `count` of `stamp` (None: at once), else None."""
         if self._task is None or (count is not None and count < self._task.due and stamp < self._task.due_stamp):
             return None
         task, self._task = self._task, None

@@ -1,7 +1,7 @@
 """Bundle adjustment of key-frame poses, landmarks and the sensor's timing over (x/z, y/z, 1/z) measurements.
 
 Landmarks are eliminated (Schur complement: B. Triggs et al., "Bundle adjustment - a modern synthesis", 2000); the
-reduced system holds 6 unknowns for each free key frame and those of the timing. Cauchy weights for ray and depth apart.
+reduced system holds 6 unknowns for each free key frame and those of the timing. Ray and depth have own Cauchy weights.
 """
 
 from dataclasses import dataclass
@@ -25,11 +25,11 @@ _CONVERGED = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Bundle:
-    """What is adjusted: T_camera_map (K x 4 x 4), landmarks (L x 3, map frame), change of the timing (t = 3).
+    """What is adjusted: T_camera_map (K x 4 x 4), landmarks (L x 3, m, map frame), change of the timing (t).
 
-    `information_timing` (t x t) is what the observations alone say about the timing, `pull_timing` (t) how much they
-    would still move it: by the inverse of the one times the other. `covariances` (L x 3 x 3) are the landmarks' given
-    the poses. All are None before the first adjustment.
+    By the observations alone, without the prior, the timing has the information `information_timing` (t x t), and would
+    still move by its inverse times `pull_timing` (t). `covariances` (L x 3 x 3, m^2) are the landmarks' given the
+    poses. All are None before the first adjustment.
     """
 
     T_camera_map: Array

@@ -1,4 +1,4 @@
-"""What the background has found out of new key frames: the places they show, and earlier ones that look like them."""
+"""What the background has found about new key frames: the places they show, and earlier ones that look like them."""
 
 from dataclasses import dataclass
 

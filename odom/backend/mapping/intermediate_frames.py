@@ -31,7 +31,7 @@ class IntermediateFrame(Observed):
 
 
 class IntermediateFrames:
-    """Five tracked frames a second; beyond 240 (7 MB) every second of them is dropped, and later half as many kept."""
+    """Five tracked frames a second; beyond 240 (7 MB) every other one is dropped, and half as many are kept later."""
 
     def __init__(self, every_s: float = TUNING.intermediate_s, most: int = TUNING.intermediate_most) -> None:
         self.kept: list[IntermediateFrame] = []
@@ -69,12 +69,12 @@ class IntermediateFrames:
             self.kept = self.kept[::2]
 
     def see_through(self, change: LensChange) -> None:
-        """Tell what was measured through a new lens."""
+        """Convert what was measured to a new lens."""
         for frame in self.kept:
             frame.see_through(change)
 
     def move(self, adjusted: Mapping[int, Array], keyframes: list[Keyframe]) -> None:
-        """Move the frames whose T_camera_map were `adjusted` with those of the `keyframes`, by their numbers."""
+        """Set the poses of frames to T_camera_map as `adjusted`, by their numbers, relative to the `keyframes`."""
         for frame in self.kept:
             if frame.number in adjusted:
                 T_map_keyframe = se3.inverse(keyframes[frame.keyframe].T_camera_map)
@@ -94,11 +94,11 @@ class IntermediateFrames:
 def corrected(
     frames: FrameLog, keyframes: list[Keyframe], adjusted: Mapping[int, Array], earlier: int = 0
 ) -> Iterator[LoggedFrame]:
-    """Yield `frames` moved with those that were adjusted, whose T_camera_map `adjusted` holds by their numbers.
+    """Yield `frames` corrected by those that were adjusted, of which `adjusted` holds T_camera_map by number.
 
-    The frames that became `keyframes` were adjusted, too; the first `earlier` of these are of a saved map, and none of
-    the frames became one. Between adjusted frames the correction against the same key frame is interpolated; it is none
-    at that key frame.
+    The frames that became `keyframes` were adjusted, too; the first `earlier` key frames are those of a saved map, not
+    of these frames. Between adjusted frames the correction relative to the same key frame is interpolated; at that key
+    frame it is zero.
     """
     became = {keyframe.stamp: keyframe for keyframe in keyframes[earlier:]}
     knots: dict[int, list[tuple[int, Array]]] = {}

@@ -1,4 +1,4 @@
-"""When a frame becomes a key frame, and what it adds to the map: too little is left of what the last one saw."""
+"""When a frame becomes a key frame (too little is left of what the last one saw), and what it adds to the map."""
 
 from dataclasses import dataclass, replace
 
@@ -29,8 +29,8 @@ _CERTAIN = np.zeros((6, 6))
 class KeyframeView:
     """The view of key frame number `keyframe`, while it is worked on, and the `twist` (6, SI) it was measured with.
 
-    Where what moves leaves its pose in doubt, only what is around `standing` points of the image (n x 2 px) is the
-    place that it shows; None: all of it.
+    Where moving bodies leave its pose in doubt, the place that it shows is only what lies around the `standing` points
+    of the image (n x 2 px); None: all of it.
     """
 
     keyframe: int
@@ -44,7 +44,7 @@ class KeyframeInserter:
 
     `recent` are the frames before, which tell what stands still. The new corners of a key frame are looked for in the
     background; a quick stream goes on meanwhile with the landmarks that are known (see `NewCorners`). In doubt, the
-    place that it shows is described after that: by then it is known what stands in it.
+    place that it shows is described only then, when it is known what stands in it.
     """
 
     def __init__(self, map_: Map, settings: OdometrySettings) -> None:
@@ -57,7 +57,7 @@ class KeyframeInserter:
         self._new_corners = NewCorners(settings)
 
     def first_corners(self, view: View, sensor: SensorModel, scene: EarlierView | None = None) -> Corners | None:
-        """Return a frame's corners with depth, as if at rest; None: too few for the next frame to be found by them.
+        """Return a frame's corners with depth, measured as if at rest; None: too few to find the next frame by them.
 
         Where an earlier view shows the `scene`, only those that stand in it.
         """
@@ -78,7 +78,7 @@ class KeyframeInserter:
         nothing = Measured.nothing()
         keyframe = self._map.add_keyframe(view, T_camera_map, nothing, sensor.timing, None, _CERTAIN)
         self._map.add_corners(keyframe, view.images, corners, sensor.depth_tilt.angles)
-        self._work_on(KeyframeView(keyframe.number, view, AT_REST, corners.uv if in_doubt else None))
+        self._queue_for_description(KeyframeView(keyframe.number, view, AT_REST, corners.uv if in_doubt else None))
         self._newest = self._coverage_at_keyframe = None
         return keyframe
 
@@ -94,8 +94,7 @@ class KeyframeInserter:
     ) -> Keyframe:
         """Make a key frame of the tracked frame number `count`; begin to look for its new corners.
 
-        Its motion is `twist` (6, SI), `covariance` (6 x 6) that of its pose. `in_doubt`: what moves leaves that pose in
-        doubt.
+        Its motion is `twist` (6, SI), its pose has the `covariance` (6 x 6), and moving bodies leave that `in_doubt`.
         """
         T, seen, reference = tracked.T_camera_map, tracked.inlying, tracked.reference
         keyframe = self._map.add_keyframe(view, T, seen, sensor.timing, reference, covariance)
@@ -103,7 +102,7 @@ class KeyframeInserter:
         self._newest = KeyframeView(keyframe.number, view, twist)
         self._coverage_at_keyframe, self._is_worn_out = None, False
         if not in_doubt:
-            self._work_on(self._newest)
+            self._queue_for_description(self._newest)
         before = self.recent.before(view, tracked)
         self._new_corners.look_for(Wanted(keyframe.number, before, twist, sensor, in_doubt), count)
         return keyframe
@@ -120,7 +119,7 @@ class KeyframeInserter:
             self._map.add_corners(keyframe, view.images, grown.corners, sensor.depth_tilt.angles)
             self._map.cull(self._map.neighbours(keyframe.number, keyframe.T_camera_map, self._settings.local_keyframes))
             if wanted.in_doubt:
-                self._work_on(KeyframeView(keyframe.number, view, wanted.twist, keyframe.uv))
+                self._queue_for_description(KeyframeView(keyframe.number, view, wanted.twist, keyframe.uv))
         return grown
 
     def kept(self, state: FrameState, sensor: SensorModel, in_doubt: bool) -> FrameState:
@@ -142,7 +141,7 @@ class KeyframeInserter:
         return replace(state, tracked=tracked, reference=keyframe.number, rows=keyframe.rows, uv=keyframe.uv)
 
     def drop(self, segment: int, since: int, sensor: SensorModel) -> None:
-        """Remove a segment's landmarks from the identity `since` on, and forget the recent frames: all on a body."""
+        """Remove a segment's landmarks from the identity `since` on, and forget the recent frames: they show a body."""
         self._new_corners.take(None, sensor)
         retire(self._map, segment, since)
         self.recent.forget()
@@ -150,7 +149,7 @@ class KeyframeInserter:
     def is_due(self, view: View, tracked: Tracked, in_doubt: bool) -> bool:
         """Return whether too little is left in a view of what the last key frame saw, and the camera has moved.
 
-        Where what moves leaves its pose `in_doubt`, the view must show enough that has been known for a while.
+        Where moving bodies leave its pose `in_doubt`, the view must show enough that has been known for a while.
         """
         if self._new_corners.are_coming or (in_doubt and not self._is_long_known(view, tracked)):
             return False
@@ -162,7 +161,7 @@ class KeyframeInserter:
         return is_worn and _has_moved(T_camera_keyframe)
 
     def _is_long_known(self, view: View, tracked: Tracked) -> bool:
-        """Return whether enough landmarks agree that were made a while ago; in a young segment none can be so old.
+        """Return whether enough landmarks agree that were made a while ago, or the segment is too young to have any.
 
         A body that comes to be followed is all new: its first landmarks would agree with the next ones on it.
         """
@@ -195,7 +194,7 @@ class KeyframeInserter:
         self._newest = None
 
     def see_through(self, change: LensChange) -> None:
-        """Measure corners that are still looked for through a new lens."""
+        """Use a new lens to measure corners that are still looked for."""
         self._new_corners.see_through(change)
 
     def remeasure_first(self, number: int, view: View, twist: Array, sensor: SensorModel) -> None:
@@ -213,7 +212,7 @@ class KeyframeInserter:
         measured = measure_exactly(view, sensor, keyframe.uv, twist)
         self._map.remeasure(keyframe, measured, sensor.timing, sensor.depth_tilt.angles)
 
-    def _work_on(self, seen: KeyframeView) -> None:
+    def _queue_for_description(self, seen: KeyframeView) -> None:
         self.undescribed.append(seen)
         del self.undescribed[: -self._settings.background_delay_frames]
 

@@ -21,8 +21,8 @@ from odom.geometry.arrays import Array, Index, Mask
 class Adjustment:
     """A snapshot of what is to be adjusted; `run` needs nothing else, so that it can work in the background.
 
-    The key frames `numbers` come first, then the intermediate frames, by their numbers `between`. What is adjusted as
-    the bundle's timing is that, and the tilt of depth: `sensor_information` (5 x 5) is what is known of both.
+    The key frames `numbers` come first, then the intermediate frames, by their numbers `between`. The bundle's timing
+    holds the shutter's (3) and the tilt of depth (2); `sensor_information` (5 x 5) is the prior on both.
     """
 
     numbers: Index
@@ -94,7 +94,10 @@ def _oldest_connected(observations: Observations, frames: int) -> Index:
 
 
 def newest(map_: Map, window: int, sensor: SensorModel, credit: float) -> Adjustment:
-    """Return the adjustment of the `window` newest key frames, held by older ones that measured the same landmarks."""
+    """Return the adjustment of the `window` newest key frames, held by older ones that measured the same landmarks.
+
+    `credit` is the share of the observations' information that counts for timing and tilt, here and below.
+    """
     free = [map_.keyframes[n] for n in map_.remembered[-window:] if n >= map_.earlier]
     segment = free[-1].segment
     free = [k for k in free if k.segment == segment]
@@ -120,8 +123,8 @@ def everything(
     """Return the adjustment of all remembered key frames of a segment, and of intermediate frames.
 
     The oldest key frame is held; where forgotten key frames had connected the others, the oldest of each part is.
-    So are those of earlier sessions, and those next to key frames that are away: the map must not tear there. After a
-    `change` of the lens, what frames measured is told through the new one; the landmarks are not.
+    So are those of earlier sessions, and those next to key frames that are away: the map must not tear there. With a
+    `change` of lens, what frames measured is converted to the new one; the landmarks are not.
     """
     keyframes = map_.members(segment)
     between = intermediate.among(keyframes)

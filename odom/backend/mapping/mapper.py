@@ -33,7 +33,7 @@ from odom.geometry.arrays import Array, Index
 class _Done:
     """What the background has made: an adjustment with its result, new key frames, and the index with their places.
 
-    `change` is that of the lens by which all this was made, None where it stays. `is_whole`: a segment was adjusted as
+    `change` is the change of lens that comes with it, None where the lens stays. `is_whole`: a segment was adjusted as
     a whole, not only its newest key frames.
     """
 
@@ -48,8 +48,8 @@ class _Done:
 class Mapper:
     """Adjusts and prunes `map_`; its `inserter` adds key frames, `intermediate` keeps frames for the end.
 
-    A `lens_to_come` takes the place of the sensor's with the next adjustment, which is then of a segment as a whole. So
-    is the first one after a tilt of depth was shown: all that the segment has measured was bent by it.
+    A `lens_to_come` replaces the sensor's with the next adjustment, which is then of a segment as a whole. So is the
+    first adjustment after a tilt of depth was found, which has bent all measurements of the segment.
     `sensor` is what is known of the camera before anything is measured.
     """
 
@@ -94,7 +94,7 @@ class Mapper:
         return bool(oldest)
 
     def _set_aside(self, surplus: int, needed: Index, state: FrameState) -> None:
-        """Set aside some of the key frames that were farthest when that was last looked at, without those `needed`."""
+        """Set aside `surplus` key frames, the farthest ones when that was last looked at, without those `needed`."""
         map_, most = self._map, self._settings.map_keyframes
         free = set(map_.remembered).difference(needed.tolist())
         waiting = [n for n in self._farthest if n in free]
@@ -131,15 +131,15 @@ class Mapper:
         if is_whole:
             times += len(adjustment.is_fixed) // TUNING.change_frames
         self.inserter.undescribed = []
-        looks = [self._looks(seen) for seen in waiting]
+        searches = [self._place_searches(seen) for seen in waiting]
         index = self._map.places
 
         def work() -> _Done:
             bundle = adjustment.run()
             places = [describe_place(seen.view, sensor, seen.twist, around=seen.standing) for seen in waiting]
             found = [
-                [one for excluded, most in look for one in recognise(index, place, excluded, most)]
-                for place, look in zip(places, looks, strict=True)
+                [one for excluded, most in search for one in recognise(index, place, excluded, most)]
+                for place, search in zip(places, searches, strict=True)
             ]
             expect_around(self._map, [r.candidate for one in found for r in one if not r.refusal])
             described = [DescribedKeyframe(*one) for one in zip(waiting, places, found, strict=True)]
@@ -149,11 +149,11 @@ class Mapper:
         due_stamp = SteadyStamp(sensor.clock.steady + round(times * TUNING.background_s * 1e9))
         self._background.start(count + times * self._settings.background_delay_frames, due_stamp, work)
 
-    def _looks(self, seen: KeyframeView) -> list[tuple[set[int], int]]:
-        """Return which key frames are left out, and how many are tried, in each look for places like a key frame's.
+    def _place_searches(self, seen: KeyframeView) -> list[tuple[set[int], int]]:
+        """Return, for each search for places like a key frame's, which key frames to leave out and how many to try.
 
         Those it is linked with are left out. In doubt, a run falls into segments, and little of what stands is in view:
-        then it is looked for more places, those of other segments by themselves and first.
+        then more places are tried, and other segments are searched first, by themselves.
         """
         keyframes, linked = self._map.keyframes, self._map.linked(seen.keyframe)
         if seen.standing is None:
@@ -204,8 +204,8 @@ class Mapper:
         """Adjust each segment as a whole, as far as it is remembered.
 
         Returns the sensor with timing and tilt adjusted, and T_camera_map of the intermediate frames that were adjusted
-        too, by their numbers. Of both, what was known before the run is the prior: what the run has shown of them
-        since is measured by the same frames, and would count twice. Here each frame counts once.
+        too, by their numbers. The prior of timing and tilt is what was known before the run: what the run has shown
+        since was measured by the same frames, which would count twice.
         """
         adjusted: dict[int, Array] = {}
         sensor = sensor.as_known_before(self._beforehand)
@@ -235,8 +235,9 @@ class Mapper:
         return sensor.with_adjusted(bundle.timing_change, bundle.information_timing, bundle.pull_timing, credit)
 
     def _credit(self, sensor: SensorModel) -> float:
-        """Return the share of an adjustment's information on the timing to believe.
+        """Return which share of an adjustment's information on the timing counts.
 
-        A key frame is adjusted time and again while it is in the window, and errs as the noise monitor says.
+        A key frame is adjusted many times while it is in the window, and errs by more than its covariance says, as the
+        noise monitor shows.
         """
         return 1.0 / (self._settings.window_keyframes * sensor.noise.covariance_scale)

@@ -1,4 +1,4 @@
-"""New corners of a key frame, looked for beside the frames that follow it: those that stand still become landmarks."""
+"""New corners of a key frame, looked for while the next frames pass: those that stand still become landmarks."""
 
 from dataclasses import dataclass, replace
 
@@ -20,9 +20,9 @@ from odom.geometry.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
-    """Key frame number `keyframe`, whose new corners are looked for: what tells what stands in it, and how it moved.
+    """Key frame number `keyframe`, whose new corners are looked for; `before` tells what stands still in it.
 
-    Its corners are measured by `sensor` in motion with `twist` (6, SI). What moves may leave its pose `in_doubt`.
+    Its corners are measured by `sensor` in motion with `twist` (6, SI). Moving bodies may leave its pose `in_doubt`.
     """
 
     keyframe: int
@@ -34,7 +34,7 @@ class Wanted:
 
 @dataclass(frozen=True, eq=False)
 class Grown:
-    """New corners of the key frame that was `wanted`, and in how much of its view most corners had moved."""
+    """New corners of the key frame that was `wanted`, and the share of its view in which most corners had moved."""
 
     wanted: Wanted
     corners: Corners
@@ -76,12 +76,12 @@ class NewCorners:
         self._background.start(count + self._settings.background_delay_frames, due_stamp, work)
 
     def remeasure(self, twist: Array, sensor: SensorModel) -> None:
-        """Measure corners that are still looked for in motion with `twist` (6, SI), which is known better now."""
+        """Use `twist` (6, SI), which is known better now, to measure corners that are still looked for."""
         if self._wanted is not None:
             self._wanted = replace(self._wanted, twist=twist, sensor=sensor)
 
     def see_through(self, change: LensChange) -> None:
-        """Measure corners that are still looked for through a new lens."""
+        """Use a new lens to measure corners that are still looked for."""
         if self._wanted is not None:
             self._wanted = replace(self._wanted, sensor=self._wanted.sensor.with_lens(change.after))
 

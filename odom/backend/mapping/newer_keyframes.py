@@ -18,7 +18,7 @@ _NO_ROWS = np.zeros(0, dtype=np.int64)
 def carry_newer(map_: Map, newest: Keyframe, T_old_new: Array) -> None:
     """Move the key frames that were made after the `newest` adjusted one with it, and their landmarks with them.
 
-    Seen from the newest, the map has moved by `T_old_new`. Left where they were, they would tell of a motion that the
+    Seen from the newest, the map has moved by `T_old_new`. Left where they were, they would show a motion that the
     camera never made.
     """
     newer = _newer(map_, newest)
@@ -30,9 +30,9 @@ def carry_newer(map_: Map, newest: Keyframe, T_old_new: Array) -> None:
 def refit_newer(map_: Map, newest: Keyframe, timing: ShutterTiming, tilt: Array) -> None:
     """Fit the key frames that were made after the `newest` adjusted one to the landmarks that older ones made.
 
-    By the old lens or tilt they were placed where the same landmarks are no longer. Each starts from where it is in
-    the map around the one before it, and stays there where it shares little; its own landmarks follow. What they
-    measured is told through the new lens already; it is carried to `timing`, without the `tilt` (2) of its depth.
+    The old lens or tilt has placed them, and those landmarks have moved since. Each key frame starts from its pose
+    relative to the one before it, and stays there where it shares few landmarks; its own landmarks follow. What they
+    measured is already converted to the new lens; it is carried to `timing`, and the `tilt` (2) of depth taken out.
     """
     L, T_old_new = map_.landmarks, np.eye(4)
     newer = _newer(map_, newest)

@@ -15,7 +15,10 @@ from odom.geometry.arrays import Array, Index
 
 @dataclass(frozen=True, eq=False)
 class Observations:
-    """N measurements, sorted by landmark: numbers of frame and landmark, and their values (see `Measurements`)."""
+    """N measurements, sorted by landmark: numbers of frame and landmark (N), and their values (see `Measurements`).
+
+    These are `values` (N x 3), their `jacobian_timing` (N x 3 x t) and `variances` (N x 4).
+    """
 
     keyframe: Index
     landmark: Index
@@ -30,7 +33,7 @@ def gather_observations(
     """Return what `frames` measured of the landmarks that at least two of them share, and those landmarks' rows.
 
     Numbers of frames and landmarks in the result count from 0 in the order given and returned; the values are
-    carried to the timing of `sensor`. `T_camera_map` (K x 4 x 4) says about where the frames are.
+    carried to the timing of `sensor`. `T_camera_map` (K x 4 x 4) are the frames' poses, roughly.
     """
     frame_numbers, rows, measured = [], [], []
     for number, frame in enumerate(frames):

@@ -13,8 +13,8 @@ from odom.geometry.neighbours import nearest
 def note_sightings(landmarks: Landmarks, tracked: Tracked, since_previous_s: float) -> None:
     """Count what a tracked frame found and what it missed, and remove landmarks that have been gone for long enough.
 
-    One that was hidden is not blamed for it: behind a person who stops, the map stays as it was. The neighbours of a
-    landmark that is removed are looked for in the next frames, all of them: they may have lain on the same thing.
+    A hidden landmark does not count as missed: behind a person who stops, the map stays as it was. All neighbours of a
+    landmark that is removed are looked for in the next frames: they may have lain on the same thing.
     """
     found, missed, sight = tracked.inlying.rows, tracked.missed, tracked.sight
     landmarks.seen[found] += 1

@@ -1,4 +1,4 @@
-"""Which corners of a new key frame stand still, by what the last frames showed: only those become landmarks."""
+"""Which corners of a new key frame stand still, as the last frames show: only those become landmarks."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -54,9 +54,9 @@ class RecentViews:
         self._views.clear()
 
     def before(self, view: View, tracked: Tracked) -> "Before":
-        """Return what there is to tell what stands still in a tracked view; the map may move meanwhile."""
+        """Return what can tell what stands still in a tracked view, independent of later changes of the map."""
         looked = self._looked[1:] if self._looked is not None and self._looked[0] is tracked else ()
-        return Before(view, tracked, self._before(view, tracked), looked)
+        return Before(view, tracked, self._earlier_views(view, tracked), looked)
 
     def moving(self, view: View, tracked: Tracked, sensor: SensorModel) -> MovingCells | None:
         """Return which part of a tracked view moves, looked at once; None where no view is recent enough to tell."""
@@ -65,14 +65,14 @@ class RecentViews:
         return moving
 
     def what_else_moves(self, view: View, tracked: Tracked, sensor: SensorModel) -> WhatElseMoves | None:
-        """Return what moves in a tracked view beside the camera (see `other_motions`), None: nothing tells."""
+        """Return which other motions a tracked view shows (see `other_motions`); None where no view can tell."""
         stamp = view.steady_stamp
         for recent in reversed(self._views):
             if TUNING.spread_least_s <= _since_s(recent, stamp) <= TUNING.newest_s:
                 return what_else_moves(self._seen_from(recent, tracked), view, tracked.twist, sensor)
         return None
 
-    def _before(self, view: View, tracked: Tracked) -> list[EarlierView]:
+    def _earlier_views(self, view: View, tracked: Tracked) -> list[EarlierView]:
         """Return the views to look in, of the last while; none where even the newest is long ago.
 
         After a wide step, what was not seen well cannot be told from what moved.
@@ -91,10 +91,10 @@ class RecentViews:
 
 @dataclass(frozen=True, eq=False)
 class Before:
-    """A `tracked` `view` and `earlier` ones to look in; `looked` holds what was seen to move, if it was looked at.
+    """A `tracked` `view` and `earlier` ones to look in; `looked` holds the cells that move, if that was judged already.
 
-    The views that overlap with this one are few in a quick turn: in doubt, and where the depth of a whole view is
-    compared, only those are looked in.
+    In a quick turn few views overlap with this one: in doubt, and where the depth of a whole view is compared, only
+    those are looked in.
     """
 
     view: View
@@ -106,9 +106,9 @@ class Before:
         """Return which `corners` (n) of the view may become landmarks, and in how much of the view most moved.
 
         See `standing_score` and `moved_share`; landmarks found where the pose puts them count as standing. Corners are
-        measured again with the velocity that the rows of the image show: a mean one shears a quick turn. While the pose
-        is `in_doubt`, none that nothing can judge may, and none that stood for a frame or two only: a body that turns
-        round does so, too, and in doubt its landmarks would not be outvoted.
+        measured again with the velocity that the rows of the image show: the mean velocity would shear a quick turn.
+        While the pose is `in_doubt`, corners that no view can judge are refused, and those that stood for a frame or
+        two only: a body that turns round does that, too, and in doubt its landmarks would not be outvoted.
         """
         view, tracked = self.view, self.tracked
         nothing = np.zeros((len(corners.uv), 3))
@@ -170,7 +170,7 @@ class Evidence:
         return cls(np.zeros(n), np.zeros(n), np.zeros(n, dtype=np.bool_))
 
     def joined(self, seen: Sighting, age_s: float) -> "Evidence":
-        """Return the evidence with a view of `age_s` ago: in an old one even slow things are seen to have moved."""
+        """Return the evidence with a view of `age_s` ago; older ones weigh more, since slow things moved farther."""
         weight = age_s / (age_s + TUNING.slow_s)
         visible = seen.visible | seen.moves
         missed = visible & ~seen.stands & ~seen.moves
@@ -187,12 +187,12 @@ def _evidence(view: View, patches: CornerPatches, views: list[EarlierView], sens
 
 
 def standing_score(points: Array, evidence: Evidence, in_doubt: bool = False) -> Array:
-    """Return how much more says that n corners, at `points` (n x 3, m), stand than that they move (n, at most 3).
+    """Return a score (n) of n corners at `points` (n x 3, m): above 0 where they rather stand than move.
 
     A corner is judged with its neighbours in space, so that what was never seen before goes with the body that it is a
-    part of, and a single false match does no harm. Where hardly anything was seen to move, all that did not stand;
-    not while the pose is `in_doubt`: a body that just comes is not seen to move. Then, too, little evidence counts in
-    proportion.
+    part of, and a single false match does no harm. Where hardly anything was seen to move, all else stands (infinity),
+    unless the pose is `in_doubt`: a body that has just come is not seen to move yet. In doubt, little evidence counts
+    only in proportion. Other scores are between -3 and 3.
     """
     judged = np.flatnonzero(evidence.weight > 0.0)
     if not in_doubt and np.count_nonzero(evidence.moves) < max(TUNING.moving_least, TUNING.moving_share * len(judged)):
@@ -207,7 +207,7 @@ def standing_score(points: Array, evidence: Evidence, in_doubt: bool = False) ->
 
 
 def standing_since(view: View, corners: Corners, earlier: EarlierView, sensor: SensorModel) -> Mask:
-    """Return which `corners` (n) of a view an `earlier` one shows to stand, where no map tells anything of the two."""
+    """Return which `corners` (n) of a view stand still, as an `earlier` view shows by itself, without a map."""
     patches = CornerPatches.of(view, corners.uv, corners.measurements)
     evidence = _evidence(view, patches, [earlier], sensor)
     return (evidence.weight > 0.0) & (standing_score(patches.position, evidence, True) > 0.0)

@@ -1,9 +1,9 @@
-"""The slope of a landmark's surface, alike in all frames that see it, and what the shutter's timing makes of it.
+"""The slope of a landmark's surface, the same in all frames that see it, and the timing's derivatives that follow.
 
-How the depth of a feature changes with the time at which it is read hangs on the slope there. The slope read in one
+How the depth of a feature changes with the time at which it is read depends on the slope there. The slope read in one
 frame is noisy, at edges above all, and noise in a derivative makes what is fitted by it too small (errors in
-variables: W. Fuller, "Measurement error models", 1987): of a lag of depth that was expected 15 ms too short, half was
-found on fr1. So all frames that see a landmark agree on the normal of its surface.
+variables: W. Fuller, "Measurement error models", 1987): where the lag of depth was expected 15 ms too short, only half
+of that was found on fr1. So all frames that see a landmark share one normal of its surface.
 """
 
 from dataclasses import replace
@@ -14,14 +14,14 @@ from odom.frontend.features.measurement import Measurements
 from odom.geometry.arrays import Array, Index
 
 _LEAST_ROW = 1e-3
-"""Share of the image's height from its middle row, below which rows tell nothing of rates."""
+"""Share of the image's height: rows that are nearer to the middle one tell nothing of rates."""
 
 
 def steady_rise(values: Array, rise: Array, R_camera_map: Array, landmark: Index) -> Array:
-    """Return the slope of inverse depth (N x 2, 1/m for each unit of x/z, y/z) where surfaces have one normal each.
+    """Return the slope of inverse depth (N x 2, 1/m for each unit of x/z, y/z) if each surface has a single normal.
 
-    `values` (N x 3: x/z, y/z, 1/z) and `rise` (N x 2) are as measured in single frames, with `R_camera_map` (N x 3 x
-    3), of the landmarks with numbers `landmark` (N). NaN where no depth was measured.
+    `values` (N x 3: x/z, y/z, 1/z) and `rise` (N x 2, the slope) are as measured in single frames of rotation
+    `R_camera_map` (N x 3 x 3), of the landmarks with numbers `landmark` (N). NaN where no depth was measured.
     """
     x, y, w = values.T
     normal = np.column_stack([rise, w - x * rise[:, 0] - y * rise[:, 1]])
@@ -35,10 +35,10 @@ def steady_rise(values: Array, rise: Array, R_camera_map: Array, landmark: Index
 
 
 def with_rise(jacobian_timing: Array, change: Array, half_readout: Array) -> Array:
-    """Return the derivatives by the timing (N x 3 x 3, see `Measurements`) where the rise is other by `change` (N x 2).
+    """Return the derivatives by the timing (N x 3 x 3, see `Measurements`) after the rise changed by `change` (N x 2).
 
-    They hold the row in which a feature was seen and how fast it moves; `half_readout` (N) is the timing's. Where
-    `change` is not finite, or the row tells no rate, they stay.
+    The feature's row and velocity are found from them; `half_readout` (N) is the timing's. Where `change` is not
+    finite, or the row tells no rate, they stay.
     """
     J = jacobian_timing.copy()
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -55,7 +55,7 @@ def with_rise(jacobian_timing: Array, change: Array, half_readout: Array) -> Arr
 def steadied(
     measured: Measurements, R_camera_map: Array, landmark: Index, half_readout: Array, focal_px: Array
 ) -> Measurements:
-    """Return measurements (N) whose derivatives by the timing are of surfaces that have one normal each.
+    """Return measurements (N) with derivatives by the timing as if each surface had a single normal.
 
     `R_camera_map` (N x 3 x 3) and `landmark` (N) as in `steady_rise`, `half_readout` (N) is that of the timing each
     was measured by; `focal_px` (2: fx, fy) is the lens's.

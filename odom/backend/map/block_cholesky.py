@@ -1,7 +1,7 @@
 """Cholesky factors of large sparse symmetric matrices of 6 x 6 blocks, one row and column of blocks for each pose.
 
 The factor's pattern follows from which poses have a common block (T. Davis, "Direct methods for sparse linear systems",
-2006, chapter 4): it is found once, by scipy, on the matrix of one number a block. The blocks are eliminated in the
+2006, chapter 4): it is found once, by scipy, on a matrix of one number for each block. The blocks are eliminated in the
 order of least fill (SuperLU's minimum degree). All loops run without the GIL, so that frames need not wait for them.
 """
 
@@ -18,11 +18,11 @@ from odom.geometry.compiled import compiled
 
 @dataclass(frozen=True, eq=False)
 class BlockPattern:
-    """Where the factor of an n x n matrix of blocks has blocks: `row` (ascending) of each, by column from `start` on.
+    """Where the factor of an n x n matrix of blocks has blocks: `row` is that of each, ascending in each column.
 
-    `place` (n) is the row and column that a block of the matrix has in the factor, after reordering; the first block of
-    a column is that of the diagonal. `slot` (m) says where the blocks off the diagonal go that the pattern was made of,
-    and `is_turned` which of them are transposed there.
+    Column j begins at `start[j]` (n + 1) with the block on the diagonal. `place` (n) is a pose's row and column in the
+    factor, after reordering. `slot` (m) is where each off-diagonal block goes that the pattern was made of, and
+    `is_turned` (m) whether it is transposed there.
     """
 
     place: Index
@@ -57,6 +57,7 @@ class BlockPattern:
 
 @compiled
 def _slots(start: Index, row: Index, column: Index, below: Index) -> Index:
+    """Return where the blocks of each `column` and the row `below` (m) are, by bisection."""
     out = np.empty(len(column), np.int64)
     for e in range(len(column)):
         low, high = start[column[e]], start[column[e] + 1] - 1
@@ -74,11 +75,12 @@ def _slots(start: Index, row: Index, column: Index, below: Index) -> Index:
 def factorise(start: Index, row: Index, L: Array) -> bool:
     """Turn the lower triangle `L` (blocks x 6 x 6, by the pattern) into its Cholesky factor; False where it has none.
 
-    Column by column: each is divided by the root of its diagonal block, and its products leave the columns that its
-    rows name (right-looking).
+    Right-looking: column by column, blocks are divided by the factor of the diagonal one, and their products are
+    subtracted from the columns of their rows.
     """
     for j in range(len(start) - 1):
         first, stop = start[j], start[j + 1]
+        # the block on the diagonal: D <- chol(D)
         D = L[first]
         for i in range(6):
             for k in range(i + 1):
@@ -91,6 +93,7 @@ def factorise(start: Index, row: Index, L: Array) -> bool:
                     D[i, i] = math.sqrt(rest)
                 else:
                     return False
+        # the blocks below: B <- B inv(D)'
         for p in range(first + 1, stop):
             B = L[p]
             for i in range(6):
@@ -99,6 +102,7 @@ def factorise(start: Index, row: Index, L: Array) -> bool:
                     for c in range(k):
                         rest -= B[i, c] * D[k, c]
                     B[i, k] = rest / D[k, k]
+        # later columns: L[row q, column p] -= B_q B_p'
         for p in range(first + 1, stop):
             at = start[row[p]]
             for q in range(p, stop):

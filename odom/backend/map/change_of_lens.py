@@ -1,4 +1,4 @@
-"""A map as another lens would have made it: what was measured in it is told anew, poses stay for an adjustment."""
+"""A map converted to another lens: measurements, landmarks and places; poses are left to an adjustment."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ def positions_through(map_: Map, change: LensChange, rows: Index) -> tuple[Array
 
 
 def see_through(map_: Map, change: LensChange) -> None:
-    """Tell all that key frames measured, their landmarks and their places, through the new lens."""
+    """Convert all that key frames measured, their landmarks and their places to the new lens."""
     L = map_.landmarks
     rows = np.flatnonzero(L.alive)
     L.position[rows], L.plane[rows, 0] = positions_through(map_, change, rows)

@@ -1,4 +1,4 @@
-"""Registrations as arrays, kept up to date beside the graph: what works on all of them takes a copy in no time."""
+"""Registrations as arrays, kept up to date beside the graph, so that all of them can be copied quickly."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -54,11 +54,11 @@ class LoggedFrame:
 
 
 class FrameLog:
-    """The newest frames in order, given back to the bit but without covariances; beyond `most` the oldest block goes.
+    """The newest frames in order, without their covariances; beyond `most` the oldest block is dropped.
 
     `last` is the newest as it was given, None where there is none. `count` says how many there ever were, `dropped` how
-    many of them are gone: those are missing in the final trajectory, while their poses as published are wherever they
-    went. Only blocks that are used take memory.
+    many of them are gone: those are missing in the final trajectory, but their poses have been published. Only blocks
+    that are used take memory.
     """
 
     def __init__(self, block: int = _BLOCK, most: int = _MOST) -> None:

@@ -1,4 +1,4 @@
-"""The normal equations of a pose graph, in a compiled loop: each registration's share of them, robust where it closes.
+"""The normal equations of a pose graph, in a compiled loop: the sum over registrations, with robust loop closures.
 
 A registration T_a_b of information W has the residual r = log(inv(T_a_b) D), D = inv(T_a) T_b. With T <- T exp(xi) its
 derivatives are J by xi_b and -J Ad(inv(D)) by xi_a, J = I + ad(r) / 2 + ad(r)^2 / 12, the inverse right Jacobian
@@ -18,6 +18,7 @@ from odom.geometry.compiled_se3 import moved, put
 @compiled
 def _residual(T_a_map: Array, T_b_map: Array, T_a_b: Array, D: Array, r: Array) -> None:
     """Set `D` (3 x 4) to the motion between two poses and `r` (6, translation first) to log(inv(T_a_b) D)."""
+    # D = T_a_map inv(T_b_map), E = inv(T_a_b) D
     for i in range(3):
         for j in range(3):
             D[i, j] = T_a_map[i, 0] * T_b_map[j, 0] + T_a_map[i, 1] * T_b_map[j, 1] + T_a_map[i, 2] * T_b_map[j, 2]
@@ -27,6 +28,7 @@ def _residual(T_a_map: Array, T_b_map: Array, T_a_b: Array, D: Array, r: Array) 
         for j in range(4):
             E[i, j] = T_a_b[0, i] * D[0, j] + T_a_b[1, i] * D[1, j] + T_a_b[2, i] * D[2, j]
         E[i, 3] -= T_a_b[0, i] * T_a_b[0, 3] + T_a_b[1, i] * T_a_b[1, 3] + T_a_b[2, i] * T_a_b[2, 3]
+    # log(E): the rotation vector (x, y, z), and inv(V) t = t - w x t / 2 + c w x (w x t) of the translation t
     sx, sy, sz = 0.5 * (E[2, 1] - E[1, 2]), 0.5 * (E[0, 2] - E[2, 0]), 0.5 * (E[1, 0] - E[0, 1])
     sine = math.sqrt(sx * sx + sy * sy + sz * sz)
     angle = math.atan2(sine, 0.5 * (E[0, 0] + E[1, 1] + E[2, 2] - 1.0))
@@ -110,6 +112,7 @@ def accumulate(
     cost = 0.0
     for e in range(len(a)):
         _residual(T_camera_map[a[e]], T_camera_map[b[e]], T_a_b[e], D, r)
+        # W r, chi2 = r' W r and the robust cost
         W = information[e]
         chi2 = 0.0
         for i in range(6):
@@ -124,6 +127,7 @@ def accumulate(
             cost += bound * (2.0 * sigmas - bound)
         else:
             cost += chi2
+        # W J by each pose, with the robust weight
         _derivatives(D, r, J_a, J_b)
         for i in range(6):
             for j in range(6):
@@ -132,6 +136,7 @@ def accumulate(
                     by_a += W[i, c] * J_a[c, j]
                     by_b += W[i, c] * J_b[c, j]
                 WJ_a[i, j], WJ_b[i, j] = weight * by_a, weight * by_b
+        # g -= J' W r, and J' W J into the blocks of a, of b and between the two
         at_a, at_b = place[a[e]], place[b[e]]
         for i in range(6):
             for c in range(6):

@@ -8,12 +8,12 @@ from odom.backend.map.saved import SavedDetails
 
 @dataclass(eq=False)
 class Journal:
-    """Key frames that are new or elsewhere (`moved`), whose details are other (`measured`), and registrations.
+    """Key frames that are new or have moved (`moved`), or whose details changed (`measured`), and registrations.
 
-    `carried` are those of which nothing but the pose is other: a closed loop moves thousands at once.
+    `carried` are those of which nothing but the pose changed: a closed loop moves thousands at once.
     `thinned` are those that have lost landmarks: they are saved again at the end, or when they leave memory.
-    `set_aside` holds the details of key frames that left memory before they were taken. Of a map that is not saved
-    nothing is noted: it `is_kept` False.
+    `set_aside` holds the details of key frames that left memory before they were taken. Nothing is noted unless the
+    journal `is_kept`, which it is for a map that is saved.
     """
 
     is_kept: bool = False
@@ -25,17 +25,17 @@ class Journal:
     set_aside: dict[int, SavedDetails] = field(default_factory=dict)
 
     def move(self, keyframes: Iterable[int]) -> None:
-        """Note that key frames are new, elsewhere, or linked with others."""
+        """Note that key frames are new, or have new poses or links."""
         if self.is_kept:
             self.moved.update(keyframes)
 
     def carry(self, keyframes: Iterable[int]) -> None:
-        """Note that key frames are elsewhere, and otherwise as they were."""
+        """Note that key frames have new poses, and are otherwise unchanged."""
         if self.is_kept:
             self.carried.update(keyframes)
 
     def measure(self, keyframes: Iterable[int]) -> None:
-        """Note that the details of key frames are other than they were."""
+        """Note that the details of key frames have changed."""
         if self.is_kept:
             self.measured.update(keyframes)
 
@@ -45,7 +45,7 @@ class Journal:
             self.thinned.update(keyframes)
 
     def register(self, a: int, b: int) -> None:
-        """Note that the registration of two key frames is new or other than it was."""
+        """Note that the registration of two key frames is new or has changed."""
         if self.is_kept:
             self.registered.add((min(a, b), max(a, b)))
 

@@ -37,8 +37,8 @@ class Measured:
 class Observed:
     """What a frame measured of landmarks, which `rows` and `identities` (n) name, computed with `timing`.
 
-    `displaced` is what it measured of others, which it found near where its pose predicts them but not there (None:
-    nothing). The map is not made of it. A poor lens shows in it: without it, that lens would be found again.
+    `displaced` is what it measured of further landmarks, found near where its pose predicts them but not there (None:
+    nothing). It is not used for the map, but it shows a poor lens: without it, calibration would find that lens again.
     """
 
     rows: Index
@@ -54,13 +54,13 @@ class Observed:
         return Observed(rows=measured.rows, identities=identities, measurements=measured.measurements, timing=timing)
 
     def see_through(self, change: LensChange) -> None:
-        """Tell what was measured through a new lens."""
+        """Convert what was measured to a new lens."""
         self.measurements = change.measured(self.measurements)
         if self.displaced is not None:
             self.displaced.see_through(change)
 
     def current(self, landmarks: Landmarks) -> Mask:
-        """Return which of the measured landmarks are still in the map (n); those culled at once have the identity 0."""
+        """Return which of the measured landmarks are still in the map (n); identity 0: culled before it was noted."""
         return np.asarray((landmarks.identity[self.rows] == self.identities) & (self.identities > 0))
 
 

@@ -68,7 +68,7 @@ class Landmarks:
         patch_half: NDArray[np.uint8],
         identity: Index | None = None,
     ) -> Index:
-        """Add n landmarks first seen in `keyframe`; return their rows. Only those of a saved map have an identity."""
+        """Add n landmarks first seen in `keyframe`; return their rows. Those of a saved map have an `identity` (n)."""
         n = len(position)
         rows = np.flatnonzero(~self.alive)[:n]
         if len(rows) < n:

@@ -44,9 +44,9 @@ class Map:
     pruned (see `pruning`), each in order; `followers` the forgotten ones that move with a remembered one, by its
     number. `places` is the index of what the remembered ones look like.
 
-    A saved map (see `memory`) has further ones that are `away`, since the camera is not near; `details` fetches what
-    they measured, and `journal` notes what changes. Those below `earlier` were made before this `session`: adjustments
-    leave them where they are, and where the map `is_fixed`, closed loops do so too.
+    In a saved map (see `memory`) those far from the camera are `away`, not in memory; `details` fetches what they
+    measured, and `journal` notes what changes. Key frames numbered below `earlier` were made before this `session`:
+    adjustments leave them where they are, and where the map `is_fixed`, closed loops do so too.
     """
 
     landmarks: Landmarks = field(default_factory=Landmarks)
@@ -73,7 +73,7 @@ class Map:
         against: int | None,
         covariance: Array,
     ) -> Keyframe:
-        """Keep a frame that measured `known` landmarks; those that it shows first come with `add_corners`.
+        """Add a key frame that measured `known` landmarks; `add_corners` adds those that it is the first to show.
 
         `against` is the key frame it was registered against, with that `covariance` (6 x 6); None begins a segment.
         """
@@ -99,7 +99,7 @@ class Map:
         self.remembered.append(number)
         anchors, shared = np.unique(self.landmarks.keyframe[known.rows], return_counts=True)
         self.links.append(set())
-        enough = min(TUNING.link_landmarks, max(shared, default=0))  # a few key frames behind a crowd cut nothing off
+        enough = min(TUNING.link_landmarks, max(shared, default=0))  # at least one link, also where a crowd hides most
         for other in anchors[shared >= enough].tolist():
             self.link(number, other)
         if against is not None:
@@ -239,7 +239,7 @@ class Map:
         self._follow(numbers[here].tolist(), T_new_old)
 
     def _follow(self, heirs: list[int], T_new_old: Array) -> None:
-        """Move what follows each of the `heirs` (n) as the map around it was, by `T_new_old` (n x 4 x 4)."""
+        """Move the followers of each of the `heirs` (n) as the map around it moved, by `T_new_old` (n x 4 x 4)."""
         following = [(n, row) for row, heir in enumerate(heirs) for n in self.followers.get(heir, ())]
         if following:
             behind = [self.keyframes[n] for n, _ in following]

@@ -23,7 +23,7 @@ from odom.geometry.arrays import Array, Index
 def open_map(saved: SavedMap) -> Map:
     """Return the map that was saved, with all key frames set aside.
 
-    In a fixed one, the camera is as far off as the key frames around it (see `shape_covariances`).
+    In a fixed one, key frames have the covariance of their places in the whole map (see `shape_covariances`).
     """
     map_ = Map(details=saved.details)
     map_.places.blocks, map_.places.elsewhere = saved.blocks, saved.details.fetch_place
@@ -76,11 +76,11 @@ def details_of(map_: Map, number: int) -> SavedDetails:
         keyframe.uv,
         keyframe.measurements,
         landmarks,
-        place or _kept(map_, number),
+        place or _saved_place(map_, number),
     )
 
 
-def _kept(map_: Map, number: int) -> Place | None:
+def _saved_place(map_: Map, number: int) -> Place | None:
     return map_.details.fetch_place(number) if map_.details is not None and number < map_.earlier else None
 
 
@@ -132,7 +132,7 @@ def recall_near(map_: Map, keyframe: int, T_camera_map: Array, at_once: int = TU
 
 
 def expect_around(map_: Map, keyframes: Iterable[int]) -> None:
-    """Let the disk be read for those that were set aside around key frames: those made right before and after them."""
+    """Begin to read from disk those set aside that were made right before and after the given key frames."""
     if map_.details is not None:
         half = TUNING.recalled // 2
         map_.details.expect([n for k in keyframes for n in range(k - half, k + half + 1) if n in map_.away])
@@ -196,7 +196,7 @@ def take_changes(map_: Map) -> MapChanges:
 
 
 def saved_keyframe(map_: Map, number: int) -> SavedKeyframe:
-    """Return what is to be saved of where a key frame is."""
+    """Return what is to be saved of a key frame's pose and links."""
     k = map_.keyframes[number]
     links = tuple(sorted(n for n in map_.links[number] if n < number))
     T, T_middle_stamp, covariance = (_copy(M) for M in (k.T_camera_map, k.T_middle_stamp, k.covariance_since_start))

@@ -1,6 +1,6 @@
 """The pose graph of key frames: registrations as edges, loop closures with robust weights.
 
-What works beside frames is compiled and leaves the interpreter to them.
+What runs in the background is compiled and releases the GIL, so that frames need not wait.
 """
 
 from collections.abc import Collection, Sequence
@@ -140,7 +140,7 @@ class Equations:
 
 
 def optimise(T_camera_map: Array, is_held: Mask, edges: EdgeArrays) -> Array:
-    """Return the poses (K x 4 x 4) that agree best with all `edges`, whose ends are their rows.
+    """Return the poses (K x 4 x 4) that agree best with all `edges`, whose ends are row numbers of poses.
 
     Those that are held stay where they are; something must be held of each part that edges connect. Levenberg-Marquardt
     with Huber's weights on loops.

@@ -55,7 +55,7 @@ def seen_from(landmarks: SavedLandmarks, T_new_old: Array, lens: Lens) -> SavedL
 
 
 def _planes(landmarks: SavedLandmarks, T_new_old: Array, lens: Lens) -> Array:
-    """Return inverse depth and slopes (n x 3) of the surfaces in another camera; about a landmark the lens is straight.
+    """Return inverse depth and slopes (n x 3) of the surfaces in another camera, for a lens that is linear nearby.
 
     A surface n' X = 1 has the inverse depth n' (x, y, 1) at the ray (x, y).
     """

@@ -22,15 +22,15 @@ class Registrations:
     """The graph of registrations: for every key frame its own, by the other one's number; all of them as a `table`.
 
     A forgotten key frame keeps the one with its heir, which is not in the heir's own list. Covariances that were asked
-    for are cached until ways change; a `journal` notes what does.
+    for are cached until paths change; a `journal` notes what changes.
     """
 
     def __init__(self) -> None:
         self._of: defaultdict[int, dict[int, Edge]] = defaultdict(dict)
         self._between: dict[tuple[int, int], Array | None] = {}
         self._leaf_of: dict[int, int] = {}
-        """Key frames that began as the end of a way, and where that way left the others: older ones reach it by no
-        other, until it is joined elsewhere."""
+        """Key frames that were added as the end of a path, with the one before on it: there is no other path from older
+        key frames, until one is registered with another."""
         self.table = EdgeTable()
         self.journal = Journal()
 
@@ -46,10 +46,10 @@ class Registrations:
         if edge.a < edge.b and not self._of[edge.b]:
             self._leaf_of[edge.b] = edge.a
         else:
-            self._forget_ways()
+            self._forget_paths()
         self._put(edge)
 
-    def _forget_ways(self) -> None:
+    def _forget_paths(self) -> None:
         self._between.clear()
         self._leaf_of.clear()
 
@@ -85,7 +85,7 @@ class Registrations:
         Each is composed with the registration of the two, so that no chain's covariance shrinks, and one through both
         stays as it was.
         """
-        self._forget_ways()
+        self._forget_paths()
         known = self._of[number].pop(heir).seen_from(heir)
         others = self.of(number)
         for edge in others:
@@ -98,7 +98,7 @@ class Registrations:
         return [edge.b for edge in others]
 
     def covariance_between(self, a: int, b: int) -> Array | None:
-        """Return the 6 x 6 covariance (`se3`, frame b) of T_a_b along the surest way, None where there is none.
+        """Return the 6 x 6 covariance (`se3`, frame b) of T_a_b along the surest path, None where there is none.
 
         Of two key frames, only `a` may be forgotten.
         """
@@ -109,7 +109,7 @@ class Registrations:
         if len(self._between) > _MOST_CACHED:
             self._between.clear()
         if (a, b) not in self._between:
-            self._between[a, b] = self._covariance_of(self._surest_way(a, b))
+            self._between[a, b] = self._covariance_of(self._surest_path(a, b))
         found = self._between[a, b]
         for edge in reversed(onward):
             found = None if found is None else se3.compose_covariance(found, edge.T_a_b, edge.covariance)
@@ -117,23 +117,23 @@ class Registrations:
         return found
 
     @staticmethod
-    def _covariance_of(way: list[Edge] | None) -> Array | None:
-        if way is None:
+    def _covariance_of(path: list[Edge] | None) -> Array | None:
+        if path is None:
             return None
         total = np.zeros((6, 6))
-        for edge in way:
+        for edge in path:
             total = se3.compose_covariance(total, edge.T_a_b, edge.covariance)
         return total
 
     def covariances_from(self, a: int) -> dict[int, Array]:
-        """Return the 6 x 6 covariances (`se3`, frame b) of T_a_b along the surest ways, by b, `a` itself included."""
+        """Return the 6 x 6 covariances (`se3`, frame b) of T_a_b along the surest paths, by b, `a` itself included."""
         found = {a: np.zeros((6, 6))}
         for at, start, edge in self._outward(a):
             onward = edge.seen_from(start)
             found[at] = se3.compose_covariance(found[start], onward.T_a_b, onward.covariance)
         return found
 
-    def _surest_way(self, a: int, b: int) -> list[Edge] | None:
+    def _surest_path(self, a: int, b: int) -> list[Edge] | None:
         """Return the registrations from `a` to `b`, each as seen from where it is left."""
         left_from: dict[int, tuple[int, Edge]] = {}
         for at, start, edge in self._outward(a) if a != b else ():
@@ -142,15 +142,15 @@ class Registrations:
                 break
         if a != b and b not in left_from:
             return None
-        way: list[Edge] = []
+        path: list[Edge] = []
         while b != a:
             start, edge = left_from[b]
-            way.insert(0, edge.seen_from(start))
+            path.insert(0, edge.seen_from(start))
             b = start
-        return way
+        return path
 
     def _outward(self, a: int) -> Iterator[tuple[int, int, Edge]]:
-        """Yield key frames from the surest of `a` on, and from where and how each is reached (Dijkstra's algorithm)."""
+        """Yield key frames, surest from `a` first, with the one before and the edge from there (Dijkstra)."""
         left_from: dict[int, tuple[int, Edge]] = {}
         variance, waiting, done = {a: 0.0}, [(0.0, a)], set()
         while waiting:

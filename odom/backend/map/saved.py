@@ -80,9 +80,9 @@ class Details(Protocol):
 class SavedMap:
     """An opened map: its key frames, by number from 0 on, and registrations; `details` are fetched when needed.
 
-    `blocks` are the index of the places, and `next_identity` is the first that no landmark has borne. With `is_fixed`
-    nothing that was saved moves any more, and the camera has no pose until it is recognised; otherwise the map is gone
-    on with as `session`. `sensor` is what the newest session has learnt of the camera.
+    `blocks` are the index of the places, and `next_identity` is the first that no landmark has had. With `is_fixed`
+    nothing that was saved moves any more, and the camera has no pose until a place is recognised; otherwise the map is
+    extended as `session`. `sensor` is what the newest session has learnt of the camera.
     """
 
     keyframes: tuple[SavedKeyframe, ...]
@@ -97,9 +97,9 @@ class SavedMap:
 
 @dataclass(frozen=True, eq=False)
 class MapChanges:
-    """What is new or other since changes were last taken: values that take the place of earlier ones.
+    """What is new or has changed since changes were last taken: values that replace earlier ones.
 
-    `poses` are T_camera_map of further key frames, by number, of which nothing else is other.
+    `poses` are T_camera_map of further key frames, by number, of which nothing else has changed.
     """
 
     keyframes: tuple[SavedKeyframe, ...] = ()

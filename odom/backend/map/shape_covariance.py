@@ -1,8 +1,8 @@
-"""How far each key frame of a saved map may be from where the map as a whole says that it is.
+"""How far each key frame of a saved map may be from its true place in the map as a whole.
 
 The registrations that placed the key frames err, so the map is bent: a camera found near one key frame is as far off
-as that key frame is. Where all is determined but the place of the whole, that is chosen: coordinates are those in which
-the key frames' errors, in metres and radians, are least. No single key frame, not even the first, is without error.
+as that key frame is. The pose of the whole is free (the gauge): coordinates are chosen in which the key frames' errors,
+in metres and radians, are least. No single key frame, not even the first, is without error.
 """
 
 import numpy as np
@@ -18,8 +18,8 @@ from odom.geometry.arrays import Array, Index
 def shape_covariances(T_camera_map: Array, edges: EdgeArrays) -> Array:
     """Return the covariance (K x 6 x 6, `se3`, camera frame) of each pose (K x 4 x 4) in the map that `edges` join.
 
-    Ends of edges are rows of the poses. Each connected part has coordinates of its own (see the module); a pose that
-    nothing is joined with is sure by definition.
+    Ends of edges are row numbers of poses. Each connected part has coordinates of its own (see the module); a pose that
+    no edge joins is exact by definition.
     """
     K = len(T_camera_map)
     joined = coo_matrix((np.ones(len(edges.a)), (edges.a, edges.b)), shape=(K, K))
@@ -49,9 +49,9 @@ def _swings(T_camera_map: Array, part: Index, parts: int) -> Array:
 
 
 def _held_covariances(T_camera_map: Array, edges: EdgeArrays, held: Index, share: Array) -> tuple[Array, Array]:
-    """Return the covariances of poses (K x 6 x 6) where those `held` are sure, and those with the sum of `share'` xi.
+    """Return the poses' covariances (K x 6 x 6) if those `held` are exact, and their covariances with sum `share`' xi.
 
-    Both are 0 for what is held. The sum goes over a part's poses, xi is a pose's error and its `share` 6 x 6.
+    Both are 0 for what is held. The sum is over a part's poses; xi is a pose's error, and its `share` is 6 x 6.
     """
     K = len(T_camera_map)
     own, is_held = np.zeros((K, 6, 6)), np.zeros(K, dtype=np.bool_)

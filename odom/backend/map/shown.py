@@ -32,7 +32,7 @@ class ShownPath:
         self._put_off = 0
 
     def is_due(self, is_other: bool, has_time: bool) -> bool:
-        """Return whether to show the path after a frame, by which it `is_other` or not.
+        """Return whether to show the path after a frame; `is_other`: the frame changed it.
 
         It is put off for a few frames, until one has time.
         """
@@ -42,7 +42,7 @@ class ShownPath:
         return is_due
 
     def of(self, map_: Map) -> tuple[TrajectoryPose, ...]:
-        """Return the path of a map, always of the same one."""
+        """Return the path of a map, which must be the same at each call."""
         keyframes, known, step, moved = map_.keyframes, self._known, 1, []
         while len(keyframes) - len(map_.remembered) > step * _MOST_FAR_IN_PATH:
             step *= 2

@@ -1,4 +1,4 @@
-"""Features seen in motion: where the images show them, and all carried to the time of the middle row."""
+"""Features seen in motion: where a rolling shutter shows them, and how they are carried to the middle row's time."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,9 @@ from odom.geometry.compiled import compiled
 _ROW_STEPS = 4
 """Newton's steps to the row that shows a point: at 6 rad/s they leave less than a hundredth of a pixel on average."""
 _LANES = 64
-"""Points of a block that run to their rows together: a constant, so that the compiler sees that rows don't overlap."""
-_SLOWEST_ROWS = 0.1
-"""How much slower than it is a shutter's readout seems, at the least, where points run along with it."""
+"""Points of a block: a constant, so that the compiler sees that the rows of a block do not overlap."""
+_LEAST_SLOPE = 0.1
+"""Least derivative that a Newton step divides by: it would be 0 for a point that moves along with the readout."""
 
 
 @compiled
@@ -25,9 +25,10 @@ def _find_rows(
     twist: tuple[float, ...],
     readout_s: float,
 ) -> None:
-    """Let a block of points run to the rows that show them: six rows of `_LANES` numbers.
+    """Take a block of points one Newton step nearer to the rows that show them.
 
-    Those are x/z, y/z and z as the middle row shows them, x/z and y/z as they are shown, and how late that is (s).
+    The block has six rows of `_LANES` numbers: x/z, y/z and z as the middle row shows them, x/z and y/z as their own
+    row shows them, and how much later than the middle one that is read (s).
     """
     latest_s = 0.5 * abs(readout_s)
     for k in range(_LANES):
@@ -35,8 +36,8 @@ def _find_rows(
         _u, v = pixel_of(x, y, intrinsics, distortion)
         xd, yd, _wd = point_flow(x, y, 1.0 / block[k + 2 * _LANES], twist)
         late_s = (v / height - 0.5) * readout_s - row_s
-        slower = 1.0 - yd * intrinsics[1] * readout_s / height
-        row_s += late_s / (slower if slower > _SLOWEST_ROWS else _SLOWEST_ROWS)
+        slope = 1.0 - yd * intrinsics[1] * readout_s / height
+        row_s += late_s / (slope if slope > _LEAST_SLOPE else _LEAST_SLOPE)
         row_s = row_s if row_s > -latest_s else -latest_s
         row_s = row_s if row_s < latest_s else latest_s
         block[k + 3 * _LANES], block[k + 4 * _LANES] = block[k] + xd * row_s, block[k + _LANES] + yd * row_s
@@ -57,9 +58,9 @@ def seen_in_motion(
 ) -> Array:
     """Return (n x 3): pixel u, v of `points` (n x 3) as a rolling shutter shows them, and their depth z.
 
-    `T_camera_points` is the pose of the middle row, at whose time z is meant; the camera moves with `twist` (6, SI).
-    NaN where not in the image less `margin` pixels. The row in which a point is seen says when, and when says in which
-    row: `carried` takes these pixels back to where the middle row would have shown the points.
+    `T_camera_points` and z are those at the middle row's time; the camera moves with `twist` (6, SI). NaN where not in
+    the image less `margin` pixels. The row in which a point is seen depends on the time, and the time on the row:
+    Newton's steps find both. `carried` takes these pixels back to where the middle row would have shown the points.
     """
     n = points.shape[0]
     out = np.full((n, 3), np.nan)
@@ -86,7 +87,7 @@ def seen_in_motion(
 def middle_rays(rays: NDArray[np.float32], uv: Array, near: Array, twist: Array, readout_s: float) -> Array:
     """Return the rays (n x 2) of pixels `uv` (n x 2) as the middle row of a camera moving with `twist` would show them.
 
-    `near` (n, 1/m) are inverse depths, about.
+    `near` (n, 1/m) are rough inverse depths.
     """
     out = np.empty((uv.shape[0], 2))
     for k in range(uv.shape[0]):
@@ -124,9 +125,9 @@ def moving(
     depth_readout_s: float,
     model: Array,
 ) -> tuple[Array, Array]:
-    """Return rays (n x 2) with their rates and that of inverse depth (n x 5 together), and where to read depth (n x 2).
+    """Return rays, their rates and that of inverse depth (n x 5), and the pixels where depth is to be read (n x 2).
 
-    `near` (n, 1/m) are inverse depths, about. The depth is read at the pixel where the feature was when its row of the
+    `near` (n, 1/m) are rough inverse depths. The depth is read at the pixel where the feature was when its row of the
     depth image was taken.
     """
     height, width = rays.shape[:2]
@@ -192,6 +193,7 @@ def carried(
         values[k, 0] = x - xd * row * readout_s
         values[k, 1] = y - yd * row * readout_s
         values[k, 2] = w - wd * (depth_delay_s + row * depth_readout_s)
+        # derivatives by the timing: 0 the colour image's readout, 1 the lag of depth, 2 the depth image's readout
         jacobian[k, 0, 0] = -xd * row
         jacobian[k, 1, 0] = -yd * row
         if w > 0.0:
@@ -199,6 +201,7 @@ def carried(
             jacobian[k, 2, 0] = (half - row) * jacobian[k, 2, 1] - wd * row
             jacobian[k, 2, 2] = row * jacobian[k, 2, 1]
             slope[k, 0], slope[k, 1] = su, sv
+        # pixel noise as the ray's, and the variance of inverse depth
         covariance[k, 0] = (covariance_uv[k, 0] + pixel_variance) / (fx * fx)
         covariance[k, 1] = covariance_uv[k, 1] / (fx * fy)
         covariance[k, 2] = (covariance_uv[k, 2] + pixel_variance) / (fy * fy)

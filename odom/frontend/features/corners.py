@@ -13,7 +13,7 @@ def detect_corners(image: NDArray[np.uint8], occupied_uv: Array, cell: int) -> A
     """Return n x 2 whole-pixel corners (Shi-Tomasi, CVPR 1994): the best in each free `cell` x `cell` square.
 
     A square is free when none of the features `occupied_uv` (m x 2 px) lies in it; corners keep a distance from those.
-    None is weaker than what the image's own noise makes.
+    None is weaker than those that the image's own noise makes.
     """
     weakest = max(TUNING.corner_weakest, TUNING.corner_over_noise * noise_of(image) ** 2)
     border, apart = TUNING.corner_border_px, TUNING.corner_apart_px

@@ -8,11 +8,11 @@ from odom.geometry.arrays import Array
 from odom.geometry.compiled import vectorised
 
 _WINDOW = 3
-"""The window is 2 * 3 + 1 = 7 pixels square: compiled in, since the loops over it are."""
+"""The window is 2 * 3 + 1 = 7 pixels square: a constant, so that the compiler unrolls the loops over it."""
 _SIDE = 2 * _WINDOW + 1
-"""Pixels along a side of it."""
+"""Pixels along a side of the window."""
 _SAMPLED_EVERY = 8
-"""Pixels apart of the sample that tells whether an image shows depth at all: 4,800 of a VGA image."""
+"""Distance in pixels of the sample that tells whether an image shows depth at all: 4,800 of a VGA image."""
 PLANE_LIMITS = (TUNING.depth_step, TUNING.depth_share_valid, TUNING.depth_share_on_surface)
 """What `read_planes` demands of a neighbourhood."""
 

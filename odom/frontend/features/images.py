@@ -9,18 +9,18 @@ from odom.frontend.tuning import TUNING
 from odom.geometry.arrays import Image, uniform
 from odom.geometry.normal_distribution import NORMAL_MAD
 
-_BENT = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
+_SECOND_DIFFERENCE = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
 """Second difference along both axes: neither brightness nor slopes nor straight edges show in it."""
 _SAMPLED_EVERY = 8
-"""Rows apart of the sample that shows most images to have contrast: 60 of 480."""
+"""Distance of the sampled rows that suffice to show contrast in most images: 60 of 480 rows."""
 _SURELY = 1.2
-"""Times the contrast demanded that a sample must have: of those rows it is known to some per cent."""
+"""How many times the demanded contrast the sample must have: it tells that of the image to some per cent."""
 _LEAST_SIGNAL = 0.5
 """Grey levels: less contrast is lost in rounding."""
 _MIDDLE = 128.0
 """Grey level of the mean of an image whose contrast was raised."""
 _STRONG = 4.0
-"""Noise so many times what needs no smoothing is smoothed by half as much again."""
+"""Noise of more than this many times `image_clean` is smoothed by half as much again."""
 
 
 def grey_of(color: Image) -> Image:
@@ -44,13 +44,13 @@ def with_contrast(grey: Image) -> Image:
     if signal < max(noise, _LEAST_SIGNAL):
         return grey
     gain = max(1.0, TUNING.image_contrast / signal)
-    even = np.asarray(grey, dtype=np.float32)
+    image = np.asarray(grey, dtype=np.float32)
     if gain * noise > TUNING.image_clean:
         is_strong = gain * noise > _STRONG * TUNING.image_clean
         sigma_px = TUNING.image_smooth_px * (1.5 if is_strong else 1.0)
-        even = np.asarray(cv2.GaussianBlur(even, (0, 0), sigma_px), dtype=np.float32)
+        image = np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px), dtype=np.float32)
     level = _MIDDLE + (mean - _MIDDLE) / gain  # no jump where the gain sets in
-    return np.asarray(np.clip(np.rint((even - mean) * gain + level), 0, 255), dtype=np.uint8)
+    return np.asarray(np.clip(np.rint((image - mean) * gain + level), 0, 255), dtype=np.uint8)
 
 
 def noise_of(grey: Image) -> float:
@@ -58,8 +58,8 @@ def noise_of(grey: Image) -> float:
 
     J. Immerkaer, "Fast noise variance estimation", CVIU 1996, with the median, which texture hardly reaches.
     """
-    bent = np.abs(cv2.filter2D(grey, cv2.CV_32F, _BENT)[1::3, 1::3])
-    return float(np.median(bent)) * NORMAL_MAD / float(np.linalg.norm(_BENT))
+    differences = np.abs(cv2.filter2D(grey, cv2.CV_32F, _SECOND_DIFFERENCE)[1::3, 1::3])
+    return float(np.median(differences)) * NORMAL_MAD / float(np.linalg.norm(_SECOND_DIFFERENCE))
 
 
 @dataclass(frozen=True, eq=False)

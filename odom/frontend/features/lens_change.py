@@ -1,7 +1,7 @@
-"""One lens in another's place: what was measured through the old one, as the new one would have measured it.
+"""A change of lens: what was measured through the old one is converted to what the new one would have measured.
 
-Pixels and depth images stay what they are; the ray of a pixel and what its depth means change. Both lenses are told in
-one frame, so that poses mean the same before and after.
+Pixels and depth images stay what they are; the ray of a pixel and what its depth means change. The rays of both lenses
+are given in the same frame, so that poses mean the same before and after.
 """
 
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ _BEYOND_PX = 50.0
 
 @dataclass(frozen=True, eq=False)
 class LensChange:
-    """The lens that was believed in, and the one that takes its place; of one camera, told in one frame."""
+    """The old lens of a camera, and the new one that replaces it; the rays of both are given in the same frame."""
 
     before: Lens
     after: Lens
@@ -44,11 +44,11 @@ class LensChange:
         return np.where(is_seen[:, None], new, values)
 
     def measured(self, measurements: Measurements) -> Measurements:
-        """Return what a frame measured; how fast features move, and how noisy they are, is as it was."""
+        """Return a frame's measurements through the new lens; derivatives by the timing and covariances stay."""
         return replace(measurements, values=self.values(measurements.values, measurements.slope))
 
     def points(self, points: Array, slope: Array | None = None) -> Array:
-        """Return points (n x 3, m, camera frame) that were made of a ray and a depth."""
+        """Return `points` (n x 3, m, camera frame), each made of a ray and a depth, through the new lens."""
         slope = np.zeros((len(points), 2)) if slope is None else slope
         new = self.values(np.column_stack([points[:, :2], np.ones(len(points))]) / points[:, 2:], slope)
         return np.asarray(np.column_stack([new[:, :2], np.ones(len(points))]) / new[:, 2:])
@@ -56,8 +56,8 @@ class LensChange:
     def positions(self, positions: Array, slope: Array, T_camera_map: Array) -> tuple[Array, Array]:
         """Return where landmarks are as the cameras that measured them see them through the new lens.
 
-        `positions` (n x 3, m, map frame), `slope` (n x 2) as above, and the camera of each (n x 4 x 4). Second is what
-        its inverse depth is multiplied by (n).
+        `positions` (n x 3, m, map frame), `slope` (n x 2) as above, and the camera of each (n x 4 x 4). The second
+        value is the factor by which each inverse depth changes (n).
         """
         R, t = T_camera_map[:, :3, :3], T_camera_map[:, :3, 3]
         seen = np.einsum("nij,nj->ni", R, positions) + t

@@ -18,9 +18,9 @@ from odom.geometry.arrays import Array, Index, Mask
 from odom.geometry.compiled import compiled
 
 _LOOKS = 3
-"""Looks at a depth image that was taken from beside: each finds the place by the depth found at the one before."""
+"""Readings of a depth image that was taken from beside: each finds the place by the depth that the last one found."""
 _UNKNOWN_INVERSE_DEPTH = 0.5
-"""1/m; how a feature without depth moves in the image is reckoned as if it were so far away."""
+"""1/m; a feature without depth is assumed to move in the image as if it were this far away."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,12 +66,12 @@ class Measurements:
         )
 
     def straight(self, angles: Array) -> "Measurements":
-        """Return them as measured without a tilt of depth by `angles` (2, rad)."""
+        """Return them with a tilt of depth by `angles` (2, rad) taken out."""
         values = without_tilt(self.values, angles)
         return self if values is self.values else replace(self, values=values)
 
     def retimed(self, change: Array) -> Array:
-        """Return `values` (n x 3) as they would be once the timing's vector is other by `change` (3 or n x 3, s)."""
+        """Return `values` (n x 3) for a timing whose vector has changed by `change` (3 or n x 3, s)."""
         return np.asarray(self.values + (self.jacobian_timing @ change[..., None])[..., 0])
 
 
@@ -113,13 +113,13 @@ def measure(
     """Measure the features at `uv` (n x 2 px) of a frame, seen by a camera moving with `twist` (6, SI, its own frame).
 
     `covariance_uv` (n x 3 px^2: uu, uv, vv) is that of the positions; the sensor's noise is added.
-    `inverse_depth_guess` (n, 1/m) says about where they are, which saves one look at the depth image.
+    `inverse_depth_guess` (n, 1/m) is roughly their inverse depth, which saves reading the depth image once.
     """
     lens, timing, noise = sensor.lens, sensor.timing, sensor.noise.noise
     height, width = view.depth_mm.shape
     errors = depth_errors(uv, width, height, lens.depth_model)
     if inverse_depth_guess is None:
-        near = _looked_up(view.depth_mm, uv, errors, lens.depth_model)
+        near = _rough_inverse_depth(view.depth_mm, uv, errors, lens.depth_model)
     else:
         near = np.ascontiguousarray(inverse_depth_guess)
     delay_s = view.depth_delay_s + timing.depth_lag_s + timing.since_middle_s
@@ -145,10 +145,10 @@ def measure(
     )
 
 
-def _looked_up(depth_mm: NDArray[np.uint16], uv: Array, errors: Array, model: Array) -> Array:
-    """Return the inverse depth (n, 1/m) about at features, as the depth image shows it; that of 2 m where it does not.
+def _rough_inverse_depth(depth_mm: NDArray[np.uint16], uv: Array, errors: Array, model: Array) -> Array:
+    """Return the rough inverse depth (n, 1/m) of features by the depth image; that of 2 m where it shows none.
 
-    Where a feature lies in a depth image that was taken from beside depends on how far it is, which is looked up there.
+    In a depth image that was taken from beside, a feature's place depends on its depth, which is read there.
     """
     near = np.full(len(uv), _UNKNOWN_INVERSE_DEPTH)
     height, width = depth_mm.shape

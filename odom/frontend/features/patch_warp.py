@@ -11,7 +11,7 @@ from odom.geometry.compiled import compiled
 WARP_LIMITS = (TUNING.warp_step_px, TUNING.warp_smallest_area, TUNING.warp_largest_area)
 """What `homographies` differentiates with, and the ratios of areas between which a patch is used."""
 _NEAREST = 1e-3
-"""Depth in units of that in the reference, from which on a point is before the camera."""
+"""Depth in units of that in the reference: nearer points count as behind the camera."""
 
 
 @compiled
@@ -24,9 +24,9 @@ def _seen_beside(
     step: float,
     seen: Array,
 ) -> None:
-    """Fill where n surfaces show `step` pixels to the left, right, above and below their middles (3 x 4 n).
+    """Fill `seen` (3 x 4 n): the points of n surfaces `step` pixels left, right, above and below their middles.
 
-    That is X, Y and Z in the current camera's frame, in units of the depth in the reference.
+    They are X, Y and Z in the current camera's frame, in units of the depth in the reference.
     """
     n = uv_reference.shape[0]
     for k in range(n):

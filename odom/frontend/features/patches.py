@@ -76,8 +76,8 @@ def align_patches(
     tensor. With template T, gradient g and image I the step solves H du = -sum g (I - gain T - offset) / gain, where g
     was made orthogonal to T and to 1, so that gain and offset need not be estimated (Baker, Matthews, 2004, part 3).
 
-    Rows of pixels lie one behind the other in buffers, with one more pixel for the interpolation: all loops but those
-    that read pixels run over whole buffers, several pixels at a time. What lies outside the patch is 0 in `inside`.
+    Buffers hold a patch row by row, with one more pixel in each row for the interpolation: all loops but those that
+    read pixels run over whole buffers, several pixels at a time. `inside` is 0 for what does not belong to the patch.
     """
     least_variance, least_gain, converged_px2 = limits
     height, width = image.shape

@@ -32,7 +32,7 @@ def describe_place(
 ) -> Place:
     """Return the place that a view shows, seen while moving with `twist` (6, SI, camera frame).
 
-    With `around` (n x 2 px) only what lies around these points of the image counts, so that all features are there.
+    With `around` (n x 2 px), features are taken only around these points of the image.
 
     `sigma_px` is the standard deviation of a feature's place at full scale, beyond the sensor's own noise. The default
     is careful: seconds and half a metre apart, the arena's truth shows .6 px, but neighbouring features share errors,

@@ -75,9 +75,8 @@ class LandmarkPatches(Protocol):
 class Candidates:
     """Landmarks that may be looked for: `rows` (n), and `priority` (n) within one part of the image.
 
-    `chance` (n) is how likely each is found: of those, no more are looked for than are needed, besides those that are
-    `due` (n).
-    `T_camera_keyframe` (K x 4 x 4) is the motion from their `keyframes` (K numbers, ascending), for the warp.
+    `chance` (n) is how likely each is to be found: no more are looked for than are needed, besides all that are `due`
+    (n). `T_camera_keyframe` (K x 4 x 4) is the motion from their `keyframes` (K numbers, ascending), for the warp.
     """
 
     rows: Index

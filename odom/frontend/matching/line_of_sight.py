@@ -1,4 +1,4 @@
-"""What a view shows where landmarks should be: themselves, what is before or behind them, or white light."""
+"""What a view shows where landmarks should be: themselves, something before or behind them, or an over-exposed area."""
 
 from dataclasses import dataclass
 
@@ -17,14 +17,14 @@ from odom.geometry.compiled import compiled
 _PLACES = 9
 """Where depth is looked at around a landmark: a square of three by three."""
 _WHITE = 250
-"""Grey level from which on nothing is told apart any more; a little below 255, which JPEG does not keep."""
+"""From this grey level on the image counts as saturated; a little below 255, which JPEG does not keep."""
 
 
 @dataclass(frozen=True, eq=False)
 class LineOfSight:
-    """Which of n landmarks are `hidden` by something nearer, and which places of theirs are `seen_through`.
+    """Which of n landmarks are `hidden` by something nearer, and which are `seen_through`, as only farther things show.
 
-    Where all is white, the image is `washed_out` by too much light, and nobody could find anything.
+    Where too much light has `washed_out` the image to white, nothing can be found.
     """
 
     hidden: Mask
@@ -38,7 +38,7 @@ class LineOfSight:
         """Look from a view at landmarks at `points` (n x 3, m) with `covariances` (n x 3 x 3, m^2).
 
         Depth is looked at all around: rolling shutters, and depth that comes later than colour, show things elsewhere
-        than in the middle row. So neither is said of a landmark near an edge of the depth, or where little is measured.
+        than in the middle row. So a landmark is neither near an edge of the depth, or where little is measured.
         """
         lens, depth_mm = sensor.lens, view.depth_mm
         height, width = depth_mm.shape
@@ -53,7 +53,7 @@ class LineOfSight:
         uv, measured, scale = as_measured(lens.depth_model, uvz[:, :2], expected, width, height)
         hidden, seen_through, washed_out = (np.zeros(len(points), dtype=np.bool_) for _ in range(3))
         washed_out[visible] = _is_white(view.images.full, uvz[:, :2], TUNING.sight_step_px)
-        hidden[visible], seen_through[visible] = _looked(depth_mm, uv, measured, gate * scale, TUNING.sight_step_px)
+        hidden[visible], seen_through[visible] = _compared(depth_mm, uv, measured, gate * scale, TUNING.sight_step_px)
         return cls(hidden, seen_through, washed_out)
 
 
@@ -72,8 +72,8 @@ def _sigma(expected: Array, covariances: Array, T: Array, noise: Array) -> Array
 
 
 @compiled
-def _looked(depth_mm: NDArray[np.uint16], uv: Array, expected: Array, gate: Array, step_px: int) -> tuple[Mask, Mask]:
-    """Return around which of `uv` (n x 2 px) all is nearer than `expected` (n, 1/m) by a `gate` (n), or all farther.
+def _compared(depth_mm: NDArray[np.uint16], uv: Array, expected: Array, gate: Array, step_px: int) -> tuple[Mask, Mask]:
+    """Return around which of `uv` (n x 2 px) all depth is nearer than `expected` (n, 1/m) by a `gate`, or all farther.
 
     Depth is looked at in nine places, each `step_px` from the next, and must be measured in five of them.
     """

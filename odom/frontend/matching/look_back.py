@@ -55,9 +55,9 @@ class CornerPatches:
 
 @dataclass(frozen=True, eq=False)
 class EarlierView:
-    """A `view` taken in motion with `twist` (6, SI); `T_view_corners` is the pose of the corners' camera in its own.
+    """A `view` taken in motion with `twist` (6, SI); `T_view_corners` leads to it from the later view of the corners.
 
-    Both cameras are those of the middle rows.
+    Both are the camera's poses at the middle rows' times.
     """
 
     view: View
@@ -115,10 +115,10 @@ def look_back(corners: CornerPatches, earlier: EarlierView, sensor: SensorModel)
 
 
 def appeared(positions: Array, covariances: Array, earlier: EarlierView, sensor: SensorModel) -> tuple[Mask, Mask]:
-    """Return which of n points an earlier view could have seen (n), and through the places of which it looked (n).
+    """Return which of n points an earlier view could have seen (n), and which it looked through (n).
 
-    `positions` (n x 3, m) with `covariances` (n x 3 x 3, m^2) are in the later view's camera. What is seen through
-    was not there then.
+    `positions` (n x 3, m) with `covariances` (n x 3 x 3, m^2) are in the later view's camera frame. What was looked
+    through was not there then.
     """
     visible, is_new = (np.zeros(len(positions), dtype=np.bool_) for _ in range(2))
     expected = _Expected.of(positions, covariances, earlier, sensor.lens)
@@ -128,9 +128,9 @@ def appeared(positions: Array, covariances: Array, earlier: EarlierView, sensor:
 
 
 def _nearer(expected: _Expected, earlier: EarlierView, sensor: SensorModel) -> tuple[Array, Array]:
-    """Return how much nearer (n, 1/m) something is that was seen instead of the corners, and how much may be chance.
+    """Return how much nearer than the corners the depth there is (n, 1/m; NaN: none), and how much may be chance (n).
 
-    NaN where no depth was measured. A rolling shutter saw the corners elsewhere than its middle row would have.
+    A rolling shutter saw the corners elsewhere than its middle row would have.
     """
     nothing, w = np.zeros((len(expected.rows), 3)), expected.values[:, 2]
     view, twist = earlier.view, earlier.twist
@@ -171,7 +171,7 @@ def _found(
 
 
 def _chi2(seen: Measurements, rays_expected: Array) -> Array:
-    """Return how far the rays of n features are off the expected ones (n x 2), in sigmas squared."""
+    """Return chi-squared (n) of the rays of n features against the expected ones (n x 2)."""
     x, y = (seen.values[:, :2] - rays_expected).T
     xx, xy, yy = seen.covariance[:, :3].T
     return np.asarray((yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy))

@@ -66,7 +66,7 @@ class DepthGrid:
 class MovingCells:
     """Which cells of a coarse grid over an image of `image_shape` (rows, columns) move: `mask` (rows x columns).
 
-    `share` of the cells with depth do.
+    `share` is their share of the cells with depth.
     """
 
     mask: Mask
@@ -115,7 +115,7 @@ def warm_up() -> None:
 
 
 def _closed(mask: Mask) -> Mask:
-    """Return a mask with cells added that have moving ones on both sides: depth has holes at edges."""
+    """Return a mask with the cells filled that have moving ones on both sides: depth has holes at edges."""
     import cv2
 
     filled = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))

@@ -64,8 +64,8 @@ class PlaceBlock:
     def vote(self, keys: Index, is_gone: Mask, room: Index, votes: Index) -> None:
         """Add to `votes` one for each of `keys` (n x TABLES) that a place shares, the newest first.
 
-        Of each key as many count as there is `room` for (n x TABLES, which shrinks); places that are gone do not.
-        `is_gone` and `votes` are by number.
+        Each key counts at most as often as it has `room` (n x TABLES, which shrinks); places that are gone do not
+        count. `is_gone` and `votes` are indexed by the places' numbers.
         """
         for t, table in enumerate(self.tables):
             stop = first_at_least(table, (keys[:, t] + 1) << _LOCAL_BITS)
@@ -105,7 +105,7 @@ def merged(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
 def first_at_least(table: NDArray[Any], values: Index) -> Index:
     """Return where a sorted `table` first holds at least each of the values (n), as `np.searchsorted` does.
 
-    All values are sought in step: memory then works on many at a time, where it is waited for each in turn otherwise.
+    All values are searched for in step, so that many memory accesses overlap instead of waiting for each other.
     """
     at = np.zeros(len(values), np.int64)
     step = 1

@@ -11,8 +11,8 @@ from odom.frontend.matching.place_block import MOST_PLACES, PlaceBlock, keys_of
 from odom.frontend.tuning import TUNING
 from odom.registration import Pairs, Registration, register
 
-_FALL = 4
-"""How many times larger a block of the index at least is than the next one, before the two are merged."""
+_LEAST_RATIO = 4
+"""A block of the index is at least this many times as large as the next one, or the two are merged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +29,9 @@ class PlaceIndex:
     """Places by number, found by sampled bits of their descriptors (locality-sensitive hashing, A. Gionis, 1999).
 
     Of the places that share a feature's bits only the newest ones count, so that a place seen often hardly makes a
-    look-up slower. The `blocks` fall in size and are merged as they fill, up to a bound, so that an entry
-    is copied some four times for each size (a log-structured merge tree, P. O'Neil et al., 1996); those of forgotten
-    places, which are `gone`, stay until then. Places that are not in memory are had from `elsewhere`.
+    look-up slower. Each of the `blocks` is smaller than the one before; they are merged as they fill, up to a bound, so
+    that an entry is copied some four times for each size (a log-structured merge tree, P. O'Neil et al., 1996). Entries
+    of forgotten places, which are `gone`, stay until then. Places that are not in memory are fetched from `elsewhere`.
     """
 
     places: dict[int, Place] = field(default_factory=dict)
@@ -40,7 +40,7 @@ class PlaceIndex:
     gone: frozenset[int] = frozenset()
 
     def grown(self, added: Mapping[int, Place]) -> GrownIndex:
-        """Return this index with further places of higher numbers; it stays as it is itself, and can be asked."""
+        """Return this index with further places of higher numbers; it stays as it is, and can be used meanwhile."""
         blocks = [block.without(self.gone) if self._is_half_gone(block) else block for block in self.blocks]
         for number, place in sorted(added.items()):
             blocks.append(PlaceBlock.of([number], [place.descriptors]))
@@ -64,11 +64,11 @@ class PlaceIndex:
             self.gone |= {number}
 
     def set_aside(self, number: int) -> None:
-        """Drop a place from memory; it is still found, and had from `elsewhere`."""
+        """Drop a place from memory; it is still found, and fetched from `elsewhere`."""
         self.places.pop(number, None)
 
     def place_of(self, number: int) -> Place | None:
-        """Return a place that was found, None where it cannot be had any more."""
+        """Return the place of a number that was found, None where it cannot be fetched any more."""
         place = self.places.get(number)
         return self.elsewhere(number) if place is None and self.elsewhere is not None else place
 
@@ -88,7 +88,7 @@ class PlaceIndex:
 
 def _is_to_be_merged(older: PlaceBlock, newer: PlaceBlock) -> bool:
     a, b = len(older.numbers), len(newer.numbers)
-    return b * _FALL > a and a + b <= MOST_PLACES
+    return b * _LEAST_RATIO > a and a + b <= MOST_PLACES
 
 
 def match_places(source: Place, target: Place) -> Pairs | None:

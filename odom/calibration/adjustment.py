@@ -1,4 +1,7 @@
-"""All poses and landmarks of a survey and the camera's numbers, adjusted together (Levenberg-Marquardt, robust)."""
+"""All poses and landmarks of a survey and the camera's parameters, adjusted together (Levenberg-Marquardt, robust).
+
+The parameters are called numbers here (see `parameters`).
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,14 +23,14 @@ from odom.geometry.arrays import Array, Index, Mask
 FREE = np.array([k for k in range(len(NAMES)) if k != SCALE_NUMBER])
 """The numbers that images and depth can show; the scale of depth needs motion capture."""
 _DAMPING = 1e-10
-"""Levenberg-Marquardt's, at first and at the least: far above rounding, far below what a second ray says of a landmark
-of which only rays are known. A poor calibration is found in a few full steps; damped ones would creep along the
-directions in which a camera and its walk look nearly alike."""
-_DAMPED = 100.0
-"""Factor of the damping after a step that makes it worse."""
+"""First and least damping: far above rounding, far below what a second ray says of a landmark of which only rays are
+known. A few full steps mend a poor calibration; damped ones would creep along the directions in which camera and poses
+can hardly be told apart."""
+_MORE_DAMPING = 100.0
+"""Factor of the damping after a step that raised the cost."""
 _SETTLED, _ROUNDING = 1e-2, 1e-6
-"""Shares of the cost: what a step that is not made any more would gain at the most, for each sigma that it may be long,
-and what one may lose by rounding."""
+"""Shares of the cost: what a step that is left out could gain at the most, for each sigma of its length, and what one
+may lose by rounding."""
 _HELD = 1e-9
 """Added to the diagonal, so that a pose without observations does not move."""
 
@@ -44,7 +47,7 @@ class Prior:
 class System:
     """The normal equations of a `survey` in its poses and the numbers `free` (p) of its camera (see `reduce_survey`).
 
-    They are those at a camera's `vector` (30), poses T_camera_map (K x 4 x 4) and `landmarks`, with so much `damping`.
+    They hold at a camera's `vector` (30), poses T_camera_map (K x 4 x 4) and `landmarks` (L x 3, m), with `damping`.
     """
 
     survey: Survey
@@ -86,7 +89,7 @@ class System:
     def eliminated(self) -> tuple[Array, Array, Array]:
         """L, the lower triangle with S = L L' (n x n); inv(L) S_across (n x p); inv(L) rhs (n). May raise LinAlgError.
 
-        It is the first of two stages of solving: poses are eliminated, and numbers remain.
+        This is the first of two stages of solving: the poses are eliminated, and the numbers remain.
         """
         S = self.S.copy().T  # of which the lower half is filled; factorised in place, in columns
         S.flat[:: len(S) + 1] += self.damping * np.diag(S) + _HELD
@@ -100,20 +103,20 @@ class System:
         return np.asarray(solve_triangular(L, -across @ step, lower=True, trans="T", check_finite=False))
 
     def information(self, prior: Prior) -> Array:
-        """Return what the observations and a prior say of the numbers (p x p)."""
+        """Return the information (p x p) on the numbers that the observations and a prior give."""
         across = self.eliminated[1]
         return np.asarray(self.S_number - across.T @ across + np.diag(prior.sigma[self.free] ** -2.0))
 
     def pull(self, prior: Prior) -> Array:
-        """Return the direction in which the cost falls with the numbers (p), poses and landmarks at their best."""
+        """Return the right side of the numbers' equations (p): where the cost falls, all else being at its best."""
         _, across, rest = self.eliminated
         off = (self.vector - prior.mean)[self.free]
         return np.asarray(self.rhs_number - across.T @ rest - off / prior.sigma[self.free] ** 2)
 
     def stepped(self, step: Array) -> tuple[Array, Bundle]:
-        """Return the camera's numbers, poses and landmarks after a `step` (p) of the numbers, which all others follow.
+        """Return the camera's numbers, poses and landmarks after a `step` (p) of the numbers.
 
-        Poses and landmarks go to where they fit best besides.
+        Poses and landmarks follow the step, and go to where they fit best.
         """
         vector = self.vector.copy()
         vector[self.free] += step
@@ -130,8 +133,7 @@ class System:
 class Fit:
     """An adjusted camera with poses and landmarks: the `system` there.
 
-    `information` (p x p) is what the observations and the prior say of the numbers that were adjusted, as far as errors
-    are independent.
+    `information` (p x p) is that of observations and prior on the numbers adjusted, if errors are independent.
     """
 
     system: System
@@ -190,8 +192,8 @@ def fit(
 ) -> Fit:
     """Return the camera's free numbers, the poses and the landmarks that fit a survey best, from `start` on.
 
-    One step is made and at most `steps`, each from equations of its own, until the next would be below `settled` sigma.
-    Ends early, with what was found so far, once `stopped` says so. Raises LinAlgError where there is no solution.
+    At least one step is made and at most `steps`, each from new equations, until the next would be below `settled`
+    sigma. Ends early, with what was found so far, once `stopped` says so. Raises LinAlgError if there is no solution.
     """
     survey, free = start.survey, start.free
 
@@ -208,26 +210,26 @@ def fit(
         gain = pull @ step + now.eliminated[2] @ now.eliminated[2]
         if number and is_small and gain < settled * _SETTLED * cost_of(now):
             break
-        less = max(0.1 * now.damping, _DAMPING)
-        trial = System.of(survey, *now.stepped(step), free, less)
+        less_damping = max(0.1 * now.damping, _DAMPING)
+        trial = System.of(survey, *now.stepped(step), free, less_damping)
         gained = cost_of(now) - cost_of(trial)
         if gained > 0.0:
             now = trial
         elif gained > -_ROUNDING * cost_of(now):
             break
         else:
-            now = System.of(survey, now.vector, now.bundle, free, _DAMPED * now.damping)
+            now = System.of(survey, now.vector, now.bundle, free, _MORE_DAMPING * now.damping)
         if stopped():
             break
-    if now.damping > _DAMPING:  # what is said of the numbers must not depend on the damping that the steps ended with
+    if now.damping > _DAMPING:  # the information must not depend on the damping that the steps ended with
         now = System.of(survey, now.vector, now.bundle, free)
     return Fit(now, now.information(prior))
 
 
 def likely_gain(system: System, prior: Prior) -> float:
-    """Return by what share of the cost the free numbers could lower it, beyond what poses and landmarks can.
+    """Return by what share the free numbers could lower the cost, beyond what poses and landmarks can.
 
-    From the equations at one camera alone: a score test.
+    It follows from the equations at one camera alone: a score test.
     """
     pull = system.pull(prior)
     return float(pull @ np.linalg.solve(system.information(prior), pull) / system.cost)

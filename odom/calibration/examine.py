@@ -17,12 +17,12 @@ from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera, RgbdFrame
 
 _FOCAL_SHARE, _SHIFT_PX, _SCALE_SHARE = 0.01, 2.0, 0.01
-"""Errors of focal length (a share), of depth beside colour (px) and of the unit of depth (a share) that are faults."""
+"""Errors that are faults: of focal length (a share), of depth against colour (px), of the unit of depth (a share)."""
 _SURELY = 2.0
 """Sigmas by which an error must lie beyond that."""
 _FOCAL_FLOOR, _SHIFT_FLOOR_PX = 0.004, 0.4
-"""Least sigmas that are believed of one run over a few seconds: on fr1_xyz the fit is 1.7 % from the benchmark's focal
-length by the first six seconds, .6 % by the first ten."""
+"""Least sigmas that are believed after a few seconds: on fr1_xyz the focal length is 1.7 % from the benchmark's after
+the first six seconds, .6 % after ten."""
 _UNSURE_FOCAL, _UNSURE_PX = 0.01, 2.0
 """Sigmas from which on nothing is said."""
 _REMEDY = "odom calibrate SOURCE --out camera.yaml finds it in a walk of half a minute"

@@ -21,7 +21,7 @@ _TIMING = np.arange(TIMINGS)
 
 @dataclass(frozen=True)
 class Residuals:
-    """Of some observations: mean robust cost of ray and depth, and their usual residuals."""
+    """The mean robust costs of ray and depth of some observations, and their median residuals (px; 1/m)."""
 
     ray_cost: float
     depth_cost: float
@@ -35,9 +35,9 @@ class Residuals:
 
 
 def split(survey: Survey) -> Mask:
-    """Return which observations (N) are held out: one of two of each landmark's, in the stretches held out.
+    """Return which observations (N) are held out: every other one in the stretches held out.
 
-    None of a landmark without depth in the rest: it might go anywhere, and one alone would cost more than all others.
+    None of a landmark without depth in the rest: it could be anywhere, and one alone could cost more than all others.
     """
     seconds = survey.seconds[survey.frame]
     stretch = np.floor(_STRETCHES * seconds / (survey.seconds.max() + 1e-9)).astype(np.int64)
@@ -52,8 +52,8 @@ def compare(
 ) -> tuple[tuple[Residuals, Residuals], tuple[Fit, Fit]]:
     """Return the residuals on held-out observations by the camera `before` (30) and by that of the fit `after`.
 
-    With them come the fits to all observations by both. What each would be without those held out is one step away:
-    from farther off, some landmarks would not find to where they belong.
+    With them come the fits of both to all observations. From these, a single step leads to the fits without those held
+    out: from farther away, some landmarks would not converge.
     """
     held = split(survey)
     seen, rest = survey.part(~held), survey.part(held)

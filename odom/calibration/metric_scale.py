@@ -15,10 +15,10 @@ from odom.geometry import se3
 _EVERY = 3
 """Pairs begin at every third frame: more say the same again."""
 _APART_S = (1.0, 2.0, 4.0)
-"""Seconds from the first to the second pose of a pair: longer ones drift, shorter ones hardly move. Errors that are
-alike in a walk, as those of a marker's lever arm, show in how the ratios by all of them differ."""
+"""Seconds from the first to the second pose of a pair: longer ones drift, shorter ones hardly move. Errors that stay
+the same in a walk, as of a marker's lever arm, make the ratios for these times differ."""
 _LEAST_CORRELATION, _MOST_TURN_SIGMA = 0.6, 0.05
-"""Markers are used when their turns go with the camera's so well and the camera's turn (rad) in them is so sure."""
+"""Markers are used if their turns correlate with the camera's, and its rotation (sigma, rad) to them is known."""
 _SYSTEMATIC = 0.003
 """What the scatter of the ratio does not show (sigma, a share): rolling shutter, and the motion capture's own unit."""
 

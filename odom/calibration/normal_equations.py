@@ -1,7 +1,7 @@
 """The normal equations of a survey with poses, landmarks and the camera's numbers, the landmarks eliminated.
 
-Derivatives are computed observation by observation and summed up at once: kept for all of them, they would be the
-largest thing that a run holds. Source: B. Triggs et al., "Bundle adjustment - a modern synthesis", 2000, section 6.1.
+Derivatives are summed up as soon as they are computed: kept for all observations, they would be the largest thing that
+a run holds. Source: B. Triggs et al., "Bundle adjustment - a modern synthesis", 2000, section 6.1.
 """
 
 import numpy as np
@@ -21,15 +21,15 @@ from odom.geometry.compiled_se3 import moved, orthonormalise, put
 _CHUNK = 256
 """Observations whose derivatives by the camera's numbers are kept until they are multiplied at once."""
 _RAY = DEPTH.start
-"""Numbers that change where a ray is, timing and lens, are the first ones; the timing and the others change depth."""
+"""Numbers before this one, timing and lens, change a ray; the timing and those from this one on change depth."""
 
 
 @compiled
 def _add_products(rays: Array, depths: Array, timings: int, S: Array, rhs: Array) -> None:
     """Add C' C to the numbers' S (p x p), and C' r to their rhs (p).
 
-    `rays` (2n x q + 1) holds C of the pixels by the q first numbers, of which some are `timings`, and last r; `depths`
-    that of the depths by all but the lens.
+    `rays` (2n x (q + 1)) holds C of the pixels by the first q numbers, the first `timings` of them the timing's, and r
+    as its last column; `depths` the same of the depths, by all numbers but the lens's.
     """
     by_ray, by_depth = np.dot(rays.T, rays), np.dot(depths.T, depths)
     lens = len(by_ray) - 1 - timings
@@ -195,13 +195,14 @@ def scores_of(
     seen: SeenArrays,
     cauchy: float,
 ) -> Array:
-    """Return each observation's pull at the numbers `free` (N x p) of the camera; poses and landmarks follow each.
+    """Return each observation's score (N x p): its share of the pull at the numbers `free` of the camera.
 
-    `follows` (6 free poses x p) is how the poses do; the landmarks do by inv(V) (-W' step).
+    Poses and landmarks follow each number: the poses by `follows` (6 free poses x p), landmarks by inv(V) (-W' step).
     """
     frame, landmark = seen[:2]
     N, L, numbers = len(frame), len(landmarks), W_number.shape[2]
     J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, NUMBERS)), np.zeros(3)
+    # how the landmarks follow: point = inv(V) rest, rest = -W' of the numbers - W' of the poses times `follows`
     rest, point = -W_number, np.zeros((L, 3, numbers))
     for o in range(N):
         f = pose[frame[o]]
@@ -217,6 +218,7 @@ def scores_of(
             for j in range(3):
                 for i in range(numbers):
                     point[k, a, i] += V_inverse[k, a, j] * rest[k, j, i]
+    # score = r' (C + P point + J follows)
     scores = np.zeros((N, numbers))
     for o in range(N):
         whitened_terms(o, T_camera_map[frame[o]], landmarks[landmark[o]], camera, seen, cauchy, J, P, C, r)

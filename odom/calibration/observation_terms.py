@@ -41,10 +41,10 @@ def whitened_terms(
 ) -> float:
     """Fill the residual r (3) of observation `o` and the derivatives of what is predicted; return its robust cost.
 
-    By the pose, moved on the left, J (3 x 6), by the `point` (3, m) P (3 x 3), by the numbers of the camera C (3 x 30,
-    zeros at first: what the lens does to depth, and the depth model to the pixel, is not written). All rows are divided
-    by the standard deviation and multiplied by the root of Cauchy's weight: the first two are those of the pixel, the
-    third that of the inverse depth, 0 where none was measured.
+    J (3 x 6) is by the pose, perturbed on the left, P (3 x 3) by the `point` (m), C (3 x 30) by the camera's numbers.
+    C must be zeros at first: how depth changes with the lens, and the pixel with the depth model, is not written. All
+    rows are divided by the standard deviation and multiplied by the root of Cauchy's weight: the first two are those of
+    the pixel, the third that of the inverse depth, 0 where none was measured.
     """
     vector, given, size = camera
     _, _, uv, inverse_depth, slope, by_timing, whitening = seen

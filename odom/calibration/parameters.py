@@ -1,4 +1,4 @@
-"""The numbers of a camera that a walk may show: order, units, priors, and what motion shows them."""
+"""The parameters of a camera, called numbers: their order, units and priors, and what motion shows them."""
 
 from dataclasses import dataclass, replace
 
@@ -99,7 +99,7 @@ def camera_of(vector: Array, camera: Camera) -> Camera:
 
 
 def prior_sigma(camera: Camera) -> Array:
-    """Return how well the numbers (30) of a calibration that somebody gives are known: standard deviations."""
+    """Return the standard deviations (30) of the numbers of a calibration that a user gives."""
     t = TUNING
     focal, centre = [t.prior_focal * camera.fx, t.prior_focal * camera.fy], [t.prior_centre * camera.width] * 2
     timing = [t.prior_timing_s] * TIMINGS

@@ -1,10 +1,10 @@
-"""How far a calibration that somebody gives is off in general, as the walk itself tells.
+"""How far a calibration that a user gives may be off, as the walk itself tells.
 
 A factory's sheet is off by a fraction of what an average camera's calibration is, and nobody says which of the two was
-given. Nor is everything as far off: a lens with another focal length may be centred well. So the widths of the prior,
+given. Nor are all numbers as far off: a lens with another focal length may be centred well. So the widths of the prior,
 one for each kind of number, are those under which what was measured is most probable (empirical Bayes, type II maximum
-likelihood: D. MacKay, "Bayesian interpolation", 1992). A good calibration then stays where it is but in the directions
-that the walk shows surely, and a poor one may move freely.
+likelihood: D. MacKay, "Bayesian interpolation", 1992). A good calibration then moves only in the directions that the
+walk shows surely, and a poor one may move freely.
 """
 
 from dataclasses import dataclass
@@ -25,10 +25,10 @@ _KIND_OF = {
     "depth shift": "beside colour", "depth baseline": "beside colour", "depth stretch": "stretched",
     "depth offset": "depth", "depth scale": "depth", "depth field": "depth",
 }  # fmt: skip
-"""The kind of each group's numbers: those of one kind are off alike. What a walk hardly tells apart is of one kind, or
-the walk would be made to say that one of the two is right and the other is not."""
+"""The kind of each group's numbers: those of one kind share a width. What a walk hardly tells apart is of one kind,
+or one of the two would be declared right and the other wrong without evidence."""
 _TANGENTIAL = ("p1", "p2")
-"""A kind of their own: a lens may bend much and yet sit straight before its image."""
+"""A kind of their own: a lens may distort much and yet be well aligned with the image."""
 _KINDS = np.array([
     "tangential" if name in _TANGENTIAL else _KIND_OF[group.key] for group in GROUPS for name in group.names
 ])  # fmt: skip
@@ -36,10 +36,10 @@ _KINDS = np.array([
 
 @dataclass(frozen=True, eq=False)
 class Narrowed:
-    """A `prior` in the widths that are most probable, as strong as the information of the fit that they come from.
+    """A `prior` of the most probable widths, made as much too strong as the information of the fit they come from.
 
-    `sigma` (p) are the standard deviations of that fit's numbers under it, errors alike in all of a walk left out (see
-    `as_measured`), and the doubt which widths are the right ones included.
+    `sigma` (p) are the standard deviations of that fit's numbers under it. They include the uncertainty of the widths,
+    but not the errors that are the same in all of a walk (see `as_measured`).
     """
 
     prior: Prior
@@ -48,16 +48,16 @@ class Narrowed:
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """Numbers of which observations say `information` (p x p), and that times their estimate: `pull` (p)."""
+    """The observations' `information` (p x p) on numbers, that times their estimate, `pull` (p), and `own` widths."""
 
     information: Array
     pull: Array
     own: Array
 
     def under(self, halvings: Index) -> tuple[Array, Array, Array]:
-        """Return what holds under m priors whose widths are halved so often (m x p).
+        """Return what follows from m priors whose widths are halved `halvings` (m x p) times.
 
-        The logarithm of the observations' probability, up to a constant (m); the numbers' mean (m x p); their
+        That is the logarithm of the observations' probability, up to a constant (m); the numbers' mean (m x p); their
         covariance (m x p x p).
         """
         width = self.own * 0.5**halvings
@@ -71,9 +71,9 @@ class _Seen:
 def narrowed(prior: Prior, fitted: Fit, sigma: Array) -> Narrowed:
     """Return the prior in the widths that a fit under it makes most probable, and how sure its numbers then are.
 
-    `sigma` (p) are the honest standard deviations of the fit's free numbers. What they exceed the plain ones by, and
-    errors alike in all of a walk, the observations' information is too large by; instead of weakening all observations,
-    the prior is strengthened.
+    `sigma` (p) are the honest standard deviations of the fit's free numbers. The observations' information is too large
+    by as much as these exceed the plain ones, and by errors that are the same in all of a walk; instead of weakening
+    all observations, the prior is strengthened.
     """
     free, own = fitted.free, prior.sigma[fitted.free]
     plain = np.diag(np.linalg.inv(fitted.information))
@@ -93,12 +93,12 @@ def _tried(kind: Mask, halvings: Index) -> Index:
     return np.where(kind, np.arange(_HALVINGS)[:, None], halvings)
 
 
-def _most_probable(seen: _Seen, kinds: list[Mask], slow: Mask) -> Index:
+def _most_probable(seen: _Seen, kinds: list[Mask], any_kind: Mask) -> Index:
     """Return the halvings (p) under which the observations are most probable, found kind by kind from a common one."""
-    best, halvings = -np.inf, np.zeros(len(slow), dtype=np.int64)
+    best, halvings = -np.inf, np.zeros(len(any_kind), dtype=np.int64)
     while True:
         before = best
-        for kind in [slow] if best == -np.inf else kinds:
+        for kind in [any_kind] if best == -np.inf else kinds:
             tried = _tried(kind, halvings)
             likely = seen.under(tried)[0]
             if likely.max() > best:
@@ -108,7 +108,7 @@ def _most_probable(seen: _Seen, kinds: list[Mask], slow: Mask) -> Index:
 
 
 def _variance(seen: _Seen, kinds: list[Mask], halvings: Index) -> Array:
-    """Return the numbers' variances (p) about their mean under the widths chosen, were one kind's width another."""
+    """Return the numbers' variances (p) under the chosen widths, with what the uncertainty of each width adds."""
     _, mean, covariance = (one[0] for one in seen.under(halvings[None]))
     variance = np.diag(covariance).copy()
     for kind in kinds:

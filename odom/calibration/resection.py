@@ -8,7 +8,7 @@ from odom.geometry.compiled import compiled
 from odom.geometry.compiled_se3 import moved, orthonormalise, put, solve_definite
 
 _PRIOR = 1e-6
-"""Information (1/m^2, 1/rad^2) that keeps a pose of which nothing was measured; it is never felt otherwise."""
+"""Information (1/m^2, 1/rad^2) that keeps a pose of which nothing was measured; otherwise it has no effect."""
 
 
 @compiled

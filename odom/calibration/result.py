@@ -31,8 +31,8 @@ class Calibrated:
 
     `vector` (30) is that of the camera, and `start` the one it began with; what was not shown is as it was there, with
     the prior's sigma. `fitted` is the last adjustment, under `prior`. `contradicted`: the walk as a whole would
-    determine the focal length, yet its parts disagree so much that it is not shown; what was measured is not of a still
-    scene seen by such a camera.
+    determine the focal length, but its parts disagree too much: the scene moved, or the camera is not like the given
+    one.
     """
 
     camera: Camera
@@ -66,13 +66,13 @@ def calibrated(
     """Return the camera that fits a survey best; `start` is the one that was given, and the prior.
 
     Numbers that become hardly surer than they were before are left as they were, the others move as far as the walk
-    makes it probable (see `prior_width`). `earlier` is the result of the round before, whose change counts as
-    unsureness; `begin` are the equations at the survey's start, where they are known. Raises ConfigError for a lens
+    makes it probable (see `prior_width`). `earlier` is the result of the round before: what has changed since adds to
+    the sigmas. `begin` are the equations at the survey's start, where they are known. Raises ConfigError for a lens
     that cannot be calibrated.
     """
     mean, prior_s = vector_of(start), prior_sigma(start)
     given = vector_of(survey.camera)
-    mean[SCALE_NUMBER] = given[SCALE_NUMBER]  # which the images do not show
+    mean[SCALE_NUMBER] = given[SCALE_NUMBER]  # the images do not show it
     prior = Prior(mean, prior_s)
     found, contradicted = fit(begin or System.at_start(survey, FREE), prior, stopped, settled=TUNING.fit_roughly), False
     while True:
@@ -109,10 +109,10 @@ RESTLESS = (
 
 
 def restless_share(survey: Survey, result: Calibrated) -> float:
-    """Return the share of landmarks that most frames see elsewhere than the fit has them: they moved meanwhile.
+    """Return the share of landmarks that most frames see elsewhere than the fit puts them: they moved meanwhile.
 
-    The robust fit leaves them aside as far as they are few, yet they pull all the same. What was displaced in the run
-    does not count: some of it is another thing that looks alike.
+    Even a robust fit is pulled by them. What was displaced in the run does not count: some of it is another thing that
+    looks alike.
     """
     ray, _ = chi_squared(linearised(survey, result.fitted.vector, result.fitted.bundle))
     counted = survey.landmark[~survey.is_displaced]
@@ -122,9 +122,9 @@ def restless_share(survey: Survey, result: Calibrated) -> float:
 
 
 def as_measured(result: Calibrated) -> Calibrated:
-    """Return a calibration whose sigmas allow for errors of measuring that are alike in all of a walk.
+    """Return a calibration whose sigmas allow for measurement errors that are the same in all of a walk.
 
-    Patches that are found aside, or depth that is rounded into the colour image's pixels, err alike in every part of
+    Patches found slightly off, or depth rounded into the colour image's pixels, err in the same way in every part of
     it, so that no comparison of the parts shows it. The unit of depth does not come from patches.
     """
     is_measured = result.shown & (np.arange(len(NAMES)) != SCALE_NUMBER)

@@ -1,9 +1,9 @@
 """Rows carried to the time of the middle one by the motion that the whole trajectory shows.
 
 A frame is measured before the next one is seen, by a motion that is late or smoothed where the camera speeds up or
-turns. Rows of a rolling shutter so end up some hundredths of a pixel aside, alike in all frames of a walk that goes on
-alike: the focal length would come out .2 % too short, and the image's centre some pixels too high. This is for the
-camera's numbers, which average over a walk; single poses that shake are better off with what their own rows showed.
+turns. So the rows of a rolling shutter end up some hundredths of a pixel off, in the same way in all frames of a steady
+walk: the focal length would come out .2 % too short, and the image's centre some pixels too high. This is for the
+camera's numbers, which average over a walk; for single poses that shake, what their own rows showed is better.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -28,8 +28,8 @@ _LONGEST_DELAY_S = 0.1
 def twists_at(stamps: Sequence[Stamp], frames: Iterable[LoggedFrame], keyframes: Sequence[Keyframe]) -> Array:
     """Return the camera's velocity (K x 6, m/s and rad/s, its own frame) in K of the `frames`, by their `stamps`.
 
-    The slope of a straight line through the poses of the frames around, `motion_window_s` to both sides; NaN where no
-    pose of the same segment is known so near on one side.
+    It is the slope of a straight line through the poses of the frames within `motion_window_s` to both sides; NaN where
+    one side has no pose of the same segment.
     """
     twists = np.full((len(stamps), 6), np.nan)
     near = [

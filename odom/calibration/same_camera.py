@@ -16,7 +16,7 @@ _CENTRED = _LENS[:4]
 def apart(one: Calibrated, other: Calibrated) -> float:
     """Return by how many sigma, root mean square, two cameras' lenses differ, in the numbers that both have shown.
 
-    The errors of numbers hang together, so that lenses may differ surely of which no number by itself does.
+    The numbers' errors are correlated, so that lenses may differ surely although no single number does.
     """
     both = _LENS[(one.shown & other.shown)[_LENS]]
     if not len(both):
@@ -36,7 +36,7 @@ def most_different(one: Calibrated, other: Calibrated) -> tuple[int, float]:
 def is_of_another_camera(found: Calibrated) -> bool:
     """Return whether the focal length is farther from the one given than any calibration of this camera would be.
 
-    What such a start leads to does not settle: prior and linearisation are those of another camera.
+    From such a start the result does not settle: prior and linearisation are those of another camera.
     """
     now, given = found.vector[_CENTRED[:2]], found.start[_CENTRED[:2]]
     return bool(np.abs(np.log(now / given)).max() > TUNING.other_camera * TUNING.prior_focal)

@@ -23,7 +23,7 @@ from odom.frame import Camera
 from odom.frontend.camera.rays import turn_between
 
 _SEED = 1
-"""Of the chance that draws landmarks: a run calibrates itself alike every time."""
+"""Seed of the random choice of landmarks: a run gives the same calibration every time."""
 GOOD = "good as far as this walk shows: no other explains frames better that were held out"
 _UNSURE = "the walk does not show another one surely"
 _TIMING = np.arange(TIMINGS)
@@ -37,7 +37,7 @@ _POSE_STEPS = 4
 class SelfCalibration:
     """What a run says of its calibration: `found` and the `trajectory` by it, None where the one given is kept.
 
-    `off_px` is how far the rays of the calibration given, or its depth beside colour, seem to be off; `reason` says
+    `off_px` is how far the rays of the calibration given, or its depth against colour, seem to be off; `reason` says
     why it is kept.
     """
 
@@ -81,12 +81,12 @@ def judged(
     if (moving := restless_share(few, found)) > TUNING.restless_most:
         return SelfCalibration(reason=RESTLESS.format(moving))
     off_px = significant_error_px(given, found.camera, found.sigma, few)
-    told = as_measured(in_believed_unit(found, few))
-    if not is_sure(told):
+    reported = as_measured(in_believed_unit(found, few))
+    if not is_sure(reported):
         return SelfCalibration(off_px, _UNSURE)
     if not judge(few, found).is_better:
         return SelfCalibration(off_px, GOOD)
-    return SelfCalibration(off_px, "", told)
+    return SelfCalibration(off_px, "", reported)
 
 
 def _trajectory(
@@ -94,7 +94,7 @@ def _trajectory(
 ) -> tuple[TrajectoryPose, ...]:
     """Return the trajectory with all poses of a survey adjusted anew by the camera that was found.
 
-    As all that is published, it is in the frame of the camera given.
+    Like all published poses, these are in the frame of the camera given.
     """
     vector = found.vector.copy()
     given = odometry.camera

@@ -29,7 +29,7 @@ MEASURED = ("uv", "inverse_depth", "slope", "by_timing", "variance_uv", "varianc
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """N observations of L landmarks in K frames, sorted by landmark, then frame; no camera changes what was measured.
+    """N observations of L landmarks in K frames, sorted by landmark, then frame, as measured in the images.
 
     `frame`, `landmark` (N); `uv` (N x 2, px) where it was seen, carried to the image's middle row; `inverse_depth` (N,
     1/m, NaN: none) as the depth image says, read by the depth model of `camera`; `slope` (N x 2) of that per pixel.
@@ -93,7 +93,7 @@ class Survey:
         )
 
     def thinned(self, most: int, seed: int) -> "Survey":
-        """Return the survey of landmarks drawn by chance that have some `most` observations, each several."""
+        """Return the survey of landmarks drawn at random that have several observations each, about `most` in all."""
         count = np.bincount(self.landmark, minlength=len(self.landmarks))
         drawn = np.random.default_rng(seed).permutation(np.flatnonzero(count >= _SEVERAL))
         drawn = np.sort(drawn[: np.searchsorted(np.cumsum(count[drawn]), most) + 1])
@@ -183,7 +183,7 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
 
 
 def turned(seen: Measurements, R_own_told: Array) -> Measurements:
-    """Return measurements in a camera's own axes that were told in those of another, a degree or two aside."""
+    """Return measurements in a camera's own axes that were given in those of another, a degree or two aside."""
     own = np.column_stack([seen.values[:, :2], np.ones(len(seen))]) @ R_own_told.T
     return replace(seen, values=np.column_stack([own[:, :2], seen.values[:, 2]]) / own[:, 2:])
 
@@ -201,7 +201,7 @@ def steady_slopes(seen: Measurements, by_direction: Array, R_camera_map: Array, 
 
 
 def _gathered(frames: list[Observed], odometry: Odometry, rows: Index) -> tuple[Measurements, Index, Index, Mask]:
-    """Return what frames measured of the landmarks in `rows` (ascending), in which frame, of which, if displaced."""
+    """Return measurements of the landmarks in `rows` (ascending): with frame, landmark, and whether displaced (N)."""
     landmarks = odometry.map.landmarks
     numbers, places, displaced, measured = [], [], [], []
     parts = [(k, part) for k, frame in enumerate(frames) for part in (frame, frame.displaced) if part is not None]

@@ -1,8 +1,8 @@
 """The unit of length after a calibration, which neither images nor depth show.
 
-With steps, landmarks and depth longer by one factor, everything looks the same. A fit to images must therefore not
-change the unit by the way: corrections of depth that grow or fall with range would, and so does a longer focal length,
-which makes steps to the side smaller. What is believed of the unit beforehand decides.
+With steps, landmarks and depth longer by one factor, everything looks the same. So a fit to images must not change the
+unit as a side effect: corrections of depth that grow or fall with range would, and so does a longer focal length, which
+makes steps to the side smaller. What was known of the unit before decides.
 """
 
 from dataclasses import replace
@@ -19,11 +19,11 @@ from odom.frontend.camera.rays import rays_of, turned_onto
 from odom.geometry.arrays import Array
 
 _LEAST_INVERSE = 1e-3
-"""Inverse depth (1/m) that a correction leaves at least: of a kilometre."""
+"""Least inverse depth (1/m) after a correction: that of a kilometre."""
 
 
 def in_unit_of_depth(result: Calibrated, survey: Survey) -> Calibrated:
-    """Return a calibration by which depth is, for the usual observation, as long as by the calibration given."""
+    """Return a calibration that leaves the depth of the usual observation as it was by the calibration given."""
     return _scaled(result, float(np.exp(-depth_change(result, survey))))
 
 
@@ -45,9 +45,9 @@ def in_metres(result: Calibrated, survey: Survey, scale: ScaleFit) -> Calibrated
 def in_believed_unit(result: Calibrated, survey: Survey) -> Calibrated:
     """Return a calibration in the unit that is expected where nothing was measured against a metre.
 
-    Where the lens is found to be longer by a share d, either depth's unit is right, and walks are shorter by d than the
-    calibration given made them. Or their size was right: whoever ties depth to a board of known size does so by the
-    focal length that he believes in, so that the errors of both cancel. The expected unit lies between.
+    Where the focal length is found to be longer by a share d, depth's unit may be right, and walks shorter by d than
+    the calibration given made them. Or the walks' size was right: whoever calibrates depth by a board of known size
+    uses the focal length that he believes in, so that the errors of both cancel. The expected unit lies between.
     """
     lens = lens_change(camera_of(result.start, result.camera), result.camera, survey)
     return _scaled(result, float(np.exp(-depth_change(result, survey) - size_belief(lens) * lens)))

@@ -139,8 +139,8 @@ class MotionFilter:
 def _carried(P: Array, dt: float, factors: tuple[float, float, float], variances: tuple[float, float]) -> Array:
     """Return `F P F' + Q` (12 x 12) with F = [I, dt I; 0, I].
 
-    Q is what the acceleration adds, whose `variances` are those of translation and rotation: `factors` times these, on
-    each axis, to the pose's variance, to its covariance with the twist, and to the twist's variance.
+    Q is what acceleration of the given `variances` (of translation, of rotation) adds on each axis: `factors` times the
+    variance to that of the pose, to the covariance of pose and twist, and to the variance of the twist.
     """
     out = P.copy()
     for i in range(12):

@@ -16,7 +16,7 @@ from odom.frame.depth_model import aside_px
 from odom.geometry.arrays import Array
 
 _NEAREST_M = 0.05
-"""Predicted depth is at least so much: a landmark that comes nearer is refused by the adjustment anyhow."""
+"""Least predicted depth: the adjustment refuses a landmark that comes nearer."""
 
 
 @dataclass(frozen=True, eq=False)

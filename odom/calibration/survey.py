@@ -24,7 +24,7 @@ _LEAST_FRAMES = 8
 _SEVERAL = 3
 """Observations of a landmark when some are chosen by chance: fewer say little of the camera."""
 MEASURED = ("uv", "inverse_depth", "slope", "by_timing", "variance_uv", "variance_depth", "is_displaced")
-"""The arrays of a survey that say what an observation measured, besides what of and in which frame."""
+"""The arrays of a survey that have a row for each observation, besides `frame` and `landmark`."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,7 +38,7 @@ def unit_covariance(T_earlier_current: Array) -> Array:
 
 
 def common_covariance(T_earlier_current: Array, calibration_error: float) -> Array:
-    """Return the 6 x 6 covariance of a motion by what errs alike in all that is measured: calibration and unit."""
+    """Return the 6 x 6 covariance of a motion from errors common to all measurements: calibration and unit."""
     return calibration_covariance(T_earlier_current, calibration_error) + unit_covariance(T_earlier_current)
 
 

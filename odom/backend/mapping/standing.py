@@ -59,7 +59,7 @@ class RecentViews:
         return Before(view, tracked, self._earlier_views(view, tracked), looked)
 
     def moving(self, view: View, tracked: Tracked, sensor: SensorModel) -> MovingCells | None:
-        """Return which part of a tracked view moves, looked at once; None where no view is recent enough to tell."""
+        """Return which part of a tracked view moves, noted for `before`; None if no view is recent enough to tell."""
         moving = self.before(view, tracked).moving(sensor)
         self._looked = tracked, moving
         return moving

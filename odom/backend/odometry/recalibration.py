@@ -20,7 +20,7 @@ class Calibrator(Protocol[LookedAt]):
 
     @property
     def again(self) -> float:
-        """More than 1; it must not change while nothing is looked at."""
+        """More than 1; it may change during a look only."""
         ...
 
     def looked_at(self, odometry: LookedAt, /) -> Callable[[], Camera | None]:

@@ -18,7 +18,7 @@ from odom.geometry.arrays import Array, Index, Mask
 from odom.geometry.compiled import compiled
 
 _LOOKS = 3
-"""Readings of a depth image that was taken from beside: each finds the place by the depth that the last one found."""
+"""Readings of a depth image of a camera beside the colour one: each finds the pixel by the depth of the one before."""
 _UNKNOWN_INVERSE_DEPTH = 0.5
 """1/m; a feature without depth is assumed to move in the image as if it were this far away."""
 
@@ -148,7 +148,7 @@ def measure(
 def _rough_inverse_depth(depth_mm: NDArray[np.uint16], uv: Array, errors: Array, model: Array) -> Array:
     """Return the rough inverse depth (n, 1/m) of features by the depth image; that of 2 m where it shows none.
 
-    In a depth image that was taken from beside, a feature's place depends on its depth, which is read there.
+    In a depth image of a camera beside the colour one, a feature's pixel depends on the depth that is read there.
     """
     near = np.full(len(uv), _UNKNOWN_INVERSE_DEPTH)
     height, width = depth_mm.shape

@@ -22,6 +22,8 @@ _COUNT_PERIOD_S = 0.5
 """Between two counts for the `odom run` above: longer makes its bar jerky, shorter only costs lines."""
 _LINE_PERIOD_S = 5.0
 """Between two lines where there is no terminal: shorter fills log files, longer leaves people in doubt."""
+_CHANGE_PERIOD_S = 1.0
+"""The same where the state changes: a state that comes and goes with every second frame would fill them, too."""
 
 
 def open_display(what: str = "") -> Display:
@@ -37,19 +39,19 @@ def open_display(what: str = "") -> Display:
 
 
 class Lines(Display):
-    """Lines on stderr, plain or logged: every few seconds and whenever the state changes."""
+    """Lines on stderr, plain or logged: every few seconds and when the state changes."""
 
     def __init__(self, logged: bool = False, what: str = "") -> None:
         self._logged = logged
         self._due = time.monotonic() + _LINE_PERIOD_S if what else 0.0
-        self._state = what
+        self._change_due, self._state = 0.0, what
 
     def show(self, reading: Reading) -> None:
         """Show how far the run is."""
         now = time.monotonic()
-        if now < self._due and reading.state == self._state:
+        if now < self._due and (reading.state == self._state or now < self._change_due):
             return
-        self._due, self._state = now + _LINE_PERIOD_S, reading.state
+        self._due, self._change_due, self._state = now + _LINE_PERIOD_S, now + _CHANGE_PERIOD_S, reading.state
         of, eta = "", ""
         if reading.total:
             of = f"/{reading.total}"

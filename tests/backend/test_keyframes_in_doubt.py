@@ -130,7 +130,9 @@ def test_in_doubt_other_segments_places_come_first_and_more_of_them() -> None:
     map_ = chain_of_keyframes(POSES, np.eye(6), begins=(0, 3))
     sensor = unproven_sensor(SMALL, OdometrySettings())
     looks = [
-        Mapper(map_, OdometrySettings(), sensor)._place_searches(KeyframeView(3, cast("Any", None), np.zeros(6), standing))
+        Mapper(map_, OdometrySettings(), sensor)._place_searches(
+            KeyframeView(3, cast("Any", None), np.zeros(6), standing)
+        )
         for standing in (None, np.zeros((1, 2)))
     ]
     assert looks[0] == [(map_.linked(3), PLACES.place_candidates)]

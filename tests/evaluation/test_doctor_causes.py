@@ -28,6 +28,14 @@ def look(folder: Path) -> Recording:
     return replace(recording, refused={**recording.refused, **source.refused})
 
 
+def test_images_that_came_twice_are_named(good: Recording) -> None:
+    frames = tuple(replace(f, color=good.frames[i - i % 3 // 2].color) for i, f in enumerate(good.frames))
+    (found,) = [f for f in examine(replace(good, frames=frames)) if f.key == "repeated images"]
+    assert found.verdict is Verdict.BAD
+    assert f"{len(frames) // 3} of {len(frames)} are the one before" in found.value
+    assert "repeated images" not in {finding.key for finding in examine(good)}
+
+
 @pytest.fixture(scope="module")
 def good(shared_data) -> Recording:
     return look(shared_data / "tum_fr1_xyz")

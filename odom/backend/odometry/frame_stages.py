@@ -9,7 +9,6 @@ from odom.backend.chain.chain_frame import ChainFrame
 from odom.backend.chain.sight import Sight
 from odom.backend.estimate import Estimate, Features, OnPose, State
 from odom.backend.loop_closure.loop_closure import LoopCloser
-from odom.backend.map.frame_log import LoggedFrame
 from odom.backend.map.map import Corners, Map
 from odom.backend.map.memory import open_map
 from odom.backend.map.saved import SavedMap
@@ -20,6 +19,7 @@ from odom.backend.odometry.judged_frame import JudgedFrame
 from odom.backend.odometry.lost_views import LostViews
 from odom.backend.odometry.moving_view import MovingView
 from odom.backend.odometry.published_trajectory import PublishedTrajectory
+from odom.backend.odometry.repeated_image import is_repeated
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.odometry.visibility import Visibility
 from odom.backend.publication import Publication
@@ -65,9 +65,12 @@ class FrameStages:
         """Return the estimate for the next frame; `T_predicted` is T_camera_map where it was predicted already."""
         if view.shows_depth:
             self._visibility = self._visibility.with_depth(view.stamp)
-        period_s, bridge_s = self.sensor.clock.period_s, self._settings.bridge_s
-        is_blind = self._visibility.is_blind(view.stamp, max(bridge_s, TUNING.longest_blind_periods * period_s))
+        longest_blind_s = max(self._settings.bridge_s, TUNING.longest_blind_periods * self.sensor.clock.period_s)
+        is_blind = self._visibility.is_blind(view.stamp, longest_blind_s)
         is_followable = not (self.published.is_lost or is_blind)
+        if self.state is not None and is_repeated(view, self.state, self.sensor):
+            reason = "the last image came again"
+            return self._predict(view, is_followable, reason) or self._lose(view, reason)
         tracked = self._track(view, T_predicted, watch) if is_followable else None
         if tracked is not None:
             judged = self._judge(view, tracked, is_recovered=False)
@@ -88,9 +91,8 @@ class FrameStages:
             watch.lap("relocalise")
         if tracked is not None:
             return self._advance(view, self._judge(view, tracked, is_recovered), watch, on_pose)
-        if self.state is not None and is_followable and 0.0 < self.state.since_s(view.steady_stamp) <= bridge_s:
-            return self._bridge(view, self.state)
-        return self._lose_or_begin(view, features, is_blind)
+        predicted = self._predict(view, is_followable, "not tracked")
+        return predicted or self._lose_or_begin(view, features, is_blind)
 
     def _track(self, view: View, T_predicted: Array | None, watch: Stopwatch) -> Tracked | None:
         """Predict and track the frame from the newest one with a pose; None where that fails."""
@@ -142,7 +144,7 @@ class FrameStages:
     def _advance(self, view: View, judged: JudgedFrame, watch: Stopwatch, on_pose: OnPose) -> Estimate:
         """Publish a judged frame, extend chain and map by it, and make it the newest one."""
         watch.lap("judge")
-        tracked, previous, published = judged.tracked, self.state, self._publish(view, judged)
+        tracked, previous, published = judged.tracked, self.state, self.published.advance(view, judged, self.sensor)
         estimate = replace(
             self._describe(view, judged.state, judged.reason, published),
             inliers=tracked.inlier_count,
@@ -159,16 +161,8 @@ class FrameStages:
         watch.lap("map")
         self.chain.close(self.map, is_keyframe, tracked.reference, self.sensor)
         watch.lap("chain")
-        moving = self.moving.cells
-        return replace(estimate, is_keyframe=is_keyframe, pairwise=self.chain.link, chain=chained, moving=moving)
-
-    def _publish(self, view: View, judged: JudgedFrame) -> Publication:
-        """Return a judged frame's published pose, carried from its middle row's time to its stamp."""
-        tracked = judged.tracked
-        reference, delay_s = self.map.keyframes[tracked.reference], view.since_middle_s(self.sensor.timing)
-        T_reference_middle = reference.T_camera_map @ tracked.T_map_camera
-        middle = LoggedFrame(view.stamp, reference.segment, delay_s, reference.number, T_reference_middle)
-        return self.published.advance(middle, judged, self.sensor)
+        link, moving = self.chain.link, self.moving.cells
+        return replace(estimate, is_keyframe=is_keyframe, pairwise=link, chain=chained, moving=moving)
 
     def _grow_map(self, view: View, judged: JudgedFrame, published: Publication) -> bool:
         """Add to the map what it needs of a frame, and make that the newest; return whether it is a key frame."""
@@ -190,11 +184,14 @@ class FrameStages:
         mapper.inserter.recent.remember(self.state)
         return is_keyframe
 
-    def _bridge(self, view: View, state: FrameState) -> Estimate:
-        """Let the motion prediction stand in for a frame that could not be tracked."""
+    def _predict(self, view: View, is_followable: bool, why: str) -> Estimate | None:
+        """Let the motion prediction stand in for a frame that could not be tracked; None after too long a time."""
+        state, longest_s = self.state, self._settings.bridge_s
+        if state is None or not is_followable or not 0.0 < state.since_s(view.steady_stamp) <= longest_s:
+            return None
         self.state = replace(state, is_bridged=True)
         published = self.published.bridge(view.stamp, state.twist, self.sensor)
-        estimate = self._describe(view, State.UNCERTAIN, "not tracked: the motion is predicted", published)
+        estimate = self._describe(view, State.UNCERTAIN, f"{why}: the motion is predicted", published)
         return replace(estimate, is_predicted=True)
 
     def _lose_or_begin(self, view: View, features: int, is_blind: bool) -> Estimate:
@@ -213,6 +210,9 @@ class FrameStages:
             corners = self.mapper.inserter.first_corners(view, self.sensor, self._lost.scene) if may_begin else None
             if corners is not None:
                 return self._begin_segment(view, corners)
+        return self._lose(view, reason)
+
+    def _lose(self, view: View, reason: str) -> Estimate:
         self.published.lose(view.stamp, self._segment)
         self.mapper.start_background(self.published.frames.count, self.sensor)
         return self._describe(view, State.LOST, reason, None)

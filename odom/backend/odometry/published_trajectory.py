@@ -16,6 +16,7 @@ from odom.backend.publication import Publication
 from odom.backend.tracking.motion_model import Agility, MotionFilter
 from odom.frame import Stamp
 from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.view import View
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 
@@ -99,13 +100,15 @@ class PublishedTrajectory:
         T_odom_camera = se3.inverse(self.T_map_odom) @ se3.inverse(self._map.keyframes[keyframe].T_camera_map)
         return self._keep(Publication(frame, T_odom_camera, self._since_start(frame, T_odom_camera, Doubt(), sensor)))
 
-    def advance(self, middle: LoggedFrame, judged: JudgedFrame, sensor: SensorModel) -> Publication:
+    def advance(self, view: View, judged: JudgedFrame, sensor: SensorModel) -> Publication:
         """Publish a judged frame, whose pose is that at its middle row's time.
 
         The pose is smoothed and carried to the stamp. Since the image's time is known to the clock's sigma only, the
         distance that the camera covers in that time adds to the covariance.
         """
-        assert middle.T_keyframe_camera is not None
+        reference, delay_s = self._map.keyframes[judged.tracked.reference], view.since_middle_s(sensor.timing)
+        T_reference_middle = reference.T_camera_map @ judged.tracked.T_map_camera
+        middle = LoggedFrame(view.stamp, reference.segment, delay_s, reference.number, T_reference_middle)
         self.frames.append(replace(middle, covariance=judged.covariance, twist=judged.twist))
         last = self._recent[-1].frame.keyframe if self._recent else None
         if last is not None and self._map.keyframes[last].segment != middle.segment:
@@ -121,7 +124,7 @@ class PublishedTrajectory:
         carried = motion.after(middle.delay_s, self._agility)
         frame = replace(
             middle,
-            T_keyframe_camera=middle.T_keyframe_camera @ se3.inverse(T_odom_middle) @ carried.T_fixed_camera,
+            T_keyframe_camera=T_reference_middle @ se3.inverse(T_odom_middle) @ carried.T_fixed_camera,
             covariance=carried.covariance + motion.twist[:, None] * motion.twist * sensor.clock.sigma_s**2,
             delay_s=0.0,
         )

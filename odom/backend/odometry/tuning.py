@@ -107,6 +107,9 @@ class Tuning:
     bridge_sigma_m_s: float = tuned(0.5, unit="m/s", source="predictions against truth over 1 to 4 frames, fr1",
         effect="how fast a predicted pose gets worse; smaller: too sure; larger: too unsure")
     bridge_sigma_rad_s: float = tuned(1.0, unit="rad/s", source="as bridge_sigma_m_s", effect="as bridge_sigma_m_s")
+    repeated_px: float = tuned(0.5, unit="px", source="hands that hold a camera still move it by .2 to .5 px a frame",
+        effect="motion since the last image beyond which the same image again is a repetition; smaller: a drawn camera "
+        "that comes to rest counts as one; larger: slow motion shows a standstill every second frame")
     interpolation_gap_s: float = tuned(0.2, unit="s", source="as longest_gap_s",
         effect="longest gap over which a final pose is carried to its stamp by the motion to the next one, else by its "
         "own velocity; larger: steps of who walks are lost; smaller: velocities of single frames shake")

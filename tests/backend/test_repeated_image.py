@@ -1,0 +1,66 @@
+"""An image that comes twice while the camera moves is no proof that it stands still."""
+
+from dataclasses import replace
+
+import drawn
+import numpy as np
+import pytest
+
+from odom.backend import Odometry, State
+from odom.evaluation.report import evaluate
+from odom.evaluation.trajectory import Trajectory
+from sensors.arena import ArenaOptions
+
+OPTIONS = ArenaOptions(seed=1)
+FIRST, FRAMES = 60, 45
+"""The camera is in motion then."""
+
+
+def walk(shown):
+    """Track frames whose colour is that of the frame `shown(i)`, depth their own; return estimates and the ATE."""
+    frames = [drawn.frame(OPTIONS, FIRST + i) for i in range(FRAMES)]
+    odometry = Odometry(OPTIONS.camera)
+    colors = [frame.rgbd().color for frame in frames]
+    estimates = [odometry.process(replace(f.rgbd(), color=colors[shown(i)].copy())) for i, f in enumerate(frames)]
+    truth = Trajectory(np.array([f.stamp for f in frames]), np.array([f.T_world_camera for f in frames]))
+    return estimates, evaluate(Trajectory.of(odometry.finish()), truth).ate_m
+
+
+def test_of_images_that_all_come_twice_the_second_ones_are_predicted():
+    estimates, ate_m = walk(lambda i: i - i % 2 if i > 3 else i)
+    first, second = estimates[10::2], estimates[11::2]
+    assert {e.state for e in first} == {State.TRACKING}
+    assert {(e.state, e.reason) for e in second} == {
+        (State.UNCERTAIN, "the last image came again: the motion is predicted")
+    }
+    _, ate_without_m = walk(lambda i: i)
+    assert ate_m < 2.0 * ate_without_m + 0.001
+
+
+def test_a_driver_that_hangs_is_never_a_camera_at_rest_and_costs_nothing_behind_it():
+    estimates, ate_m = walk(lambda i: 10 if 10 <= i < 30 else i)
+    hanging, after = estimates[11:30], estimates[30:]
+    assert hanging[0].state is State.UNCERTAIN
+    assert {e.state for e in hanging[5:]} == {State.LOST}
+    assert {e.reason for e in hanging[5:]} == {"the last image came again"}
+    assert {e.state for e in after} == {State.RECOVERED, State.TRACKING}
+    assert np.mean([e.state is State.TRACKING for e in after]) > 0.8
+    assert ate_m < 0.004
+
+
+@pytest.mark.parametrize("moved_before", [False, True])
+def test_a_drawn_camera_at_rest_is_tracked_although_all_its_images_are_equal(moved_before):
+    odometry = Odometry(OPTIONS.camera)
+    shot = drawn.frame(OPTIONS, FIRST).rgbd()
+    stamps = [shot.stamp + 33_333_333 * i for i in range(30)]
+    images = [shot.color] * 30
+    if moved_before:  # it comes to rest slowly
+        still = np.random.default_rng(0)
+        images[:10] = [
+            np.clip(shot.color + still.integers(-1, 2, shot.color.shape), 0, 255).astype(np.uint8) for _ in range(10)
+        ]
+    estimates = [
+        odometry.process(replace(shot, sequence=i, stamp=stamp, depth_stamp=stamp, color=image))
+        for i, (stamp, image) in enumerate(zip(stamps, images, strict=True))
+    ]
+    assert {e.state for e in estimates} == {State.TRACKING}

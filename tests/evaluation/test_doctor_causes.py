@@ -28,6 +28,17 @@ def look(folder: Path) -> Recording:
     return replace(recording, refused={**recording.refused, **source.refused})
 
 
+@pytest.mark.parametrize(
+    ("turned", "words"),
+    [(np.s_[:, ::-1], "mirrored left to right"), (np.s_[::-1, ::-1], "turned by 180"), (np.s_[::-1], "top to bottom")],
+)
+def test_depth_that_is_turned_against_colour_is_named(good: Recording, turned: tuple[slice, ...], words: str) -> None:
+    frames = tuple(replace(f, color=np.ascontiguousarray(f.color[turned])) for f in good.frames)
+    (found,) = [f for f in examine(replace(good, frames=frames)) if f.verdict is Verdict.BAD]
+    assert found.key == "depth orientation"
+    assert words in found.value
+
+
 def test_images_that_came_twice_are_named(good: Recording) -> None:
     frames = tuple(replace(f, color=good.frames[i - i % 3 // 2].color) for i, f in enumerate(good.frames))
     (found,) = [f for f in examine(replace(good, frames=frames)) if f.key == "repeated images"]

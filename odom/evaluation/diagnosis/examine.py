@@ -1,5 +1,6 @@
 """Runs all checks over a part of a source, in the order in which faults should be repaired."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from odom.evaluation.diagnosis.form import judge_change, judge_lens, judge_refus
 from odom.evaluation.diagnosis.image import judge_blur, judge_exposure, judge_repeats
 from odom.evaluation.diagnosis.intrinsics import judge_intrinsics
 from odom.evaluation.diagnosis.motion import PairMotion, fit_focal, pair_motion
+from odom.evaluation.diagnosis.orientation import judge_orientation
 from odom.evaluation.diagnosis.recording import Recording
 from odom.evaluation.diagnosis.scale import BodyTruth, body_truth, fit_scale, judge_scale
 from odom.evaluation.diagnosis.stamps import judge_pairs, judge_rhythm
@@ -90,6 +92,8 @@ def _judge_geometry(recording: Recording, frames: tuple[RgbdFrame, ...], camera:
     stamps = np.array([frame.stamp for frame in frames], dtype=np.int64)
     shift = _edge_shift(frames, tracks, stamps, camera)
     registration = [_judge_shift(shift), _judge_lag(shift)]
+    turned = judge_orientation(frames, shift, lambda others: _edge_shift(others, tracks, stamps, camera))
+    registration = turned or registration
     trusted = all(finding.verdict is not Verdict.BAD for finding in registration)
     motions = _long_motions(tracks, stamps, focal_px)
     focal = fit_focal(motions, focal_px) if trusted else None
@@ -111,9 +115,7 @@ def _judge_geometry(recording: Recording, frames: tuple[RgbdFrame, ...], camera:
     return [*findings, unit if by_truth.verdict is Verdict.UNKNOWN else by_truth]
 
 
-def _edge_shift(
-    frames: tuple[RgbdFrame, ...], tracks: list[Tracks], stamps: Stamps, camera: Camera
-) -> EdgeShift | None:
+def _edge_shift(frames: Sequence[RgbdFrame], tracks: list[Tracks], stamps: Stamps, camera: Camera) -> EdgeShift | None:
     focal_px = np.array([camera.fx, camera.fy])
     last = len(frames) - 2
     chosen = sorted({round(k) for k in np.linspace(1, last, _EDGE_FRAMES)}) if last > 1 else []

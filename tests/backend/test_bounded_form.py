@@ -5,6 +5,7 @@ sequences, as they are and with what a model may be wrong in, by the same gated 
 """
 
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -84,7 +85,7 @@ def pairs_of(camera, frames, monkeypatch):
         if link is None or not caught:
             continue
         T_earlier, T_before = odometry._frames.chain._end.published.T_middle_stamp, T_earlier
-        previous, current, T_hint, pose = caught[0]
+        previous, current, T_hint, pose = [call for call in caught if not isinstance(call[-1], str)][-1]  # the one used
         if k % EVERY or k < 30:
             continue
         deep = (previous.values[:, 2] > 0.0) & (current.values[:, 2] > 0.0)
@@ -119,7 +120,7 @@ def judged(found, truth, form):
 @pytest.mark.parametrize("name", ["tum_fr1_xyz", "tum_fr1_rpy_part"])
 def test_the_bounded_form_on_real_pairs(shared_data, name, monkeypatch):
     recording = read_recording(shared_data / name)
-    truth, frames = recording.truth()["camera"], list(recording)[:FRAMES]
+    truth, frames = recording.truth()["camera"], list(islice(recording, FRAMES))
     print(f"\n| {name} | pairs | form | mm | deg | NEES |\n|---|---|---|---|---|---|")
     for what in DISTURBED:
         camera, changed = disturbed(recording, what, frames, truth)

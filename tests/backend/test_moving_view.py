@@ -7,8 +7,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from odom.backend.odometry.moving_view import MovingView, is_contradicted
+from odom.backend.odometry.moving_view import MovingView
 from odom.backend.odometry.tuning import TUNING
+from odom.backend.odometry.witnesses import Agreement
 from odom.backend.tracking.other_motions import WhatElseMoves
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.matching.line_of_sight import LineOfSight
@@ -83,13 +84,13 @@ def told(
     return every
 
 
-def next_look(moving: MovingView, found: int, missed: int, as_one: float = 0.0) -> MovingView:
-    """What is known after one more look in which nothing moves by its cells."""
+def next_look(moving: MovingView, found: int, missed: int, as_one: float = 0.0, share: float = 0.0) -> MovingView:
+    """What is known after one more look in which a `share` of the view moves by its cells."""
     assert moving.stamp is not None
     tracked, landmarks = tracked_by(found, missed)
     landmarks.next_identity = 50
     view = cast(Any, SimpleNamespace(steady_stamp=SteadyStamp(moving.stamp + 100_100_000)))
-    return moving.after(view, tracked, cast(Any, Shown(0.0, as_one)), landmarks, cast(Any, None))
+    return moving.after(view, tracked, cast(Any, Shown(share, as_one)), landmarks, cast(Any, None))
 
 
 YOUNG, CALM = round(TUNING.moving_young_s * 10) + 2, round(TUNING.moving_calm_s * 10) + 2
@@ -129,12 +130,8 @@ def test_what_stood_still_before_tells_that_the_camera_was_not_taken_along() -> 
 def test_a_crowds_doubt_ends_where_what_stood_still_before_agrees_again() -> None:
     crowded = told([*STILL, 0.6], found=60, missed=80)[-1]
     assert crowded.is_doubtful
-    assert crowded.stamp is not None
-    view = cast(Any, SimpleNamespace(steady_stamp=SteadyStamp(crowded.stamp + 200_000_000)))
-    for missed in (80, 40):
-        tracked, landmarks = tracked_by(60, missed)
-        later = crowded.after(view, tracked, cast(Any, Shown(0.3, 0.0)), landmarks, cast(Any, None))
-        assert later.is_doubtful == (missed > 60)
+    assert next_look(crowded, 60, 80, share=0.3).is_doubtful
+    assert not next_look(crowded, 60, 40, share=0.3).is_doubtful
 
 
 def test_views_that_cannot_tell_end_no_doubt() -> None:
@@ -204,24 +201,24 @@ def test_a_view_lost_in_doubt_is_sure_again_soon_where_landmarks_from_before_agr
 
 def test_what_was_seen_in_doubt_after_a_loss_proves_nothing() -> None:
     shares = [0.6, *[0.0] * (LASTS - 3)]
-    assert told(shares)[-1].proven == 1
-    assert told(shares, lost=[1])[-1].proven == 0
+    assert told(shares)[-1].witnesses.proven_identity == 1
+    assert told(shares, lost=[1])[-1].witnesses.proven_identity == 0
 
 
 def test_the_velocity_is_unsure_as_long_as_the_pose_is_in_doubt() -> None:
     shown = told([*STILL, 0.6, None, *[0.1] * (CALM + 2)])
-    assert all(moving.spread is None for moving in shown[: len(STILL)])
+    assert all(moving.rivals.spread is None for moving in shown[: len(STILL)])
     doubtful = [moving for moving in shown if moving.is_doubtful]
-    spreads = [moving.spread for moving in doubtful]
+    spreads = [moving.rivals.spread for moving in doubtful]
     assert [spread[0, 0] for spread in spreads[:2] if spread is not None] == [0.6, 0.6]
     assert spreads[-1] is not None
     assert 0.1 < spreads[-1][0, 0] < 0.11
     assert not shown[-1].is_doubtful
-    assert shown[-1].spread is None
+    assert shown[-1].rivals.spread is None
 
 
 def test_a_look_that_shows_nothing_else_move_does_not_make_the_velocity_sure_at_once() -> None:
-    before, after = (moving.spread for moving in told([*STILL, 0.6, 0.0])[-2:])
+    before, after = (moving.rivals.spread for moving in told([*STILL, 0.6, 0.0])[-2:])
     assert before is not None
     assert after is not None
     assert 0.3 < after[0, 0] < before[0, 0]
@@ -229,26 +226,27 @@ def test_a_look_that_shows_nothing_else_move_does_not_make_the_velocity_sure_at_
 
 def test_the_camera_knows_its_place_again_by_landmarks_from_before_the_doubt_alone() -> None:
     shares = [*STILL, 0.6, *[0.0] * (CALM + 3)]
-    assert told(shares, found=60, missed=80)[-1].is_rooted is False
+    assert told(shares, found=60, missed=80)[-1].witnesses.is_rooted is False
     backed = told([*shares[:-1], 0.6], found=60, missed=40)
     assert not any(moving.is_doubtful for moving in backed)
-    assert told([0.6, *[0.0] * (CALM + 20)], found=60)[-1].is_rooted is False  # all it knows was seen in doubt
+    in_doubt = told([0.6, *[0.0] * (CALM + 20)], found=60)  # all it knows was seen in doubt
+    assert in_doubt[-1].witnesses.is_rooted is False
 
 
 def test_a_camera_from_which_the_scene_moves_away_follows_a_body_unless_what_stood_before_agrees() -> None:
     crowd, look = [*STILL, 0.6, 0.6, 0.6], len(STILL) + 1
-    assert told(crowd, scene_moves=[look])[look].is_left_behind
-    assert not told(crowd, scene_moves=[look])[look - 1].is_left_behind
-    assert not told(crowd, scene_moves=[look])[look + 1].is_left_behind
-    assert not told(crowd, found=60, missed=40, scene_moves=[look])[look].is_left_behind
+    assert told(crowd, scene_moves=[look])[look].rivals.is_left_behind
+    assert not told(crowd, scene_moves=[look])[look - 1].rivals.is_left_behind
+    assert not told(crowd, scene_moves=[look])[look + 1].rivals.is_left_behind
+    assert not told(crowd, found=60, missed=40, scene_moves=[look])[look].rivals.is_left_behind
 
 
 def test_a_pose_that_the_landmarks_from_before_contradict_is_looked_at_though_nothing_seems_to_move() -> None:
     look = len(STILL)
     contradicted = told([*STILL, 0.0], found=10, missed=90, scene_moves=[look])[look]
-    assert contradicted.is_left_behind
+    assert contradicted.rivals.is_left_behind
     assert contradicted.is_doubtful
-    assert not told([*STILL, 0.0], found=30, missed=60, scene_moves=[look])[look].is_left_behind
+    assert not told([*STILL, 0.0], found=30, missed=60, scene_moves=[look])[look].rivals.is_left_behind
     assert not next_look(told(STILL)[-1], 10, 90).is_doubtful
 
 
@@ -260,9 +258,9 @@ def test_soon_after_a_doubt_landmarks_that_contradict_the_pose_time_and_again_pu
     for look in range(TUNING.denied_looks):
         assert not moving.is_doubtful
         moving, calm = next_look(moving, 10, 90), next_look(calm, 10, 90)
-        assert moving.denied == look + 1
+        assert moving.witnesses.denying_looks == look + 1
     assert moving.is_doubtful
-    assert next_look(moving, 60, 40).denied == 0
+    assert next_look(moving, 60, 40).witnesses.denying_looks == 0
     assert not calm.is_doubtful
 
 
@@ -273,27 +271,27 @@ def test_soon_after_a_doubt_one_look_is_enough_in_which_next_to_none_of_the_land
 
 def test_what_is_made_while_landmarks_from_before_contradict_the_pose_proves_nothing() -> None:
     calm = told(AFTER_A_CROWD)[-1]
-    assert calm.proven == 1
-    assert next_look(calm, 60, 40).proven == 50
-    assert next_look(calm, 10, 90).proven == 1
+    assert calm.witnesses.proven_identity == 1
+    assert next_look(calm, 60, 40).witnesses.proven_identity == 50
+    assert next_look(calm, 10, 90).witnesses.proven_identity == 1
 
 
 def test_a_pose_that_is_contradicted_while_much_else_moves_as_one_follows_a_body() -> None:
     much = 1.1 * TUNING.moved_rival
     once = next_look(told(AFTER_A_CROWD)[-1], 10, 90, much)
     assert once.is_doubtful
-    assert not once.is_left_behind
-    assert next_look(once, 10, 90, much).is_left_behind
-    assert not next_look(once, 10, 90, 0.5 * TUNING.moved_rival).is_left_behind
-    assert not next_look(once, 60, 40, much).is_left_behind
+    assert not once.rivals.is_left_behind
+    assert next_look(once, 10, 90, much).rivals.is_left_behind
+    assert not next_look(once, 10, 90, 0.5 * TUNING.moved_rival).rivals.is_left_behind
+    assert not next_look(once, 60, 40, much).rivals.is_left_behind
 
 
 def test_after_a_body_was_followed_the_view_is_in_doubt_and_landmarks_count_anew() -> None:
     followed = told([*STILL, 0.0], found=10, missed=90, scene_moves=[len(STILL)])[-1]
     lost = followed.after_loss(77)
     assert lost.is_doubtful
-    assert not lost.is_left_behind
-    assert lost.fresh == 77
+    assert not lost.rivals.is_left_behind
+    assert lost.witnesses.fresh_identity == 77
 
 
 def test_in_a_crowd_that_never_thins_landmarks_tell_once_the_scene_has_confirmed_the_camera_for_a_while() -> None:
@@ -315,13 +313,13 @@ def test_a_look_in_which_the_scene_or_much_else_moves_otherwise_takes_back_what_
 
 
 def test_what_the_scene_confirmed_does_not_say_how_far_the_camera_has_gone_astray() -> None:
-    assert not told([0.6] * 20, found=60, confirmed=range(20))[-1].is_rooted
+    assert not told([0.6] * 20, found=60, confirmed=range(20))[-1].witnesses.is_rooted
 
 
 def test_landmarks_that_nobody_could_find_do_not_contradict_a_pose():
     tracked, landmarks = tracked_by(found=0, missed=80)
-    assert is_contradicted(tracked, landmarks, proven=1)
+    assert Agreement.of(tracked, landmarks, 1).contradicts()
     nothing, everything = np.zeros(80, dtype=np.bool_), np.ones(80, dtype=np.bool_)
     for sight in (LineOfSight(everything, nothing, nothing), LineOfSight(nothing, nothing, everything)):
         tracked.sight = sight
-        assert not is_contradicted(tracked, landmarks, proven=1)
+        assert not Agreement.of(tracked, landmarks, 1).contradicts()

@@ -74,9 +74,9 @@ class FrameStages:
         tracked = self._track(view, T_predicted, watch) if is_followable else None
         if tracked is not None:
             judged = self._judge(view, tracked, is_recovered=False)
-            if not judged.moving.is_left_behind:
+            if not judged.moving.rivals.is_left_behind:
                 return self._advance(view, judged, watch, on_pose)
-            self.mapper.inserter.drop(self._segment, max(judged.moving.proven, judged.moving.fresh), self.sensor)
+            self.mapper.inserter.drop(self._segment, judged.moving.witnesses.unproven_identity, self.sensor)
             return self._lose_or_begin(view, TUNING.least_corners, is_blind)
         features = 0
         if not is_blind:

@@ -1,20 +1,18 @@
-"""How much of the view moves, judged some ten times a second, and whether that leaves the pose in doubt."""
+"""What moves in the view, judged some ten times a second, and whether that leaves the pose in doubt."""
 
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass, field, replace
 
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.mapping.standing import RecentViews
+from odom.backend.odometry.crowd import Crowd
+from odom.backend.odometry.rival_motions import RivalMotions
 from odom.backend.odometry.tuning import TUNING
+from odom.backend.odometry.witnesses import Agreement, Witnesses
 from odom.backend.tracking.frame_state import Tracked
-from odom.backend.tracking.other_motions import WhatElseMoves
-from odom.backend.tracking.tuning import TUNING as TRACKING
 from odom.frontend.camera.sensor_model import SensorModel
-from odom.frontend.camera.stamp_clock import SteadyStamp
+from odom.frontend.camera.stamp_clock import SteadyStamp, is_within
 from odom.frontend.features.view import View
 from odom.frontend.matching.moving_surfaces import MovingCells
-from odom.geometry.arrays import Array
 
 VIEW_MOVED = "of the view moved"
 """The end of a frame's reason where it is UNCERTAIN for this alone."""
@@ -22,53 +20,19 @@ VIEW_MOVED = "of the view moved"
 
 @dataclass(frozen=True, eq=False)
 class MovingView:
-    """What moves in the view that was looked at last, and whether that leaves the camera's pose in doubt.
+    """What moves in the view that was looked at last, at `stamp`, and whether it leaves the camera's pose in doubt.
 
-    A camera that follows a moving body sees the scene move instead. Landmarks that were made when nothing was
-    suspicious can tell that it does not. Their identities are running numbers: made before X means identity below X.
-
-    - `stamp`: of that view. `cells`: what moves in it, None where nothing could tell.
-    - `is_crowded`: most of the view moves, or did until lately. `calm`: since when it does not.
-    - `begun`: the first look since the last loss. `is_young`: soon after it, a little that moves is enough for doubt,
-      until landmarks from before agree with the pose.
-    - `proven`: landmarks made before this identity were made when nothing was suspicious.
-    - `rooted`: `proven` when the pose last became suspicious. `is_rooted`: landmarks made before that agree with it.
-    - `is_astray`: the camera was lost in doubt, and may have taken a body for the place where it was found again.
-    - `strayed`: when the corners of a key frame did not stand: a body is followed, or images are blurred or torn.
-    - `other`: when another motion was last seen: a scene that the camera leaves behind moves as one.
-    - `contender`: when another motion last had much of the votes. `rival`: when one had them twice within a second
-      while no landmarks could tell, or once against those that could: a body may have been taken for the scene.
-    - `spread`: covariance (6 x 6, SI) of the camera's velocity by what else moved lately, None without doubt or before
-      anything told. The newest looks count most, but not alone: not each of them tells a body from the scene.
-    - `is_left_behind`: it is another motion that the scene shows, so that the camera follows a body.
-    - `fresh`: landmarks made since the camera was last found again have this identity or a larger one.
-    - `confirmed`: so many looks showed that the camera follows the scene, and none since that it does not. `known`:
-      after enough of them, landmarks made before this can tell as well; in a lasting crowd nothing is ever `proven`.
-    - `doubted`: when the pose was last in doubt. `denied`: in so many looks in a row, soon after that, landmarks that
-      can tell contradict the pose: it may follow a body that has just come into view.
+    A camera that follows a moving body sees the scene move instead: much that moves (`crowd`) and other motions
+    (`rivals`) raise a doubt, and landmarks from before it (`witnesses`) can settle it. `cells` says what moves, None
+    where nothing could tell; `doubted_stamp`: when the pose was last in doubt.
     """
 
     stamp: SteadyStamp | None = None
     cells: MovingCells | None = None
-    is_crowded: bool = False
-    is_young: bool = False
-    begun: SteadyStamp | None = None
-    calm: SteadyStamp | None = None
-    proven: int = 0
-    strayed: SteadyStamp | None = None
-    other: SteadyStamp | None = None
-    contender: SteadyStamp | None = None
-    rival: SteadyStamp | None = None
-    is_astray: bool = False
-    rooted: int = 0
-    is_rooted: bool = False
-    spread: Array | None = None
-    is_left_behind: bool = False
-    fresh: int = 0
-    confirmed: int = 0
-    known: int = 0
-    doubted: SteadyStamp | None = None
-    denied: int = 0
+    crowd: Crowd = field(default_factory=Crowd)
+    witnesses: Witnesses = field(default_factory=Witnesses)
+    rivals: RivalMotions = field(default_factory=RivalMotions)
+    doubted_stamp: SteadyStamp | None = None
 
     def after(
         self, view: View, tracked: Tracked, recent: RecentViews, landmarks: Landmarks, sensor: SensorModel
@@ -77,79 +41,37 @@ class MovingView:
         stamp = view.steady_stamp
         if self.stamp is not None and abs(stamp - self.stamp) * 1e-9 < TUNING.moving_period_s:
             return self
-        looked = self._looked(stamp, recent.moving(view, tracked, sensor), tracked, landmarks)
-        rooted = looked.proven if looked.is_suspicious else self.rooted
-        looked = replace(looked, rooted=rooted, is_rooted=rooted > 0 and is_supported(tracked, landmarks, rooted))
-        is_unproven = looked.proven == 0 or looked.is_suspicious or is_contradicted(tracked, landmarks, looked.proven)
-        looked = looked._with_others(recent.what_else_moves(view, tracked, sensor) if is_unproven else None)
-        is_known = looked.confirmed > self.confirmed and looked.confirmed >= TUNING.confirmed_looks
-        looked = replace(looked, known=landmarks.next_identity) if is_known else looked
-        return replace(looked, doubted=stamp) if looked.is_doubtful else looked
-
-    def _with_others(self, others: WhatElseMoves | None) -> "MovingView":
-        """Return what is known after a look at which `others` move in the view (None: it could not tell)."""
+        seen = self._with_cells(stamp, recent.moving(view, tracked, sensor), tracked, landmarks)
+        is_suspicious = seen.is_suspicious
+        witnesses = seen.witnesses.with_root(tracked, landmarks, is_suspicious)
+        proven = Agreement.of(tracked, landmarks, witnesses.proven_identity)
+        is_unproven = witnesses.proven_identity == 0 or is_suspicious or proven.contradicts()
+        others = recent.what_else_moves(view, tracked, sensor) if is_unproven else None
         if others is None:
-            seen = replace(self, is_left_behind=False)
-            return seen if self.is_doubtful else replace(seen, spread=None)
-        is_seen = self.is_suspicious and others.share > TUNING.moved_as_one
-        seen = replace(self, other=self.stamp) if is_seen else self
-        has_rival = others.share > TUNING.moved_rival
-        seen = replace(seen, confirmed=0 if others.has_scene or has_rival else self.confirmed + others.is_confirmed)
-        is_again = self._was_lately(self.contender, TUNING.moved_as_one_s)
-        if has_rival and (self.denied or (is_again and self.trusted == 0)):
-            seen = replace(seen, rival=self.stamp)
-        is_behind = others.has_scene or (has_rival and self.denied >= TUNING.denied_looks)
-        contender = self.stamp if has_rival else self.contender
-        seen = replace(seen, contender=contender, is_left_behind=is_behind and not self.is_rooted)
-        if not seen.is_doubtful:
-            return replace(seen, spread=None)
-        before = others.spread if self.spread is None else self.spread
-        return replace(seen, spread=before + TUNING.spread_newest * (others.spread - before))
+            rivals = replace(seen.rivals, is_left_behind=False)
+        else:
+            rivals = seen.rivals.after(stamp, others, witnesses, is_suspicious)
+            is_disputed = others.has_scene or rivals.large_stamp == stamp
+            witnesses = witnesses.with_confirmation(others.is_confirmed, is_disputed, landmarks.next_identity)
+        seen = replace(seen, witnesses=witnesses, rivals=rivals)
+        seen = replace(seen, rivals=rivals.with_spread(others, seen.is_doubtful))
+        return replace(seen, doubted_stamp=stamp) if seen.is_doubtful else seen
 
-    def _looked(
+    def _with_cells(
         self, stamp: SteadyStamp, cells: MovingCells | None, tracked: Tracked, landmarks: Landmarks
     ) -> "MovingView":
-        """Return what is known after a look at `stamp` that showed `cells`."""
+        """Return what is known after a look at `stamp` that showed `cells` move."""
         if cells is None:
             return replace(self, stamp=stamp, cells=None)
-        strayed = self.strayed
-        if strayed is not None and (
-            (stamp - strayed) * 1e-9 >= TUNING.moved_parts_s
-            or is_supported(tracked, landmarks, self.proven, TUNING.moved_support)
-        ):
-            strayed = None
-        begun = stamp if self.begun is None else self.begun
-        since_s, is_backed = (stamp - begun) * 1e-9, is_supported(tracked, landmarks, self.trusted)
-        is_young = (
-            since_s < TUNING.moving_young_s and not is_backed and (self.is_young or cells.share > TUNING.moving_little)
-        )
-        is_astray = self.is_astray and since_s < TUNING.moved_parts_s and not is_backed
-        seen = replace(self, stamp=stamp, cells=cells, begun=begun, strayed=strayed)
-        seen = replace(seen, is_young=is_young, is_astray=is_astray)
-        seen = replace(seen, denied=self._denied(tracked, landmarks))
-        if cells.share > TUNING.moving_most or seen.denied >= TUNING.denied_looks:
-            return replace(seen, is_crowded=not is_backed, calm=None)
-        calm = stamp if self.calm is None else self.calm
-        is_calm = (stamp - calm) * 1e-9 >= TUNING.moving_calm_s
-        seen = replace(seen, is_crowded=self.is_crowded and not (is_calm or is_backed), calm=calm)
-        is_proven = is_calm and not (seen.is_suspicious or seen.denied)
-        return replace(seen, proven=landmarks.next_identity) if is_proven else seen
-
-    def _denied(self, tracked: Tracked, landmarks: Landmarks) -> int:
-        """Return in how many looks in a row, up to this, landmarks that can tell contradict the pose soon after doubt.
-
-        Where next to none of them is found, one look counts as several. Quick turns without people look the same.
-        """
-        was_doubtful = self._was_lately(self.doubted, TUNING.moved_parts_s)
-        if not (was_doubtful and is_contradicted(tracked, landmarks, self.trusted)):
-            return 0
-        if is_contradicted(tracked, landmarks, self.trusted, TUNING.moved_denies):
-            return max(self.denied + 1, TUNING.denied_looks)
-        return self.denied + 1
-
-    def _was_lately(self, then: SteadyStamp | None, within_s: float) -> bool:
-        """Return whether `then` (None: never) was less than `within_s` before the newest look."""
-        return then is not None and self.stamp is not None and (self.stamp - then) * 1e-9 < within_s
+        proven = Agreement.of(tracked, landmarks, self.witnesses.proven_identity)
+        trusted = Agreement.of(tracked, landmarks, self.witnesses.trusted_identity)
+        is_after_doubt = is_within(TUNING.moved_parts_s, self.doubted_stamp, self.stamp)
+        witnesses = self.witnesses.with_testimony(trusted, is_after_doubt)
+        crowd = self.crowd.after(stamp, cells.share, proven, trusted, witnesses.is_denied)
+        seen = replace(self, stamp=stamp, cells=cells, crowd=crowd, witnesses=witnesses)
+        if seen.is_suspicious or witnesses.denying_looks or not crowd.is_calm(stamp):
+            return seen
+        return replace(seen, witnesses=replace(witnesses, proven_identity=landmarks.next_identity))
 
     def after_loss(self, next_identity: int = 0) -> "MovingView":
         """Return what is known where a segment begins or the camera is found again: looks are counted anew.
@@ -157,70 +79,39 @@ class MovingView:
         Landmarks made from then on begin with `next_identity`. After a loss in doubt, a view that seems to stand still
         proves little: a body that is followed looks the same.
         """
-        lost = replace(self, is_young=False, is_astray=self.is_doubtful, is_left_behind=False, fresh=next_identity)
-        return replace(lost, stamp=None, cells=None, begun=None, calm=None, contender=None, rival=None, confirmed=0)
+        crowd = replace(self.crowd, calm_stamp=None, first_stamp=None)
+        crowd = replace(crowd, is_start_unsure=False, is_recovery_unsure=self.is_doubtful)
+        witnesses = replace(self.witnesses, fresh_identity=next_identity, confirming_looks=0)
+        rivals = replace(self.rivals, large_stamp=None, rival_stamp=None, is_left_behind=False)
+        return MovingView(None, None, crowd, witnesses, rivals, self.doubted_stamp)
 
     def after_keyframe(
         self, stamp: SteadyStamp, moved_share: float, tracked: Tracked, landmarks: Landmarks
     ) -> "MovingView":
         """Return what is known after a key frame, of whose view a `moved_share` was seen to move by its corners."""
-        is_strayed = moved_share > TUNING.moved_parts and not is_supported(tracked, landmarks, self.proven)
-        return replace(self, strayed=stamp if is_strayed else None)
-
-    @property
-    def trusted(self) -> int:
-        """Landmarks made before this identity can tell whether the camera follows a body; 0 where none can."""
-        return max(self.proven, self.known)
+        proven = Agreement.of(tracked, landmarks, self.witnesses.proven_identity)
+        has_moved = moved_share > TUNING.moved_parts and not proven.supports()
+        return replace(self, crowd=replace(self.crowd, moved_keyframe_stamp=stamp if has_moved else None))
 
     @property
     def is_suspicious(self) -> bool:
         """Whether the pose may be in doubt, so that it is worth looking for what else moves as one."""
-        return self.is_crowded or self.is_young or self.is_astray or self.is_rivalled or self.strayed is not None
-
-    @property
-    def is_rivalled(self) -> bool:
-        """Whether so much else moved as one lately that the camera may have followed a body from the start."""
-        return self._was_lately(self.rival, TUNING.moved_as_one_s)
+        has_moved_keyframe = self.crowd.moved_keyframe_stamp is not None
+        return self.crowd.is_doubtful or has_moved_keyframe or self.rivals.is_rivalled(self.stamp)
 
     @property
     def is_doubtful(self) -> bool:
         """Whether what moves leaves the pose in doubt."""
-        if self.is_crowded or self.is_young or self.is_astray or self.is_rivalled or self.is_left_behind:
+        if self.crowd.is_doubtful or self.rivals.is_left_behind or self.rivals.is_rivalled(self.stamp):
             return True
-        return self.strayed is not None and self._was_lately(self.other, TUNING.moved_as_one_s)
+        has_others = is_within(TUNING.moved_as_one_s, self.rivals.seen_stamp, self.stamp)
+        return has_others and self.crowd.moved_keyframe_stamp is not None
 
     @property
     def doubt(self) -> str:
         """Why the pose is in doubt, empty where it is not."""
         if not self.is_doubtful:
             return ""
-        if self.cells is None or self.calm is not None:
+        if self.cells is None or self.crowd.calm_stamp is not None:
             return f"most {VIEW_MOVED}"
         return f"{self.cells.share:.0%} {VIEW_MOVED}"
-
-
-def is_supported(tracked: Tracked, landmarks: Landmarks, proven: int, times: float = 1.0) -> bool:
-    """Return whether landmarks made before identity `proven` agree with a pose.
-
-    There must be enough that do, and at least `times` as many as those that should be in view and do not.
-    """
-    found, missed = _found_and_missed(tracked, landmarks, proven)
-    return bool(found >= max(TRACKING.sure_inliers, times * missed))
-
-
-def is_contradicted(
-    tracked: Tracked, landmarks: Landmarks, proven: int, times: float = TUNING.moved_contradicts
-) -> bool:
-    """Return whether landmarks made before identity `proven` contradict a pose.
-
-    There must be enough that should be in view and are missed, and at least `times` as many as are found.
-    """
-    found, missed = _found_and_missed(tracked, landmarks, proven)
-    return bool(missed >= max(TRACKING.sure_inliers, times * found))
-
-
-def _found_and_missed(tracked: Tracked, landmarks: Landmarks, proven: int) -> tuple[int, int]:
-    found = int(np.count_nonzero(landmarks.identity[tracked.rows[tracked.inliers]] < proven))
-    could_be_seen = ~(tracked.sight.hidden | tracked.sight.washed_out)
-    missed = int(np.count_nonzero((landmarks.identity[tracked.missed] < proven) & could_be_seen))
-    return found, missed

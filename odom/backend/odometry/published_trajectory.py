@@ -198,10 +198,10 @@ class PublishedTrajectory:
         last, moving = self._newest, judged.moving
         if last is None:
             return Doubt()
-        if moving.is_rooted and not moving.is_doubtful:
+        if moving.witnesses.is_rooted and not moving.is_doubtful:
             return last.doubt.known_again()
         since_s = judged.since_previous_s + (0.0 if last.doubt.is_open else TUNING.moving_period_s)
-        spread = moving.spread if moving.is_doubtful else None
+        spread = moving.rivals.spread if moving.is_doubtful else None
         return last.doubt.after(se3.inverse(last.T_odom_camera) @ T_odom_camera, spread, since_s)
 
     def _since_start(self, frame: LoggedFrame, T_odom_camera: Array, doubt: Doubt, sensor: SensorModel) -> Array | None:

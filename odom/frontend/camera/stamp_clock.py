@@ -19,6 +19,11 @@ SteadyStamp = NewType("SteadyStamp", int)
 """Nanoseconds since the Unix epoch by the camera's steady clock, in contrast to a `Stamp` as it was sent."""
 
 
+def is_within(within_s: float, then: SteadyStamp | None, now: SteadyStamp | None) -> bool:
+    """Return whether `then` was less than `within_s` before `now`; False where either is None: never."""
+    return then is not None and now is not None and (now - then) * 1e-9 < within_s
+
+
 @dataclass(frozen=True)
 class StampClock:
     """A stream's clock after its newest stamp: `stamps` (ns) are the last ones without a gap.

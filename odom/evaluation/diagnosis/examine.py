@@ -10,7 +10,7 @@ from odom.evaluation.diagnosis.depth_unit import judge_unit
 from odom.evaluation.diagnosis.edges import EdgeShift, edge_shift
 from odom.evaluation.diagnosis.finding import Finding, Verdict
 from odom.evaluation.diagnosis.form import judge_change, judge_lens, judge_refused, judge_sizes
-from odom.evaluation.diagnosis.image import judge_blur, judge_exposure, judge_repeats
+from odom.evaluation.diagnosis.image import judge_blur, judge_exposure
 from odom.evaluation.diagnosis.intrinsics import judge_intrinsics
 from odom.evaluation.diagnosis.motion import PairMotion, fit_focal, pair_motion
 from odom.evaluation.diagnosis.orientation import judge_orientation
@@ -44,7 +44,7 @@ def examine(recording: Recording) -> list[Finding]:
     findings = [*wrong_form, *_judge_streams(recording, wrong_form)]
     if not recording.frames:
         return findings
-    findings += [*judge_repeats(recording.frames), *_judge_pictures(recording.frames)]
+    findings += _judge_pictures(recording.frames)
     frames, camera = recording.paired, recording.camera
     if frames:
         findings += judge_change(frames)

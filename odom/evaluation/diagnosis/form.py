@@ -14,7 +14,7 @@ from odom.frame import Camera, RgbdFrame
 
 _REFUSED_SHARE = 0.03
 """Share of a stream's images that may be unusable: single damaged files do not spoil a recording."""
-_REPEATED_SHARE = 0.3
+_REPEATED_SHARE = 0.1
 """Share of images equal to the one before from which a stream counts as stuck: noise changes every true image."""
 _ONE_VALUE_SHARE = 0.9
 """Share of a depth image's pixels of the same value: a sensor's noise spreads even a wall over several."""

@@ -1,7 +1,6 @@
-"""Exposure and sharpness of the colour images, and images that came twice."""
+"""Exposure and sharpness of the colour images."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -17,8 +16,6 @@ _DARK, _BRIGHT = 25.0, 230.0
 """Bounds of the mean grey value (0 .. 255) of the usual image; wider ones miss faults."""
 _CLIPPED = 0.35
 """Largest share of black or white pixels in the usual image."""
-_REPEATED = 0.05
-"""Largest share of images that are the one before once more: a driver that hangs now and then stays below it."""
 _BLACK, _WHITE = 3, 252
 """Grey values at and beyond which a pixel counts as clipped: a camera's noise keeps it a little off the ends."""
 
@@ -57,19 +54,6 @@ def judge_blur(frames: Sequence[RgbdFrame]) -> Finding:
     value = f"{np.median(values):.2f} (0 sharp, 1 flat), worst tenth {np.quantile(values, 0.9):.2f}"
     advice = "images are blurred: clean or focus the lens, turn on more light (shorter exposure), move slower"
     return Finding.judged("sharpness", value, float(np.median(values)) > _TOO_BLURRED, advice)
-
-
-def judge_repeats(frames: Sequence[RgbdFrame]) -> list[Finding]:
-    """Judge how many images are the one before once more; nothing is said of a recording without any."""
-    repeats = sum(np.array_equal(a.color, b.color) for a, b in pairwise(frames))
-    if not repeats:
-        return []
-    value = f"{repeats} of {len(frames)} are the one before once more, to the last bit"
-    advice = (
-        "between them nobody knows how the camera moved: record each image once, at the rate at which the sensor takes "
-        "them, and look for a driver that hangs"
-    )
-    return [Finding.judged("repeated images", value, repeats > _REPEATED * len(frames), advice)]
 
 
 def grey(frame: RgbdFrame) -> Image:

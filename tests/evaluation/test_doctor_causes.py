@@ -40,7 +40,8 @@ def test_depth_that_is_turned_against_colour_is_named(good: Recording, turned: t
 
 
 def test_images_of_which_every_fifth_came_twice_are_named(good: Recording) -> None:
-    frames = tuple(replace(f, color=good.frames[i - (i % 5 == 4)].color) for i, f in enumerate(good.frames))
+    shown = good.paired
+    frames = tuple(replace(f, color=shown[i - (i % 5 == 4)].color) for i, f in enumerate(shown))
     (found,) = [f for f in examine(replace(good, frames=frames)) if f.verdict is Verdict.BAD]
     assert found.key == "colour images"
     assert f"{len(frames) // 5} of {len(frames) - 1} are the same as the one before" in found.value

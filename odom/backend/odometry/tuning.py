@@ -15,111 +15,124 @@ class Tuning:
     """Numbers of frames in order: gaps, losses, and what is published."""
 
     longest_gap_s: float = tuned(0.2, unit="s", source=_SWEEP,
-        effect="longest gap over which the camera is followed; smaller: LOST after two lost frames; "
-        "larger: wrong motions")
-    longest_gap_periods: float = tuned(2.5, unit="periods", source=_SWEEP, effect="the same for slow streams")
+        effect="Over a longer gap between frames the camera is not followed. Smaller: it is LOST after two lost "
+        "frames; larger: wrong motions are taken.")
+    longest_gap_periods: float = tuned(2.5, unit="periods", source=_SWEEP,
+        effect="As longest_gap_s, in a slow stream: so many periods count where they are longer.")
     longest_blind_periods: float = tuned(1.5, unit="periods", source="one lost depth image",
-        effect="smaller: one lost depth image is LOST; larger: frames without depth are searched in vain")
+        effect="A longer time without depth makes the camera LOST. Smaller: so does a single lost depth image; larger: "
+        "frames without depth are searched in vain.")
     least_corners: int = tuned(50, unit="features with depth", source=_SWEEP,
-        effect="fewer: segments begin at bare walls; more: LOST for longer in poor scenes")
+        effect="A segment begins at a view that shows at least so many. Fewer: it begins at a bare wall; more: the "
+        "camera is LOST for longer in poor scenes.")
     least_deep: float = tuned(0.05, unit="share of landmarks", source=_SWEEP,
-        effect="smaller: a frame hardly any depth is taken for one with; larger: far scenes count as without depth")
+        effect="A frame lacks depth where a smaller share of its landmarks has some. Smaller: a frame with hardly any "
+        "counts as one with depth; larger: far scenes count as without.")
     longest_shallow_s: float = tuned(0.15, unit="s", source="four frames at 30 Hz",
-        effect="smaller: UNCERTAIN after two frames without depth; larger: TRACKING on landmarks alone")
+        effect="After a longer time without depth at the landmarks the pose is UNCERTAIN. Smaller: after two frames; "
+        "larger: it is called sure by landmarks of the map alone.")
     new_time_s: float = tuned(1.0, unit="s", source="no stream delays frames by so much",
-        effect="a step of the stamps so far back is a new time; smaller: late frames begin one; "
-        "larger: loops are refused")
+        effect="Stamps that step back further begin a new time. Smaller: a late frame begins one; larger: a recording "
+        "that is played in a loop is refused.")
     moving_period_s: float = tuned(0.1, unit="s", source="a person moves by half a limb's width",
-        effect="smaller: slower; larger: what moves is shown late")
+        effect="What moves is looked at so often. Smaller: it costs more; larger: it is noticed late.")
     moving_most: float = tuned(0.5, unit="share of the view", source="most of it",
-        effect="that moves before the pose is UNCERTAIN; smaller: sure poses are called unsure; larger: the camera is "
-        "taken along unnoticed")
+        effect="Where a larger share moves, the pose is UNCERTAIN. Smaller: sure poses are called unsure; larger: the "
+        "camera is taken along unnoticed.")
     moving_little: float = tuned(0.2, unit="share of the view", source=_BODIES,
-        effect="that may move in the first moving_young_s for the pose to be sure; smaller: UNCERTAIN for longer; "
-        "larger: wrong poses count as sure")
+        effect="Soon after the start (moving_young_s) a larger share that moves leaves the pose in doubt. Smaller: it "
+        "is UNCERTAIN for longer; larger: wrong poses count as sure.")
     moving_young_s: float = tuned(2.0, unit="s", source=_BODIES,
-        effect="after the first look in which moving_little counts; smaller: a crowd before the camera at its start is "
-        "followed and called sure; larger: a person who comes early leaves sure poses in doubt")
+        effect="For so long after the first look moving_little counts. Smaller: a crowd before the camera at its start "
+        "is followed and called sure; larger: a person who comes early leaves sure poses in doubt.")
     moving_calm_s: float = tuned(1.5, unit="s", source=_BODIES,
-        effect="in which no more than moving_most moves before the pose is sure again; smaller: a body that fills "
-        "the view counts as the scene; larger: UNCERTAIN for longer")
+        effect="For so long no more than moving_most may move before the pose is sure again. Smaller: a body that "
+        "fills the view counts as the scene; larger: the pose is UNCERTAIN for longer.")
     moved_parts: float = tuned(0.4, unit="share of the view", source=_BODIES,
-        effect="in which the corners of a key frame moved, before the pose is UNCERTAIN; smaller: quick turns are "
-        "called unsure; larger: a body that is followed is not noticed")
+        effect="Where the corners of a key frame moved in a larger share, the pose is UNCERTAIN. Smaller: quick turns "
+        "are called unsure; larger: a body that is followed is not noticed.")
     moved_parts_s: float = tuned(5.0, unit="s", source=_BODIES,
-        effect="for which that holds, unless landmarks from before agree; smaller: a body that is followed counts as "
-        "the scene between two key frames; larger: UNCERTAIN for longer")
+        effect="The doubt of moved_parts lasts so long, unless landmarks from before agree. Smaller: a body that is "
+        "followed counts as the scene between two key frames; larger: the pose is UNCERTAIN for longer.")
     moved_support: float = tuned(2.0, unit="landmarks from before found for each one missed", source=_BODIES,
-        effect="that end this doubt sooner; smaller: as a smaller moved_parts_s; larger: as a larger one")
+        effect="So many end the doubt of moved_parts sooner. Smaller: as a smaller moved_parts_s; larger: as a larger "
+        "one.")
     moved_contradicts: float = tuned(3.0, unit="landmarks from before missed for each one found", source=_BODIES,
-        effect="before it is looked for what else moves; smaller: slower in quick turns; larger: a body that comes to "
-        "be followed in a quick turn is not noticed")
+        effect="From so many on, what else moves is looked for. Smaller: quick turns cost more; larger: a body that "
+        "comes to be followed in a quick turn is not noticed.")
     moved_as_one: float = tuned(0.1, unit="share of the votes", source="torn, blurred, ill exposed images; " + _BODIES,
-        effect="that another motion must have for corners that do not stand to count; smaller: chance counts; larger: "
-        "a small body is not noticed")
+        effect="Another motion counts from this share on. Smaller: one that is found by chance counts; larger: a small "
+        "body is not noticed.")
     moved_rival: float = tuned(0.4, unit="share of the votes", source=_BODIES,
-        effect="that another motion must have in two looks of moved_as_one_s for a pose to be in doubt before any view "
-        "was calm; smaller: who walks by leaves sure poses in doubt; larger: a body that fills the view from the "
-        "start is followed and called sure")
+        effect="Another motion with more, in two looks within moved_as_one_s, puts the pose in doubt before any view "
+        "was calm. Smaller: who walks by leaves sure poses in doubt; larger: a body that fills the view from the start "
+        "is followed and called sure.")
     moved_as_one_s: float = tuned(1.0, unit="s", source="as moved_as_one",
-        effect="for which another motion that was seen counts; smaller: sure between two looks that show the body; "
-        "larger: UNCERTAIN for longer")
+        effect="Another motion that was seen counts for so long. Smaller: the pose is sure between two looks that show "
+        "the body; larger: it is UNCERTAIN for longer.")
     confirmed_looks: int = tuned(5, unit="looks", source=_BODIES,
-        effect="that must show that the camera follows the scene, none of them since that it does not, for its "
-        "landmarks to tell, too; fewer: a body is followed and called sure; more: UNCERTAIN for longer")
+        effect="After so many looks that showed that the camera follows the scene, and none since that it does not, "
+        "its landmarks can tell as well. Fewer: a body is followed and called sure; more: the pose is UNCERTAIN for "
+        "longer.")
     moved_denies: float = tuned(10.0, unit="landmarks from before missed for each one found", source=_BODIES,
-        effect="for which one look counts as denied_looks; smaller: UNCERTAIN in quick turns; larger: a body that "
-        "comes in one gives landmarks before it is noticed")
+        effect="From so many on, one look counts as denied_looks. Smaller: the pose is UNCERTAIN in quick turns; "
+        "larger: a body that comes in one gives landmarks before it is noticed.")
     denied_looks: int = tuned(2, unit="looks", source=_BODIES,
-        effect="in a row in which landmarks that tell contradict the pose, for it to be in doubt again soon after a "
-        "doubt; fewer: UNCERTAIN in quick turns; more: a body that has just come is followed and called sure")
+        effect="So many in a row, in which landmarks that can tell contradict the pose soon after a doubt, put it in "
+        "doubt again. Fewer: it is UNCERTAIN in quick turns; more: a body that has just come is followed and called "
+        "sure.")
     spread_newest: float = tuned(0.3, unit="1", source=_BODIES,
-        effect="weight of the newest look in how unsure the velocity is; smaller: bodies that stop are doubted for "
-        "longer; larger: a single look in which the body is not told from the scene makes the step too sure")
+        effect="The weight of the newest look in how unsure the camera's velocity is. Smaller: bodies that stop are "
+        "doubted for longer; larger: a single look that does not tell the body from the scene makes the motion too "
+        "sure.")
     mask_most: float = tuned(0.95, unit="share of the image", source="nothing is left to track by",
-        effect="masked beyond which a segmenter's mask is ignored; smaller: true ones are; larger: LOST by a wrong one")
+        effect="A segmenter's mask that covers more is ignored. Smaller: so are right ones; larger: a wrong one makes "
+        "the camera LOST.")
     mask_reasons: int = tuned(16, unit="1", source="more than there are kinds of wrong masks",
-        effect="fewer: causes are mixed up; more: memory, where a segmenter's errors differ each time")
+        effect="So many different errors of a segmenter are counted by themselves. Fewer: causes are mixed up; more: "
+        "memory, where its errors differ each time.")
     calibrate_least: int = tuned(16, unit="frames", source="twelve starts of fr1: 12 and 24 are worse",
-        effect="key frames and frames between that a calibrator first looks at; fewer: they show too little; more: a "
-        "poor calibration is used for longer")
+        effect="A calibrator looks first after so many key frames and frames between. Fewer: they show too little; "
+        "more: a poor calibration is used for longer.")
     calibrate_most: int = tuned(200, unit="frames", source="a map of so many is adjusted anew in 2 s",
-        effect="beyond which it does not look any more; fewer: walks that show little keep a poor camera; more: frames "
-        "wait for the map")
+        effect="A calibrator does not look any more after so many. Fewer: a walk that shows little keeps a poor "
+        "camera; more: frames wait for the map.")
     calibrate_frames: int = tuned(15, unit="frames", source="twice what it takes at 30 Hz",
-        effect="that a calibrator may take in the background for its first look, and in proportion for later ones; "
-        "fewer: the stream waits for it, and live frames are lost; more: later")
+        effect="A calibrator has so many for its first look, in the background, and more in proportion for later ones. "
+        "Fewer: the stream waits for it, and live frames are lost; more: the better camera comes later.")
     calibrate_s: float = tuned(0.5, unit="s", source="as calibrate_frames",
-        effect="as calibrate_frames, in a slow stream")
+        effect="As calibrate_frames, in a slow stream.")
     taken_back: float = tuned(0.015, unit="share of a motion", source="half of what a poor lens errs by on fr1",
-        effect="by which a better lens takes back what a poor one had displaced; smaller: displaced for longer; "
-        "larger: steps are less exact meanwhile, as by the poor lens")
+        effect="A better lens takes back what a poor one had displaced by this share of the camera's motion. Smaller: "
+        "poses are displaced for longer; larger: steps are less exact meanwhile, as by the poor lens.")
     patience: float = tuned(5.0, unit="times the time after which a segment begins", source=_BODIES,
-        effect="that a camera looks for known places where most of the view moved; smaller: segments begin on bodies; "
-        "larger: LOST for longer")
+        effect="Where most of the view moved, a camera that is LOST looks for known places so much longer. Smaller: "
+        "segments begin on bodies; larger: it is LOST for longer.")
     patience_with_scene: float = tuned(0.25, unit="times the time after which a segment begins", source=_BODIES,
-        effect="as patience, where lost views show the scene by themselves; smaller: segments that soon would have "
-        "been found again; larger: LOST for longer")
+        effect="As patience, where lost views show the scene by themselves. Smaller: segments begin that soon would "
+        "have been found again; larger: the camera is LOST for longer.")
     recent: int = tuned(64, unit="frames", source="two seconds at 30 Hz",
-        effect="frames among which that of a second ago is searched; fewer: none at high rates; more: memory")
+        effect="Among so many the frame of a second ago is searched. Fewer: there is none at high rates; more: memory.")
     near_a_second_s: float = tuned(0.075, unit="s", source="two periods at 30 Hz, rounded up",
-        effect="smaller: no motion over a second after a lost frame; larger: the second is inexact")
+        effect="The motion over a second may be off from a second by so much. Smaller: there is none after a lost "
+        "frame; larger: the second is inexact.")
     bridge_sigma_m_s: float = tuned(0.5, unit="m/s", source="predictions against truth over 1 to 4 frames, fr1",
-        effect="how fast a predicted pose gets worse; smaller: too sure; larger: too unsure")
+        effect="The covariance of a predicted pose grows by this velocity. Smaller: the pose is too sure; larger: it "
+        "is too unsure.")
     bridge_sigma_rad_s: float = tuned(1.0, unit="rad/s", source="as bridge_sigma_m_s", effect="as bridge_sigma_m_s")
     repeated_px: float = tuned(0.5, unit="px", source="hands that hold a camera still move it by .2 to .5 px a frame",
-        effect="motion since the last image beyond which the same image again is a repetition; smaller: a drawn camera "
-        "that comes to rest counts as one; larger: slow motion shows a standstill every second frame")
+        effect="The same image again is no standstill where the camera should have moved it further. Smaller: a drawn "
+        "camera that comes to rest seems to repeat its image; larger: slow motion stands still in every second frame.")
     interpolation_gap_s: float = tuned(0.2, unit="s", source="as longest_gap_s",
-        effect="longest gap over which a final pose is carried to its stamp by the motion to the next one, else by its "
-        "own velocity; larger: steps of who walks are lost; smaller: velocities of single frames shake")
+        effect="Over a longer gap a final pose is carried to its stamp by its own velocity, else by the motion to the "
+        "next one. Smaller: velocities of single frames shake it; larger: the steps of somebody who walks are lost.")
     # smoothing
     noise_share: float = tuned(0.5, unit="share of the claimed variance", source="fr1, arena, 2 to 30 Hz",
-        effect="can be noise from frame to frame at the most; smaller: quick turns at 4 Hz tremble; larger: the steps "
-        "of who walks are smoothed away there")
+        effect="No more can be noise from frame to frame. Smaller: quick turns at 4 Hz tremble; larger: the steps of "
+        "somebody who walks are smoothed away at that rate.")
     steady_share: float = tuned(0.2, unit="share of a period", source=_SWEEP,
-        effect="steps that count as one period long; smaller: jittery streams show no jumps; "
-        "larger: gaps count as jumps")
+        effect="A step off by less counts as one period long. Smaller: jumps in jittery streams are not seen; larger: "
+        "gaps count as jumps.")
 # fmt: on
 
 

@@ -16,127 +16,150 @@ class Tuning:
 
     # keyframe_inserter
     coverage_enough: int = tuned(150, unit="landmarks", source=_SWEEP,
-        effect="smaller: fewer key frames, poses from fewer landmarks; larger: more key frames, slower")
+        effect="A key frame is due where fewer are found. Smaller: there are fewer key frames, and poses from fewer "
+        "landmarks; larger: more key frames, which cost more.")
     coverage_share_landmarks: float = tuned(0.85, unit="share of those at the key frame", source=_SWEEP,
-        effect="as coverage_enough, where a key frame itself has few")
+        effect="As coverage_enough, where a key frame itself has few: one is due where a smaller share of its "
+        "landmarks is found.")
     coverage_least: int = tuned(50, unit="landmarks", source=_SWEEP,
-        effect="a key frame is due below, however few there were; smaller: LOST in poor scenes; "
-        "larger: many key frames")
+        effect="A key frame is due where fewer are found, however few there were. Smaller: the camera is LOST in poor "
+        "scenes; larger: there are many key frames.")
     coverage_share_cells: float = tuned(0.55, unit="share of those at the key frame", source=_SWEEP,
-        effect="smaller: half of the image is empty before a key frame comes; larger: more key frames")
+        effect="A key frame is due where landmarks cover a smaller share of the image's cells. Smaller: half of the "
+        "image is empty before one comes; larger: there are more key frames.")
     coverage_cell_px: int = tuned(40, unit="px", source=_SWEEP,
-        effect="side of a cell of the image; smaller: cells wear sooner; larger: later")
+        effect="The side of a cell of the image. Smaller: cells are empty sooner; larger: later.")
     least_begun: int = tuned(15, unit="landmarks", source="fewer make no pose: `least_inliers` of tracking",
-        effect="fewer: segments begin that nothing can be found by; more: LOST for longer in poor scenes")
+        effect="A segment begins with at least so many. Fewer: segments begin by which nothing can be found; more: the "
+        "camera is LOST for longer in poor scenes.")
     moved_m: float = tuned(0.015, unit="m", source=_SWEEP,
-        effect="smaller: key frames at rest; larger: near things are covered late")
-    moved_rad: float = tuned(0.02, unit="rad", source=_SWEEP, effect="as moved_m, for rotations")
+        effect="A key frame is due only if the camera has moved so far. Smaller: there are key frames at rest; larger: "
+        "near things are covered late.")
+    moved_rad: float = tuned(0.02, unit="rad", source=_SWEEP,
+        effect="As moved_m, for rotations.")
     timing_settled_s: float = tuned(0.002, unit="s", source="fr1, a HoloLens, a painted room",
-        effect="by which an adjustment changes the timing for a key frame to be due as soon as the camera has moved; "
-        "smaller: more key frames, slower; larger: in a calm walk in one place the timing stays unknown")
+        effect="While adjustments change the timing by more, a key frame is due as soon as the camera has moved. "
+        "Smaller: more key frames, which cost more; larger: in a calm walk in one place the timing stays unknown.")
     corners_enough: int = tuned(100, unit="landmarks", source="a HoloLens's walk, in images 540, 320 and 270 px wide",
-        effect="with fewer in a key frame, corners are sought in squares half as large; smaller: small images and bare "
-        "rooms have few landmarks, and wide steps lose them; larger: corners crowd where a few are as good, slower")
+        effect="Where a key frame has fewer, corners are sought in squares half as large. Smaller: small images and "
+        "bare rooms have few landmarks, and wide steps lose them; larger: corners crowd where a few are as good.")
     farthest_m: float = tuned(8.0, unit="m", source="range of a Kinect v1; Khoshelham, Elberink, Sensors 12, 2012",
-        effect="smaller: no landmarks in large rooms; larger: depth without information becomes landmarks")
+        effect="No landmark is made beyond this depth. Smaller: large rooms have none; larger: depth without "
+        "information becomes landmarks.")
     corners_s: float = tuned(0.02, unit="s", source="between the periods of 60 and 30 Hz; fr1_rpy by an average Kinect",
-        effect="after which new corners of a key frame are landmarks; smaller: streams of 60 Hz wait for them; larger: "
-        "quick turns at 30 Hz have few landmarks for a frame, and a poor camera errs by 17 % more as published")
+        effect="After so long new corners of a key frame become landmarks. Smaller: streams of 60 Hz wait for them; "
+        "larger: quick turns at 30 Hz have few landmarks for a frame, and a poor camera errs by 17 % more as "
+        "published.")
     # standing
     recent_apart_s: float = tuned(0.08, unit="s", source=_BODIES,
-        effect="between the views kept; smaller: more memory; larger: short glimpses are missed")
+        effect="The views that are kept lie so far apart in time. Smaller: more memory; larger: short glimpses are "
+        "missed.")
     part_px: int = tuned(64, unit="px", source=_BODIES,
-        effect="side of a part of the image that moves or stands; smaller: too few corners in one; larger: people and "
-        "scene in one")
+        effect="The side of a part of the image that moves or stands. Smaller: it holds too few corners; larger: it "
+        "holds people and scene.")
     part_corners: int = tuned(3, unit="corners", source="most of two is both",
-        effect="fewer: single false matches count as motion; more: poor scenes tell nothing")
+        effect="A part is judged from so many. Fewer: single false matches count as motion; more: poor scenes tell "
+        "nothing.")
     parts_least: int = tuned(8, unit="parts", source=_BODIES,
-        effect="fewer: a corner of the image speaks for all of it; more: poor scenes tell nothing")
+        effect="The view is judged from so many. Fewer: one corner of the image speaks for all of it; more: poor "
+        "scenes tell nothing.")
     recent_s: float = tuned(0.6, unit="s", source=_BODIES,
-        effect="how far corners are looked back for; smaller: slow bodies become landmarks; larger: fewer were in view")
+        effect="Corners are looked for in views up to this age. Smaller: slow bodies become landmarks; larger: fewer "
+        "corners were in view then.")
     recent_turn_rad: float = tuned(0.35, unit="rad", source="half of a Kinect's field of view is .5 x .38",
-        effect="by which the camera has turned since; smaller: slow bodies become landmarks in turns; larger: in quick "
-        "turns the views hardly overlap, and who comes into view becomes a landmark")
+        effect="Views from which the camera has turned further are left out. Smaller: slow bodies become landmarks in "
+        "turns; larger: in quick turns the views hardly overlap, and who comes into view becomes a landmark.")
     newest_s: float = tuned(0.25, unit="s", source="fr1_xyz thinned to 2 Hz",
-        effect="age of the newest view beyond which none is looked in; smaller: bodies in slow streams become "
-        "landmarks; larger: wide steps are LOST")
+        effect="Where the newest view is older, none is looked in. Smaller: bodies in slow streams become landmarks; "
+        "larger: wide steps are LOST.")
     spread_least_s: float = tuned(0.06, unit="s", source=_BODIES,
-        effect="from which age on a view tells of what else moves; smaller: velocities are noisy; larger: what moves "
-        "quickly is not found again")
+        effect="From this age on a view tells of what else moves. Smaller: velocities are noisy; larger: what moves "
+        "quickly is not found again.")
     recent_views: int = tuned(4, unit="views", source=_BODIES,
-        effect="fewer: corners are missed by chance; more: slower key frames")
+        effect="Corners are looked for in so many. Fewer: they are missed by chance; more: key frames cost more.")
     moving_views: int = tuned(2, unit="views", source=_BODIES,
-        effect="the oldest of them, in which the depth of a whole view is compared; fewer: bodies that come back are "
-        "missed; more: slower")
+        effect="In so many, the oldest ones, the depth of the whole view is compared. Fewer: bodies that come back are "
+        "missed; more: it costs more.")
     moving_crowd: float = tuned(0.3, unit="share of the view", source=_BODIES,
-        effect="that moves before corners that were never seen before are refused; smaller: the map grows late in "
-        "quick turns; larger: who comes into view becomes a landmark")
+        effect="Where a larger share moves, corners that no earlier view saw are refused. Smaller: the map grows late "
+        "in quick turns; larger: who comes into view becomes a landmark.")
     long_known_s: float = tuned(0.25, unit="s", source=_BODIES,
-        effect="age of landmarks that a key frame needs in doubt; smaller: a body that comes to be followed bears more "
-        "of its kind; larger: a camera that turns quickly among people is LOST")
+        effect="In doubt, a key frame needs landmarks of this age. Smaller: a body that comes to be followed gives "
+        "more of its own; larger: a camera that turns quickly among people is LOST.")
     long_known_least: int = tuned(30, unit="landmarks", source=_BODIES,
-        effect="of that age; fewer: as a smaller long_known_s; more: as a larger one")
+        effect="In doubt, a key frame needs so many landmarks of that age. Fewer: as a smaller long_known_s; more: as "
+        "a larger one.")
     young_segment_s: float = tuned(2.0, unit="s", source=_BODIES,
-        effect="for which a segment grows without such landmarks; smaller: who begins among people is LOST soon; "
-        "larger: a body is followed from the start for longer")
+        effect="For so long a segment grows without such landmarks. Smaller: a camera that begins among people is LOST "
+        "soon; larger: a body is followed from the start for longer.")
     slow_s: float = tuned(0.1, unit="s", source=_BODIES,
-        effect="age at which a view counts half; smaller: bodies that just turn round become landmarks; larger: "
-        "views of quick turns count for nothing")
+        effect="A view of this age counts half. Smaller: bodies that just turn round become landmarks; larger: views "
+        "of quick turns count for nothing.")
     missed_weight: float = tuned(0.1, unit="share of a moving corner's", source=_BODIES,
-        effect="smaller: plain bodies become landmarks; larger: blurred corners are refused")
+        effect="A corner that is not found again counts this much of one that moved. Smaller: plain bodies become "
+        "landmarks; larger: blurred corners are refused.")
     moving_least: int = tuned(10, unit="corners", source=_BODIES,
-        effect="fewer: chance matches refuse good corners; more: small bodies become landmarks")
+        effect="Corners are refused only where at least so many move. Fewer: good ones are refused by chance matches; "
+        "more: small bodies become landmarks.")
     moving_share: float = tuned(0.05, unit="share of the corners seen before", source=_BODIES,
-        effect="as moving_least")
+        effect="The share that must move at least, as moving_least.")
     judged_neighbours: int = tuned(8, unit="corners", source=_BODIES,
-        effect="fewer: chance decides; more: small bodies are taken for what is around them")
+        effect="A corner is judged together with so many. Fewer: chance decides; more: small bodies are taken for what "
+        "is around them.")
     neighbours_weight: float = tuned(2.0, unit="share of a corner's own", source=_BODIES,
-        effect="smaller: chance decides; larger: as judged_neighbours")
+        effect="The weight of the neighbours in that. Smaller: chance decides; larger: as judged_neighbours.")
     standing_weight: float = tuned(1.0, unit="views that count in full", source=_BODIES,
-        effect="of evidence that a corner stands count in full while the pose is in doubt; smaller: bodies that turn "
-        "round become landmarks; larger: what comes into view becomes one late")
+        effect="In doubt, evidence that a corner stands counts in full from so many views on. Smaller: bodies that "
+        "turn round become landmarks; larger: what comes into view becomes one late.")
     standing_least: float = tuned(0.9, unit="of 3: a corner and its neighbours stood in all views", source=_BODIES,
-        effect="by which more must say that a corner stands than that it moves, in doubt; smaller: as a smaller "
-        "standing_weight; larger: the map grows late where much is blurred or hidden")
+        effect="In doubt, the evidence that a corner stands must exceed that it moves by this. Smaller: as a smaller "
+        "standing_weight; larger: the map grows late where much is blurred or hidden.")
     # presence
     gone_s: float = tuned(0.3, unit="s", source=_BODIES,
-        effect="a landmark that depth looks through for so long is removed; smaller: landmarks at depth's edges go; "
-        "larger: what was carried away is looked for in vain, and found elsewhere")
+        effect="A landmark that depth looks through for so long is removed. Smaller: so are landmarks at the edges of "
+        "depth; larger: what was carried away is looked for in vain, and found elsewhere.")
     gone_step_s: float = tuned(0.1, unit="s", source="three looks at least, as `gone_s`",
-        effect="most that one frame counts; smaller: slow streams keep what has left; larger: one bad look counts")
+        effect="One frame counts for so long at most. Smaller: slow streams keep what has left; larger: one wrong look "
+        "counts.")
     gone_around: float = tuned(0.15, unit="share of the distance", source="as `departing_within` of tracking",
-        effect="within which the neighbours of a removed landmark are looked for; smaller: what lies on a thing that "
-        "was carried away stays longer; larger: slower")
+        effect="The neighbours of a removed landmark within this distance are examined, too. Smaller: what lies on a "
+        "thing that was carried away stays longer; larger: it costs more.")
     # background
     background_s: float = tuned(0.15, unit="s", source="three times what a task takes",
-        effect="after which a result is taken, though fewer frames came; smaller: frames of slow streams wait for it; "
-        "larger: slow streams recognise new places late")
+        effect="After so long a result of the background is taken although fewer frames came than it may wait. "
+        "Smaller: frames of slow streams wait for it; larger: slow streams recognise new places late.")
     # mapper
     change_frames: int = tuned(10, unit="frames", source="as long as the newest key frames take, or less",
-        effect="adjusted by a new lens in the time of one task; fewer: it changes later; more: frames wait for it")
+        effect="So many are converted to a new lens in the time of one task. Fewer: the lens changes later; more: "
+        "frames wait for it.")
     recalled_at_once: int = tuned(2, unit="key frames", source="some 2 ms each",
-        effect="brought back in one frame; fewer: fast walks see landmarks late; more: frames wait for the disk")
+        effect="So many are brought back from a saved map in one frame. Fewer: fast walks see their landmarks late; "
+        "more: frames wait for the disk.")
     set_aside_ahead: int = tuned(8, unit="key frames", source=".5 ms to look for the farthest of 400",
-        effect="chosen at once, to be set aside one by one; fewer: slower; more: by where the camera was long ago")
+        effect="So many are chosen at once, to be set aside one by one. Fewer: choosing costs more; more: they are "
+        "chosen by where the camera was long ago.")
     # local_adjustment
     adjust_fixed: int = tuned(10, unit="key frames", source=_SWEEP,
-        effect="older key frames that hold the newest ones; fewer: drift; more: slower")
+        effect="So many older ones hold the newest ones in place. Fewer: the map drifts; more: adjustments cost more.")
     adjust_shared: int = tuned(15, unit="landmarks", source=_SWEEP,
-        effect="shared landmarks that make an older key frame hold; fewer: bad ones hold; more: drift")
+        effect="An older key frame holds if it shares so many. Fewer: badly connected ones hold, too; more: the map "
+        "drifts.")
     adjust_look_back: int = tuned(60, unit="key frames", source=_SWEEP,
-        effect="older ones looked at for that; fewer: places come back to are not used; more: slower")
+        effect="So many older ones are examined for that. Fewer: places to which the camera comes back are not used; "
+        "more: it costs more.")
     adjust_iterations: int = tuned(5, unit="1", source=_SWEEP,
-        effect="steps of the newest key frames' adjustment; fewer: unfinished; more: slower")
+        effect="Steps of the adjustment of the newest key frames. Fewer: it is not finished; more: it costs more.")
     finish_iterations: int = tuned(15, unit="1", source=_SWEEP,
-        effect="steps of the final adjustment; as adjust_iterations")
+        effect="Steps of the final adjustment, as adjust_iterations.")
     # intermediate_frames
     intermediate_s: float = tuned(0.2, unit="s", source="fr1_xyz, fr1_rpy, arena, hololens_part, at 2 to 30 Hz",
-        effect="from one to the next; smaller: the final adjustment is slower; larger: frames between key frames gain "
-        "less")
+        effect="The time from one kept frame to the next. Smaller: the final adjustment costs more; larger: frames "
+        "between key frames gain less.")
     intermediate_most: int = tuned(240, unit="frames", source="memory: 7 MB",
-        effect="smaller: long walks gain less; larger: more memory")
+        effect="So many are kept. Fewer: long walks gain less; more: memory.")
     adjusted_most: int = tuned(150, unit="frames", source="memory grows with the square; 10 MB a copy of the system",
-        effect="smaller: long walks gain less; larger: slow ends and much memory")
+        effect="So many are adjusted at the end, key frames included. Fewer: long walks gain less; more: the end takes "
+        "longer, and much memory.")
 # fmt: on
 
 

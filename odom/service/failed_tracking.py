@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,10 +13,14 @@ from odom.errors import OdomError
 from odom.wire import Topics
 from sensors.source import Source, refused_images
 
+if TYPE_CHECKING:
+    from odom.evaluation.diagnosis import Recording
+
 _LOG = logging.getLogger(__name__)
 _LOOKED_AT_S = 3.0
 """Seconds of the source that are looked at: fewer may miss a fault that is not in each frame, more only cost time."""
-
+_UNIT_S = 0.5
+"""Seconds of it by which the unit of depth is judged, which is the same in each image: a tenth of a second of work."""
 
 _OF_THE_CAMERA = ("calibration size", "focal length", "depth scale")
 """Findings about the calibration: depth of another unit or a wrong focal length makes others BAD, too."""
@@ -48,13 +52,16 @@ def why_poor(report: dict[str, Any], out: Path, open_again: Callable[[], Source]
     """Return what is wrong with a recorded source whose result in the folder `out` is poor, and what to do.
 
     None when the result is good, or `odom doctor` would find no fault. A source of which nothing says what camera it is
-    of is looked at in any case, but then only for faults of the calibration.
+    of is looked at in any case, but then only for faults of the calibration; and one without truth, which would show a
+    wrong unit of depth, for that unit.
     """
     try:
         opened = _quietly(open_again)
         is_poor = (report.get("completeness") or 0.0) < _LEAST_TRACKED or _is_far_off(report, out)
         is_assumed = getattr(opened, "is_assumed", False)
-        return _main_fault(opened, only_camera=not is_poor) if is_poor or is_assumed else None
+        if is_poor or is_assumed:
+            return _main_fault(opened, only_camera=not is_poor)
+        return _wrong_unit(opened) if report.get("ate_m") is None else None
     except (OdomError, OSError) as error:
         _LOG.debug("the source cannot be looked at: %s", error)
         return None
@@ -80,18 +87,35 @@ def _quietly(open_again: Callable[[], Source]) -> Source:
         logging.disable(logging.NOTSET)
 
 
+def _wrong_unit(opened: Source) -> str | None:
+    """Return what is wrong with the unit of depth by the first images, None where nothing is, or nothing tells."""
+    from odom.evaluation.diagnosis import Verdict
+    from odom.evaluation.diagnosis.depth_unit import judge_unit
+
+    frames = _sample(opened, _UNIT_S).paired
+    finding = judge_unit(frames) if frames else None
+    is_bad = finding is not None and finding.verdict is Verdict.BAD
+    return f"{finding.key}: {finding.value}: {finding.advice}" if finding is not None and is_bad else None
+
+
 def _main_fault(opened: Source, only_camera: bool = False) -> str | None:
     """Return the first fault of the calibration, since others follow from it, else the first one if asked for."""
     from odom.evaluation.diagnosis import Verdict, examine
+
+    recording = _sample(opened, _LOOKED_AT_S)
+    recording = replace(recording, refused={**recording.refused, **refused_images(opened)})
+    bad = [finding for finding in examine(recording) if finding.verdict is Verdict.BAD]
+    told = [f for f in bad if f.key in _OF_THE_CAMERA] + ([] if only_camera else bad)
+    return f"{told[0].key}: {told[0].value}: {told[0].advice}" if told else None
+
+
+def _sample(opened: Source, seconds: float) -> "Recording":
+    """Return the first seconds of a source, and close it."""
     from odom.service.source_sample import collect
 
     logging.disable()  # the run has told what the source leaves out
     try:
-        recording = collect(opened.messages(), Topics(), _LOOKED_AT_S, lambda done: None, is_recorded=True)
-        recording = replace(recording, refused={**recording.refused, **refused_images(opened)})
+        return collect(opened.messages(), Topics(), seconds, lambda done: None, is_recorded=True)
     finally:
         opened.close()
         logging.disable(logging.NOTSET)
-    bad = [finding for finding in examine(recording) if finding.verdict is Verdict.BAD]
-    told = [f for f in bad if f.key in _OF_THE_CAMERA] + ([] if only_camera else bad)
-    return f"{told[0].key}: {told[0].value}: {told[0].advice}" if told else None

@@ -39,6 +39,13 @@ def test_depth_that_is_turned_against_colour_is_named(good: Recording, turned: t
     assert words in found.value
 
 
+def test_depth_five_times_too_large_shows_in_its_steps_though_the_nearest_were_rounded(good: Recording) -> None:
+    large = [replace(f, depth_mm=f.depth_mm * np.uint16(5)) for f in good.paired[::4] if f.depth_mm.max() < 13_000]
+    ratio = steps_scale(large)
+    assert ratio is not None
+    assert ratio == pytest.approx(5.0, rel=0.06)
+
+
 def test_images_of_which_every_fifth_came_twice_are_named(good: Recording) -> None:
     shown = good.paired
     frames = tuple(replace(f, color=shown[i - (i % 5 == 4)].color) for i, f in enumerate(shown))

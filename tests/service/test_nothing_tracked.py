@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from painted_wall import CAMERA, SIZE, write_wall
 
-from odom.service.failed_tracking import why_not_tracked
+from odom.service.failed_tracking import why_not_tracked, why_poor
 from sensors.catalogue import open_source
 from sensors.source import SourceOptions
 
@@ -57,6 +57,15 @@ def test_the_reason_and_the_remedy_are_found_in_the_source(wall: Path, fault: st
     spoil, remedy = SPOILT[fault]
     spoil(wall)
     assert remedy in why_not_tracked({}, str(wall), lambda: open_source(str(wall), SourceOptions()))
+
+
+def test_without_truth_a_wrong_unit_of_depth_is_told_though_all_frames_are_tracked(wall: Path) -> None:
+    def told() -> str | None:
+        return why_poor({"completeness": 1.0}, wall, lambda: open_source(str(wall), SourceOptions()))
+
+    assert told() is None
+    (wall / "camera.yaml").write_text(CAMERA.replace("depth_scale: 5000", "depth_scale: 100000"))
+    assert "half of the depth is within" in (told() or "")
 
 
 @pytest.mark.parametrize("fault", ["black depth", "swapped lists"])

@@ -32,6 +32,7 @@ from odom.wire.codec import (
     image_messages as images,
 )
 from odom.wire.recording import RecordingWriter, open_reader
+from odom.wire.recording.stream_selection import select_streams
 from sensors import replay
 from sensors.catalogue import open_source
 from sensors.source import SourceOptions
@@ -171,6 +172,24 @@ def test_colour_in_16_bits_of_grey_is_colour_by_its_name(tmp_path: Path, big: in
     frames, _ = frames_of(record(tmp_path / "bag", realsense(mono16)))
     assert len(frames) == FRAMES
     assert np.array_equal(frames[3][0], textured(seed=3)[..., 0])
+
+
+def under(folder: str, messages: list[Message]) -> list[Message]:
+    return [replace(message, topic=f"{folder}/{message.topic}") for message in messages]
+
+
+def test_depth_is_that_of_colours_own_camera_and_no_image_of_another_kind_though_there_are_more_of_it(
+    tmp_path: Path,
+) -> None:
+    mine, other = under("left", realsense()), under("right", realsense())
+    depth = "left/camera/aligned_depth_to_color/image_raw"
+    mine.remove(next(message for message in mine if message.topic == depth))
+    late = [m for m in other if m.topic.endswith("color/image_raw")]
+    infrared = [encode_depth("left/camera/ir/image_raw", m.stamp, kinect_depth(seed=9)) for m in late]
+    messages = sorted([*mine, *infrared, *(m for m in other if m not in late)], key=lambda m: m.stamp)
+    selected = select_streams(open_reader(record(tmp_path / "bag", messages)).streams(), {})
+    assert selected.color.topic == "left/camera/color/image_raw"
+    assert selected.depth.topic == depth
 
 
 def test_the_parts_of_a_bag_are_read_in_the_order_of_their_numbers(tmp_path: Path) -> None:

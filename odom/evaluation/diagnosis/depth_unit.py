@@ -36,10 +36,12 @@ def steps_scale(frames: Sequence[RgbdFrame]) -> float | None:
     depths = np.geomspace(float(nearest), float(farthest), _LEVELS)
     steps = np.array([step_at(frames, depth) for depth in depths])
     seen = steps >= _LEAST_STEP_M
-    if seen.sum() < _LEAST_LEVELS or depths[seen].max() < _LEAST_RANGE * depths[seen].min():
-        return None
-    k = steps[seen] / depths[seen] ** 2
-    return float(_KINECT_STEP / np.median(k)) if k.max() < _MOST_SPREAD * k.min() else None
+    depths, k = depths[seen], steps[seen] / depths[seen] ** 2
+    while len(k) >= _LEAST_LEVELS and depths[-1] >= _LEAST_RANGE * depths[0]:
+        if k.max() < _MOST_SPREAD * k.min():
+            return float(_KINECT_STEP / np.median(k))
+        depths, k = depths[1:], k[1:]  # the nearest steps are the sensor's own rounding, if depth is scaled up
+    return None
 
 
 def judge_unit(frames: Sequence[RgbdFrame]) -> Finding:

@@ -17,8 +17,11 @@ STREAM_ROLES = ("color", "depth", "camera_info")
 
 _DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
 _COLOR_WORDS, _OTHER_WORDS = ("color", "colour", "rgb"), ("ir", "infra", "depth", "thermal", "mask", "fisheye")
+_DEPTH_WORDS = ("depth",)
+_NOT_DEPTH_WORDS = ("ir", "infra", "infrared", "confidence", "disparity", "thermal", "mask", "amplitude", "intensity")
 _REGISTERED_WORDS = ("aligned", "registered", "depth_to_color", "depth_to_rgb", "depth_to_colour")
-"""Words that drivers put into the names of topics: for colour, for what is not colour, for depth registered to it."""
+"""Words that drivers put into the names of topics: for colour, for what is not colour, for depth, for images of 16 bits
+that are none, for depth registered to colour."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,9 @@ def select_streams(
     if unknown:
         raise ConfigError(f"--topic {', '.join(sorted(unknown))}: give {', '.join(STREAM_ROLES)}")
     color = _choose("color", streams, named, lambda stream: _image_kind(stream) == "color", _color_rank)
-    depth = _choose("depth", streams, named, lambda stream: _image_kind(stream) == "depth", _depth_rank)
+    depth = _choose(
+        "depth", streams, named, lambda stream: _image_kind(stream) == "depth", lambda s: _depth_rank(s, color)
+    )
     if color is None or depth is None:
         missing = "colour" if color is None else "depth"
         raise RecordingError(f"no {missing} images; the recording holds {_listing(streams)}; name a topic with --topic")
@@ -132,21 +137,35 @@ def _says(stream: RecordedStream, words: Iterable[str]) -> bool:
     return not set(stream.topic.lower().replace("/", "_").split("_")).isdisjoint(words)
 
 
+def _numbered(words: Iterable[str]) -> list[str]:
+    """Return the words as they are and with the numbers of a pair."""
+    return [word + number for word in words for number in ("", "1", "2")]
+
+
 def _color_rank(stream: RecordedStream) -> tuple[int, ...]:
-    says_other = _says(stream, (word + number for word in _OTHER_WORDS for number in ("", "1", "2")))
-    return (_says(stream, _COLOR_WORDS) - says_other, stream.count, stream.type_name == cdr.IMAGE)
+    says = _says(stream, _COLOR_WORDS) - _says(stream, _numbered(_OTHER_WORDS))
+    return (says, stream.count, stream.type_name == cdr.IMAGE)
 
 
-def _depth_rank(stream: RecordedStream) -> tuple[int, ...]:
+def _depth_rank(stream: RecordedStream, color: RecordedStream | None) -> tuple[int, ...]:
+    """Rank a depth stream: one whose name says depth, that is registered, and of colour's own camera comes first."""
     name = stream.topic.lower()
-    return (any(word in name for word in _REGISTERED_WORDS), stream.count, stream.type_name == cdr.IMAGE)
+    says = _says(stream, _DEPTH_WORDS) - _says(stream, _numbered(_NOT_DEPTH_WORDS))
+    is_registered = any(word in name for word in _REGISTERED_WORDS)
+    shared = 0 if color is None else _shared_folders(stream, color)
+    return (says, is_registered, shared, stream.count, stream.type_name == cdr.IMAGE)
 
 
 def _info_rank(stream: RecordedStream, color: RecordedStream) -> tuple[int, ...]:
     """Rank a calibration by how much of its path is colour's: one in the same folder or above comes first."""
+    own, shared = stream.topic.count("/"), _shared_folders(stream, color)
+    return (shared - own if shared < own else 1, shared, *_color_rank(stream))
+
+
+def _shared_folders(stream: RecordedStream, color: RecordedStream) -> int:
+    """Return how many parts of a topic's path, without its last one, are those of colour's."""
     own, other = stream.topic.split("/")[:-1], color.topic.split("/")
-    shared = len(list(takewhile(lambda pair: pair[0] == pair[1], zip(own, other, strict=False))))
-    return (shared - len(own) if shared < len(own) else 1, shared, *_color_rank(stream))
+    return len(list(takewhile(lambda pair: pair[0] == pair[1], zip(own, other, strict=False))))
 
 
 def _info_size(stream: RecordedStream) -> tuple[int, int] | None:

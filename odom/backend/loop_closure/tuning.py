@@ -12,67 +12,70 @@ class Tuning:
     chain_sigma_scale: float = tuned(
         2.0,
         unit="1",
-        effect="sigmas of chain and closure count so much; smaller: true closures are refused; larger: false ones pass",
+        effect="The sigmas of chain and closure are multiplied by this before they are compared. Smaller: true "
+        "closures are refused; larger: false ones pass.",
         source="false recognitions in look-alike rooms of the arena",
     )
     closing_frames: int = tuned(
         2,
         unit="frames",
-        effect="that closing loops may take in the background, however small the map; fewer: frames wait for it; more: "
-        "loops are closed later",
+        effect="The background has so many to close loops, however small the map. Fewer: frames wait for it; more: "
+        "loops are closed later.",
         source="4 ms of CPU for 400 key frames (tests/map_file/test_large_map.py), on a crowded machine",
     )
     closing_keyframes: int = tuned(
         300,
         unit="key frames a frame",
-        effect="that the background is trusted to close; more: frames wait for it; fewer: loops are closed later",
+        effect="The background is given one frame more for so many key frames. Fewer: loops are closed later; more: "
+        "frames wait for it.",
         source="30 to 75 us of CPU a key frame (tests/map_file/test_large_map.py): a third of the time that this gives",
     )
     most_waiting: int = tuned(
         100,
         unit="recognitions",
-        effect="that may wait while loops are closed; fewer: some are lost in large maps; more: memory",
+        effect="So many may wait while loops are closed. Fewer: some are lost in large maps; more: memory.",
         source="two key frames a second for the minute that 100,000 key frames take",
     )
     most_put_off: int = tuned(
         5,
         unit="key frames",
-        effect="that may look like other places until a frame has time for them; fewer: frames that are key frames "
-        "take longer; more: loops are closed later, and views wait in memory",
+        effect="So many that may look like other places wait until a frame has time for them. Fewer: frames that "
+        "become key frames take longer; more: loops are closed later, and views wait in memory.",
         source="at 10 Hz four of ten frames of a walk are key frames",
     )
     kept_views: int = tuned(
         64,
         unit="key frames",
-        effect="in doubt whose views are kept for the end of a run, to look for other segments; fewer: segments stay "
-        "apart; more: memory, 1 MB each, and .1 s each at the end of a run that fell apart",
+        effect="The views of so many that were in doubt are kept, to look for other segments at the end of a run. "
+        "Fewer: segments stay apart; more: memory, 1 MB each, and .1 s each at the end of a run that fell apart.",
         source="three bodies painted into fr1_rpy: 40 to 60 key frames in 8 s",
     )
     join_least: int = tuned(
         3,
         unit="key frames",
-        effect="of each of two maps that must agree; fewer: a thing carried elsewhere joins them; more: short ones are "
-        "not joined",
+        effect="Two maps are joined where so many of each agree. Fewer: a thing that was carried elsewhere joins "
+        "them; more: short maps are not joined.",
         source="visits of the arena, where a thing that was moved makes up to 7 recognitions of 3 key frames",
     )
     join_seeds: int = tuned(
         5,
         unit="recognitions",
-        effect="surest ones with which the others may agree; fewer: all may be of a moved thing; more: slower",
+        effect="With each of so many, the surest ones, it is tried how many others agree. Fewer: all of them may be "
+        "of a moved thing; more: it costs more.",
         source="visits of the arena, where one of 30 recognitions between two maps is of a moved thing",
     )
     join_near: float = tuned(
         2.0,
         unit="of the median distance of the recognised",
-        effect="within it key frames of two maps must recognise each other; smaller: few do, by chance; larger: they "
-        "see other things",
+        effect="Key frames of two maps count as near up to this distance. Smaller: few do, and chance decides; "
+        "larger: some of them see other things.",
         source="visits of the arena, where this is .6 m + rad and all but one or two of 40 key frames are nearer",
     )
     join_share: float = tuned(
         0.5,
         unit="share of key frames",
-        effect="of those so near that must be recognised; smaller: look-alike rooms are joined; larger: a room in "
-        "other light is not",
+        effect="Of the key frames that are near (join_near), more than this share must be recognised. Smaller: "
+        "look-alike rooms are joined; larger: a room in other light is not.",
         source="93 to 100 % between visits of one arena, 67 to 100 % between cuts of fr1_xyz, 10 to 34 % between "
         "arenas of other seeds, which are furnished alike",
     )

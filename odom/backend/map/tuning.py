@@ -13,29 +13,36 @@ class Tuning:
     """Numbers of key frames, landmarks and the covariances of motions between frames."""
 
     anchor_share: float = tuned(0.1, unit="share of a ray's variance", source=_SWEEP,
-        effect="a new landmark's patch is cut where it was measured, by definition; smaller: NEES rises; larger: falls")
+        effect="Only this share counts across the ray of a new landmark, since its patch is cut where it was "
+        "measured. Smaller: NEES rises; larger: it falls.")
     link_landmarks: int = tuned(15, unit="landmarks", source=_SWEEP,
-        effect="common landmarks that link key frames; fewer: far ones are searched in vain; "
-        "more: near ones are missed")
+        effect="Key frames are linked by so many in common. Fewer: landmarks of distant key frames are searched in "
+        "vain; more: those of near ones are missed.")
     neighbour_hops: int = tuned(3, unit="links", source=_SWEEP,
-        effect="fewer: key frames in view are missed; more: slower on maps with many links")
+        effect="Landmarks are looked for in key frames up to so many links away. Fewer: key frames in view are "
+        "missed; more: it costs more in maps with many links.")
     recalled: int = tuned(12, unit="key frames", source="local_keyframes, and two to come",
-        effect="brought back around the camera in a saved map; fewer: landmarks in view are missing; "
-        "more: frames wait for the disk")
+        effect="So many around the camera are brought back from a saved map. Fewer: landmarks in view are missing; "
+        "more: frames wait for the disk.")
     cull_trials: int = tuned(8, unit="frames", source=_SWEEP,
-        effect="fewer: good landmarks go after a blur; more: bad ones take their place in the search for longer")
+        effect="A landmark is judged by how often it was found after it was looked for in so many. Fewer: good ones "
+        "are removed after a blur; more: bad ones are looked for in place of good ones for longer.")
     cull_share: float = tuned(0.25, unit="share of trials", source=_SWEEP,
-        effect="smaller: bad landmarks stay; larger: those seen from one side only go")
+        effect="A landmark found in a smaller share is removed. Smaller: bad ones stay; larger: those that are seen "
+        "from one side only are removed.")
     shared_error: float = tuned(0.8, unit="ratio of variances",
         source="motions over .1 to 10 s against truth, fr1 and arena",
-        effect="errors that frames share against a frame's own; smaller: NEES of long motions rises; larger: it falls")
+        effect="How large the errors that neighbouring frames share are, against the error of a single frame. "
+        "Smaller: NEES of long motions rises; larger: it falls.")
     shared_error_s: float = tuned(0.5, unit="s", source="motions over .1 to 10 s against truth, fr1 and arena",
-        effect="time over which shared errors fade, as the camera looks elsewhere; as above for motions of this length")
+        effect="Shared errors fade in this time, as the camera looks elsewhere. Smaller: NEES of motions of about "
+        "this length falls; larger: it rises.")
     unit_of_length: float = tuned(0.02, unit="share of a motion (sigma)",
         source="the depth of the TUM benchmark's three Kinects was found to be off by 3.5, 3.1 and 0 %; eight walks in "
         "the arena with depth 2 % off",
-        effect="smaller: where the unit of depth is not right, NEES of motions of a metre and more is 15 and higher; "
-        "larger: motions along a line are claimed to be less sure than they are")
+        effect="The error of the unit of depth that covariances of motions include. Smaller: where the unit is "
+        "wrong, NEES of motions of a metre and more is 15 and higher; larger: motions along a line are claimed to be "
+        "less sure than they are.")
 # fmt: on
 
 

@@ -17,187 +17,229 @@ class Tuning:
 
     # stamp_clock
     clock_window: int = tuned(30, unit="stamps", source=_KINECT,
-        effect="fewer: more jitter is left in the steady time; more: a clock that drifts is followed late")
+        effect="The line of steady time is fitted to so many. Fewer: it keeps more jitter; more: a clock that drifts "
+        "is followed late.")
     clock_least: int = tuned(6, unit="stamps", source=_KINECT,
-        effect="fewer: a line through too little; more: the first frames keep their jitter for longer")
+        effect="The line needs at least so many. Fewer: it is fitted to too little; more: the first frames keep "
+        "their jitter for longer.")
     clock_longest_gap_s: float = tuned(0.5, unit="s", source=_KINECT,
-        effect="smaller: the line begins anew after a few lost frames; larger: periods over a gap are miscounted")
+        effect="After a longer gap the line begins anew. Smaller: it does so after a few lost frames; larger: "
+        "periods are miscounted over a gap.")
     clock_longest_gap_periods: float = tuned(2.5, unit="periods", source="one lost frame and its jitter",
-        effect="the same for slow streams; smaller: the line begins anew after a lost frame; larger: as above")
+        effect="As clock_longest_gap_s, in a slow stream: so many periods count where they are longer.")
     clock_slowest_s: float = tuned(2.0, unit="s", source="one frame a second, of which one is lost",
-        effect="longest period that is learnt; smaller: each frame of a slow stream is taken for one after a gap; "
-        "larger: two gaps in a row of a quick stream pass for a period")
+        effect="The longest period that is learnt. Smaller: each frame of a slow stream seems to follow a gap; "
+        "larger: two gaps in a row of a quick stream pass for its period.")
     clock_gain: float = tuned(0.2, unit="1", source=_KINECT,
-        effect="share of a stamp's error taken over while periods are counted; too small or large: a period is "
-        "miscounted")
+        effect="While periods are counted, this share of a stamp's error is taken over. Smaller or larger: a period "
+        "is miscounted.")
     clock_most_unsteady: float = tuned(0.25, unit="share of a period", source=_KINECT,
-        effect="smaller: jittery clocks are not smoothed; larger: a line is drawn through stamps that have no period")
+        effect="Stamps that jitter more are taken as they are. Smaller: jittery clocks are not smoothed; larger: a "
+        "line is drawn through stamps that have no period.")
     clock_most_late_s: float = tuned(0.02, unit="s", source="recordings at 30 Hz that were thinned: 33 ms and more",
-        effect="smaller: late stamps of streams below 25 Hz are believed; larger: a frame missing before a slow stream "
-        "was thinned out shifts the poses after it")
+        effect="After a stamp that is farther off the line begins anew. Smaller: late stamps of streams below 25 Hz "
+        "are believed; larger: a frame missing before a slow stream was thinned out shifts the poses after it.")
     clock_outlier: float = tuned(3.0, unit="sigma", source="three sigma of a normal distribution",
-        effect="smaller: good stamps are dropped from the line; larger: late ones bend it")
+        effect="A stamp farther off does not count for the line. Smaller: good stamps are left out; larger: late "
+        "ones bend it.")
     clock_unknown: float = tuned(0.05, unit="share of a period", source=_KINECT,
-        effect="one sigma of a stamp at the start; smaller: too sure of the first seconds; larger: too unsure")
+        effect="One sigma of a stamp at the start. Smaller: the first seconds are too sure; larger: they are too "
+        "unsure.")
     # noise_monitor
     noise_gain: float = tuned(0.05, unit="1 a frame", source=_SWEEP,
-        effect="smaller: noise is learnt late; larger: the covariance trembles with each frame")
+        effect="The weight of the newest frame where noise is learnt. Smaller: it is learnt late; larger: the "
+        "covariance trembles with each frame.")
     noise_least: int = tuned(15, unit="residuals", source=_SWEEP,
-        effect="fewer: medians of too few; more: depth noise far away is never learnt")
+        effect="Noise is learnt from at least so many at a time. Fewer: medians are of too few; more: the noise of "
+        "depth far away is never learnt.")
     noise_range: float = tuned(8.0, unit="1", source="bounds far beyond any camera met so far",
-        effect="how far the noise may go from the prior; smaller: other cameras misjudged; larger: slower to come back")
+        effect="The noise may be so many times larger or smaller than assumed at first. Smaller: other cameras are "
+        "misjudged; larger: it takes longer to come back.")
     noise_unproven: float = tuned(5.0, unit="variance ratio", source=_SWEEP,
-        effect="inflation before anything was seen; smaller: too sure at the start; larger: too unsure")
+        effect="Covariances are inflated so much before anything was seen. Smaller: the first poses are too sure; "
+        "larger: they are too unsure.")
     noise_most: float = tuned(50.0, unit="variance ratio", source=_SWEEP,
-        effect="most that one frame's halves may say; smaller: calibration errors underrated; "
-        "larger: one bad frame counts long")
+        effect="Comparing the halves of one frame says at most this. Smaller: errors of calibration are underrated; "
+        "larger: one bad frame counts for long.")
     noise_most_jump: float = tuned(100.0, unit="variance ratio", source=_SWEEP,
-        effect="most that one jump of poses may say; as above")
+        effect="One jump between poses says at most this; otherwise as noise_most.")
     noise_calibration_error: float = tuned(0.025, unit="share of a motion",
         source="default Kinect intrinsics against calibrated",
-        effect="error of long motions when calibration is wrong; smaller: too sure of them; "
-        "larger: loop closures are taken wrongly")
+        effect="The error of a long motion where the calibration is wrong. Smaller: such motions are too sure; "
+        "larger: false loop closures pass.")
     noise_explained: float = tuned(3.0, unit="variance ratio", source=_SWEEP,
-        effect="inflation that noise alone explains; smaller: calibration blamed too soon; larger: too late")
+        effect="Noise alone explains an inflation up to this. Smaller: the calibration is blamed too soon; larger: "
+        "too late.")
     tilt_sigma: float = tuned(0.02, unit="rad", source="two cameras are mounted to a degree; fr1's: 1.6 degrees",
-        effect="by which the axis of depth is turned against the colour camera's, before anything is seen; smaller: a "
-        "tilt is found late; larger: a first glimpse is taken for one")
+        effect="How far the axis of depth may be turned against the colour camera's, before anything is seen. "
+        "Smaller: a tilt is found late; larger: a first glimpse is taken for one.")
     tilt_odds: float = tuned(20.0, unit="1", source="strong evidence as R. Kass, A. Raftery 1995 call it",
-        effect="Bayes factor from which on depth's axis is taken to be turned; smaller: noise bends walks that hardly "
-        "tell a tilt; larger: a tilt is found late")
+        effect="From this Bayes factor on, the axis of depth counts as turned. Smaller: noise bends walks that "
+        "hardly show a tilt; larger: a tilt is found late.")
     tilt_odds_at_once: float = tuned(1e4, unit="1",
         source="between windows of a time-of-flight camera, whose depth errs in rings, and a Kinect's with a tilt",
-        effect="the same of a single adjustment's frames, whose errors may be alike; smaller: another fault of depth "
-        "is taken for a tilt; larger: a walk's first second is bent by it")
+        effect="As tilt_odds, by the frames of a single adjustment, whose errors may be alike. Smaller: another "
+        "fault of depth is taken for a tilt; larger: a tilt bends the first second of a walk.")
     timing_restart_s: float = tuned(0.001, unit="s", source="assumed of a device that was switched off and on",
-        effect="how far a camera's timing may differ from one session to the next; smaller: a changed device is "
-        "learnt slowly; larger: it is learnt anew each time")
+        effect="How far a camera's timing may change from one session to the next. Smaller: a changed device is "
+        "learnt slowly; larger: the timing is learnt anew each time.")
     timing_memory: float = tuned(0.95, unit="1 an adjustment", source=_SWEEP,
-        effect="smaller: shutter and lag stay noisy; larger: changes are followed late")
+        effect="So much of what was known of the timing is kept at each adjustment. Smaller: shutter and lag stay "
+        "noisy; larger: changes are followed late.")
     # corners
     corner_border_px: int = tuned(14, unit="px", source="radius of a patch (12 px) and 2 px",
-        effect="smaller: patches reach beyond the image; "
-        "larger: features at the border, which tell rotation best, are lost")
+        effect="No corner is nearer to the border. Smaller: patches reach beyond the image; larger: features at the "
+        "border, which tell rotation best, are lost.")
     corner_apart_px: int = tuned(10, unit="px", source=_SWEEP,
-        effect="smaller: new corners repeat old ones; larger: gaps are not filled")
+        effect="No corner is nearer to another. Smaller: new corners repeat old ones; larger: gaps are not filled.")
     corner_weakest: float = tuned(4e-5, unit="grey^2 of OpenCV's cornerMinEigenVal", source=_SWEEP,
-        effect="smaller: corners in noise; larger: poor scenes have too few")
+        effect="A weaker corner is not used. Smaller: there are corners in noise; larger: poor scenes have too few.")
     corner_over_noise: float = tuned(1.2e-5, unit="cornerMinEigenVal of one grey level of noise",
         source="the strongest of an image of white noise, 1.1e-5",
-        effect="smaller: corners in noise; larger: faint corners of noisy images are left out")
+        effect="As corner_weakest, times the variance of the image's noise. Smaller: there are corners in noise; "
+        "larger: faint corners of noisy images are left out.")
     # depth_plane
     depth_share_valid: float = tuned(0.5, unit="share of 7 x 7 pixels", source=_SWEEP,
-        effect="smaller: planes through too little; larger: depth with holes is not used")
+        effect="A plane needs depth in at least this share. Smaller: it is fitted to too little; larger: depth with "
+        "holes is not used.")
     depth_share_on_surface: float = tuned(0.85, unit="share of measured pixels", source=_SWEEP,
-        effect="smaller: mixed pixels at depth edges are used; larger: rough surfaces are not")
+        effect="At least this share must lie on the plane. Smaller: mixed pixels at depth edges are used; larger: "
+        "rough surfaces are not.")
     depth_step: float = tuned(0.03, unit="share of the depth", source=_SWEEP,
-        effect="smaller: steep surfaces count as edges; larger: edges count as surfaces")
+        effect="Depth that is farther off the plane lies on another surface. Smaller: steep surfaces count as edges; "
+        "larger: edges count as surfaces.")
     depth_least_share: float = tuned(0.01, unit="share of the image",
         source="a Kinect close to a wall still shows some per cent",
-        effect="smaller: noise counts as depth; larger: a view into the distance counts as blind")
+        effect="An image with less has no depth. Smaller: noise counts as depth; larger: a view into the distance "
+        "counts as blind.")
     # images: taken in the dark
     image_contrast: float = tuned(30.0, unit="grey levels (standard deviation)",
         source="below that of every recording in the light (38 to 100); `odom bench robustness --axis darkness`",
-        effect="smaller: dark images stay faint; larger: good ones are changed")
+        effect="An image with less contrast is amplified to this. Smaller: dark images stay faint; larger: good ones "
+        "are changed.")
     image_clean: float = tuned(3.0, unit="grey levels", source="noise of a Kinect's image, JPEG included",
-        effect="noise that needs no smoothing; smaller: detail is smoothed away; larger: landmarks drown in noise")
+        effect="Noise up to this needs no smoothing. Smaller: detail is smoothed away; larger: landmarks drown in "
+        "noise.")
     image_smooth_px: float = tuned(1.0, unit="px", source="`odom bench robustness --axis darkness`",
-        effect="sigma of the smoothing; smaller: noise is left; larger: corners are smoothed away")
+        effect="Sigma of the smoothing. Smaller: noise is left; larger: corners are smoothed away.")
     # images: pyramidal Lucas-Kanade
     flow_window_px: int = tuned(15, unit="px", source=_SWEEP,
-        effect="smaller: blurred features are lost; larger: slower, and depth edges mix")
+        effect="Side of the window that flow matches. Smaller: blurred features are lost; larger: it costs more, and "
+        "the two sides of a depth edge mix.")
     flow_levels: int = tuned(3, unit="pyramid levels", source=_SWEEP,
-        effect="fewer: quick turns are lost; more: slower without gain")
+        effect="Fewer: quick turns are lost; more: it costs more without gain.")
     flow_iterations: int = tuned(12, unit="1", source=_SWEEP,
-        effect="fewer: coarse pose is rough; more: slower without gain")
+        effect="Fewer: the coarse pose is rough; more: it costs more without gain.")
     # patches
     patch_least_contrast: float = tuned(5.0, unit="grey^2 (variance)",
         source="noise of a Kinect's image, about 2 grey levels",
-        effect="smaller: patches of noise are aligned; larger: dark scenes lose landmarks")
+        effect="A patch with less is not aligned. Smaller: patches of noise are; larger: dark scenes lose landmarks.")
     patch_least_gain: float = tuned(0.2, unit="1", source=_SWEEP,
-        effect="smaller: wrong matches of faint texture; larger: exposure changes lose landmarks")
+        effect="A patch must be found with at least this share of its contrast. Smaller: it matches faint texture by "
+        "chance; larger: landmarks are lost when the exposure changes.")
     patch_converged_px: float = tuned(0.02, unit="px", source="a twentieth of the noise",
-        effect="smaller: slower; larger: rougher positions")
+        effect="The alignment of a patch ends with a smaller step. Smaller: it costs more; larger: positions are "
+        "rougher.")
     warp_step_px: float = tuned(4.0, unit="px", source="a third of a patch's radius",
-        effect="step of the numerical derivative of the warp; smaller or larger: hardly anything")
+        effect="Step of the numerical derivative of the warp. Smaller or larger: hardly anything changes.")
     warp_smallest_area: float = tuned(0.15, unit="ratio of areas", source=_SWEEP,
-        effect="smaller: patches are shrunk to a blur; larger: landmarks are lost when the camera backs off")
+        effect="A patch is not shrunk further. Smaller: patches are shrunk to a blur; larger: landmarks are lost "
+        "when the camera backs off.")
     warp_largest_area: float = tuned(6.0, unit="ratio of areas", source=_SWEEP,
-        effect="smaller: landmarks are lost when the camera comes near; larger: magnified blur is matched")
+        effect="A patch is not magnified further. Smaller: landmarks are lost when the camera comes near; larger: "
+        "magnified blur is matched.")
     # landmark_search
     search_margin_px: float = tuned(8.0, unit="px", source="half of an 11 x 11 patch and the search's reach",
-        effect="smaller: patches are cut by the border; larger: landmarks at the border are not used")
+        effect="No landmark is looked for nearer to the border. Smaller: patches are cut by it; larger: landmarks "
+        "near it are not used.")
     search_cell_px: int = tuned(40, unit="px", source=_SWEEP,
-        effect="smaller: crowds of landmarks are all looked for; larger: bare regions are left out")
+        effect="Landmarks are chosen evenly from squares of this side. Smaller: all of a crowd are looked for; "
+        "larger: bare regions are left out.")
     search_enough: float = tuned(250.0, unit="landmarks expected to be found", source=_SWEEP,
-        effect="no more are looked for; smaller: poses tremble and their covariance is too small; larger: slower "
-        "without gain")
+        effect="No more are looked for. Smaller: poses tremble and their covariance is too small; larger: it costs "
+        "more without gain.")
     search_coarse_limit_px: float = tuned(4.0, unit="px of the half-size image", source=_SWEEP,
-        effect="smaller: a poor prediction loses landmarks; larger: wrong matches")
+        effect="A landmark is not found farther from where it was predicted. Smaller: a poor prediction loses "
+        "landmarks; larger: wrong matches pass.")
     search_coarse_score: float = tuned(0.6, unit="correlation", source=_SWEEP,
-        effect="smaller: wrong matches cost time; larger: blurred landmarks are lost")
+        effect="A coarse match must correlate at least so well. Smaller: wrong matches cost time; larger: blurred "
+        "landmarks are lost.")
     search_fine_limit_px: float = tuned(2.5, unit="px", source=_SWEEP,
-        effect="smaller: coarse errors are not mended; larger: wrong matches")
+        effect="The fine alignment moves a match no further. Smaller: coarse errors are not corrected; larger: wrong "
+        "matches pass.")
     search_fine_score: float = tuned(0.75, unit="correlation", source=_SWEEP,
-        effect="smaller: wrong matches; larger: blurred and slanted landmarks are lost")
+        effect="A fine match must correlate at least so well. Smaller: wrong matches pass; larger: blurred and "
+        "slanted landmarks are lost.")
     search_iterations: int = tuned(8, unit="1", source=_SWEEP,
-        effect="fewer: alignments end early; more: slower without gain")
+        effect="Fewer: alignments end too early; more: it costs more without gain.")
     # look_back
     look_back_sigmas: float = tuned(3.0, unit="sigma", source=_BODIES,
-        effect="off so far a corner has moved; smaller: good corners are refused; larger: slow bodies become landmarks")
+        effect="A corner that is off by more has moved. Smaller: good corners are refused; larger: slow bodies "
+        "become landmarks.")
     look_back_noise: float = tuned(6.0, unit="grey levels", source=_BODIES,
-        effect="noise of an image in motion: blurred corners are not told apart; as look_back_sigmas")
+        effect="The noise of an image in motion, where corners are blurred; otherwise as look_back_sigmas.")
     look_back_px: float = tuned(1.0, unit="px", source=_BODIES,
-        effect="what is not known of the pose and the rolling shutter; as look_back_sigmas")
+        effect="The error of the pose and of the rolling shutter; otherwise as look_back_sigmas.")
     look_back_step: float = tuned(0.02, unit="share of the way in the image", source=_BODIES,
-        effect="what is not known of the velocities, by which rolling shutters bend quick turns; smaller: quick turns "
-        "look like motion; larger: slow bodies in quick turns become landmarks")
+        effect="The error of velocities, by which a rolling shutter bends quick turns. Smaller: quick turns look "
+        "like motion; larger: slow bodies in quick turns become landmarks.")
     look_back_flow_px: float = tuned(1.0, unit="px", source=_BODIES,
-        effect="sigma of a corner followed by flow; as look_back_sigmas")
+        effect="Sigma of a corner that flow follows; otherwise as look_back_sigmas.")
     look_back_return_px: float = tuned(0.5, unit="px of the half-size image", source=_BODIES,
-        effect="followed there and back; smaller: bodies are not found again; larger: chance counts")
+        effect="A corner that is followed there and back must end this near to where it began. Smaller: bodies are "
+        "not found again; larger: corners match by chance.")
     look_back_depth_sigmas: float = tuned(4.0, unit="sigma", source=_BODIES,
-        effect="of the depth, off so far something else was seen there; as look_back_sigmas")
+        effect="Where depth is off by more, something else was seen; otherwise as look_back_sigmas.")
     look_back_depth_share: float = tuned(0.03, unit="share of the inverse depth", source=_BODIES,
-        effect="added to that: errors of depth that do not vary; as look_back_sigmas")
+        effect="Added to that for errors of depth that do not vary; otherwise as look_back_sigmas.")
     # moving_surfaces
     moving_cell_px: int = tuned(32, unit="px", source="a person at 4 m is some 60 px wide",
-        effect="side of a cell; smaller: slower; larger: limbs and far people are not seen to move")
+        effect="Side of a cell. Smaller: it costs more; larger: limbs and people far away are not seen to move.")
     surface_share: float = tuned(0.03, unit="share of the inverse depth", source="as depth_step",
-        effect="how far neighbouring cells of one surface may lie off each other's planes; smaller: round bodies fall "
-        "apart; larger: feet are one with the floor")
+        effect="Neighbouring cells farther from each other's planes belong to different surfaces. Smaller: round "
+        "bodies fall apart; larger: feet are one with the floor.")
     moving_cells_least: int = tuned(3, unit="cells", source=_BODIES,
-        effect="fewer: edges of the depth seem to move; more: far people do not")
+        effect="A surface that moves has at least so many new cells. Fewer: edges of the depth seem to move; more: "
+        "people far away do not.")
     moving_surface_share: float = tuned(0.25, unit="share of a surface's cells", source=_BODIES,
-        effect="of a surface must be new for all of it to count as moving; smaller: walls move; larger: wide bodies "
-        "that walk slowly do not")
+        effect="Where a larger share is new, all of the surface moves. Smaller: walls seem to move; larger: wide "
+        "bodies that walk slowly do not.")
     # line_of_sight
     sight_step_px: int = tuned(6, unit="px", source="what 0.2 m/s and 1 rad/s move in the 20 ms of a rolling shutter",
-        effect="how far around a landmark's place depth is looked at; smaller: landmarks at depth's edges seem gone; "
-        "larger: what has left is noticed late")
+        effect="Depth is looked at so far around a landmark's place. Smaller: landmarks at edges of the depth seem "
+        "gone; larger: what has left is noticed late.")
     # place_recognition
     place_features: int = tuned(1000, unit="1", source=_SWEEP,
-        effect="fewer: places are not recognised; more: slower in the background")
+        effect="A place is described by so many. Fewer: places are not recognised; more: it costs more in the "
+        "background.")
     place_fast_threshold: int = tuned(5, unit="grey levels", source=_SWEEP,
-        effect="smaller: features in noise; larger: none in the dark")
+        effect="A feature needs at least this contrast. Smaller: there are features in noise; larger: there are none "
+        "in the dark.")
     place_scale: float = tuned(1.4, unit="ratio of sides",
         source="frames .1 to .5 s apart of fr1_rpy and a head-worn camera; at 1.2 blurred ones do not match",
-        effect="from each of ORB's 8 scales to the next; smaller: blurred places are not matched; larger: less exact")
+        effect="Ratio from each of ORB's 8 scales to the next. Smaller: blurred places are not matched; larger: "
+        "matches are less exact.")
     place_ratio: float = tuned(0.8, unit="1", source="D. Lowe, IJCV 60, 2004",
-        effect="smaller: true matches are dropped; larger: ambiguous ones are kept")
+        effect="A match must be so much nearer than the second one. Smaller: true matches are dropped; larger: "
+        "ambiguous ones are kept.")
     place_most_different: int = tuned(64, unit="bits of 256", source="E. Rublee et al., ICCV 2011, fig. 7",
-        effect="smaller: matches over a change of view are lost; larger: chance matches")
+        effect="Descriptors that differ in more do not match. Smaller: matches over a change of view are lost; "
+        "larger: some match by chance.")
     place_candidates: int = tuned(3, unit="places", source=_SWEEP,
-        effect="fewer: the true place is not among them; more: slower in the background")
+        effect="So many are compared in detail. Fewer: the true place is not among them; more: it costs more in the "
+        "background.")
     place_candidates_apart: int = tuned(12, unit="places", source="three bodies painted into fr1_rpy, five seeds",
-        effect="of other segments, where most of the view moves; fewer: segments are not joined; more: slower there")
+        effect="As place_candidates, of other segments, where most of the view moves. Fewer: segments are not "
+        "joined; more: it costs more there.")
     place_least_inliers: int = tuned(25, unit="matches", source=_SWEEP,
-        effect="fewer: look-alike places pass; more: places seen from elsewhere are not recognised")
+        effect="A recognised place needs at least so many. Fewer: look-alike places pass; more: places seen from "
+        "elsewhere are not recognised.")
     place_around_px: int = tuned(24, unit="px", source="bodies painted into fr1_rpy, against those painted's own mask",
-        effect="from a landmark that stands; smaller: few features are left of a place among people; larger: people "
-        "are a part of places")
+        effect="Among people a place has only features this near to a landmark that stands. Smaller: few are left; "
+        "larger: people are a part of places.")
     place_bucket: int = tuned(24, unit="places", source=_SWEEP,
-        effect="newest places that count for each feature; fewer: old ones are forgotten; more: slower")
+        effect="For each feature so many count, the newest ones. Fewer: old places are forgotten; more: it costs "
+        "more.")
 # fmt: on
 
 

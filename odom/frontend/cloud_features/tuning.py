@@ -16,23 +16,31 @@ class Tuning:
     """Numbers of key points, descriptors and their matching."""
 
     sift_sigma_m: float = tuned(0.02, unit="m", source=_PAIRS,
-        effect="half: four times the time; double: a third of the key points, and 9 of 15 pairs are registered")
+        effect="The finest scale of key points. Half: it takes four times as long; double: a third of the key points "
+        "is left, and 9 of 15 pairs are registered.")
     sift_octaves: int = tuned(3, unit="1", source=_PAIRS,
-        effect="fewer: no key points on large, plain things; more: nothing, too few points are left")
+        effect="So many times the scale is doubled. Fewer: large, plain things have no key points; more: nothing "
+        "changes, since too few points are left.")
     sift_scales: int = tuned(3, unit="1 an octave", source="D. Lowe, IJCV 60, 2004, section 3.2",
-        effect="fewer: a third of the key points; more: more time, the same points again")
+        effect="Fewer: a third of the key points is left; more: it takes longer and finds the same points again.")
     sift_contrast: float = tuned(1.0, unit="grey levels of 255", source=_PAIRS,
-        effect="half: key points on noise; double: half of the key points")
+        effect="A key point needs at least this contrast. Half: there are key points on noise; double: half of the "
+        "key points are left.")
     normal_radius_m: float = tuned(0.05, unit="m", source=_PAIRS,
-        effect="half: normals of the depth's noise; double: edges are rounded")
+        effect="Normals are fitted to the points within this. Half: they follow the noise of depth; double: edges "
+        "are rounded.")
     cshot_radius_m: float = tuned(0.20, unit="m", source=_PAIRS,
-        effect="half: what is around says too little; double: what the other view does not show spoils it")
+        effect="A descriptor tells of all within this. Half: that says too little; double: what the other view does "
+        "not show spoils it.")
     match_ratio: float = tuned(0.95, unit="1, nearest over second distance", source=_PAIRS,
-        effect="smaller: fewer pairs, of which more are right; larger: more pairs, more of them wrong")
+        effect="A match must be so much nearer than the second one. Smaller: fewer pairs, of which more are right; "
+        "larger: more pairs, of which more are wrong.")
     key_point_share: float = tuned(0.12, unit="1, standard deviation over the key point's sigma", source=_RESIDUALS,
-        effect="half: key points of coarse octaves count too much; double: they hardly count")
+        effect="The error of a key point in proportion to its scale. Half: key points of coarse octaves count too "
+        "much; double: they hardly count.")
     key_point_rad: float = tuned(0.0035, unit="rad, standard deviation seen from the camera", source=_RESIDUALS,
-        effect="half: right pairs far away fail the gate; double: wrong ones pass it")
+        effect="The error of a key point across the ray. Half: right pairs far away fail the gate; double: wrong "
+        "ones pass it.")
 # fmt: on
 
 

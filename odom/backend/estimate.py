@@ -58,7 +58,7 @@ class ChainPose:
 class ChainClosing:
     """The paper's closing test of the chain: C_last against C_1 (`direct`) and against C_last-1 (`pairwise`).
 
-    Beside it what the chain and the closed chain say of C_last in C_1, and how many sigmas that is off `direct`.
+    Beside it the pose of C_last in C_1 by the chain and by the closed chain, and how many sigmas each is off `direct`.
     """
 
     direct: RelativePose
@@ -73,10 +73,10 @@ class ChainClosing:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ClosedChain:
-    """How the chain moves when `closures` are met as well as its links; `refused` ones have no part in it.
+    """How the chain moves when `closures` are met as well as its links; `refused` counts the others.
 
-    It has so many `pieces`: 1, and one more for each hole over which nothing joins it. Where one stands to another is
-    not known, and there is no `closing` test between two.
+    It has 1 of `pieces`, and one more for each hole that no closure joins. The motion from one piece to another is
+    unknown, and there is no `closing` test between two.
 
     At n `stamps` (ns, ascending) its poses are multiplied by `T_closed_chain` (n x 4 x 4) from the left, which gives
     `T_closed_camera` (n x 4 x 4, at the middle row's time).
@@ -93,7 +93,7 @@ class ClosedChain:
     __repr__ = brief
 
     def moved(self, stamp: Stamp, T_chain_camera: Array) -> Array:
-        """Return a pose of the chain as it is in the closed one; between two stamps the motion is shared by time."""
+        """Return a chain's pose moved as the closed chain says; between two stamps the motion is interpolated."""
         after = int(np.searchsorted(self.stamps, stamp, side="right"))
         before = max(after - 1, 0)
         T_before = self.T_closed_chain[before] @ T_chain_camera

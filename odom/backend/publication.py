@@ -1,4 +1,4 @@
-"""A pose as it is published, once and for good, with the motions since earlier ones."""
+"""A pose as published, never changed later, with the motions since earlier ones."""
 
 from dataclasses import dataclass, field
 
@@ -16,7 +16,8 @@ class Publication:
 
     `covariance` (6 x 6, `se3`, camera frame) is that of the pose since its segment began. `T_middle_stamp` is the
     motion from the time of the image's middle row to the stamp, with its 6 x 6 covariance. `step` is the motion since
-    the frame before, `second` the one over a second. By `doubt` the covariances allow for a camera that follows a body.
+    the frame before, `second` the one over a second. By `doubt` the covariances allow for a camera that follows a
+    moving body.
     """
 
     frame: LoggedFrame

@@ -2,8 +2,8 @@
 
 Where the map's search found the same landmark in both frames it is used; corners that the map does not know are
 followed by the chain itself, by patches that it cut earlier or, where few pairs agree, from image to image. The map's
-pose only says where to look. What is known of a frame's stamp, its rows and
-its depth's lag is used as it is for the map: all is carried to the time of the image's middle row.
+pose only says where to look. Stamp, rolling shutter and the lag of depth are handled as for the map: all is carried to
+the time of the image's middle row.
 
 The chain's covariance is joint: neighbouring links share the frame between them, whose errors enter both with opposite
 signs (see `shared_errors`). Between the nodes of the pose graph links are added up as if independent, which is never
@@ -55,10 +55,10 @@ class Chain:
         self._next_name = -1
 
     def extend(self, frame: ChainFrame, T_hint: Array | None, sensor: SensorModel) -> ChainPose:
-        """Return the pose of one more frame; `T_hint` is where the newest one has it (None: nobody knows).
+        """Return the pose of one more frame; `T_hint` is its expected pose in the newest one (None: unknown).
 
-        A frame that cannot be registered leaves a hole: it stands where the newest one stood, and the chain goes on
-        from there.
+        A frame that cannot be registered leaves a hole: it takes the newest one's pose, and the chain goes on from
+        there.
         """
         end, link = self._end, None
         why, sight = "nothing in common with the frame before", frame.sight
@@ -96,7 +96,7 @@ class Chain:
             self.closures.close(node, end.sight, reference, map_, sensor)
 
     def see_through(self, change: LensChange) -> None:
-        """Go on through a new lens: what the newest frame and the chain's own corners showed is told by it."""
+        """Change to a new lens: recompute by it what the newest frame and the chain's own corners measured."""
         if self._end is not None:
             sight = replace(self._end.sight, measured=change.measured(self._end.sight.measured))
             self._end = replace(self._end, sight=sight)
@@ -122,9 +122,9 @@ class Chain:
     def _registered(
         self, end: ChainFrame, frame: ChainFrame, T_hint: Array, sensor: SensorModel
     ) -> tuple[Sight, PairwisePose | str]:
-        """Register a frame against the newest one; return what it showed of the features of both, and the pose.
+        """Register a frame against the newest one; return what it measured of the features of both, and the pose.
 
-        Where few of them agree, corners are followed from the one image to the other besides.
+        Where few of them agree, corners are also followed from one image to the other.
         """
         before, now = end.sight.in_common_with(frame.sight)
         angles = sensor.depth_tilt.angles
@@ -160,7 +160,7 @@ class Chain:
         return RelativePose(end.view.stamp, T, covariance, int(np.count_nonzero(found.inliers)))
 
     def _begin_anew(self, end: ChainFrame | None, frame: ChainFrame, sensor: SensorModel) -> None:
-        """Let a frame stand, at its stamp, where the chain's end stood."""
+        """Begin the chain anew with a frame at the pose, at its stamp, of the chain's end."""
         T_chain_stamp = self.T_chain_camera if end is None else self.T_chain_camera @ end.published.T_middle_stamp
         self.T_chain_camera = T_chain_stamp @ se3.inverse(frame.published.T_middle_stamp)
         self.covariance, self._summed = np.zeros((6, 6)), np.zeros((6, 6))
@@ -169,7 +169,7 @@ class Chain:
         self._corners, self._errors, self._after_renewal = OwnCorners.nothing(), FrameErrors.nothing(), 0
 
     def _renewed(self, frame: ChainFrame, sight: Sight, sensor: SensorModel) -> ChainFrame:
-        """Return a frame with all that it measured; new corners are cut where too little is left of what was seen."""
+        """Return a frame with all that it measured; cut new corners where too few features are left."""
         if len(sight) <= TUNING.corner_renewal * self._after_renewal or not len(self._corners):
             new, cut = cut_corners(frame.view, sight.uv, self.T_chain_camera, self._next_name, frame.twist, sensor)
             self._next_name -= len(new)

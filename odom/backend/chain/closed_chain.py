@@ -1,4 +1,4 @@
-"""The chain's links and its accepted closures in one pose graph: how each pose of the chain moves by them."""
+"""The chain's links and its accepted closures in one pose graph: how they move each pose of the chain."""
 
 from itertools import pairwise
 
@@ -19,9 +19,9 @@ from odom.geometry.arrays import Array
 def close_chain(chain: Chain, map_: Map, sensor: SensorModel) -> ClosedChain | None:
     """Return how the chain moves when its closures are met as well as its links; None where it has not begun.
 
-    Over a hole that closures join, they decide; over one that nothing joins the closed chain stands still, as the chain
-    does. The closing test compares the last frame, registered against the first one, with what chain and graph say of
-    it; so the graph leaves out what the last frame itself closes.
+    Where closures join the two sides of a hole, they give the motion over it; where nothing does, the closed chain
+    stands still over the hole, as the chain does. The closing test compares the last frame, registered against the
+    first one, with what chain and graph say of it; so the graph leaves out what the last frame itself closes.
     """
     closures, end = chain.closures, chain.end_node()
     if not closures.nodes or end is None:
@@ -57,9 +57,9 @@ def _closed_poses(
 ) -> tuple[dict[int, Array], Array]:
     """Return T_chain_camera of each node, by number, with links and closures met, and the last one's covariance.
 
-    Each `piece` of the chain is adjusted by itself, its first node held: nothing is known of the motion between two.
-    Then each is carried to where the one before it ends. The covariance (6 x 6) is against the first node of the last
-    one's piece.
+    Each `piece` of the chain is adjusted by itself with its first node fixed, since the motion between two is unknown.
+    Then each is moved so that it begins where the one before it ends. The covariance (6 x 6) is against the first node
+    of the last one's piece.
     """
     steps = list(pairwise(nodes))
     links = [a.edge_to(b) for a, b in steps if a.part == b.part]

@@ -1,7 +1,7 @@
 """The chain closed: frames registered against much earlier key frames, and checked against the chain between.
 
 A node is a frame with its pose by the chain alone. Where it measured the same landmarks as a key frame of long ago, the
-two are registered as two successive frames are. What contradicts the chain is refused and never enters.
+two are registered as two successive frames are. A registration that contradicts the chain is refused.
 """
 
 from dataclasses import dataclass, field
@@ -28,7 +28,7 @@ class ChainNode:
     """A frame of the chain, numbered in order; `keyframe` is its number in the map, None where it is no key frame.
 
     `T_chain_camera` is its pose at its middle row's time, `summed_covariance` (6 x 6, `se3`) that of the motion since
-    the `part` of the chain that it is in began, its links added up as if independent. Holes are between parts.
+    its `part` of the chain began, with links added up as if independent. Holes separate the parts.
     """
 
     number: int
@@ -39,7 +39,7 @@ class ChainNode:
     part: int = 0
 
     def edge_to(self, later: "ChainNode") -> Edge:
-        """Return the chain's motion to a later node; its covariance is the sums' difference, over a hole a guess."""
+        """Return the chain's motion to a later node; its covariance is the sums' difference, or a guess over a hole."""
         T = se3.inverse(self.T_chain_camera) @ later.T_chain_camera
         if later.part != self.part:
             return Edge(self.number, later.number, T, TUNING.hole_sigma**2 * np.eye(6))
@@ -52,8 +52,8 @@ class ChainNode:
 class Closures:
     """The `nodes` of the chain in order, the `edges` that close it, and how many were `refused`.
 
-    `taken` counts all nodes ever made. Beyond `closed_most_nodes` every other one of the older half goes, with what it
-    closed.
+    `taken` counts all nodes ever made. Beyond `closed_most_nodes` every other node of the older half is removed, with
+    its closures.
     """
 
     nodes: list[ChainNode] = field(default_factory=list)

@@ -1,7 +1,7 @@
-"""Corners of one frame found again in the next, where patches that were cut earlier show too little.
+"""Corners of one frame found again in the next, where patches that were cut earlier match too few.
 
-In a fast turn two successive images are blurred alike: what a sharp patch does not match, one out of the image before
-still does.
+In a fast turn two successive images are blurred alike: where a sharp patch does not match, one cut from the image
+before still does.
 """
 
 import numpy as np
@@ -26,8 +26,8 @@ def follow_corners(
 ) -> tuple[Sight, Sight]:
     """Return what two frames measure of corners that both show, away from features at `known_uv` (m x 2 px) in one.
 
-    They are followed from the `previous` image to where `T_hint`, T_previous_current, expects them, and back. Their
-    names go down from `first_name`.
+    They are followed from the `previous` image to where `T_hint`, an expected T_previous_current, puts them, and back.
+    They are named `first_name`, `first_name` - 1 and so on.
     """
     images, lens = (previous.view.images.full, current.view.images.full), sensor.lens
     corners, seen = cut_corners(previous.view, known_uv, np.eye(4), first_name, previous.twist, sensor)

@@ -1,7 +1,7 @@
-"""Corners that the chain follows by itself, where the map knows none: by aligned patches, to a part of a pixel.
+"""Corners that the chain follows by itself, where the map knows none: by aligned patches, with sub-pixel precision.
 
-A patch stays what it was when it was cut: the errors of one frame's positions then enter two neighbouring links with
-opposite signs, and the chain drifts less than if each frame had patches of its own.
+A patch is never cut again: the errors of one frame's positions then enter two neighbouring links with opposite signs,
+and the chain drifts less than if each frame had patches of its own.
 """
 
 from dataclasses import dataclass, replace
@@ -50,7 +50,7 @@ class OwnCorners:
 
     @property
     def patch_half(self) -> Image:
-        """Not looked at: the corners are looked for near where they are expected."""
+        """Unused: the corners are searched only near where they are expected, not in the half-size image."""
         return self.patch_full
 
     def __len__(self) -> int:
@@ -75,7 +75,7 @@ class OwnCorners:
         return replace(self, missed=missed)._take(missed < TUNING.corner_misses)
 
     def see_through(self, change: LensChange) -> "OwnCorners":
-        """Return the corners as the frames that they were cut out of see them through a new lens."""
+        """Return the corners as they would have been measured through a new lens."""
         T_keyframe_chain = se3.inverses(self.T_chain_keyframe)[self.keyframe]
         position, ratio = change.positions(self.position, self.plane[:, 1:], T_keyframe_chain)
         return replace(self, position=position, plane=np.column_stack([self.plane[:, 0] * ratio, self.plane[:, 1:]]))
@@ -116,8 +116,8 @@ def cut_corners(
 ) -> tuple[OwnCorners, Sight]:
     """Return corners with depth away from the features at `known_uv` (m x 2 px), and what the view measures of them.
 
-    Their names go down from `first_name`. They are looked for in the half-size image, which takes a third of the time:
-    where exactly a patch is cut does not matter.
+    They are named `first_name`, `first_name` - 1 and so on. They are detected in the half-size image, which takes a
+    third of the time: where exactly a patch is cut does not matter.
     """
     uv = 2.0 * detect_corners(view.images.half, known_uv / 2.0, TUNING.corner_cell_px // 2)
     measured = measure(view, sensor, uv, np.zeros((len(uv), 3)), twist)

@@ -1,7 +1,7 @@
 """One frame registered against another: wrong pairs are gated out, then the robust recursion in measured coordinates.
 
-A pair whose depth was measured in both frames counts by three rows, one whose depth is missing in one of them by two:
-so a frame without any depth is registered, too, by what the other one measured.
+A pair with depth in both frames gives three rows, one with depth in only one of them gives two: so a frame without any
+depth can be registered, too, by the depth of the other one.
 """
 
 from dataclasses import dataclass
@@ -21,8 +21,8 @@ from odom.registration import Pairs, Prior, register
 class PairwisePose:
     """The pose `T_previous_current`, its 6 x 6 covariance (`se3`), and which of the n pairs agree with it.
 
-    `of_previous` and `of_current` (n x 6 x 3) are what errors of the two frames' `values` do to it (see
-    `shared_errors`).
+    `of_previous` and `of_current` (n x 6 x 3) are the derivatives of the pose by errors of the two frames' `values`
+    (see `shared_errors`).
     """
 
     T_previous_current: Array
@@ -33,9 +33,9 @@ class PairwisePose:
 
 
 def register_frames(previous: Measurements, current: Measurements, T_hint: Array) -> PairwisePose | str:
-    """Register two frames by n features that both measured, from T_previous_current as it is expected, `T_hint`.
+    """Register two frames by n features that both measured; `T_hint` is the expected T_previous_current.
 
-    Where there is no pose it is said why. The frame with more depth gives the points, the other one is measured.
+    Returns a reason where there is no pose. The frame with more depth gives the points, the other one the measurements.
     """
     deep_previous, deep_current = previous.values[:, 2] > 0.0, current.values[:, 2] > 0.0
     if np.count_nonzero(deep_previous) >= np.count_nonzero(deep_current):

@@ -1,8 +1,8 @@
-"""What two neighbouring links share: the errors of the frame between them, which enter both, with opposite signs.
+"""Two neighbouring links share the errors of the frame between them, which enter both, with opposite signs.
 
 A link is, to first order, linear in what its two frames measured: feature k moves it by `G_k e_k`, where e_k is the
 error of the values (x/z, y/z, 1/z). So two links with frame i between them have the covariance `sum_k G_k S_k G'_k^T`,
-by the gains of frame i in the one and in the other. A chain of them is a moving average of the first order: only
+where G and G' are the gains of frame i in the two links. A chain of them is a moving average of the first order: only
 neighbours are correlated, and the recursion needs no state but the gains of the newest frame.
 """
 
@@ -31,7 +31,7 @@ class FrameErrors:
 
     @classmethod
     def nothing(cls) -> "FrameErrors":
-        """Return the errors of a frame that no link ends at."""
+        """Return the errors of a frame at which no link ends."""
         return cls(np.zeros(0, dtype=np.int64), np.zeros((0, 6, 3)))
 
     @classmethod
@@ -101,7 +101,7 @@ def _gains(
         if not used[k] or w == 0.0:
             continue
         ray, depth, ixx, ixy, iyy, iww = robust_information(T, (x, y, w), covariances, values, variances, k, cauchy)
-        # the covariance takes a pair of weight v for one of variance S / v: its errors are larger by the root of 1 / v
+        # a pair of weight v counts as one of variance S / v: its errors are larger by the root of 1 / v
         of_ray, of_depth = np.sqrt(1.0 + ray / cauchy), np.sqrt(1.0 + depth / cauchy)
         interaction_matrix(x, y, w, J)
         u, v, z = source[k, 0], source[k, 1], 1.0 / source[k, 2]

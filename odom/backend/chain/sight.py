@@ -25,7 +25,7 @@ class Sight:
     def of(cls, tracked: Tracked, identities: Index) -> "Sight":
         """Return the landmarks that the map's search found in a frame, by their `identities` (n).
 
-        What has been culled since, as gone from its place, has the identity 0: it is left out.
+        Landmarks that were culled since have the identity 0 and are left out.
         """
         alive = identities > 0
         if alive.all():

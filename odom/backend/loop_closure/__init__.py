@@ -1,1 +1,1 @@
-"""Places seen again: recognised, verified, held against the chain, and closed."""
+"""Places seen again: recognised, verified, compared with the chain, and closed."""

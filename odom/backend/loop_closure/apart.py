@@ -1,7 +1,7 @@
-"""Segments still apart when a run ends: places of each are looked for in what all others showed.
+"""Segments not yet joined when a run ends: the places of each are searched in kept views of all others.
 
-While the camera moves, a key frame is held against a few of the places known by then. What was seen later, and the view
-of an older key frame, have never met: so some views are kept for the end.
+While the camera moves, a key frame is compared with a few of the places known by then, never with later ones. So some
+views are kept, and compared with all places at the end.
 """
 
 from collections.abc import Iterable
@@ -18,12 +18,12 @@ from odom.frontend.tuning import TUNING as PLACES
 
 @dataclass(frozen=True, eq=False)
 class KeptViews:
-    """Views of key frames, in their order: those in doubt, since it is among what moves that a run falls apart."""
+    """Views of key frames in doubt, in order: runs fall apart where much of the view moves."""
 
     views: tuple[KeyframeView, ...] = ()
 
     def with_more(self, shown: Iterable[KeyframeView]) -> "KeptViews":
-        """Return them with those in doubt of newer key frames; beyond the most that are kept, evenly thinned."""
+        """Return them with those in doubt of newer key frames; too many are thinned out evenly."""
         kept = [*self.views, *(one for one in shown if one.standing is not None)]
         while len(kept) > TUNING.kept_views:
             number = np.array([one.keyframe for one in kept])
@@ -34,7 +34,7 @@ class KeptViews:
 def recognised_apart(map_: Map, views: Iterable[KeyframeView]) -> list[tuple[KeyframeView, Recognition]]:
     """Return the views that look like places of other segments than their own, with these, most matches first.
 
-    What the geometry of the matches refuses is left out.
+    Those whose matches no motion explains are left out.
     """
     found: list[tuple[KeyframeView, Recognition]] = []
     for seen in views:

@@ -1,4 +1,4 @@
-"""A place that a key frame looks like, by descriptors: whether tracking against its landmarks says so, too."""
+"""A place that a key frame looks like by descriptors is confirmed by tracking the landmarks there."""
 
 from dataclasses import dataclass, replace
 
@@ -24,7 +24,7 @@ from odom.geometry.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A `candidate` that geometry confirms: the registration, and what the key frame saw of old landmarks."""
+    """A `candidate` that geometry confirms: the registration, and what the key frame measured of old landmarks."""
 
     candidate: LoopCandidate
     edge: Edge
@@ -33,7 +33,7 @@ class Found:
 
 
 def refused_at_once(map_: Map, number: int, recognition: Recognition, noise: NoiseMonitor) -> LoopCandidate | None:
-    """Return what key frame `number` looks like as a candidate that is refused, None where tracking has to tell.
+    """Return the candidate of key frame `number` if it is refused at once; None where tracking must decide.
 
     In a building of look-alike rooms the chain contradicts most of them by metres, before anything is tracked.
     """
@@ -50,10 +50,11 @@ def refused_at_once(map_: Map, number: int, recognition: Recognition, noise: Noi
 def track_candidate(
     map_: Map, tracker: FrameTracker, seen: KeyframeView, recognition: Recognition, sensor: SensorModel
 ) -> Found | LoopCandidate:
-    """Return a recognition that tracking confirms, with what it would do, or the candidate that is refused.
+    """Return a recognition that tracking confirms, with its registration, or the candidate that is refused.
 
-    A segment that was left a few frames ago, near to here, is known by less: as when a camera is found again there. So
-    is any by a place that was described among what moves, which hides landmarks: it is of what stands alone.
+    Fewer landmarks confirm a segment that was left nearby a few frames ago, as when a camera is found again there. So
+    do fewer where things moved when the place was described: they hide landmarks, and it was described only by what
+    stands still.
     """
     keyframe, place = map_.keyframes[seen.keyframe], map_.keyframes[recognition.candidate]
     registration = recognition.registration
@@ -86,7 +87,7 @@ def track_candidate(
 
 
 def add_old_landmarks(map_: Map, found: Found) -> None:
-    """Add to a key frame the old landmarks that it was found to see: adjustments then join the loop by them.
+    """Add to a key frame the old landmarks that were found in it: by them adjustments join the loop.
 
     Those that were culled since, or that it has already, are left out.
     """

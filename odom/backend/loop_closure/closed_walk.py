@@ -23,8 +23,8 @@ def closing_test(
     """Compare the pose of the `last` frame in the trajectory with the one that the first key frame's landmarks give.
 
     The first key frame is that of its segment; `pairwise` is the last frame registered against the one before. Returns
-    None where the last frame does not show what the first one did, or that one is forgotten or of an earlier
-    session.
+    None where the last frame shows too little of what the first one did, or the first key frame is forgotten or from an
+    earlier session.
     """
     first = map_.keyframes[map_.keyframes[state.reference].first]
     if first.number not in map_.remembered or first.number < map_.earlier:

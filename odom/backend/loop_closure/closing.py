@@ -14,7 +14,7 @@ _NO_ROWS = np.zeros(0, dtype=np.int64)
 
 
 def close_loops(map_: Map, closures: Sequence[Edge]) -> None:
-    """Move key frames at once to where all registrations, the `closures` among them, agree best."""
+    """Move key frames at once to where all registrations, including the `closures`, agree best."""
     for closure in closures:
         map_.register(closure)
     for segment in sorted({map_.keyframes[closure.b].segment for closure in closures}):
@@ -23,10 +23,10 @@ def close_loops(map_: Map, closures: Sequence[Edge]) -> None:
 
 
 def merge_segment(map_: Map, edge: Edge) -> list[int]:
-    """Merge the segments of an `edge`'s key frames, as the registration says: the one of the higher number moves.
+    """Merge the segments that an `edge` registers to each other: the one of the higher number moves.
 
-    So what earlier sessions made stays where it is. Returns the numbers of the key frames that moved; from then on
-    their covariances since the start are those of the other segment, by way of the registration.
+    So what earlier sessions mapped stays where it is. Returns the numbers of the key frames that moved; their
+    covariances then count from the start of the other segment, by way of the registration.
     """
     edge = edge.seen_from(min(edge.a, edge.b, key=lambda number: map_.keyframes[number].segment))
     a, b = map_.keyframes[edge.a], map_.keyframes[edge.b]

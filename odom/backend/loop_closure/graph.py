@@ -31,7 +31,8 @@ class Moves:
 class SegmentGraph:
     """Key frames `numbers` (K, ascending) of a segment, each with its T_camera_map, and the `edges` among them.
 
-    The oldest is held, or whatever of a map is fixed. `edges` name their ends by row; the map had `size` key frames.
+    The oldest is held fixed, or all that the map itself holds fixed. `edges` name their ends by row; the map had `size`
+    key frames.
     """
 
     segment: int
@@ -81,7 +82,7 @@ class SegmentGraph:
         return np.asarray(self.poses[row_a] @ se3.inverse(self.poses[row_b]))
 
     def covariance_between(self, a: int, b: int) -> Array | None:
-        """Return the 6 x 6 covariance (`se3`, frame b) of T_a_b along the surest way, None where there is none."""
+        """Return the 6 x 6 covariance (`se3`, frame b) of T_a_b along the surest path, None where there is none."""
         row_a, row_b = (int(row) for row in np.searchsorted(self.numbers, [a, b]))
         way = self._surest_way(row_a, row_b)
         if way is None:
@@ -110,8 +111,8 @@ class SegmentGraph:
     def take_over(self, map_: Map, moves: Moves, merged: Iterable[int] = ()) -> None:
         """Move the map as the graph is `optimised`.
 
-        What was adjusted since moves on from where it is now; what is new, or was `merged` into the segment since, goes
-        with what it is registered against.
+        What was adjusted since is moved from where it is now; what is new, or was `merged` into the segment since,
+        moves with the key frames that it is registered against.
         """
         keyframes, away, here = map_.keyframes, map_.away, dict[int, Array]()
         for number, before, after in zip(moves.numbers, moves.before, moves.after, strict=True):
@@ -130,9 +131,9 @@ class SegmentGraph:
 
 
 def _added(map_: Map, moves: Moves, waiting: list[int]) -> dict[int, Array]:
-    """Return T_camera_map of those of the `waiting` key frames that a way leads to from what moves, by number."""
+    """Return T_camera_map, by number, of those of the `waiting` key frames that edges connect with what moves."""
     turned: dict[int, Array] = {}
-    """How the map around a key frame moves, as a factor on the right of T_camera_map."""
+    """How the map moves around each key frame: T_camera_map is multiplied by this from the right."""
     while waiting:
         left: list[int] = []
         for number in waiting:

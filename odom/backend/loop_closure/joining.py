@@ -1,9 +1,9 @@
-"""Parts of a map that were made apart, joined where many recognitions agree: nobody is there to look once more.
+"""Parts of a map that were made separately are joined where many recognitions agree.
 
-One recognition by descriptors alone can be wrong: of a thing that was carried elsewhere, or of a room with the same
-furniture. So two parts are merged by the recognition with which most of those between them agree (pairwise consistency:
-J. Mangelson et al., ICRA 2018), and only where these are several, and where most key frames are recognised that stand
-where one of the other part does. All others are refused.
+No camera can look again, and one recognition by descriptors alone can be wrong: of a thing that was carried elsewhere,
+or of a room with the same furniture. So two parts are merged by the recognition with which most others between them
+agree (pairwise consistency: J. Mangelson et al., ICRA 2018), and only where several agree and where most key frames
+near one of the other part are recognised. All others are refused.
 """
 
 from collections import Counter, defaultdict
@@ -58,7 +58,7 @@ def join_parts(map_: Map, recognised: Sequence[Edge], calibration_error: float) 
 def _weighed(recognised: Sequence[Edge]) -> list[Edge]:
     """Return recognitions with the covariances that they have among so many.
 
-    A key frame's features err alike in all of those that it has a part in, so that together they say as much as one.
+    A key frame's features err alike in all recognitions in which it takes part: together these say no more than one.
     """
     parts = Counter(chain.from_iterable((edge.a, edge.b) for edge in recognised))
     return [
@@ -86,9 +86,9 @@ def _surest(map_: Map, recognised: Sequence[Edge], calibration_error: float) -> 
 
 
 def _is_found_again(map_: Map, join: _Join) -> bool:
-    """Return whether most key frames of a segment are recognised that, by the seed, stand near one of the other.
+    """Return whether most key frames of a segment that the seed puts near one of the other are recognised.
 
-    Near is twice as far as half of the recognised ones are.
+    Near is up to twice the median distance of the recognised ones.
     """
     a, b = map_.keyframes[join.seed.a], map_.keyframes[join.seed.b]
     T_b_a = se3.inverse(b.T_camera_map) @ se3.inverse(join.seed.T_a_b) @ a.T_camera_map
@@ -103,7 +103,7 @@ def _is_found_again(map_: Map, join: _Join) -> bool:
 
 
 def _agreeing(map_: Map, seed: Edge, edges: Sequence[Edge], calibration_error: float) -> tuple[Edge, ...]:
-    """Return the recognitions that, by way of the chains between, say of where two segments are what the seed says."""
+    """Return the recognitions that, carried along the chains, put the two segments where the seed puts them."""
     sure = replace(seed, covariance=independent_covariance(seed.covariance))
     from_a, from_b = (map_.registrations.covariances_from(n) for n in (seed.a, seed.b))
     agreeing: list[Edge] = []
@@ -119,6 +119,6 @@ def _agreeing(map_: Map, seed: Edge, edges: Sequence[Edge], calibration_error: f
 
 
 def _chain(map_: Map, a: int, b: int, covariances: Mapping[int, Array]) -> Edge:
-    """Return what the registrations between two key frames of a segment say; `covariances` are those from `a`."""
+    """Return the motion between two key frames of a segment by its registrations; `covariances` are those from `a`."""
     T_a_b = map_.keyframes[a].T_camera_map @ se3.inverse(map_.keyframes[b].T_camera_map)
     return Edge(a, b, T_a_b, covariances[b])

@@ -1,8 +1,8 @@
-"""Places seen again: each candidate is tracked, held against the chain, and accepted or refused with a reason.
+"""Places seen again: each candidate is tracked, compared with the chain, and accepted or refused with a reason.
 
-What the chain says of a candidate, and how the map moves by those that agree with it, is worked out in the background:
-in a large map that takes longer than a frame. What would close a loop can wait, and is looked at, one candidate a
-frame, after frames that have time.
+Candidates are compared with the chain, and the motion of the map is computed, in the background: in a large map that
+takes longer than a frame. A candidate that would close a loop can wait: one at a time is tracked after a frame that has
+time left.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ _FRAME_S = 1.0 / 30.0
 
 @dataclass(frozen=True, eq=False)
 class _Closed:
-    """Candidates, each with why it is refused (empty: it is not), and the `moves` by those that are not, if any."""
+    """Candidates, each with the reason to refuse it (empty: accepted), and the `moves` by the accepted ones, if any."""
 
     graph: SegmentGraph
     found: Sequence[Found]
@@ -45,11 +45,11 @@ class LoopCloser:
     def __init__(self, map_: Map, tracker: FrameTracker) -> None:
         self._map, self._tracker = map_, tracker
         self._put_off: list[DescribedKeyframe] = []
-        """With what has not been tracked yet of their recognitions."""
+        """Each with those of its recognitions that have not been tracked yet."""
         self._waiting: list[Found] = []
         self._background = Background[_Closed]("closing")
         self._is_stale = False
-        """Whether what the background works on is to be dropped."""
+        """Whether the result of the background is to be dropped."""
         self._rests_until = 0
         self._merged: list[int] = []
         """Key frames that were merged with another segment since the background began."""
@@ -66,10 +66,9 @@ class LoopCloser:
         self._is_stale = self._background.is_busy
 
     def judge(self, described: Sequence[DescribedKeyframe], sensor: SensorModel) -> list[LoopCandidate]:
-        """Track what key frames look like in other segments; merge these, and return what is decided already.
+        """Track places of other segments that key frames look like; merge these segments and return what is decided.
 
-        Places that the chain contradicts at the first glance are not tracked.
-        What would close a loop waits to be tracked: see `look`.
+        Places that the chain clearly contradicts are not tracked. Places that would close a loop wait (see `look`).
         """
         decided: list[LoopCandidate] = []
         self._kept = self._kept.with_more(one.seen for one in described)
@@ -91,9 +90,9 @@ class LoopCloser:
         return decided
 
     def look(self, count: int, sensor: SensorModel, has_time: bool) -> list[LoopCandidate]:
-        """Do what was put off, after frame `count - 1` and if that `has_time`: track a candidate, or begin to close.
+        """After frame `count - 1`, if it `has_time`, track a candidate that was put off, or begin to close loops.
 
-        Returns what is refused. Where too much waits, time is taken.
+        Returns the refused candidates. Where too many wait, one is tracked although there is no time.
         """
         decided: list[LoopCandidate] = []
         if has_time and not self._put_off:
@@ -104,7 +103,7 @@ class LoopCloser:
         return decided
 
     def close(self, count: int | None, sensor: SensorModel) -> list[LoopCandidate]:
-        """Move the map by what is due at frame `count` (None: do all that waits now); return what that decides."""
+        """Move the map by the closures due at frame `count` (None: all that wait); return what is decided."""
         decided = self._take(count, sensor.clock.steady)
         while count is None and (self._put_off or self._waiting):
             while self._put_off:
@@ -116,9 +115,9 @@ class LoopCloser:
         return decided
 
     def _join_segments(self, sensor: SensorModel, decided: list[LoopCandidate]) -> None:
-        """Track what the views that were kept show of other segments, once, and merge these: when a run ends.
+        """When a run ends, track once what the kept views show of other segments, and merge these.
 
-        What becomes of each is added to what is `decided`.
+        Each outcome is added to `decided`.
         """
         views, self._kept = self._kept.views, KeptViews()
         for seen, recognition in recognised_apart(self._map, views):
@@ -132,9 +131,9 @@ class LoopCloser:
             self._put_off.insert(0, rest)
 
     def _look_at(self, one: DescribedKeyframe, sensor: SensorModel, decided: list[LoopCandidate]) -> DescribedKeyframe:
-        """Track the first of the places that a key frame looks like, and add to what is `decided`.
+        """Track the first of the places that a key frame looks like, and add the outcome to `decided`.
 
-        Returns it with the other places, with none if that was the right one.
+        Returns the key frame with the remaining places, with none if the first one was right.
         """
         first, *others = one.recognitions
         is_found = self._try_place(one.seen, first, sensor, decided)
@@ -143,9 +142,9 @@ class LoopCloser:
     def _try_place(
         self, seen: KeyframeView, place: Recognition, sensor: SensorModel, decided: list[LoopCandidate]
     ) -> bool:
-        """Track a place that a key frame looks like; return whether it is that, and add to what is `decided`.
+        """Track a place that a key frame looks like; return whether it is that place, and add to `decided`.
 
-        If so, segments are merged at once, and a loop waits to be closed.
+        If it is, segments are merged at once, while a loop waits to be closed.
         """
         found = track_candidate(self._map, self._tracker, seen, place, sensor)
         if isinstance(found, LoopCandidate):
@@ -160,9 +159,9 @@ class LoopCloser:
         return True
 
     def _start(self, count: int, sensor: SensorModel) -> None:
-        """Begin to close what waits, of one segment, if idle and rested; frame `count` is the newest.
+        """Begin to close the waiting loops of one segment, if idle and rested; frame `count` is the newest.
 
-        How many frames that may take follows from how many key frames there are, and it rests for as many.
+        It may take a number of frames that grows with the number of key frames, and then rests for as many.
         """
         if self._background.is_busy or not self._waiting or count < self._rests_until:
             return
@@ -184,9 +183,9 @@ class LoopCloser:
         self._background.start(count + frames, due_stamp, work)
 
     def _take(self, count: int | None, stamp: SteadyStamp) -> list[LoopCandidate]:
-        """Move the map by what is due at frame `count` (None: whatever there is); return what is decided by that.
+        """Move the map by the result due at frame `count` (None: any result); return the candidates it decides.
 
-        Each candidate was held against the chain as it was before any of them. Where its segment has been merged with
+        Each candidate was compared with the chain as it was before any of them. If its segment has been merged with
         another since, it waits once more.
         """
         closed = self._background.take(count, stamp)

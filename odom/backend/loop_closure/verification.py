@@ -15,7 +15,7 @@ _CHI2_6_9999 = 27.86
 
 
 def contradiction(graph: SegmentGraph, closure: Edge, calibration_error: float) -> str:
-    """Return how a `closure` contradicts the chain of key frames between its two; empty where it does not.
+    """Return how a `closure` contradicts the chain of key frames between its ends; empty where it does not.
 
     `calibration_error` is the share of a motion by which the chain may err as a whole.
     """
@@ -28,10 +28,10 @@ def contradiction(graph: SegmentGraph, closure: Edge, calibration_error: float) 
 
 
 def contradiction_from_start(a: Keyframe, b: Keyframe, closure: Edge, calibration_error: float) -> str:
-    """Return how a `closure` of key frames `a` and `b` contradicts the chain by way of the key frame it began with.
+    """Return how a `closure` of key frames `a` and `b` contradicts the chain by way of its first key frame.
 
-    Empty where it does not, or where they are of two chains. That way is never surer than the surest one, so that this
-    refuses nothing that `contradiction` would not.
+    Empty where it does not, or where they are of two chains. That path is never surer than the surest one: this refuses
+    nothing that `contradiction` would accept.
     """
     if a.first != b.first:
         return ""
@@ -42,7 +42,7 @@ def contradiction_from_start(a: Keyframe, b: Keyframe, closure: Edge, calibratio
 
 
 def disagreement(T_a_b: Array, chain: Array, closure: Edge, calibration_error: float) -> str:
-    """Return how a `closure` disagrees with T_a_b as a chain of covariance `chain` (6 x 6) has it; empty if it agrees.
+    """Return how a `closure` disagrees with a chain's T_a_b, of covariance `chain` (6 x 6); empty if it agrees.
 
     `calibration_error` is the share of a motion by which the chain may err as a whole.
     """

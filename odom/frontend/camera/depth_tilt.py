@@ -2,13 +2,13 @@
 
 Depth comes as z along the axis of the camera that measured it. Where that is turned by small angles against the colour
 camera's, distances are too large on one side of the image and too small on the other: on a Kinect (TUM fr1) by 1.7 % at
-the edges, several times the noise there. A landmark that wanders through the image seems to come nearer then, and the
-camera with it. Seen at several places in the image, landmarks tell the tilt, and adjustments find it. Source: two axes,
-geometry; that depth errs more by such fields than by noise: A. Teichman, S. Miller, S. Thrun, "Unsupervised intrinsic
-calibration of depth sensors via SLAM", RSS 2013.
+the edges, several times the noise there. A landmark that moves through the image then seems to come nearer, which pulls
+the camera's pose along. Landmarks that are seen at several places in the image show the tilt, and adjustments estimate
+it. Sources: geometry of two axes; A. Teichman, S. Miller, S. Thrun, "Unsupervised intrinsic calibration of depth
+sensors via SLAM", RSS 2013, where such fields exceed the noise of depth.
 
-A walk that hardly tells a tilt would be bent by what noise takes for one. So there is none until it is likelier than
-none by far. Source: Bayes factors, R. Kass, A. Raftery, Journal of the American Statistical Association 90, 1995.
+Where a walk hardly shows the tilt, a tilt fitted to noise would bend it. So the tilt is 0 until the data favour one by
+far. Source: Bayes factors, R. Kass, A. Raftery, Journal of the American Statistical Association 90, 1995.
 """
 
 from dataclasses import dataclass, field, replace
@@ -23,7 +23,7 @@ TILTS = 2
 _UNSEEN = np.eye(TILTS) / TUNING.tilt_sigma**2
 """How well a tilt (2 x 2, 1/rad^2) is known before anything is seen."""
 _HELD = np.eye(TILTS) * 1e12
-"""The same of a tilt that adjustments must not change."""
+"""The same for a tilt that adjustments must not change."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,26 +41,26 @@ class DepthTilt:
 
     @property
     def is_new(self) -> bool:
-        """Whether it is shown, but no adjustment has said yet how large it is."""
+        """Whether a tilt is shown whose size no adjustment has estimated yet."""
         return self.is_shown and not self.angles.any()
 
     @property
     def adjusted_information(self) -> Array:
-        """What an adjustment is to take for known (2 x 2, 1/rad^2)."""
+        """The prior information for an adjustment (2 x 2, 1/rad^2)."""
         return self.information if self.is_shown else _HELD
 
     def with_change(self, change: Array, information: Array) -> "DepthTilt":
         """Return a tilt that is shown after an adjustment has moved it by `change` (2, rad).
 
-        `information` (2 x 2, 1/rad^2) is what is learnt by it.
+        `information` (2 x 2, 1/rad^2) is what the adjustment adds.
         """
         return replace(self, angles=self.angles + change, information=self.information + information)
 
     def with_evidence(self, pull: Array, information: Array, share: float) -> "DepthTilt":
         """Return a tilt that is not shown after one more adjustment; it may be now.
 
-        By their `information` (2 x 2, 1/rad^2) the observations would move it by that inverse times their `pull` (2,
-        1/rad). Adjustments have most frames in common, so that only a `share` of each counts beside the others.
+        The observations would change it by the inverse of their `information` (2 x 2, 1/rad^2) times their `pull` (2,
+        1/rad). Adjustments have most frames in common, so only a `share` of each counts.
         """
         evidence, known = self.evidence + share * pull, self.information + share * information
         is_shown_at_once = _log_odds(pull, _UNSEEN + information) > np.log(TUNING.tilt_odds_at_once)
@@ -70,7 +70,7 @@ class DepthTilt:
 
 
 def _log_odds(evidence: Array, information: Array) -> float:
-    """Return the logarithm of the Bayes factor: half of what a tilt explains less what its freedom costs."""
+    """Return the logarithm of the Bayes factor: half of the chi-squared a tilt explains, less its penalty."""
     explained = evidence @ np.linalg.solve(information, evidence)
     freedom = np.linalg.slogdet(information)[1] - np.linalg.slogdet(_UNSEEN)[1]
     return float(0.5 * (explained - freedom))

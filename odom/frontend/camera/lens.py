@@ -1,7 +1,7 @@
 """The colour camera's lens: pixels to rays and camera coordinates to pixels, distortion included.
 
-A lens that is found to be another one in mid-run has its axis elsewhere in the image, which alone would turn the frame
-of the camera by a degree or two, and every pose with it. So its rays may be told in the frame of the camera given.
+A better lens found during a run has its axis elsewhere in the image. That alone would turn the camera's frame by a
+degree or two, and every pose with it. So its rays can be given in the frame of the camera first given.
 """
 
 from dataclasses import dataclass
@@ -19,20 +19,20 @@ from odom.geometry.arrays import Array
 from odom.geometry.compiled import compiled
 
 _NEAREST_M, _WIDEST = 0.1, 1.5
-"""Points nearer, or farther from the axis than this tangent (56 degrees) to a side, are in no image."""
+"""Points nearer (m), or with a larger tangent (56 degrees) off the axis to a side, are in no image."""
 _CORNER = 1.5 * _WIDEST
-"""Tangent beyond which no point is that is looked at, in the lens's own axes."""
+"""No point considered has a larger tangent, in the lens's own axes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lens:
     """The lens of one camera: a table of rays, and the coefficients of its model.
 
-    `rays` is H x W x 2: the normalised coordinates (x/z, y/z) seen by each pixel. `intrinsics` is (fx, fy, cx, cy),
-    and `distortion` (18) holds the 8 coefficients (k1, k2, p1, p2, k3, k4, k5, k6), zeros where unused, by rows the
-    rotation to the camera's own axes, which are aside where rays are told in another camera's frame, and the squared
-    tangent of the angle from the axis up to which the model holds. `depth_model` (18) is the vector of the `DepthModel`
-    of the depth image that is registered to it.
+    `rays` is H x W x 2: the normalised coordinates (x/z, y/z) seen by each pixel. `intrinsics` is (fx, fy, cx, cy), and
+    `distortion` (18) holds the 8 coefficients (k1, k2, p1, p2, k3, k4, k5, k6), zeros where unused, the rotation (by
+    rows) from the frame of the rays to the camera's own axes, and the squared tangent of the angle from the axis up to
+    which the model holds. `depth_model` (18) is the vector of the `DepthModel` of the depth image that is registered to
+    it.
     """
 
     rays: NDArray[np.float32]
@@ -45,10 +45,9 @@ class Lens:
     def of(cls, camera: Camera, told: Camera | None = None) -> "Lens":
         """Return the lens of `camera`; the inverse distortion is solved once for every pixel (OpenCV).
 
-        That takes some 40 ms at 640 x 480, so the newest lens is kept. Its rays, and inverse depths, are in the frame
-        of the camera `told` (None: its own), to which it is turned by the rotation that brings the rays of both
-        nearest. Raises ConfigError for coefficients beyond the rational model's eight (thin prism, tilt) that are not
-        0.
+        That takes some 40 ms at 640 x 480, so the newest lens is kept. Rays and inverse depths are in the frame of the
+        camera `told` (None: its own), by the rotation that fits the rays of both best. Raises ConfigError for
+        coefficients beyond the rational model's eight (thin prism, tilt) that are not 0.
         """
         if any(camera.distortion[8:]):
             raise ConfigError(f"distortion {camera.distortion}: only the first 8 coefficients may differ from 0")
@@ -72,12 +71,12 @@ class Lens:
 
     @property
     def R_own_told(self) -> Array:
-        """The rotation (3 x 3) from the frame that rays are told in to the camera's own."""
+        """The rotation (3 x 3) from the frame of the rays to the camera's own."""
         return self.distortion[8:17].reshape(3, 3)
 
 
 def _reach(k: Array) -> float:
-    """Return the squared tangent up to which what lies farther from the axis appears farther out; infinite: everywhere.
+    """Return the squared tangent up to which the image radius grows with the angle from the axis; may be infinite.
 
     Beyond it a polynomial turns back, and points far outside of the image would be projected into it.
     """
@@ -91,7 +90,7 @@ def _reach(k: Array) -> float:
 def _told_depth(camera: Camera, R_told_own: Array) -> Array:
     """Return the vector (18) of a depth model by which inverse depths are along the turned axis.
 
-    The distance along it is that along the camera's own, times a linear function of the ray.
+    The distance along it is the one along the camera's own axis times a linear function of the ray.
     """
     model, uv = camera.depth.vector, grid_over(camera)
     rays = rays_of(camera, uv)

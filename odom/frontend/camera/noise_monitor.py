@@ -1,10 +1,10 @@
-"""The noise of the camera, learnt from the stream's own residuals; the covariance of every pose follows it.
+"""The noise of the camera, learnt from the stream's residuals; it sets the covariance of every pose.
 
 Four slow averages: the sigma of a feature's pixel, the sigma of inverse depth at several distances, and two inflations
 of pose covariances. The first inflation compares the poses that the left and the right half of an image give; the
 second looks at how much poses jump from frame to frame. Errors that neighbouring features share (lens, depth
-calibration) do not average out and show only in these two. Neither sees everything: the halves miss what both share,
-and a camera that is shaken really jumps. So their mean counts.
+calibration) do not average out and show only in these two. Neither is complete: the halves miss errors that both share,
+and a shaken camera really jumps. So their mean is used.
 """
 
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ _MEAN_TO_GEOMETRIC_CHI2_6 = 1.1922
 _THIRD_DIFFERENCE_VARIANCE = 20.0
 """Variance of the third difference (1, -3, 3, -1) of independent errors of variance 1."""
 _SMALLEST_RATIO = 0.1
-"""Least that one frame may say of an inflation; it only keeps the geometric mean from zero."""
+"""Least inflation that one frame may show; it only keeps the geometric mean above zero."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class NoiseMonitor:
         """Return the monitor after one more frame's inliers.
 
         `chi2` (n x 2) holds the squared normalised residuals of ray and depth (0: not measured), `inverse_depth` (n,
-        1/m) tells the distance. The median residual should be that of chi-squared; each sigma moves towards it.
+        1/m) their distance. The median residual should be that of chi-squared; each sigma moves towards it.
         """
         if len(chi2) < TUNING.noise_least:
             return self
@@ -93,7 +93,7 @@ class NoiseMonitor:
         """Return the monitor after one more `step` (6, `se3`) to a pose of this 6 x 6 `information`.
 
         `step` is None where the frames are not equally far apart in time. The third difference of four poses in a row
-        is noise but for the jerk of a hand; the average over such is geometric, so that one jerk counts little.
+        is noise, except for the jerk of a hand; its average is geometric, so that one jerk counts little.
         """
         if step is None:
             return replace(self, steps=())
@@ -116,8 +116,8 @@ class NoiseMonitor:
     def calibration_error(self) -> float:
         """The share of a motion by which it may be wrong because of the calibration.
 
-        A wrong focal length or lens errs in proportion to the motion, and makes the halves of the image disagree: the
-        share is `noise_calibration_error` where all of their disagreement comes from calibration, 0 where noise
+        A wrong focal length or lens gives errors in proportion to the motion, and makes the halves of the image
+        disagree: the share is `noise_calibration_error` where calibration causes all of the disagreement, 0 where noise
         explains it.
         """
         return TUNING.noise_calibration_error * max(0.0, 1.0 - TUNING.noise_explained / max(self.halves, 1e-9))

@@ -1,4 +1,4 @@
-"""Where two cameras see the same pixels, compared after the rotation that brings them nearest."""
+"""The rays of two cameras at the same pixels, compared after the rotation that aligns them best."""
 
 import cv2
 import numpy as np
@@ -7,7 +7,7 @@ from odom.frame import Camera
 from odom.geometry.arrays import Array
 
 _STEP_PX = 40
-"""Distance of the pixels by whose rays one camera is turned onto another."""
+"""Distance of the pixels whose rays are used to turn one camera onto another."""
 
 
 def rays_of(camera: Camera, uv: Array) -> Array:
@@ -19,7 +19,7 @@ def rays_of(camera: Camera, uv: Array) -> Array:
 
 
 def turn_onto(rays: Array, onto: Array) -> Array:
-    """Return the rotation (3 x 3) that brings `rays` (n x 3) nearest to `onto` (n x 3), in the sense of squares.
+    """Return the rotation (3 x 3) that brings `rays` (n x 3) onto `onto` (n x 3) by least squares.
 
     Source: W. Kabsch, 1976.
     """
@@ -28,7 +28,7 @@ def turn_onto(rays: Array, onto: Array) -> Array:
 
 
 def turned_onto(rays: Array, onto: Array) -> Array:
-    """Return `rays` (n x 3) after that rotation: a camera that is turned in its housing makes the same walks."""
+    """Return `rays` (n x 3) after that rotation: a camera turned in its housing gives equal trajectories."""
     return np.asarray(rays @ turn_onto(rays, onto).T)
 
 

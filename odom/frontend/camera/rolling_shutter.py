@@ -1,9 +1,9 @@
 """When each pixel was really seen: rolling shutters of both cameras, and the lag of the depth image.
 
-A Kinect's colour sensor is read out row by row, and its depth image shows the scene some milliseconds away from its
-stamp, all at once or row by row too. At 60 degrees a second the top of such an image is more than a degree away from
-its bottom; at walking speed the floor's depth is a centimetre older than the wall's. The three numbers are constants
-of a device; the back-end estimates them from the stream itself.
+A Kinect's colour sensor is read out row by row, and its depth image shows the scene some milliseconds before or after
+its stamp, at once or also row by row. At 60 degrees a second the top of such an image is more than a degree away from
+its bottom; at walking speed the floor's depth is a centimetre older than the wall's. The three numbers are constants of
+a device; the back-end estimates them from the stream itself.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class ShutterTiming:
 
     `depth_lag_s`: what must be added to a depth image's stamp to get the time that its middle row shows.
 
-    `depth_readout_s`: the same of a depth image; 0 for a global shutter.
+    `depth_readout_s`: as `readout_s`, of a depth image; 0 for a global shutter.
     """
 
     readout_s: float = 0.0
@@ -47,9 +47,10 @@ class ShutterTiming:
         return 0.5 if self.readout_s >= 0.0 else -0.5
 
     def change_to(self, other: "ShutterTiming") -> Array:
-        """Return by how much (3, s) the `other` vector is more, for derivatives by this one.
+        """Return the `other` vector less this one (3, s), for derivatives by this one.
 
-        Where rows are read the other way round, `since_middle_s` does not change as these say; the lag makes up for it.
+        Where rows are read the other way round, these derivatives do not hold for `since_middle_s`; the lag makes up
+        for it.
         """
         change = other.vector - self.vector
         if other.half_readout != self.half_readout:
@@ -66,7 +67,7 @@ def interaction_matrix(x: float, y: float, w: float, J: Array) -> None:
     """Fill `J` (3 x 6), the derivative of (x/z, y/z, 1/z) of a point by a motion (translation, rotation) of the point.
 
     Source: F. Chaumette, S. Hutchinson, "Visual servo control", IEEE Robotics & Automation Magazine 13, 2006, where the
-    camera moves instead, so that the sign is the other.
+    camera moves instead, so that the sign is opposite.
     """
     J[0, 0], J[0, 1], J[0, 2], J[0, 3], J[0, 4], J[0, 5] = w, 0.0, -x * w, -x * y, 1.0 + x * x, -y
     J[1, 0], J[1, 1], J[1, 2], J[1, 3], J[1, 4], J[1, 5] = 0.0, w, -y * w, -1.0 - y * y, x * y, x

@@ -12,7 +12,7 @@ from odom.frontend.tuning import TUNING
 from odom.geometry.arrays import Array
 
 _SEEN = 1_000_000
-"""Counts as so many frames: what was learnt is not learnt anew from the first ones."""
+"""Remembered noise counts as so many frames, so that the first new ones do not replace it."""
 
 
 @dataclass(frozen=True, eq=False)

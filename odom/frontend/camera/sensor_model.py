@@ -30,7 +30,7 @@ class SensorModel:
 
     @property
     def adjusted_information(self) -> Array:
-        """How well all is known that adjustments change (5 x 5): the timing, then the tilt."""
+        """The information (5 x 5) of all that adjustments change: the timing, then the tilt."""
         timings = len(self.timing_information)
         information = np.zeros((timings + TILTS, timings + TILTS))
         information[:timings, :timings] = self.timing_information
@@ -59,9 +59,9 @@ class SensorModel:
         return replace(known, depth_tilt=self.depth_tilt.with_evidence(pull[timings:], of_tilt, share))
 
     def as_known_before(self, before: "SensorModel") -> "SensorModel":
-        """Return the model with what adjustments change, timing and tilt, as it was known `before`.
+        """Return the model with timing and tilt, which adjustments change, as they were `before`.
 
-        Whether there is a tilt remains known.
+        Whether there is a tilt is kept.
         """
         is_new = self.depth_tilt.is_shown and not before.depth_tilt.is_shown
         return replace(
@@ -87,7 +87,7 @@ class SensorModel:
         return replace(self, clock=self.clock.after(stamp))
 
     def with_lens(self, lens: Lens) -> "SensorModel":
-        """Return the model with another lens, through which the tilt, too, is another one."""
+        """Return the model with another lens; its tilt is unknown again."""
         return replace(self, lens=lens, depth_tilt=DepthTilt())
 
     def with_noise(self, noise: NoiseMonitor) -> "SensorModel":

@@ -1,4 +1,4 @@
-"""When a frame was really taken: a camera's own clock is steady, the stamps that a host gives its images are not.
+"""When a frame was really taken: a camera's own clock is steady, but the host's stamps of its images jitter.
 
 The stamps of a Kinect's images jitter by milliseconds about its steady period; between two frames that is a tenth of
 the motion. A straight line through the last stamps gives the steady time of each. Whatever depends on velocity is
@@ -30,8 +30,8 @@ class StampClock:
 
     The newest stamp is `late_s` later than its steady time, known with one sigma of `sigma_s`; `period_s` is the
     stream's period and `jitter_s` one sigma of a single stamp, 0 where unknown. Where stamps are not multiples of a
-    period apart they are taken as they are; one that is off by more than a host's delay is where it begins anew: frames
-    that somebody thinned out are a part of their period apart where one is missing.
+    period apart they are used as they are. After a stamp that is off by more than a host's delay the clock begins anew:
+    in a stream that was thinned out, a missing frame shifts the later ones by a part of a period.
     """
 
     stamps: tuple[Stamp, ...] = ()
@@ -47,7 +47,7 @@ class StampClock:
 
     @property
     def _longest_gap_s(self) -> float:
-        """The longest time to the next stamp that is no gap; after a gap, any period that a stream may have."""
+        """The longest time to the next stamp that counts as no gap; after a gap, the longest period of any stream."""
         if len(self.stamps) < 2:
             return TUNING.clock_slowest_s
         return max(TUNING.clock_longest_gap_s, TUNING.clock_longest_gap_periods * self.period_s)
@@ -79,8 +79,8 @@ class StampClock:
 def _fit_line(seconds: Array, period: float, gain: float, outlier: float) -> tuple[float, float, float]:
     """Return how far the last of `seconds` (n) lies above a line over whole periods, the line's noise and slope (s).
 
-    `gain` is the share of a stamp's error taken over while periods are counted; what lies more than `outlier` sigmas
-    off a first line has no say in the second one.
+    `gain` is the share of a stamp's error taken over while periods are counted; stamps more than `outlier` sigmas off a
+    first line are left out of the second one.
     """
     n = len(seconds)
     counts = np.zeros(n)

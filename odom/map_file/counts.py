@@ -10,7 +10,7 @@ from odom.map_file.arrays import pack, unpack
 
 @dataclass(frozen=True)
 class Counts:
-    """Rows of the tables that are read as a whole, and the first identity that no landmark has borne."""
+    """Rows of the tables that are read as a whole, and the first identity not yet given to a landmark."""
 
     keyframes: int = 0
     edges: int = 0

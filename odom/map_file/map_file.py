@@ -1,4 +1,4 @@
-"""A map's file, opened by one process: read when needed, and written behind the camera's back."""
+"""A map's file, opened by one process: read when needed, and written in the background while the camera moves."""
 
 import logging
 import os
@@ -28,9 +28,9 @@ _LOG = logging.getLogger(__name__)
 
 
 class MapFile:
-    """One map on disk; with `is_written` it is made where there is none, and gone on with.
+    """One map on disk; with `is_written` it is made where there is none, and extended.
 
-    Raises ConfigError for what is no map of ours or does not exist, MapError where it is damaged or in use.
+    Raises ConfigError where the file is no map or does not exist, MapError where it is damaged or in use.
     """
 
     def __init__(self, path: Path, is_written: bool) -> None:
@@ -72,7 +72,7 @@ class MapFile:
         return found
 
     def counts(self) -> Counts:
-        """Return what the map says that it holds."""
+        """Return how much the map says it holds."""
         content = self._meta("counts")
         with self._telling():
             return Counts() if content is None else Counts.of(content)
@@ -87,7 +87,7 @@ class MapFile:
         return dict(self._rows("SELECT name, content FROM meta")).get(name)
 
     def digest(self) -> str:
-        """Return a hash of sessions, key frames and registrations, by which maps can be told apart and put in order."""
+        """Return a hash of sessions, key frames and registrations, by which maps are compared and sorted."""
         found = sha256()
         for table, order in (("session", "number"), ("keyframe", "number"), ("edge", "a, b")):
             for (content,) in self._rows(f"SELECT content FROM {table} ORDER BY {order}"):
@@ -104,7 +104,7 @@ class MapFile:
             self.close()
 
     def begin(self, camera: Camera) -> SavedMap:
-        """Return the map for a session with this camera, which a map that is written goes on with.
+        """Return the map for a new session with this camera; it is recorded if the map is written.
 
         Raises MapError where the map was made with another camera.
         """
@@ -164,21 +164,21 @@ class MapFile:
             return None
 
     def _lose(self, number: int, error: Exception) -> None:
-        if self._ahead.is_closed:  # the background of an odometry that was not finished asks on
+        if self._ahead.is_closed:  # the background of an odometry that was not finished may still ask
             return
         if not self.lost:
             _LOG.warning("%s: key frame %d is left out (others are counted): %s", self.path, number, error)
         self.lost += 1
 
     def put(self, changes: MapChanges) -> None:
-        """Take over changes; they are on disk within a second, or said and tried again."""
+        """Take over changes; they are on disk within a second, or a failure is logged and they are tried again."""
         self._ahead.forget(changes.details)
         if self._writer is not None:
             self._writer.put(changes)
 
     @property
     def unwritten(self) -> int:
-        """How many times changes could not be written."""
+        """How often changes could not be written."""
         return 0 if self._writer is None else self._writer.failures
 
     def flush(self) -> None:

@@ -1,6 +1,6 @@
-"""Maps of other days made one: places of each are looked up in the others, and what agrees joins them.
+"""Merges maps of several days: the places of each are looked up in the others, and recognitions that agree join them.
 
-The maps are taken in the order in which their first sessions begun, so that it does not matter how they are named or
+The maps are taken in the order in which their first sessions began, so that it does not matter how they are named or
 listed; nothing else depends on a clock, on chance or on what the files are called.
 """
 
@@ -56,9 +56,9 @@ def merge(opened: Sequence[MapFile], out: Path) -> Joined:
 
 
 def _numbered(opened: Sequence[MapFile]) -> list[_Part]:
-    """Return the maps that hold anything in the order of their beginnings, or of their contents where these are equal.
+    """Return the maps that hold anything, ordered by their beginnings, or by their contents where these are equal.
 
-    Each has its numbers behind those of the one before.
+    The numbers of each follow those of the one before.
     """
     ordered = sorted((one for one in opened if one.sessions()), key=lambda one: (one.sessions()[0].begun, one.digest()))
     if len(ordered) < 2:
@@ -90,7 +90,7 @@ def _common_camera(ordered: Sequence[MapFile]) -> Camera:
 
 
 def _refuse_common_keyframes(parts: Sequence[_Part]) -> None:
-    """Raise MapError where two maps hold the same key frames: one is a copy of the other, or goes on in a copy."""
+    """Raise MapError where two maps hold the same key frames: one is a copy of the other, perhaps extended."""
     seen: dict[bytes, _Part] = {}
     for part in parts:
         for k in part.saved.keyframes:
@@ -106,7 +106,7 @@ def _refuse_common_keyframes(parts: Sequence[_Part]) -> None:
 
 
 def _side_by_side(parts: Sequence[_Part], newest: _Part) -> SavedMap:
-    """Return the map of all key frames, told apart by new numbers, with nothing between the maps."""
+    """Return the map of all key frames under new numbers; nothing joins the maps yet."""
     keyframes: list[SavedKeyframe] = []
     edges: list[Edge] = []
     origins: list[Origin] = []
@@ -153,7 +153,7 @@ def _noise(merged: SavedMap) -> NoiseMonitor | None:
 def _joined(merged: SavedMap, recognised: Sequence[Edge]) -> tuple[Joined, SavedMap]:
     noise = _noise(merged)
     map_ = open_map(merged)
-    map_.earlier = 0  # nothing is held but the very first key frame
+    map_.earlier = 0  # only the very first key frame is held fixed
     joined = join_parts(map_, recognised, 0.0 if noise is None else noise.calibration_error)
     numbers = range(len(merged.keyframes))
     edges = sorted(map_.registrations.among(numbers), key=lambda e: (min(e.a, e.b), max(e.a, e.b)))

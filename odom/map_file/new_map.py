@@ -1,4 +1,4 @@
-"""A new map file made of key frames of others: written beside its name, which it is given when it is whole."""
+"""A new map file made of key frames of others: written under a temporary name, and renamed when it is whole."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from odom.map_file.sessions import Session
 from odom.map_file.writer import write
 
 _AT_ONCE = 100
-"""Key frames in a transaction, which are in memory together: some 40 MB."""
+"""Key frames in a transaction, all in memory at once: some 40 MB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Origin:
 class Gathered:
     """Details of key frames under new numbers, 0 to n - 1, by their `origins` (see `Details`).
 
-    Where something cannot be read, MapError is raised, unless the rest is to be saved: `is_rest`.
+    Where something cannot be read, MapError is raised, unless `is_rest`: then the rest is saved.
     """
 
     origins: Sequence[Origin]

@@ -1,4 +1,4 @@
-"""A smaller map made of a large one: the key frames that say most, held together by what tied them."""
+"""A smaller map made of a large one: its most useful key frames, with the registrations that join them."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -15,11 +15,11 @@ from odom.map_file.new_map import Gathered, Origin, refuse_to_replace, renumbere
 
 
 def prune(opened: MapFile, out: Path, keyframes: int) -> int:
-    """Write the map `out` of so many key frames of another one, and return their number.
+    """Write a map `out` of some key frames of another one, and return their number.
 
-    The first key frame of each part stays, even where these are more. One that goes leaves its registrations to its
-    heir (see `pruning`), and its landmarks to those that have measured them. Raises ConfigError where there is a file
-    `out` already or nothing is to be left out, MapError where the map is damaged.
+    The first key frame of each part stays, even where these are more. A removed key frame passes its registrations to
+    its heir (see `pruning`), and its landmarks to key frames that have measured them. Raises ConfigError where there is
+    a file `out` already or nothing is to be left out, MapError where the map is damaged.
     """
     refuse_to_replace(out)
     sessions, count = opened.sessions(), len(opened.keyframes())

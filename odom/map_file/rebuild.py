@@ -17,7 +17,7 @@ from odom.map_file.new_map import Gathered, Origin, refuse_to_replace, renumbere
 from odom.map_file.sessions import Session
 
 _MOST_KEYFRAMES = 1_000_000
-"""Numbers tried in a map that does not say any more how many there are."""
+"""Numbers tried in a map that no longer says how many there are."""
 
 
 @dataclass

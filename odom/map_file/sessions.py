@@ -13,8 +13,8 @@ from odom.frontend.camera.lens import Lens
 from odom.map_file.arrays import checked, unchecked
 
 _SAME_PX = 1.0
-"""Two calibrations are of one camera where no pixel's ray differs by more: patches of one are found with the other. How
-depth errs may differ: landmarks are where they are."""
+"""Two calibrations are of one camera where no pixel's ray differs by more: then patches of one are found with the
+other. Their depth errors may differ: the landmarks' positions are already corrected."""
 
 
 @dataclass(frozen=True)

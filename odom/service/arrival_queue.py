@@ -1,8 +1,8 @@
 """The queue between the thread that receives and the odometry: what arrives, and how much of it may wait.
 
 A recorded source waits: while the queue is full, `put_frame` blocks, nothing is acknowledged and the sender pauses. Of
-a live source the oldest waiting frame is dropped for the newest. Only in its first second more may wait: the table of
-the lens is computed then, and the first frames, before any motion is known, are the worst to lose.
+a live source the oldest waiting frame is dropped for the newest. Only in its first second may more frames wait: the
+table of the lens is computed then, and the first frames, before any motion is known, are the worst to lose.
 """
 
 import threading
@@ -124,7 +124,7 @@ class ArrivalQueue:
         """Add a frame of a `live` source at once, one of a recorded source as soon as there is room."""
         with self._changed:
             if live:
-                self._drop_oldest(ColorArrival)  # it belongs to this frame or to an older one
+                self._drop_oldest(ColorArrival)  # it is of this frame or of an older one
                 room = self._room(self._clock())
                 while self._frames >= room and self._drop_oldest(FrameArrival):
                     self._frames -= 1

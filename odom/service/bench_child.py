@@ -12,7 +12,7 @@ from typing import Any
 _POLL_S = 0.2
 """How often a waiting thread looks whether the bench is to stop: shorter costs CPU, longer delays Ctrl-C."""
 _PATIENCE, _PATIENCE_S = 10.0, 60.0
-"""A run is given up after so many times what the usual one took, and a minute: some changes keep a loop from ending."""
+"""A run is stopped after so many times the usual run's time, and a minute: some changes keep a loop from ending."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,6 @@ def run_child(module: str, task: object, limit_s: float | None, stopped: Callabl
                 child.kill()
             if stopped():
                 child.kill()
-    values = tuple(json.loads(line) for line in out.splitlines() if line[:1] in ("[", "{"))  # not a library's words
+    values = tuple(json.loads(line) for line in out.splitlines() if line[:1] in ("[", "{"))  # not printed by a library
     last_words = err.strip().splitlines()[-1:] or [""]
     return ChildResult(values, why or f"the process ended with status {child.returncode}: {last_words[0]}")

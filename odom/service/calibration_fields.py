@@ -11,8 +11,8 @@ from odom.errors import ConfigError
 def calibration_fields(odometry: Odometry, own: SelfCalibration) -> dict[str, object]:
     """Return the entries of the report: `calibration`, name: [start, now, sigma], and `calibration_off_px`.
 
-    The timing is what the odometry found while it ran. Where the other numbers were kept, as `calibration_kept` says,
-    their sigma is that of a calibration that somebody gives.
+    The timing is what the odometry found while it ran. Where the other numbers were kept (see `calibration_kept`),
+    their sigma is that of a given calibration.
     """
     found = own.found
     try:

@@ -1,4 +1,4 @@
-"""What `odom calibrate` leaves: the calibration file with its story in front, the report, and a picture."""
+"""What `odom calibrate` writes: the calibration file with remarks at its head, the report, and a picture."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -47,7 +47,7 @@ def remarks(outcome: Outcome, sources: Sequence[str]) -> list[str]:
 
 
 def how_to_use(source: str, calibration: Path) -> str:
-    """Return in words how a calibration is used that was found in `source`."""
+    """Return in words how to use a calibration that was found in `source`."""
     if takes_calibration(source):
         return f"use it: odom run {source} --camera {calibration}"
     return f"use it with --camera {calibration}, for recordings of this camera; {source} itself takes no other camera"

@@ -45,9 +45,9 @@ def keep_depth_images(folder: Path, source: str, camera: Path | None) -> None:
 
 
 def remember_calibration(folder: Path, serial: str) -> None:
-    """Keep a calibration that was offered for the next runs with the device of that `serial` number, and say so.
+    """Keep an offered calibration for the next runs with the device of that `serial` number, and log it.
 
-    Says why, too, where nothing is kept: a run that has ended well does not fail by it.
+    Where nothing can be kept the reason is logged: a run that has ended well does not fail by it.
     """
     offered = folder / CALIBRATION_FILE
     if not offered.is_file():

@@ -34,7 +34,7 @@ from odom.wire.codec import decode_pose
 from sensors.source import Source
 
 ROUNDS = 3
-"""Times that the recordings are run and adjusted: what is measured depends on the camera that it is measured with."""
+"""Times that the recordings are run and adjusted: the measurements depend on the calibration used for them."""
 _LEAST_TRACKED = 0.6
 """Share of frames that must be tracked: else the camera given is far off, or the recording is no walk."""
 _SETTLED = 1.0
@@ -43,8 +43,9 @@ _DIFFERENT = 8.0
 """Sigmas by which a number never differs in two recordings of one camera, even where the first round's sigmas are too
 small."""
 DIFFERENT_LENS = 2.7
-"""Sigmas, root mean square, by which the lens never does once they have settled: at most 1.9 in halves of sixteen walks
-in the arena and of fr1, 2.5 in halves of a walk of 4 s; 2.8 and more where the second half was zoomed by 3 or 6 %."""
+"""Sigmas, root mean square, by which the lens never differs once the calibration has settled: at most 1.9 in halves of
+sixteen walks in the arena and of fr1, 2.5 in halves of a walk of 4 s; 2.8 and more where the second half was zoomed by
+3 or 6 %."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ class Outcome:
     """What a calibration gave: `start` and the `result` after `rounds`, and how it was judged (None: interrupted).
 
     `scale` is the ratio of measured to true displacement before it was corrected, None without motion capture.
-    `halves_apart` is by how many sigma the lenses differ that the two halves of a single recording show.
+    `halves_apart` is the difference in sigmas between the lenses found in the two halves of a single recording.
     """
 
     start: Camera
@@ -188,7 +189,7 @@ def _scale(walks: Sequence[Walk]) -> ScaleFit | None:
 
 def _calibrated(survey: Survey, start: Camera, earlier: Calibrated | None, stopped: Callable[[], bool]) -> Calibrated:
     """Return what `calibrated` does; raises InputError where a recording leads to no camera that is possible."""
-    vector_of(start)  # of another lens than can be calibrated, this says so
+    vector_of(start)  # the error names a lens model that cannot be calibrated
     try:
         found = calibrated(survey, start, earlier, stopped)
     except (np.linalg.LinAlgError, ConfigError) as error:
@@ -202,9 +203,9 @@ def _calibrated(survey: Survey, start: Camera, earlier: Calibrated | None, stopp
 
 
 def _check_same_camera(each: Sequence[Calibrated], is_settled: bool = False) -> None:
-    """Raise InputError where what each recording shows disagrees on the lens beyond what the sigmas allow.
+    """Raise InputError where the lenses found in single recordings differ by more than their sigmas allow.
 
-    `is_settled`: they were measured by the camera that they have found together, so that their sigmas can be believed.
+    `is_settled`: they were measured with the calibration found from all of them, so that their sigmas can be believed.
     """
     first, *others = each
     for number, other in enumerate(others, start=2):

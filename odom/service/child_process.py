@@ -18,7 +18,7 @@ import psutil
 from odom.service.parent_watch import PARENT_ENVIRONMENT
 
 _EXIT_POLL_S = 0.02
-"""Between two looks whether a child has ended; longer delays the end of a run, shorter costs CPU."""
+"""Time between two checks whether a child has ended; longer delays the end of a run, shorter costs CPU."""
 _KILLED_S = 5.0
 """After SIGKILL; only a process in an uninterruptible system call takes longer."""
 _LONGEST_LINE = 1 << 16
@@ -109,7 +109,7 @@ class ChildProcess:
         return True
 
     def stop(self, timeout_s: float) -> None:
-        """Ask it to stop, and kill it when it does not within the time."""
+        """Ask it to stop, and kill it if it has not ended within the time."""
         if self.poll() is None:
             self.ask_to_stop()
             if not self.wait(timeout_s):

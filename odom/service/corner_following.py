@@ -1,4 +1,4 @@
-"""The yardstick of a frame's cost: what OpenCV takes to follow corners from one image to the next on this machine."""
+"""A yardstick for a frame's cost: the time OpenCV takes to follow corners to the next image on this machine."""
 
 import time
 
@@ -9,7 +9,7 @@ from odom.frontend.features.images import grey_of
 from odom.geometry.arrays import Image
 
 CORNERS = 400
-"""Corners followed, as many as sparse odometries commonly do: less costs less accuracy than the odometry shows."""
+"""Corners followed, as many as sparse odometries commonly follow."""
 
 _EVERY = 10
 """Frames from one timing to the next."""

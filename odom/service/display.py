@@ -1,4 +1,4 @@
-"""What shows how far a command is."""
+"""The display of a command's progress."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from typing import Self
 
 @dataclass(frozen=True)
 class Reading:
-    """How far a command is: `frames` done of `total`, a second, and its state with the reason."""
+    """A command's progress: `frames` done of `total`, frames a second, and its state with the reason."""
 
     frames: int
     total: int | None

@@ -14,7 +14,7 @@ from odom.wire.codec import cdr
 
 _COLOR_WIDTH = 160
 """Pixels to which a key frame's image is reduced before it colours a cloud: a quarter of a Kinect's, which JPEG decodes
-in a fraction of the time; at 3,000 points more would not be seen."""
+in a fraction of the time; with 3,000 points more would not be visible."""
 
 
 def _always(topic: str, type_name: str) -> bool:
@@ -26,7 +26,7 @@ def pose_messages(
 ) -> Iterator[Message]:
     """Yield odom, pose and tf of a frame that has a pose, nothing for a LOST one: no stale pose is repeated.
 
-    Only those are made of which `is_heard` says, by topic and type, that anyone takes them.
+    Only messages that somebody takes are made: `is_heard` says so by topic and type.
     """
     T_odom_camera, covariance, stamp = estimate.T_odom_camera, estimate.covariance, estimate.stamp
     if T_odom_camera is None:
@@ -48,7 +48,7 @@ def pose_messages(
 def chain_message(topics: Topics, estimate: Estimate, is_heard: Callable[[str, str], bool] = _always) -> Message | None:
     """Return the chain's pose, with the last link as the twist: its motion and covariance by the time it took.
 
-    None for a frame that has none, or where nobody takes it by `is_heard`.
+    None for a frame that has none, or where `is_heard` says that nobody takes it.
     """
     chain, link, twist = estimate.chain, estimate.pairwise, None
     if chain is None or not is_heard(topics.chain, cdr.ODOMETRY):

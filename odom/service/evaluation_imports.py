@@ -1,4 +1,4 @@
-"""Loads what the end of a run needs, evaluation and plot, while the odometry still makes itself ready or works."""
+"""Loads what the end of a run needs, evaluation and plot, while the odometry starts or works."""
 
 import threading
 from pathlib import Path
@@ -7,7 +7,7 @@ from odom.wire.codec.cdr import DIAGNOSTICS, typestore
 
 
 class EvaluationImports:
-    """Imports evaluation and plot in a thread of its own: they take half a second, for which the end would wait.
+    """Imports evaluation and plot in a thread of its own: they take half a second, which would delay the end.
 
     It is done when truth is `expected`, or when there is some to judge the run in `out` by: a run without truth does
     not need them.

@@ -23,7 +23,7 @@ _UNIT_S = 0.5
 """Seconds of it by which the unit of depth is judged, which is the same in each image: a tenth of a second of work."""
 
 _OF_THE_CAMERA = ("calibration size", "focal length", "depth scale")
-"""Findings about the calibration: depth of another unit or a wrong focal length makes others BAD, too."""
+"""Findings about the calibration: a wrong unit of depth or focal length makes others BAD, too."""
 _LEAST_TRACKED = 0.5
 """Share of frames tracked below which a result is poor."""
 _FAR_OFF_SHARE, _FAR_OFF_M = 0.3, 0.02
@@ -34,8 +34,8 @@ within a twentieth, and truth itself is not better than millimetres."""
 def why_not_tracked(report: dict[str, Any], source: str, open_again: Callable[[], Source] | None) -> str:
     """Return what is wrong with a source of which nothing was tracked, and what to do.
 
-    A source that can be opened again is looked at as `odom doctor` does; of another one the odometry's `report` says
-    for which reason most frames were lost.
+    A source that can be opened again is examined as by `odom doctor`; for others the odometry's `report` gives the
+    reason for which most frames were lost.
     """
     if open_again is not None:
         try:
@@ -79,7 +79,7 @@ def _is_far_off(report: dict[str, Any], out: Path) -> bool:
 
 
 def _quietly(open_again: Callable[[], Source]) -> Source:
-    """Open the source without a word: the run has said what there is to say of it."""
+    """Open the source without log lines: the run has logged them already."""
     logging.disable()
     try:
         return open_again()
@@ -113,7 +113,7 @@ def _sample(opened: Source, seconds: float) -> "Recording":
     """Return the first seconds of a source, and close it."""
     from odom.service.source_sample import collect
 
-    logging.disable()  # the run has told what the source leaves out
+    logging.disable()  # the run has logged already what the source leaves out
     try:
         return collect(opened.messages(), Topics(), seconds, lambda done: None, is_recorded=True)
     finally:

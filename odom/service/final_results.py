@@ -1,4 +1,4 @@
-"""What a run leaves when its source has ended: final trajectory, report, and a calibration if it has one to offer."""
+"""What a run leaves when its source has ended: final trajectory, report, and a calibration if it found a better one."""
 
 import threading
 import time
@@ -26,7 +26,7 @@ def save_results(
     The report is handed up even where the files cannot be written.
     """
     begun = time.perf_counter()
-    give_back_freed()  # what is adjusted now takes the most memory of the run
+    give_back_freed()  # the final adjustment takes the most memory of the run
     poses = odometry.finish()
     keeper.save(odometry)
     statistics.add_loops(odometry.late_loops)
@@ -55,7 +55,7 @@ def _self_calibration(odometry: Odometry, keeper: MapKeeper) -> SelfCalibration:
 
 
 def latest_calibration(odometry: Odometry) -> SelfCalibration | None:
-    """Return what was found while the run went on and is in use since, None where nothing was."""
+    """Return the calibration found during the run and in use since then, None where there is none."""
     calibrator, is_changed = odometry.calibrator, odometry.camera_in_use is not odometry.camera
     return calibrator.latest if is_changed and isinstance(calibrator, MidRunCalibrator) else None
 
@@ -63,8 +63,8 @@ def latest_calibration(odometry: Odometry) -> SelfCalibration | None:
 def calibrator_for(
     settings: OdometrySettings, keeper: MapKeeper, ready: threading.Event, may_wait: Callable[[], bool]
 ) -> MidRunCalibrator | None:
-    """Return what calibrates a run while it goes on, None where a run keeps the camera given.
+    """Return the calibrator of a running odometry, None where it keeps the given calibration.
 
-    Until it is `ready`, frames that `may_wait` do so.
+    Until it is `ready`, frames of a source that `may_wait` wait.
     """
     return MidRunCalibrator(ready, may_wait) if settings.self_calibration and not keeper.has_map else None

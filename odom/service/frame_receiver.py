@@ -31,14 +31,14 @@ _LOG = logging.getLogger(__name__)
 _LIVE_DEPTH = 3
 """Messages of a live key that wait to be decoded: more add 33 ms of latency each, fewer are lost to short delays."""
 _POLL_S = 0.2
-"""Longest wait for a message; so late `close` may be noticed."""
+"""Longest wait for a message; `close` is noticed at most this late."""
 _COLORS = 32
-"""Colour messages kept until their depth comes, one second: fewer, and key frames lose their coloured clouds."""
+"""Colour messages kept until their depth comes, one second: with fewer, key frames lose their coloured clouds."""
 _MOST_BODIES = 16
 """Motion capture bodies, each with an open file of its own; a rig has one to three."""
 _LENS_AHEAD_PX = 1 << 21
-"""Pixels of an image whose lens is computed before a frame of it has come. More: a calibration by mistake or malice
-takes memory for nothing; fewer: the first frames of ordinary cameras wait."""
+"""Pixels of an image whose lens is computed before a frame of it has come. More: a wrong or malicious calibration
+wastes memory; fewer: the first frames of ordinary cameras wait."""
 _LIVE_CLOCK_NS = 10_000_000_000
 """A capture stamp nearer than this to the time of sending is by the host's clock: latency counts from the capture.
 Recordings are days old, clocks of hosts are off by less."""
@@ -186,7 +186,7 @@ class FrameReceiver:
             malformed.add(TRUTH, f"more than {MOST_TRUTH} poses wait")
 
     def _check_camera(self) -> None:
-        """Keep the calibration in use: with another one the poses would silently no longer fit those before."""
+        """Keep the calibration in use: with another one new poses would silently not fit the earlier ones."""
         camera = self.assembler.camera
         if self._camera == self._unusable:
             self._camera = None
@@ -230,7 +230,7 @@ class FrameReceiver:
 
 
 def _compute_lens(camera: Camera) -> None:
-    """Compute the table of a lens before the first frame, which would wait for it, unless it would be a large one."""
+    """Compute the table of a lens, unless it is large, before the first frame, which would wait for it."""
     if camera.width * camera.height <= _LENS_AHEAD_PX:
         with suppress(ConfigError):  # the odometry says what is wrong
             Lens.of(camera)

@@ -70,7 +70,7 @@ class History:
             self._map[message.topic] = message
 
     def forget(self, topic: str) -> None:
-        """Drop the message of a key that has nothing to show any more."""
+        """Drop the message of a key that has nothing more to show."""
         with self._lock:
             self._map.pop(topic, None)
 

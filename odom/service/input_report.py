@@ -14,7 +14,7 @@ def source_report(
 ) -> dict[str, Any]:
     """Return what a sensor says at its end: colour images `sent`, and those `refused` by stream and reason.
 
-    `length` is how many colour images it should have had, if known: where it `has_ended`, what lacks is missing.
+    `length` is how many colour images it should have had, if known: where it `has_ended`, the rest counts as missing.
     """
     by_stream = {stream: {why: n for (of, why), n in refused.items() if of == stream} for stream in STREAMS}
     lacking = (length or 0) - sent - sum(by_stream["colour"].values())

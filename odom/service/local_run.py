@@ -39,12 +39,12 @@ def run(
 ) -> None:
     """Run the source to its end, or until `stop` is set, and `tell` the report that was written to `plan.out`.
 
-    It is told before a viewer that stays open is waited for, and whatever has failed, if there was a frame. Results of
-    an earlier run there are set aside first: when this one ends at once, they would be taken for its own.
+    The report comes before the wait for a viewer that stays open, and also after a failure, if there was a frame.
+    Results of an earlier run there are set aside first: if this one ended at once, they would be taken for its own.
 
     Raises ConfigError when another run writes there; at the end OdomError naming the processes that failed, ConfigError
-    when the first of them was called wrongly; OdomError, too, when no frame was tracked, with the reason: a recorded
-    source is opened again to look for it. What was done is saved then.
+    when the first of them was called wrongly; OdomError, too, with the reason, when no frame was tracked: a recorded
+    source is opened again to find it. Results are saved before that.
     """
     with held(plan.out) as lock:
         if (aside := previous_results.set_aside(plan.out, shown=True)) is not None:
@@ -109,9 +109,9 @@ def free_endpoint() -> str:
 
 
 def complete_report(out: Path, processes: RunProcesses) -> Report:
-    """Return the odometry's report with what the others say and the errors against truth, and write it.
+    """Return the odometry's report with those of the other processes and the errors against truth, and write it.
 
-    Where the odometry could not write its report it is what was handed up; where it died, what its last status said.
+    Where the odometry could not write its report, the one it printed is used; where it died, its last status.
     """
     path = out / "report.json"
     handed_up = processes.reports["odometry"] or dict(processes.counts)

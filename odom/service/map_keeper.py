@@ -1,4 +1,4 @@
-"""The map of a run on disk, if there is one: opened for a camera, and written behind the odometry's back."""
+"""The map of a run on disk, if there is one: opened for a camera, and written in the background."""
 
 import logging
 from pathlib import Path
@@ -10,7 +10,8 @@ from odom.map_file.map_file import MapFile
 
 _LOG = logging.getLogger(__name__)
 _PERIOD_S = 0.5
-"""Changes are taken so often, by the frames' stamps: a crash loses no more, and what it takes to copy them."""
+"""Period by the frames' stamps in which changes are taken: a crash loses no more than this and the time to copy
+them."""
 
 
 class MapKeeper:
@@ -25,7 +26,7 @@ class MapKeeper:
         self._known_failures = 0
 
     def begin(self, camera: Camera, odometry: Odometry | None) -> SavedMap | None:
-        """Return the map for a camera, after what the `odometry` before has made of it was written.
+        """Return the map for a camera, after the changes by the `odometry` before were written.
 
         Raises MapError where the map was made with another camera.
         """

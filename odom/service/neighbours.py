@@ -20,7 +20,7 @@ class Neighbours:
         self._jobs = [Namesakes(session, topics, role, _LOG.warning, is_one=role == "odometry") for role in JOBS]
 
     def status(self) -> dict[str, str]:
-        """Return the values of a status message: whether the sensor is here, and who gets in whose way."""
+        """Return the values of a status message: whether the sensor is here, and which processes conflict."""
         conflicts = [namesakes.conflict for namesakes in self._jobs if namesakes.conflict]
         return {"sensor": self._sensor} | ({"conflict": "; ".join(conflicts)} if conflicts else {})
 

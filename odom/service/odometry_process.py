@@ -31,7 +31,7 @@ from odom.wire.session import WireSession, open_session
 
 _LOG = logging.getLogger(__name__)
 _POLL_S = 0.05
-"""Longest wait for an arrival; so late a due status or the request to stop is noticed."""
+"""Longest wait for an arrival; a due status or the request to stop is noticed this late."""
 
 
 def serve(
@@ -40,8 +40,8 @@ def serve(
     """Estimate the pose of every frame of one device until `stop` is set, or with `until_end` until its source ends.
 
     Leaves trajectory.txt and the odometry's part of report.json in the folder of `files` at each end of a source. What
-    cannot be written is counted, and poses go on; the `keeper` has the map on disk. Raises OdomError when the session
-    cannot be opened and, with `until_end`, when something went unwritten; OSError when results cannot be saved.
+    cannot be written is counted, and poses go on; the `keeper` writes the map to disk. Raises OdomError when the
+    session cannot be opened and, with `until_end`, when something went unwritten; OSError when results cannot be saved.
     """
     topics = Topics(settings.wire.namespace)
     started = time.monotonic()

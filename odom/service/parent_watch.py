@@ -8,7 +8,7 @@ import time
 PARENT_ENVIRONMENT = "ODOM_PARENT_PID"
 """Environment variable in which `odom run` tells a child its process id."""
 _POLL_S = 0.5
-"""Between two looks whether the parent is alive: so long may a child outlive a killed `odom run`."""
+"""Time between two checks whether the parent is alive: a child may outlive a killed `odom run` by as much."""
 
 
 def end_with_parent() -> None:

@@ -8,7 +8,7 @@ from odom.geometry.arrays import Array
 from odom.wire import Message, Topics, codec
 
 _MOST_PARTS = 32
-"""Parts that are published beside the one the camera is in, those with most key frames: each more has a key of its own,
+"""Parts that are published beside the one the camera is in, those with most key frames: each has a key of its own,
 which every viewer and router remembers. A camera in the dark may begin thousands a day, of one key frame each."""
 
 

@@ -22,7 +22,7 @@ from sensors.source import SourceOptions
 SENSORS = ("kinect2", "kinect1")
 """The newer and the older Kinect, in the order of the paper's table."""
 _CHECKED = ("Horn", "EM-ICP")
-"""Whose errors in the paper are looked for among wrong pairs."""
+"""The estimators whose errors in the paper are to be explained by wrong pairs."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Experiment:
     cpu_s: float
 
     def as_json(self) -> dict[str, Any]:
-        """Return it as JSON has it: numbers that are none become None; single outcomes are kept."""
+        """Return it as JSON values: NaN and infinity become None; single outcomes are kept."""
         found = {
             "source": self.source,
             "pairs": self.pairs,

@@ -1,7 +1,7 @@
 """One sensor's part of the physical experiment: a program that walks a source and prints what came of it.
 
-It reads one JSON argument, a `Task`, and writes one line, `{...}`, the fields of a `Part`. How far it is stands in
-the file `progress` of its folder.
+It reads one JSON argument, a `Task`, and writes one line, `{...}`, the fields of a `Part`. Its progress is in the file
+`progress` of its folder.
 """
 
 import json
@@ -33,7 +33,7 @@ from sensors.source import SourceOptions
 _MOST_GAP_S = 0.1
 """Truth is interpolated over gaps of at most so long."""
 _SPOILT_SETS = 16
-"""Sets of pairs, spread over the walk, whose correct ones are spoilt: more take longer and move the means by 2 %."""
+"""Sets of pairs, spread over the walk, whose correct pairs are spoilt: more take longer and move the means by 2 %."""
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ def _report(task: Task, share: float) -> None:
     file = Path(task.folder) / f"progress-{task.sensor}"
     partial = file.with_suffix(".part")
     partial.write_text(f"{share:.4f}")
-    partial.replace(file)  # whoever reads it finds a whole number
+    partial.replace(file)  # so that a reader never finds half a number
 
 
 if __name__ == "__main__":

@@ -22,8 +22,8 @@ from odom.wire.codec import decode_pose
 from sensors.source import Source
 
 APART_NS = 250_000_000
-"""Two looks of a pair are the first frames so far apart, or the recording's length by the number of pairs, if that is
-less: on the arena's walk, its key poses."""
+"""Time between the two looks of a pair, or the recording's length divided by the number of pairs, if that is less: on
+the arena's walk, its key poses."""
 _TWIST_FRAMES = 1
 """The camera's velocity at a key pose is that between so many frames before and after it."""
 
@@ -41,7 +41,8 @@ def check_length(source: str, frames: int | None, pairs: int) -> int:
 class PairOfLooks:
     """C_i (`target`) and C_i+1 (`source`), by their places among the looks.
 
-    `followed` are corners of the target's image (n x 2 px) and where the frames between led to in the source's.
+    `followed` are corners of the target's image (n x 2 px) and where following them through the frames between ended in
+    the source's image.
     """
 
     target: int

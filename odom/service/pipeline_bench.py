@@ -17,7 +17,7 @@ from sensors.source import Source
 
 DECODE, ODOMETRY, TOTAL = "decode", "odometry", "total"
 _BACKGROUND = "odom-"
-"""How the names of the threads begin that work beside the frames."""
+"""How the names of the background threads begin."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class PipelineCost:
     `cpu_ms_a_frame` is CPU time of decoding, odometry and its background threads together, `background_ms_a_frame` of
     the latter alone; the source's own work (reading, drawing) is not in any figure. `finish_s` is the final adjustment.
     `stamps_ns` are the frames'. `follow_ms` is what following corners from one image to the next takes on this machine,
-    `floor_ms` that and decoding: less no odometry of these frames can cost (see `corner_following.py`).
+    `floor_ms` that and decoding: no odometry can process these frames for less (see `corner_following.py`).
     """
 
     frames: int
@@ -73,7 +73,7 @@ def measure_pipeline(
     progress: Callable[[int], None] = lambda frames: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> PipelineCost:
-    """Return what up to `frames` frames of `source` cost, or those until `stopped` says so.
+    """Return what up to `frames` frames of `source` cost, or of those before `stopped` is true.
 
     `progress` is called with the number measured. Raises SourceError when there was no frame with a calibration.
     """

@@ -1,4 +1,4 @@
-"""A measurement of the pipeline beside an earlier one of the same frames: before a change, after it, or elsewhere."""
+"""Compares a measurement of the pipeline with an earlier one of the same frames, before a change or elsewhere."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ def read_cost(path: Path) -> PipelineCost:
 
 
 def compared(before: PipelineCost, now: PipelineCost) -> tuple[CostChange, ...]:
-    """Compare the stages that both have, over the frames that both have, told by their stamps; in `now`'s order.
+    """Compare the stages of both, over the frames of both (matched by stamps), in the order of `now`.
 
     Raises ConfigError when they share too few frames.
     """

@@ -23,13 +23,13 @@ _COUNT_PERIOD_S = 0.5
 _LINE_PERIOD_S = 5.0
 """Between two lines where there is no terminal: shorter fills log files, longer leaves people in doubt."""
 _CHANGE_PERIOD_S = 1.0
-"""The same where the state changes: a state that comes and goes with every second frame would fill them, too."""
+"""The same where the state changes: one that alternates from frame to frame would fill log files, too."""
 
 
 def open_display(what: str = "") -> Display:
     """Return the display that suits stderr; log lines, whatever stderr is, where these are JSON.
 
-    What shows nothing but the progress of `what` leaves no bar behind, and writes no line for a short command.
+    A display of nothing but the progress of `what` removes its bar at the end, and writes no line for a short command.
     """
     if as_json() or not sys.stderr.isatty():
         return Lines(as_json(), what)
@@ -80,7 +80,7 @@ def _put_line(text: str) -> None:
 
 @contextmanager
 def counting(what: str, total: int | None, unit: str = "frames") -> Iterator[Callable[[int], None]]:
-    """Yield a function to call with the number done so far, which shows `what` is done on stderr."""
+    """Yield a function to call with the number done so far, which shows the progress of `what` on stderr."""
     if os.environ.get(COUNT_ENVIRONMENT) == "1":
         yield CountLines(total).show
         return
@@ -118,7 +118,7 @@ def parse_count(line: str) -> tuple[int, int | None] | None:
 
 
 def hand_up(report: Mapping[str, object]) -> None:
-    """Write a report to stdout for the parent `odom run`, if there is one: it then has it even if the disk is full."""
+    """Write a report to stdout for the parent `odom run`, if there is one: so it arrives even if the disk is full."""
     if os.environ.get(COUNT_ENVIRONMENT) == "1":
         sys.stdout.write(f"{_REPORT} {json.dumps(report)}\n")
         sys.stdout.flush()

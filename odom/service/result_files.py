@@ -17,9 +17,9 @@ from odom.service import previous_results
 _UPPER = np.triu_indices(6)
 """The upper triangle of a covariance: the rest repeats it."""
 _POSE_LINE, _COVARIANCE = "%s" + " %.9f" * 7 + "\n", " ".join(["%.9e"] * 21)
-"""A line of TUM's format, and that triangle: nanometres, and ten digits of what has no unit of its own."""
+"""A line of TUM's format (to nanometres), and the triangle (ten digits)."""
 _FULL_BYTES = 1 << 30
-"""A service begins new files after so many bytes, some six hours: larger ones no longer fit into a reader's memory."""
+"""A service begins new files after so many bytes, some six hours: larger files no longer fit into a reader's memory."""
 
 
 def pose_line(stamp: Stamp, T: Array) -> str:
@@ -38,7 +38,8 @@ def relative_line(stamp: Stamp, relative: RelativePose) -> str:
 class Continuity:
     """Numbers the stretches of causal poses that share one coordinate system, and says where continuity ends.
 
-    The odometry's own numbers do not serve: when two segments are joined, the poses published before stay as they are.
+    The odometry's segment numbers do not tell this: when two segments are joined, poses published before stay as they
+    are.
     """
 
     def __init__(self) -> None:
@@ -98,10 +99,10 @@ class RunFiles:
     """The text files in the folder of a run; every line is handed to the system when `append` returns.
 
     Raises OSError when the folder cannot be written; what is in the files by then are whole lines. The paper's chain
-    goes to `chain.txt`, its links to `relative_chain.txt`; before a frame that could not be linked to an earlier one
-    stands a comment that says why, and the chain goes on from where it stood.
-    Results of an earlier run in the folder are set aside (see `previous_results`). An `endless` service does so
-    with its own at each GiB, too, and drops the oldest in the end.
+    goes to `chain.txt`, its links to `relative_chain.txt`; a frame that could not be linked to an earlier one follows a
+    comment with the reason, and the chain goes on from its last pose. Results of an earlier run in the folder are set
+    aside (see `previous_results`). An `endless` service also sets its own results aside after each GiB, and finally
+    drops the oldest.
     """
 
     def __init__(self, folder: Path, endless: bool = False) -> None:
@@ -113,7 +114,7 @@ class RunFiles:
         self._files = {name: LineFile(folder / name) for name in names}
         self._truth: dict[str, str] = {}
         self._continuity = Continuity()
-        self._comment = ""  # until a pose could be written behind it
+        self._comment = ""  # until a pose could be written after it
 
     def append(self, estimate: Estimate) -> None:
         """Write a frame's poses; a LOST frame leaves no line."""

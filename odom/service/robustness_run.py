@@ -53,7 +53,7 @@ def main(argument: str) -> None:
     logging.disable()
     try:
         found = run(Task(**json.loads(argument)))
-    except Exception as error:  # whatever spoiling makes of a run is its verdict
+    except Exception as error:  # any failure is the verdict on the spoilt run
         found = Verdict(error=f"{type(error).__name__}: {error}")
     print(json.dumps(asdict(found)), flush=True)
 

@@ -20,7 +20,7 @@ HELD_ENVIRONMENT = "ODOM_FOLDER_HELD"
 def new_folder(wanted: Path) -> Path:
     """Make and return the folder `wanted` or, if it is there already, the first free one of `wanted-2`, `wanted-3`.
 
-    Two that ask at the same time get two folders. Raises ConfigError when it cannot be made.
+    Two processes that ask at the same time get two folders. Raises ConfigError when it cannot be made.
     """
     name, numbers = wanted, count(2)
     while True:
@@ -37,7 +37,7 @@ def new_folder(wanted: Path) -> Path:
 def held(folder: Path) -> Iterator[int]:
     """Make the folder and hold it until the end; yields the descriptor of the lock, for a child that writes there too.
 
-    The system gives the lock back when the last process that holds it has ended, however it ended. Raises ConfigError
+    The system releases the lock when the last process that holds it has ended, however it ended. Raises ConfigError
     naming the process that holds it, or when the folder cannot be made or written.
     """
     inherited = os.environ.pop(HELD_ENVIRONMENT, None)

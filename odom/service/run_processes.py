@@ -20,15 +20,15 @@ from odom.wire.session import Delivery, WireSession
 from odom.wire.settings import ANY_LOCAL_PORT
 
 _POLL_S = 0.1
-"""Longest wait for a status: so late a failed process or Ctrl-C is noticed."""
+"""Longest wait for a status: a failed process or Ctrl-C is noticed this late."""
 _END_POLL_S = 0.01
-"""The same once the sensor has ended, and the odometry will soon: longer delays the end of a run."""
+"""The same once the sensor has ended and the odometry soon will: longer delays the end of a run."""
 _LAST_WORDS_S = 3.0
-"""For sensor and recorder to end by themselves behind the last frame; shorter would cut off their last messages."""
+"""Time for sensor and recorder to end by themselves after the last frame; shorter would cut off their last messages."""
 _VIEWER_PATIENCE_S = 10.0
-"""A viewer that hangs must not hold the end back; what it writes, it has written by then."""
+"""A viewer that hangs must not delay the end; by then it has written its file."""
 _SPARED = ("viewer", "recorder")
-"""Children without which poses go on."""
+"""Child processes that may fail while poses go on."""
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,9 @@ class RunPlan:
 class RunProcesses:
     """The child processes of one run, and the order in which they are started and ended.
 
-    `total` is how many colour images the sensor says its source has, `reports` what sensor (see `input_report`) and
-    odometry handed up at their ends, `counts` the frames of the odometry's last status. `folder_lock` is the descriptor
-    of the lock that the odometry shares.
+    `total` is how many colour images the sensor says its source has, `reports` the reports that sensor (see
+    `input_report`) and odometry printed at their ends, `counts` the frames of the odometry's last status. `folder_lock`
+    is the descriptor of the lock that the odometry shares.
     """
 
     def __init__(
@@ -109,7 +109,7 @@ class RunProcesses:
 
     @property
     def failures(self) -> list[ChildProcess]:
-        """Those of them that leave something undone; a viewer does so only when it was to write a file."""
+        """Those of them that left work undone; a viewer does so only when it was to write a file."""
         return [child for child in self.failed if child.name != "viewer" or self._plan.viewer_writes]
 
     def work(self, stop: threading.Event) -> None:
@@ -143,7 +143,7 @@ class RunProcesses:
                 continue
 
     def end_work(self) -> None:
-        """End all but the viewer, those first for whose end others wait; the recorder ends after the last pose."""
+        """End all but the viewer, first those for which others wait; the recorder ends after the last pose."""
         for name in ("sensor", "odometry", "recorder"):
             child = self.children.get(name)
             if child is not None and not (name == "recorder" and child.wait(_LAST_WORDS_S)):

@@ -23,7 +23,8 @@ _STEP = math.log(1.01)
 _BINS = 1700
 """Up to 200 s; longer durations count in the last bin."""
 _RECENT = 60
-"""Frames that the rate and the offset of the stamps are measured over, 2 s: fewer jump about, more lag behind."""
+"""Frames over which the rate and the offset of the stamps are measured, 2 s: with fewer they jump, with more they
+lag."""
 _COUNTERS = (
     "keyframes", "forgotten_keyframes", "forgotten_frames", "loop_candidates", "loop_closures", "lost_frames",
     "unmatched_frames", "unwritten",
@@ -69,11 +70,11 @@ class Durations:
 class RunStatistics:
     """Counters of one odometry process.
 
-    `color` and `depth` say what became of the images until the odometry had them, `refused` counts the frames that it
-    did not take, `lost_for` those that are LOST, by reason; `chain_holes` those with a pose that the chain could not
-    link to an earlier one; `dropped` counts all bad input by its kind, `forgotten_*`
-    what the odometry gave up to stay within its memory, `unwritten` lines and files that could not be written;
-    `source_end` is what the source said when it ended.
+    `color` and `depth` count what became of the images before they reached the odometry, `refused` counts the frames
+    that it did not take, `lost_for` those that are LOST, by reason; `chain_holes` those with a pose that the chain
+    could not link to an earlier one; `dropped` counts all bad input by its kind, `forgotten_*` what the odometry gave
+    up to stay within its memory, `unwritten` lines and files that could not be written; `source_end` is what the source
+    said when it ended.
     """
 
     processing: Durations = field(default_factory=Durations)
@@ -109,7 +110,7 @@ class RunStatistics:
             self._begun = (time.perf_counter(), time.process_time())
 
     def note_forgotten(self, keyframes: int, frames: int, most: int) -> None:
-        """Count what the odometry gave up; it is said once when it begins, `most` being the key frames remembered."""
+        """Count what the odometry forgot; the first time is logged, `most` being the key frames remembered."""
         if keyframes and not self.forgotten_keyframes:
             _LOG.info("the map holds %d key frames: from now on the oldest are forgotten, and counted", most)
         if frames and not self.forgotten_frames:

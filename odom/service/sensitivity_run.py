@@ -38,7 +38,7 @@ def main(argument: str) -> None:
         options = SourceOptions(camera=camera, end=seconds)
         try:
             outcome = run(open_source(source, options), options, settings)
-        except Exception as error:  # whatever a value of a number makes of it is its outcome
+        except Exception as error:  # any failure is the outcome of this value
             outcome = Outcome(error=f"{type(error).__name__}: {error}")
         print(json.dumps([source, asdict(outcome)]), flush=True)
 

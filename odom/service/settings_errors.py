@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
 
 _MOST = 5
-"""Problems that are told: more make no line that is read."""
+"""Problems that are named: nobody reads a longer line."""
 _SHORT = Repr()
 _SHORT.maxstring = _SHORT.maxother = 60  # characters of a value that are shown
 _SPARED = ("ODOM_CONFIG", "ODOM_LOG_", "ODOM_COUNT", "ODOM_PARENT_PID", "ODOM_FOLDER_HELD", "ODOM_SHARED_DATA",
@@ -23,7 +23,7 @@ _SECTIONS = ("ODOMETRY", "WIRE", "SERVICE", "VIEWER")
 
 
 def refusal(error: "ValidationError", model: "type[BaseModel]") -> ConfigError:
-    """Return the error that names each setting that is unknown or does not fit; by its variable if it has one set."""
+    """Return the error that names each setting that is unknown or does not fit, by its variable where that is set."""
     known = list(names(model))
     problems = [_problem(dict(each), known) for each in error.errors()]
     more = f"; and {len(problems) - _MOST} more" if len(problems) > _MOST else ""

@@ -17,13 +17,13 @@ from odom.service.settings_errors import nearest, refusal
 Part = TypeVar("Part", bound=BaseModel)
 
 PREFIX, NESTED = "ODOM_", "__"
-"""How the environment's variable of a setting begins, and what stands between its parts."""
+"""How the environment variable of a setting begins, and what separates its parts."""
 CONFIG_ENVIRONMENT = "ODOM_CONFIG"
 """Environment variable with the YAML file, if the command line names none."""
 
 
 class _Environment(EnvSettingsSource):
-    """The environment; what is no JSON where a list may stand is taken as the text that it is."""
+    """The environment; where a list may stand, a value that is not JSON is taken as text."""
 
     def decode_complex_value(self, field_name: str, field: FieldInfo, value: Any) -> Any:
         """Return the value of a JSON text, or the text."""
@@ -88,7 +88,7 @@ def load(model: type[Part], content: Mapping[Any, Any]) -> Part:
 
 
 def part_settings(part: str, model: type[Part], config: Path | None, given: Mapping[str, Any]) -> Part:
-    """Return the settings of one part: what is `given` (and not None) over environment over the file over defaults.
+    """Return the settings of one part, by precedence: `given` (not None), environment, file, defaults.
 
     The file's other sections are not looked at, so that a sensor or a viewer need not load the odometry. Raises
     ConfigError for a value that cannot be used.

@@ -1,4 +1,4 @@
-"""A stretch of a source as it came, with what could not be used of it: what `odom doctor` looks at."""
+"""A stretch of a source as received, with a record of what could not be used: the input of `odom doctor`."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -20,7 +20,7 @@ from odom.wire.malformed_counter import MalformedCounter
 _MOST_FRAMES = 900
 """Frames kept in memory, 0.9 MB each: 30 s at 30 Hz, the longest that may be asked for."""
 _SEARCHED, _ENOUGH_STAMPS = 20_000, 30
-"""Messages through which a stream that has not come is searched for, some minutes, and stamps of it that are enough."""
+"""Messages, some minutes of them, in which a stream that is missing so far is searched, and stamps that suffice."""
 
 
 def collect(
@@ -32,7 +32,7 @@ def collect(
 ) -> Recording:
     """Return the first `seconds` of colour, depth, calibration and truth from the messages of a source.
 
-    Where only one of both streams has come by then, a recorded source is searched on for the stamps of the other.
+    Where only one of the two streams has come by then, the search for stamps of the other goes on in a recorded source.
     """
     messages = iter(messages)
     reasons = _Reasons()

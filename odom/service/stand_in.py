@@ -1,4 +1,4 @@
-"""What `odom run` does for a source that waits for a recorder which is no longer there."""
+"""Replaces a recorder that is gone, for which the source would wait."""
 
 import time
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 from odom.wire.session import WireSession
 
 _SEEN_S = 2.0
-"""For a sender to find a consumer that has come: shorter, and it waits for ever; longer delays the run."""
+"""Time for a sender to find a new consumer: if shorter, it waits for ever; longer delays the run."""
 
 
 class StandIn:
@@ -23,7 +23,7 @@ class StandIn:
         self._has_left = False
 
     def step(self, both_are_here: bool) -> None:
-        """Come at the first call; leave two seconds after the first one by which sender and odometry are there."""
+        """Join at the first call; leave two seconds after the first call at which sender and odometry are there."""
         if self._has_left:
             return
         if self._token is None:

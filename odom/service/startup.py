@@ -39,23 +39,23 @@ _WARM_FRAMES = 10
 _LOST_AT = 8
 """The frame before which 3 s are missing, so that the camera is lost and looks for a known place."""
 _PATIENCE_S = 4.0
-"""A start that takes longer is compiling, and says so: loading what is compiled takes less."""
+"""A start that takes longer is compiling, and is logged as such: loading compiled code takes less."""
 _COMPILERS_YOUNG_OBJECTS = 50_000
-"""New objects before the second compiler's interpreter looks for garbage. Fewer: it looks in vain more often; never
-looking takes 770 MB instead of 500."""
+"""New objects before the second compiler's interpreter collects garbage. Fewer: it does so in vain more often; without
+any collection it takes 770 MB instead of 500."""
 _COMPILER_POLL_S = 0.1
-"""Between two looks whether the second compiler has died; it says itself when it is done."""
+"""Time between two checks whether the second compiler has died; it reports itself when it is done."""
 
 
 def warm_up(settings: OdometrySettings, topics: Topics) -> threading.Event:
     """Run made-up frames through codec and odometry, and a small pose graph; exclude it all from garbage collection.
 
     Otherwise the first frames would wait for imports and compilation, as would the first relocalisation and the first
-    closed loop: so the camera is lost in between. A first start does not wait for what calibrates a run after some
-    seconds: the event that is returned is set once that is compiled and loaded, too.
+    closed loop: so the made-up camera is lost in between. The very first start does not wait for the code that
+    calibrates a run after some seconds: the returned event is set once that is compiled and loaded, too.
     """
     keep_little()
-    gc.freeze()  # what has been imported stays: to look through it takes a tenth of a second
+    gc.freeze()  # what has been imported stays: collecting it would take a tenth of a second
     cv2.setNumThreads(1)
     patience = threading.Timer(_PATIENCE_S, _LOG.info, ["compiling: the first start takes up to half a minute longer"])
     patience.daemon = True
@@ -105,7 +105,7 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> threading.Event:
 
 
 class _SecondCompiler:
-    """A process that compiles what frames do not need at once; the two share what is on disk.
+    """A process that compiles what frames do not need at once; both processes share the compiled code on disk.
 
     The compiler works in one thread. The process ends with this one.
     """
@@ -118,7 +118,7 @@ class _SecondCompiler:
         self._process.start()
 
     def wait_until_adjusted(self) -> None:
-        """Wait until all is compiled but what calibrates."""
+        """Wait until all but the calibration is compiled."""
         while self._process.is_alive() and not self._has_adjusted.wait(_COMPILER_POLL_S):
             continue
 

@@ -1,4 +1,4 @@
-"""What a run's log tells while frames go by: when it is lost, when it has recovered, and when its camera changes."""
+"""Logs changes during a run: the camera is lost, it has recovered, or another calibration is used."""
 
 import logging
 
@@ -16,13 +16,13 @@ class ToldChanges:
         self._camera: Camera | None = None
 
     def state(self, before: Estimate | None, now: Estimate) -> None:
-        """Tell that the camera is lost, or that it is no longer; `before` is the estimate of the frame before."""
+        """Log that the camera is lost, or no longer lost; `before` is the estimate of the frame before."""
         earlier = None if before is None else before.state
         if now.state is not earlier and State.LOST in (now.state, earlier):
             _LOG.info("frame %d: %s: %s", now.sequence, now.state.value, now.reason)
 
     def camera(self, odometry: Odometry, now: Estimate) -> None:
-        """Tell that frames are measured by another camera than the one given, or by yet another one."""
+        """Log that frames are measured by another calibration than the one given, or that it changed again."""
         latest = latest_calibration(odometry)
         if latest is None or odometry.camera_in_use is self._camera:
             return

@@ -14,7 +14,7 @@ from odom.wire import Message, codec
 from odom.wire.codec import cdr
 
 _FAR_PERCENT, _INERTIA = 99.5, 0.9
-"""The colours of depth end at this percentile, since single pixels are far off; it follows the scene with this share of
+"""The colours of depth end at this percentile, since single pixels are far off. It is smoothed by keeping this share of
 the last frame's value: less flickers, more lags behind (0.9: a third of a second)."""
 _PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
 _FRUSTUM_M = 0.2

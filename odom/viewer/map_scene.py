@@ -91,7 +91,7 @@ class MapScene:
         yield from self._clouds(stamp)
 
     def cloud(self, keyframe: Stamp, cloud: Cloud) -> Iterator[EntityUpdate]:
-        """Take the cloud of a newer key frame; yield it when its place is known, and what had to go for it."""
+        """Take the cloud of a newer key frame; yield it once its place is known, and the removal of older ones."""
         if self.clouds.newest is not None and keyframe <= self.clouds.newest:
             return
         for gone in self.clouds.keep(keyframe, cloud):

@@ -23,7 +23,7 @@ _REFRESH_NS = 1_000_000_000
 _JUDGE_NS = 200_000_000
 """Between two comparisons with truth, of all poses since the one before."""
 _RESTART_NS = 5_000_000_000
-"""Stamps that go back by more begin a new run (a recording played again); out of order they are by milliseconds."""
+"""Stamps that go back by more begin a new run (a recording played again); stamps out of order do by milliseconds."""
 
 _SERIES: tuple[tuple[str, tuple[str, ...], tuple[tuple[int, ...], ...]], ...] = (
     (entities.POSITION_ERROR, ("error", "3 sigma"), (palette.CORRECTED, palette.BOUND)),
@@ -109,7 +109,7 @@ class Scene:
             way.prepend(trajectory(poses))
 
     def new_frame(self) -> Frame | None:
-        """Return where the eye of the map should stand from now on, None where it should stay; each frame once."""
+        """Return the new viewpoint of the map, None where it should stay; each frame is returned once."""
         frame, self._frame = self._frame, None
         return frame
 
@@ -120,7 +120,7 @@ class Scene:
             yield from self._refresh(self._newest)
 
     def trajectories(self) -> Iterator[EntityUpdate]:
-        """Yield the whole trajectories and the summary as they are by now, at once: nothing is calibrated for it."""
+        """Yield the whole trajectories and the summary as they are now, without a new calibration."""
         if self._newest is not None:
             yield from self._refresh(self._newest, calibrates=False)
 

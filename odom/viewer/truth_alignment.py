@@ -26,12 +26,12 @@ from odom.viewer.claimed_covariances import ClaimedCovariances
 MAX_GAP_S = 0.1
 """Truth is interpolated over at most this gap, as in the evaluation."""
 _MAX_THINNED_GAP_S = 1.0
-"""The same of a trajectory of hours, which has been thinned."""
+"""The same for a trajectory of hours, which has been thinned out."""
 _MIN_POSES = 10
 """Poses that an alignment needs; it has six unknowns."""
 _SURE_RAD = np.radians(3.0)
-"""Standard deviation of the alignment's rotation from which on truth is shown: more, and it hangs askew for all to see;
-less lets a short walk with motion capture wait for long."""
+"""Truth is shown once the standard deviation of the alignment's rotation is below this: with more it is visibly askew,
+with less a short walk with motion capture waits for long."""
 _MARKERS_ALONE = np.diag(np.square([0.01, 0.01, 0.01, np.inf, np.inf, np.inf]))
 """Before the marker body is calibrated its orientation says nothing, and its position (1 cm) only ..."""
 _LEVER = np.diag(np.square([0.1, 0.1, 0.1, 0.0, 0.0, 0.0]))
@@ -57,7 +57,7 @@ class Calibrated:
 
 @dataclass(frozen=True, eq=False)
 class TruthInMap:
-    """How truth lies in the map, and how far off the estimate then is.
+    """Where truth lies in the map, and how far the estimate is from it.
 
     The true camera pose in the map at t is `T_map_truth @ T_truth_body(t + offset) @ T_body_camera`, the last two as
     `calibrated` says, where that is known. `truth_covariance` (6 x 6) is that of a true camera pose. `ate_m` is as the
@@ -119,7 +119,7 @@ def in_map(truth: Trajectory, fit: TruthInMap) -> Trajectory:
 def align_truth(
     estimate: Trajectory, claimed: ClaimedCovariances, truth: Trajectory, calibrated: Calibrated | None, markers: bool
 ) -> TruthInMap | None:
-    """Return truth aligned with the estimate (map frame), None while too little is known to show it.
+    """Return truth aligned with the estimate (map frame), None while too little is known.
 
     `markers` says that truth is of a marker body, not of the camera itself.
     """
@@ -155,7 +155,7 @@ def _by_claims(T: Array, T_truth: Array, claimed: Array, is_known: Mask, own: Ar
 
 
 def _gap_s(truth: Trajectory) -> float:
-    """Return the gap to interpolate over: that of the evaluation, or more where truth has been thinned."""
+    """Return the longest gap to interpolate over: that of the evaluation, or more where truth has been thinned out."""
     thinned = 3e-9 * float(np.median(np.diff(truth.stamps)))
     return min(max(MAX_GAP_S, thinned), _MAX_THINNED_GAP_S)
 

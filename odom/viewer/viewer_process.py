@@ -1,4 +1,4 @@
-"""The viewer's process: passes messages from Zenoh to Rerun. It acknowledges none, so that it delays no sender."""
+"""The viewer's process: passes messages from Zenoh to Rerun. It never acknowledges, so that no sender waits for it."""
 
 import logging
 import os
@@ -27,21 +27,21 @@ _LOG = logging.getLogger(__name__)
 _NICE = 10
 """Niceness: on a busy machine the odometry goes first."""
 _WAIT_S = 0.01
-"""Longest wait for an image, in which small messages wait too."""
+"""Longest wait for an image; small messages wait as long."""
 _SMALL_AT_ONCE = 200
 """Small messages shown before the next image: fewer lag behind motion capture at 240 Hz, more starve the images."""
 _SMALL_WAITING = 512
-"""Small messages that wait, two seconds of them; then the oldest go."""
+"""Small messages that may wait, two seconds of them; then the oldest are dropped."""
 _HISTORY_S = 2.0
-"""For the next answer about what happened before; when an odometry gives none, the viewer opens so much later."""
+"""Wait for the next answer about earlier poses; where no odometry answers, the viewer opens this much later."""
 _WHOLE_HISTORY_S = 60.0
-"""For all answers of a kind: a hundred clouds take seconds on a busy machine, and those cut off would never come."""
+"""Wait for all answers of a kind: a hundred clouds take seconds on a busy machine, and the rest would never come."""
 _REPEAT_S = 20.0
 """Between two drawings of everything for browsers that open late, when Rerun's server has forgotten the first."""
 _LAST_WORDS_S = 1.0
-"""For messages that still wait when the viewer is asked to end: on a busy machine they would take half a minute."""
+"""Time for messages that wait when the viewer is asked to end: on a busy machine all would take half a minute."""
 _GRACE_S = 2.0
-"""Behind the end of the source, for the odometry's last words, before a viewer that only writes a file ends."""
+"""Wait after the end of the source for the odometry's last messages, before a viewer that only writes a file ends."""
 
 
 def view(

@@ -59,7 +59,7 @@ class DepthRegistration:
         registered = np.full((camera.height, camera.width), np.iinfo(np.uint16).max, dtype=np.uint16)
         shift = self.T_color_depth[:3, 3] * 1e3
         intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
-        from sensors.depth_splat import splat  # most sources need none, and so not the compiler either
+        from sensors.depth_splat import splat  # imported here: most sources need neither this nor the compiler
 
         splat(depth_mm, self._corner_rays, shift, intrinsics, distortion, registered)
         registered[registered == np.iinfo(np.uint16).max] = 0
@@ -69,10 +69,10 @@ class DepthRegistration:
 def load_depth_registration(path: Path, color_camera: Camera) -> DepthRegistration | None:
     """Return what the calibration file says about the depth camera, None when it says nothing.
 
-    Beside ROS's keys for the colour camera the YAML file may hold `depth_camera` (the same keys again),
-    `T_color_depth` (`data`: 16 numbers, row by row, metres) and `registered_to` (a camera): depth is then registered to
-    that one, for which how depth errs was found, and not to the colour camera. Raises ConfigError when one is missing
-    or malformed.
+    Beside ROS's keys for the colour camera the YAML file may hold `depth_camera` (the same keys again), `T_color_depth`
+    (`data`: 16 numbers, row by row, metres) and `registered_to` (a camera): depth is then registered to that camera,
+    for which depth's errors were found, and not to the colour camera. Raises ConfigError when one is missing or
+    malformed.
     """
     document = yaml.safe_load(path.read_text())
     if not isinstance(document, dict) or not {"depth_camera", "T_color_depth"} & document.keys():
@@ -96,7 +96,7 @@ def load_depth_registration(path: Path, color_camera: Camera) -> DepthRegistrati
 
 
 def registration_text(registration: DepthRegistration) -> str:
-    """Return the lines of a calibration file by which depth is registered as it was when the calibration was found."""
+    """Return the lines of a calibration file that keep the registration with which the calibration was found."""
     return as_yaml(
         {
             "depth_camera": camera_keys(registration.depth_camera),

@@ -1,4 +1,4 @@
-"""Maps a device's clock to the host's: follows offset and drift, unmoved by the jitter of the transport.
+"""Maps a device's clock to the host's: follows offset and drift, but not the jitter of the transport.
 
 A time stamp of the device and the host's time at receipt differ by offset + drift * time + delay, and only the delay
 varies from one to the next. In every second the pair with the least delay is kept; the line through those (Theil-Sen:
@@ -17,11 +17,11 @@ WINDOW = 120
 FIT_AFTER = 10
 """Best pairs needed before the drift is estimated (before, it is 0): with fewer, delays are taken for drift."""
 STEP_NS = 500_000_000
-"""A larger change of offset (ns) is a clock that was set, not a delay: smaller takes a busy machine for one."""
+"""A larger change of offset (ns) means that a clock was set: smaller takes delays of a busy machine for that."""
 MAX_DRIFT = 5e-4
 """Largest drift believed, seconds per second: ten times what the worst quartz oscillators are specified with."""
 LATE_NS = 1_000_000_000
-"""Nanoseconds (of the device) after which a change of offset that stays is a clock that was set, no delay."""
+"""Nanoseconds (of the device) after which a lasting change of offset means that a clock was set."""
 TICK_TOLERANCE = 0.1
 """Relative error up to which a measured unit is a known one: the nearest two known units differ by a quarter."""
 KNOWN_TICKS_NS = (1e3, 1e3 / 60, 125e3, 100e3, 1.0, 1e6)
@@ -74,7 +74,7 @@ class ClockMapping:
         self._fit()
 
     def _is_delay(self, device_ns: int, offset: int) -> bool:
-        """Say whether a pair far off the line came late; otherwise a clock was set. A delay passes within a second."""
+        """Return whether a pair far off the line came late; otherwise a clock was set. A delay lasts under a second."""
         if offset < self.offset_ns(device_ns):
             return False
         if self._late_since is None:

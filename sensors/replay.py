@@ -19,7 +19,7 @@ _TRUTH_ROLE = "truth"
 _PEEK_BYTES = 128 << 20
 """Bytes of a recording read to find its streams (4 s of raw images): less may miss one, more delays the start."""
 _TOLD = 5
-"""Damages of a recording that are told; the others are counted: each is a line."""
+"""Most damages of a recording that are logged, a line each; the others are only counted."""
 _BEYOND = 200
 """Reading stops after this many messages in a row beyond `end`: fewer may be out of order, more are read in vain."""
 
@@ -69,7 +69,7 @@ class ReplaySource:
         self._closed = False
 
     def messages(self) -> Iterator[Message]:
-        """Yield the calibration, then everything by stamp; says at the end what the recording lacks."""
+        """Yield the calibration, then everything by stamp; log at the end what the recording lacks."""
         yield from (restamp(message, self._begin) for message in self._calibration)
         wanted = {*self._keys, *({self._info_topic} if self._info_topic else ())}
         for message in self._until_end(self._reader.messages(wanted, self._start)):
@@ -139,7 +139,7 @@ def _truths(streams: list[RecordedStream], counts: Mapping[str, int], named: str
 
     Raises ConfigError when that one is not there or holds something else.
     """
-    # a topic that begins behind what was peeked at is taken at its name
+    # a topic that begins after the part looked at is trusted by its name
     types = {**dict.fromkeys(counts, cdr.POSE), **{stream.topic: stream.type_name for stream in streams}}
     if named is None:
         return {
@@ -158,7 +158,7 @@ def _truths(streams: list[RecordedStream], counts: Mapping[str, int], named: str
 
 
 def _shows_depth_model(stream: RecordedStream) -> bool:
-    """Return whether a stream says how depth errs, as `odom calibrate` finds it."""
+    """Return whether a stream holds the model of depth's errors that `odom calibrate` finds."""
     try:
         return stream.type_name == cdr.CAMERA_INFO and decode_depth_model(stream.first) is not None
     except WireError:

@@ -17,7 +17,8 @@ def chain_fields(out_dir: Path, truth: Trajectory, options: EvaluationOptions) -
     """Return the errors of `chain.txt` against `truth` of the camera, and the NEES of its links.
 
     NEES allows for the truth's own noise where its samples show it, `..._exact_truth` does not. A figure that cannot be
-    computed is None. Behind a hole the chain goes on from where it stood: the motion over the hole is in its error.
+    computed is None. After a hole the chain goes on from its last pose: its error then includes the motion over the
+    hole.
     """
     fields: dict[str, Any] = trajectory_fields(out_dir / "chain.txt", truth, options)
     fields |= dict.fromkeys(("nees_frame", "nees_frame_exact_truth"))

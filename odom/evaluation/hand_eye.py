@@ -25,19 +25,19 @@ MINIMUM = 20
 """Poses that a calibration needs at least."""
 
 _WHITENINGS = 4
-"""Rounds of learning the errors' model and solving anew; after three nothing moves any more."""
+"""Rounds of learning the errors' model and solving again; nothing changes after three."""
 _ITERATIONS, _CONVERGED = 30, 1e-6
 """Gauss-Newton steps at most (some six are needed), ended by a smaller step (m, rad, s)."""
 _GROUP_S, _GROUPS = 1.0 / 6.0, 100
 """Length of a group of frames, and the number of groups that is kept in a short recording: a body carried by hand
 moves too slowly for shorter groups to say more; longer ones blur its motion."""
 _BLOCK_S = 5.0
-"""Errors are taken to hang together for so long: a shorter time claims too much, a longer one leaves few blocks."""
+"""Errors count as correlated within this time: a shorter one claims too much, a longer one leaves few blocks."""
 _WILD = 15.0
-"""Distance from the median, over the median distance, beyond which a frame's truth is not believed: smaller leaves
-out brisk motion, larger lets a jump of the motion capture spoil its group."""
+"""A frame's truth is not believed beyond this ratio of its distance from the median to the median distance: smaller
+leaves out brisk motion, larger lets a jump of the motion capture spoil its group."""
 _LEASH_S = 0.025
-"""How far the offset may move from that of the angular speeds, which is good to a few milliseconds."""
+"""How far the offset may move from that found by angular speeds, which is good to a few milliseconds."""
 _DERIVATIVE_S = 0.01
 """Step of the numerical derivative by the offset: the period of 100 Hz truth, between whose samples it is linear."""
 _CAUCHY = 24.0
@@ -59,7 +59,7 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class HandEye:
-    """The frames, which have truth 40 ms before and after them too, and which of X (6), Y (6), offset (1) are free.
+    """The frames, each with truth 40 ms before and after it too, and which of X (6), Y (6), offset (1) are free.
 
     `offset_s` is a first guess, good to a few milliseconds; `imposed` is the `T_body_camera` when that is not free.
     """
@@ -176,7 +176,7 @@ class HandEye:
         return float(np.log1p(np.square(r).sum(axis=1) / _CAUCHY).sum())
 
     def _sigma(self, state: State, whiten: Whitener) -> Array:
-        """Return 13 standard deviations, 0 of what is not free; blocks of errors that hang together last 5 s."""
+        """Return 13 standard deviations, 0 for what is not free; errors count as correlated within blocks of 5 s."""
         H, _, scores = self._normal_equations(state, whiten)
         per_block = max(1, round(_BLOCK_S * len(scores) / max(self.estimate.duration_s, 1e-3)))
         out = np.zeros(13)

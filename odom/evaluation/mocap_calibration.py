@@ -1,7 +1,7 @@
 """Clock offset and hand-eye transformation between motion capture and camera, each with its uncertainty.
 
-The clocks are brought together to a few milliseconds by the angular speeds (`clock`), then everything is estimated in
-one least-squares problem (`hand_eye`).
+The clock offset is first found to a few milliseconds by angular speeds (`clock_offset`), then everything is estimated
+in one least-squares problem (`hand_eye`).
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from odom.evaluation.trajectory import Trajectory, angles, inverse_all
 from odom.geometry.arrays import Array, Mask
 
 _REACH_S = 0.04
-"""A pose needs truth so long before and after it: beyond what the offset may move by while it is refined."""
+"""A pose needs truth this long before and after it: longer than the offset may move while it is refined."""
 _WILD = 3.0
 """Truth that turns so many times faster than the camera's 95th percentile has jumped: such frames are left out."""
 _SLOW_RAD_S = 0.5

@@ -1,4 +1,4 @@
-"""Two measurements of what frames cost, compared frame by frame: how much dearer or cheaper, and how sure that is."""
+"""Compares two measurements of the cost of frames, frame by frame: the change, and its confidence interval."""
 
 from dataclasses import dataclass
 

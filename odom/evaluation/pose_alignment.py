@@ -22,7 +22,7 @@ _ITERATIONS, _CONVERGED = 50, 1e-10
 _UNDETERMINED = 1e-10
 """Smallest over largest eigenvalue of the scaled information, below which a direction is rounding, not measured."""
 _LEARNINGS = 5
-"""Rounds of learning the errors' size from the errors; after three nothing moves any more."""
+"""Rounds of learning the errors' size from the errors; nothing changes after three."""
 _LEAST_M, _LEAST_RAD = 1e-6, 1e-6
 """Floor of a learnt standard deviation: an estimate that equals its truth has no errors to learn from."""
 
@@ -31,10 +31,10 @@ _LEAST_M, _LEAST_RAD = 1e-6, 1e-6
 class PoseErrors:
     """What is known of the errors of n pairs of poses; covariances in the camera's frame (`geometry.se3`), SI units.
 
-    `independent` (n x 6 x 6): new at each pose, as the noise of motion capture. An infinite variance says that nothing
-    is known along that axis. `shared` (n x 6 x 6): hangs together over all poses, as an odometry's drift since it
-    began; it is taken as one error, scaled at each pose to that covariance. `hand_eye` (6 x 6): of the camera in the
-    body whose truth it is, one error for all poses, fixed to the camera.
+    `independent` (n x 6 x 6): new at each pose, as the noise of motion capture. An infinite variance means that nothing
+    is known along that axis. `shared` (n x 6 x 6): correlated over all poses, as an odometry's drift since it began; it
+    is treated as one error, scaled at each pose to that covariance. `hand_eye` (6 x 6): of the camera in the body whose
+    truth it is, one error for all poses, fixed to the camera.
     """
 
     independent: Array
@@ -62,7 +62,7 @@ class PoseAlignment:
 
 @dataclass(frozen=True)
 class PoseFigures:
-    """Errors after an alignment by poses (RMSE), and the alignment's own worst standard deviations at the poses."""
+    """Errors after an alignment by poses (RMSE), and the worst standard deviations of that alignment at the poses."""
 
     rmse_m: float
     rmse_deg: float
@@ -106,7 +106,7 @@ def align_poses(T_estimate: Array, T_truth: Array, errors: PoseErrors) -> PoseAl
 def align_poses_alike(T_estimate: Array, T_truth: Array, hand_eye: Array | None = None) -> PoseAlignment:
     """Return the alignment where no covariance is known: the size of the errors is learnt from the errors.
 
-    One standard deviation for positions and one for orientations; all errors are taken to hang together, so the
+    One standard deviation for positions and one for orientations; all errors are treated as correlated, so the
     alignment is no surer than a single pose. Raises InputError like `align_poses`.
     """
     n, sigma = len(T_estimate), np.ones(2)

@@ -1,4 +1,4 @@
-"""Standard deviations of a least-squares solution that stay honest when the model of the errors is not exact."""
+"""Standard deviations of a least-squares solution that stay valid when the model of the errors is not exact."""
 
 import numpy as np
 

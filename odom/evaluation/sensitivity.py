@@ -14,7 +14,7 @@ from odom.geometry.tuning import documented
 PACKAGES = ("registration", "frontend", "backend")
 """Packages of the algorithms: their `tuning` modules hold the numbers."""
 _ASIDE = ("paper", "cloud_features")
-"""Rooms of theirs for the paper's tables and its physical experiment: none of their numbers touches the odometry."""
+"""Their packages for the paper's tables and physical experiment: none of their numbers affects the odometry."""
 
 _FEWER_POSES = 0.98
 """A run with a smaller share of the usual number of poses is remarked on; it does not change the order of the table."""

@@ -92,7 +92,7 @@ class Trajectory:
         return self if len(numbers) < 2 else self.take(self.segment == numbers[np.argmax(counts)])
 
     def in_segments_of(self, other: "Trajectory") -> "Trajectory":
-        """Return the trajectory with each pose in the segment of the latest pose of `other` that is not after it."""
+        """Return the trajectory with each pose given the segment of the latest pose of `other` that is not after it."""
         if other.segment is None:
             return replace(self, segment=None)
         index = np.searchsorted(other.stamps, self.stamps, side="right") - 1

@@ -37,7 +37,7 @@ _COMPRESSION = 2
 _STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans", "font.size": 9.5,
     "axes.titlesize": 10.5, "axes.titleweight": "bold", "axes.titlelocation": "left",
-    "axes.titley": 1.0,  # where it would be put anyhow, after a look at all that might be in its way
+    "axes.titley": 1.0,  # a fixed place: searching for the best one would choose the same
     "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "#666666", "axes.linewidth": 0.8,
     "axes.grid": True, "axes.axisbelow": True, "grid.color": "#e4e4e4", "grid.linewidth": 0.7,
     "legend.frameon": False, "xtick.color": "#444444", "ytick.color": "#444444",
@@ -54,9 +54,9 @@ class ClaimedError:
 
 
 def load_drawing() -> None:
-    """Import what `plot` needs, for those who have half a second before they need it.
+    """Import what `plot` needs: callers can do so ahead, as it takes half a second.
 
-    A quarter of that matplotlib would write documentation of its own classes, which nobody reads here.
+    Matplotlib would take a quarter of that to write documentation of its own classes, which is left out.
     """
     from matplotlib import artist as artists
 
@@ -78,8 +78,8 @@ def plot(
 ) -> None:
     """Draw the matched trajectories from above and from the side, errors over time and their histogram.
 
-    `online` is the causal estimate, `claimed` the bound its covariance promises. Up is the world's axis to which the
-    camera held its own up direction most of the time: motion capture has y up, most else z.
+    `online` is the causal estimate, `claimed` the bound its covariance promises. Up is the world's axis nearest to the
+    camera's own up direction on average: motion capture has y up, most others z.
     """
     R_drawn_world = _upright(final.truth.T_world_body)
     final, online = _turned(final, R_drawn_world), _turned(online, R_drawn_world) if online else None

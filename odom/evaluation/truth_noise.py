@@ -14,7 +14,7 @@ from odom.geometry.rotations import vectors_of
 _LONGEST_PERIOD_S = 0.0125
 """At less than 80 Hz a hand's own jerk hides the noise in third differences."""
 _LEAST_POSES = 100
-"""Fewer make the median rough: 100 give the standard deviation to 12 %."""
+"""With fewer the median is rough: 100 give the standard deviation to 12 %."""
 _THIRD_DIFFERENCE_GAIN = np.sqrt(20.0)
 """Standard deviation of the third difference (1, -3, 3, -1) of white noise of unit variance."""
 _INTERPOLATED = 2.0 / 3.0

@@ -1,4 +1,4 @@
-"""How a depth image errs: where it lies against the colour image, and what it says of a distance."""
+"""The systematic errors of a depth image: its place against the colour image, and its distances."""
 
 from dataclasses import dataclass, fields
 
@@ -13,7 +13,8 @@ FIELD_TERMS = ("1", "x", "y", "xx", "xy", "yy")
 _EXACT = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """Numbers of a depth that is right: scale 1, nothing else."""
 _FIRST_GUESS, _LOOKS = 0.5, 3
-"""Inverse depth (1/m) at which a pixel is first looked for in a depth image from beside, and how often it is."""
+"""Inverse depth (1/m) at which a colour pixel is first searched in a depth image seen from beside, and the number of
+searches."""
 _LEAST_INVERSE = 1.0 / 65.0
 """Least inverse depth (1/m) that fits into 16 bits of millimetres."""
 _NO_FIELD = (0.0,) * len(FIELD_TERMS)
@@ -22,14 +23,14 @@ _NO_FIELD = (0.0,) * len(FIELD_TERMS)
 
 @dataclass(frozen=True)
 class DepthModel:
-    """What depth shows against what it should, z being the true distance in metres.
+    """The relation of measured to true depth, z being the true distance in metres.
 
     The colour image lies `shift_px + baseline_px_m / z + stretch * (uv - middle)` right of and below the depth image:
     the first is a wrong table or offset, the second two cameras side by side whose distance was not corrected (focal
     length times distance), the third two focal lengths (1 - depth's / colour's); `uv` is the pixel in colour, `middle`
-    that of the image.
-    The inverse depth measured is `offset + scale / z`, both smooth fields over the image (see `FIELD_TERMS`, six
-    coefficients, offset in 1/m): a structured-light sensor errs so in disparity, and its unit may be off.
+    that of the image. The inverse depth measured is `offset + scale / z`, both smooth fields over the image (see
+    `FIELD_TERMS`, six coefficients, offset in 1/m): such are a structured-light sensor's errors of disparity, and its
+    unit may be off.
 
     Raises ConfigError when a value is not finite, their number is another or the scale not positive.
     """
@@ -50,7 +51,7 @@ class DepthModel:
             raise ConfigError(f"scale of the depth model {self.scale}: it would be negative somewhere in the image")
 
     def __repr__(self) -> str:
-        """Return what is not as in a depth image without errors, for the log."""
+        """Return the values that differ from those of an exact depth image, for the log."""
         values = ((field, getattr(self, field.name)) for field in fields(self))
         named = ((field.name, value) for field, value in values if value != field.default)
         return f"DepthModel({', '.join(f'{name}={value}' for name, value in named)})"
@@ -62,13 +63,13 @@ class DepthModel:
 
     @classmethod
     def of(cls, vector: Array) -> "DepthModel":
-        """Return the model with such a `vector` (18, or 16 where none has a stretch); raises ConfigError as above."""
+        """Return the model with such a `vector` (18 numbers, or 16 without stretch); raises ConfigError as above."""
         v = tuple(np.asarray(vector, dtype=np.float64).tolist())
         return cls(v[0:2], v[2:4], v[4:10], v[10:16], v[16:] or cls.stretch)
 
 
 EXACT_DEPTH = DepthModel()
-"""A depth image that lies on the colour image and says what is true."""
+"""A depth image that lies exactly on the colour image and has no error."""
 
 
 def field_terms(uv: Array, width: int, height: int) -> Array:
@@ -99,7 +100,7 @@ def aside_px(model: Array, uv: Array, inverse_depth: Array, width: int, height: 
 
 
 def corrected_depth(depth_mm: NDArray[np.uint16], model: DepthModel) -> NDArray[np.uint16]:
-    """Return a depth image (H x W uint16, mm, 0: none) as it should be: on the colour image, in true millimetres.
+    """Return a depth image (H x W uint16, mm, 0: none) corrected: registered to the colour image, in true millimetres.
 
     For maps and pictures; the odometry corrects features alone. Each pixel is looked up where its own depth puts it.
     """

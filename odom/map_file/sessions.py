@@ -14,7 +14,7 @@ from odom.map_file.arrays import checked, unchecked
 
 _SAME_PX = 1.0
 """Two calibrations are of one camera where no pixel's ray differs by more: then patches of one are found with the
-other. Their depth errors may differ: the landmarks' positions are already corrected."""
+other. Their models of depth errors may differ, which moves no landmark."""
 
 
 @dataclass(frozen=True)

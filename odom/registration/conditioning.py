@@ -16,7 +16,7 @@ def scatter(q: Array, W: Array, g: Array, mean: Array, S: Array) -> tuple[float,
     used = total = 0.0
     mx = my = mz = 0.0
     xx = xy = xz = yy = yz = zz = 0.0
-    a, b, c = q[0, 0], q[0, 1], q[0, 2]  # sums are about the first point: no digits are lost
+    a, b, c = q[0, 0], q[0, 1], q[0, 2]  # sums are taken about the first point, so that no digits are lost
     for k in range(len(q)):
         w = g[k] * W[k, 6]
         if w > 0.0:

@@ -16,7 +16,7 @@ from odom.registration.tuning import TUNING
 
 
 class Judgement(NamedTuple):
-    """What is known beside the solution: how the covariance grows, the observed variance factor, what was used."""
+    """What is known beside the solution: the covariance's inflation, the observed variance factor, and details."""
 
     inflation: float = 1.0
     variance_factor: float = 1.0

@@ -28,7 +28,7 @@ class NoiseModel(Protocol):
 
 
 def _steepness(incidence_rad: Array | float, power: int) -> Array | float:
-    """Return `(th / (pi/2 - th))^power`, the growth of noise on slanted surfaces; from 80 degrees on it stays."""
+    """Return `(th / (pi/2 - th))^power`, the growth of noise on slanted surfaces; constant from 80 degrees on."""
     th = np.minimum(np.abs(incidence_rad), np.deg2rad(80.0))
     return np.asarray((th / (np.pi / 2 - th)) ** power)
 

@@ -37,7 +37,7 @@ class Solution(NamedTuple):
 
     @property
     def freedom(self) -> float:
-        """The degrees of freedom of the sum of chi2: three for each pair, less the motion's six; 0 if undetermined."""
+        """The degrees of freedom of the sum of chi2: three per pair, less six for the motion; 0 if undetermined."""
         return 3.0 * float(self.sums[0]) - 6.0 if self.determined and self.sums[0] > 2.0 else 0.0
 
     @property
@@ -50,7 +50,7 @@ class Solution(NamedTuple):
 def solve(
     arrays: Arrays, prior: Prior | None, T: Array, weights: Array, bound: float = np.inf, alpha: float = 0.0
 ) -> Solution:
-    """Return the recursion's solution, S_k linearised at `T` first; pairs within `bound` join or leave on the way.
+    """Return the recursion's solution, S_k linearised at `T` first; pairs within `bound` are chosen anew each round.
 
     `alpha` > 0 takes the norm-bounded form of the source's noise. Raises InputError for a covariance that is not
     positive definite.

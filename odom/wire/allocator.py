@@ -1,4 +1,4 @@
-"""What becomes of memory that a process no longer needs. A system or C library without these settings is left alone."""
+"""Returns freed memory to the system. A system or C library without these settings is left alone."""
 
 import ctypes
 from collections.abc import Iterator
@@ -12,9 +12,9 @@ _LARGE_BYTES = 128 << 10
 """Size from which a freed block goes back to the system at once: glibc's own threshold at the start of a process.
 Larger: holes stay in memory, with which a recorder grew by some 15 MB an hour; smaller: more page faults."""
 _LARGER_THAN_IMAGES_BYTES = 2 << 20
-"""The same where images of a VGA camera are kept to be written over: depth is 600 kB, colour 900."""
+"""The same for a process that reuses the memory of VGA images: depth is 600 kB, colour 900."""
 _ARENAS = 2
-"""Pools that threads take small blocks from. glibc would make eight for each core, and none gives back to another."""
+"""Pools from which threads take small blocks. glibc would make eight for each core, and none gives back to another."""
 
 
 def give_back_large_blocks() -> None:
@@ -27,7 +27,7 @@ def give_back_large_blocks() -> None:
 
 
 def keep_little() -> None:
-    """Let the C library give what is larger than an image back as soon as it is freed, and keep few pools of the rest.
+    """Let the C library return blocks larger than an image as soon as they are freed, and keep few pools of the rest.
 
     For a process that computes in several threads, before it starts the first one: its odometry then takes 37 MB less.
     """
@@ -44,9 +44,9 @@ def give_back_freed() -> None:
 
 
 def give_back_code() -> None:
-    """Let go of the code of libraries at the end of a start: most is not called again, least of all the compiler's.
+    """Unmap the code of libraries at the end of a start: most is not called again, least of all the compiler's.
 
-    What is called again is mapped again, from the system's cache of files. Code that was changed in memory stays.
+    Code that is called again is loaded again from the system's cache of files. Code that was changed in memory stays.
     """
     libc = ctypes.CDLL(None, use_errno=True)
     for begin, end in _unchanged_code():

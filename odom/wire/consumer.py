@@ -74,7 +74,7 @@ class Consumer:
         self.ended = None
 
     def _acknowledge_consumed(self) -> None:
-        """Acknowledge the last message, unless it is a small one and others wait: a later one then stands for it.
+        """Acknowledge the last message, unless it is small and others wait: a later acknowledgement then includes it.
 
         It is done once only: a repeated 0 for `waiting` would hide that this consumer waits.
         """

@@ -1,4 +1,4 @@
-"""What became of the images of a stream: those given are used, or refused for a reason."""
+"""Counts of the images of a stream: those given are used, or refused for a reason."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -36,7 +36,7 @@ class ImageCounts:
         self.refused[reason] += 1
 
     def withdraw(self, reason: str) -> None:
-        """Count an image that passed for used as not used."""
+        """Count an image as not used that was counted as used before."""
         self.used -= 1
         self.refused[reason] += 1
 

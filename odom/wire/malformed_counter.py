@@ -1,4 +1,4 @@
-"""Counts the messages that cannot be used, by key, and tells when a key is flooded with them."""
+"""Counts the messages that cannot be used, by key, and reports keys that are flooded with them."""
 
 import logging
 import threading

@@ -1,4 +1,4 @@
-"""Tells when two processes do the same job for one device: their messages would alternate, and nobody would know why.
+"""Warns when two processes do the same job for one device: their messages would alternate for no visible reason.
 
 Beside the token of its role, `<ns>/alive/odometry`, a process declares one of its own, `<ns>/alive/odometry/HOST-PID`.
 """
@@ -13,10 +13,10 @@ from odom.wire.session import WireSession
 from odom.wire.topics import Topics
 
 JOBS = {"sensor": ("sensors send images", "images"), "odometry": ("odometry processes publish poses", "poses")}
-"""What is told about several processes of a role."""
+"""What is reported about several processes of a role."""
 PATIENCE_S = 5.0
-"""How long several are borne before it is told. Shorter: one that died seems to live on beside its successor for the
-lease of its link, 2 s by default; longer: poses of two are mixed for longer before anybody is told."""
+"""How long several are tolerated before the warning. Shorter: a dead process seems to live on beside its successor for
+the lease of its link, 2 s by default; longer: poses of two are mixed for longer before the warning."""
 _NOT_IN_A_KEY = re.compile(r"[^A-Za-z0-9_.-]")
 
 

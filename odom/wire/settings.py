@@ -17,7 +17,7 @@ Compression = Literal["zstd", "lz4", "none"]
 
 
 class WireSettings(BaseModel, frozen=True, extra="forbid"):
-    """How this process meets the others; by default over the loopback interface of this machine only.
+    """How this process connects to the others; by default over the loopback interface of this machine only.
 
     A `peer` finds the others through any one of the `connect` endpoints and then talks to each directly; a `client`
     talks to its router only; a `router` passes messages on between those that it does not itself concern.
@@ -49,8 +49,8 @@ class WireSettings(BaseModel, frozen=True, extra="forbid"):
         """Return the settings of a process that connects to the others but listens only where it was told to.
 
         The process that starts first listens at the meeting point. While it is frozen the system still accepts
-        connections for it, so that all who come later wait there and never meet: no process that only watches, such as
-        a viewer, may hold that place.
+        connections for it, so that all later processes wait there and never meet: so no process that only watches, such
+        as a viewer, may listen there.
         """
         return self.model_copy(update={"listen": tuple(where for where in self.listen if self.on_purpose(where))})
 

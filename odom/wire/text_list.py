@@ -1,4 +1,4 @@
-"""Lists of texts as they are typed: a JSON list, a single text, or several with commas between them."""
+"""Lists of texts as users type them: a JSON list, a single text, or several separated by commas."""
 
 from typing import Annotated
 

@@ -78,9 +78,9 @@ class Topics:
     camera_info = _Key("color/camera_info", "sensor_msgs/msg/CameraInfo")
     """Calibration of the colour image, repeated every second for late joiners."""
     depth_info = _Key("depth/camera_info", "sensor_msgs/msg/CameraInfo")
-    """How the depth image errs, where that is known: sent before each calibration."""
+    """The errors of the depth image, where known: sent before each calibration."""
     device = _Key("device", "diagnostic_msgs/msg/DiagnosticArray")
-    """What a live sensor is, every second: name, serial number, what it lost."""
+    """The live sensor, every second: name, serial number, lost images."""
     odom = _Key("odom", "nav_msgs/msg/Odometry")
     """The causal pose with covariance, every frame."""
     pose = _Key("pose", "geometry_msgs/msg/PoseStamped")
@@ -107,7 +107,7 @@ class Topics:
     end = _Key("end", "std_msgs/msg/String")
     """The source has ended, with the reason; sent in order behind the last message."""
     history = _Key("history")
-    """Query of a process that joins late: answered by the messages that say what happened before."""
+    """Query of a process that joins late: the answers are messages with the earlier poses and clouds."""
     odom_history = _Key("history/odom")
     """nav_msgs/Path: some of the earlier causal poses; an answer to a query of `history`."""
     chain_history = _Key("history/chain")

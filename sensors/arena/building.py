@@ -1,8 +1,8 @@
 """A building from a seed: rooms along a corridor that comes back to where it began, of different and look-alike kinds.
 
 Four rows of rooms, open to the corridor and furnished on its outer side, meet in corners. Each of a few kinds of rooms
-is furnished and lit once. Rooms of one kind differ by a picture of their own on the wall; those of one of the four rows
-do not: they are alike to the last book, as in `rooms.corridor`.
+is furnished and lit once. Rooms of one kind differ by a picture of their own on the wall, except in one of the four
+rows: its rooms are identical, as in `rooms.corridor`.
 """
 
 from collections.abc import Iterator, Sequence

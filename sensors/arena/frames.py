@@ -175,7 +175,7 @@ def _through_the_lens(options: ArenaOptions, walk: Walk, t: float, light: Light,
 def moving_mask(options: ArenaOptions, index: int) -> Mask:
     """Return which pixels of colour frame `index` (H x W) show a person, or the carton while it is being carried.
 
-    For tests of what an odometry makes of them: no message tells it.
+    For tests of how an odometry copes with them: no message carries it.
     """
     walk, drawn = make_walk(options), _drawn_camera(options)
     t = color_time(options, index) - (READOUT_S / 2 if options.faults else 0.0)

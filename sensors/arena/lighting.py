@@ -18,7 +18,7 @@ REACH_M = 0.9
 OCCLUDER_M2 = 0.012
 """Smaller surfaces (square metres) cast no shadow and have one light: smaller, baking takes longer."""
 AMBIENT = 0.52
-"""Light from everywhere on a point that nothing stands near, linear: larger makes shadows paler."""
+"""Ambient light on a point with nothing near it, linear: larger makes shadows paler."""
 CUBE_M = 0.15
 """Side of the cubes that surfaces are sorted into, metres; it decides the time of baking only."""
 HEMISPHERE_RAYS = 32

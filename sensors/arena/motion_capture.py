@@ -21,7 +21,7 @@ ROTATION_RAD = np.deg2rad(0.04)
 CLOCK_S = 0.00005
 """Deviation of its stamps, seconds: larger moves the truth along the path."""
 GAP_EVERY_S = 6.0
-"""Once in so many seconds the markers are hidden for 20 to 250 ms; more often, more frames have no truth."""
+"""Once in this many seconds the markers are hidden for 20 to 250 ms; smaller: more frames have no truth."""
 MISSING = 0.004
 """Share of single poses that are missing."""
 

@@ -54,9 +54,9 @@ class ArenaOptions:
     `exact_truth` adds the camera's own exact pose. `start` is the first stamp (nanoseconds).
 
     `focal_x`, `focal_y` (ratios) and `centre_x_px`, `centre_y_px` are how far the camera is from the average one;
-    `told` says which of the two is sent as calibration, `exact` or `average` (then without distortion too).
-    `beside` leaves the way from infrared to colour camera out of the registration of depth, as a driver with a wrong
-    table does; `depth_scale` is what depth shows of a true metre.
+    `told` says which calibration is sent, the `exact` one or the `average` one (without distortion). `beside` leaves
+    the offset from infrared to colour camera out of the registration of depth, as a driver with a wrong table does;
+    `depth_scale` is the depth shown for a true metre.
     """
 
     seed: Annotated[int, Field(ge=0)] = 1

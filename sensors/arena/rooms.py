@@ -35,13 +35,13 @@ def laboratory(seed: int, people: int = 0, is_later: bool = False) -> Renderer:
         return draw([scene.panels], bake(scene.panels, [], lamps, seed))
     panels = scene.panels + seats(seed)
     crowd = People.of(seed, people)
-    # who moves takes along the light of the middle of the room, and casts no shadow
+    # people are lit as in the middle of the room wherever they are, and cast no shadow
     light = [on_it for one in crowd.in_the_middle() for on_it in bake(one, [], lamps, seed)]
     return draw([panels], bake(panels, [], lamps, seed), crowd, light)
 
 
 def corridor(seed: int) -> Renderer:
-    """Return a row of rooms, open to a corridor along x and identical to the last book; the first one's middle is 0."""
+    """Return a row of rooms, open to a corridor along x and identical in every detail; the first one's middle is 0."""
     builder = SceneBuilder(np.random.default_rng([seed, 2]))
     builder.add("bay", np.eye(4), length=BAY_M)
     panels, (light,) = builder.scene.panels, builder.scene.lamps

@@ -1,9 +1,9 @@
 """A rolling shutter: a colour chip is read out row by row, so each row shows another instant than the one above.
 
-The picture is drawn once, as the camera at its middle row's instant sees it; then each pixel is looked up where the
-ray that its row saw met that picture. What is approximated: the path during the readout is a parabola through three
-poses, the depth that a ray meets is that of the drawn picture (one step of a fixed-point search), and what stood
-hidden behind a near thing in it stays hidden, a pixel or two at most at the speed of a walk.
+The picture is drawn once, as the camera at its middle row's instant sees it; then each pixel is looked up where the ray
+that its row saw met that picture. Approximations: the path during the readout is a parabola through three poses; the
+depth that a ray meets is that of the drawn picture (one step of a fixed-point search); what is hidden behind a near
+thing there stays hidden, a pixel or two at most at walking speed.
 """
 
 import numpy as np

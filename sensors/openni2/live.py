@@ -26,7 +26,7 @@ NEWS_EVERY_NS = 1_000_000_000
 
 
 class LiveKinect:
-    """Colour and depth of one device; what the consumer has no time for is dropped, the oldest first, and counted.
+    """Colour and depth of one device; what the consumer is too slow for is dropped, the oldest first, and counted.
 
     `wanted` is an address or serial number, empty for the first device. Raises DeviceError when it cannot be opened;
     later failures are logged, and its `capture` opens the device again.

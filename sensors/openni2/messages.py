@@ -1,4 +1,4 @@
-"""Makes wire messages of an OpenNI2 device's images."""
+"""Makes wire messages from an OpenNI2 device's images."""
 
 import logging
 
@@ -82,7 +82,7 @@ class DeviceEncoder:
 
 
 def _remembered(serial: str, size: tuple[int, int]) -> Camera | None:
-    """Return the camera that `odom run --remember` left for a device, None where there is none of images of a size."""
+    """Return the camera that `odom run --remember` kept for a device, None where there is none for this image size."""
     try:
         path = remembered_file(serial)
         if not path.is_file():

@@ -10,7 +10,7 @@ from sensors.openni2.device import serial_number
 _log = logging.getLogger(__name__)
 
 RESTART_EVERY = 5
-"""Every so many looks the library is restarted for a driver that lists devices only then: rarer finds them later."""
+"""Looks between two restarts of the library, for drivers that list devices only then: more find them later."""
 
 
 def find(wanted: str, listed: tuple[library.Listed, ...]) -> str | None:

@@ -1,4 +1,4 @@
-"""Hands out images received while a source was starting, faster than they were taken, until it is up to date."""
+"""Hands out images received while a source was starting, faster than their own rate, until it is up to date."""
 
 import time
 from collections import deque
@@ -19,8 +19,8 @@ _LONGEST_S = 0.1
 class CatchingUp:
     """Messages of an inbox, of which `AT_START` of a topic may have waited, and from now on `depth` may.
 
-    Those that waited come one after another. If some were dropped already, only the newest of them do: what is lost is
-    not the beginning of anything.
+    Those that waited come one after another. If some were dropped already, only the newest come: then the beginning is
+    lost anyway.
     """
 
     def __init__(self, inbox: Inbox, depth: int) -> None:

@@ -1,4 +1,4 @@
-"""Which of a driver's topics are images and calibrations, of each image one form."""
+"""Which of a driver's topics are images and calibrations, with one form of each image."""
 
 from odom.wire.codec.cdr import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE
 from odom.wire.ros2.names import Endpoint
@@ -8,7 +8,7 @@ _COMPRESSED, _COMPRESSED_DEPTH = "/compressed", "/compressedDepth"
 
 
 def image_topics(topics: dict[str, list[Endpoint]], compressed: bool) -> list[str]:
-    """Return the topics of images, of each image one: as it is, or with `compressed` as a file, if there are both.
+    """Return one topic for each image: the raw one, or with `compressed` the compressed one, where there are both.
 
     A driver offers each image in several forms and makes those that somebody subscribes to.
     """

@@ -1,6 +1,6 @@
-"""Finds a driver's topics: listens to all that may be its images until colour, depth and calibration have come.
+"""Finds a driver's topics: listens to all possible image topics until colour, depth and calibration have come.
 
-What it looks at goes on waiting in the inbox: the source begins with the first images.
+The messages it looks at stay in the inbox: the source begins with the first images.
 """
 
 import logging
@@ -22,9 +22,9 @@ from sensors.ros2.static_transforms import StaticTransforms
 
 _LOG = logging.getLogger(__name__)
 _SETTLING_S = 1.0
-"""Seconds from the first message on in which better topics than the first may come (depth registered to colour), unless
-all have been there for so long and speak: a recording that waits to be played. Shorter: a driver that is starting is
-taken for one that has no such topic; longer: the first image comes later."""
+"""Seconds after the first message in which better topics than the first may come (depth registered to colour), unless
+all topics were there and sending for so long: a recording that waits to be played. Shorter: a driver that is starting
+is taken for one that has no such topic; longer: the first image comes later."""
 _MOST_TOPICS = 24
 """Images and calibrations that are listened to while searching; a driver of several cameras has some twenty."""
 _POLL_S = 0.05

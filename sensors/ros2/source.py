@@ -23,15 +23,15 @@ from sensors.source import SourceOptions
 
 _LOG = logging.getLogger(__name__)
 _POLL_S = 0.2
-"""Longest wait for a message, in seconds, before silence and the end are looked at. Chosen by hand."""
+"""Longest wait for a message, in seconds, before silence and the end are checked. Chosen by hand."""
 _NODE = "odom_source"
 
 
 class Ros2Source:
-    """Colour, depth and calibration of a driver; what the consumer has no time for is dropped and counted.
+    """Colour, depth and calibration of a driver; what the consumer is too slow for is dropped and counted.
 
     Depth that the driver has not registered to colour is registered here. Raises ConfigError when the topics cannot be
-    found or used (see `Search`); later failures are told, and it waits for the driver to come back.
+    found or used (see `Search`); later failures are logged, and it waits for the driver to come back.
     """
 
     lossless = False

@@ -1,4 +1,4 @@
-"""Transforms that do not change, from tf_static: where one frame is in another."""
+"""Constant transforms between frames, from tf_static."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ _MOST_FRAMES = 1000
 
 
 class StaticTransforms:
-    """The tree of frames that tf_static tells of."""
+    """The tree of frames in tf_static."""
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Array]] = {}

@@ -52,8 +52,8 @@ def track_candidate(
 ) -> Found | LoopCandidate:
     """Return a recognition that tracking confirms, with its registration, or the candidate that is refused.
 
-    Fewer landmarks confirm a segment that was left nearby a few frames ago, as when a camera is found again there. So
-    do fewer where things moved when the place was described: they hide landmarks, and it was described only by what
+    Fewer landmarks confirm a segment that was left nearby a few frames ago, as when a camera is found again there. They
+    also do where things move in the key frame's view: these hide landmarks, and its place was described only by what
     stands still.
     """
     keyframe, place = map_.keyframes[seen.keyframe], map_.keyframes[recognition.candidate]

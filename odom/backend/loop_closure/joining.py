@@ -56,7 +56,7 @@ def join_parts(map_: Map, recognised: Sequence[Edge], calibration_error: float) 
 
 
 def _weighed(recognised: Sequence[Edge]) -> list[Edge]:
-    """Return recognitions with the covariances that they have among so many.
+    """Return the recognitions with covariances enlarged by how many share each key frame.
 
     A key frame's features err alike in all recognitions in which it takes part: together these say no more than one.
     """

@@ -18,8 +18,8 @@ _PATCH_PX = 13
 _MOST_RELIEF = 0.05
 """Largest distance from the plane, as a share of depth, in a patch that still counts as flat."""
 _MOST_SCATTER = 6.0
-"""The same as a multiple of the scatter from pixel to pixel: noise takes a plane for as far as that from itself, and
-relief goes on over neighbouring pixels."""
+"""The same as a multiple of the scatter from pixel to pixel: noise alone lies up to this far off a plane, while relief
+extends over neighbouring pixels."""
 _LEAST_PATCHES = 50
 """Fewer flat patches than this in all frames together say too little about the noise."""
 _SECOND_DIFFERENCE_GAIN = 6.0**0.5
@@ -29,7 +29,7 @@ _SMOOTHEST = 0.25
 _OCCURS = 0.2
 """A depth value occurs when it is counted so many times as often as the mean: stray values are rarer."""
 _MISSED = 1.6
-"""A gap of so many usual ones is where a value does not occur."""
+"""A gap of so many usual ones means that a value does not occur."""
 _TOO_NOISY = 3.0
 """Scatter on smooth surfaces over the sensor model's sigma."""
 

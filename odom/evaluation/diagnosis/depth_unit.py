@@ -1,8 +1,8 @@
-"""The depth scale without any truth: by the range and the steps of depth that known sensors have.
+"""The depth scale without truth, by the range and the depth steps of known sensors.
 
 A structured-light sensor measures disparity in eighths of a pixel, so its depth values lie apart by a step that grows
-with the square of depth, `step = k z^2`, k being a property of its optics. Depth that is scaled by s has steps
-`k / s z^2`: the steps tell the scale, whatever is in view.
+with the square of depth, `step = k z^2`, k being a property of its optics. Depth that is scaled by s has steps `k / s
+z^2`: the steps show the scale, whatever is in view.
 """
 
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ def steps_scale(frames: Sequence[RgbdFrame]) -> float | None:
     while len(k) >= _LEAST_LEVELS and depths[-1] >= _LEAST_RANGE * depths[0]:
         if k.max() < _MOST_SPREAD * k.min():
             return float(_KINECT_STEP / np.median(k))
-        depths, k = depths[1:], k[1:]  # the nearest steps are the sensor's own rounding, if depth is scaled up
+        depths, k = depths[1:], k[1:]  # where depth is scaled up, the nearest steps are the sensor's own rounding
     return None
 
 

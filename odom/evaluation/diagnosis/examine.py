@@ -35,7 +35,7 @@ _CONTRAST = 5.0
 _SHIFT_PX, _LAG_S = 4.5, 0.033
 """Largest shift (a registered Kinect shows up to 3 px) and lag (one frame) of depth against colour."""
 _BLINDING = ("distortion", "depth images", "colour images", "depth size", "calibration size", "pairs")
-"""Faults with which a registration or focal length cannot be measured, and would be named wrongly."""
+"""Faults that make a measurement of registration or focal length wrong: these are then not judged."""
 
 
 def examine(recording: Recording) -> list[Finding]:
@@ -62,7 +62,7 @@ def examine(recording: Recording) -> list[Finding]:
 
 
 def _judge_streams(recording: Recording, wrong_form: list[Finding]) -> list[Finding]:
-    """Judge rates and pairs; what the form of the images explains is not said again."""
+    """Judge rates and pairs; what the form of the images explains is not repeated."""
     color, depth, pairs = recording.color_stamps, recording.depth_stamps, len(recording.paired)
     refused = {stream for stream, _ in recording.refused}
     findings = []

@@ -57,7 +57,7 @@ def judge_refused(recording: Recording) -> list[Finding]:
 
 
 def judge_change(frames: Sequence[RgbdFrame]) -> list[Finding]:
-    """Return which streams send the same image again and again, or the same depth everywhere."""
+    """Return which streams repeat the same image, or show the same depth everywhere."""
     found = []
     depth_mm = [frame.depth_mm[::8, ::8] for frame in frames]
     if value_mm := _one_value(depth_mm):

@@ -9,8 +9,8 @@ from odom.frame import Camera
 _FOCAL_SHARE, _FOCAL_UNSURE = 0.09, 0.05
 """Largest error of a focal length as a share of it, beside two sigma; and the scatter above which it is not judged."""
 _SYSTEMATIC = 0.04
-"""What the scatter of the fit does not show, as a share (sigma): rolling shutter, unequal noise in image and depth.
-Measured on fr1_xyz, fr1_rpy and the arena, where it is up to 7 %, mostly in y."""
+"""Systematic error that the scatter of the fit does not show, as a share (sigma): rolling shutter, unequal noise in
+image and depth. Measured on fr1_xyz, fr1_rpy and the arena, where it is up to 7 %, mostly in y."""
 _ASPECT, _CENTRE, _VIEW_DEG = 0.06, 0.12, (30.0, 110.0)
 """What a calibration may be without any motion: fx / fy off one, centre off the middle (shares), and view."""
 

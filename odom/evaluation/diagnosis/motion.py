@@ -36,13 +36,14 @@ _START_ROUNDS, _START_MEDIANS, _START_SHARE = 6, 2.5, 0.004
 _PAIR_ITERATIONS, _CONVERGED = 12, 1e-7
 """Gauss-Newton steps at most (some five are needed), ended by a smaller step (m, rad)."""
 _LEAST_PAIRS, _FOCAL_ITERATIONS, _LARGEST_STEP = 8, 8, 0.15
-"""Of the fit of focal lengths: pairs of frames it needs, its iterations, and the largest step of a logarithm."""
+"""Fit of focal lengths: the pairs of frames it needs, its iterations, and the largest step of a logarithm."""
 _FOCAL_INFORMATION = 1e-3
-"""Of a prior on the logarithms, far below what any turn of the camera says: it keeps the fit solvable without one."""
+"""Information of a prior on the logarithms, far below that of any turn of the camera: it keeps the fit solvable without
+a turn."""
 _DAMPING = 1e-9
 """Share of the trace added to a motion's information, for corners that leave a direction free."""
 _GROUPS = (2, 10)
-"""Groups of successive pairs, for the standard deviation: errors hang together within one, for half a second or for
+"""Groups of successive pairs, for the standard deviation: errors are correlated within a group, over half a second or
 half the recording. On fr1_xyz from 9 s on, ten groups alone claim 4 % where the halves differ by 25 %."""
 
 

@@ -1,4 +1,4 @@
-"""Whether depth is mirrored or upside down against colour: drivers turn each stream by a setting of its own."""
+"""Whether depth is mirrored or upside down against colour: drivers have a separate setting for each stream."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -13,7 +13,7 @@ _SURE, _SURER = 6.0, 1.15
 """Contrast of edges that match, and how many times that of depth as it is: wrong ways to turn the depth of fr1_xyz and
 fr1_rpy (TUM) have 2 to 5, the right one 6 to 15."""
 _NEAR_PX = 8.0
-"""Largest shift of edges that are turned back rightly: by chance, they match anywhere."""
+"""Largest shift of edges that are turned back correctly: by chance they match at any shift."""
 
 _TURNED: dict[str, tuple[slice, slice]] = {
     "mirrored left to right": np.s_[:, ::-1],
@@ -25,7 +25,7 @@ _TURNED: dict[str, tuple[slice, slice]] = {
 def judge_orientation(
     frames: Sequence[RgbdFrame], as_it_is: EdgeShift | None, shift_of: Callable[[Sequence[RgbdFrame]], EdgeShift | None]
 ) -> list[Finding]:
-    """Return the finding that depth is turned against colour, nothing where no way of turning it back fits clearly.
+    """Return the finding that depth is mirrored or turned, nothing where no way of undoing that fits clearly.
 
     `as_it_is` is the shift of depth edges in the frames, `shift_of` finds that of others.
     """

@@ -34,9 +34,9 @@ is judged only when it is off by far more."""
 _GROSS, _USABLE = 4.0, 0.1
 """Sigmas by which an unsure ratio is off without doubt, and the scatter above which it says nothing at all."""
 _SYSTEMATIC, _AT_WORST = 0.01, 0.015
-"""What the scatter of the ratio does not show, as a share (sigma): usually, by which it is judged, and in the stretches
-where it is most, which the interval must hold too. Measured where the truth is 1: .975 to .990 in the arena, .970 to
-1.005 on fr1_xyz."""
+"""Systematic error of the ratio that its scatter does not show, as a share (sigma): the usual one, by which it is
+judged, and the largest of any stretch, which the interval must include too. Measured where the truth is 1: .975 to .990
+in the arena, .970 to 1.005 on fr1_xyz."""
 _OUTLIER_SIGMAS = 3.0
 """Pairs beyond this are left out."""
 
@@ -74,7 +74,7 @@ def chain(tracks: Sequence[Tracks], stamps: Stamps, focal_px: Array) -> Trajecto
 
 @dataclass(frozen=True, eq=False)
 class BodyTruth:
-    """Truth of a body on the camera's clock, how the camera is turned in it, and whether it is the camera itself."""
+    """Truth of a body on the camera's clock, the camera's rotation in it, and whether it is the camera itself."""
 
     truth: Trajectory
     R_body_camera: Array

@@ -162,7 +162,7 @@ def source_left_out(rng: np.random.Generator, n: int) -> Sample:
 
 
 def biased_axis(rng: np.random.Generator, n: int) -> Sample:
-    """Return clouds of two Kinects, the depth axis of the target reading .5 to 2 % wrong, which is not stated."""
+    """Return clouds of two Kinects; the target's depth axis is wrong by .5 to 2 %, which is not stated."""
     clean, C_source, C_target = kinect_noise(rng, n)
     sample = noisy(rng, clean, C_source, C_target)
     points = sample.told.points_target.copy()

@@ -59,7 +59,7 @@ class Look:
 
     @cached_property
     def T_stamp_middle(self) -> Array:
-        """The motion from the time of the image's middle row, for which pixels are measured, to the stamp, undone."""
+        """T_stamp_middle: from the time of the image's middle row, for which pixels are measured, to the stamp."""
         return se3.exp(-self.twist * self.view.since_middle_s(self.sensor.timing))
 
     @cached_property
@@ -74,7 +74,7 @@ class Look:
 
     @cached_property
     def T_stamp_depth(self) -> Array:
-        """The same from the time of the depth image's middle row."""
+        """The same from the depth image's middle row."""
         since_s = self.view.stamp - self.view.depth_stamp
         return se3.exp(-self.twist * (since_s * 1e-9 - self.sensor.timing.depth_lag_s))
 
@@ -82,8 +82,8 @@ class Look:
 def pairs_by(front_end: FrontEnd, source: Look, target: Look, followed: tuple[Array, Array] | None = None) -> Pairs:
     """Return the pairs of `source` and `target` that a front-end finds; possibly none.
 
-    `followed` holds corners in the target's image (n x 2 px) and where the frames between led to in the source's: the
-    start for FOLLOWED, which finds nothing without it.
+    `followed` holds corners in the target's image (n x 2 px) and where following them through the frames between ended
+    in the source's image: the start for FOLLOWED, which finds nothing without it.
     """
     match front_end:
         case FrontEnd.FOLLOWED:
@@ -140,9 +140,9 @@ def _clouds(source: Look, target: Look) -> Pairs:
 
 
 def _key_point_covariances(points: Array, sigmas: Array, sensor: SensorModel) -> Array:
-    """Return the covariances (n x 3 x 3) of key points: depth's along the ray, and where they were found all round.
+    """Return the covariances (n x 3 x 3) of key points: depth's along the ray, plus an isotropic error of detection.
 
-    That is somewhere in a cube of the grid, farther off the coarser the scale, and the farther away the point.
+    The detection is off within a cube of the grid, by more for coarser scales and farther points.
     """
     z = points[:, 2]
     knots, sigma = sensor.noise.noise.inverse_depth_sigma

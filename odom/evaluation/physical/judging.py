@@ -18,7 +18,7 @@ WRONG_M = 0.05
 """A pair whose points truth puts this far apart, and beyond the .999 bound of their own noise, does not belong
 together."""
 OFF_M, OFF_RAD = 0.05, float(np.radians(3.0))
-"""A pose off by more than either is of no use even as a first guess."""
+"""A pose that is off by more than one of these is useless even as a first guess."""
 NAMES = tuple(ESTIMATORS)
 """The five, in the order of the paper's table."""
 

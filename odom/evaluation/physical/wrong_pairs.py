@@ -57,7 +57,7 @@ class Spoilt:
 
     `ungated_mm` and `gated_mm` are against truth, `measured_mm` against the measured targets of all pairs, wrong ones
     too, without the gate. `none` counts the sets of pairs that the gate refused, of `sets`. Horn's closed form is
-    taken at its word here, where the benches call a motion that its own residuals contradict DEGENERATE.
+    believed here even where its residuals contradict its motion, which the benches call DEGENERATE.
     """
 
     sensor: str
@@ -74,8 +74,8 @@ class Spoilt:
 class Match:
     """The share of wrong pairs at which an ungated estimator's mean RMSE is the paper's, by one of two measures.
 
-    `ungated_mm`, by that measure, and `gated_mm`, against truth, are what all of them have there; empty where the
-    `share` is None: it is never reached.
+    There all estimators have `ungated_mm`, by that measure, and `gated_mm`, against truth; both are empty where the
+    `share` is None: the figure is never reached.
     """
 
     sensor: str
@@ -89,7 +89,7 @@ class Match:
 
 
 def spoil(sensor: str, sets: Sequence[tuple[Pairs, Array]], seed: int) -> list[Spoilt]:
-    """Return what each kind and share makes of the correct ones of each set of pairs with its true motion."""
+    """Return the outcomes for each kind and share of spoiling the correct pairs of each set, given its true motion."""
     correct = [(pairs[~wrong_pairs(pairs, T)], T) for pairs, T in sets]
     found = []
     for k, kind in enumerate(KINDS):
@@ -119,7 +119,7 @@ def spoil(sensor: str, sets: Sequence[tuple[Pairs, Array]], seed: int) -> list[S
 
 
 def _unguarded(outcome: Outcome, pairs: Pairs, T: Array) -> Outcome:
-    """Return the outcome, but of Horn's, ungated, what its closed form says, believable or not."""
+    """Return the outcome; for Horn without gate, that of its closed form, believable or not."""
     if outcome.estimator != "Horn" or outcome.is_gated or not outcome.reason or len(pairs) < 3:
         return outcome
     motion = closed_form(pairs.points_source, pairs.points_target)

@@ -22,7 +22,7 @@ _TORN_ROWS = 16
 _TORN_BY = 0.125
 """Farthest shift of torn rows, as a share of the image's width."""
 _DARK_FROM_S, _DARK_EVERY_S = 2.0, 8.0
-"""The light goes out so long after the beginning, and and then again after so long."""
+"""The light goes out so long after the beginning, and then again after so long."""
 
 
 def motion_blur(frame: RgbdFrame, length_px: float, seed: int) -> RgbdFrame:
@@ -48,7 +48,7 @@ def line_kernel(length_px: float, angle_rad: float) -> Array:
 def darkness(frame: RgbdFrame, light: float, seed: int) -> RgbdFrame:
     """Leave only a share `light` of the light, 1 to 0; the camera's noise (read and photon) does not shrink with it.
 
-    What noise the recording has already is taken to be a camera's at full light, so at 1 nothing is added.
+    The recording's own noise counts as that of a camera in full light, so at 1 nothing is added.
     """
     grey = np.arange(256, dtype=np.float32)
     sigma = np.sqrt(_READ_SIGMA**2 * (1.0 - light**2) + _SHOT_VARIANCE * grey * light * (1.0 - light))

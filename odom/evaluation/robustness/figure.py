@@ -29,7 +29,7 @@ _ROOM = 1.6
 
 
 def plot(outcomes: Outcomes, path: Path) -> None:
-    """Draw each axis from unspoilt to hard: bars share the frames out by state, the line is the ATE (logarithmic)."""
+    """Draw each axis from unspoilt to hard: bars show the shares of frames by state, the line the ATE (logarithmic)."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -24,7 +24,7 @@ class AxisOutcome:
     def doubles_at(self, unspoilt: Verdict) -> str | None:
         """Return the label of the first level whose ATE is twice the unspoilt one, None where there is none.
 
-        A level fails as well when half of the frames have no part in its ATE.
+        A level also fails when its ATE covers less than half of the frames.
         """
         for level, verdict in self.verdicts:
             if ratio(verdict, unspoilt) >= _DOUBLE or is_partial(verdict):
@@ -95,7 +95,7 @@ def _figures(verdict: Verdict, unspoilt: Verdict) -> tuple[str, ...]:
 
 
 def _percent(share: float) -> str:
-    """Return a share so that neither nothing nor everything is said of what is only nearly so."""
+    """Return a share as text; 0 % and 100 % stand only for exactly none and all."""
     text = f"{100.0 * share:.1f} %"
     return text if 0.0005 <= share <= 0.9995 else "0" if share == 0 else "100 %" if share == 1 else f"{share:.3%}"
 

@@ -38,8 +38,8 @@ def _in_light(stamp: Stamp) -> Stamp:
 class Spoiler:
     """Changes of the calibration, of each image's stamp (before images are paired) and of each frame (None: dropped).
 
-    They depend on what they are given alone, so equal frames are spoilt equally in any order. `light_returns` says
-    from which stamp on a frame could be seen again: the end of the black-out around it, else its own stamp.
+    They depend on what they are given alone, so equal frames are spoilt equally in any order. `light_returns` gives the
+    stamp from which a frame is visible again: the end of the black-out around it, else its own stamp.
     """
 
     camera: Callable[[Camera], Camera] = _same_camera
@@ -55,7 +55,7 @@ UNSPOILT = Spoiler()
 class Scene:
     """What a spoiler may know of a recording: calibration, first stamp, and the camera's true path (for passers-by).
 
-    Most of what is seen lies beyond `near_m`. All chance comes from `seed`.
+    Most of what is seen lies beyond `near_m`. All random numbers come from `seed`.
     """
 
     seed: int
@@ -66,5 +66,5 @@ class Scene:
 
 
 def chance(seed: int, stamp: Stamp, stream: Stream = Stream.COLOR) -> np.random.Generator:
-    """Return the source of chance for one image, by its stamp."""
+    """Return the random generator for one image, by its stamp."""
     return np.random.default_rng([seed, stream.value, abs(stamp)])

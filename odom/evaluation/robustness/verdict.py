@@ -28,11 +28,11 @@ _TRACKED = (State.TRACKING, State.RECOVERED)
 class Verdict:
     """What one run gave; a figure that cannot be computed is None, and `error` says why a run gave nothing at all.
 
-    Shares are of all `frames` that the odometry was given. `ate_m` is that of the longest segment, which has
-    `ate_share` of them; `tracked` are TRACKING or RECOVERED, `lost` are LOST, `wrong` are TRACKING and wrong: only
-    the `judged` frames, TRACKING, with truth and with a motion over a second, can be found so. `nees` is the mean over
-    one second (6 is honest), `recovery_s` the mean time from LOST to the next tracked frame. After `unrecovered`
-    losses no frame was tracked any more: their time to the last frame counts.
+    Shares are of all `frames` given to the odometry. `ate_m` is that of the longest segment, which has `ate_share` of
+    them; `tracked` are TRACKING or RECOVERED, `lost` are LOST, `wrong` are TRACKING and wrong. Only `judged` frames can
+    be found wrong: TRACKING, with truth and with a motion over a second. `nees` is the mean over one second (6 is
+    honest), `recovery_s` the mean time from LOST to the next tracked frame. After `unrecovered` losses no frame was
+    tracked any more: their time to the last frame counts.
     """
 
     frames: int = 0
@@ -95,8 +95,8 @@ def is_wrong(errors: Array, squares: Array) -> Mask:
 def recovery_times(estimates: Sequence[Estimate], light_returns: Callable[[Stamp], Stamp]) -> list[tuple[float, bool]]:
     """Return the seconds of each loss from the first LOST frame to the next tracked one, and whether there was one.
 
-    A loss in a black-out counts from where the light returns, and no frame in the dark ends it, whatever it says of
-    itself; without a tracked frame it lasts to the last frame.
+    A loss in a black-out counts from the return of the light, and no frame in the dark ends it, whatever its state;
+    without a tracked frame it lasts to the last frame.
     """
     times, since = [], None
     for estimate in estimates:

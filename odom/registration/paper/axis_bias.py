@@ -1,8 +1,8 @@
-"""A biased axis, seen in the twelve states: a sensor whose axis reads too long makes the affine map no rigid motion.
+"""A biased axis shows in the twelve states: if one axis of a sensor reads too long, the affine map is no rigid motion.
 
-The recursion estimates an affine map; the noise of its six states that are no rigid motion is known. Where they are
-beyond it, the map may be `[D R | D t]` (an axis of the target is scaled, `D` diagonal) or `[R D | t]` (one of the
-source), and its projection tells by how much.
+The recursion estimates an affine map. Six directions of its states are no rigid motion, and their noise is known. Where
+they exceed it, the map may be `[D R | D t]` (an axis of the target is scaled, `D` diagonal) or `[R D | t]` (one of the
+source), and its projection gives the scale.
 """
 
 import math
@@ -46,9 +46,9 @@ def possible_biases(solution: Solution, misfit: float, factor: float) -> list[Bi
     """Return the biased axes that could explain why the twelve states are no rigid motion, the best first.
 
     `misfit` is their squared distance from it, `factor` the variance of the noise relative to that of `solution`. Empty
-    where no single axis suffices, or the twelve states are not determined. What an axis takes away must stand out from
-    what it leaves in the other five directions, whatever the noise: errors that neighbouring pairs share (a shutter, a
-    lens, late depth) distort in all six, and the largest of them is no axis.
+    where no single axis suffices, or the twelve states are not determined. Whatever the noise, the misfit that an axis
+    explains must stand out from the misfit left in the other five directions: errors that neighbouring pairs share (a
+    shutter, a lens, late depth) distort all six, and then the largest is no biased axis.
     """
     if np.linalg.cond(solution.Y) > 1e12:
         return []

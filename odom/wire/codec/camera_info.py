@@ -49,7 +49,7 @@ def encode_calibration(
 ) -> tuple[Message, ...]:
     """Return the messages of a calibration on the keys of camera_info and depth_info.
 
-    Where the depth image errs, what is known of it (the vector of its `DepthModel`) comes first.
+    Where the errors of depth are known, the vector of their `DepthModel` comes first.
     """
     info_key, depth_key = topics
     info = encode_camera_info(info_key, stamp, camera, frame_id)
@@ -59,7 +59,7 @@ def encode_calibration(
 
 
 def decode_depth_model(message: Message) -> DepthModel | None:
-    """Return how depth errs, None of any other sensor_msgs/CameraInfo; raises WireError for what is unusable."""
+    """Return the model of depth errors, None for any other sensor_msgs/CameraInfo; raises WireError if unusable."""
     decoded = cdr.deserialise(message, cdr.CAMERA_INFO)
     if decoded.distortion_model != _DEPTH_MODEL:
         return None

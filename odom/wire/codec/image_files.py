@@ -20,7 +20,7 @@ _FRAME = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _PADDING = 64
 """Bytes behind the end mark of a JPEG file that are still accepted: some cameras pad their files."""
 _REDUCED = {8: cv2.IMREAD_REDUCED_COLOR_8, 4: cv2.IMREAD_REDUCED_COLOR_4, 2: cv2.IMREAD_REDUCED_COLOR_2}
-"""By what a JPEG can be scaled down while it is decoded, and OpenCV's flag for it; the largest first."""
+"""Factors by which a JPEG can be scaled down while it is decoded, and OpenCV's flags; the largest first."""
 
 
 def file_size(data: bytes | memoryview) -> tuple[int, int]:

@@ -86,7 +86,7 @@ def _predicted(left: int, above: int, corner: int) -> int:
 def _unfilter(rows: NDArray[np.uint8], table: NDArray[np.uint16], values: NDArray[np.uint16]) -> bool:
     """Fill `values` (H x W) from rows of a filter's number and 2 W filtered bytes; False for a filter that is unknown.
 
-    The high bytes and the low ones are filtered each for themselves; `above` holds both of the row before.
+    High and low bytes are filtered separately; `above` holds both of the row before.
     """
     height, width = values.shape
     above = np.zeros((width, 2), dtype=np.int32)

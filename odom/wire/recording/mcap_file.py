@@ -1,7 +1,7 @@
-"""Reads an MCAP file from its beginning and yields every message that is whole, whatever befell the file.
+"""Reads an MCAP file from its beginning and yields every whole message, however the file is damaged.
 
-The `mcap` package parses the records. Beyond what its readers do, damage costs only what it hit: records are found
-again by the index, or by looking for the next chunk, and each loss is told by topic and time.
+The `mcap` package parses the records. Unlike with its readers, damage costs only the damaged part: records are found
+again by the index, or by searching the next chunk, and each loss is reported by topic and time.
 """
 
 import struct
@@ -184,7 +184,7 @@ class McapFile:
 
 @dataclass
 class _LostChunk:
-    """A chunk that cannot be read, and what the message index behind it says that it held."""
+    """A chunk that cannot be read, and what it held according to the message index behind it."""
 
     offset: int
     head: ChunkHead | None

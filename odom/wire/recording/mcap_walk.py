@@ -1,7 +1,7 @@
 """Goes through the records of an MCAP file, and finds them again where one is damaged.
 
-Where the file has an index, every chunk is read where that says that it is. Without one, a record that no writer makes
-starts a search for the next chunk, from the end of the last one that was sure.
+Where the file has an index, every chunk is read at the place given there. Without one, a record that no writer makes
+starts a search for the next chunk, from the end of the last certain one.
 """
 
 from collections.abc import Iterator
@@ -102,7 +102,7 @@ def _limit(index: McapIndex | None, place: ChunkPlace | None, offset: int, size:
 def _chunk_end(file: BinaryIO, offset: int, size: int, opcode: int) -> int | None:
     """Return where the chunk at `offset` ends, None when none is there or its end cannot be told.
 
-    Of two sizes that disagree, the one counts behind which a record begins.
+    If its two sizes disagree, the one after which a record begins is right.
     """
     if is_chunk(file, offset, size):
         return next(head.end for head in readings(file, offset, size) if head.sure)

@@ -1,4 +1,4 @@
-"""The file in which a recording grows: it gets the recording's name when it is whole, and never before."""
+"""The file in which a recording grows: it gets the recording's name only when it is whole."""
 
 import logging
 from glob import escape
@@ -18,8 +18,8 @@ class PartFile:
     """`take.mcap.part`, which becomes `take.mcap` at the end; an existing one is replaced then, not before.
 
     Replacing must be allowed with `overwrite`; with `beside` the next free name is used instead, `take-2.mcap`. Of two
-    that begin together only one gets a name. `target` is the recording's name, `path` that of the growing file, which
-    stays when the work fails or the process is killed: `recover` makes a recording of it.
+    recordings that begin together only one gets a given name. `target` is the recording's name, `path` that of the
+    growing file, which stays when the work fails or the process is killed: `recover` makes a recording of it.
 
     Raises RecordingError when the name is taken or nothing can be written there.
     """
@@ -49,7 +49,7 @@ class PartFile:
         self.path.replace(self.target)
 
     def leave(self) -> None:
-        """Leave the file as it is beside its name, and say so."""
+        """Leave the file under its growing name, and log that."""
         self.file.close()
         log.warning("%s was not finished: %s", self.target, how_to_save(self.path))
 
@@ -98,7 +98,7 @@ def _create(target: Path, overwrite: bool) -> BinaryIO:
     except FileExistsError:
         check_free(target, overwrite)
         return _create(target, overwrite)
-    if target.exists() and not overwrite:  # one that had the part before has just been finished
+    if target.exists() and not overwrite:  # another recorder has just finished the same recording
         file.close()
         part_of(target).unlink()
         check_free(target, overwrite)

@@ -93,7 +93,7 @@ class RecordingReader:
     def _in_file_order(self, topics: Collection[str] | None, start: Stamp | None) -> Iterator[Message]:
         file = McapFile(self.path)
         self.skipped = 0
-        # chunks can be skipped by log time only; how far that is from the stamps is known from an earlier reading
+        # chunks can be skipped by log time only; an earlier reading has shown how far that is from the stamps
         lead = self._least_lead
         not_before = 0 if start is None or lead is None else max(0, start + lead - _MARGIN_NS)
         try:

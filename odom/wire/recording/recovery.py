@@ -26,7 +26,7 @@ def recover(
 
     `progress` is called with the number of messages copied so far; once `stopped` returns True, no more are copied.
     Returns the number of messages and what was wrong. Raises RecordingError when nothing can be saved or `target`
-    exists and may not be replaced; it is replaced by all that can be saved, or not at all.
+    exists and may not be replaced; it is replaced only once all that can be saved is written.
     """
     damaged, count = McapFile(source), 0
     if target.exists() and source.exists() and target.samefile(source):

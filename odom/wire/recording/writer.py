@@ -35,7 +35,7 @@ _COMPRESSION: Mapping[Compression, CompressionType] = {
 
 
 class RecordingWriter:
-    """Writes to `part`, which becomes `path` when it is closed; what is a quarter of a second old outlives the process.
+    """Writes to `part`, which becomes `path` when it is closed; a crash loses at most a quarter of a second.
 
     A message is logged at its stamp, not at the time of writing: a recording of a replay equals the recording. Raises
     RecordingError when the file cannot be written; an existing one is replaced only with `overwrite`, and by a whole

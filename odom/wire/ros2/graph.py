@@ -1,4 +1,4 @@
-"""Who publishes and who listens in a ROS 2 domain, as the nodes' liveliness tokens tell."""
+"""Who publishes and who listens in a ROS 2 domain, by the nodes' liveliness tokens."""
 
 import threading
 from collections.abc import Sequence
@@ -38,9 +38,9 @@ class RosGraph:
 
 
 def strange_type(topic: str, node: str, type_name: str, hashed: str) -> str:
-    """Return what is told of a publisher whose type is another of the same name, nothing if it is that of ROS 2.
+    """Return a warning about a publisher whose type differs from ROS 2's type of the same name, else nothing.
 
-    `hashed` is the hash of its definition, empty where it tells none. Raises WireError for a type that ROS 2 does not
+    `hashed` is the hash of its definition, empty where it gives none. Raises WireError for a type that ROS 2 does not
     define.
     """
     if hashed in ("", NO_TYPE_HASH, type_hash(type_name)):
@@ -52,7 +52,7 @@ def strange_type(topic: str, node: str, type_name: str, hashed: str) -> str:
 
 
 def several(topic: str, nodes: Sequence[str]) -> str:
-    """Return what is told when several nodes publish one topic."""
+    """Return a warning where several nodes publish one topic."""
     return (
         f"{len(nodes)} nodes publish {topic}: {', '.join(nodes)}; their messages alternate. End all but one, or give "
         "each a namespace of its own"

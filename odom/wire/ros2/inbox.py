@@ -39,8 +39,8 @@ class _Topic:
 class Inbox:
     """Subscribes as a node of ROS 2 does; of each topic at most `depth` messages wait, and the newest win.
 
-    Of transforms, of which many nodes tell some each, more may wait (`TRANSFORMS_DEPTH`). `counts` has `received`,
-    `lost` (gaps in the publishers' numbers), `dropped` (not taken in time) and `malformed`.
+    Of transforms, which many nodes publish, more may wait (`TRANSFORMS_DEPTH`). `counts` has `received`, `lost` (gaps
+    in the publishers' numbers), `dropped` (not taken in time) and `malformed`.
     """
 
     def __init__(self, node: Ros2Node, depth: int) -> None:
@@ -52,7 +52,7 @@ class Inbox:
         self._closed = False
 
     def subscribe(self, publisher: Endpoint) -> None:
-        """Listen to a topic as this publisher types it, to what it keeps for late joiners as well."""
+        """Listen to a topic with this publisher's type, including what it keeps for late joiners."""
         if publisher.topic in self._topics:
             return
         depth = self._depth_of(publisher.type_name)

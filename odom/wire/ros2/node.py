@@ -1,4 +1,4 @@
-"""A process of this project as a node of ROS 2: what it publishes, ROS sees on the topics of the same names."""
+"""A process of this project as a ROS 2 node: ROS sees what it publishes on topics of the same names."""
 
 import logging
 import threading
@@ -25,15 +25,15 @@ from odom.wire.topics import TF, Topics
 _LOG = logging.getLogger(__name__)
 
 _HEARTBEAT_S = 0.5
-"""Seconds between two signs of life of a publisher that keeps messages for late joiners, after it has published, by
-which they notice that they missed one; rmw_zenoh's own."""
+"""Seconds between two heartbeats of a publisher that keeps messages for late joiners, by which they notice that they
+missed one; as in rmw_zenoh."""
 _ORDINARY, _KEPT, _TRANSFORMS = Qos(), Qos(depth=1, transient_local=True), Qos(TRANSFORMS_DEPTH)
-"""What is promised of ordinary messages, of those kept for late joiners, and of transforms: the depths that ROS's own
-nodes take."""
+"""Quality of service of ordinary messages, of those kept for late joiners, and of transforms, with the depths of ROS's
+own nodes."""
 _ODOMETRY = "odometry"
 _MOST_PUBLISHERS = 256
-"""Topics of one node: each more would be a key that every router and ROS node remembers. Truth of invented bodies must
-not fill them."""
+"""Most topics of one node: each is a key that every router and ROS node remembers. Truth of invented bodies must not
+fill their memory."""
 
 
 @dataclass
@@ -49,10 +49,10 @@ class _Publisher:
 
 
 class Ros2Node:
-    """Publishes messages as rmw_zenoh does, and tells the ROS graph of itself; safe to use from several threads.
+    """Publishes messages as rmw_zenoh does, and announces itself to the ROS graph; safe to use from several threads.
 
-    Topics are declared with their first message. Nothing here raises while messages are published: the process does
-    its work, seen by ROS or not.
+    Topics are declared with their first message. Nothing here raises while messages are published: the process works
+    whether or not ROS sees it.
     """
 
     def __init__(self, session: zenoh.Session, name: NodeName, has_type_hashes: bool = True) -> None:
@@ -84,7 +84,7 @@ class Ros2Node:
                 publisher.close()
 
     def tell(self, message: Message) -> None:
-        """Publish a message that goes to ROS alone."""
+        """Publish a message to ROS only."""
         with self._lock:
             self._put(message.topic, message.type_name, zenoh.ZBytes(message.payload), urgent=False)
 
@@ -150,7 +150,7 @@ _COLOR_INFO, _DEPTH_INFO = "color/camera_info", "depth/camera_info"
 
 
 def qos_of_key(key: str) -> Qos:
-    """Return what ROS is promised for one of this project's keys: calibration, paths and static frames are kept."""
+    """Return the quality of service for one of this project's keys: calibration, paths and static frames are kept."""
     if key == TF_STATIC or key.endswith("/camera_info") or "/path" in key:
         return _KEPT
     return _TRANSFORMS if key == TF else _ORDINARY
@@ -159,7 +159,7 @@ def qos_of_key(key: str) -> Qos:
 def join_ros2(session: WireSession, settings: WireSettings, role: str) -> Ros2Node | None:
     """Return the node `/<namespace>/<role>` of the domain of the settings, None when they name no domain.
 
-    It tells the static frames if it is the odometry. It has a session of its own to ROS's router, which is looked for
+    The odometry's node publishes the static frames. The node has its own session to ROS's router, which is searched for
     as long as the process lives, and ends with `session`. Raises WireError when the session cannot be opened.
     """
     if settings.ros2_domain is None:

@@ -1,4 +1,4 @@
-"""Tells once when no ROS 2 router answers, and once when one does."""
+"""Logs once when no ROS 2 router answers, and once when one does."""
 
 import logging
 import threading
@@ -7,8 +7,8 @@ import zenoh
 
 _LOG = logging.getLogger(__name__)
 _PATIENCE_S = 2.0
-"""Seconds without a router after which it is told. Shorter: one that starts at the same time is told as missing;
-longer: the user looks for the topics in vain for longer."""
+"""Seconds without a router until the log line. Shorter: one that starts at the same time is called missing; longer: the
+user looks for the topics in vain for longer."""
 _POLL_S = 0.2
 """Seconds between two looks; each takes some microseconds."""
 

@@ -1,4 +1,4 @@
-"""The camera of a folder or file without calibration: a data set's by the folder's name, else any Kinect's."""
+"""The camera of a folder or file without calibration: a data set's by the folder's name, else an average Kinect's."""
 
 import logging
 import re
@@ -49,7 +49,7 @@ def kinect_camera(width: int, height: int) -> Camera:
 
 
 def tum_camera(folder: Path, size: tuple[int, int] | None) -> Camera | None:
-    """Return the published camera of a data set by its folder's name, None when that or the images' size is another."""
+    """Return the published camera of a data set by its folder's name, None when the name or image size is another."""
     if size not in (_SIZE, None):
         return None
     for name in (folder.absolute().name, folder.resolve().name):
@@ -61,7 +61,7 @@ def tum_camera(folder: Path, size: tuple[int, int] | None) -> Camera | None:
 
 
 def usual_camera(folder: Path, size: tuple[int, int] | None) -> Camera:
-    """Return the camera of a folder that says nothing of it: its data set's by the name, else an average Kinect's."""
+    """Return the camera of a folder without calibration: its data set's by the name, else an average Kinect's."""
     return tum_camera(folder, size) or kinect_camera(*(size or _SIZE))
 
 

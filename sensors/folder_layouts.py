@@ -1,4 +1,4 @@
-"""Folders of images as data sets lay them out: which files are colour, depth and true poses, and whose camera it is.
+"""Folders of images in the layouts of data sets: which files are colour, depth and true poses, and which camera.
 
 Where files carry numbers instead of stamps, they count frames of 1/30 s.
 """
@@ -20,8 +20,8 @@ from sensors.listed_folders import ASSOCIATIONS, associated, tum
 from sensors.paired_folders import is_pair_of_folders, pair_of_folders
 
 _SEVEN_SCENES_FOCAL = 585.0 / 640
-"""Focal length of the depth camera that 7-Scenes publishes, in widths of the image, in whose middle its centre is. Of
-the colour camera, a Kinect's like any other, and of how the two are mounted nothing is published."""
+"""Focal length of the depth camera that 7-Scenes publishes, in widths of the image, in whose middle its centre is. The
+colour camera, an ordinary Kinect's, and how the two are mounted are not published."""
 _KINECT_BASELINE_M = (-0.025, 0.0, 0.0)
 """Where a Kinect v1's depth camera is, seen from the colour camera: 2.5 cm to the left."""
 _THE_CAMERAS_OWN = np.eye(4)
@@ -124,7 +124,7 @@ def _numbered(folder: Path, files: Iterable[Path]) -> list[TumEntry]:
 
 
 def _pose(folder: Path, entry: TumEntry, T_body_camera: Array = _THE_CAMERAS_OWN) -> list[TumEntry]:
-    """Return the camera's pose by a file with that of its body, none where that was lost (infinities in ScanNet)."""
+    """Return the camera's pose from a file with its body's pose, none where that was lost (infinities in ScanNet)."""
     try:
         T_world_body = np.loadtxt(folder / entry.values[0]).reshape(4, 4)
     except (OSError, ValueError):

@@ -23,7 +23,7 @@ _SECONDS = re.compile(r"\d+\.\d+\Z")
 _UNIT_BY_DIGITS = ((18, 1), (15, 1_000), (12, 1_000_000))
 """A whole number of so many digits or more counts so many nanoseconds since 1970; one of fewer counts frames."""
 _ROTATED_BITS = 3
-"""SUN3D writes millimetres rotated to the left by so many bits, by which the lowest ones are 0 for all but far ones."""
+"""SUN3D writes millimetres rotated to the left by this many bits, so the lowest bits are 0 except for far depths."""
 
 
 def is_pair_of_folders(path: Path) -> bool:

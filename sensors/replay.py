@@ -18,9 +18,9 @@ log = logging.getLogger(__name__)
 _TRUTH_ROLE = "truth"
 _PEEK_BYTES = 128 << 20
 """Bytes of a recording read to find its streams (4 s of raw images): less may miss one, more delays the start."""
-_TOLD = 5
+_MOST_LOGGED = 5
 """Most damages of a recording that are logged, a line each; the others are only counted."""
-_BEYOND = 200
+_MOST_LATE = 200
 """Reading stops after this many messages in a row beyond `end`: fewer may be out of order, more are read in vain."""
 
 
@@ -80,13 +80,13 @@ class ReplaySource:
                     yield self._as_calibration(message)
             else:
                 yield replace(message, topic=self._keys[message.topic])
-        for damage in self._reader.damage[:_TOLD]:
+        for damage in self._reader.damage[:_MOST_LOGGED]:
             log.warning("%s: %s", self._reader.path, damage)
-        if (more := len(self._reader.damage) - _TOLD) > 0:
+        if (more := len(self._reader.damage) - _MOST_LOGGED) > 0:
             log.warning("%s: %d more of such damages (all: odom info %s)", self._reader.path, more, self._reader.path)
 
     def _until_end(self, messages: Iterator[Message]) -> Iterator[Message]:
-        """Yield the messages stamped before the end; reads on until _BEYOND messages in a row are later.
+        """Yield the messages stamped before the end; reads on until _MOST_LATE messages in a row are later.
 
         The first messages may be later than the end too: images from before the camera's clock was set back.
         """
@@ -98,7 +98,7 @@ class ReplaySource:
                 yield message
             elif begun:
                 beyond += 1
-                if beyond >= _BEYOND:
+                if beyond >= _MOST_LATE:
                     return
 
     def close(self) -> None:

@@ -36,7 +36,7 @@ _BLOCK_S = 5.0
 _WILD = 15.0
 """A frame's truth is not believed beyond this ratio of its distance from the median to the median distance: smaller
 leaves out brisk motion, larger lets a jump of the motion capture spoil its group."""
-_LEASH_S = 0.025
+_OFFSET_REACH_S = 0.025
 """How far the offset may move from that found by angular speeds, which is good to a few milliseconds."""
 _DERIVATIVE_S = 0.01
 """Step of the numerical derivative by the offset: the period of 100 Hz truth, between whose samples it is linear."""
@@ -74,7 +74,7 @@ class HandEye:
         """Return the solution and 13 standard deviations; the model of the errors is learnt from the errors."""
         rough = Whitener.alike(len(self.estimate) // self._group, _ROUGH)
         state = min((self._refine(start, rough) for start in self._starts()), key=lambda s: self._cost(s, rough))
-        tame = self._tame(state)
+        tame = self._without_wild_frames(state)
         centres = tame.estimate.T_world_body[tame._group // 2 :: tame._group]
         for _ in range(_WHITENINGS):
             errors = tame._errors(state)
@@ -87,9 +87,9 @@ class HandEye:
         period_s = float(np.median(np.diff(self.estimate.stamps))) * 1e-9
         return max(1, min(round(_GROUP_S / period_s), len(self.estimate) // _GROUPS))
 
-    def _tame(self, state: State) -> "HandEye":
+    def _without_wild_frames(self, state: State) -> "HandEye":
         """Return the problem without the frames whose truth is wild, which would spoil their whole group."""
-        apart = self._apart(state, state.offset_s)
+        apart = self._frame_errors(state, state.offset_s)
         apart = np.abs(apart - np.median(apart, axis=0))
         tame = np.flatnonzero((apart <= _WILD * np.median(apart, axis=0) + 1e-12).all(axis=1))
         return replace(self, estimate=self.estimate.take(tame)) if len(tame) >= MINIMUM else self
@@ -118,7 +118,7 @@ class HandEye:
             states.append(State(X, Y, self.offset_s))
         return states
 
-    def _apart(self, state: State, offset_s: float) -> Array:
+    def _frame_errors(self, state: State, offset_s: float) -> Array:
         """Return the errors of n frames, n x 6 (m, rad), each in its estimated camera frame."""
         camera = self._body(offset_s) @ state.T_body_camera
         step = inverse_all(state.T_world_odom @ self.estimate.T_world_body) @ camera
@@ -126,7 +126,7 @@ class HandEye:
 
     def _errors(self, state: State) -> Array:
         """Return the errors of m groups, m x 6."""
-        return _averaged(self._apart(state, state.offset_s), self._group)
+        return _averaged(self._frame_errors(state, state.offset_s), self._group)
 
     def _jacobian(self, state: State) -> Array:
         """Return the errors' derivatives (m x 6 x k) by the free ones of 13 unknowns.
@@ -139,7 +139,7 @@ class HandEye:
         J[:, :, :6] = np.eye(6)
         J[:, :3, 6:9] = np.cross(R_camera_world, turned_points[:, None, :])
         J[:, 3:, 6:9] = J[:, :3, 9:12] = -R_camera_world
-        later, sooner = (self._apart(state, state.offset_s + h) for h in (_DERIVATIVE_S, -_DERIVATIVE_S))
+        later, sooner = (self._frame_errors(state, state.offset_s + h) for h in (_DERIVATIVE_S, -_DERIVATIVE_S))
         J[:, :, 12] = (later - sooner) / (2 * _DERIVATIVE_S)
         return _averaged(J[:, :, self.free], self._group)
 
@@ -164,7 +164,9 @@ class HandEye:
             Y = state.T_world_odom.copy()
             Y[:3, :3] = se3.so3_exp(step[6:9]) @ Y[:3, :3]
             Y[:3, 3] += step[9:12]
-            offset = float(np.clip(state.offset_s + step[12], self.offset_s - _LEASH_S, self.offset_s + _LEASH_S))
+            offset = float(
+                np.clip(state.offset_s + step[12], self.offset_s - _OFFSET_REACH_S, self.offset_s + _OFFSET_REACH_S)
+            )
             state = State(state.T_body_camera @ se3.exp(step[:6]), Y, offset)
             if np.abs(step).max() < _CONVERGED:
                 break

@@ -191,7 +191,7 @@ def _cast(rays: NDArray[np.float32], T_body_camera: Array, half_m: Array, texels
 
 
 def anchor_in_world(truth: Trajectory) -> Callable[[Stamp], Array]:
-    """Return T_camera_anchor by the stamp: the camera's path without its quick motions, beside which the bodies walk.
+    """Return T_camera_anchor by the stamp: bodies in the world follow the camera's path without its quick motions.
 
     `truth` is that of the camera; before its first pose and after its last one the camera is taken to stand still.
     Raises InputError when there is no truth.

@@ -13,7 +13,7 @@ from odom.geometry.tuning import documented
 
 PACKAGES = ("registration", "frontend", "backend")
 """Packages of the algorithms: their `tuning` modules hold the numbers."""
-_ASIDE = ("paper", "cloud_features")
+_NOT_IN_THE_ODOMETRY = ("paper", "cloud_features")
 """Their packages for the paper's tables and physical experiment: none of their numbers affects the odometry."""
 
 _FEWER_POSES = 0.98
@@ -91,7 +91,7 @@ def tuned_numbers(only: str = "*") -> list[TunedNumber]:
     found = []
     for folder in folders:
         place = ".".join(folder.relative_to(root).parts)
-        if folder.name not in _ASIDE:
+        if folder.name not in _NOT_IN_THE_ODOMETRY:
             found += numbers_of(place, import_module(f"odom.{place}.tuning").Tuning)
     return [number for number in found if fnmatch(number.key, only)]
 

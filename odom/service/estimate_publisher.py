@@ -91,7 +91,7 @@ class EstimatePublisher:
         self._publish_moving(estimate)
         for message in (*self._paths.messages(estimate), landmark_message(self._topics, estimate)):
             if message is not None:
-                self._map.pop(message.topic, None)  # moved to the end: messages that belong together are in order
+                self._map.pop(message.topic, None)  # goes to the end: messages of one estimate in order
                 self._map[message.topic] = message
         if self._map and now >= self._map_due:
             self.flush()

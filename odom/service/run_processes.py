@@ -27,7 +27,7 @@ _LAST_WORDS_S = 3.0
 """Time for sensor and recorder to end by themselves after the last frame; shorter would cut off their last messages."""
 _VIEWER_PATIENCE_S = 10.0
 """A viewer that hangs must not delay the end; by then it has written its file."""
-_SPARED = ("viewer", "recorder")
+_DISPENSABLE = ("viewer", "recorder")
 """Child processes that may fail while poses go on."""
 
 
@@ -119,7 +119,7 @@ class RunProcesses:
         the end of a live source, and has reported no new frame for five seconds, is asked to end.
         """
         sensor, odometry = self.children["sensor"], self.children["odometry"]
-        while odometry.status is None and not stop.is_set() and all(c.name in _SPARED for c in self.failed):
+        while odometry.status is None and not stop.is_set() and all(c.name in _DISPENSABLE for c in self.failed):
             for child in self.children.values():
                 child.poll()
             self._show_progress()
@@ -163,7 +163,7 @@ class RunProcesses:
         for child in self.failed:
             if child.name not in self._reported:
                 self._reported.add(child.name)
-                then = "the run goes on without it" if child.name in _SPARED else "saving what was done so far"
+                then = "the run goes on without it" if child.name in _DISPENSABLE else "saving what was done so far"
                 self._display.say("run", f"the {child.name} {child.ending()}; {then}")
                 if child is recorder and self._plan.record:
                     self._say_what_is_left(self._plan.record)

@@ -15,7 +15,7 @@ _MOST = 5
 """Problems that are named: nobody reads a longer line."""
 _SHORT = Repr()
 _SHORT.maxstring = _SHORT.maxother = 60  # characters of a value that are shown
-_SPARED = ("ODOM_CONFIG", "ODOM_LOG_", "ODOM_COUNT", "ODOM_PARENT_PID", "ODOM_FOLDER_HELD", "ODOM_SHARED_DATA",
+_NOT_SETTINGS = ("ODOM_CONFIG", "ODOM_LOG_", "ODOM_COUNT", "ODOM_PARENT_PID", "ODOM_FOLDER_HELD", "ODOM_SHARED_DATA",
            "ODOM_SOAK_MINUTES", "ODOM_TEST_")  # fmt: skip
 """How variables begin that are no settings: of the command line, between `odom run` and its children, of the tests."""
 _SECTIONS = ("ODOMETRY", "WIRE", "SERVICE", "VIEWER")
@@ -54,7 +54,7 @@ def nearest(name: str, known: Collection[str]) -> str:
 def stray_variables(environment: Mapping[str, str]) -> list[str]:
     """Return the variables that begin like settings and belong to no section of them."""
     sections = {f"ODOM_{section}" for section in _SECTIONS}
-    stray = (name for name in environment if name.upper().startswith("ODOM_") and not name.startswith(_SPARED))
+    stray = (name for name in environment if name.upper().startswith("ODOM_") and not name.startswith(_NOT_SETTINGS))
     return sorted(name for name in stray if name.upper().split("__")[0] not in sections)
 
 

@@ -136,7 +136,7 @@ def align_truth(
         if markers and calibrated is None:
             alignment = align_poses(T, T_truth, PoseErrors(np.tile(_MARKERS_ALONE, (len(T), 1, 1)), hand_eye=hand_eye))
         else:
-            alignment = _by_claims(T, T_truth, *claimed.of(matched.stamps), own, hand_eye)
+            alignment = _by_covariances(T, T_truth, *claimed.of(matched.stamps), own, hand_eye)
     except InputError:
         return None
     if alignment.sigma_rad > _SURE_RAD:
@@ -146,7 +146,9 @@ def align_truth(
     return TruthInMap(alignment, own + hand_eye, calibrated, len(T), rmse(off))
 
 
-def _by_claims(T: Array, T_truth: Array, claimed: Array, is_known: Mask, own: Array, hand_eye: Array) -> PoseAlignment:
+def _by_covariances(
+    T: Array, T_truth: Array, claimed: Array, is_known: Mask, own: Array, hand_eye: Array
+) -> PoseAlignment:
     """Return the alignment of the poses whose covariance is known; of all, where hardly any is."""
     if is_known.sum() < _MIN_POSES:
         return align_poses_alike(T, T_truth, hand_eye)

@@ -44,7 +44,7 @@ def give_back_freed() -> None:
 
 
 def give_back_code() -> None:
-    """Unmap the code of libraries at the end of a start: most is not called again, least of all the compiler's.
+    """Drop library code from memory at the end of a start: most is not called again, least of all the compiler's.
 
     Code that is called again is loaded again from the system's cache of files. Code that was changed in memory stays.
     """

@@ -28,8 +28,8 @@ _MOST_SAMPLES = 1024
 """Samples after which a fetch ends even if lossless ones keep coming. Larger: a flood delays the rest; smaller: an
 ordinary burst is split, and messages of a lossless sender may change order. Four full channels."""
 _ENDED_S = 2.0
-"""For all listening threads together to end, which they do at once unless the machine is busy. Longer delays the end of
-the process; shorter lets threads wait beyond `close`, which find nothing more to fetch. Chosen by hand."""
+"""Time for all listening threads together to end, which they do at once unless the machine is busy. Longer delays the
+end of the process; shorter lets threads wait beyond `close`, which find nothing more to fetch. Chosen by hand."""
 _LATE_S = 0.001
 """How long to wait for a sample whose bell has rung before it is in its channel. Chosen by hand; longer only delays."""
 

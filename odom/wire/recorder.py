@@ -101,10 +101,10 @@ class Recorder:
         session.announce(topics.alive_of("recorder"))
 
     def run(self, stop: threading.Event, progress: Callable[[int], None] = lambda frames: None) -> RecorderReport:
-        """Record until the source has ended and the odometry has sent all it has to, or until `stop` is set.
+        """Record until the source has ended and the odometry has sent everything, or until `stop` is set.
 
-        The odometry has when it is gone and nothing has come for a second, or when it has reported for five seconds
-        that it has nothing to do (while it saves its results it reports nothing). A source that was started again
+        It has sent everything when it is gone and nothing has come for a second, or when it has reported for five
+        seconds that it is idle (while it saves its results it reports nothing). A source that was started again
         meanwhile has not ended. Truth and the messages of other devices do not delay the end.
         """
         frames, ended = 0, None

@@ -21,8 +21,8 @@ from odom.wire.topics import Topics
 log = logging.getLogger(__name__)
 
 _LOST_AFTER_S = 2.0
-"""Seconds for which a consumer must wait before what is on its way to it counts as lost. Smaller: a slow link is taken
-for a loss; larger: a loss stops the source for longer. Equal to the lease after which Zenoh gives up a silent link."""
+"""Seconds that a consumer must wait before messages on their way to it count as lost. Smaller: a slow link is taken for
+a loss; larger: a loss stops the source for longer. Equal to the lease after which Zenoh gives up a silent link."""
 _FRAMES_IN_FLIGHT = 4
 """Frames that may be ahead of the slowest consumer. Smaller: the consumer waits for the link; larger: more memory on
 both sides (1.5 MB a frame) for no more speed. Chosen by hand."""
@@ -131,7 +131,7 @@ class SendWindow:
     def _wait(self, stop: threading.Event, condition: Callable[[], bool], timeout: float | None = None) -> bool:
         subscriber = self.listen()
         with self._changed:
-            if condition() and not stop.is_set():  # by what is known: looking for more costs as much as a message
+            if condition() and not stop.is_set():  # by what is known already: a new look costs as much as a message
                 return True
         deadline = float("inf") if timeout is None else time.monotonic() + timeout
         while not stop.is_set() and time.monotonic() < deadline:

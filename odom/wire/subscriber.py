@@ -188,7 +188,7 @@ class Subscriber:
         self._bytes += len(sample.payload)
 
     def _oldest(self, slot: tuple[str, int | None]) -> int:
-        """Return the place of the message of a slot that goes first: the oldest live one, else the oldest."""
+        """Return the place of the message of a slot to drop first: the oldest live one, else the oldest."""
         oldest = -1
         for i, queued in enumerate(self._queue):
             if queued.slot == slot:

@@ -84,14 +84,14 @@ class SegmentGraph:
     def covariance_between(self, a: int, b: int) -> Array | None:
         """Return the 6 x 6 covariance (`se3`, frame b) of T_a_b along the surest path, None where there is none."""
         row_a, row_b = (int(row) for row in np.searchsorted(self.numbers, [a, b]))
-        way = self._surest_way(row_a, row_b)
+        way = self._surest_path(row_a, row_b)
         if way is None:
             return None
         ends = np.array([self.poses[row] for row in self.edges.b[way]]).reshape(-1, 4, 4)
         A = se3.adjoints(self.poses[row_b] @ changes_in_map(np.tile(np.eye(4), (len(way), 1, 1)), ends))
         return np.asarray((A @ self.edges.covariance[way] @ A.transpose(0, 2, 1)).sum(axis=0))
 
-    def _surest_way(self, row_a: int, row_b: int) -> Index | None:
+    def _surest_path(self, row_a: int, row_b: int) -> Index | None:
         """Return the edges from one row to another whose variances add up to least (E. Dijkstra, 1959)."""
         K, e = len(self.numbers), self.edges
         variance = np.trace(e.covariance, axis1=1, axis2=2)

@@ -34,7 +34,7 @@ _CONTRAST = 5.0
 """Height of the edges' best match, in standard deviations of the others, below which nothing is said."""
 _SHIFT_PX, _LAG_S = 4.5, 0.033
 """Largest shift (a registered Kinect shows up to 3 px) and lag (one frame) of depth against colour."""
-_BLINDING = ("distortion", "depth images", "colour images", "depth size", "calibration size", "pairs")
+_MASKING_FAULTS = ("distortion", "depth images", "colour images", "depth size", "calibration size", "pairs")
 """Faults that make a measurement of registration or focal length wrong: these are then not judged."""
 
 
@@ -55,7 +55,7 @@ def examine(recording: Recording) -> list[Finding]:
         return [*findings, Finding("calibration", "none came", Verdict.BAD, advice)]
     lens = judge_lens(camera)
     findings.append(lens)
-    is_blind = any(finding.verdict is Verdict.BAD and finding.key in _BLINDING for finding in findings)
+    is_blind = any(finding.verdict is Verdict.BAD and finding.key in _MASKING_FAULTS for finding in findings)
     if frames and not is_blind:
         findings += _judge_geometry(recording, frames, camera)
     return findings

@@ -59,7 +59,7 @@ class Look:
 
     @cached_property
     def T_stamp_middle(self) -> Array:
-        """T_stamp_middle: from the time of the image's middle row, for which pixels are measured, to the stamp."""
+        """Maps points from the camera at its middle row, for which pixels are measured, to the camera at the stamp."""
         return se3.exp(-self.twist * self.view.since_middle_s(self.sensor.timing))
 
     @cached_property

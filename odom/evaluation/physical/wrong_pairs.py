@@ -101,7 +101,7 @@ def spoil(sensor: str, sets: Sequence[tuple[Pairs, Array]], seed: int) -> list[S
                 targets = pairs.points_target.copy()
                 targets[wrong] = KINDS[kind](rng, targets[wrong])
                 told = replace(pairs, points_target=targets)
-                outcomes += [_unguarded(o, told, T) for o in judge(told, Truth(T), number, kind)]
+                outcomes += [_with_plain_horn(o, told, T) for o in judge(told, Truth(T), number, kind)]
             ungated, gated = ([o for o in outcomes if o.is_gated is which] for which in (False, True))
             found.append(
                 Spoilt(
@@ -118,7 +118,7 @@ def spoil(sensor: str, sets: Sequence[tuple[Pairs, Array]], seed: int) -> list[S
     return found
 
 
-def _unguarded(outcome: Outcome, pairs: Pairs, T: Array) -> Outcome:
+def _with_plain_horn(outcome: Outcome, pairs: Pairs, T: Array) -> Outcome:
     """Return the outcome; for Horn without gate, that of its closed form, believable or not."""
     if outcome.estimator != "Horn" or outcome.is_gated or not outcome.reason or len(pairs) < 3:
         return outcome

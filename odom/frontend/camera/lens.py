@@ -66,7 +66,7 @@ class Lens:
             rays.reshape(camera.height, camera.width, 2).astype(np.float32),
             np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
             padded,
-            camera.depth.vector if told is None else _told_depth(camera, R_told_own),
+            camera.depth.vector if told is None else _turned_depth(camera, R_told_own),
         )
 
     @property
@@ -87,7 +87,7 @@ def _reach(k: Array) -> float:
     return float(r2[turns[0]]) if len(turns) else np.inf
 
 
-def _told_depth(camera: Camera, R_told_own: Array) -> Array:
+def _turned_depth(camera: Camera, R_told_own: Array) -> Array:
     """Return the vector (18) of a depth model by which inverse depths are along the turned axis.
 
     The distance along it is the one along the camera's own axis times a linear function of the ray.

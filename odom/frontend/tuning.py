@@ -37,8 +37,8 @@ class Tuning:
         effect="Stamps that jitter more are taken as they are. Smaller: jittery clocks are not smoothed; larger: a "
         "line is drawn through stamps that have no period.")
     clock_most_late_s: float = tuned(0.02, unit="s", source="recordings at 30 Hz that were thinned: 33 ms and more",
-        effect="After a stamp that is farther off the line begins anew. Smaller: late stamps of streams below 25 Hz "
-        "are believed; larger: a frame missing before a slow stream was thinned out shifts the poses after it.")
+        effect="The line begins anew after a stamp that is off it by more. Smaller: late stamps of streams below 25 "
+        "Hz are believed; larger: a frame missing before a slow stream was thinned out shifts the poses after it.")
     clock_outlier: float = tuned(3.0, unit="sigma", source="three sigma of a normal distribution",
         effect="A stamp farther off does not count for the line. Smaller: good stamps are left out; larger: late "
         "ones bend it.")
@@ -127,9 +127,11 @@ class Tuning:
         effect="Side of the window that flow matches. Smaller: blurred features are lost; larger: it costs more, and "
         "the two sides of a depth edge mix.")
     flow_levels: int = tuned(3, unit="pyramid levels", source=_SWEEP,
-        effect="Fewer: quick turns are lost; more: it costs more without gain.")
+        effect="Flow begins so many halvings of the image up. Fewer: quick turns are lost; more: it costs more "
+        "without gain.")
     flow_iterations: int = tuned(12, unit="1", source=_SWEEP,
-        effect="Fewer: the coarse pose is rough; more: it costs more without gain.")
+        effect="Flow makes at most so many steps a level. Fewer: the coarse pose is rough; more: it costs more "
+        "without gain.")
     # patches
     patch_least_contrast: float = tuned(5.0, unit="grey^2 (variance)",
         source="noise of a Kinect's image, about 2 grey levels",
@@ -171,7 +173,8 @@ class Tuning:
         effect="A fine match must correlate at least so well. Smaller: wrong matches pass; larger: blurred and "
         "slanted landmarks are lost.")
     search_iterations: int = tuned(8, unit="1", source=_SWEEP,
-        effect="Fewer: alignments end too early; more: it costs more without gain.")
+        effect="An alignment makes at most so many steps. Fewer: it ends too early; more: it costs more without "
+        "gain.")
     # look_back
     look_back_sigmas: float = tuned(3.0, unit="sigma", source=_BODIES,
         effect="A corner that is off by more has moved. Smaller: good corners are refused; larger: slow bodies "
@@ -191,7 +194,7 @@ class Tuning:
     look_back_depth_sigmas: float = tuned(4.0, unit="sigma", source=_BODIES,
         effect="Where depth is off by more, something else was seen; otherwise as look_back_sigmas.")
     look_back_depth_share: float = tuned(0.03, unit="share of the inverse depth", source=_BODIES,
-        effect="Added to that for errors of depth that do not vary; otherwise as look_back_sigmas.")
+        effect="Added to look_back_depth_sigmas for errors of depth that do not vary; otherwise as look_back_sigmas.")
     # moving_surfaces
     moving_cell_px: int = tuned(32, unit="px", source="a person at 4 m is some 60 px wide",
         effect="Side of a cell. Smaller: it costs more; larger: limbs and people far away are not seen to move.")

@@ -22,7 +22,8 @@ class Tuning:
         effect="So many times the scale is doubled. Fewer: large, plain things have no key points; more: nothing "
         "changes, since too few points are left.")
     sift_scales: int = tuned(3, unit="1 an octave", source="D. Lowe, IJCV 60, 2004, section 3.2",
-        effect="Fewer: a third of the key points is left; more: it takes longer and finds the same points again.")
+        effect="Each octave is smoothed at so many scales. Fewer: a third of the key points is left; more: it takes "
+        "longer and finds the same points again.")
     sift_contrast: float = tuned(1.0, unit="grey levels of 255", source=_PAIRS,
         effect="A key point needs at least this contrast. Half: there are key points on noise; double: half of the "
         "key points are left.")

@@ -42,7 +42,8 @@ class Tuning:
         "it takes two to four times as long and gains nothing, on clouds close together.",
         source="sweep 3 to 12; enough for the annealing's first rounds, where several targets are as likely")
     em_outlier_share: float = tuned(0.05, unit="1, share of wrong pairs expected",
-        effect="Half: 19 of 60 clouds with 60 % wrong pairs end wrong; double: none does. With 30 % nothing changes.",
+        effect="EM-ICP expects this share. Half: 19 of 60 clouds with 60 % wrong pairs end wrong; double: none does. "
+        "With 30 % nothing changes.",
         source="few wrong pairs, as in the paper, whose five estimators have no gate")
     em_annealing: float = tuned(0.7, unit="1, factor of the variance per round",
         effect="The variance is multiplied by this in each round. Half: the result is as accurate on clouds close "

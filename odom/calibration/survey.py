@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from odom.backend import Odometry
-from odom.backend.map.keyframe import Observed
+from odom.backend.map.keyframe import FrameObservations
 from odom.backend.mapping.local_adjustment import Adjustment, everything
 from odom.backend.mapping.steady_slopes import steadied, steady_rise
 from odom.calibration.observation_terms import SeenArrays
@@ -139,7 +139,7 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
     between = {frame.number: frame for frame in odometry.intermediate.kept}
     keyframes = [map_.keyframes[number] for number in start.numbers.tolist()]
     others = [between[number] for number in start.between.tolist()]
-    frames: list[Observed] = [*keyframes, *others]
+    frames: list[FrameObservations] = [*keyframes, *others]
     if len(frames) < _LEAST_FRAMES or not len(start.rows):
         raise InputError(f"{len(frames)} frames are linked by common landmarks, too few: walk on for longer")
     seen, number, landmark, is_displaced = _gathered(frames, odometry, start.rows)
@@ -200,7 +200,9 @@ def steady_slopes(seen: Measurements, by_direction: Array, R_camera_map: Array, 
     return np.nan_to_num(np.where(np.isfinite(seen.values[:, 2:]), steady[:, 0], 0.0), posinf=0.0, neginf=0.0)
 
 
-def _gathered(frames: list[Observed], odometry: Odometry, rows: Index) -> tuple[Measurements, Index, Index, Mask]:
+def _gathered(
+    frames: list[FrameObservations], odometry: Odometry, rows: Index
+) -> tuple[Measurements, Index, Index, Mask]:
     """Return measurements of the landmarks in `rows` (ascending): with frame, landmark, and whether displaced (N)."""
     landmarks = odometry.map.landmarks
     numbers, places, displaced, measured = [], [], [], []

@@ -21,7 +21,7 @@ _MOST_KEYFRAMES = 1_000_000
 
 
 @dataclass
-class Found:
+class ReadableParts:
     """What could be read of a map, and in `damage` what could not, in words."""
 
     sessions: dict[int, Session] = field(default_factory=dict)
@@ -33,9 +33,9 @@ class Found:
     damage: list[str] = field(default_factory=list)
 
 
-def look_through(db: sqlite3.Connection) -> Found:
+def look_through(db: sqlite3.Connection) -> ReadableParts:
     """Read every row of a map, and return what is whole."""
-    found = Found()
+    found = ReadableParts()
     try:
         found.damage += [f"file: {text}" for (text,) in db.execute("PRAGMA integrity_check(10)") if text != "ok"]
     except UNREADABLE as error:
@@ -65,7 +65,7 @@ def look_through(db: sqlite3.Connection) -> Found:
     return found
 
 
-def write_rest(opened: MapFile, found: Found, path: Path) -> int:
+def write_rest(opened: MapFile, found: ReadableParts, path: Path) -> int:
     """Write what was found whole to a new map; return its key frames.
 
     Raises ConfigError where there is one already, MapError where there is nothing to write.
@@ -83,7 +83,7 @@ def write_rest(opened: MapFile, found: Found, path: Path) -> int:
     return len(numbers)
 
 
-def _read(db: sqlite3.Connection, found: Found, table: str, key: str, value: int | str, decode: Any) -> Any:
+def _read(db: sqlite3.Connection, found: ReadableParts, table: str, key: str, value: int | str, decode: Any) -> Any:
     """Return a row decoded, None where it is missing or damaged, which is noted."""
     try:
         row = db.execute(f"SELECT content FROM {table} WHERE {key} = ?", (value,)).fetchone()
@@ -97,7 +97,7 @@ def _read(db: sqlite3.Connection, found: Found, table: str, key: str, value: int
     return None
 
 
-def _edges(db: sqlite3.Connection, found: Found, a: int) -> Iterator[Edge]:
+def _edges(db: sqlite3.Connection, found: ReadableParts, a: int) -> Iterator[Edge]:
     try:
         for b, content in db.execute("SELECT b, content FROM edge WHERE a = ?", (a,)):
             try:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odom.backend.map.keyframe import Keyframe, Measured
+from odom.backend.map.keyframe import Keyframe, MeasuredLandmarks
 from odom.backend.map.map import Corners, Map
 from odom.backend.mapping.bundle_adjustment import Bundle
 from odom.backend.mapping.observations import Observations
@@ -74,7 +74,7 @@ def chain_of_keyframes(poses, covariance, begins=(0,)):
         keyframe = map_.add_keyframe(
             view,
             se3.inverse(T_map_camera),
-            Measured.nothing(),
+            MeasuredLandmarks.nothing(),
             ShutterTiming(),
             None if number in begins else number - 1,
             np.zeros((6, 6)) if number in begins else covariance,

@@ -10,10 +10,10 @@ from made_up_scene import chain_of_keyframes
 from odom.backend.estimate import LoopCandidate
 from odom.backend.loop_closure import apart, loop_closure
 from odom.backend.loop_closure.apart import KeptViews, recognised_apart
-from odom.backend.loop_closure.candidate import Found
+from odom.backend.loop_closure.candidate import ConfirmedCandidate
 from odom.backend.loop_closure.loop_closure import LoopCloser
 from odom.backend.loop_closure.tuning import TUNING
-from odom.backend.map.keyframe import Observed
+from odom.backend.map.keyframe import FrameObservations
 from odom.backend.map.pose_graph import Edge
 from odom.backend.mapping.described import DescribedKeyframe
 from odom.backend.mapping.keyframe_inserter import KeyframeView
@@ -70,13 +70,13 @@ def tracked(monkeypatch):
             return candidate
         edge = Edge(a, b, map_.keyframes[a].T_camera_map @ se3.inverse(map_.keyframes[b].T_camera_map), SMALL)
         nothing = np.zeros(0, np.int64)
-        seen_again = Observed(
+        seen_again = FrameObservations(
             rows=nothing,
             identities=nothing,
             measurements=map_.keyframes[b].measurements.take(nothing),
             timing=map_.keyframes[b].timing,
         )
-        return Found(replace(candidate, accepted=True), edge, np.zeros((0, 2)), seen_again)
+        return ConfirmedCandidate(replace(candidate, accepted=True), edge, np.zeros((0, 2)), seen_again)
 
     monkeypatch.setattr(loop_closure, "track_candidate", track)
     return pairs

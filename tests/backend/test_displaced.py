@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from odom import Odometry, read_recording
-from odom.backend.map.keyframe import Keyframe, Measured, Observed
+from odom.backend.map.keyframe import FrameObservations, Keyframe, MeasuredLandmarks
 from odom.backend.tracking.frame_state import Tracked
 from odom.backend.tracking.tuning import TUNING
 from odom.calibration.result import calibrated
@@ -40,8 +40,8 @@ def tracked(chi2_of_rays: list[float]) -> Tracked:
 
 def keyframe_with_displaced() -> Keyframe:
     keyframe = bare_keyframe(0, np.eye(4))
-    keyframe.displaced = Observed.of(
-        Measured(np.arange(5), np.zeros((5, 2)), measured(5)),
+    keyframe.displaced = FrameObservations.of(
+        MeasuredLandmarks(np.arange(5), np.zeros((5, 2)), measured(5)),
         SimpleNamespace(identity=np.arange(1, 6)),
         ShutterTiming(),
     )

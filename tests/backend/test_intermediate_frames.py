@@ -11,7 +11,7 @@ from running import read_tum_frames
 
 from odom.backend import Odometry
 from odom.backend.map.frame_log import FrameLog, LoggedFrame
-from odom.backend.map.keyframe import Keyframe, Measured
+from odom.backend.map.keyframe import Keyframe, MeasuredLandmarks
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.mapping.intermediate_frames import IntermediateFrames, corrected
 from odom.evaluation.mocap_calibration import calibrate
@@ -24,7 +24,7 @@ from odom.geometry.arrays import Array
 
 
 def tracked(reference=0):
-    nothing = Measured.nothing()
+    nothing = MeasuredLandmarks.nothing()
     return SimpleNamespace(inlying=nothing, displaced=nothing, reference=reference, T_camera_map=np.eye(4))
 
 

@@ -9,7 +9,7 @@ from made_up_scene import NO_DEPTH, chain_of_keyframes
 from painted_room import SMALL, PaintedRoom
 
 from odom.backend.loop_closure import candidate
-from odom.backend.map.keyframe import Measured
+from odom.backend.map.keyframe import MeasuredLandmarks
 from odom.backend.mapping.keyframe_inserter import KeyframeInserter, KeyframeView
 from odom.backend.mapping.mapper import Mapper
 from odom.backend.mapping.new_corners import measure_exactly
@@ -20,7 +20,7 @@ from odom.frame import Stamp
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.images import FrameImages
 from odom.frontend.features.view import View
-from odom.frontend.tuning import TUNING as PLACES
+from odom.frontend.matching.tuning import TUNING as PLACES
 from odom.geometry import se3
 
 POSES = [se3.exp(np.array([0.1 * k, 0.0, 0.0, 0.0, 0.0, 0.0])) for k in range(4)]
@@ -82,8 +82,8 @@ def test_in_doubt_a_place_is_what_stands_there_which_is_known_when_new_corners_a
     tracked = cast(
         "Any", SimpleNamespace(T_camera_map=np.eye(4), reference=3, twist=np.zeros(6), inlier_count=len(rows))
     )
-    tracked.inlying = Measured(rows, uv, measure_exactly(view, sensor, uv, np.zeros(6)))
-    tracked.displaced = Measured.nothing()
+    tracked.inlying = MeasuredLandmarks(rows, uv, measure_exactly(view, sensor, uv, np.zeros(6)))
+    tracked.displaced = MeasuredLandmarks.nothing()
     mapper.inserter.insert(view, tracked, np.zeros(6), np.eye(6), sensor, 0, in_doubt)
     assert len(mapper.inserter.undescribed) == (0 if in_doubt else 1)
     assert mapper.inserter.take_corners(None, sensor) is not None
@@ -123,7 +123,7 @@ def test_a_place_of_what_stands_among_people_is_known_by_fewer_landmarks_where_t
     seen = KeyframeView(3, cast("Any", None), np.zeros(6), np.zeros((1, 2)) if in_doubt else None)
     recognition = cast("Any", SimpleNamespace(candidate=0, registration=registration))
     found = candidate.track_candidate(map_, cast("Any", None), seen, recognition, sensor)
-    assert isinstance(found, candidate.Found) == is_known
+    assert isinstance(found, candidate.ConfirmedCandidate) == is_known
 
 
 def test_in_doubt_other_segments_places_come_first_and_more_of_them() -> None:

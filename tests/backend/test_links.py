@@ -4,7 +4,7 @@ import numpy as np
 from made_up_scene import NO_DEPTH, points_ahead, project
 from test_newer_keyframes import exact
 
-from odom.backend.map.keyframe import Measured
+from odom.backend.map.keyframe import MeasuredLandmarks
 from odom.backend.map.map import Corners, Map
 from odom.frame import Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
@@ -21,11 +21,11 @@ def test_key_frames_that_see_few_landmarks_do_not_cut_the_camera_off_from_them()
     images = FrameImages.of(np.zeros((48, 64), np.uint8))
     for number in range(8):
         view = View(number, Stamp(33_000_000 * number), SteadyStamp(0), images, Stamp(0), NO_DEPTH)
-        known, against = Measured.nothing(), None
+        known, against = MeasuredLandmarks.nothing(), None
         if number:
             rows, against = np.arange(SEEN), number - 1
             seen = exact(project(np.eye(4), map_.landmarks.position[rows]))
-            known = Measured(rows, np.full((SEEN, 2), 30.0), seen)
+            known = MeasuredLandmarks(rows, np.full((SEEN, 2), 30.0), seen)
         keyframe = map_.add_keyframe(view, np.eye(4), known, ShutterTiming(), against, 1e-6 * np.eye(6))
         if not number:
             corners = exact(project(np.eye(4), points_ahead(rng, 60)))

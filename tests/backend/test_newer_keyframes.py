@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_up_scene import DEPTH_SIGMA, NO_DEPTH, RAY_SIGMA, points_ahead, project
 
-from odom.backend.map.keyframe import Measured
+from odom.backend.map.keyframe import MeasuredLandmarks
 from odom.backend.map.map import Corners, Map
 from odom.backend.mapping.newer_keyframes import carry_newer, refit_newer
 from odom.frame import Stamp
@@ -41,12 +41,12 @@ def walk(shared, tilt=NO_TILT):
     for number, T in enumerate(T_map_camera):
         view = View(number, Stamp(1_000_000_000 * number), SteadyStamp(0), images, Stamp(0), NO_DEPTH)
         corners = exact(project(np.eye(4), points_ahead(rng, OWN) if number else first))
-        known = Measured.nothing()
+        known = MeasuredLandmarks.nothing()
         if number:
             rows = np.arange(shared)
             seen = project(se3.inverse(T), map_.landmarks.position[rows])
             seen[:, 2] /= 1.0 + seen[:, :2] @ tilt
-            known = Measured(rows, np.full((shared, 2), 30.0), exact(seen))
+            known = MeasuredLandmarks(rows, np.full((shared, 2), 30.0), exact(seen))
         uv = np.full((len(corners), 2), 30.0)
         against = number - 1 if number else None
         keyframe = map_.add_keyframe(view, se3.inverse(T), known, ShutterTiming(), against, 1e-6 * np.eye(6))

@@ -13,8 +13,8 @@ from sensor_models import sensor_model, view_of
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.camera.lens import Lens, project
 from odom.frontend.camera.rolling_shutter import ShutterTiming, point_flow
-from odom.frontend.features.carrying import middle_rays, seen_in_motion
 from odom.frontend.features.measurement import measure, points_of
+from odom.frontend.features.shutter_compensation import middle_rays, seen_in_motion
 from odom.geometry import se3
 
 CAMERA = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)

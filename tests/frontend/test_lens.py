@@ -9,7 +9,7 @@ from odom.errors import ConfigError
 from odom.frame import Camera
 from odom.frontend.camera.lens import Lens, project, rays_at
 from odom.frontend.camera.rays import grid_over, rays_of, turn_onto
-from odom.frontend.features.carrying import depth_errors
+from odom.frontend.features.shutter_compensation import depth_errors
 
 small = st.floats(-0.003, 0.003)
 

@@ -8,8 +8,8 @@ import pytest
 from odom.frame import Camera, DepthModel
 from odom.frame.depth_model import as_measured
 from odom.frontend.camera.lens import Lens, rays_at
-from odom.frontend.features.carrying import depth_errors
 from odom.frontend.features.lens_change import LensChange
+from odom.frontend.features.shutter_compensation import depth_errors
 from odom.geometry import se3
 
 GIVEN = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)

@@ -11,7 +11,7 @@ from odom.frontend.features.place_descriptor import Place
 from odom.frontend.matching import place_block
 from odom.frontend.matching.place_block import PlaceBlock, first_at_least, keys_of, merged
 from odom.frontend.matching.place_recognition import PlaceIndex
-from odom.frontend.tuning import TUNING
+from odom.frontend.matching.tuning import TUNING
 
 LOOKS = np.random.default_rng(0).integers(0, 256, (12, 32), dtype=np.uint8)
 """So few that most places share keys, and more of them than count for each."""

@@ -20,9 +20,9 @@ from made_up_map import CAMERA
 
 import odom
 from odom.backend.estimate import LoopCandidate
-from odom.backend.loop_closure.candidate import Found
+from odom.backend.loop_closure.candidate import ConfirmedCandidate
 from odom.backend.loop_closure.loop_closure import LoopCloser
-from odom.backend.map.keyframe import Observed
+from odom.backend.map.keyframe import FrameObservations
 from odom.backend.map.map import Map
 from odom.backend.map.memory import open_map, recall, take_changes
 from odom.backend.map.pose_graph import Edge
@@ -130,15 +130,15 @@ FIRST, REST, CLOSURES = 1000, 100, 5
 """Number of the first frame, frames between closures, and how many loops are closed."""
 
 
-def found(map_: Map, a: int, b: int) -> Found:
+def found(map_: Map, a: int, b: int) -> ConfirmedCandidate:
     """A closure that geometry has confirmed: b stands where a lap of no drift has it."""
     keyframes = map_.keyframes
     covariance = np.diag(SIGMA**2)
     T_a_b = se3.exp(STEP * 0.0) if (b - a) % LAP == 0 else se3.exp(STEP * ((b - a) % LAP))
     candidate = LoopCandidate(keyframes[b].stamp, keyframes[a].stamp, 100, True, "made up", T_a_b)
     none = np.zeros(0, dtype=np.int64)
-    nothing = Observed(rows=none, identities=none, measurements=Measurements.nothing(), timing=ShutterTiming())
-    return Found(candidate, Edge(a, b, T_a_b, covariance, is_loop=True), np.zeros((0, 2)), nothing)
+    nothing = FrameObservations(rows=none, identities=none, measurements=Measurements.nothing(), timing=ShutterTiming())
+    return ConfirmedCandidate(candidate, Edge(a, b, T_a_b, covariance, is_loop=True), np.zeros((0, 2)), nothing)
 
 
 def measure(path: Path, queries: int = 50) -> dict[str, float]:

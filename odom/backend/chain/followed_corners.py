@@ -16,7 +16,7 @@ from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.measurement import measure
 from odom.frontend.features.patches import PATCH_LIMITS, UNWARPED, align_patches
 from odom.frontend.matching.optical_flow import follow_there_and_back
-from odom.frontend.tuning import TUNING as SEARCH
+from odom.frontend.matching.tuning import TUNING as SEARCH
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 

@@ -13,7 +13,7 @@ from odom.backend.loop_closure.tuning import TUNING
 from odom.backend.map.map import Map
 from odom.backend.mapping.keyframe_inserter import KeyframeView
 from odom.frontend.matching.place_recognition import Recognition, recognise
-from odom.frontend.tuning import TUNING as PLACES
+from odom.frontend.matching.tuning import TUNING as PLACES
 
 
 @dataclass(frozen=True, eq=False)

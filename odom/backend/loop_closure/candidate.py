@@ -6,7 +6,7 @@ import numpy as np
 
 from odom.backend.estimate import LoopCandidate
 from odom.backend.loop_closure.verification import contradiction_from_start
-from odom.backend.map.keyframe import Observed
+from odom.backend.map.keyframe import FrameObservations
 from odom.backend.map.map import Map
 from odom.backend.map.memory import recall_near
 from odom.backend.map.pose_graph import Edge
@@ -23,13 +23,13 @@ from odom.geometry.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class ConfirmedCandidate:
     """A `candidate` that geometry confirms: the registration, and what the key frame measured of old landmarks."""
 
     candidate: LoopCandidate
     edge: Edge
     uv: Array
-    seen: Observed
+    seen: FrameObservations
 
 
 def refused_at_once(map_: Map, number: int, recognition: Recognition, noise: NoiseMonitor) -> LoopCandidate | None:
@@ -49,7 +49,7 @@ def refused_at_once(map_: Map, number: int, recognition: Recognition, noise: Noi
 
 def track_candidate(
     map_: Map, tracker: FrameTracker, seen: KeyframeView, recognition: Recognition, sensor: SensorModel
-) -> Found | LoopCandidate:
+) -> ConfirmedCandidate | LoopCandidate:
     """Return a recognition that tracking confirms, with its registration, or the candidate that is refused.
 
     Fewer landmarks confirm a segment that was left nearby a few frames ago, as when a camera is found again there. They
@@ -77,22 +77,22 @@ def track_candidate(
     reason = f"{tracked.found_again} landmarks found again"
     reason = reason if is_loop else f"merges two segments: {reason}"
     old = tracked.inlying
-    observed = Observed(
+    observed = FrameObservations(
         rows=old.rows,
         identities=map_.landmarks.identity[old.rows].copy(),
         measurements=old.measurements,
         timing=sensor.timing,
     )
-    return Found(replace(candidate, accepted=True, reason=reason), edge, old.uv, observed)
+    return ConfirmedCandidate(replace(candidate, accepted=True, reason=reason), edge, old.uv, observed)
 
 
-def add_old_landmarks(map_: Map, found: Found) -> None:
+def add_old_landmarks(map_: Map, found: ConfirmedCandidate) -> None:
     """Add to a key frame the old landmarks that were found in it: by them adjustments join the loop.
 
     Those that were culled since, or that it has already, are left out.
     """
     landmarks, keyframe, seen = map_.landmarks, map_.keyframes[found.edge.b], found.seen
-    map_.journal.measure([keyframe.number])
+    map_.journal.note_new_details([keyframe.number])
     new = seen.current(landmarks) & ~np.isin(seen.identities, keyframe.identities[keyframe.current(landmarks)])
     keyframe.rows = np.concatenate([keyframe.rows, seen.rows[new]])
     keyframe.identities = np.concatenate([keyframe.identities, seen.identities[new]])

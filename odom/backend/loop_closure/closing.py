@@ -35,7 +35,7 @@ def merge_segment(map_: Map, edge: Edge) -> list[int]:
     numbers = np.array(members_of(map_, b.segment))
     T_camera_map = np.array([map_.keyframes[int(n)].T_camera_map @ T_old_new for n in numbers])
     map_.move_keyframes(numbers, T_camera_map, _NO_ROWS)
-    map_.journal.move(k.number for k in merged)
+    map_.journal.note_new_or_moved(k.number for k in merged)
     for k in merged:
         k.segment, k.first = a.segment, a.first
     map_.register(edge)

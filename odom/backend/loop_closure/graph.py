@@ -8,8 +8,8 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from odom.backend.map.carrying import changes_in_map, followed
 from odom.backend.map.map import Map
+from odom.backend.map.moved_keyframes import changes_in_map, followed
 from odom.backend.map.pose_graph import Edge, EdgeArrays, optimise
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index, Mask
@@ -122,7 +122,7 @@ class SegmentGraph:
                 keyframe.T_camera_map = T
             else:
                 here[number] = T
-        map_.journal.carry(moves.numbers)
+        map_.journal.note_moved_only(moves.numbers)
         new = [n for n in (*merged, *range(self.size, len(keyframes))) if keyframes[n].segment == self.segment]
         here |= _added(map_, moves, new)
         for number in here.keys() & map_.forgotten:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from odom.backend.estimate import LoopCandidate
 from odom.backend.loop_closure.apart import KeptViews, recognised_apart
-from odom.backend.loop_closure.candidate import Found, add_old_landmarks, refused_at_once, track_candidate
+from odom.backend.loop_closure.candidate import ConfirmedCandidate, add_old_landmarks, refused_at_once, track_candidate
 from odom.backend.loop_closure.closing import merge_segment
 from odom.backend.loop_closure.graph import Moves, SegmentGraph
 from odom.backend.loop_closure.tuning import TUNING
@@ -34,7 +34,7 @@ class _Closed:
     """Candidates, each with the reason to refuse it (empty: accepted), and the `moves` by the accepted ones, if any."""
 
     graph: SegmentGraph
-    found: Sequence[Found]
+    found: Sequence[ConfirmedCandidate]
     refusals: Sequence[str]
     moves: Moves | None
 
@@ -46,7 +46,7 @@ class LoopCloser:
         self._map, self._tracker = map_, tracker
         self._put_off: list[DescribedKeyframe] = []
         """Each with those of its recognitions that have not been tracked yet."""
-        self._waiting: list[Found] = []
+        self._waiting: list[ConfirmedCandidate] = []
         self._background = Background[_Closed]("closing")
         self._is_stale = False
         """Whether the result of the background is to be dropped."""
@@ -210,7 +210,7 @@ class LoopCloser:
             decided.append(found.candidate)
         return decided
 
-    def _segment_of(self, found: Found) -> int:
+    def _segment_of(self, found: ConfirmedCandidate) -> int:
         return self._map.keyframes[found.edge.b].segment
 
     def _is_forgotten(self, edge: Edge) -> bool:

@@ -20,7 +20,7 @@ _UNKNOWN_TIMING = ShutterTiming()
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class MeasuredLandmarks:
     """Landmarks, by their `rows` (n) in the map, that a frame has measured at `uv` (n x 2 px)."""
 
     rows: Index
@@ -28,13 +28,13 @@ class Measured:
     measurements: Measurements
 
     @classmethod
-    def nothing(cls) -> "Measured":
+    def nothing(cls) -> "MeasuredLandmarks":
         """Return the value for no landmark at all."""
         return cls(_NO_ROWS, _NO_UV, _NOTHING_MEASURED)
 
 
 @dataclass(eq=False, kw_only=True)
-class Observed:
+class FrameObservations:
     """What a frame measured of landmarks, which `rows` and `identities` (n) name, computed with `timing`.
 
     `displaced` is what it measured of further landmarks, found near where its pose predicts them but not there (None:
@@ -45,13 +45,15 @@ class Observed:
     identities: Index
     measurements: Measurements
     timing: ShutterTiming
-    displaced: "Observed | None" = None
+    displaced: "FrameObservations | None" = None
 
     @classmethod
-    def of(cls, measured: Measured, landmarks: Landmarks, timing: ShutterTiming) -> "Observed":
+    def of(cls, measured: MeasuredLandmarks, landmarks: Landmarks, timing: ShutterTiming) -> "FrameObservations":
         """Return what a frame has `measured` of the `landmarks` of a map."""
         identities = landmarks.identity[measured.rows].copy()
-        return Observed(rows=measured.rows, identities=identities, measurements=measured.measurements, timing=timing)
+        return FrameObservations(
+            rows=measured.rows, identities=identities, measurements=measured.measurements, timing=timing
+        )
 
     def see_through(self, change: LensChange) -> None:
         """Convert what was measured to a new lens."""
@@ -65,7 +67,7 @@ class Observed:
 
 
 @dataclass(eq=False, kw_only=True)
-class Keyframe(Observed):
+class Keyframe(FrameObservations):
     """A frame whose measurements are kept, at `uv` (n x 2 px); `T_camera_map` moves as the map is adjusted.
 
     The pose is that of its middle row, and `T_middle_stamp` the motion from there to its stamp. `first` is the key

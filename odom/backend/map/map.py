@@ -5,10 +5,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from odom.backend.map.carrying import carry_landmarks, changes_in_map, followed
 from odom.backend.map.journal import Journal
-from odom.backend.map.keyframe import Keyframe, Measured, apart
+from odom.backend.map.keyframe import Keyframe, MeasuredLandmarks, apart
 from odom.backend.map.landmarks import Landmarks
+from odom.backend.map.moved_keyframes import carry_landmarks, changes_in_map, followed
 from odom.backend.map.pose_graph import Edge
 from odom.backend.map.registrations import Registrations
 from odom.backend.map.saved import Details
@@ -68,7 +68,7 @@ class Map:
         self,
         view: View,
         T_camera_map: Array,
-        known: Measured,
+        known: MeasuredLandmarks,
         timing: ShutterTiming,
         against: int | None,
         covariance: Array,
@@ -94,8 +94,8 @@ class Map:
             session=self.session,
         )
         self.keyframes.append(keyframe)
-        self.journal.move([number])
-        self.journal.measure([number])
+        self.journal.note_new_or_moved([number])
+        self.journal.note_new_details([number])
         self.remembered.append(number)
         anchors, shared = np.unique(self.landmarks.keyframe[known.rows], return_counts=True)
         self.links.append(set())
@@ -114,7 +114,7 @@ class Map:
         keyframe.identities = np.concatenate([keyframe.identities, self.landmarks.identity[rows]])
         keyframe.uv = np.concatenate([keyframe.uv, corners.uv])
         keyframe.measurements = keyframe.measurements.joined(corners.measurements)
-        self.journal.measure([keyframe.number])
+        self.journal.note_new_details([keyframe.number])
 
     def _next_segment(self) -> int:
         return 1 + max((k.segment for k in self.keyframes), default=-1)
@@ -128,7 +128,7 @@ class Map:
 
     def propagate_covariance(self, edge: Edge) -> None:
         """Set the covariance since the start of `edge.b` to that of `edge.a` composed with their registration's."""
-        self.journal.move([edge.b])
+        self.journal.note_new_or_moved([edge.b])
         self.keyframes[edge.b].covariance_since_start = se3.compose_covariance(
             self.keyframes[edge.a].covariance_since_start, edge.T_a_b, edge.covariance
         )
@@ -156,7 +156,7 @@ class Map:
 
         Their depth has a `tilt` (2). Where depth is missing now or was before, the old values stay, as covariances do.
         """
-        self.journal.measure([keyframe.number])
+        self.journal.note_new_details([keyframe.number])
         before = keyframe.measurements
         values = np.where(np.isnan(measured.values + before.values), before.values, measured.values)
         keyframe.measurements = replace(measured, values=values, covariance=before.covariance)
@@ -174,7 +174,7 @@ class Map:
         if a != b:
             self.links[a].add(b)
             self.links[b].add(a)
-            self.journal.move([max(a, b)])
+            self.journal.note_new_or_moved([max(a, b)])
 
     def linked(self, number: int) -> set[int]:
         """Return the key frames linked with `number` over two hops, itself included: no loop is closed with them."""
@@ -213,7 +213,7 @@ class Map:
         L = self.landmarks
         is_bad = (L.tried >= TUNING.cull_trials) & (L.seen < TUNING.cull_share * L.tried)
         rows = np.flatnonzero(L.alive & is_bad & np.isin(L.keyframe, keyframes))
-        self.journal.thin(L.keyframe[rows].tolist())
+        self.journal.note_fewer_landmarks(L.keyframe[rows].tolist())
         L.cull(rows)
 
     def move_keyframes(self, numbers: Index, T_camera_map: Array, adjusted_rows: Index) -> None:
@@ -235,7 +235,7 @@ class Map:
         carry_landmarks(T_new_old, row_of, L.keyframe, follows, L.position, L.covariance)
         for keyframe, T in zip(moved, followed(T_camera_map, np.eye(4)[None], np.zeros_like(numbers)), strict=True):
             keyframe.T_camera_map = T
-        self.journal.carry(numbers.tolist())
+        self.journal.note_moved_only(numbers.tolist())
         self._follow(numbers[here].tolist(), T_new_old)
 
     def _follow(self, heirs: list[int], T_new_old: Array) -> None:

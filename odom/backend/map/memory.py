@@ -93,7 +93,7 @@ def recall(map_: Map, numbers: Iterable[int]) -> bool:
         if found is None:
             continue
         if pending is not None:
-            map_.journal.measure([number])
+            map_.journal.note_new_details([number])
         keyframe, own = map_.keyframes[number], found.landmarks
         T_map_camera = se3.inverse(keyframe.T_camera_map)
         R = T_map_camera[:3, :3]
@@ -167,10 +167,10 @@ def _bind(map_: Map, numbers: set[int]) -> None:
 def set_aside(map_: Map, number: int) -> None:
     """Drop from memory what a key frame measured; what was not saved of it goes to the journal."""
     keyframe, L, journal = map_.keyframes[number], map_.landmarks, map_.journal
-    if number in journal.measured or number in journal.thinned:
+    if number in journal.with_new_details or number in journal.with_fewer_landmarks:
         journal.set_aside[number] = details_of(map_, number)
-        journal.measured.discard(number)
-        journal.thinned.discard(number)
+        journal.with_new_details.discard(number)
+        journal.with_fewer_landmarks.discard(number)
     L.cull(np.flatnonzero(L.alive & (L.keyframe == number)))
     keyframe.forget()
     map_.places.set_aside(number)
@@ -183,13 +183,13 @@ def take_changes(map_: Map) -> MapChanges:
     journal = map_.journal
     if not journal.is_kept:
         return MapChanges()
-    details = {n: details_of(map_, n) for n in sorted(journal.measured) if n not in map_.away}
+    details = {n: details_of(map_, n) for n in sorted(journal.with_new_details) if n not in map_.away}
     changes = MapChanges(
-        tuple(saved_keyframe(map_, n) for n in sorted(journal.moved)),
-        tuple(map_.registrations.between(a, b) for a, b in sorted(journal.registered)),
+        tuple(saved_keyframe(map_, n) for n in sorted(journal.new_or_moved)),
+        tuple(map_.registrations.between(a, b) for a, b in sorted(journal.registrations)),
         details | journal.set_aside,
         map_.landmarks.next_identity,
-        poses={n: map_.keyframes[n].T_camera_map for n in journal.carried - journal.moved},
+        poses={n: map_.keyframes[n].T_camera_map for n in journal.moved_only - journal.new_or_moved},
     )
     journal.clear()
     return changes

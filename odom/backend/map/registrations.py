@@ -56,7 +56,7 @@ class Registrations:
     def _put(self, edge: Edge) -> None:
         self._of[edge.a][edge.b] = self._of[edge.b][edge.a] = edge
         self.table.put(edge)
-        self.journal.register(edge.a, edge.b)
+        self.journal.note_registration(edge.a, edge.b)
 
     def between(self, a: int, b: int) -> Edge:
         """Return the registration of two key frames."""

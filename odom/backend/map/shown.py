@@ -3,8 +3,8 @@
 import numpy as np
 
 from odom.backend.estimate import TrajectoryPose
-from odom.backend.map.carrying import changes_in_map
 from odom.backend.map.map import Map
+from odom.backend.map.moved_keyframes import changes_in_map
 from odom.frame import Stamp
 from odom.geometry.arrays import Array
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from odom.backend.map.frame_log import FrameLog, LoggedFrame
-from odom.backend.map.keyframe import Keyframe, Observed
+from odom.backend.map.keyframe import FrameObservations, Keyframe
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.tracking.frame_state import Tracked
@@ -22,7 +22,7 @@ from odom.geometry.arrays import Array
 
 
 @dataclass(eq=False, kw_only=True)
-class IntermediateFrame(Observed):
+class IntermediateFrame(FrameObservations):
     """What frame `number` (counted from the first) measured; its pose is `T_camera_keyframe` in `keyframe`."""
 
     number: int
@@ -51,14 +51,14 @@ class IntermediateFrames:
         """Keep what the tracked frame `number` measured, once."""
         if self.kept and self.kept[-1].number == number:
             return
-        seen = Observed.of(tracked.inlying, landmarks, timing)
+        seen = FrameObservations.of(tracked.inlying, landmarks, timing)
         self.kept.append(
             IntermediateFrame(
                 rows=seen.rows,
                 identities=seen.identities,
                 measurements=seen.measurements,
                 timing=timing,
-                displaced=Observed.of(tracked.displaced, landmarks, timing),
+                displaced=FrameObservations.of(tracked.displaced, landmarks, timing),
                 number=number,
                 keyframe=tracked.reference,
                 T_camera_keyframe=tracked.T_camera_map @ se3.inverse(keyframes[tracked.reference].T_camera_map),

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from odom.backend.map.keyframe import Keyframe, Measured, Observed
+from odom.backend.map.keyframe import FrameObservations, Keyframe, MeasuredLandmarks
 from odom.backend.map.map import Corners, Map
 from odom.backend.mapping.coverage import Coverage
 from odom.backend.mapping.new_corners import Grown, NewCorners, Wanted, measure_exactly
@@ -75,7 +75,7 @@ class KeyframeInserter:
         """
         self.take_corners(None, sensor)
         self.recent.forget()
-        nothing = Measured.nothing()
+        nothing = MeasuredLandmarks.nothing()
         keyframe = self._map.add_keyframe(view, T_camera_map, nothing, sensor.timing, None, _CERTAIN)
         self._map.add_corners(keyframe, view.images, corners, sensor.depth_tilt.angles)
         self._queue_for_description(KeyframeView(keyframe.number, view, AT_REST, corners.uv if in_doubt else None))
@@ -98,7 +98,7 @@ class KeyframeInserter:
         """
         T, seen, reference = tracked.T_camera_map, tracked.inlying, tracked.reference
         keyframe = self._map.add_keyframe(view, T, seen, sensor.timing, reference, covariance)
-        keyframe.displaced = Observed.of(tracked.displaced, self._map.landmarks, sensor.timing)
+        keyframe.displaced = FrameObservations.of(tracked.displaced, self._map.landmarks, sensor.timing)
         self._newest = KeyframeView(keyframe.number, view, twist)
         self._coverage_at_keyframe, self._is_worn_out = None, False
         if not in_doubt:
@@ -204,7 +204,7 @@ class KeyframeInserter:
         """
         self.remeasure(number, view, twist, sensor)
         self._map.keyframes[number].T_middle_stamp = _T_middle_stamp(view, twist, sensor)
-        self._map.journal.move([number])
+        self._map.journal.note_new_or_moved([number])
 
     def remeasure(self, number: int, view: View, twist: Array, sensor: SensorModel) -> None:
         """Measure the features of key frame `number` again, now that its motion `twist` (6, SI) is known better."""

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from odom.backend.map.change_of_lens import positions_through
-from odom.backend.map.keyframe import Keyframe, Observed
+from odom.backend.map.keyframe import FrameObservations, Keyframe
+from odom.backend.map.lens_of_map import positions_through
 from odom.backend.map.map import Map
 from odom.backend.mapping.bundle_adjustment import Bundle, adjust
 from odom.backend.mapping.intermediate_frames import IntermediateFrame, IntermediateFrames
@@ -55,7 +55,7 @@ def _snapshot(
     change: LensChange | None = None,
 ) -> Adjustment:
     keyframes = fixed + free
-    seen: list[Observed] = [*keyframes, *between]
+    seen: list[FrameObservations] = [*keyframes, *between]
     if change is not None:
         seen = [replace(frame, measurements=change.measured(frame.measurements)) for frame in seen]
     between_poses = [s.T_camera_keyframe @ map_.keyframes[s.keyframe].T_camera_map for s in between]

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odom.backend.map.change_of_lens import see_through
+from odom.backend.map.lens_of_map import see_through
 from odom.backend.map.map import Map
 from odom.backend.map.memory import expect_around, farthest_beyond, recall_near, set_aside
 from odom.backend.map.pruning import forget, oldest_beyond
@@ -24,7 +24,7 @@ from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.lens_change import LensChange
 from odom.frontend.features.place_descriptor import describe_place
 from odom.frontend.matching.place_recognition import GrownIndex, recognise
-from odom.frontend.tuning import TUNING as PLACES
+from odom.frontend.matching.tuning import TUNING as PLACES
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index
 
@@ -217,14 +217,14 @@ class Mapper:
                 bundle = adjustment.run()
                 sensor = self._take_over(adjustment, bundle, sensor, credit)
                 adjusted |= adjustment.poses_between(bundle)
-        self._map.journal.measure([*mine, *self._map.journal.thinned])
+        self._map.journal.note_new_details([*mine, *self._map.journal.with_fewer_landmarks])
         return sensor, adjusted
 
     def _note_measured(self, described: list[int]) -> None:
         """Note in the journal which key frames have their places now, and which will not be adjusted any more."""
         settled = [n for n in self._map.remembered[: -self._settings.window_keyframes] if n >= self._settled]
         self._settled = max(settled, default=self._settled - 1) + 1
-        self._map.journal.measure([*described, *settled])
+        self._map.journal.note_new_details([*described, *settled])
 
     def _take_over(
         self, adjustment: local_adjustment.Adjustment, bundle: Bundle, sensor: SensorModel, credit: float

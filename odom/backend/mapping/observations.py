@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from odom.backend.map.keyframe import Observed
+from odom.backend.map.keyframe import FrameObservations
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.mapping.steady_slopes import steadied
 from odom.frontend.camera.sensor_model import SensorModel
@@ -28,7 +28,7 @@ class Observations:
 
 
 def gather_observations(
-    frames: Sequence[Observed], T_camera_map: Array, landmarks: Landmarks, sensor: SensorModel
+    frames: Sequence[FrameObservations], T_camera_map: Array, landmarks: Landmarks, sensor: SensorModel
 ) -> tuple[Observations, Index]:
     """Return what `frames` measured of the landmarks that at least two of them share, and those landmarks' rows.
 

@@ -37,7 +37,7 @@ def retire(map_: Map, segment: int, since: int) -> None:
     is_member = np.array([keyframe.segment == segment for keyframe in map_.keyframes])
     rows = np.flatnonzero(landmarks.alive & (landmarks.identity >= since))
     rows = rows[is_member[landmarks.keyframe[rows]]]
-    map_.journal.thin(landmarks.keyframe[rows].tolist())
+    map_.journal.note_fewer_landmarks(landmarks.keyframe[rows].tolist())
     landmarks.cull(rows)
 
 

@@ -12,11 +12,11 @@ from odom.backend.map.memory import take_changes
 from odom.backend.map.saved import MapChanges, SavedMap
 from odom.backend.map.shown import ShownPath, cloud_of
 from odom.backend.mapping.intermediate_frames import IntermediateFrames, corrected
-from odom.backend.odometry.change_of_lens import go_on_through_lens
 from odom.backend.odometry.final_trajectory import trajectory
 from odom.backend.odometry.frame_order import FrameOrder
 from odom.backend.odometry.frame_stages import FrameStages
 from odom.backend.odometry.growth import grow
+from odom.backend.odometry.lens_of_run import go_on_through_lens
 from odom.backend.odometry.prepared import Prepared
 from odom.backend.odometry.recalibration import Calibrator, Recalibration
 from odom.backend.odometry.segmentation import Segmentation, Segmenter

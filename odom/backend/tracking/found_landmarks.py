@@ -15,7 +15,7 @@ from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.measurement import Measurements, measure
 from odom.frontend.features.view import View
-from odom.frontend.matching.landmark_search import Found
+from odom.frontend.matching.landmark_search import LandmarkMatches
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index, Mask
 
@@ -32,7 +32,7 @@ class FoundLandmarks:
 
     view: View
     sensor: SensorModel
-    found: Found
+    found: LandmarkMatches
     points: Array
     covariances: Array
     seen: Index
@@ -40,7 +40,7 @@ class FoundLandmarks:
     standing: Mask
 
     @classmethod
-    def of(cls, view: View, sensor: SensorModel, found: Found, landmarks: Landmarks) -> "FoundLandmarks":
+    def of(cls, view: View, sensor: SensorModel, found: LandmarkMatches, landmarks: Landmarks) -> "FoundLandmarks":
         """Return the landmarks that were `found` in a view, all standing."""
         rows = found.rows
         seen = landmarks.seen.take(rows)

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from odom.backend.map.keyframe import Measured
+from odom.backend.map.keyframe import MeasuredLandmarks
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.map.map import Map
 from odom.backend.tracking.consensus import ExpectedPose
@@ -51,18 +51,18 @@ class Tracked:
         return se3.inverse(self.T_camera_map)
 
     @cached_property
-    def inlying(self) -> Measured:
+    def inlying(self) -> MeasuredLandmarks:
         """The landmarks found where the pose predicts them."""
         return self._measured(self.inliers)
 
     @property
-    def displaced(self) -> Measured:
+    def displaced(self) -> MeasuredLandmarks:
         """The landmarks found near where the pose predicts them, but not there."""
         return self._measured(~self.inliers & (self.chi2[:, 0] < TUNING.displaced_chi2))
 
-    def _measured(self, chosen: Mask) -> Measured:
+    def _measured(self, chosen: Mask) -> MeasuredLandmarks:
         rows = np.flatnonzero(chosen)
-        return Measured(self.rows.take(rows), self.uv.take(rows, 0), self.measurements.take(rows))
+        return MeasuredLandmarks(self.rows.take(rows), self.uv.take(rows, 0), self.measurements.take(rows))
 
     @cached_property
     def inlier_count(self) -> int:

@@ -13,8 +13,8 @@ from odom.backend.tracking.pose_solver import chi2_of, fit_pose
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
-from odom.frontend.features.carrying import middle_rays, seen_in_motion
 from odom.frontend.features.images import FrameImages
+from odom.frontend.features.shutter_compensation import middle_rays, seen_in_motion
 from odom.frontend.matching.landmark_search import Candidates, find_coarsely
 from odom.frontend.matching.optical_flow import follow_features
 from odom.geometry.arrays import Array, Index, Mask

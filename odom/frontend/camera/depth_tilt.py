@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from odom.frontend.tuning import TUNING
+from odom.frontend.camera.tuning import TUNING
 from odom.geometry.arrays import Array
 
 TILTS = 2

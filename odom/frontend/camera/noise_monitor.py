@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from odom.frontend.tuning import TUNING
+from odom.frontend.camera.tuning import TUNING
 from odom.geometry.arrays import Array
 
 _MEDIAN_CHI2_1, _MEDIAN_CHI2_2 = 0.4549, 1.3863

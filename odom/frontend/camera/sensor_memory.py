@@ -8,7 +8,7 @@ from odom.frontend.camera.depth_tilt import DepthTilt
 from odom.frontend.camera.noise_monitor import FeatureNoise
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.sensor_model import SensorModel
-from odom.frontend.tuning import TUNING
+from odom.frontend.camera.tuning import TUNING
 from odom.geometry.arrays import Array
 
 _SEEN = 1_000_000

@@ -10,7 +10,7 @@ from odom.frontend.camera.lens import Lens
 from odom.frontend.camera.noise_monitor import NoiseMonitor
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.stamp_clock import StampClock
-from odom.frontend.tuning import TUNING
+from odom.frontend.camera.tuning import TUNING
 from odom.geometry.arrays import Array
 
 

@@ -11,7 +11,7 @@ from typing import NewType
 import numpy as np
 
 from odom.frame import Stamp
-from odom.frontend.tuning import TUNING
+from odom.frontend.camera.tuning import TUNING
 from odom.geometry.arrays import Array
 from odom.geometry.compiled import compiled
 

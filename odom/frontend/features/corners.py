@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.frontend.features.images import noise_of
-from odom.frontend.tuning import TUNING
+from odom.frontend.features.tuning import TUNING
 from odom.geometry.arrays import Array
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.frontend.tuning import TUNING
+from odom.frontend.features.tuning import TUNING
 from odom.geometry.arrays import Array
 from odom.geometry.compiled import vectorised
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from odom.frontend.tuning import TUNING
+from odom.frontend.features.tuning import TUNING
 from odom.geometry.arrays import Image, uniform
 from odom.geometry.normal_distribution import NORMAL_MAD
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from odom.frame.depth_model import aside_px
 from odom.frontend.camera.lens import Lens, project, rays_at
-from odom.frontend.features.carrying import depth_errors
 from odom.frontend.features.measurement import Measurements
+from odom.frontend.features.shutter_compensation import depth_errors
 from odom.geometry.arrays import Array
 
 _BEYOND_PX = 50.0

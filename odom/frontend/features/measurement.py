@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from odom.frame.depth_model import aside_px
 from odom.frontend.camera.depth_tilt import without_tilt
 from odom.frontend.camera.sensor_model import SensorModel
-from odom.frontend.features.carrying import carried, depth_errors, moving
 from odom.frontend.features.depth_plane import PLANE_LIMITS, read_planes
+from odom.frontend.features.shutter_compensation import carried, depth_errors, moving
 from odom.frontend.features.view import View
 from odom.geometry.arrays import Array, Index, Mask
 from odom.geometry.compiled import compiled

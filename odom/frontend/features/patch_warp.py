@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.frontend.camera.lens import in_numbers, pixel_of, ray_at
-from odom.frontend.tuning import TUNING
+from odom.frontend.features.tuning import TUNING
 from odom.geometry.arrays import Array, Index, Mask
 from odom.geometry.compiled import compiled
 

@@ -7,7 +7,7 @@ translation, gain and offset (inverse compositional Gauss-Newton: S. Baker, I. M
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.frontend.tuning import TUNING
+from odom.frontend.features.tuning import TUNING
 from odom.geometry.arrays import Array, Image, Index, Mask
 from odom.geometry.compiled import compiled, vectorised
 

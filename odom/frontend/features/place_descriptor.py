@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.measurement import measure, points_of
+from odom.frontend.features.tuning import TUNING
 from odom.frontend.features.view import View
-from odom.frontend.tuning import TUNING
 from odom.geometry.arrays import Array
 
 Descriptors = NDArray[np.uint8]

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.frontend.camera.sensor_model import SensorModel
-from odom.frontend.features.carrying import seen_in_motion
 from odom.frontend.features.images import FrameImages
 from odom.frontend.features.patch_warp import WARP_LIMITS, at_half_size, homographies
 from odom.frontend.features.patches import PATCH_LIMITS, align_patches
-from odom.frontend.tuning import TUNING
+from odom.frontend.features.shutter_compensation import seen_in_motion
+from odom.frontend.matching.tuning import TUNING
 from odom.geometry.arrays import Array, Image, Index, Mask
 from odom.geometry.compiled import compiled
 
@@ -94,7 +94,7 @@ class Candidates:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class LandmarkMatches:
     """n landmarks found in a frame, by their `rows` in the map.
 
     Sub-pixel positions `uv` (n x 2), their `covariance_uv` (n x 3: uu, uv, vv, px^2 for one grey level of noise), the
@@ -107,9 +107,9 @@ class Found:
     inverse_depth: Array
     looked_for: Index
 
-    def take(self, chosen: Index) -> "Found":
+    def take(self, chosen: Index) -> "LandmarkMatches":
         """Return the chosen ones of those found."""
-        return Found(
+        return LandmarkMatches(
             self.rows.take(chosen),
             self.uv.take(chosen, 0),
             self.covariance_uv.take(chosen, 0),
@@ -214,7 +214,7 @@ def find_landmarks(
     sensor: SensorModel,
     most: int,
     is_near: bool = False,
-) -> Found:
+) -> LandmarkMatches:
     """Look for up to `most` of the `candidates` among `landmarks` where `T_camera_map` predicts them.
 
     The camera moves with `twist` (6, SI, its own frame), by which its shutter shows them elsewhere than at rest.
@@ -227,7 +227,7 @@ def find_landmarks(
     score, covariance = expected.aligned_finely(landmarks, images.full, uv, valid)
     found = np.flatnonzero(score > TUNING.search_fine_score)
     inverse_depth = 1.0 / expected.depth_m.take(found)
-    return Found(rows.take(found), uv.take(found, 0), covariance.take(found, 0), inverse_depth, rows)
+    return LandmarkMatches(rows.take(found), uv.take(found, 0), covariance.take(found, 0), inverse_depth, rows)
 
 
 def find_coarsely(

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from odom.frame.depth_model import as_measured
 from odom.frontend.camera.lens import project
 from odom.frontend.camera.sensor_model import SensorModel
-from odom.frontend.features.carrying import sigma_at
+from odom.frontend.features.shutter_compensation import sigma_at
 from odom.frontend.features.view import View
-from odom.frontend.tuning import TUNING
+from odom.frontend.matching.tuning import TUNING
 from odom.geometry.arrays import Array, Image, Mask
 from odom.geometry.compiled import compiled
 

@@ -16,7 +16,7 @@ from odom.frontend.features.patches import cut_patches
 from odom.frontend.features.view import View
 from odom.frontend.matching.landmark_search import Candidates, find_landmarks
 from odom.frontend.matching.optical_flow import follow_there_and_back
-from odom.frontend.tuning import TUNING
+from odom.frontend.matching.tuning import TUNING
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Image, Index, Mask
 

@@ -14,7 +14,7 @@ from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.measurement import Measurements, measure, points_of
 from odom.frontend.features.view import View
 from odom.frontend.matching.look_back import EarlierView, appeared
-from odom.frontend.tuning import TUNING
+from odom.frontend.matching.tuning import TUNING
 from odom.geometry.arrays import Array, Index, Mask
 
 

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from odom.frontend.tuning import TUNING
+from odom.frontend.matching.tuning import TUNING
 from odom.geometry.arrays import Array, Image, Mask
 
 _BORDER_PX = 3

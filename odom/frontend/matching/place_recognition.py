@@ -8,7 +8,7 @@ import numpy as np
 
 from odom.frontend.features.place_descriptor import Place
 from odom.frontend.matching.place_block import MOST_PLACES, PlaceBlock, keys_of
-from odom.frontend.tuning import TUNING
+from odom.frontend.matching.tuning import TUNING
 from odom.registration import Pairs, Registration, register
 
 _LEAST_RATIO = 4

@@ -31,7 +31,7 @@ from odom.wire.codec import (
 from odom.wire.codec import (
     image_messages as images,
 )
-from odom.wire.recording import RecordingWriter, open_reader
+from odom.wire.recording import RecordingWriter, mcap_order, open_reader
 from odom.wire.recording.stream_selection import select_streams
 from sensors import replay
 from sensors.catalogue import open_source
@@ -199,6 +199,55 @@ def test_the_parts_of_a_bag_are_read_in_the_order_of_their_numbers(tmp_path: Pat
             for stamp in stamps[60 * part : 60 * (part + 1)]:
                 writer.write(encode_pose("truth/rig/pose", stamp, np.eye(4), "mocap"))
     assert [message.stamp for message in open_reader(tmp_path).messages()] == stamps
+
+
+def walk_of(frames: int, height: int, width: int) -> list[Message]:
+    """Colour, depth and calibration of a walk at 30 Hz, in the order of time."""
+    messages = []
+    for i in range(frames):
+        stamp = Stamp(BEGIN + i * PERIOD_NS)
+        messages += [
+            encode_depth("camera/depth_registered/image_raw", stamp, kinect_depth(height, width, seed=i)),
+            encode_color("camera/color/image_raw", stamp, textured(height, width, seed=i)),
+            encode_camera_info("camera/color/camera_info", stamp, Camera(width, height, 50.0, 51.0, 31.0, 23.0)),
+        ]
+    return messages
+
+
+@pytest.mark.parametrize("size", [(24, 32), (120, 160)], ids=["in one chunk", "in many"])
+def test_messages_that_were_written_topic_after_topic_come_in_the_order_of_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: tuple[int, int]
+) -> None:
+    monkeypatch.setattr(replay, "_PEEK_BYTES", 100_000)  # as in long recordings: less than one topic
+    walk = walk_of(90, *size)
+    bag = record(tmp_path / "bag", sorted(walk, key=lambda message: message.topic))
+    for spec in (bag, *bag.glob("*.mcap")):
+        reader = open_reader(spec)
+        assert [message.stamp for message in reader.messages()] == [message.stamp for message in walk]
+        assert reader.complete
+        frames, _ = frames_of(spec)
+        assert len(frames) == 90
+    middle = Stamp(BEGIN + 60 * PERIOD_NS)
+    assert [message.stamp for message in reader.messages(start=middle)] == [
+        message.stamp for message in walk if message.stamp >= middle
+    ]
+
+
+def test_a_recording_whose_clock_was_set_back_is_played_as_it_was_recorded(tmp_path: Path) -> None:
+    walk = walk_of(120, 120, 160)
+    shuffled = [*walk[180:], *walk[:180]]
+    bag = record(tmp_path / "bag", shuffled)
+    first = next(iter(open_reader(bag).messages()))
+    assert first.stamp == walk[180].stamp
+
+
+def test_messages_too_far_out_of_order_are_refused_with_the_command_that_sorts_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mcap_order, "_MOST_HELD_BYTES", 1 << 20)
+    bag = record(tmp_path / "bag", sorted(walk_of(90, 120, 160), key=lambda message: message.topic))
+    with pytest.raises(RecordingError, match=r"out of the order of time.*mcap sort"):
+        open_source(str(bag), SourceOptions())
 
 
 def rewrite(bag: Path, old: str, new: str) -> None:

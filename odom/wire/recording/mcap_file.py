@@ -6,7 +6,7 @@ again by the index, or by searching the next chunk, and each loss is reported by
 
 import struct
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -28,7 +28,8 @@ from odom.wire.recording.mcap_chunk import (
     records_inside,
     unpack_cut,
 )
-from odom.wire.recording.mcap_index import MAGIC, McapIndex, read_index
+from odom.wire.recording.mcap_index import MAGIC, read_index
+from odom.wire.recording.mcap_order import by_begin, in_time_order, is_by_topic, merged
 from odom.wire.recording.mcap_walk import INDEX_ENTRY, McapRecord, walk
 
 
@@ -51,7 +52,8 @@ class McapFile:
     def messages(self, not_before: int = 0) -> Iterator[tuple[Channel, McapMessage]]:
         """Yield the messages in the order of the file; chunks that end before `not_before` (log time, ns) are skipped.
 
-        Raises RecordingError when the file cannot be opened or is no MCAP file at all.
+        Those of a file that was written topic after topic come in the order of log time. Raises RecordingError when
+        the file cannot be opened, is no MCAP file at all or is too far out of order.
         """
         with _open(self.path) as file:
             size = self.path.stat().st_size
@@ -63,7 +65,14 @@ class McapFile:
                 self.channels.update(index.channels)
             if index is None or not index.channels:
                 not_before = 0  # a skipped chunk could have announced a channel
-            yield from self._read(file, size, index, not_before)
+            records = walk(file, size, index)
+            if index is not None and is_by_topic(file, self.path, index):
+                groups = by_begin(records, index)
+                yield from merged(groups, lambda group: self._read(file, size, group, not_before))
+            else:
+                yield from self._read(file, size, records, not_before)
+            self._note_unannounced()
+            self.complete = not self.damage
 
     def counts(self) -> Counter[str] | None:
         """Return the number of messages by topic from the file's index, None when it has none (cut, damaged)."""
@@ -94,10 +103,11 @@ class McapFile:
         return True
 
     def _read(
-        self, file: BinaryIO, size: int, index: McapIndex | None, not_before: int
+        self, file: BinaryIO, size: int, records: Iterable[McapRecord], not_before: int
     ) -> Iterator[tuple[Channel, McapMessage]]:
         lost: _LostChunk | None = None
-        for record in walk(file, size, index):
+        for record in records:
+            file.seek(record.offset + RECORD_HEADER)
             if lost is not None and record.opcode == Opcode.MESSAGE_INDEX:
                 lost.add(file.read(_COUNTED.size))
                 continue
@@ -124,8 +134,6 @@ class McapFile:
                 yield from self._loose(file, record)
         if lost is not None:
             self.damage.append(lost.told(self.channels))
-        self._note_unannounced()
-        self.complete = not self.damage
 
     def _cut_chunk(self, file: BinaryIO, size: int, heads: list[ChunkHead]) -> Iterator[tuple[Channel, McapMessage]]:
         """Yield the messages of a chunk that the end of the file has cut, or that only seems to be."""
@@ -149,7 +157,7 @@ class McapFile:
 
     def _inside(self, data: memoryview) -> Iterator[tuple[Channel, McapMessage]]:
         """Yield the messages of an unpacked chunk, up to the first record that is not whole."""
-        for opcode, body in records_inside(data):
+        for opcode, body in in_time_order(records_inside(data)):
             try:
                 yield from self._record(opcode, body)
             except _MALFORMED as error:
@@ -180,6 +188,7 @@ class McapFile:
     def _note_unannounced(self) -> None:
         for channel, count in sorted(self._unannounced.items()):
             self.damage.append(f"{count} messages of channel {channel} cannot be named: what announced it is lost")
+        self._unannounced.clear()
 
 
 @dataclass

@@ -21,15 +21,19 @@ _LARGEST_BYTES = 256 << 20
 """Bytes of an index beyond which it counts as damaged: a day of recording makes 100 MB."""
 _LARGEST_RECORD = 16 << 20
 """Bytes of a record of the index beyond which it counts as damaged."""
+_NUMBERS = 5
+"""Numbers that are kept of a chunk: the fields of its place."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChunkPlace:
-    """Where the index says that a chunk lies, its record from `offset` to `end`, and its last log time (ns)."""
+    """Where the index says that a chunk lies, its record from `offset` to `end`, its first and last log time (ns)."""
 
     offset: int
     end: int
+    begin_ns: int
     end_ns: int
+    unpacked_bytes: int
 
 
 @dataclass
@@ -44,14 +48,14 @@ class McapIndex:
     _places: "array[int]" = field(default_factory=lambda: array("Q"))
 
     def add(self, place: ChunkPlace) -> None:
-        """Take the place of a chunk; three numbers are kept of it, as there are many."""
-        self._places.extend((place.offset, place.end, place.end_ns))
+        """Take the place of a chunk; only its numbers are kept, as there are many."""
+        self._places.extend((place.offset, place.end, place.begin_ns, place.end_ns, place.unpacked_bytes))
         self.chunks += 1
 
     def places(self) -> Iterator[ChunkPlace]:
         """Yield the places of the chunks, in the order of the file."""
-        for k in sorted(range(0, 3 * self.chunks, 3), key=self._places.__getitem__):
-            yield ChunkPlace(*self._places[k : k + 3])
+        for k in sorted(range(0, _NUMBERS * self.chunks, _NUMBERS), key=self._places.__getitem__):
+            yield ChunkPlace(*self._places[k : k + _NUMBERS])
 
 
 def read_index(file: BinaryIO, size: int) -> McapIndex | None:
@@ -95,7 +99,8 @@ def _add(index: McapIndex, opcode: int, body: bytes) -> None:
         chunk = ChunkIndex.read(stream)
         end = chunk.chunk_start_offset + chunk.chunk_length
         if len(MAGIC) <= chunk.chunk_start_offset < end <= index.begin:
-            index.add(ChunkPlace(chunk.chunk_start_offset, end, chunk.message_end_time))
+            begin_ns, end_ns = chunk.message_start_time, chunk.message_end_time
+            index.add(ChunkPlace(chunk.chunk_start_offset, end, begin_ns, end_ns, chunk.uncompressed_size))
     elif opcode == Opcode.STATISTICS:
         index.counts = Statistics.read(stream).channel_message_counts
 

@@ -17,7 +17,7 @@ from odom.geometry.quaternion import quaternion_from_rotation
 from sensors.default_camera import image_size
 from sensors.image_lists import FolderLayout, TumEntry, stamp_of_frame
 from sensors.listed_folders import ASSOCIATIONS, associated, tum
-from sensors.paired_folders import is_pair_of_folders, pair_of_folders
+from sensors.paired_folders import by_stamp, images_in, is_pair_of_folders, pair_of_folders
 
 _SEVEN_SCENES_FOCAL = 585.0 / 640
 """Focal length of the depth camera that 7-Scenes publishes, in widths of the image, in whose middle its centre is. The
@@ -71,10 +71,16 @@ def _seven_scenes_depth(width: int, height: int) -> Camera:
     return Camera(width, height, focal, focal, width / 2, height / 2)
 
 
+def _is_scannet(path: Path) -> bool:
+    return all((path / name).is_dir() for name in ("color", "depth")) and any(
+        (path / name).is_dir() for name in ("pose", "intrinsic")
+    )
+
+
 def _scannet(path: Path) -> FolderLayout:
-    color = _numbered(path, (file for file in (path / "color").iterdir() if file.suffix in (".jpg", ".png")))
-    depth = _numbered(path, (path / "depth").glob("*.png"))
-    poses = _numbered(path, (path / "pose").glob("*.txt"))
+    """Return the lists of folders whose files are named by numbers, or by stamps; true poses may be missing."""
+    color, depth = (by_stamp(path, images_in(path / name)) for name in ("color", "depth"))
+    poses = by_stamp(path, (path / "pose").glob("*.txt"))
     camera = _intrinsics(path, "color", color)
     return FolderLayout(
         "color/ or depth/",
@@ -95,7 +101,7 @@ def _replica(path: Path) -> FolderLayout:
     camera, scale = _replica_camera(path)
     return FolderLayout(
         "results/",
-        _numbered(path, (file for file in images.glob("frame*") if file.suffix in (".jpg", ".png"))),
+        _numbered(path, images_in(images, "frame*")),
         _numbered(path, images.glob("depth*.png")),
         [pose for found in poses for pose in found],
         camera,
@@ -107,7 +113,7 @@ _LAYOUTS: tuple[tuple[Callable[[Path], bool], Callable[[Path], FolderLayout]], .
     (lambda path: (path / "rgb.txt").is_file(), tum),
     (lambda path: any((path / name).is_file() for name in ASSOCIATIONS) and (path / "depth").is_dir(), associated),
     (lambda path: next(path.glob("frame-*.color.png"), None) is not None, _seven_scenes),
-    (lambda path: all((path / name).is_dir() for name in ("color", "depth", "pose")), _scannet),
+    (_is_scannet, _scannet),
     (lambda path: next((path / "results").glob("depth*.png"), None) is not None, _replica),
     (is_pair_of_folders, pair_of_folders),
 )

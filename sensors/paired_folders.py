@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import cv2
@@ -16,6 +17,7 @@ from sensors.image_lists import FolderLayout, TumEntry, stamp_of_frame
 _COLOR, _DEPTH = ("color", "rgb", "image"), "depth"
 """Names of the folders."""
 _IMAGES = (".jpg", ".jpeg", ".png")
+"""Suffixes of images, in small or capital letters."""
 _NUMBER_AND_MICROSECONDS = re.compile(r"\d+-(\d+)\Z")
 """Names such as `0000012-000000367104.jpg`: the number of the frame and its microseconds."""
 _SECONDS = re.compile(r"\d+\.\d+\Z")
@@ -39,7 +41,7 @@ def pair_of_folders(path: Path) -> FolderLayout:
     """
     folder = _color_folder(path)
     assert folder is not None
-    color, depth = _by_stamp(path, folder), _by_stamp(path, path / _DEPTH)
+    color, depth = by_stamp(path, images_in(folder)), by_stamp(path, images_in(path / _DEPTH))
     size = image_size(path / color[0].values[0]) if color else None
     return FolderLayout(
         f"{folder.name}/ or {_DEPTH}/",
@@ -57,13 +59,18 @@ def _color_folder(path: Path) -> Path | None:
 
 
 def _holds_images(folder: Path) -> bool:
-    return folder.is_dir() and any(file.suffix.lower() in _IMAGES for file in folder.iterdir())
+    return folder.is_dir() and next(images_in(folder), None) is not None
 
 
-def _by_stamp(path: Path, folder: Path) -> list[TumEntry]:
-    """Return the images of a folder below `path`, sorted; a file whose name holds no number is none of them."""
-    files = (file for file in folder.iterdir() if file.suffix.lower() in _IMAGES and re.search(r"\d", file.stem))
-    entries = (TumEntry(_stamp(file.stem), (file.relative_to(path).as_posix(),)) for file in files)
+def images_in(folder: Path, pattern: str = "*") -> Iterator[Path]:
+    """Yield the images of a folder whose names fit the pattern, whatever their suffix's spelling."""
+    return (file for file in folder.glob(pattern) if file.suffix.lower() in _IMAGES)
+
+
+def by_stamp(path: Path, files: Iterable[Path]) -> list[TumEntry]:
+    """Return files below `path` by the stamps or numbers in their names; those whose names hold none are left out."""
+    numbered = (file for file in files if re.search(r"\d", file.stem))
+    entries = (TumEntry(_stamp(file.stem), (file.relative_to(path).as_posix(),)) for file in numbered)
     return sorted(entries, key=lambda entry: (entry.stamp, entry.values))
 
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -215,6 +216,44 @@ def test_colour_and_depth_in_folders_of_their_own_need_no_list(
         assert (mm[0] == i % 2).all()
         assert (mm[1:] == 1500 + 100 * i + i % 2).all()
     assert [found.path for found in find_recordings([tmp_path / "all"])] == [folder.resolve()]
+
+
+def renamed(folder: Path, name_of: Callable[[int], str], suffix: str) -> None:
+    """Give images and poses of a ScanNet-like folder other names, the images another suffix."""
+    for directory in ("color", "depth", "pose"):
+        for file in (folder / directory).iterdir():
+            new = name_of(int(file.stem)) + (".txt" if directory == "pose" else suffix)
+            file.rename(file.with_name(new))
+
+
+@pytest.mark.parametrize("suffix", [".PNG", ".png"])
+@pytest.mark.parametrize("with_poses", [True, False])
+def test_files_of_scannets_layout_may_be_named_by_stamps(tmp_path: Path, suffix: str, with_poses: bool) -> None:
+    camera = scannet(tmp_path)
+    renamed(tmp_path, lambda i: f"1311868163.{869 - 33 * i}", suffix)
+    stamps = [1_311_868_163_000_000_000 + (869 - 33 * i) * 1_000_000 for i in reversed(range(FRAMES))]
+    if not with_poses:
+        shutil.rmtree(tmp_path / "pose")
+    found = layout_of(tmp_path)
+    for entries in (found.color, found.depth, *([found.truth] if with_poses else [])):
+        assert [entry.stamp for entry in entries] == stamps
+    assert found.camera == camera
+    assert len(found.truth) == (FRAMES if with_poses else 0)
+
+
+@pytest.mark.parametrize("suffix", [".JPG", ".jpeg", ".JPEG"])
+def test_colour_may_have_any_spelling_of_its_suffix(tmp_path: Path, suffix: str) -> None:
+    (tmp_path / "a").mkdir()
+    scannet(tmp_path / "a")
+    (tmp_path / "b").mkdir()
+    replica(tmp_path / "b")
+    for folder, pattern in ((tmp_path / "a" / "color", "*"), (tmp_path / "b" / "results", "frame*")):
+        for file in list(folder.glob(pattern)):
+            file.with_suffix(suffix).write_bytes(cv2.imencode(".jpg", cv2.imread(str(file)))[1].tobytes())
+            file.unlink()
+    for folder in (tmp_path / "a", tmp_path / "b"):
+        messages = list(open_source(str(folder), SourceOptions(topics=TOPICS)).messages())
+        assert sum(message.topic == TOPICS.color_compressed for message in messages) == FRAMES
 
 
 def test_intrinsics_beside_the_images_that_are_none_are_told(tmp_path: Path) -> None:

@@ -1,6 +1,8 @@
 """Lists of images and poses by their stamps, as the TUM RGB-D benchmark writes them, and those that a folder has."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +11,7 @@ from odom.errors import SourceError
 from odom.frame import Camera, Stamp, from_seconds
 from odom.geometry.arrays import Array
 from odom.geometry.quaternion import rotation_from_quaternion
+from odom.wire.pairing import follows
 
 SECOND = 1_000_000_000
 """Nanoseconds in a second."""
@@ -68,6 +71,11 @@ def read_list(path: Path, columns: int) -> list[TumEntry]:
             raise SourceError(f"{path}:{number}: {len(words)} columns, expected a stamp and {columns} more")
         entries.append(TumEntry(stamp, tuple(words[1 : columns + 1])))
     return sorted(entries, key=lambda entry: entry.stamp)
+
+
+def steady(entries: Sequence[TumEntry]) -> TumEntry | None:
+    """Return the first entry whose stamp another follows within a second, None without one."""
+    return next((entry for entry, later in pairwise(entries) if follows(later.stamp, entry.stamp)), None)
 
 
 def pose_of(entry: TumEntry) -> Array:

@@ -27,8 +27,9 @@ _MOST_LATE = 200
 class ReplaySource:
     """Colour, depth, calibration and truth of a recording in the order of their stamps.
 
-    The options' `start` and `end` are seconds from the first image; a whole recording is played with the truth before
-    it too. `length` is the number of colour images, None when only a part is played or they were not counted.
+    The options' `start` and `end` are seconds from the first image whose stamp others follow; a whole recording is
+    played with the truth before it too. `length` is the number of colour images, None when only a part is played or
+    they were not counted.
     """
 
     lossless = True
@@ -47,7 +48,8 @@ class ReplaySource:
             self._roles.depth.topic: topics.depth if _is_raw(self._roles.depth) else topics.depth_compressed,
             **truths,
         }
-        zero = min(self._roles.color.begin, self._roles.depth.begin)
+        images = self._roles.color, self._roles.depth
+        zero = min([s.steady for s in images if s.steady is not None] or [s.begin for s in images])
         self._start = None if options.start == 0 else Stamp(zero + from_seconds(options.start))
         self._end = None if options.end is None else Stamp(zero + from_seconds(options.end))
         whole = self._start is None and self._end is None

@@ -28,7 +28,7 @@ from sensors.calibration_file import TUM_DEPTH_SCALE, Calibration, depth_scale_a
 from sensors.default_camera import assumed_calibration, image_size, usual_camera
 from sensors.depth_registration import DepthRegistration, load_depth_registration
 from sensors.folder_layouts import is_image_folder, layout_of
-from sensors.image_lists import FolderLayout, pose_of
+from sensors.image_lists import FolderLayout, pose_of, steady
 from sensors.image_lists import TumEntry as TumEntry
 from sensors.image_lists import read_list as read_list
 from sensors.source import SourceOptions
@@ -84,8 +84,8 @@ class TumSource:
         color, depth = layout.color, layout.depth
         if not color or not depth:
             raise SourceError(f"{folder}: {layout.name} lists no images of {'depth' if color else 'colour'}")
-        zero = min(color[0].stamp, depth[0].stamp)
-        begin = zero + from_seconds(options.start)
+        zero = min([entry.stamp for entry in (steady(color), steady(depth)) if entry] or [color[0].stamp])
+        begin = None if options.start == 0 else zero + from_seconds(options.start)
         end = None if options.end is None else zero + from_seconds(options.end)
         self._color, self._depth = _between(color, begin, end), _between(depth, begin, end)
         self._truth = layout.truth
@@ -222,5 +222,7 @@ def _registration(layout: FolderLayout | None, file: Path | None, color: Camera)
     return DepthRegistration(layout.depth_camera, color, T_color_depth)
 
 
-def _between(entries: list[TumEntry], begin: int, end: int | None) -> list[TumEntry]:
-    return [entry for entry in entries if begin <= entry.stamp and (end is None or entry.stamp < end)]
+def _between(entries: list[TumEntry], begin: int | None, end: int | None) -> list[TumEntry]:
+    return [
+        entry for entry in entries if (begin is None or begin <= entry.stamp) and (end is None or entry.stamp < end)
+    ]

@@ -35,6 +35,11 @@ interval around it from its partner, so the period must be a long one; but the l
 missing. Larger: images pair across a gap; smaller: uneven ones stay single. Chosen with tests/wire/test_pairing.py."""
 
 
+def follows(stamp: Stamp, before: Stamp) -> bool:
+    """Return whether a stream's stamp goes on from the one before it, without a leap."""
+    return 0 < stamp - before <= LEAP_NS
+
+
 @dataclass(frozen=True, eq=False)
 class Pair(Generic[C, D]):
     """A colour and a depth image that belong together.
@@ -94,7 +99,7 @@ class _ImageStream(Generic[T]):
         self.counts.given += 1
         if self._held is not None:
             held, self._held = self._held, None
-            if 0 < stamp - held[0] <= LEAP_NS:
+            if follows(stamp, held[0]):
                 self.went_back = self._last is not None and held[0] < self._last
                 self.leaps += 1
                 self._accept(*held)
@@ -128,7 +133,7 @@ class _ImageStream(Generic[T]):
         self.waiting.popleft()
 
     def _accept(self, stamp: Stamp, item: T) -> None:
-        if self._last is not None and 0 < stamp - self._last <= LEAP_NS:
+        if self._last is not None and follows(stamp, self._last):
             self._intervals.append(stamp - self._last)
         self._last = stamp
         period, shortest = _DEFAULT_PERIOD_NS, _DEFAULT_PERIOD_NS

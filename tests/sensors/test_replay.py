@@ -71,6 +71,16 @@ def test_single_stray_stamps_do_not_end_a_part(tmp_path: Path) -> None:
     assert len(played) == 2 * sum(index not in strays and index * PERIOD_NS < 20 * 10**9 for index in range(FRAMES))
 
 
+@pytest.mark.parametrize("begins_at", [-BEGIN, -3600 * 10**9])
+def test_a_part_is_counted_from_the_first_stamp_that_others_follow(tmp_path: Path, begins_at: int) -> None:
+    """Some drivers stamp their first images with 0 or with what their buffer holds."""
+    strays = {index: begins_at - index * PERIOD_NS for index in range(3)}
+    played = images(record(tmp_path / "late.mcap", strays), end=1.0)
+    kept = [message.stamp for message in played if message.stamp >= BEGIN]
+    assert kept[0] == BEGIN + 3 * PERIOD_NS
+    assert len(kept) == 2 * 31
+
+
 def test_a_part_is_found_behind_images_stamped_before_the_clock_was_set_back(tmp_path: Path) -> None:
     ahead = dict.fromkeys(range(500), 3600 * 10**9)
     assert len(images(record(tmp_path / "set_back.mcap", ahead), end=9.99)) == 600

@@ -103,6 +103,19 @@ def test_depth_becomes_millimetres_rounded_once(tmp_path: Path, scale: float) ->
     assert not every[~inside].any()
 
 
+@pytest.mark.parametrize("start", [0.0, 0.1])
+def test_a_part_is_counted_from_the_first_stamp_that_others_follow(tmp_path: Path, start: float) -> None:
+    """Some recorders stamp their first images with 0."""
+    folder = write_folder(tmp_path / "tum", "png")
+    whole = keys(folder, SourceOptions(start=start, end=0.25))
+    for name in ("rgb", "depth"):
+        file = folder / f"{name}.txt"
+        file.write_text(f"0.0 {name}/0.png\n0.0 {name}/0.png\n" + file.read_text())
+    part = keys(folder, SourceOptions(start=start, end=0.25))
+    for key in ("cam0/depth/image_raw", "cam0/color/image_raw/compressed"):
+        assert part[key] == whole[key] + (2 if start == 0 else 0)  # the odometry refuses and counts them
+
+
 def test_a_part_is_played_and_a_round_follows_another(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "tum")
     part = keys(folder, SourceOptions(start=0.1, end=0.3))

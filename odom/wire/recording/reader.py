@@ -13,6 +13,7 @@ from odom.errors import WireError
 from odom.frame import Stamp
 from odom.wire.codec import stamp_of
 from odom.wire.message import Message
+from odom.wire.pairing import follows
 from odom.wire.recording.mcap_file import McapFile
 
 _REORDERED = 48
@@ -25,7 +26,10 @@ Smaller: late messages may be missed when reading begins in the middle; larger: 
 
 @dataclass
 class RecordedStream:
-    """What a recording holds of one topic: messages, bytes, first and last stamp, the first message."""
+    """What a recording holds of one topic: messages, bytes, first and last stamp, the first message.
+
+    `steady` is the first stamp that another follows within a second, None without one: the pairing refuses others.
+    """
 
     topic: str
     type_name: str
@@ -34,6 +38,17 @@ class RecordedStream:
     end: Stamp
     count: int = 0
     bytes: int = 0
+    steady: Stamp | None = None
+    _last: Stamp | None = None
+
+    def add(self, message: Message) -> None:
+        """Take the next message of the topic."""
+        if self._last is not None and follows(message.stamp, self._last):
+            self.steady = self._last if self.steady is None else min(self.steady, self._last)
+        self._last = message.stamp
+        self.count += 1
+        self.bytes += len(message.payload)
+        self.begin, self.end = min(self.begin, message.stamp), max(self.end, message.stamp)
 
     @property
     def rate(self) -> float:
@@ -81,9 +96,7 @@ class RecordingReader:
             stream = streams.get(key)
             if stream is None:
                 stream = streams[key] = RecordedStream(*key, message, message.stamp, message.stamp)
-            stream.count += 1
-            stream.bytes += len(message.payload)
-            stream.begin, stream.end = min(stream.begin, message.stamp), max(stream.end, message.stamp)
+            stream.add(message)
         return sorted(streams.values(), key=lambda stream: stream.topic)
 
     def counts(self) -> Counter[str] | None:

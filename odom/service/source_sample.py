@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from odom.errors import WireError
 from odom.evaluation.diagnosis import Recording
 from odom.evaluation.trajectory import Trajectory
-from odom.frame import RgbdFrame
+from odom.frame import RgbdFrame, Stamp
 from odom.wire import Message, Topics
 from odom.wire.assembler import FrameAssembler
 from odom.wire.codec import decode_color, decode_depth, decode_pose
+from odom.wire.image_counts import STAMP_REASONS
 from odom.wire.malformed_counter import MalformedCounter
+from odom.wire.pairing import LEAP_NS, follows
 
 _MOST_FRAMES = 900
 """Frames kept in memory, 0.9 MB each: 30 s at 30 Hz, the longest that may be asked for."""
@@ -54,7 +56,7 @@ def collect(
                 continue
         frames += assembler.feed(message)
         progress(len(color))
-        if (color and color[-1] - color[0] > seconds * 1e9) or len(frames) >= _MOST_FRAMES:
+        if streams["colour"].lasted_ns > seconds * 1e9 or max(len(frames), len(color)) >= _MOST_FRAMES:
             break
     frames += assembler.finish()
     missing = [stream for stream in streams.values() if not stream.stamps]
@@ -69,25 +71,38 @@ def collect(
     camera, sizes = assembler.camera, {name: stream.size for name, stream in streams.items()}
     if len({*sizes.values(), *([(camera.width, camera.height)] if camera else [])} - {None}) > 1:
         refused.clear()  # images of another size than the others are no bad images
-    color_stamps, depth_stamps = (np.unique(np.array(s.stamps, dtype=np.int64)) for s in streams.values())
+    color_stamps, depth_stamps = (_without_strays(stream.stamps) for stream in streams.values())
     trajectories = {body: _trajectory(poses) for body, poses in truth.items()}
+    counts = {"colour": assembler.pairing.color, "depth": assembler.pairing.depth}
+    stamps = {(name, why): n for name, c in counts.items() for why, n in c.refused.items() if why in STAMP_REASONS}
     return Recording(
-        color_stamps, depth_stamps, tuple(frames), camera, trajectories, sizes["colour"], sizes["depth"], refused
+        color_stamps,
+        depth_stamps,
+        tuple(frames),
+        camera,
+        trajectories,
+        sizes["colour"],
+        sizes["depth"],
+        refused,
+        stamps,
     )
 
 
 class _Stream:
-    """Stamps of a stream, and width and height of its first image that can be decoded."""
+    """Stamps of a stream, how long they go on without leaps, and the size of its first image that can be decoded."""
 
     def __init__(self, keys: tuple[str, ...], decode: Callable[[Message], NDArray[Any]]) -> None:
         self.keys = keys
         self.stamps: list[int] = []
+        self.lasted_ns = 0
         self.size: tuple[int, int] | None = None
         self._decode = decode
 
     def take(self, message: Message) -> None:
         if message.topic not in self.keys:
             return
+        if self.stamps and follows(message.stamp, Stamp(self.stamps[-1])):
+            self.lasted_ns += message.stamp - self.stamps[-1]
         self.stamps.append(message.stamp)
         if self.size is None:
             try:
@@ -95,6 +110,14 @@ class _Stream:
             except WireError:
                 return
             self.size = width, height
+
+
+def _without_strays(stamps: list[int]) -> NDArray[np.int64]:
+    """Return the different stamps, sorted, without those far from all others, unless all are."""
+    found = np.unique(np.array(stamps, dtype=np.int64))
+    leaps = np.concatenate([[True], np.diff(found) > LEAP_NS, [True]])
+    is_stray = leaps[:-1] & leaps[1:]
+    return found if is_stray.all() else found[~is_stray]
 
 
 class _Reasons(MalformedCounter):

@@ -19,6 +19,9 @@ NOT_TRACKABLE = "refused by the odometry"
 NOT_REACHED = "not reached before the end"
 MISSING = "missing in the recording"
 
+STAMP_REASONS = (DUPLICATE, BACKWARD, STRAY, SET_BACK)
+"""Reasons that lie in an image's stamp alone."""
+
 
 @dataclass
 class ImageCounts:

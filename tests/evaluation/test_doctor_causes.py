@@ -120,6 +120,37 @@ def test_a_spoilt_folder_is_named_by_its_cause_with_its_remedy(folder: Path, fau
     assert remedy in bad[key].advice
 
 
+def stamped(folder: Path, stamp_of: Callable[[int, str], str]) -> None:
+    for name in ("rgb", "depth"):
+        pairs = [line.split() for line in (folder / f"{name}.txt").read_text().splitlines()]
+        lines = [f"{stamp_of(k, stamp)} {file}\n" for k, (stamp, file) in enumerate(pairs)]
+        (folder / f"{name}.txt").write_text("".join(lines))
+
+
+@pytest.mark.parametrize(
+    ("stamp_of", "words"),
+    [
+        (lambda k, stamp: "0.0", "all that came are stamped 0"),
+        (lambda k, stamp: str(1_305_031_102 + k // 20), "have a stamp as of the one before"),
+    ],
+    ids=["0", "whole seconds"],
+)
+def test_stamps_that_do_not_advance_are_named_and_no_cable(
+    folder: Path, stamp_of: Callable[[int, str], str], words: str
+) -> None:
+    stamped(folder, stamp_of)
+    found = next(f for f in examine(look(folder)) if f.verdict is Verdict.BAD)
+    assert found.key == "colour frames"
+    assert words in found.value
+    assert "do not advance" in found.advice
+    assert "cable" not in found.advice
+
+
+def test_a_first_image_stamped_0_hides_nothing_of_the_others(folder: Path) -> None:
+    stamped(folder, lambda k, stamp: "0.0" if k < 2 else stamp)
+    assert [f for f in examine(look(folder)) if f.verdict is Verdict.BAD] == []
+
+
 def test_frames_are_counted_as_having_depth_only_when_they_have(folder: Path) -> None:
     ten_missing(folder)
     (pairs,) = [finding for finding in examine(look(folder)) if finding.key == "pairs"]

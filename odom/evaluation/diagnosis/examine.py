@@ -70,7 +70,8 @@ def _judge_streams(recording: Recording, wrong_form: list[Finding]) -> list[Find
         if name in refused and wrong_form:
             findings.append(Finding(f"{name} frames", f"{len(stamps)} could be used", Verdict.UNKNOWN, "see above"))
         else:
-            findings.append(judge_rhythm(name, stamps))
+            wrong = {why: count for (stream, why), count in recording.refused_stamps.items() if stream == name}
+            findings.append(judge_rhythm(name, stamps, wrong))
     if wrong_form:
         value = f"{pairs} of {len(color)} colour frames have depth"
         return [*findings, Finding("pairs", value, Verdict.UNKNOWN, "see above")]

@@ -18,7 +18,7 @@ class Recording:
 
     `truth` maps the name of each body of the motion capture to its trajectory. `color_size` and `depth_size` are those
     of the first images, width and height, None when not known. `refused` counts images that could not be used by
-    stream (`colour`, `depth`) and reason.
+    stream (`colour`, `depth`) and reason, `refused_stamps` those whose stamp does not go on from the one before.
     """
 
     color_stamps: Stamps
@@ -29,6 +29,7 @@ class Recording:
     color_size: tuple[int, int] | None = None
     depth_size: tuple[int, int] | None = None
     refused: Mapping[tuple[str, str], int] = field(default_factory=dict)
+    refused_stamps: Mapping[tuple[str, str], int] = field(default_factory=dict)
 
     def as_corrected(self) -> "Recording":
         """Return the recording with its depth images corrected by what the calibration says of them."""

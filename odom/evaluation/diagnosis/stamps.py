@@ -1,5 +1,6 @@
 """Rates, missing frames and the distance of colour and depth stamps, from the stamps alone."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,9 @@ _SLOWEST_HZ = 18.0
 """Lowest frame rate for a camera in the hand: at fewer frames a second fast turns leave too little overlap."""
 _MISSING_SHARE = 0.15
 """Largest share of missing frames; a larger limit misses faults."""
+_REFUSED_SHARE = 0.6
+"""Share of a stream's images with a stamp that does not go on, from which the stamps are the fault: where each image
+comes twice it is half."""
 _UNMATCHED_SHARE = 0.15
 """Largest share of colour frames without depth that missing frames do not explain."""
 _OTHER_CLOCK_S = 1.0
@@ -59,10 +63,15 @@ def rhythm(stamps: Stamps) -> Rhythm | None:
     )
 
 
-def judge_rhythm(name: str, stamps: Stamps) -> Finding:
-    """Judge the rate and the holes of the stream called `name`."""
+def judge_rhythm(name: str, stamps: Stamps, refused: Mapping[str, int] | None = None) -> Finding:
+    """Judge the rate and the holes of the stream called `name`.
+
+    `stamps` are its different ones; `refused` counts by reason the images whose stamp did not go on from the last.
+    """
     found = rhythm(stamps)
     key = f"{name} frames"
+    if refused and (found is None or sum(refused.values()) > _REFUSED_SHARE * (sum(refused.values()) + len(stamps))):
+        return _stamps_stand_still(key, stamps, refused)
     if found is None:
         return Finding(key, f"{len(stamps)} came", Verdict.BAD, f"no {name} arrives: check the cable, driver and topic")
     value = (
@@ -80,6 +89,20 @@ def judge_rhythm(name: str, stamps: Stamps) -> Finding:
         "cameras expose longer: turn the light on)"
     )
     return Finding.judged(key, value, found.rate_hz < _SLOWEST_HZ, advice)
+
+
+def _stamps_stand_still(key: str, stamps: Stamps, refused: Mapping[str, int]) -> Finding:
+    """Say how most images of a stream are stamped, none of which can be told from the one before by its time."""
+    reason, count = max(refused.items(), key=lambda item: item[1])
+    if len(stamps) and not stamps.any():
+        value = "all that came are stamped 0"
+    else:
+        value = f"{count} that came have a {reason}: {len(stamps)} different stamps"
+    advice = (
+        "the stamps do not advance, so no image has a time: let the driver stamp each with the time it was taken (in "
+        "ROS header.stamp, in a list of files its first column, in seconds)"
+    )
+    return Finding(key, value, Verdict.BAD, advice)
 
 
 def judge_pairs(color: Stamps, depth: Stamps, pairs: int) -> Finding:

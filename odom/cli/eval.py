@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from odom.evaluation.mocap_calibration import CalibrationOptions
+    from odom.evaluation import Report, Trajectory
+    from odom.evaluation.mocap_calibration import Calibration, CalibrationOptions
 
 AUTO, OFF = "auto", "off"
 
@@ -62,6 +63,7 @@ def evaluate(
     from odom.evaluation import EvaluationOptions
     from odom.evaluation import evaluate as judge
     from odom.evaluation.mocap_calibration import calibrate
+    from odom.evaluation.quaternion_order import order_notes
     from odom.evaluation.relative import read_relative, relative_nees
     from odom.evaluation.run_report import calibration_fields, error_fields, remarks
     from odom.evaluation.trajectory_plot import plot as draw
@@ -72,10 +74,14 @@ def evaluate(
         truth or estimate, times=times, topic=truth_topic, body=body, y_up=not z_up, of_run=truth is None
     )
     options = _calibration_options(mocap or foreign, time_offset, hand_eye, max_gap, search)
-    calibration = calibrate(estimated, true, options) if options else None
-    if calibration:
-        true = calibration.camera_truth(true)
-    report = judge(estimated, true, EvaluationOptions(max_gap_s=max_gap))
+
+    def judged(given: "Trajectory") -> "tuple[Calibration | None, Trajectory, Report]":
+        found = calibrate(estimated, given, options) if options else None
+        given = found.camera_truth(given) if found else given
+        return found, given, judge(estimated, given, EvaluationOptions(max_gap_s=max_gap))
+
+    as_read = true
+    calibration, true, report = judged(as_read)
 
     print(f"matched        {report.matched} / {report.total} poses, {report.truth.duration_s:.1f} s")
     print(f"ATE            {report.ate_m:.4f} m")
@@ -96,7 +102,8 @@ def evaluate(
         fields[f"nees_{path.stem}"] = {"mean": values.mean, "inside_95": values.inside_95}
     if calibration:
         _print_calibration(calibration_fields(calibration, body or "body"), calibration.correlation)
-    notes = [*report.notes, *(calibration.notes if calibration else ())]
+    order = order_notes(as_read, report, lambda other: judged(other)[2])
+    notes = [*order, *report.notes, *(calibration.notes if calibration else ())]
     for note in notes:
         print(f"note: {note}")
     if plot:

@@ -30,6 +30,8 @@ def summary(report: Report, folder: Path) -> Iterator[str]:
             f"against truth ({report['matched']}/{report['total']} poses): ATE {_figure(report['ate_m'], 4)} m, "
             f"drift {_figure(report['rpe_1s_m'], 4)} m and {_figure(report['rpe_1s_deg'], 2)} deg over 1 s"
         )
+    for note in report.get("truth_notes") or ():
+        yield f"note: {note}"
     yield from _calibration(report)
     for name, ending in report.get("failed", {}).items():
         yield f"the {name} {ending}" + ("; the run went on without it" if name in ("viewer", "recorder") else "")

@@ -10,6 +10,7 @@ from odom.errors import InputError
 from odom.evaluation.chain_report import chain_fields, trajectory_fields
 from odom.evaluation.files import read_run, read_tum
 from odom.evaluation.mocap_calibration import Calibration, CalibrationOptions, calibrate
+from odom.evaluation.quaternion_order import order_notes
 from odom.evaluation.relative import RelativePoses, read_relative, relative_errors_of, relative_nees
 from odom.evaluation.report import EvaluationOptions, Report, evaluate
 from odom.evaluation.trajectory import Trajectory
@@ -50,15 +51,21 @@ def report_with_truth(
     body = body or body_of(out_dir / "truth.txt")
     estimate = read_run(out_dir)
     options = EvaluationOptions(total_frames=total_frames)
-    try:
-        calibration = None
+
+    def judged(given: Trajectory) -> tuple[Calibration | None, Trajectory, Report]:
+        found = None
         if calibration_options or body != CAMERA:
-            calibration = calibrate(estimate, truth, calibration_options)
-            truth = calibration.camera_truth(truth)
-        final = evaluate(estimate, truth, options)
+            found = calibrate(estimate, given, calibration_options)
+            given = found.camera_truth(given)
+        return found, given, evaluate(estimate, given, options)
+
+    read = truth
+    try:
+        calibration, truth, final = judged(read)
     except InputError as error:
+        notes = [str(error), *order_notes(read, None, lambda other: judged(other)[2])]
         nothing = dict.fromkeys(_ERRORS + _NEES + _CALIBRATION)
-        return {**nothing, "matched": 0, "total": max(total_frames or 0, len(estimate)), "truth_notes": [str(error)]}
+        return {**nothing, "matched": 0, "total": max(total_frames or 0, len(estimate)), "truth_notes": notes}
     online = _online(out_dir / "odometry.txt", estimate, truth, options)
     files = (out_dir / "relative_step.txt", out_dir / "relative_second.txt")
     step, second = (read_relative(path) if path.is_file() else None for path in files)
@@ -71,7 +78,11 @@ def report_with_truth(
         **calibration_fields(calibration, body),
         "chain": chain_fields(out_dir, truth, options),
         "chain_closed": trajectory_fields(out_dir / "chain_closed.txt", truth, options),
-        "truth_notes": [*final.notes, *(calibration.notes if calibration else ())],
+        "truth_notes": [
+            *order_notes(read, final, lambda other: judged(other)[2]),
+            *final.notes,
+            *(calibration.notes if calibration else ()),
+        ],
     }
     return {key: _finite(value) for key, value in fields.items()}
 

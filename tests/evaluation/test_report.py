@@ -107,6 +107,25 @@ def test_truth_of_another_time_gives_nulls_and_says_why(run, scene):
     assert "clock" in report["truth_notes"][0]
 
 
+def rewritten(path: Path, columns: list[int]) -> None:
+    """Write a TUM file with its columns in another order."""
+    lines = [line.split() for line in path.read_text().splitlines() if not line.startswith("#")]
+    path.write_text("".join(" ".join(words[k] for k in columns) + "\n" for words in lines))
+
+
+@pytest.mark.usefixtures("unplotted")
+@pytest.mark.parametrize("body", ["camera", "rig"])
+def test_truth_whose_quaternions_begin_with_w_is_told(run, scene, body):
+    if body != "camera":
+        write_tum(run / "truth.txt", scene[3])
+    head = f"# body {body}\n"
+    (run / "truth.txt").write_text(head + (run / "truth.txt").read_text())
+    assert not any("w x y z" in note for note in report_with_truth(run)["truth_notes"])
+    rewritten(run / "truth.txt", [0, 1, 2, 3, 7, 4, 5, 6])
+    (run / "truth.txt").write_text(head + (run / "truth.txt").read_text())
+    assert "written w x y z" in " ".join(report_with_truth(run)["truth_notes"])
+
+
 def test_a_gap_in_truth_is_not_interpolated_over(scene):
     _, true, estimate, _ = scene
     kept = np.ones(len(true), dtype=bool)

@@ -1,0 +1,52 @@
+"""Whether truth's quaternions were written w x y z, as many libraries order them, where x y z w is read.
+
+Positions are right then, and so is ATE; rotations are not. It is found by trying: read in the other order, the errors
+of rotation become many times smaller.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from odom.errors import InputError
+from odom.evaluation.report import Report
+from odom.evaluation.trajectory import Trajectory
+from odom.geometry.quaternion import quaternion_from_rotation, rotation_from_quaternion
+
+_LEAST_DEG = 2.0
+"""Drift of rotation over a second (RMSE, degrees) from which the other order is tried: an odometry that tracks has
+tenths of a degree, and with the wrong order it is tens."""
+_TIMES_SMALLER = 4.0
+"""How many times smaller the drift must be in the other order: an order that is wrong, too, is not so by chance."""
+
+
+def order_notes(truth: Trajectory, found: Report | None, judge: Callable[[Trajectory], Report]) -> tuple[str, ...]:
+    """Return the hint that truth's quaternions are in another order, nothing where they are not.
+
+    `found` is the report with `truth` as it was read, None where there could be none; `judge` makes one with another
+    truth, or raises InputError.
+    """
+    drift_deg = np.inf if found is None else found.rpe_1s.rmse_deg
+    if not drift_deg > _LEAST_DEG:
+        return ()
+    try:
+        other_deg = judge(_reordered(truth)).rpe_1s.rmse_deg
+    except InputError:
+        return ()
+    if not other_deg < min(drift_deg / _TIMES_SMALLER, _LEAST_DEG):
+        return ()
+    was = "could not be judged" if found is None else f"drift {drift_deg:.1f} deg over 1 s"
+    return (
+        f"truth's quaternions seem to be written w x y z: read so, rotations drift {other_deg:.2f} deg over 1 s, read "
+        f"x y z w, as is expected, they {was}; write truth's columns as stamp x y z qx qy qz qw",
+    )
+
+
+def _reordered(truth: Trajectory) -> Trajectory:
+    """Return the trajectory whose quaternions' four numbers, read as x y z w, are w x y z."""
+    T = truth.T_world_body.copy()
+    for pose in T:
+        w, x, y, z = quaternion_from_rotation(pose[:3, :3])
+        pose[:3, :3] = rotation_from_quaternion(np.array([x, y, z, w]))
+    return replace(truth, T_world_body=T)

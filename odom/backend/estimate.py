@@ -16,6 +16,12 @@ from odom.geometry.arrays import Array
 if TYPE_CHECKING:
     from odom.frontend.matching.moving_surfaces import MovingCells  # which loads the compiler
 
+NO_DEPTH = "no depth"
+TOO_LITTLE = "too little to see"
+NO_PLACE = "no known place recognised"
+IMAGE_AGAIN = "the last image came again"
+"""Reasons for which a frame is LOST."""
+
 
 @unique
 class State(Enum):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from odom.backend.estimate import IMAGE_AGAIN, NO_DEPTH, NO_PLACE, TOO_LITTLE
 from odom.errors import OdomError
 from odom.wire import Topics
 from sensors.source import Source, refused_images
@@ -29,6 +30,15 @@ _LEAST_TRACKED = 0.5
 _FAR_OFF_SHARE, _FAR_OFF_M = 0.3, 0.02
 """ATE of a poor result, as a share of the RMS distance of truth from its middle, and at least: a tracked Kinect is
 within a twentieth, and truth itself is not better than millimetres."""
+_REMEDIES = {
+    NO_DEPTH: "stay 0.6 .. 4 m from surfaces, out of sunlight, and look whether depth images come all the time",
+    TOO_LITTLE: "turn the light on, keep objects with corners in view, not a plain wall, and do not cover the camera",
+    NO_PLACE: "the camera was lost, by a fast turn or something in front of it, and saw no place again that it had "
+    "seen before: move slower, and go back to such a place",
+    IMAGE_AGAIN: "the driver repeats its images: start it again, and look for a busy USB port or CPU",
+}
+"""What to do about each reason for which a frame is LOST."""
+_OTHER_REMEDY = "see to that first, and run it again"
 
 
 def why_not_tracked(report: dict[str, Any], source: str, open_again: Callable[[], Source] | None) -> str:
@@ -51,20 +61,37 @@ def why_not_tracked(report: dict[str, Any], source: str, open_again: Callable[[]
 def why_poor(report: dict[str, Any], out: Path, open_again: Callable[[], Source]) -> str | None:
     """Return what is wrong with a recorded source whose result in the folder `out` is poor, and what to do.
 
-    None when the result is good, or `odom doctor` would find no fault. A source of which nothing says what camera it is
-    of is looked at in any case, but then only for faults of the calibration; and one without truth, which would show a
-    wrong unit of depth, for that unit.
+    None when the result is good, or far off truth though `odom doctor` would find no fault; where less than half was
+    tracked and it finds none, the counts of the `report` say what happened. A source of which nothing says what camera
+    it is of is looked at in any case, but then only for faults of the calibration; and one without truth, which would
+    show a wrong unit of depth, for that unit.
     """
+    is_hardly_tracked = (report.get("completeness") or 0.0) < _LEAST_TRACKED
+    fault = None
     try:
         opened = _quietly(open_again)
-        is_poor = (report.get("completeness") or 0.0) < _LEAST_TRACKED or _is_far_off(report, out)
-        is_assumed = getattr(opened, "is_assumed", False)
-        if is_poor or is_assumed:
-            return _main_fault(opened, only_camera=not is_poor)
-        return _wrong_unit(opened) if report.get("ate_m") is None else None
+        is_poor = is_hardly_tracked or _is_far_off(report, out)
+        if is_poor or getattr(opened, "is_assumed", False):
+            fault = _main_fault(opened, only_camera=not is_poor)
+        elif report.get("ate_m") is None:
+            fault = _wrong_unit(opened)
     except (OdomError, OSError) as error:
         _LOG.debug("the source cannot be looked at: %s", error)
+    return fault or (_by_the_counts(report) if is_hardly_tracked else None)
+
+
+def _by_the_counts(report: dict[str, Any]) -> str | None:
+    """Return why most images gave no pose by the counts of the report, and what to do; None where nothing was lost."""
+    color = report.get("colour", {})
+    reasons = Counter({why: n for why, n in report.get("lost_for", {}).items() if n})
+    reasons.update(color.get("refused", {}))
+    if not reasons:
         return None
+    listed = ", ".join(f"{count} {why}" for why, count in reasons.most_common())
+    main = reasons.most_common(1)[0][0]
+    given = color.get("given", report.get("frames"))
+    tracked = f"only {report.get('tracked', 0)} of {given} colour images were tracked; the others: {listed}"
+    return f"{tracked}. Most often, {main}: {_REMEDIES.get(main, _OTHER_REMEDY)}"
 
 
 def _is_far_off(report: dict[str, Any], out: Path) -> bool:

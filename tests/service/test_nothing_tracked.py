@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from painted_wall import CAMERA, SIZE, write_wall
 
+from odom.service import failed_tracking
 from odom.service.failed_tracking import why_not_tracked, why_poor
 from sensors.catalogue import open_source
 from sensors.source import SourceOptions
@@ -66,6 +67,23 @@ def test_without_truth_a_wrong_unit_of_depth_is_told_though_all_frames_are_track
     assert told() is None
     (wall / "camera.yaml").write_text(CAMERA.replace("depth_scale: 5000", "depth_scale: 100000"))
     assert "half of the depth is within" in (told() or "")
+
+
+def test_where_the_source_shows_no_fault_the_counts_of_a_poor_run_say_what_happened(
+    wall: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(failed_tracking, "_main_fault", lambda *_, **__: None)
+    lost = {"no known place recognised": 70, "too little to see": 10}
+    report = {
+        "completeness": 0.3, "tracked": 40, "frames": 120, "lost_for": lost, "ate_m": None,
+        "colour": {"given": 130, "used": 120, "refused": {"stamp far from all others": 10}},
+    }  # fmt: skip
+    told = why_poor(report, wall, lambda: open_source(str(wall), SourceOptions())) or ""
+    assert told.startswith("only 40 of 130 colour images were tracked; the others: 70 no known place recognised")
+    assert "10 too little to see" in told
+    assert "10 stamp far from all others" in told
+    assert "Most often, no known place recognised: the camera was lost" in told
+    assert "move slower" in told
 
 
 @pytest.mark.parametrize("fault", ["black depth", "swapped lists"])

@@ -7,7 +7,7 @@ import numpy as np
 from odom.backend.chain.chain import Chain
 from odom.backend.chain.chain_frame import ChainFrame
 from odom.backend.chain.sight import Sight
-from odom.backend.estimate import Estimate, Features, OnPose, State
+from odom.backend.estimate import IMAGE_AGAIN, NO_DEPTH, NO_PLACE, TOO_LITTLE, Estimate, Features, OnPose, State
 from odom.backend.loop_closure.loop_closure import LoopCloser
 from odom.backend.map.map import Corners, Map
 from odom.backend.map.memory import open_map
@@ -69,8 +69,7 @@ class FrameStages:
         is_blind = self._visibility.is_blind(view.stamp, longest_blind_s)
         is_followable = not (self.published.is_lost or is_blind)
         if self.state is not None and is_repeated(view, self.state, self.sensor):
-            reason = "the last image came again"
-            return self._predict(view, is_followable, reason) or self._lose(view, reason)
+            return self._predict(view, is_followable, IMAGE_AGAIN) or self._lose(view, IMAGE_AGAIN)
         tracked = self._track(view, T_predicted, watch) if is_followable else None
         if tracked is not None:
             judged = self._judge(view, tracked, is_recovered=False)
@@ -199,9 +198,9 @@ class FrameStages:
 
         `features` counts those with depth. Time in which there is nothing to see does not count as looking.
         """
-        reason = "no depth" if is_blind else "too little to see"
+        reason = NO_DEPTH if is_blind else TOO_LITTLE
         if features >= TUNING.least_corners:
-            reason = "no known place recognised"
+            reason = NO_PLACE
             self._visibility = self._visibility.with_search(self.published.since_last_s(view.stamp))
             self._lost = self._lost.after(view, self.sensor, self.moving.is_doubtful)
             longest_s = self._lost.patience * self._settings.new_segment_s

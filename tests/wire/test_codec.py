@@ -169,6 +169,14 @@ def test_metres_become_millimetres_rounded_once_and_invalid_becomes_zero() -> No
     assert codec.decode_depth(message).tolist() == [[1000, 1001, 0, 0], [0, 0, 65535, 0]]
 
 
+def test_millimetres_in_a_float_image_are_told_and_a_far_background_is_none() -> None:
+    message = images._encode_image("d", STAMP, DEPTH.astype(np.float32), "32FC1", "")
+    with pytest.raises(WireError, match="looks like millimetres"):
+        codec.decode_depth(message)
+    far = images._encode_image("d", STAMP, np.full((48, 64), 1000.0, dtype=np.float32), "32FC1", "")
+    assert not codec.decode_depth(far).any()
+
+
 def test_inverse_depth_of_compressed_32fc1_is_restored() -> None:
     a, b = 100.0, 5.0
     metres = np.linspace(0.5, 8.0, 48 * 64).reshape(48, 64)

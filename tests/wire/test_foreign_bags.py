@@ -359,6 +359,15 @@ def test_depth_of_another_size_is_refused_with_advice(tmp_path: Path) -> None:
         open_source(str(bag), SourceOptions(topics_from=(("depth", "/camera/depth/image_rect_raw"),)))
 
 
+def test_depth_in_millimetres_as_floats_is_refused_with_the_remedy(tmp_path: Path) -> None:
+    def float_millimetres(topic: str, stamp: Stamp, depth: np.ndarray) -> Message:
+        return images._encode_image(topic, stamp, depth.astype(np.float32), "32FC1", "camera")
+
+    bag = record(tmp_path / "bag", realsense(depth=float_millimetres))
+    with pytest.raises(RecordingError, match=r"aligned_depth.*looks like millimetres.*divide.*16UC1"):
+        open_source(str(bag), SourceOptions())
+
+
 def test_what_is_missing_is_named(tmp_path: Path) -> None:
     without_depth = [message for message in realsense() if "depth" not in message.topic]
     with pytest.raises(RecordingError, match=r"no depth images.*camera/color/image_raw"):

@@ -22,6 +22,16 @@ from odom.wire.message import Message
 
 OPTICAL_FRAME = "camera_color_optical_frame"
 
+_FLOAT_MILLIMETRES = (
+    "float depth (32FC1) looks like millimetres, where ROS has metres: divide it by 1000, or publish it as 16UC1"
+)
+"""What is wrong with a float image of depth in another unit."""
+_HARDLY_ANY = 0.01
+"""Share of pixels within 65 m below which the unit of a float image is looked at; more is an image of metres."""
+_MOST_OF, _FARTHEST_MM = (0.1, 0.9), 20_000.0
+"""Quantiles of such an image between which it must change, and the largest that the upper one may be, in millimetres:
+no depth camera sees farther than 20 m."""
+
 _COLOR_ENCODINGS: Mapping[str, tuple[int, int | None]] = {
     "rgb8": (3, None),
     "bgr8": (3, cv2.COLOR_BGR2RGB),
@@ -126,7 +136,7 @@ def decode_depth(message: Message) -> Depth:
 
     Takes sensor_msgs/Image 16UC1 or mono16 (millimetres) and 32FC1 (metres; not finite, negative or beyond 65.535 m
     becomes 0), and CompressedImage of compressedDepth (png or RVL, 16UC1 or 32FC1) or of a 16-bit PNG file. Raises
-    WireError for anything else, cut or malformed.
+    WireError for anything else, cut or malformed, and for 32FC1 that holds millimetres.
     """
     if message.type_name == cdr.COMPRESSED_IMAGE:
         decoded = cdr.deserialise(message, cdr.COMPRESSED_IMAGE)
@@ -142,10 +152,28 @@ def decode_depth(message: Message) -> Depth:
 
 
 def metres_to_mm(depth_m: NDArray[Any]) -> Depth:
-    """Return millimetres, rounded once; what is not finite, not positive or beyond 65.535 m becomes 0."""
+    """Return millimetres, rounded once; what is not finite, not positive or beyond 65.535 m becomes 0.
+
+    Raises WireError where hardly anything is left because the values are millimetres already.
+    """
     with np.errstate(invalid="ignore", over="ignore"):
         mm = np.rint(depth_m.astype(np.float64) * 1000.0)
-        return np.where((mm > 0) & (mm < 65536), mm, 0).astype(np.uint16)
+        found = np.where((mm > 0) & (mm < 65536), mm, 0).astype(np.uint16)
+    if np.count_nonzero(found) < _HARDLY_ANY * found.size and _is_in_millimetres(depth_m):
+        raise WireError(_FLOAT_MILLIMETRES)
+    return found
+
+
+def _is_in_millimetres(values: NDArray[Any]) -> bool:
+    """Return whether values beyond 65.535 are depths in millimetres: different ones, and within a camera's range.
+
+    A simulator's value for nothing in sight is the same everywhere.
+    """
+    some = values[np.isfinite(values) & (values > 0)]
+    if not some.size:
+        return False
+    low, high = np.quantile(some, _MOST_OF)
+    return bool(low < high < _FARTHEST_MM)
 
 
 def _encode_image(topic: str, stamp: Stamp, image: NDArray[Any], encoding: str, frame_id: str) -> Message:

@@ -1,4 +1,7 @@
-"""Calibration files: the YAML that ROS's camera_calibration writes, plus the unit of a folder's depth images."""
+"""Calibration files: the YAML that ROS's camera_calibration writes, plus the unit of a folder's depth images.
+
+OpenCV's own YAML is read as well (see `opencv_calibration`).
+"""
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields
@@ -9,6 +12,7 @@ import yaml
 
 from odom.errors import ConfigError
 from odom.frame import Camera, DepthModel
+from sensors.opencv_calibration import is_opencv_yaml, opencv_content
 
 TUM_DEPTH_SCALE = 5000.0
 """Units per metre of the depth images of the TUM RGB-D benchmark."""
@@ -24,23 +28,27 @@ class Calibration:
 
 
 def load_calibration(path: Path, depth_scale: float = TUM_DEPTH_SCALE) -> Calibration:
-    """Read a ROS camera-calibration YAML; `depth_scale` is that of a file that gives none.
+    """Read a ROS camera-calibration YAML, or OpenCV's; `depth_scale` is that of a file that gives none.
 
     Raises ConfigError naming the field that is missing or unusable.
     """
-    content = _read(path)
+    content = read_content(path)
     return Calibration(read_camera(content, f"calibration {path}"), _depth_scale(content, path, depth_scale))
 
 
 def depth_scale_alone(path: Path) -> float | None:
     """Return the depth scale of a file that holds nothing else, None of any other; raises ConfigError as above."""
-    content = _read(path)
+    content = read_content(path)
     return _depth_scale(content, path) if content.keys() == {"depth_scale"} else None
 
 
-def _read(path: Path) -> dict[Any, Any]:
+def read_content(path: Path) -> dict[Any, Any]:
+    """Return what a calibration file holds under ROS's keys; raises ConfigError when it cannot be read."""
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8-sig"))
+        text = path.read_text(encoding="utf-8-sig")
+        if is_opencv_yaml(text):
+            return opencv_content(path, text)
+        content = yaml.safe_load(text)
     except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
         raise ConfigError(f"calibration {path} cannot be read: {' '.join(str(error).split())}") from error
     if not isinstance(content, dict):

@@ -6,13 +6,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from odom.errors import ConfigError
 from odom.frame import Camera
 from odom.geometry.arrays import Array
-from sensors.calibration_file import as_yaml, camera_keys, read_camera
+from sensors.calibration_file import as_yaml, camera_keys, read_camera, read_content
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +73,8 @@ def load_depth_registration(path: Path, color_camera: Camera) -> DepthRegistrati
     for which depth's errors were found, and not to the colour camera. Raises ConfigError when one is missing or
     malformed.
     """
-    document = yaml.safe_load(path.read_text())
-    if not isinstance(document, dict) or not {"depth_camera", "T_color_depth"} & document.keys():
+    document = read_content(path)
+    if not {"depth_camera", "T_color_depth"} & document.keys():
         return None
     missing = [name for name in ("depth_camera", "T_color_depth") if name not in document]
     if missing:

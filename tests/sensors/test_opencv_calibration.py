@@ -1,0 +1,103 @@
+"""Calibrations as OpenCV's programs and ORB-SLAM keep them give the camera that they describe."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from odom.errors import ConfigError
+from odom.frame import Camera
+from sensors.calibration_file import TUM_DEPTH_SCALE, load_calibration
+from sensors.depth_registration import load_depth_registration
+
+LENS = (0.2624, -0.9531, -0.0054, 0.0026, 1.1633)
+CAMERA = Camera(640, 480, 517.306408, 516.469215, 318.64304, 255.313989, LENS)
+ORB_SLAM2 = """%YAML:1.0
+
+#--------------------------------------------------------------------------------------------
+# Camera Parameters. Adjust them!
+#--------------------------------------------------------------------------------------------
+Camera.fx: 517.306408
+Camera.fy: 516.469215
+Camera.cx: 318.643040
+Camera.cy: 255.313989
+
+Camera.k1: 0.2624
+Camera.k2: -0.9531
+Camera.p1: -0.0054
+Camera.p2: 0.0026
+Camera.k3: 1.1633
+
+Camera.width: 640
+Camera.height: 480
+Camera.fps: 30.0
+Camera.RGB: 1
+DepthMapFactor: 1000.0
+ORBextractor.nFeatures: 1000
+"""
+ORB_SLAM3 = (
+    ORB_SLAM2.replace("Camera.", "Camera1.")
+    .replace("Camera1.width", "Camera.width")
+    .replace("Camera1.height", "Camera.height")
+    .replace("# Camera Par", 'File.version: "1.0"\nCamera.type: "PinHole"\n# Camera Par')
+    .replace("DepthMapFactor", "RGBD.DepthMapFactor")
+)
+
+
+def read(folder: Path, text: str, scale: float = TUM_DEPTH_SCALE) -> tuple[Camera, float]:
+    file = folder / "camera.yaml"
+    file.write_text(text)
+    found = load_calibration(file, scale)
+    assert load_depth_registration(file, found.camera) is None
+    return found.camera, found.depth_scale
+
+
+def written_by_opencv(folder: Path, size: tuple[str, str], matrix: str, lens: str) -> str:
+    file = folder / "written.yaml"
+    storage = cv2.FileStorage(str(file), cv2.FILE_STORAGE_WRITE)
+    storage.write("calibration_time", "Sat Nov 28 10:00:00 2026")
+    storage.write(size[0], 640)
+    storage.write(size[1], 480)
+    storage.write(matrix, CAMERA.matrix)
+    storage.write(lens, np.array([LENS]).T)
+    storage.write("avg_reprojection_error", 0.21)
+    storage.release()
+    return file.read_text()
+
+
+@pytest.mark.parametrize("text", [ORB_SLAM2, ORB_SLAM3, ORB_SLAM2.replace("%YAML:1.0\n", "")], ids=["2", "3", "bare"])
+def test_the_settings_of_orb_slam_are_a_calibration(tmp_path: Path, text: str) -> None:
+    assert read(tmp_path, text) == (CAMERA, 1000.0)
+    assert read(tmp_path, text.replace("1000.0\n", "1.0\n"), 5000.0) == (CAMERA, 5000.0)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        (("image_width", "image_height"), "camera_matrix", "distortion_coefficients"),
+        (("image_Width", "image_Height"), "Camera_Matrix", "Distortion_Coefficients"),
+        (("width", "height"), "K", "D"),
+    ],
+)
+def test_what_opencv_writes_is_a_calibration(tmp_path: Path, names: tuple[tuple[str, str], str, str]) -> None:
+    text = written_by_opencv(tmp_path, *names)
+    assert "!!opencv-matrix" in text
+    assert read(tmp_path, text) == (CAMERA, TUM_DEPTH_SCALE)
+    assert read(tmp_path, text + "depth_scale: 1000\n")[1] == 1000.0
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (ORB_SLAM2.replace("Camera.fy: 516.469215\n", ""), r"camera.yaml lacks a camera_matrix.*fx, fy"),
+        (ORB_SLAM2.replace("Camera.width: 640\n", ""), r"lacks the images' width \(image_width"),
+        (ORB_SLAM3.replace("PinHole", "KannalaBrandt8"), "KannalaBrandt8 is not supported"),
+        (ORB_SLAM2.replace("517.306408", "none"), "camera_matrix"),
+        ("%YAML:1.0\n---\nK: !!opencv-matrix\n   rows: [", "cannot be read as OpenCV's YAML"),
+        ("%YAML:1.0\n", "lacks a camera_matrix"),
+    ],
+)
+def test_what_such_a_file_lacks_is_named(tmp_path: Path, text: str, says: str) -> None:
+    with pytest.raises(ConfigError, match=says):
+        read(tmp_path, text)

@@ -174,6 +174,33 @@ def test_colour_in_16_bits_of_grey_is_colour_by_its_name(tmp_path: Path, big: in
     assert np.array_equal(frames[3][0], textured(seed=3)[..., 0])
 
 
+def plain_png(topic: str, stamp: Stamp, image: np.ndarray) -> Message:
+    """A PNG file in a message whose format says nothing else."""
+    bgr = image[..., ::-1] if image.ndim == 3 else image
+    return images._encode_compressed(topic, stamp, "png", cv2.imencode(".png", bgr)[1].tobytes(), "camera")
+
+
+def test_depth_whose_format_is_just_png_is_known_by_its_bits(tmp_path: Path) -> None:
+    messages = [
+        replace(message, topic=message.topic.replace("aligned_depth_to_color", "range"))
+        for message in realsense(plain_png, plain_png)
+        if not message.topic.startswith(("camera/depth", "camera/infra1"))
+    ]
+    selected = select_streams(open_reader(record(tmp_path / "bag", messages)).streams(), {})
+    assert (selected.color.topic, selected.depth.topic) == ("camera/color/image_raw", "camera/range/image_raw")
+    frames, _ = frames_of(tmp_path / "bag")
+    assert len(frames) == FRAMES
+    assert np.array_equal(frames[2][1], kinect_depth(seed=2))
+
+
+def test_colour_in_a_png_of_16_bits_of_grey_is_colour_by_its_name(tmp_path: Path) -> None:
+    def deep_grey(topic: str, stamp: Stamp, color: np.ndarray) -> Message:
+        return plain_png(topic, stamp, color[..., 0].astype(np.uint16) * 257)
+
+    frames, _ = frames_of(record(tmp_path / "bag", realsense(deep_grey)))
+    assert len(frames) == FRAMES
+
+
 def under(folder: str, messages: list[Message]) -> list[Message]:
     return [replace(message, topic=f"{folder}/{message.topic}") for message in messages]
 

@@ -14,6 +14,8 @@ MAX_PIXELS = 16_777_216
 
 _JPEG_BEGIN, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 _PNG_BEGIN, _PNG_LAST = b"\x89PNG\r\n\x1a\n", b"IEND"
+_DEEP_GREY = b"\x10\x00"
+"""Bits a sample and kind of colour in a PNG's header (ISO/IEC 15948, 11.2.2): 16 bits of grey."""
 _NO_LENGTH = frozenset((0x01, *range(0xD0, 0xD9)))
 _FRAME = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers of JPEG (ITU-T T.81, table B.1): those without a length, and those whose segment holds the image's size."""
@@ -43,6 +45,11 @@ def file_size(data: bytes | memoryview) -> tuple[int, int]:
     if not complete:
         raise WireError(f"image file of {len(view)} bytes is cut or damaged")
     return width, height
+
+
+def is_deep_grey_png(data: NDArray[np.uint8]) -> bool:
+    """Return whether the header of a file is that of a PNG of grey in 16 bits, as depth is stored."""
+    return data[:8].tobytes() == _PNG_BEGIN and data[24:26].tobytes() == _DEEP_GREY
 
 
 def decode_file(data: NDArray[np.uint8], flags: int) -> NDArray[Any]:

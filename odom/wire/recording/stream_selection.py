@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from odom.errors import ConfigError, RecordingError, WireError
 from odom.frame import Camera
 from odom.wire.codec import cdr, decode_camera_info, decode_color, decode_depth
+from odom.wire.codec.image_files import is_deep_grey_png
 from odom.wire.message import Message
 from odom.wire.recording.reader import RecordedStream
 
@@ -124,8 +125,9 @@ def _image_kind(stream: RecordedStream) -> str | None:
             is_grey = encoding == "mono16" and _says(stream, _COLOR_WORDS)
             return "depth" if encoding in _DEPTH_ENCODINGS and not is_grey else "color"
         if stream.type_name == cdr.COMPRESSED_IMAGE:
-            image_format = cdr.deserialise(stream.first, cdr.COMPRESSED_IMAGE).format
-            deep = "compresseddepth" in image_format.lower() or image_format.split(";")[0] in _DEPTH_ENCODINGS
+            image = cdr.deserialise(stream.first, cdr.COMPRESSED_IMAGE)
+            deep = "compresseddepth" in image.format.lower() or image.format.split(";")[0] in _DEPTH_ENCODINGS
+            deep |= is_deep_grey_png(image.data) and not _says(stream, _COLOR_WORDS)
             return "depth" if deep else "color"
     except WireError:
         return None

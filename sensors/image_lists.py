@@ -1,7 +1,9 @@
 """Lists of images and poses by their stamps, as the TUM RGB-D benchmark writes them, and those that a folder has."""
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
 from itertools import pairwise
 from pathlib import Path
 
@@ -13,8 +15,15 @@ from odom.geometry.arrays import Array
 from odom.geometry.quaternion import rotation_from_quaternion
 from odom.wire.pairing import follows
 
+log = logging.getLogger(__name__)
+
 SECOND = 1_000_000_000
 """Nanoseconds in a second."""
+IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".ppm", ".pgm", ".webp", ".exr")
+"""What names of images end with, in small letters; not all of them can be read."""
+_QUOTES = "\"'"
+_UNITS = ((18, "nanoseconds", 10**9), (15, "microseconds", 10**6), (12, "milliseconds", 10**3))
+"""A number of so many digits or more before the point is a time since 1970 in this unit, so many of them a second."""
 _RATE_HZ = 30
 """Frames a second assumed where a folder has no stamps: a Kinect's. It scales velocities, not the trajectory."""
 
@@ -52,25 +61,65 @@ class FolderLayout:
 def read_list(path: Path, columns: int) -> list[TumEntry]:
     """Read a TUM list file, sorted by stamp; lines of equal stamps keep their order. `#` begins a comment.
 
-    Raises SourceError naming file and line for one with fewer columns behind the stamp or a stamp that is no number.
+    Names of images may hold blanks and quotes, and backslashes between folders. Stamps of 12 digits or more before the
+    point are milli-, micro- or nanoseconds, and this is logged. Raises SourceError naming file and line for one with
+    fewer columns behind the stamp or a stamp that is no number.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise SourceError(f"{path} cannot be read: {error}") from error
-    entries = []
+    entries, units = [], set()
     for number, line in enumerate(lines, start=1):
-        words = line.partition("#")[0].replace(",", " ").split()
+        words = _names_joined(line.partition("#")[0].replace(",", " ").split())
         if not words:
             continue
         try:
-            stamp = from_seconds(words[0])
+            stamp, unit = stamp_of(words[0])
         except ValueError as error:
             raise SourceError(f"{path}:{number}: {words[0]!r} is not a time stamp in seconds") from error
+        units.add(unit)
         if len(words) <= columns:
             raise SourceError(f"{path}:{number}: {len(words)} columns, expected a stamp and {columns} more")
         entries.append(TumEntry(stamp, tuple(words[1 : columns + 1])))
+    if other := sorted(units - {"seconds"}):
+        log.info("%s: its stamps are taken for %s, by their number of digits", path, " and ".join(other))
     return sorted(entries, key=lambda entry: entry.stamp)
+
+
+def stamp_of(text: str) -> tuple[Stamp, str]:
+    """Return the stamp of a list or a name, and the unit it is in by its digits.
+
+    Raises ValueError for what is no number, or no time in that unit before the year 2255.
+    """
+    digits = len(text.strip().partition(".")[0].lstrip("+0"))
+    unit, per_second = next(((name, per) for least, name, per in _UNITS if digits >= least), ("seconds", 1))
+    if per_second == 1:
+        return from_seconds(text), unit
+    try:
+        return from_seconds(str(Decimal(text.strip()) / per_second)), unit
+    except InvalidOperation:
+        raise ValueError(f"{text!r} is no number") from None
+
+
+def _names_joined(words: list[str]) -> list[str]:
+    """Return the words of a line with those put together that are parts of one image's name."""
+    found: list[str] = []
+    rest = words
+    while rest:
+        ends = (k for k, word in enumerate(rest, start=1) if word.strip(_QUOTES).lower().endswith(IMAGE_SUFFIXES))
+        count = 1 if not found or _is_number(rest[0]) else next(ends, 1)
+        name, rest = " ".join(rest[:count]), rest[count:]
+        found.append(name.strip(_QUOTES).replace("\\", "/"))
+    return found
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def steady(entries: Sequence[TumEntry]) -> TumEntry | None:

@@ -4,14 +4,16 @@ import logging
 from pathlib import Path
 
 from odom.errors import ConfigError, SourceError
-from odom.frame import Camera, from_seconds
+from odom.frame import Camera
 from sensors.default_camera import ICL_NUIM, image_size
-from sensors.image_lists import SECOND, FolderLayout, TumEntry, read_list, stamp_of_frame
+from sensors.image_lists import SECOND, FolderLayout, TumEntry, read_list, stamp_of, stamp_of_frame
 
 log = logging.getLogger(__name__)
 
 ASSOCIATIONS = ("associations.txt", "associate.txt", "association.txt")
 """Names of lists of pairs of images."""
+_MOST_FRAMES = 10_000_000
+"""Whole numbers below this are numbers of frames (four days of them), above they are seconds since 1970."""
 
 
 def tum(path: Path) -> FolderLayout:
@@ -23,6 +25,14 @@ def tum(path: Path) -> FolderLayout:
             truth = read_list(file, 7)
         except SourceError as error:
             log.warning("%s; it goes on without truth", error)
+    if _counts_frames(color, depth):
+        log.warning(
+            "%s: the stamps of rgb.txt and depth.txt are whole numbers: they are taken for numbers of frames, 30 a "
+            "second; for another rate, write seconds there: the number divided by the rate",
+            path,
+        )
+        color, depth = _as_frames(color), _as_frames(depth)
+        truth = _as_frames(truth) if _counts_frames(truth) else truth
     return FolderLayout("rgb.txt or depth.txt", color, depth, truth, _intrinsics_in_a_row(path, color))
 
 
@@ -40,21 +50,29 @@ def associated(path: Path) -> FolderLayout:
     truth = read_list(measured, 7) if drawn is None and measured.is_file() else []
     if drawn is not None:
         truth = [_mirrored(entry) for entry in read_list(drawn, 7)]
-    if all(entry.stamp % SECOND == 0 for entry in (*first, *second)):  # frames are counted
-        first, second, truth = (
-            [TumEntry(stamp_of_frame(entry.stamp // SECOND), entry.values) for entry in entries]
-            for entries in (first, second, truth)
-        )
+    if _counts_frames(first, second):
+        first, second, truth = (_as_frames(entries) for entries in (first, second, truth))
     color, depth = (second, first) if pairs and "depth" in pairs[0].values[0] else (first, second)
     size = image_size(path / color[0].values[0]) if drawn is not None and color else None
     camera = ICL_NUIM if size == (ICL_NUIM.width, ICL_NUIM.height) else None
     return FolderLayout(file.name, color, depth, truth, camera)
 
 
+def _counts_frames(*lists: list[TumEntry]) -> bool:
+    """Return whether the stamps are numbers of frames: whole, from the beginning, and not all the same."""
+    stamps = [entry.stamp for entries in lists for entry in entries]
+    return len(set(stamps)) > 1 and all(stamp % SECOND == 0 and stamp < _MOST_FRAMES * SECOND for stamp in stamps)
+
+
+def _as_frames(entries: list[TumEntry]) -> list[TumEntry]:
+    """Return a list whose stamps, in seconds, are numbers of frames."""
+    return [TumEntry(stamp_of_frame(entry.stamp // SECOND), entry.values) for entry in entries]
+
+
 def _second(file: Path, pair: TumEntry) -> TumEntry:
     """Return the second image of a pair with the stamp of its own."""
     try:
-        return TumEntry(from_seconds(pair.values[1]), pair.values[2:])
+        return TumEntry(stamp_of(pair.values[1])[0], pair.values[2:])
     except ValueError as error:
         raise SourceError(f"{file}: {pair.values[1]!r} is not a time stamp in seconds") from error
 

@@ -12,7 +12,7 @@ from odom.errors import ConfigError, WireError
 from odom.frame import Camera, Stamp, from_seconds
 from odom.wire.codec.image_files import decode_file
 from sensors.default_camera import image_size
-from sensors.image_lists import FolderLayout, TumEntry, stamp_of_frame
+from sensors.image_lists import FolderLayout, TumEntry, stamp_of, stamp_of_frame
 
 _COLOR, _DEPTH = ("color", "rgb", "image"), "depth"
 """Names of the folders."""
@@ -22,8 +22,6 @@ _NUMBER_AND_MICROSECONDS = re.compile(r"\d+-(\d+)\Z")
 """Names such as `0000012-000000367104.jpg`: the number of the frame and its microseconds."""
 _SECONDS = re.compile(r"\d+\.\d+\Z")
 """Names such as `1305031102.175304.png`."""
-_UNIT_BY_DIGITS = ((18, 1), (15, 1_000), (12, 1_000_000))
-"""A whole number of so many digits or more counts so many nanoseconds since 1970; one of fewer counts frames."""
 _ROTATED_BITS = 3
 """SUN3D writes millimetres rotated to the left by this many bits, so the lowest bits are 0 except for far depths."""
 
@@ -80,8 +78,8 @@ def _stamp(stem: str) -> Stamp:
     if found := _SECONDS.search(stem):
         return from_seconds(found[0])
     number = re.findall(r"\d+", stem)[-1]
-    unit_ns = next((unit for digits, unit in _UNIT_BY_DIGITS if len(number.lstrip("0")) >= digits), None)
-    return stamp_of_frame(int(number)) if unit_ns is None else Stamp(int(number) * unit_ns)
+    stamp, unit = stamp_of(number)
+    return stamp_of_frame(int(number)) if unit == "seconds" else stamp
 
 
 def _camera(path: Path, width: int, height: int) -> Camera | None:

@@ -116,6 +116,50 @@ def test_a_part_is_counted_from_the_first_stamp_that_others_follow(tmp_path: Pat
         assert part[key] == whole[key] + (2 if start == 0 else 0)  # the odometry refuses and counts them
 
 
+@pytest.mark.parametrize(
+    "name", ["rgb/my image {}.jpg", '"rgb/my image {}.jpg"', "rgb\\image{}.JPG", "rgb\\take 2\\image{}.jpg"]
+)
+def test_names_in_a_list_may_hold_blanks_quotes_and_backslashes(tmp_path: Path, name: str) -> None:
+    folder = write_folder(tmp_path / "tum")
+    lines = []
+    for i in range(FRAMES):
+        lines.append(f"100.{i} {name.format(i)}\n")
+        file = folder / name.format(i).strip('"').replace("\\", "/")
+        file.parent.mkdir(exist_ok=True)
+        (folder / "rgb" / f"{i}.jpg").rename(file)
+    (folder / "rgb.txt").write_text("".join(lines))
+    assert keys(folder)["cam0/color/image_raw/compressed"] == FRAMES
+
+
+def test_names_in_a_list_of_pairs_may_hold_blanks(tmp_path: Path) -> None:
+    file = tmp_path / "associations.txt"
+    file.write_text("1.5 rgb/a b.png 1.6 depth\\a 2 b.png\n")
+    (entry,) = read_list(file, 3)
+    assert entry.values == ("rgb/a b.png", "1.6", "depth/a 2 b.png")
+
+
+@pytest.mark.parametrize(("unit", "digits"), [("milliseconds", 3), ("microseconds", 6), ("nanoseconds", 9)])
+def test_stamps_in_another_unit_are_known_by_their_digits_and_this_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, unit: str, digits: int
+) -> None:
+    caplog.set_level("INFO")
+    file = tmp_path / "rgb.txt"
+    file.write_text(f"{1_311_868_163_250 * 10 ** (digits - 3)} rgb/0.png\n")
+    assert [entry.stamp for entry in read_list(file, 1)] == [1_311_868_163_250_000_000]
+    assert f"taken for {unit}" in caplog.text
+
+
+def test_numbers_of_frames_instead_of_stamps_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    folder = write_folder(tmp_path / "tum")
+    for name, suffix in (("rgb", "jpg"), ("depth", "png")):
+        (folder / f"{name}.txt").write_text("".join(f"{i + 1} {name}/{i}.{suffix}\n" for i in range(FRAMES)))
+    messages = list(open_source(str(folder), SourceOptions(topics=TOPICS)).messages())
+    stamps = [message.stamp for message in messages if message.topic == TOPICS.depth]
+    assert stamps == [round((i + 1) * 1e9 / 30) for i in range(FRAMES)]
+    assert "numbers of frames, 30 a second" in caplog.text
+    assert "divided by the rate" in caplog.text
+
+
 def test_a_part_is_played_and_a_round_follows_another(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "tum")
     part = keys(folder, SourceOptions(start=0.1, end=0.3))

@@ -28,8 +28,8 @@ class ReplaySource:
     """Colour, depth, calibration and truth of a recording in the order of their stamps.
 
     The options' `start` and `end` are seconds from the first image whose stamp others follow; a whole recording is
-    played with the truth before it too. `length` is the number of colour images, None when only a part is played or
-    they were not counted.
+    played with the truth before it too. `taken` says in words which topics are played. `length` is the number of colour
+    images, None when only a part is played or they were not counted.
     """
 
     lossless = True
@@ -68,6 +68,11 @@ class ReplaySource:
                 *(replace(stream.first, topic=topics.depth_info) for stream in models[:1]),
                 self._as_calibration(info.first),
             )
+        calibration = f"/{self._info_topic}" if self._info_topic else str(options.camera)
+        self.taken = (
+            f"colour /{self._roles.color.topic}, depth /{self._roles.depth.topic}, calibration {calibration}, truth "
+            f"{', '.join(f'/{topic}' for topic in truths) or 'none'}"
+        )
         self._closed = False
 
     def messages(self) -> Iterator[Message]:
@@ -129,7 +134,9 @@ def open_recording(path: Path, options: SourceOptions) -> ReplaySource:
         )
     if not streams:
         raise RecordingError("; ".join((f"{path} holds no ROS 2 messages", *reader.damage)))
-    return ReplaySource(reader, streams, counts or {}, options)
+    source = ReplaySource(reader, streams, counts or {}, options)
+    log.info("%s: %s", path, source.taken)
+    return source
 
 
 def _is_raw(stream: RecordedStream) -> bool:

@@ -330,6 +330,17 @@ def test_named_topics_win_and_unknown_ones_are_refused(tmp_path: Path) -> None:
         open_source(str(bag), SourceOptions(topics_from=(("sound", "/vicon/helmet/pose"),)))
 
 
+def test_the_topics_that_are_taken_are_logged(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    options = SourceOptions(topics_from=(("truth", "/vicon/helmet/pose"),))
+    open_source(str(record(tmp_path / "bag", realsense())), options)
+    (told,) = [record.getMessage() for record in caplog.records if "colour" in record.getMessage()]
+    assert told.endswith(
+        "bag: colour /camera/color/image_raw, depth /camera/aligned_depth_to_color/image_raw, "
+        "calibration /camera/color/camera_info, truth /vicon/helmet/pose"
+    )
+
+
 @pytest.mark.parametrize(
     ("topic", "key"),
     [

@@ -24,6 +24,7 @@ from odom.wire.codec import (
     encode_pose,
 )
 from odom.wire.codec.image_files import decode_file
+from sensors.assumed_unit import tell_unlikely_unit
 from sensors.calibration_file import TUM_DEPTH_SCALE, Calibration, depth_scale_alone, load_calibration
 from sensors.default_camera import assumed_calibration, image_size, usual_camera
 from sensors.depth_registration import DepthRegistration, load_depth_registration
@@ -186,6 +187,7 @@ def open_tum(path: Path, options: SourceOptions) -> TumSource:
     else:
         first = path / layout.color[0].values[0] if layout.color else path
         calibration = assumed_calibration(path, first, depth_scale)
+    tell_unlikely_unit(path, layout, file)
     return TumSource(path, calibration, options, layout, _registration(layout, file, calibration.camera))
 
 

@@ -21,6 +21,11 @@ _NO_FIELD = (0.0,) * len(FIELD_TERMS)
 """A field that is zero everywhere."""
 
 
+LIKELY_MEDIAN_M = (0.25, 8.0)
+"""Metres between which the median of a depth image lies: no depth camera for odometry has half of its pixels nearer or
+farther. A narrower range calls good recordings bad, a wider one misses wrong units."""
+
+
 @dataclass(frozen=True)
 class DepthModel:
     """The relation of measured to true depth, z being the true distance in metres.

@@ -12,6 +12,7 @@ import numpy as np
 from odom.evaluation.diagnosis.depth import step_at
 from odom.evaluation.diagnosis.finding import Finding, Verdict
 from odom.frame import RgbdFrame
+from odom.frame.depth_model import LIKELY_MEDIAN_M
 
 _KINECT_STEP = 0.00286
 """k of a Kinect v1 and of every sensor with its chip and baseline, per metre: 1 / (8 * 580 px * 0.075 m). Measured on
@@ -23,8 +24,6 @@ _LEAST_LEVELS, _LEAST_RANGE, _MOST_SPREAD = 3, 1.3, 1.25
 step of another sensor would spread by the square of the range. Chosen on the Kinects and the HoloLens."""
 _UNIT_SHARE = 0.12
 """Error of the scale, as a share, from which it is judged by the steps: devices differ by 3 %."""
-_NEAREST_M, _FARTHEST_M = 0.25, 8.0
-"""No depth camera for odometry has half of its pixels nearer or farther."""
 
 
 def steps_scale(frames: Sequence[RgbdFrame]) -> float | None:
@@ -52,7 +51,7 @@ def judge_unit(frames: Sequence[RgbdFrame]) -> Finding:
     if ratio is not None:
         value = f"{ratio:.2f} of a Kinect v1's by the steps between depth values"
         return Finding.judged(key, value, abs(np.log(ratio)) > _UNIT_SHARE, unit_advice(ratio))
-    if len(some) and not _NEAREST_M < np.median(some) < _FARTHEST_M:
+    if len(some) and not LIKELY_MEDIAN_M[0] < np.median(some) < LIKELY_MEDIAN_M[1]:
         value = f"half of the depth is within {np.median(some):.2f} m, where no known sensor has it"
         advice = "depth is in another unit: mend depth_scale in camera.yaml (units a metre), or record millimetres"
         return Finding(key, value, Verdict.BAD, advice)

@@ -1,0 +1,44 @@
+"""Tells where the unit of depth images was assumed, and what they show speaks against it."""
+
+import logging
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from odom.errors import WireError
+from odom.frame.depth_model import LIKELY_MEDIAN_M
+from odom.wire.codec.image_files import decode_file
+from sensors.calibration_file import read_content
+from sensors.image_lists import FolderLayout
+
+log = logging.getLogger(__name__)
+
+
+def tell_unlikely_unit(folder: Path, layout: FolderLayout, calibration_file: Path | None) -> None:
+    """Log that a calibration file says no `depth_scale`, where half of the first depth image is then nowhere likely.
+
+    Images that cannot be read are passed over: the source says so itself.
+    """
+    if calibration_file is None or layout.rotated_bits or "depth_scale" in read_content(calibration_file):
+        return
+    middle_m = _median(folder, layout) / layout.depth_scale
+    if LIKELY_MEDIAN_M[0] < middle_m < LIKELY_MEDIAN_M[1] or not middle_m:
+        return
+    log.warning(
+        "%s says no depth_scale, so %g units a metre are taken, by which half of the first depth image is within "
+        "%.2f m: that is unlikely; where depth is in millimetres, add the line depth_scale: 1000",
+        calibration_file, layout.depth_scale, middle_m,
+    )  # fmt: skip
+
+
+def _median(folder: Path, layout: FolderLayout) -> float:
+    """Return the median of the first depth image's values, 0 where it holds none or cannot be read."""
+    for entry in layout.depth[:1]:
+        try:
+            depth = decode_file(np.fromfile(folder / entry.values[0], dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+        except (WireError, OSError):
+            return 0.0
+        seen = depth[(depth > 0) & (depth != layout.unknown_depth)]
+        return float(np.median(seen)) if seen.size else 0.0
+    return 0.0

@@ -23,7 +23,7 @@ from odom.wire.codec import (
     encode_depth,
     encode_pose,
 )
-from odom.wire.codec.image_files import decode_file
+from odom.wire.codec.image_files import OtherFormatError, decode_file
 from sensors.assumed_unit import tell_unlikely_unit
 from sensors.calibration_file import TUM_DEPTH_SCALE, Calibration, depth_scale_alone, load_calibration
 from sensors.default_camera import assumed_calibration, image_size, usual_camera
@@ -38,6 +38,8 @@ log = logging.getLogger(__name__)
 
 BODY = "camera"
 _NO_POSE = "no pose"
+_READ = (".jpg", ".jpeg", ".png")
+"""Suffixes of the formats that are read."""
 _MANY_IMAGES = 400
 """Depth images from which on a compiled reader is loaded: it saves 1.7 ms of CPU for each, loading takes 430 ms. With
 fewer it costs more than it saves; more, and ordinary recordings do without it. Measured at 640 x 480."""
@@ -126,7 +128,7 @@ class TumSource:
         self._closed = True
 
     def _leave_out(self, stream: str, entry: TumEntry, error: Exception) -> None:
-        kind = stream, _NO_POSE if stream == "truth" else _why(error)
+        kind = stream, _NO_POSE if stream == "truth" else _why(error, self._folder / entry.values[0])
         if not self.refused[kind]:
             what = f"{entry.stamp / 1e9:.6f}" if stream == "truth" else entry.values[0]
             log.warning("%s: left out of %s: %s: %s (more are only counted)", self._folder, stream, what, error)
@@ -160,12 +162,17 @@ class _NotDepthError(WireError):
     """An image that holds no distances."""
 
 
-def _why(error: Exception) -> str:
-    """Return in few words why an image could not be used, the same for all of a kind."""
-    from odom.evaluation.diagnosis.recording import NO_FILE, NOT_DEPTH
+def _why(error: Exception, file: Path) -> str:
+    """Return in few words why an image could not be used, the same for all of a kind.
+
+    Of a file that begins neither as JPEG nor as PNG, name and content tell whether it is of another format or damaged.
+    """
+    from odom.evaluation.diagnosis.recording import NO_FILE, NOT_DEPTH, OTHER_FORMAT
 
     if isinstance(error, FileNotFoundError):
         return NO_FILE
+    if isinstance(error, OtherFormatError) and (file.suffix.lower() not in _READ or cv2.haveImageReader(str(file))):
+        return OTHER_FORMAT
     return NOT_DEPTH if isinstance(error, _NotDepthError) else "damaged file"
 
 

@@ -103,6 +103,29 @@ def test_depth_becomes_millimetres_rounded_once(tmp_path: Path, scale: float) ->
     assert not every[~inside].any()
 
 
+@pytest.mark.parametrize("suffix", ["bmp", "tiff", "npy", "png"])
+def test_a_format_that_is_not_read_is_told_from_a_damaged_file(tmp_path: Path, suffix: str) -> None:
+    """Whatever the file is called: the last one is a bitmap called .png."""
+    folder = write_folder(tmp_path / "tum")
+    for name, old in (("rgb", "jpg"), ("depth", "png")):
+        image = cv2.imread(str(folder / name / f"0.{old}"), cv2.IMREAD_UNCHANGED)
+        file = folder / name / f"other.{suffix}"
+        if suffix == "npy":
+            np.save(file, image)
+        else:
+            written = ".tiff" if suffix == "tiff" else ".bmp"
+            cv2.imwrite(str(file.with_suffix(written)), image if name == "rgb" else image.view(np.uint8))
+            file.with_suffix(written).rename(file)
+        text = (folder / f"{name}.txt").read_text()
+        (folder / f"{name}.txt").write_text(text.replace(f"{name}/0.{old}", f"{name}/{file.name}"))
+    (folder / "depth" / "1.png").write_bytes(bytes(500))
+    source = open_source(str(folder), SourceOptions())
+    list(source.messages())
+    assert refused_images(source) == {
+        ("colour", "neither JPEG nor PNG"): 1, ("depth", "neither JPEG nor PNG"): 1, ("depth", "damaged file"): 1,
+    }  # fmt: skip
+
+
 @pytest.mark.parametrize("start", [0.0, 0.1])
 def test_a_part_is_counted_from_the_first_stamp_that_others_follow(tmp_path: Path, start: float) -> None:
     """Some recorders stamp their first images with 0."""

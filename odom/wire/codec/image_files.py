@@ -25,10 +25,15 @@ _REDUCED = {8: cv2.IMREAD_REDUCED_COLOR_8, 4: cv2.IMREAD_REDUCED_COLOR_4, 2: cv2
 """Factors by which a JPEG can be scaled down while it is decoded, and OpenCV's flags; the largest first."""
 
 
+class OtherFormatError(WireError):
+    """Data that begin neither as a JPEG nor as a PNG file."""
+
+
 def file_size(data: bytes | memoryview) -> tuple[int, int]:
     """Return (width, height) from the header of a JPEG or PNG file.
 
-    Raises WireError when it is neither, is cut or damaged, or holds more than `MAX_PIXELS` pixels.
+    Raises OtherFormatError when it is neither, WireError when it is cut or damaged, or holds more than `MAX_PIXELS`
+    pixels.
     """
     view = memoryview(data)
     begin = bytes(view[:8])
@@ -39,7 +44,7 @@ def file_size(data: bytes | memoryview) -> tuple[int, int]:
         width, height = _jpeg_size(view)
         complete = _JPEG_END in bytes(view[-len(_JPEG_END) - _PADDING :])
     else:
-        raise WireError("image data is neither a JPEG nor a PNG file")
+        raise OtherFormatError("image data is neither a JPEG nor a PNG file")
     if not 0 < width * height <= MAX_PIXELS:
         raise WireError(f"image of {width} x {height} pixels is not plausible")
     if not complete:

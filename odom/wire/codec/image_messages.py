@@ -16,7 +16,7 @@ from odom.frame import Stamp
 from odom.geometry.arrays import Image
 from odom.wire.codec import cdr
 from odom.wire.codec.compressed_depth import Depth, decode_compressed_depth, encode_compressed_depth
-from odom.wire.codec.image_files import MAX_PIXELS, decode_file, decode_file_small
+from odom.wire.codec.image_files import MAX_PIXELS, OtherFormatError, decode_file, decode_file_small
 from odom.wire.codec.image_layout import compressed_bytes, image_bytes
 from odom.wire.message import Message
 
@@ -71,13 +71,16 @@ def encode_color_jpeg(
 
 
 def encode_color_file(topic: str, stamp: Stamp, file: bytes, frame_id: str = OPTICAL_FRAME) -> Message:
-    """Return sensor_msgs/CompressedImage that carries the bytes of a JPEG or PNG file unchanged."""
+    """Return sensor_msgs/CompressedImage that carries the bytes of a JPEG or PNG file unchanged.
+
+    Raises OtherFormatError when it is neither.
+    """
     if file.startswith(b"\xff\xd8"):
         image_format = "rgb8; jpeg compressed bgr8"
     elif file.startswith(b"\x89PNG"):
         image_format = "rgb8; png compressed bgr8"
     else:
-        raise WireError("the colour file is neither JPEG nor PNG")
+        raise OtherFormatError("the colour file is neither JPEG nor PNG")
     return _encode_compressed(topic, stamp, image_format, file, frame_id)
 
 

@@ -20,6 +20,8 @@ _PEEK_BYTES = 128 << 20
 """Bytes of a recording read to find its streams (4 s of raw images): less may miss one, more delays the start."""
 _MOST_LOGGED = 5
 """Most damages of a recording that are logged, a line each; the others are only counted."""
+_MOST_BEHIND = 30
+"""Messages that may come after much later ones of another topic before this is told: fewer are strays."""
 _MOST_LATE = 200
 """Reading stops after this many messages in a row beyond `end`: fewer may be out of order, more are read in vain."""
 
@@ -87,6 +89,13 @@ class ReplaySource:
                     yield self._as_calibration(message)
             else:
                 yield replace(message, topic=self._keys[message.topic])
+        if self._reader.behind > _MOST_BEHIND:
+            log.warning(
+                "%s: %d messages lie behind those of other topics that are later by more than a second, so colour and "
+                "depth did not come together: its topics were written one after the other, with log times that are not "
+                "those of the stamps; write it again with each message's stamp as its log time",
+                self._reader.path, self._reader.behind,
+            )  # fmt: skip
         for damage in self._reader.damage[:_MOST_LOGGED]:
             log.warning("%s: %s", self._reader.path, damage)
         if (more := len(self._reader.damage) - _MOST_LOGGED) > 0:

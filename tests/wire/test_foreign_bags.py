@@ -263,9 +263,23 @@ def test_messages_that_were_written_topic_after_topic_come_in_the_order_of_time(
 def test_a_recording_whose_clock_was_set_back_is_played_as_it_was_recorded(tmp_path: Path) -> None:
     walk = walk_of(120, 120, 160)
     shuffled = [*walk[180:], *walk[:180]]
-    bag = record(tmp_path / "bag", shuffled)
-    first = next(iter(open_reader(bag).messages()))
-    assert first.stamp == walk[180].stamp
+    reader = open_reader(record(tmp_path / "bag", shuffled))
+    played = list(reader.messages())
+    assert played[0].stamp == walk[180].stamp
+    assert reader.behind == 0
+
+
+def test_topics_one_after_the_other_whose_log_times_hide_it_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    walk = sorted(walk_of(90, 24, 32), key=lambda message: message.topic)
+    with RecordingWriter(tmp_path / "written.mcap") as writer:
+        for number, message in enumerate(walk):
+            writer.write(message, at=Stamp(BEGIN + number))
+    list(open_source(str(tmp_path / "written.mcap"), SourceOptions()).messages())
+    (told,) = [record.getMessage() for record in caplog.records]
+    assert "written one after the other" in told
+    assert "stamp as its log time" in told
 
 
 def test_messages_too_far_out_of_order_are_refused_with_the_command_that_sorts_them(

@@ -13,7 +13,7 @@ from odom.errors import WireError
 from odom.frame import Stamp
 from odom.wire.codec import stamp_of
 from odom.wire.message import Message
-from odom.wire.pairing import follows
+from odom.wire.pairing import LEAP_NS, follows
 from odom.wire.recording.mcap_file import McapFile
 
 _REORDERED = 48
@@ -60,7 +60,8 @@ class RecordingReader:
     """Reads `path`; raises RecordingError when it cannot be opened or is no MCAP file of ROS 2 messages.
 
     Each reading sets `damage` (what is wrong with the file, in words), `complete` (whether it ends as it should),
-    `skipped` (messages that are not CDR) and `metadata`.
+    `skipped` (messages that are not CDR) and `metadata`; `messages` sets `behind` too (messages given after those of
+    another topic that are later by more than a second: the file lies topic after topic, and its log times hide it).
     """
 
     def __init__(self, path: Path) -> None:
@@ -68,6 +69,7 @@ class RecordingReader:
         self.damage: tuple[str, ...] = ()
         self.complete = False
         self.skipped = 0
+        self.behind = 0
         self.metadata: dict[str, str] = {}
         self._least_lead: int | None = None
 
@@ -76,6 +78,16 @@ class RecordingReader:
 
         A message is moved before at most 48 earlier recorded ones; messages of one stamp keep their order.
         """
+        latest, last_of = 0, dict[str, Stamp]()
+        self.behind = 0
+        for message in self._nearly_sorted(topics, start):
+            if message.stamp < last_of.get(message.topic, 0) - LEAP_NS:
+                latest = message.stamp  # the clock was set back
+            self.behind += message.stamp < latest - LEAP_NS
+            latest, last_of[message.topic] = max(latest, message.stamp), message.stamp
+            yield message
+
+    def _nearly_sorted(self, topics: Collection[str] | None, start: Stamp | None) -> Iterator[Message]:
         heap: list[tuple[Stamp, int, Message]] = []
         for index, message in enumerate(self._in_file_order(topics, start)):
             heapq.heappush(heap, (message.stamp, index, message))

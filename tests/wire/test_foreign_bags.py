@@ -31,7 +31,7 @@ from odom.wire.codec import (
 from odom.wire.codec import (
     image_messages as images,
 )
-from odom.wire.recording import RecordingWriter, mcap_order, open_reader
+from odom.wire.recording import RecordingWriter, mcap_order, open_reader, writer
 from odom.wire.recording.stream_selection import select_streams
 from sensors import replay
 from sensors.catalogue import open_source
@@ -258,6 +258,25 @@ def test_messages_that_were_written_topic_after_topic_come_in_the_order_of_time(
     assert [message.stamp for message in reader.messages(start=middle)] == [
         message.stamp for message in walk if message.stamp >= middle
     ]
+
+
+def test_of_a_damaged_recording_written_topic_after_topic_the_rest_comes_in_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "_CHUNK_BYTES", 1 << 20)
+    walk, file = walk_of(90, 120, 160), tmp_path / "walk.mcap"
+    with RecordingWriter(file, compression="none") as written:
+        for message in sorted(walk, key=lambda message: message.topic):
+            written.write(message)
+    damaged = bytearray(file.read_bytes())
+    damaged[len(damaged) // 2] ^= 0xFF
+    file.write_bytes(damaged)
+    reader = open_reader(file)
+    stamps = [message.stamp for message in reader.messages()]
+    assert stamps == sorted(stamps)
+    assert 0.7 * len(walk) < len(stamps) < len(walk)
+    (told,) = reader.damage
+    assert f"missing: {len(walk) - len(stamps)} of /camera/" in told
 
 
 def test_a_recording_whose_clock_was_set_back_is_played_as_it_was_recorded(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from mcap.records import Channel
 from mcap.records import Message as McapMessage
 
 from odom.errors import RecordingError
-from odom.wire.recording.mcap_chunk import RECORD_HEADER
+from odom.wire.recording.mcap_chunk import LARGEST_BYTES, RECORD_HEADER
 from odom.wire.recording.mcap_index import ChunkPlace, McapIndex
 from odom.wire.recording.mcap_walk import INDEX_ENTRY, McapRecord
 
@@ -44,7 +44,7 @@ def is_by_topic(file: BinaryIO, path: Path, index: McapIndex) -> bool:
 
     Raises RecordingError when more of them overlap than may be held in memory.
     """
-    places = list(index.places())
+    places = [place for place in index.places() if place.begin_ns <= place.end_ns and place.end_ns]  # not empty ones
     latest = 0
     for place in places:
         if place.begin_ns < latest - _SLACK_NS:
@@ -118,7 +118,10 @@ def _channels_are_in_order(file: BinaryIO, places: Iterable[ChunkPlace]) -> bool
     for place in places:
         file.seek(place.end)
         while (head := file.read(RECORD_HEADER))[:1] == bytes([Opcode.MESSAGE_INDEX]):
-            body = file.read(int.from_bytes(head[1:], "little"))
+            length = int.from_bytes(head[1:], "little")
+            if length > LARGEST_BYTES:
+                return False  # damaged
+            body = file.read(length)
             entries = body[_ENTRIES_AT:]
             times = np.frombuffer(entries[: len(entries) // INDEX_ENTRY * INDEX_ENTRY], dtype="<u8")[::2]
             channel = int.from_bytes(body[:_CHANNEL_BYTES], "little")

@@ -39,7 +39,11 @@ def keep_depth_images(folder: Path, source: str, camera: Path | None) -> None:
 
     path = folder / CALIBRATION_FILE
     if path.is_file():
-        scale, registration = depth_images_of(source, camera)
+        logging.disable()  # the sensor has said already what it made of the folder
+        try:
+            scale, registration = depth_images_of(source, camera)
+        finally:
+            logging.disable(logging.NOTSET)
         text = re.sub(r"(?m)^depth_scale: .*$", f"depth_scale: {scale!r}", path.read_text(encoding="utf-8"))
         path.write_text(text + ("" if registration is None else registration_text(registration)), encoding="utf-8")
 

@@ -7,6 +7,7 @@ import pytest
 
 from odom.errors import ConfigError, SourceError
 from odom.frame import Camera, Stamp
+from odom.service.calibration_offer import keep_depth_images
 from odom.wire import Topics, truth
 from odom.wire.assembler import FrameAssembler
 from odom.wire.codec import cdr, decode_camera_info, decode_depth, decode_pose
@@ -181,6 +182,11 @@ def test_numbers_of_frames_instead_of_stamps_are_told(tmp_path: Path, caplog: py
     assert stamps == [round((i + 1) * 1e9 / 30) for i in range(FRAMES)]
     assert "numbers of frames, 30 a second" in caplog.text
     assert "divided by the rate" in caplog.text
+    caplog.clear()
+    (tmp_path / "camera-calibrated.yaml").write_text("depth_scale: 1.0\n")
+    keep_depth_images(tmp_path, str(folder), None)
+    assert not caplog.records  # at the end of the run it is not said again
+    assert (tmp_path / "camera-calibrated.yaml").read_text() == "depth_scale: 5000.0\n"
 
 
 def test_a_part_is_played_and_a_round_follows_another(tmp_path: Path) -> None:

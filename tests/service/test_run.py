@@ -14,6 +14,7 @@ import psutil
 import pytest
 from mcap.reader import make_reader
 
+from odom import read_recording
 from odom.evaluation.files import read_tum
 from odom.wire.codec import decode_camera_info
 from odom.wire.recording import RecordingReader
@@ -63,6 +64,11 @@ ROLES = {"sensor": "sensor", "odometry": "serve", "recorder": "record", "viewer"
 
 RECORDING = Path(__file__).parents[2] / "recordings" / "arena.mcap"
 ENDLESS = (RECORDING, "--sensor-option=--loop")
+SESSION = "session.mcap"
+SAME_AGAIN = (
+    "odometry.txt", "trajectory.txt", "relative_step.txt", "relative_second.txt", "chain.txt", "chain_closed.txt",
+)  # fmt: skip
+"""Files of a run that another one of the same images writes to the byte."""
 
 
 @pytest.fixture(scope="module", params=["arena", "desk"])
@@ -76,9 +82,10 @@ def source(request: pytest.FixtureRequest) -> tuple[Path, str]:
 
 @pytest.fixture(scope="module")
 def ran(compiled: None, source: tuple[Path, str], tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """The folder that a run of the source has left, and what it said."""
+    """The folder that a recorded run of the source has left, and what it said; the recording is beside the folder."""
     folder = tmp_path_factory.mktemp("ran")
-    command = [sys.executable, "-m", "odom", "run", *source, "--headless", "--chain", "--out", folder / "out"]
+    words = ["run", *source, "--headless", "--chain", "--record", folder / SESSION, "--out", folder / "out"]
+    command = [sys.executable, "-m", "odom", *words]
     run = subprocess.run(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=250)
     assert run.returncode == 0, run.stdout
     return folder / "out", run.stdout
@@ -117,37 +124,25 @@ def test_a_run_leaves_the_files_and_the_report_of_the_contract(ran: tuple[Path, 
         assert (out / name).stat().st_size > 0, name
 
 
-def test_two_runs_of_one_recording_are_equal_to_the_byte(
-    odom: Start, source: tuple[Path, str], ran: tuple[Path, str], tmp_path: Path
+def test_a_run_of_what_a_run_recorded_is_equal_to_it_to_the_byte(
+    odom: Start, ran: tuple[Path, str], tmp_path: Path
 ) -> None:
-    run = odom("run", *source, "--headless", "--out", tmp_path)
+    out, _ = ran
+    recording = out.with_name(SESSION)
+    run = odom("run", recording, "--headless", "--out", tmp_path)
     words, _ = run.communicate(timeout=250)
     assert run.returncode == 0, words
-    for name in (
-        "odometry.txt",
-        "trajectory.txt",
-        "relative_step.txt",
-        "relative_second.txt",
-        "chain.txt",
-        "chain_closed.txt",
-    ):
-        assert (tmp_path / name).read_bytes() == (ran[0] / name).read_bytes(), name
-
-
-@pytest.mark.long
-def test_a_recorded_run_replayed_gives_the_same_trajectory(
-    odom: Start, source: tuple[Path, str], tmp_path: Path
-) -> None:
-    recording = tmp_path / "session.mcap"
-    for name, arguments in (("live", [*source, "--record", recording]), ("again", [recording])):
-        run = odom("run", *arguments, "--headless", "--out", tmp_path / name)
-        words, _ = run.communicate(timeout=250)
-        assert run.returncode == 0, words
-    for name in ("odometry.txt", "trajectory.txt"):
-        assert (tmp_path / "live" / name).read_bytes() == (tmp_path / "again" / name).read_bytes(), name
+    for name in SAME_AGAIN:
+        assert (tmp_path / name).read_bytes() == (out / name).read_bytes(), name
     with recording.open("rb") as stream:
         recorded = [channel.topic for _, channel, _ in make_reader(stream).iter_messages()]
-    assert recorded.count("/cam0/odom") + recorded.count("cam0/odom") == lines(tmp_path / "live" / "odometry.txt")
+    assert recorded.count("/cam0/odom") + recorded.count("cam0/odom") == lines(out / "odometry.txt")
+
+
+def test_a_run_takes_every_frame_of_its_source(source: tuple[Path, str], ran: tuple[Path, str]) -> None:
+    path, end = source
+    stamps_of_source = [frame.stamp for frame in read_recording(path, end=float(end.removeprefix("--end=")))]
+    assert stamps(ran[0] / "odometry.txt") == stamps_of_source
 
 
 def test_a_signal_ends_a_run_cleanly_with_everything_saved(odom: Start, eventually: Eventually, tmp_path: Path) -> None:

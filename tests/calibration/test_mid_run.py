@@ -59,20 +59,18 @@ def test_frames_of_a_live_stream_do_not_wait_until_the_calibrator_is_compiled():
 
 
 @pytest.mark.long
-def test_from_an_average_kinect_the_causal_trajectory_comes_near_to_that_by_the_sheet(shared_data):
+def test_from_an_average_kinect_the_causal_trajectory_errs_less_by_the_camera_found_on_the_way(shared_data):
+    """How near it comes to that by the camera's own sheet: see `test_self_calibration`."""
     recording = read_recording(shared_data / "tum_fr1_xyz")
-    frames, truth = list(islice(recording, 450)), recording.truth()["camera"]
+    frames, truth = list(islice(recording, 330)), recording.truth()["camera"]
 
-    def online(camera, calibrator):
-        odometry = Odometry(camera, calibrator=calibrator)
+    def online(calibrator):
+        odometry = Odometry(kinect_camera(640, 480), calibrator=calibrator)
         poses = [odometry.process(frame).T_odom_camera for frame in frames]
         return evaluate(Trajectory(np.array([f.stamp for f in frames]), np.array(poses)), truth).ate_m, odometry
 
-    average = kinect_camera(640, 480)
-    sheet, _ = online(recording.camera, None)
-    kept, _ = online(average, None)
-    mended, odometry = online(average, MidRunCalibrator())
-    print(f"online ATE by the sheet {sheet:.5f}, by an average camera {kept:.5f}, mended on the way {mended:.5f}")
+    kept, _ = online(None)
+    mended, odometry = online(MidRunCalibrator())
+    print(f"online ATE by an average camera {kept:.5f}, mended on the way {mended:.5f}")
     assert odometry.camera_in_use is not odometry.camera
     assert mended < 0.85 * kept
-    assert mended < 1.5 * sheet

@@ -1,7 +1,5 @@
 """A run mends a poor calibration at its end, keeps a good one, and never touches what was published."""
 
-import json
-import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -16,9 +14,12 @@ from odom import Odometry, read_recording
 from odom.calibration.parameters import NAMES
 from odom.calibration.pixel_error import significant_error_px
 from odom.calibration.self_calibration import self_calibrated
-from sensors.calibration_file import Calibration, calibration_text, load_calibration
+from odom.evaluation.files import read_tum
+from odom.service.calibration_fields import calibration_fields
+from odom.service.calibration_offer import offer_calibration
 from sensors.default_camera import kinect_camera
 from tests.calibration.made_up_walk import SHEET, made_up_survey, spoilt
+from tests.ran_here import ate_m, run_here
 
 SURVEY = made_up_survey(spoilt())
 UNSURE = np.zeros(len(NAMES))
@@ -73,52 +74,47 @@ def test_a_walk_too_short_to_say_anything_keeps_its_calibration(shared_data):
     assert "walk on" in found.reason
 
 
-def run(source: Path, out: Path, *arguments: object) -> dict:
-    command = [sys.executable, "-m", "odom", "run", source, "--headless", "--out", out, *arguments]
-    done = subprocess.run(
-        list(map(str, command)), capture_output=True, text=True, timeout=250, env=os.environ, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    return {"text": done.stdout, **json.loads((out / "report.json").read_text())}
-
-
 @pytest.mark.long
-def test_from_an_average_kinect_a_run_comes_near_to_its_own_sheet_and_from_the_sheet_it_is_no_worse(
-    shared_data, tmp_path
-):
-    source = shared_data / "tum_fr1_rpy_part"
-    average = tmp_path / "average.yaml"
-    average.write_text(calibration_text(Calibration(kinect_camera(640, 480), 5000.0)))
-    kept = run(source, tmp_path / "kept", "--config", _off(tmp_path))
-    sheet = run(source, tmp_path / "sheet")
-    mended = run(source, tmp_path / "mended", "--camera", average)
-    runs = (("as given", kept), ("sheet", sheet), ("average", mended))
-    print({name: (one["ate_m"], one["ate_online_m"]) for name, one in runs})
-    assert sheet["ate_m"] <= 1.03 * kept["ate_m"]
-    assert mended["ate_m"] <= 1.25 * kept["ate_m"]
-    assert mended["ate_online_m"] <= 1.5 * kept["ate_online_m"]
-    start, now, sigma = mended["calibration"]["cy"]
+def test_from_an_average_kinect_a_run_comes_near_to_its_own_sheet_and_from_the_sheet_it_is_no_worse(shared_data):
+    recording = read_recording(shared_data / "tum_fr1_rpy_part")
+    kept, sheet = (run_here(recording, calibrates=calibrates) for calibrates in (False, True))
+    mended = run_here(recording, kinect_camera(640, 480))
+    kept_m, sheet_m, mended_m = (ate_m(each.final, recording) for each in (kept, sheet, mended))
+    kept_online_m, sheet_online_m, mended_online_m = (ate_m(each.online, recording) for each in (kept, sheet, mended))
+    print(
+        {
+            "as given": (kept_m, kept_online_m),
+            "sheet": (sheet_m, sheet_online_m),
+            "average": (mended_m, mended_online_m),
+        }
+    )
+    assert sheet_m <= 1.03 * kept_m
+    assert mended_m <= 1.25 * kept_m
+    assert sheet_online_m <= 1.03 * kept_online_m
+    assert mended_online_m <= 1.5 * kept_online_m
+    assert mended.own.found is not None
+    start, now, sigma = calibration_fields(mended.odometry, mended.own)["calibration"]["cy"]
     assert start == 239.5
     assert abs(now - 239.5) > 3 * sigma
-    assert "calibration_kept" not in mended
-    assert "camera-calibrated.yaml" in mended["text"]
-    assert load_calibration(tmp_path / "mended" / "camera-calibrated.yaml").camera.cy == pytest.approx(now, abs=1e-3)
-    assert sheet["ate_online_m"] <= 1.03 * kept["ate_online_m"]
+    assert mended.own.found.camera.cy == pytest.approx(now, abs=1e-3)
 
 
 @pytest.mark.long
 def test_an_exact_calibration_is_kept_and_said_to_be(tmp_path):
+    """The final trajectory is that of a command which is told to calibrate nothing."""
     source = Path(__file__).parents[2] / "recordings" / "arena.mcap"
-    kept = run(source, tmp_path / "kept", "--end", 16)
-    run(source, tmp_path / "off", "--end", 16, "--config", _off(tmp_path))
-    assert "good" in kept["calibration_kept"]
-    assert kept["calibration"]["fx"][0] == kept["calibration"]["fx"][1] == 262.5
-    assert not (tmp_path / "kept" / "camera-calibrated.yaml").exists()
-    final = [(tmp_path / name / "trajectory.txt").read_bytes() for name in ("kept", "off")]
-    assert final[0] == final[1]
-
-
-def _off(folder: Path) -> Path:
-    config = folder / "off.yaml"
+    kept = run_here(read_recording(source, end=16))
+    assert "good" in kept.own.reason
+    assert kept.odometry.camera_in_use is kept.odometry.camera
+    fields = calibration_fields(kept.odometry, kept.own)
+    assert fields["calibration_kept"] == kept.own.reason
+    assert fields["calibration"]["fx"][0] == fields["calibration"]["fx"][1] == 262.5
+    offer_calibration(kept.own, tmp_path)
+    assert not any(tmp_path.iterdir())
+    config = tmp_path / "off.yaml"
     config.write_text("odometry: {self_calibration: false}\n")
-    return config
+    command = [sys.executable, "-m", "odom", "run", source, "--end", 16, "--config", config, "--headless"]
+    subprocess.run([*map(str, command), "--out", tmp_path / "off"], capture_output=True, timeout=250, check=True)
+    off = read_tum(tmp_path / "off" / "trajectory.txt")
+    np.testing.assert_array_equal(off.stamps, kept.final.stamps)
+    np.testing.assert_allclose(off.T_world_body, kept.final.T_world_body, rtol=0, atol=1e-8)

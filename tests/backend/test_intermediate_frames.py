@@ -128,16 +128,16 @@ def test_frames_of_a_key_frame_without_intermediate_frames_and_lost_ones_stay():
 
 @pytest.mark.long
 def test_intermediate_frames_make_the_final_trajectory_more_accurate(shared_data, monkeypatch):
-    """In the mean over two walks and three starts of each: in a single one, what they give is between 0 and 30 %.
+    """In the mean over two walks and two starts of each: in a single one, what they give is between 20 and 50 %.
 
     Judged where the truth's delay and turn against the camera are known, which no adjustment can change.
     """
     shares, among = [], IntermediateFrames.among
     for name in ("tum_fr1_xyz", "tum_fr1_rpy_part"):
-        camera, frames, truth = read_tum_frames(shared_data / name, most=280)
-        for start in range(0, 48, 16):
+        camera, frames, truth = read_tum_frames(shared_data / name, most=192)
+        for start in (0, 32):
             odometry = Odometry(camera)
-            for frame in frames[start : start + 240]:
+            for frame in frames[start : start + 160]:
                 odometry.process(frame)
             errors_m = []
             for among_them in (lambda self, members: [], among):
@@ -145,4 +145,5 @@ def test_intermediate_frames_make_the_final_trajectory_more_accurate(shared_data
                 final = Trajectory.of(odometry.finish())
                 errors_m.append(evaluate(final, calibrate(final, truth).camera_truth(truth)).ate_m)
             shares.append(errors_m[1] / errors_m[0])
-    assert np.exp(np.mean(np.log(shares))) < 0.9
+    print(f"errors by intermediate frames, as shares of those without: {np.round(shares, 3)}")
+    assert np.exp(np.mean(np.log(shares))) < 0.8

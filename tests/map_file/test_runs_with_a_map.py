@@ -9,6 +9,9 @@ from pathlib import Path
 import made_up_map
 import pytest
 from refused import refusal
+from typer.testing import CliRunner
+
+from odom.cli import app
 
 PROJECT = Path(__file__).parents[2]
 RECORDING = PROJECT / "recordings" / "arena.mcap"
@@ -20,38 +23,40 @@ def odom(*words: str | Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=300)
 
 
+def run_of(folder: Path, *words: str | Path) -> Path:
+    """The folder of a run of a part of the recording that ended well."""
+    done = odom("run", RECORDING, *words, "--headless", "--out", folder)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def map_command(*words: str | Path) -> str:
+    """What `odom map` says, without a process of its own."""
+    return CliRunner().invoke(app, ["map", *map(str, words)], catch_exceptions=False).output
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """The map that a run of the first four seconds has left, and the folder of the run."""
+    path = tmp_path_factory.mktemp("first") / "lab.map"
+    return path, run_of(path.parent / "made", "--end", "4", "--map", path)
+
+
 @pytest.mark.long
-def test_a_run_leaves_a_map_and_the_next_one_is_found_in_it(tmp_path):
-    path = tmp_path / "lab.map"
-    made = odom("run", RECORDING, "--end", 2, "--headless", "--map", path, "--out", tmp_path / "made")
-    assert made.returncode == 0, made.stderr
-    assert [p.name for p in tmp_path.iterdir() if p.is_file()] == ["lab.map"]
+def test_a_run_leaves_a_map_and_the_next_one_is_found_in_it(first, tmp_path):
+    path, made = first
+    assert [p.name for p in path.parent.iterdir() if p.is_file()] == ["lab.map"]
     content = path.read_bytes()
-    found = odom(
-        "run",
-        RECORDING,
-        "--start",
-        1,
-        "--end",
-        2,
-        "--headless",
-        "--map",
-        path,
-        "--localize",
-        "--out",
-        tmp_path / "found",
-    )
-    assert found.returncode == 0, found.stderr
-    report = json.loads((tmp_path / "found" / "report.json").read_text())
+    found = run_of(tmp_path, "--start", "1", "--end", "2", "--map", path, "--localize")
+    report = json.loads((found / "report.json").read_text())
     assert report["map"] == {"file": str(path), "localize": True, "lost": 0}
     assert report["tracked"] == report["frames"] > 5
     assert path.read_bytes() == content
-    both = [dict(line.split(" ", 1) for line in read(tmp_path / name)) for name in ("made", "found")]
+    both = [dict(line.split(" ", 1) for line in read(folder)) for folder in (made, found)]
     for stamp, pose in both[1].items():
         before, now = (list(map(float, text.split()))[:3] for text in (both[0][stamp], pose))
         assert max(abs(a - b) for a, b in zip(before, now, strict=True)) < 0.01
-    said = odom("map", "info", path)
-    assert "key frames of session 0" in said.stdout
+    assert "key frames of session 0" in map_command("info", path)
 
 
 def read(folder: Path) -> list[str]:
@@ -60,20 +65,12 @@ def read(folder: Path) -> list[str]:
 
 
 @pytest.mark.long
-def test_a_camera_is_found_in_the_merged_map_of_two_runs(tmp_path):
-    for name, start, end in (("second", 3, 6), ("first", 0, 4)):
-        path = tmp_path / f"{name}.map"
-        made = odom(
-            "run", RECORDING, "--start", start, "--end", end, "--headless", "--map", path, "--out", tmp_path / name
-        )
-        assert made.returncode == 0, made.stderr
-    both = tmp_path / "both.map"
-    merged = odom("map", "merge", tmp_path / "first.map", tmp_path / "second.map", "-o", both)
-    assert merged.returncode == 0, merged.stderr
-    assert "of session 0, 1" in merged.stdout
-    found = odom("run", RECORDING, "--end", 6, "--headless", "--map", both, "--localize", "--out", tmp_path / "found")
-    assert found.returncode == 0, found.stderr
-    report = json.loads((tmp_path / "found" / "report.json").read_text())
+def test_a_camera_is_found_in_the_merged_map_of_two_runs(first, tmp_path):
+    second, both = tmp_path / "second.map", tmp_path / "both.map"
+    run_of(tmp_path / "second", "--start", "3", "--end", "6", "--map", second)
+    assert "of session 0, 1" in map_command("merge", first[0], second, "-o", both)
+    found = run_of(tmp_path / "found", "--end", "6", "--map", both, "--localize")
+    report = json.loads((found / "report.json").read_text())
     assert report["tracked"] == report["frames"] > 40
     assert report["ate_m"] < 0.01
 

@@ -335,7 +335,7 @@ def test_a_viewer_sees_a_run_by_the_line_that_it_prints(odom: Start, eventually:
 @pytest.mark.long
 def test_the_arena_simulates_the_sensor_that_a_run_asks_for(odom: Start, tmp_path: Path) -> None:
     record = tmp_path / "second.mcap"
-    run = odom("run", "arena", "--sensor", "kinect2", "--seconds", "0.5", "--headless", "--record", record)
+    run = odom("run", "arena", "--sensor", "kinect2", "--seconds", "0.1", "--headless", "--record", record)
     words, _ = run.communicate(timeout=120)
     assert run.returncode == 0, words
     camera = next(m for m in RecordingReader(record).messages() if m.topic == "cam0/color/camera_info")

@@ -45,7 +45,7 @@ from sensors.arena import ArenaOptions
 
 warm_up(OdometrySettings(), Topics())
 before = compiled()
-options = ArenaOptions.from_texts({"seconds": "32"})
+options = ArenaOptions()
 odometry = Odometry(options.camera)
 states = []
 for i in [*range(45), *range(60, 75), *range(900, 945)]:
@@ -78,7 +78,7 @@ from sensors.arena import ArenaOptions
 
 warm_up(OdometrySettings(), Topics())
 before, loaded = compiled(), set(sys.modules)
-options = ArenaOptions.from_texts({"seconds": "2"})
+options = ArenaOptions()
 shots = [frame(options, i).rgbd() for i in range(4)]
 
 def image(topic, stamp, pixels, encoding, padding=0, is_bigendian=0):

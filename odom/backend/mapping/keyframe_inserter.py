@@ -149,6 +149,8 @@ class KeyframeInserter:
     def is_due(self, view: View, tracked: Tracked, in_doubt: bool) -> bool:
         """Return whether too little is left in a view of what the last key frame saw, and the camera has moved.
 
+        A segment's only key frame is followed by another after a while in any case: nothing is adjusted until then.
+
         Where moving bodies leave its pose `in_doubt`, the view must show enough that has been known for a while.
         """
         if self._new_corners.are_coming or (in_doubt and not self._is_long_known(view, tracked)):
@@ -157,8 +159,10 @@ class KeyframeInserter:
         self._coverage_at_keyframe = self._coverage_at_keyframe or coverage
         is_worn = self._is_worn_out or coverage.is_worn(self._coverage_at_keyframe)
         near = self._map.keyframes[tracked.reference]
+        is_alone = near.number == near.first == len(self._map.keyframes) - 1
+        is_due = is_worn or (is_alone and (view.stamp - near.stamp) * 1e-9 > TUNING.alone_s)
         T_camera_keyframe = tracked.T_camera_map @ se3.inverse(near.T_camera_map)
-        return is_worn and _has_moved(T_camera_keyframe)
+        return is_due and _has_moved(T_camera_keyframe)
 
     def _is_long_known(self, view: View, tracked: Tracked) -> bool:
         """Return whether enough landmarks agree that were made a while ago, or the segment is too young to have any.

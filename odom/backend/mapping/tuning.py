@@ -40,6 +40,10 @@ class Tuning:
     timing_settled_s: float = tuned(0.002, unit="s", source="fr1, a HoloLens, a painted room",
         effect="While adjustments change the timing by more, a key frame is due as soon as the camera has moved. "
         "Smaller: more key frames, which cost more; larger: in a calm walk in one place the timing stays unknown.")
+    alone_s: float = tuned(1.0, unit="s", source="a painted room in 640 x 480; fr1 has its second key frame by then",
+        effect="After so long a segment's first key frame is followed by another as soon as the camera has moved. "
+        "Smaller: the first adjustment knows too short a motion; larger: in a calm walk in one place the timing stays "
+        "unknown.")
     corners_enough: int = tuned(100, unit="landmarks", source="a HoloLens's walk, in images 540, 320 and 270 px wide",
         effect="Where a key frame has fewer, corners are sought in squares half as large. Smaller: small images and "
         "bare rooms have few landmarks, and wide steps lose them; larger: corners crowd where a few are as good.")

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from odom.evaluation import Report, Trajectory
-    from odom.evaluation.mocap_calibration import Calibration, CalibrationOptions
+    from odom.evaluation.mocap_calibration import CalibrationOptions
 
 AUTO, OFF = "auto", "off"
 
@@ -56,13 +55,13 @@ def evaluate(
     Example: odom eval out motive.csv --body rig --mocap --relative out/relative_second.txt
     """
     import json
+    from functools import partial
     from math import degrees
 
     from odom.cli.pose_figures import print_pose_figures
     from odom.cli.trajectories import read_claims, read_estimate, read_truth
     from odom.evaluation import EvaluationOptions
-    from odom.evaluation import evaluate as judge
-    from odom.evaluation.mocap_calibration import calibrate
+    from odom.evaluation.judgement import judge as judged_by
     from odom.evaluation.quaternion_order import order_notes
     from odom.evaluation.relative import read_relative, relative_nees
     from odom.evaluation.run_report import calibration_fields, error_fields, remarks
@@ -70,18 +69,13 @@ def evaluate(
     from odom.evaluation.truth_noise import truth_noise, widened
 
     estimated = read_estimate(estimate, times=times, topic=topic)
-    true, foreign = read_truth(
+    as_read, foreign = read_truth(
         truth or estimate, times=times, topic=truth_topic, body=body, y_up=not z_up, of_run=truth is None
     )
-    options = _calibration_options(mocap or foreign, time_offset, hand_eye, max_gap, search)
-
-    def judged(given: "Trajectory") -> "tuple[Calibration | None, Trajectory, Report]":
-        found = calibrate(estimated, given, options) if options else None
-        given = found.camera_truth(given) if found else given
-        return found, given, judge(estimated, given, EvaluationOptions(max_gap_s=max_gap))
-
-    as_read = true
-    calibration, true, report = judged(as_read)
+    mocap_options = _calibration_options(mocap or foreign, time_offset, hand_eye, max_gap, search)
+    judge = partial(judged_by, estimated, options=EvaluationOptions(max_gap_s=max_gap), mocap=mocap_options)
+    judged = judge(as_read)
+    calibration, true, report = judged.calibration, judged.truth, judged.report
 
     print(f"matched        {report.matched} / {report.total} poses, {report.truth.duration_s:.1f} s")
     print(f"ATE            {report.ate_m:.4f} m")
@@ -102,8 +96,7 @@ def evaluate(
         fields[f"nees_{path.stem}"] = {"mean": values.mean, "inside_95": values.inside_95}
     if calibration:
         _print_calibration(calibration_fields(calibration, body or "body"), calibration.correlation)
-    order = order_notes(as_read, report, lambda other: judged(other)[2])
-    notes = [*order, *report.notes, *(calibration.notes if calibration else ())]
+    notes = [*order_notes(as_read, report, lambda other: judge(other).report), *judged.notes]
     for note in notes:
         print(f"note: {note}")
     if plot:

@@ -9,6 +9,7 @@ import numpy as np
 from odom.errors import InputError
 from odom.evaluation.chain_report import chain_fields, trajectory_fields
 from odom.evaluation.files import read_run, read_tum
+from odom.evaluation.judgement import judge
 from odom.evaluation.mocap_calibration import Calibration, CalibrationOptions, calibrate
 from odom.evaluation.quaternion_order import order_notes
 from odom.evaluation.relative import RelativePoses, read_relative, relative_errors_of, relative_nees
@@ -47,25 +48,22 @@ def report_with_truth(
 
     Raises SourceError when `trajectory.txt` or `truth.txt` cannot be read.
     """
-    truth = read_tum(out_dir / "truth.txt")
+    read = read_tum(out_dir / "truth.txt")
     body = body or body_of(out_dir / "truth.txt")
     estimate = read_run(out_dir)
     options = EvaluationOptions(total_frames=total_frames)
+    mocap = calibration_options or (CalibrationOptions() if body != CAMERA else None)
 
-    def judged(given: Trajectory) -> tuple[Calibration | None, Trajectory, Report]:
-        found = None
-        if calibration_options or body != CAMERA:
-            found = calibrate(estimate, given, calibration_options)
-            given = found.camera_truth(given)
-        return found, given, evaluate(estimate, given, options)
+    def report_by(given: Trajectory) -> Report:
+        return judge(estimate, given, options, mocap).report
 
-    read = truth
     try:
-        calibration, truth, final = judged(read)
+        judged = judge(estimate, read, options, mocap)
     except InputError as error:
-        notes = [str(error), *order_notes(read, None, lambda other: judged(other)[2])]
+        notes = [str(error), *order_notes(read, None, report_by)]
         nothing = dict.fromkeys(_ERRORS + _NEES + _CALIBRATION)
         return {**nothing, "matched": 0, "total": max(total_frames or 0, len(estimate)), "truth_notes": notes}
+    truth, final, calibration = judged.truth, judged.report, judged.calibration
     online = _online(out_dir / "odometry.txt", estimate, truth, options)
     files = (out_dir / "relative_step.txt", out_dir / "relative_second.txt")
     step, second = (read_relative(path) if path.is_file() else None for path in files)
@@ -78,11 +76,7 @@ def report_with_truth(
         **calibration_fields(calibration, body),
         "chain": chain_fields(out_dir, truth, options),
         "chain_closed": trajectory_fields(out_dir / "chain_closed.txt", truth, options),
-        "truth_notes": [
-            *order_notes(read, final, lambda other: judged(other)[2]),
-            *final.notes,
-            *(calibration.notes if calibration else ()),
-        ],
+        "truth_notes": [*order_notes(read, final, report_by), *judged.notes],
     }
     return {key: _finite(value) for key, value in fields.items()}
 

@@ -6,10 +6,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from odom.errors import WireError
 from odom.frame.depth_model import LIKELY_MEDIAN_M
-from odom.wire.codec.image_files import decode_file
 from sensors.calibration_file import read_content
+from sensors.default_camera import image_in
 from sensors.image_lists import FolderLayout
 
 log = logging.getLogger(__name__)
@@ -34,11 +33,8 @@ def tell_unlikely_unit(folder: Path, layout: FolderLayout, calibration_file: Pat
 
 def _median(folder: Path, layout: FolderLayout) -> float:
     """Return the median of the first depth image's values, 0 where it holds none or cannot be read."""
-    for entry in layout.depth[:1]:
-        try:
-            depth = decode_file(np.fromfile(folder / entry.values[0], dtype=np.uint8), cv2.IMREAD_UNCHANGED)
-        except (WireError, OSError):
-            return 0.0
-        seen = depth[(depth > 0) & (depth != layout.unknown_depth)]
-        return float(np.median(seen)) if seen.size else 0.0
-    return 0.0
+    depth = image_in(folder / layout.depth[0].values[0], cv2.IMREAD_UNCHANGED) if layout.depth else None
+    if depth is None:
+        return 0.0
+    seen = depth[(depth > 0) & (depth != layout.unknown_depth)]
+    return float(np.median(seen)) if seen.size else 0.0

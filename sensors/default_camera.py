@@ -3,9 +3,11 @@
 import logging
 import re
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from odom.errors import WireError
 from odom.frame import Camera
@@ -83,8 +85,13 @@ def assumed_calibration(folder: Path, first_image: Path, depth_scale: float) -> 
 
 def image_size(file: Path) -> tuple[int, int] | None:
     """Return width and height of an image file, None when it cannot be read."""
+    image = image_in(file, cv2.IMREAD_GRAYSCALE)
+    return None if image is None else (image.shape[1], image.shape[0])
+
+
+def image_in(file: Path, flags: int) -> NDArray[Any] | None:
+    """Return the image in a file as OpenCV's `flags` ask for it, None when it cannot be read."""
     try:
-        image = decode_file(np.fromfile(file, dtype=np.uint8), cv2.IMREAD_GRAYSCALE)
+        return decode_file(np.fromfile(file, dtype=np.uint8), flags)
     except (WireError, OSError):
         return None
-    return image.shape[1], image.shape[0]

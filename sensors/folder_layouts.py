@@ -4,8 +4,7 @@ Where files carry numbers instead of stamps, they count frames of 1/30 s.
 """
 
 import json
-import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -49,14 +48,14 @@ def layout_of(path: Path) -> FolderLayout:
 
 def _seven_scenes(path: Path) -> FolderLayout:
     """Return the lists of raw images of a Kinect: depth is not registered to colour, and true poses are depth's."""
-    poses = _numbered(path, path.glob("frame-*.pose.txt"))
+    poses = by_stamp(path, path.glob("frame-*.pose.txt"))
     T_depth_color = np.eye(4)
     T_depth_color[:3, 3] = -np.array(_KINECT_BASELINE_M)
-    depth = _numbered(path, path.glob("frame-*.depth.png"))
+    depth = by_stamp(path, path.glob("frame-*.depth.png"))
     size = image_size(path / depth[0].values[0]) if depth else None
     return FolderLayout(
         "7-Scenes' frame-*.png",
-        _numbered(path, path.glob("frame-*.color.png")),
+        by_stamp(path, path.glob("frame-*.color.png")),
         depth,
         [pose for entry in poses for pose in _pose(path, entry, T_depth_color)],
         depth_scale=1000.0,
@@ -101,8 +100,8 @@ def _replica(path: Path) -> FolderLayout:
     camera, scale = _replica_camera(path)
     return FolderLayout(
         "results/",
-        _numbered(path, images_in(images, "frame*")),
-        _numbered(path, images.glob("depth*.png")),
+        by_stamp(path, images_in(images, "frame*")),
+        by_stamp(path, images.glob("depth*.png")),
         [pose for found in poses for pose in found],
         camera,
         scale,
@@ -117,16 +116,6 @@ _LAYOUTS: tuple[tuple[Callable[[Path], bool], Callable[[Path], FolderLayout]], .
     (lambda path: next((path / "results").glob("depth*.png"), None) is not None, _replica),
     (is_pair_of_folders, pair_of_folders),
 )
-
-
-def _numbered(folder: Path, files: Iterable[Path]) -> list[TumEntry]:
-    """Return files by the last number in their names, with the stamp of that frame."""
-    entries = []
-    for file in files:
-        numbers = re.findall(r"\d+", file.name.partition(".")[0])
-        if numbers:
-            entries.append(TumEntry(stamp_of_frame(int(numbers[-1])), (file.relative_to(folder).as_posix(),)))
-    return sorted(entries, key=lambda entry: entry.stamp)
 
 
 def _pose(folder: Path, entry: TumEntry, T_body_camera: Array = _THE_CAMERAS_OWN) -> list[TumEntry]:

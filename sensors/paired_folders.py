@@ -8,16 +8,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from odom.errors import ConfigError, WireError
+from odom.errors import ConfigError
 from odom.frame import Camera, Stamp, from_seconds
-from odom.wire.codec.image_files import decode_file
-from sensors.default_camera import image_size
-from sensors.image_lists import FolderLayout, TumEntry, stamp_of, stamp_of_frame
+from sensors.default_camera import image_in, image_size
+from sensors.image_lists import READ_SUFFIXES, FolderLayout, TumEntry, stamp_of, stamp_of_frame
 
 _COLOR, _DEPTH = ("color", "rgb", "image"), "depth"
 """Names of the folders."""
-_IMAGES = (".jpg", ".jpeg", ".png")
-"""Suffixes of images, in small or capital letters."""
 _NUMBER_AND_MICROSECONDS = re.compile(r"\d+-(\d+)\Z")
 """Names such as `0000012-000000367104.jpg`: the number of the frame and its microseconds."""
 _SECONDS = re.compile(r"\d+\.\d+\Z")
@@ -62,7 +59,7 @@ def _holds_images(folder: Path) -> bool:
 
 def images_in(folder: Path, pattern: str = "*") -> Iterator[Path]:
     """Yield the images of a folder whose names fit the pattern, whatever their suffix's spelling."""
-    return (file for file in folder.glob(pattern) if file.suffix.lower() in _IMAGES)
+    return (file for file in folder.glob(pattern) if file.suffix.lower() in READ_SUFFIXES)
 
 
 def by_stamp(path: Path, files: Iterable[Path]) -> list[TumEntry]:
@@ -101,9 +98,8 @@ def _camera(path: Path, width: int, height: int) -> Camera | None:
 
 
 def _is_rotated(file: Path) -> bool:
-    try:
-        depth = decode_file(np.fromfile(file, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
-    except (WireError, OSError):
+    depth = image_in(file, cv2.IMREAD_UNCHANGED)
+    if depth is None or depth.dtype != np.uint16:
         return False
     seen = depth[depth > 0]
-    return depth.dtype == np.uint16 and len(seen) > 0 and not (seen & ((1 << _ROTATED_BITS) - 1)).any()
+    return len(seen) > 0 and not (seen & ((1 << _ROTATED_BITS) - 1)).any()

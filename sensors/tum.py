@@ -29,7 +29,7 @@ from sensors.calibration_file import TUM_DEPTH_SCALE, Calibration, depth_scale_a
 from sensors.default_camera import assumed_calibration, image_size, usual_camera
 from sensors.depth_registration import DepthRegistration, load_depth_registration
 from sensors.folder_layouts import is_image_folder, layout_of
-from sensors.image_lists import FolderLayout, pose_of, steady
+from sensors.image_lists import READ_SUFFIXES, FolderLayout, pose_of, steady
 from sensors.image_lists import TumEntry as TumEntry
 from sensors.image_lists import read_list as read_list
 from sensors.source import SourceOptions
@@ -38,8 +38,6 @@ log = logging.getLogger(__name__)
 
 BODY = "camera"
 _NO_POSE = "no pose"
-_READ = (".jpg", ".jpeg", ".png")
-"""Suffixes of the formats that are read."""
 _MANY_IMAGES = 400
 """Depth images from which on a compiled reader is loaded: it saves 1.7 ms of CPU for each, loading takes 430 ms. With
 fewer it costs more than it saves; more, and ordinary recordings do without it. Measured at 640 x 480."""
@@ -171,7 +169,9 @@ def _why(error: Exception, file: Path) -> str:
 
     if isinstance(error, FileNotFoundError):
         return NO_FILE
-    if isinstance(error, OtherFormatError) and (file.suffix.lower() not in _READ or cv2.haveImageReader(str(file))):
+    if isinstance(error, OtherFormatError) and (
+        file.suffix.lower() not in READ_SUFFIXES or cv2.haveImageReader(str(file))
+    ):
         return OTHER_FORMAT
     return NOT_DEPTH if isinstance(error, _NotDepthError) else "damaged file"
 

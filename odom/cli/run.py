@@ -1,6 +1,5 @@
 """`odom run SOURCE`: the main job."""
 
-import logging
 import os
 import time
 from pathlib import Path
@@ -123,17 +122,17 @@ def run(
 
 def _check_sensor(source: str, arguments: list[str]) -> None:
     """Refuse, before anything is touched, what `odom sensor` would refuse."""
+    from odom.service.unlogged import unlogged
+
     alone = typer.Typer(add_completion=False)
     alone.command()(sensor_command)
-    logging.disable()  # the sensor says the same
     try:
-        typer.main.get_command(alone).main(
-            ["--check", *arguments, "--", source], prog_name="odom sensor", standalone_mode=False
-        )
+        with unlogged():  # the sensor says the same
+            typer.main.get_command(alone).main(
+                ["--check", *arguments, "--", source], prog_name="odom sensor", standalone_mode=False
+            )
     except OdomError as error:
         raise ConfigError(str(error)) from error
-    finally:
-        logging.disable(logging.NOTSET)
 
 
 def _stem(source: str) -> str:

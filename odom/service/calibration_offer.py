@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from odom.errors import ConfigError, OdomError
+from odom.service.unlogged import unlogged
 from sensors.calibration_file import Calibration, calibration_text
 from sensors.remembered import remember
 
@@ -39,11 +40,8 @@ def keep_depth_images(folder: Path, source: str, camera: Path | None) -> None:
 
     path = folder / CALIBRATION_FILE
     if path.is_file():
-        logging.disable()  # the sensor has said already what it made of the folder
-        try:
+        with unlogged():  # the sensor has logged what it made of the folder
             scale, registration = depth_images_of(source, camera)
-        finally:
-            logging.disable(logging.NOTSET)
         text = re.sub(r"(?m)^depth_scale: .*$", f"depth_scale: {scale!r}", path.read_text(encoding="utf-8"))
         path.write_text(text + ("" if registration is None else registration_text(registration)), encoding="utf-8")
 

@@ -3,6 +3,7 @@
 import logging
 from collections import Counter
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ import numpy as np
 
 from odom.backend.estimate import IMAGE_AGAIN, NO_DEPTH, NO_PLACE, TOO_LITTLE
 from odom.errors import OdomError
+from odom.service.unlogged import unlogged
 from odom.wire import Topics
 from sensors.source import Source, refused_images
 
@@ -107,11 +109,8 @@ def _is_far_off(report: dict[str, Any], out: Path) -> bool:
 
 def _quietly(open_again: Callable[[], Source]) -> Source:
     """Open the source without log lines: the run has logged them already."""
-    logging.disable()
-    try:
+    with unlogged():
         return open_again()
-    finally:
-        logging.disable(logging.NOTSET)
 
 
 def _wrong_unit(opened: Source) -> str | None:
@@ -140,9 +139,5 @@ def _sample(opened: Source, seconds: float) -> "Recording":
     """Return the first seconds of a source, and close it."""
     from odom.service.source_sample import collect
 
-    logging.disable()  # the run has logged already what the source leaves out
-    try:
+    with unlogged(), closing(opened):  # the run has logged already what the source leaves out
         return collect(opened.messages(), Topics(), seconds, lambda done: None, is_recorded=True)
-    finally:
-        opened.close()
-        logging.disable(logging.NOTSET)

@@ -11,6 +11,10 @@ from typing import Any, TypeVar
 OVERRIDES: dict[str, float] = {}
 """Other values, by `package.name`; only what is set before the package is first imported counts."""
 
+SWEEP = "trial on TUM fr1_xyz, fr1_rpy and the arena; swept in odom/docs/sensitivity.md"
+BODIES = "bodies painted into fr1_xyz and fr1_rpy, people in the arena, fr1 as it is"
+"""Sources that numbers of several packages have."""
+
 T = TypeVar("T")
 
 

@@ -2,9 +2,7 @@
 
 from dataclasses import dataclass
 
-from odom.geometry.tuning import in_use, tuned
-
-_SWEEP = "trial on TUM fr1_xyz, fr1_rpy and the arena; swept in odom/docs/sensitivity.md"
+from odom.geometry.tuning import SWEEP, in_use, tuned
 
 
 # fmt: off
@@ -12,22 +10,22 @@ _SWEEP = "trial on TUM fr1_xyz, fr1_rpy and the arena; swept in odom/docs/sensit
 class Tuning:
     """Numbers of key frames, landmarks and the covariances of motions between frames."""
 
-    anchor_share: float = tuned(0.1, unit="share of a ray's variance", source=_SWEEP,
+    anchor_share: float = tuned(0.1, unit="share of a ray's variance", source=SWEEP,
         effect="Only this share counts across the ray of a new landmark, since its patch is cut where it was "
         "measured. Smaller: NEES rises; larger: it falls.")
-    link_landmarks: int = tuned(15, unit="landmarks", source=_SWEEP,
+    link_landmarks: int = tuned(15, unit="landmarks", source=SWEEP,
         effect="Key frames are linked by so many in common. Fewer: landmarks of distant key frames are searched in "
         "vain; more: those of near ones are missed.")
-    neighbour_hops: int = tuned(3, unit="links", source=_SWEEP,
+    neighbour_hops: int = tuned(3, unit="links", source=SWEEP,
         effect="Landmarks are looked for in key frames up to so many links away. Fewer: key frames in view are "
         "missed; more: it costs more in maps with many links.")
     recalled: int = tuned(12, unit="key frames", source="local_keyframes, and two to come",
         effect="So many around the camera are brought back from a saved map. Fewer: landmarks in view are missing; "
         "more: frames wait for the disk.")
-    cull_trials: int = tuned(8, unit="frames", source=_SWEEP,
+    cull_trials: int = tuned(8, unit="frames", source=SWEEP,
         effect="A landmark is judged by how often it was found after it was looked for in so many. Fewer: good ones "
         "are removed after a blur; more: bad ones are looked for in place of good ones for longer.")
-    cull_share: float = tuned(0.25, unit="share of trials", source=_SWEEP,
+    cull_share: float = tuned(0.25, unit="share of trials", source=SWEEP,
         effect="A landmark found in a smaller share is removed. Smaller: bad ones stay; larger: those that are seen "
         "from one side only are removed.")
     shared_error: float = tuned(0.8, unit="ratio of variances",

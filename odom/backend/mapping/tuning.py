@@ -2,11 +2,7 @@
 
 from dataclasses import dataclass
 
-from odom.geometry.tuning import in_use, tuned
-
-_SWEEP = "trial on TUM fr1_xyz, fr1_rpy and the arena; swept in odom/docs/sensitivity.md"
-
-_BODIES = "bodies painted into fr1_xyz and fr1_rpy, people in the arena, fr1 as it is"
+from odom.geometry.tuning import BODIES, SWEEP, in_use, tuned
 
 
 # fmt: off
@@ -15,27 +11,27 @@ class Tuning:
     """Numbers of the insertion of key frames and of their adjustment."""
 
     # keyframe_inserter
-    coverage_enough: int = tuned(150, unit="landmarks", source=_SWEEP,
+    coverage_enough: int = tuned(150, unit="landmarks", source=SWEEP,
         effect="A key frame is due where fewer are found. Smaller: there are fewer key frames, and poses from fewer "
         "landmarks; larger: more key frames, which cost more.")
-    coverage_share_landmarks: float = tuned(0.85, unit="share of those at the key frame", source=_SWEEP,
+    coverage_share_landmarks: float = tuned(0.85, unit="share of those at the key frame", source=SWEEP,
         effect="As coverage_enough, where a key frame itself has few: one is due where a smaller share of its "
         "landmarks is found.")
-    coverage_least: int = tuned(50, unit="landmarks", source=_SWEEP,
+    coverage_least: int = tuned(50, unit="landmarks", source=SWEEP,
         effect="A key frame is due where fewer are found, however few there were. Smaller: the camera is LOST in poor "
         "scenes; larger: there are many key frames.")
-    coverage_share_cells: float = tuned(0.55, unit="share of those at the key frame", source=_SWEEP,
+    coverage_share_cells: float = tuned(0.55, unit="share of those at the key frame", source=SWEEP,
         effect="A key frame is due where landmarks cover a smaller share of the image's cells. Smaller: half of the "
         "image is empty before one comes; larger: there are more key frames.")
-    coverage_cell_px: int = tuned(40, unit="px", source=_SWEEP,
+    coverage_cell_px: int = tuned(40, unit="px", source=SWEEP,
         effect="The side of a cell of the image. Smaller: cells are empty sooner; larger: later.")
     least_begun: int = tuned(15, unit="landmarks", source="fewer make no pose: `least_inliers` of tracking",
         effect="A segment begins with at least so many. Fewer: segments begin by which nothing can be found; more: the "
         "camera is LOST for longer in poor scenes.")
-    moved_m: float = tuned(0.015, unit="m", source=_SWEEP,
+    moved_m: float = tuned(0.015, unit="m", source=SWEEP,
         effect="A key frame is due only if the camera has moved so far. Smaller: there are key frames at rest; larger: "
         "near things are covered late.")
-    moved_rad: float = tuned(0.02, unit="rad", source=_SWEEP,
+    moved_rad: float = tuned(0.02, unit="rad", source=SWEEP,
         effect="As moved_m, for rotations.")
     timing_settled_s: float = tuned(0.002, unit="s", source="fr1, a HoloLens, a painted room",
         effect="While adjustments change the timing by more, a key frame is due as soon as the camera has moved. "
@@ -55,19 +51,19 @@ class Tuning:
         "larger: quick turns at 30 Hz have few landmarks for a frame, and a poor camera errs by 17 % more as "
         "published.")
     # standing
-    recent_apart_s: float = tuned(0.08, unit="s", source=_BODIES,
+    recent_apart_s: float = tuned(0.08, unit="s", source=BODIES,
         effect="The views that are kept lie so far apart in time. Smaller: more memory; larger: short glimpses are "
         "missed.")
-    part_px: int = tuned(64, unit="px", source=_BODIES,
+    part_px: int = tuned(64, unit="px", source=BODIES,
         effect="The side of a part of the image that moves or stands. Smaller: it holds too few corners; larger: it "
         "holds people and scene.")
     part_corners: int = tuned(3, unit="corners", source="most of two is both",
         effect="A part is judged from so many. Fewer: single false matches count as motion; more: poor scenes tell "
         "nothing.")
-    parts_least: int = tuned(8, unit="parts", source=_BODIES,
+    parts_least: int = tuned(8, unit="parts", source=BODIES,
         effect="The view is judged from so many. Fewer: one corner of the image speaks for all of it; more: poor "
         "scenes tell nothing.")
-    recent_s: float = tuned(0.6, unit="s", source=_BODIES,
+    recent_s: float = tuned(0.6, unit="s", source=BODIES,
         effect="Corners are looked for in views up to this age. Smaller: slow bodies become landmarks; larger: fewer "
         "corners were in view then.")
     recent_turn_rad: float = tuned(0.35, unit="rad", source="half of a Kinect's field of view is .5 x .38",
@@ -76,50 +72,50 @@ class Tuning:
     newest_s: float = tuned(0.25, unit="s", source="fr1_xyz thinned to 2 Hz",
         effect="Where the newest view is older, none is looked in. Smaller: bodies in slow streams become landmarks; "
         "larger: wide steps are LOST.")
-    spread_least_s: float = tuned(0.06, unit="s", source=_BODIES,
+    spread_least_s: float = tuned(0.06, unit="s", source=BODIES,
         effect="From this age on a view tells of what else moves. Smaller: velocities are noisy; larger: what moves "
         "quickly is not found again.")
-    recent_views: int = tuned(4, unit="views", source=_BODIES,
+    recent_views: int = tuned(4, unit="views", source=BODIES,
         effect="Corners are looked for in so many. Fewer: they are missed by chance; more: key frames cost more.")
-    moving_views: int = tuned(2, unit="views", source=_BODIES,
+    moving_views: int = tuned(2, unit="views", source=BODIES,
         effect="In so many, the oldest ones, the depth of the whole view is compared. Fewer: bodies that come back are "
         "missed; more: it costs more.")
-    moving_crowd: float = tuned(0.3, unit="share of the view", source=_BODIES,
+    moving_crowd: float = tuned(0.3, unit="share of the view", source=BODIES,
         effect="Where a larger share moves, corners that no earlier view saw are refused. Smaller: the map grows late "
         "in quick turns; larger: who comes into view becomes a landmark.")
-    long_known_s: float = tuned(0.25, unit="s", source=_BODIES,
+    long_known_s: float = tuned(0.25, unit="s", source=BODIES,
         effect="In doubt, a key frame needs landmarks of this age. Smaller: a body that comes to be followed gives "
         "more of its own; larger: a camera that turns quickly among people is LOST.")
-    long_known_least: int = tuned(30, unit="landmarks", source=_BODIES,
+    long_known_least: int = tuned(30, unit="landmarks", source=BODIES,
         effect="In doubt, a key frame needs so many landmarks of that age. Fewer: as a smaller long_known_s; more: as "
         "a larger one.")
-    young_segment_s: float = tuned(2.0, unit="s", source=_BODIES,
+    young_segment_s: float = tuned(2.0, unit="s", source=BODIES,
         effect="For so long a segment grows without such landmarks. Smaller: a camera that begins among people is LOST "
         "soon; larger: a body is followed from the start for longer.")
-    slow_s: float = tuned(0.1, unit="s", source=_BODIES,
+    slow_s: float = tuned(0.1, unit="s", source=BODIES,
         effect="A view of this age counts half. Smaller: bodies that just turn round become landmarks; larger: views "
         "of quick turns count for nothing.")
-    missed_weight: float = tuned(0.1, unit="share of a moving corner's", source=_BODIES,
+    missed_weight: float = tuned(0.1, unit="share of a moving corner's", source=BODIES,
         effect="A corner that is not found again counts this much of one that moved. Smaller: plain bodies become "
         "landmarks; larger: blurred corners are refused.")
-    moving_least: int = tuned(10, unit="corners", source=_BODIES,
+    moving_least: int = tuned(10, unit="corners", source=BODIES,
         effect="Corners are refused only where at least so many move. Fewer: good ones are refused by chance matches; "
         "more: small bodies become landmarks.")
-    moving_share: float = tuned(0.05, unit="share of the corners seen before", source=_BODIES,
+    moving_share: float = tuned(0.05, unit="share of the corners seen before", source=BODIES,
         effect="The share that must move at least, as moving_least.")
-    judged_neighbours: int = tuned(8, unit="corners", source=_BODIES,
+    judged_neighbours: int = tuned(8, unit="corners", source=BODIES,
         effect="A corner is judged together with so many. Fewer: chance decides; more: small bodies are taken for what "
         "is around them.")
-    neighbours_weight: float = tuned(2.0, unit="share of a corner's own", source=_BODIES,
+    neighbours_weight: float = tuned(2.0, unit="share of a corner's own", source=BODIES,
         effect="The weight of the neighbours in that. Smaller: chance decides; larger: as judged_neighbours.")
-    standing_weight: float = tuned(1.0, unit="views that count in full", source=_BODIES,
+    standing_weight: float = tuned(1.0, unit="views that count in full", source=BODIES,
         effect="In doubt, evidence that a corner stands counts in full from so many views on. Smaller: bodies that "
         "turn round become landmarks; larger: what comes into view becomes one late.")
-    standing_least: float = tuned(0.9, unit="of 3: a corner and its neighbours stood in all views", source=_BODIES,
+    standing_least: float = tuned(0.9, unit="of 3: a corner and its neighbours stood in all views", source=BODIES,
         effect="In doubt, the evidence that a corner stands must exceed that it moves by this. Smaller: as a smaller "
         "standing_weight; larger: the map grows late where much is blurred or hidden.")
     # presence
-    gone_s: float = tuned(0.3, unit="s", source=_BODIES,
+    gone_s: float = tuned(0.3, unit="s", source=BODIES,
         effect="A landmark that depth looks through for so long is removed. Smaller: so are landmarks at the edges of "
         "depth; larger: what was carried away is looked for in vain, and found elsewhere.")
     gone_step_s: float = tuned(0.1, unit="s", source="three looks at least, as `gone_s`",
@@ -143,17 +139,17 @@ class Tuning:
         effect="So many are chosen at once, to be set aside one by one. Fewer: choosing costs more; more: they are "
         "chosen by where the camera was long ago.")
     # local_adjustment
-    adjust_fixed: int = tuned(10, unit="key frames", source=_SWEEP,
+    adjust_fixed: int = tuned(10, unit="key frames", source=SWEEP,
         effect="So many older ones hold the newest ones in place. Fewer: the map drifts; more: adjustments cost more.")
-    adjust_shared: int = tuned(15, unit="landmarks", source=_SWEEP,
+    adjust_shared: int = tuned(15, unit="landmarks", source=SWEEP,
         effect="An older key frame holds if it shares so many. Fewer: badly connected ones hold, too; more: the map "
         "drifts.")
-    adjust_look_back: int = tuned(60, unit="key frames", source=_SWEEP,
+    adjust_look_back: int = tuned(60, unit="key frames", source=SWEEP,
         effect="So many older ones are examined for that. Fewer: places to which the camera comes back are not used; "
         "more: it costs more.")
-    adjust_iterations: int = tuned(5, unit="1", source=_SWEEP,
+    adjust_iterations: int = tuned(5, unit="1", source=SWEEP,
         effect="Steps of the adjustment of the newest key frames. Fewer: it is not finished; more: it costs more.")
-    finish_iterations: int = tuned(15, unit="1", source=_SWEEP,
+    finish_iterations: int = tuned(15, unit="1", source=SWEEP,
         effect="Steps of the final adjustment, as adjust_iterations.")
     # intermediate_frames
     intermediate_s: float = tuned(0.2, unit="s", source="fr1_xyz, fr1_rpy, arena, hololens_part, at 2 to 30 Hz",

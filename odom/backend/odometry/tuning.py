@@ -2,11 +2,7 @@
 
 from dataclasses import dataclass
 
-from odom.geometry.tuning import in_use, tuned
-
-_SWEEP = "trial on TUM fr1_xyz, fr1_rpy and the arena; swept in odom/docs/sensitivity.md"
-
-_BODIES = "bodies painted into fr1_xyz and fr1_rpy, people in the arena, fr1 as it is"
+from odom.geometry.tuning import BODIES, SWEEP, in_use, tuned
 
 
 # fmt: off
@@ -14,18 +10,18 @@ _BODIES = "bodies painted into fr1_xyz and fr1_rpy, people in the arena, fr1 as 
 class Tuning:
     """Numbers of frames in order: gaps, losses, and what is published."""
 
-    longest_gap_s: float = tuned(0.2, unit="s", source=_SWEEP,
+    longest_gap_s: float = tuned(0.2, unit="s", source=SWEEP,
         effect="Over a longer gap between frames the camera is not followed. Smaller: it is LOST after two lost "
         "frames; larger: wrong motions are taken.")
-    longest_gap_periods: float = tuned(2.5, unit="periods", source=_SWEEP,
+    longest_gap_periods: float = tuned(2.5, unit="periods", source=SWEEP,
         effect="As longest_gap_s, in a slow stream: so many periods count where they are longer.")
     longest_blind_periods: float = tuned(1.5, unit="periods", source="one lost depth image",
         effect="A longer time without depth makes the camera LOST. Smaller: so does a single lost depth image; larger: "
         "frames without depth are searched in vain.")
-    least_corners: int = tuned(50, unit="features with depth", source=_SWEEP,
+    least_corners: int = tuned(50, unit="features with depth", source=SWEEP,
         effect="A segment begins at a view that shows at least so many. Fewer: it begins at a bare wall; more: the "
         "camera is LOST for longer in poor scenes.")
-    least_deep: float = tuned(0.05, unit="share of landmarks", source=_SWEEP,
+    least_deep: float = tuned(0.05, unit="share of landmarks", source=SWEEP,
         effect="A frame lacks depth where a smaller share of its landmarks has some. Smaller: a frame with hardly any "
         "counts as one with depth; larger: far scenes count as without.")
     longest_shallow_s: float = tuned(0.15, unit="s", source="four frames at 30 Hz",
@@ -39,49 +35,49 @@ class Tuning:
     moving_most: float = tuned(0.5, unit="share of the view", source="most of it",
         effect="Where a larger share moves, the pose is UNCERTAIN. Smaller: sure poses are called unsure; larger: the "
         "camera is taken along unnoticed.")
-    moving_little: float = tuned(0.2, unit="share of the view", source=_BODIES,
+    moving_little: float = tuned(0.2, unit="share of the view", source=BODIES,
         effect="Soon after the start (moving_young_s) a larger share that moves leaves the pose in doubt. Smaller: it "
         "is UNCERTAIN for longer; larger: wrong poses count as sure.")
-    moving_young_s: float = tuned(2.0, unit="s", source=_BODIES,
+    moving_young_s: float = tuned(2.0, unit="s", source=BODIES,
         effect="For so long after the first look moving_little counts. Smaller: a crowd before the camera at its start "
         "is followed and called sure; larger: a person who comes early leaves sure poses in doubt.")
-    moving_calm_s: float = tuned(1.5, unit="s", source=_BODIES,
+    moving_calm_s: float = tuned(1.5, unit="s", source=BODIES,
         effect="For so long no more than moving_most may move before the pose is sure again. Smaller: a body that "
         "fills the view counts as the scene; larger: the pose is UNCERTAIN for longer.")
-    moved_parts: float = tuned(0.4, unit="share of the view", source=_BODIES,
+    moved_parts: float = tuned(0.4, unit="share of the view", source=BODIES,
         effect="Where the corners of a key frame moved in a larger share, the pose is UNCERTAIN. Smaller: quick turns "
         "are called unsure; larger: a body that is followed is not noticed.")
-    moved_parts_s: float = tuned(5.0, unit="s", source=_BODIES,
+    moved_parts_s: float = tuned(5.0, unit="s", source=BODIES,
         effect="The doubt of moved_parts lasts so long, unless landmarks from before agree. Smaller: a body that is "
         "followed counts as the scene between two key frames; larger: the pose is UNCERTAIN for longer.")
-    moved_support: float = tuned(2.0, unit="landmarks from before found for each one missed", source=_BODIES,
+    moved_support: float = tuned(2.0, unit="landmarks from before found for each one missed", source=BODIES,
         effect="So many end the doubt of moved_parts sooner. Smaller: as a smaller moved_parts_s; larger: as a larger "
         "one.")
-    moved_contradicts: float = tuned(3.0, unit="landmarks from before missed for each one found", source=_BODIES,
+    moved_contradicts: float = tuned(3.0, unit="landmarks from before missed for each one found", source=BODIES,
         effect="From so many on, what else moves is looked for. Smaller: quick turns cost more; larger: a body that "
         "comes to be followed in a quick turn is not noticed.")
-    moved_as_one: float = tuned(0.1, unit="share of the votes", source="torn, blurred, ill exposed images; " + _BODIES,
+    moved_as_one: float = tuned(0.1, unit="share of the votes", source="torn, blurred, ill exposed images; " + BODIES,
         effect="Another motion counts from this share on. Smaller: one that is found by chance counts; larger: a small "
         "body is not noticed.")
-    moved_rival: float = tuned(0.4, unit="share of the votes", source=_BODIES,
+    moved_rival: float = tuned(0.4, unit="share of the votes", source=BODIES,
         effect="Another motion with more, in two looks within moved_as_one_s, puts the pose in doubt before any view "
         "was calm. Smaller: who walks by leaves sure poses in doubt; larger: a body that fills the view from the start "
         "is followed and called sure.")
     moved_as_one_s: float = tuned(1.0, unit="s", source="as moved_as_one",
         effect="Another motion that was seen counts for so long. Smaller: the pose is sure between two looks that show "
         "the body; larger: it is UNCERTAIN for longer.")
-    confirmed_looks: int = tuned(5, unit="looks", source=_BODIES,
+    confirmed_looks: int = tuned(5, unit="looks", source=BODIES,
         effect="After so many looks that showed that the camera follows the scene, and none since that it does not, "
         "its landmarks can tell as well. Fewer: a body is followed and called sure; more: the pose is UNCERTAIN for "
         "longer.")
-    moved_denies: float = tuned(10.0, unit="landmarks from before missed for each one found", source=_BODIES,
+    moved_denies: float = tuned(10.0, unit="landmarks from before missed for each one found", source=BODIES,
         effect="From so many on, one look counts as denied_looks. Smaller: the pose is UNCERTAIN in quick turns; "
         "larger: a body that comes in one gives landmarks before it is noticed.")
-    denied_looks: int = tuned(2, unit="looks", source=_BODIES,
+    denied_looks: int = tuned(2, unit="looks", source=BODIES,
         effect="So many in a row, in which landmarks that can tell contradict the pose soon after a doubt, put it in "
         "doubt again. Fewer: it is UNCERTAIN in quick turns; more: a body that has just come is followed and called "
         "sure.")
-    spread_newest: float = tuned(0.3, unit="1", source=_BODIES,
+    spread_newest: float = tuned(0.3, unit="1", source=BODIES,
         effect="The weight of the newest look in how unsure the camera's velocity is. Smaller: bodies that stop are "
         "doubted for longer; larger: a single look that does not tell the body from the scene makes the motion too "
         "sure.")
@@ -105,10 +101,10 @@ class Tuning:
     taken_back: float = tuned(0.015, unit="share of a motion", source="half of what a poor lens errs by on fr1",
         effect="A better lens takes back what a poor one had displaced by this share of the camera's motion. Smaller: "
         "poses are displaced for longer; larger: steps are less exact meanwhile, as by the poor lens.")
-    patience: float = tuned(5.0, unit="times the time after which a segment begins", source=_BODIES,
+    patience: float = tuned(5.0, unit="times the time after which a segment begins", source=BODIES,
         effect="Where most of the view moved, a camera that is LOST looks for known places so much longer. Smaller: "
         "segments begin on bodies; larger: it is LOST for longer.")
-    patience_with_scene: float = tuned(0.25, unit="times the time after which a segment begins", source=_BODIES,
+    patience_with_scene: float = tuned(0.25, unit="times the time after which a segment begins", source=BODIES,
         effect="As patience, where lost views show the scene by themselves. Smaller: segments begin that soon would "
         "have been found again; larger: the camera is LOST for longer.")
     recent: int = tuned(64, unit="frames", source="two seconds at 30 Hz",
@@ -130,7 +126,7 @@ class Tuning:
     noise_share: float = tuned(0.5, unit="share of the claimed variance", source="fr1, arena, 2 to 30 Hz",
         effect="No more can be noise from frame to frame. Smaller: quick turns at 4 Hz tremble; larger: the steps of "
         "somebody who walks are smoothed away at that rate.")
-    steady_share: float = tuned(0.2, unit="share of a period", source=_SWEEP,
+    steady_share: float = tuned(0.2, unit="share of a period", source=SWEEP,
         effect="A step off by less counts as one period long. Smaller: jumps in jittery streams are not seen; larger: "
         "gaps count as jumps.")
 # fmt: on

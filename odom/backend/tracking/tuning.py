@@ -3,12 +3,9 @@
 import math
 from dataclasses import dataclass
 
-from odom.geometry.tuning import in_use, tuned
+from odom.geometry.tuning import BODIES, SWEEP, in_use, tuned
 
-_SWEEP = "trial on TUM fr1_xyz, fr1_rpy and the arena; swept in odom/docs/sensitivity.md"
 _HAND = "walks with a hand-held Kinect, fr1 and arena; swept in odom/docs/sensitivity.md"
-
-_BODIES = "bodies painted into fr1_xyz and fr1_rpy, people in the arena, fr1 as it is"
 
 
 # fmt: off
@@ -17,23 +14,23 @@ class Tuning:
     """Numbers of a frame's prediction, search, fit, and of the judgement of its pose."""
 
     # prediction and frame_tracker
-    followed: int = tuned(150, unit="features", source=_SWEEP,
+    followed: int = tuned(150, unit="features", source=SWEEP,
         effect="So many are followed by optical flow for the prediction. Fewer: fast turns are lost; more: it costs "
         "more without gain.")
-    followed_least: int = tuned(15, unit="features", source=_SWEEP,
+    followed_least: int = tuned(15, unit="features", source=SWEEP,
         effect="A prediction needs at least so many followed features. Fewer: one is made from chance matches; more: "
         "constant velocity is used too often.")
-    unsurprised_share: float = tuned(0.6, unit="share of the features", source=_SWEEP,
+    unsurprised_share: float = tuned(0.6, unit="share of the features", source=SWEEP,
         effect="Where patches find a larger share around the motion expected, nothing is followed by flow. Smaller: "
         "surprises and bodies that move are overlooked; larger: it costs more.")
-    coarse_gate_px: float = tuned(30.0, unit="px", source=_SWEEP,
+    coarse_gate_px: float = tuned(30.0, unit="px", source=SWEEP,
         effect="The first sigma of the graduated fit to followed features. Smaller: surprises are not followed; "
         "larger: hardly anything changes.")
-    middle_gate_px: float = tuned(6.0, unit="px", source=_SWEEP,
+    middle_gate_px: float = tuned(6.0, unit="px", source=SWEEP,
         effect="The second sigma, as coarse_gate_px.")
-    last_gate_px: float = tuned(1.5, unit="px", source=_SWEEP,
+    last_gate_px: float = tuned(1.5, unit="px", source=SWEEP,
         effect="The last sigma of that fit. Smaller: good features fall out; larger: outliers pull the coarse pose.")
-    coarse_cauchy: float = tuned(4.0, unit="chi-squared", source=_SWEEP,
+    coarse_cauchy: float = tuned(4.0, unit="chi-squared", source=SWEEP,
         effect="In the coarse fit a feature with this chi-squared has half the weight. Smaller: it converges slowly; "
         "larger: outliers pull.")
     coarse_chi2: float = tuned(4.0, unit="chi-squared", source="two sigma",
@@ -47,37 +44,37 @@ class Tuning:
     image_noise: float = tuned(3.0, unit="grey levels", source="noise of a Kinect's image, JPEG included",
         effect="The noise of grey values that the alignment of patches assumes. Smaller: positions seem too exact; "
         "larger: too rough.")
-    reference_rank: float = tuned(3.0, unit="sightings", source=_SWEEP,
+    reference_rank: float = tuned(3.0, unit="sightings", source=SWEEP,
         effect="Landmarks of the nearest key frame are chosen as if found so often more. Smaller: the camera drifts at "
         "rest; larger: old landmarks are left out.")
     # consensus
-    contested_least: int = tuned(15, unit="features", source=_BODIES,
+    contested_least: int = tuned(15, unit="features", source=BODIES,
         effect="Another pose is looked for where at least so many disagree. Smaller: outliers are taken for a motion; "
         "larger: views with few features are not looked at twice.")
-    contested_share: float = tuned(0.2, unit="share of the features", source=_BODIES,
+    contested_share: float = tuned(0.2, unit="share of the features", source=BODIES,
         effect="Another pose is looked for where a larger share disagrees. Smaller: it costs more; larger: passers-by "
         "are followed.")
-    triples: int = tuned(100, unit="at most", source=_BODIES,
+    triples: int = tuned(100, unit="at most", source=BODIES,
         effect="So many random triples of features are tried for another pose. Fewer: a scene that shows in few "
         "features is missed; more: it costs more where people are in view.")
-    followed_sigma_px: float = tuned(2.0, unit="px", source=_BODIES,
+    followed_sigma_px: float = tuned(2.0, unit="px", source=BODIES,
         effect="Sigma of features that flow follows, when poses compete. Smaller: what is sharpest wins; larger: "
         "motions are not told apart.")
-    found_sigma_px: float = tuned(1.0, unit="px", source=_BODIES,
+    found_sigma_px: float = tuned(1.0, unit="px", source=BODIES,
         effect="Sigma of landmarks that patches find; otherwise as followed_sigma_px.")
     member_chi2: float = tuned(25.0, unit="chi-squared", source="five sigma",
         effect="A landmark beyond this has no say for a pose that competes. Smaller: good ones have none; larger: "
         "bodies pull.")
-    vote_cell_px: int = tuned(64, unit="px", source=_BODIES,
+    vote_cell_px: int = tuned(64, unit="px", source=BODIES,
         effect="Features in a square of this side share their votes. Smaller: a body rich in texture outvotes a poor "
         "scene; larger: so it does, where both share squares.")
-    proven_frames: float = tuned(8.0, unit="frames", source=_BODIES,
+    proven_frames: float = tuned(8.0, unit="frames", source=BODIES,
         effect="A landmark counts in full once it was found in so many. Smaller: bodies that start to move are "
         "followed; larger: the camera is held back in new surroundings.")
-    far_most: float = tuned(2.0, unit="ratio to the median distance", source=_BODIES,
+    far_most: float = tuned(2.0, unit="ratio to the median distance", source=BODIES,
         effect="Far features count more and near ones less, by the square of this ratio at most. Smaller: near bodies "
         "are followed; larger: a few far features decide.")
-    consensus_gain: float = tuned(1.1, unit="ratio of votes", source=_BODIES,
+    consensus_gain: float = tuned(1.1, unit="ratio of votes", source=BODIES,
         effect="Another pose is taken where it has so many times the votes. Smaller: poses change for nothing; larger: "
         "passers-by are followed.")
     exact_px: float = tuned(0.5, unit="px", source="a box that is snatched from a desk",
@@ -85,51 +82,51 @@ class Tuning:
         "nothing; larger: a camera that shifts and turns explains a box that moves.")
     exact_share: float = tuned(0.5, unit="share of the votes", source="most of them",
         effect="The share that must fit exactly; as exact_px.")
-    agrees_px: float = tuned(2.0, unit="px", source=_BODIES,
+    agrees_px: float = tuned(2.0, unit="px", source=BODIES,
         effect="A feature so near to where another pose puts it speaks for that. Smaller: blurred scenes lose; larger: "
         "poses change in vain.")
-    differs_px: float = tuned(3.0, unit="px", source=_BODIES,
+    differs_px: float = tuned(3.0, unit="px", source=BODIES,
         effect="It speaks for another pose only if it was off by more from the fitted one. Smaller: poses change for "
         "nothing; larger: slow bodies pull.")
     jerk_m_s2: float = tuned(8.0, unit="m/s^2", source="accelerations of hand-held cameras, fr1",
         effect="A change of velocity at this rate halves a pose's votes. Smaller: knocks are missed; larger: bodies "
         "are followed.")
     jerk_rad_s2: float = tuned(40.0, unit="rad/s^2", source="as jerk_m_s2", effect="as jerk_m_s2")
-    reach_in_doubt: float = tuned(2.0, unit="times jerk_m_s2 and jerk_rad_s2", source=_BODIES,
+    reach_in_doubt: float = tuned(2.0, unit="times jerk_m_s2 and jerk_rad_s2", source=BODIES,
         effect="A pose in doubt that needs a stronger jerk is refused. Smaller: quick turns among people are LOST; "
         "larger: a body that comes to be followed passes for a jerk.")
     # other_motions
-    other_cell_px: int = tuned(24, unit="px", source=_BODIES,
+    other_cell_px: int = tuned(24, unit="px", source=BODIES,
         effect="One corner is followed in each square of this side. Smaller: it costs more; larger: motions go unseen.")
     other_back_px: float = tuned(0.5, unit="px of the half-size image", source="as look_back_return_px of the search",
         effect="A corner that is followed there and back must return so near. Smaller: bodies are not found again; "
         "larger: chance matches count.")
-    scene_least: int = tuned(30, unit="features", source=_BODIES,
+    scene_least: int = tuned(30, unit="features", source=BODIES,
         effect="So many must be followed between two views before their motion counts as the camera's. Fewer: it "
         "counts by chance; more: the camera is LOST for longer in poor scenes.")
-    scene_share: float = tuned(0.5, unit="share of the votes", source="most of them; " + _BODIES,
+    scene_share: float = tuned(0.5, unit="share of the votes", source="most of them; " + BODIES,
         effect="A motion needs this share to be the camera's. Smaller: bodies are followed; larger: the camera is LOST "
         "among people.")
-    scene_alone: float = tuned(0.8, unit="share of the votes", source=_BODIES,
+    scene_alone: float = tuned(0.8, unit="share of the votes", source=BODIES,
         effect="With this share, if scene_reach holds, a motion is the camera's wherever the rest lies. Smaller: a "
         "body that fills the view is followed; larger: the camera is LOST where somebody stands behind a desk.")
-    scene_reach: float = tuned(0.45, unit="share of the image", source=_BODIES,
+    scene_reach: float = tuned(0.45, unit="share of the image", source=BODIES,
         effect="The hull of the features that agree must cover so much. Smaller: a body before a blurred scene is "
         "followed; larger: the camera is LOST where half of a view is bare.")
     scene_behind: float = tuned(1.25, unit="ratio of depths", source="550 views with bodies painted into fr1, people",
         effect="The scene must lie so many times as far as scene_rest of what does not agree. Smaller: a body that "
         "hides others is followed; larger: the camera is LOST where people walk near a wall.")
-    scene_rest: float = tuned(0.75, unit="share of the rest", source=_BODIES,
+    scene_rest: float = tuned(0.75, unit="share of the rest", source=BODIES,
         effect="The share of what does not agree that must be nearer (see scene_behind). Smaller: a body that hides "
         "much, between a desk and a wall, is followed; larger: a few blurred corners of the scene speak against it.")
     # departing
-    departing_neighbours: int = tuned(12, unit="landmarks", source=_BODIES,
+    departing_neighbours: int = tuned(12, unit="landmarks", source=BODIES,
         effect="So many are judged together. Fewer: outliers take good ones along; more: limbs and small things go "
         "unseen.")
-    departing_within: float = tuned(0.15, unit="share of the distance", source=_BODIES,
+    departing_within: float = tuned(0.15, unit="share of the distance", source=BODIES,
         effect="All these neighbours lie within this share. Smaller: somebody who sets off draws the camera along; "
         "larger: good landmarks are left out where there are few.")
-    departing_share: float = tuned(0.35, unit="share of the neighbours", source=_BODIES,
+    departing_share: float = tuned(0.35, unit="share of the neighbours", source=BODIES,
         effect="Landmarks are left out where this share used to be found and disagrees now. Smaller: so are good ones; "
         "larger: somebody who sets off draws the camera along.")
     # pose_solver and row_velocity
@@ -159,12 +156,12 @@ class Tuning:
         "motion settles slowly.")
     velocity_sigma_rad_s: float = tuned(2.0, unit="rad/s", source=_HAND, effect="as velocity_sigma_m_s")
     # quality
-    least_inliers: int = tuned(15, unit="landmarks", source=_SWEEP,
+    least_inliers: int = tuned(15, unit="landmarks", source=SWEEP,
         effect="A pose needs so many. Fewer: there are poses by chance; more: the camera is LOST in poor scenes.")
-    sure_inliers: int = tuned(30, unit="landmarks", source=_SWEEP,
+    sure_inliers: int = tuned(30, unit="landmarks", source=SWEEP,
         effect="TRACKING needs so many. Fewer: it is said of poses with little support; more: poor scenes are "
         "UNCERTAIN.")
-    least_share_left: float = tuned(0.25, unit="share of the last frame's landmarks", source=_SWEEP,
+    least_share_left: float = tuned(0.25, unit="share of the last frame's landmarks", source=SWEEP,
         effect="So many must still be found. Smaller: a jump to a view that looks alike passes; larger: fast turns are "
         "LOST.")
     unsure_m: float = tuned(0.05, unit="m", source="a robot's half width of a doorway's margin",
@@ -207,12 +204,12 @@ class Tuning:
         effect="How well a place alone shows where the camera is. Smaller: the rows' velocity is biased; larger: it is "
         "noisy.")
     # noise_check
-    noise_half_landmarks: int = tuned(40, unit="landmarks", source=_SWEEP,
+    noise_half_landmarks: int = tuned(40, unit="landmarks", source=SWEEP,
         effect="The halves of an image are compared where both have so many. Fewer: poor fits are compared; more: "
         "calibration errors are never noticed in poor scenes.")
-    noise_checked_all: int = tuned(20, unit="frames", source=_SWEEP,
+    noise_checked_all: int = tuned(20, unit="frames", source=SWEEP,
         effect="So many at the start are all looked at. Fewer: the noise is known later; more: the start costs more.")
-    noise_check_every: int = tuned(4, unit="frames", source=_SWEEP,
+    noise_check_every: int = tuned(4, unit="frames", source=SWEEP,
         effect="Later every so many are looked at. Smaller: it costs more; larger: changes of the noise are followed "
         "late.")
 # fmt: on

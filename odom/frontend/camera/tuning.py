@@ -2,9 +2,8 @@
 
 from dataclasses import dataclass
 
-from odom.geometry.tuning import in_use, tuned
+from odom.geometry.tuning import SWEEP, in_use, tuned
 
-_SWEEP = "trial on TUM fr1_xyz, fr1_rpy and the arena; swept in odom/docs/sensitivity.md"
 _KINECT = "what Kinect v1 streams show; swept in odom/docs/sensitivity.md"
 
 
@@ -44,28 +43,28 @@ class Tuning:
         effect="One sigma of a stamp at the start. Smaller: the first seconds are too sure; larger: they are too "
         "unsure.")
     # noise_monitor
-    noise_gain: float = tuned(0.05, unit="1 a frame", source=_SWEEP,
+    noise_gain: float = tuned(0.05, unit="1 a frame", source=SWEEP,
         effect="The weight of the newest frame where noise is learnt. Smaller: it is learnt late; larger: the "
         "covariance trembles with each frame.")
-    noise_least: int = tuned(15, unit="residuals", source=_SWEEP,
+    noise_least: int = tuned(15, unit="residuals", source=SWEEP,
         effect="Noise is learnt from at least so many at a time. Fewer: medians are of too few; more: the noise of "
         "depth far away is never learnt.")
     noise_range: float = tuned(8.0, unit="1", source="bounds far beyond any camera met so far",
         effect="The noise may be so many times larger or smaller than assumed at first. Smaller: other cameras are "
         "misjudged; larger: it takes longer to come back.")
-    noise_unproven: float = tuned(5.0, unit="variance ratio", source=_SWEEP,
+    noise_unproven: float = tuned(5.0, unit="variance ratio", source=SWEEP,
         effect="Covariances are inflated so much before anything was seen. Smaller: the first poses are too sure; "
         "larger: they are too unsure.")
-    noise_most: float = tuned(50.0, unit="variance ratio", source=_SWEEP,
+    noise_most: float = tuned(50.0, unit="variance ratio", source=SWEEP,
         effect="Comparing the halves of one frame says at most this. Smaller: errors of calibration are underrated; "
         "larger: one bad frame counts for long.")
-    noise_most_jump: float = tuned(100.0, unit="variance ratio", source=_SWEEP,
+    noise_most_jump: float = tuned(100.0, unit="variance ratio", source=SWEEP,
         effect="One jump between poses says at most this; otherwise as noise_most.")
     noise_calibration_error: float = tuned(0.025, unit="share of a motion",
         source="default Kinect intrinsics against calibrated",
         effect="The error of a long motion where the calibration is wrong. Smaller: such motions are too sure; "
         "larger: false loop closures pass.")
-    noise_explained: float = tuned(3.0, unit="variance ratio", source=_SWEEP,
+    noise_explained: float = tuned(3.0, unit="variance ratio", source=SWEEP,
         effect="Noise alone explains an inflation up to this. Smaller: the calibration is blamed too soon; larger: "
         "too late.")
     tilt_sigma: float = tuned(0.02, unit="rad", source="two cameras are mounted to a degree; fr1's: 1.6 degrees",
@@ -81,7 +80,7 @@ class Tuning:
     timing_restart_s: float = tuned(0.001, unit="s", source="assumed of a device that was switched off and on",
         effect="How far a camera's timing may change from one session to the next. Smaller: a changed device is "
         "learnt slowly; larger: the timing is learnt anew each time.")
-    timing_memory: float = tuned(0.95, unit="1 an adjustment", source=_SWEEP,
+    timing_memory: float = tuned(0.95, unit="1 an adjustment", source=SWEEP,
         effect="So much of what was known of the timing is kept at each adjustment. Smaller: shutter and lag stay "
         "noisy; larger: changes are followed late.")
 # fmt: on

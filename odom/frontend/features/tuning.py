@@ -2,9 +2,7 @@
 
 from dataclasses import dataclass
 
-from odom.geometry.tuning import in_use, tuned
-
-_SWEEP = "trial on TUM fr1_xyz, fr1_rpy and the arena; swept in odom/docs/sensitivity.md"
+from odom.geometry.tuning import SWEEP, in_use, tuned
 
 
 # fmt: off
@@ -16,22 +14,22 @@ class Tuning:
     corner_border_px: int = tuned(14, unit="px", source="radius of a patch (12 px) and 2 px",
         effect="No corner is nearer to the border. Smaller: patches reach beyond the image; larger: features at the "
         "border, which tell rotation best, are lost.")
-    corner_apart_px: int = tuned(10, unit="px", source=_SWEEP,
+    corner_apart_px: int = tuned(10, unit="px", source=SWEEP,
         effect="No corner is nearer to another. Smaller: new corners repeat old ones; larger: gaps are not filled.")
-    corner_weakest: float = tuned(4e-5, unit="grey^2 of OpenCV's cornerMinEigenVal", source=_SWEEP,
+    corner_weakest: float = tuned(4e-5, unit="grey^2 of OpenCV's cornerMinEigenVal", source=SWEEP,
         effect="A weaker corner is not used. Smaller: there are corners in noise; larger: poor scenes have too few.")
     corner_over_noise: float = tuned(1.2e-5, unit="cornerMinEigenVal of one grey level of noise",
         source="the strongest of an image of white noise, 1.1e-5",
         effect="As corner_weakest, times the variance of the image's noise. Smaller: there are corners in noise; "
         "larger: faint corners of noisy images are left out.")
     # depth_plane
-    depth_share_valid: float = tuned(0.5, unit="share of 7 x 7 pixels", source=_SWEEP,
+    depth_share_valid: float = tuned(0.5, unit="share of 7 x 7 pixels", source=SWEEP,
         effect="A plane needs depth in at least this share. Smaller: it is fitted to too little; larger: depth with "
         "holes is not used.")
-    depth_share_on_surface: float = tuned(0.85, unit="share of measured pixels", source=_SWEEP,
+    depth_share_on_surface: float = tuned(0.85, unit="share of measured pixels", source=SWEEP,
         effect="At least this share must lie on the plane. Smaller: mixed pixels at depth edges are used; larger: "
         "rough surfaces are not.")
-    depth_step: float = tuned(0.03, unit="share of the depth", source=_SWEEP,
+    depth_step: float = tuned(0.03, unit="share of the depth", source=SWEEP,
         effect="Depth that is farther off the plane lies on another surface. Smaller: steep surfaces count as edges; "
         "larger: edges count as surfaces.")
     depth_least_share: float = tuned(0.01, unit="share of the image",
@@ -52,7 +50,7 @@ class Tuning:
     patch_least_contrast: float = tuned(5.0, unit="grey^2 (variance)",
         source="noise of a Kinect's image, about 2 grey levels",
         effect="A patch with less is not aligned. Smaller: patches of noise are; larger: dark scenes lose landmarks.")
-    patch_least_gain: float = tuned(0.2, unit="1", source=_SWEEP,
+    patch_least_gain: float = tuned(0.2, unit="1", source=SWEEP,
         effect="A patch must be found with at least this share of its contrast. Smaller: it matches faint texture by "
         "chance; larger: landmarks are lost when the exposure changes.")
     patch_converged_px: float = tuned(0.02, unit="px", source="a twentieth of the noise",
@@ -60,17 +58,17 @@ class Tuning:
         "rougher.")
     warp_step_px: float = tuned(4.0, unit="px", source="a third of a patch's radius",
         effect="Step of the numerical derivative of the warp. Smaller or larger: hardly anything changes.")
-    warp_smallest_area: float = tuned(0.15, unit="ratio of areas", source=_SWEEP,
+    warp_smallest_area: float = tuned(0.15, unit="ratio of areas", source=SWEEP,
         effect="A patch is not shrunk further. Smaller: patches are shrunk to a blur; larger: landmarks are lost "
         "when the camera backs off.")
-    warp_largest_area: float = tuned(6.0, unit="ratio of areas", source=_SWEEP,
+    warp_largest_area: float = tuned(6.0, unit="ratio of areas", source=SWEEP,
         effect="A patch is not magnified further. Smaller: landmarks are lost when the camera comes near; larger: "
         "magnified blur is matched.")
     # place_descriptor
-    place_features: int = tuned(1000, unit="1", source=_SWEEP,
+    place_features: int = tuned(1000, unit="1", source=SWEEP,
         effect="A place is described by so many. Fewer: places are not recognised; more: it costs more in the "
         "background.")
-    place_fast_threshold: int = tuned(5, unit="grey levels", source=_SWEEP,
+    place_fast_threshold: int = tuned(5, unit="grey levels", source=SWEEP,
         effect="A feature needs at least this contrast. Smaller: there are features in noise; larger: there are none "
         "in the dark.")
     place_scale: float = tuned(1.4, unit="ratio of sides",

@@ -11,6 +11,7 @@ from odom.evaluation.physical.front_ends import Look
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera, RgbdFrame
 from odom.frontend.features.corners import detect_corners
+from odom.frontend.features.enlargement import enlarged_image
 from odom.frontend.features.images import FrameImages
 from odom.frontend.features.view import View
 from odom.frontend.matching.optical_flow import follow_features
@@ -134,7 +135,7 @@ class _Keeper:
         self._apart = max(1, (frames - 1) // pairs)
         self._begins = {round(at) for at in np.linspace(0, frames - 1 - self._apart, pairs)}
         self._open: list[_Following] = []
-        self._before: Image | None = None
+        self._before: FrameImages | None = None
 
     def add(self, frame: RgbdFrame, odometry: Odometry) -> None:
         """Take the next frame, which the odometry has just processed."""
@@ -144,13 +145,13 @@ class _Keeper:
         going = []
         for each in self._open:
             assert self._before is not None
-            each.follow(self._before, images.full)
+            each.follow(self._before, images)
             if index - each.begun >= self._apart or frame.stamp - each.stamp >= APART_NS:
                 self._keep(index, frame, odometry, images)
                 self.pairs.append((each.begun, index, each.followed))
             else:
                 going.append(each)
-        self._open, self._before = going, images.full
+        self._open, self._before = going, images
         if index in self._begins:
             self._keep(index, frame, odometry, images)
             corners = detect_corners(images.full, np.zeros((0, 2)), odometry.settings.cell_px)
@@ -158,7 +159,7 @@ class _Keeper:
 
     def _keep(self, index: int, frame: RgbdFrame, odometry: Odometry, images: FrameImages) -> None:
         view = View.of(frame, odometry.sensor.clock, images)
-        self.kept.setdefault(index, (view, frame.color))
+        self.kept.setdefault(index, (view, enlarged_image(frame.color, images.factor)))
 
 
 class _Following:
@@ -168,9 +169,9 @@ class _Following:
         self.begun, self.stamp = begun, stamp
         self._corners, self._now, self._step = corners, corners, np.zeros_like(corners)
 
-    def follow(self, before: Image, now: Image) -> None:
+    def follow(self, before: FrameImages, now: FrameImages) -> None:
         """Follow the corners into the next frame, from where they would be if they went on as before."""
-        uv, found = follow_features(before, now, self._now, self._now + self._step)
+        uv, found = follow_features(before.full, now.full, self._now, self._now + self._step, now.factor)
         self._step = (uv - self._now)[found]
         self._corners, self._now = self._corners[found], uv[found]
 

@@ -61,17 +61,17 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> threading.Event:
     patience.daemon = True
     patience.start()
     compiler = None if compiled_before() else _SecondCompiler(settings.self_calibration)
-    camera = Camera(400, 300, 328.0, 328.0, 199.5, 149.5)
-    texture = np.random.default_rng(1).integers(0, 256, (60, 80), dtype=np.uint8)
-    scene = np.asarray(cv2.resize(texture, (440, 320), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
+    camera = Camera(480, 300, 394.0, 394.0, 239.5, 149.5)  # as small as is not enlarged
+    texture = np.random.default_rng(1).integers(0, 256, (60, 96), dtype=np.uint8)
+    scene = np.asarray(cv2.resize(texture, (528, 320), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
     codec.decode_camera_info(codec.encode_camera_info(topics.camera_info, Stamp(0), camera))
     codec.decode_color(codec.encode_color(topics.color, Stamp(0), np.zeros((48, 64, 3), dtype=np.uint8)), grey=True)
     odometry, paths = Odometry(camera, settings), PathTopics(topics)
     for i in range(_WARM_FRAMES):
         stamp = Stamp(i * 33_333_333 + (3_000_000_000 if i >= _LOST_AT else 0))
-        image = np.ascontiguousarray(scene[i : i + 300, 2 * i : 2 * i + 400])
+        image = np.ascontiguousarray(scene[i : i + 300, 2 * i : 2 * i + 480])
         rgb = np.repeat(image[..., None], 3, axis=2)
-        depth = np.full((300, 400), 2000 + 3 * i, dtype=np.uint16)
+        depth = np.full((300, 480), 2000 + 3 * i, dtype=np.uint16)
         jpeg = codec.encode_color_jpeg(topics.color_compressed, stamp, rgb)
         decoded = codec.decode_depth(codec.encode_depth(topics.depth, stamp, depth))
         frame = RgbdFrame(i, stamp, codec.decode_color(jpeg, grey=True), stamp, decoded)

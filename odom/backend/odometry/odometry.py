@@ -12,6 +12,7 @@ from odom.backend.map.memory import take_changes
 from odom.backend.map.saved import MapChanges, SavedMap
 from odom.backend.map.shown import ShownPath, cloud_of
 from odom.backend.mapping.intermediate_frames import IntermediateFrames, corrected
+from odom.backend.odometry.camera_pixels import estimated
 from odom.backend.odometry.final_trajectory import trajectory
 from odom.backend.odometry.frame_order import FrameOrder
 from odom.backend.odometry.frame_stages import FrameStages
@@ -30,6 +31,7 @@ from odom.frontend.camera.lens import Lens
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.sensor_memory import SensorMemory
 from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.enlargement import enlarged_camera
 from odom.frontend.features.images import FrameImages
 from odom.frontend.features.view import View
 from odom.geometry import se3
@@ -116,7 +118,7 @@ class Odometry:
         The estimate is the same without this, only later: a Kinect's depth comes milliseconds behind its colour.
         """
         frames, state = self._frames, self._frames.state
-        if state is None or frames.published.is_lost or color.shape[:2] != state.view.images.full.shape:
+        if state is None or frames.published.is_lost or color.shape[:2] != (self.camera.height, self.camera.width):
             return
         watch = Stopwatch()
         images, sensor = FrameImages.of(color), frames.sensor.with_stamp(stamp)
@@ -149,12 +151,12 @@ class Odometry:
         map_moved |= frames.mapper.prune(frames.state)
         watch.lap("background")
         T_predicted = None if prepared is None or map_moved else prepared.T_predicted
-        estimate = frames.estimate(view, T_predicted, watch, on_pose)
+        estimate = estimated(frames, view, T_predicted, watch, on_pose)
         grow(frames, frames.published.frames.count)
         measured = len(self.map.remembered) + len(self.intermediate.kept)
         found = self._recalibration.after_frame(self, measured, frames.published.frames.count, view.steady_stamp)
         if found is not None:
-            frames.mapper.lens_to_come = Lens.of(found, told=self.camera)
+            frames.mapper.lens_to_come = Lens.of(enlarged_camera(found), told=enlarged_camera(self.camera))
         has_time = not estimate.is_keyframe
         loops += frames.closer.look(frames.published.frames.count, frames.sensor, has_time)
         if self._path.is_due(map_moved or estimate.is_keyframe, has_time):

@@ -49,7 +49,7 @@ class FrontEnd(Enum):
 class Look:
     """A key pose: its `view`, the colour image (H x W x 3), and the camera's `twist` then (6, SI, camera frame).
 
-    `sensor` is what the whole stream has shown of the camera.
+    The colour image is enlarged as those of the view are. `sensor` is what the whole stream has shown of the camera.
     """
 
     view: View
@@ -112,7 +112,8 @@ def _followed(source: Look, target: Look, uv_target: Array, uv_guess: Array) -> 
     Their patches are aligned, which gives each corner the covariance that its own texture allows.
     """
     there, back = target.view.images.full, source.view.images.full
-    uv_source, kept = follow_there_and_back(there, back, uv_target, uv_guess, _THERE_AND_BACK_PX)
+    factor = source.view.images.factor
+    uv_source, kept = follow_there_and_back(there, back, uv_target, uv_guess, _THERE_AND_BACK_PX, factor)
     straight = np.tile(UNWARPED, (len(kept), 1, 1))
     patches = cut_patches(there, uv_target)
     score, covariance = align_patches(

@@ -1,10 +1,11 @@
-"""One frame's grey image and its half-size copy: features are followed, searched and cut out in them."""
+"""One frame's grey image, enlarged where it is small, and its half-size copy: features are searched in them."""
 
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
+from odom.frontend.features.enlargement import enlarged_image, factor_for
 from odom.frontend.features.tuning import TUNING
 from odom.geometry.arrays import Image, uniform
 from odom.geometry.normal_distribution import NORMAL_MAD
@@ -64,13 +65,18 @@ def noise_of(grey: Image) -> float:
 
 @dataclass(frozen=True, eq=False)
 class FrameImages:
-    """`full` (H x W) and `half` (H/2 x W/2) grey images; pixel (u, v) of `full` is (u/2, v/2) of `half`."""
+    """`full` (H x W) and `half` (H/2 x W/2) grey images; pixel (u, v) of `full` is (u/2, v/2) of `half`.
+
+    `full` is `factor` times as wide and high as the camera's own image (see `enlargement`).
+    """
 
     full: Image
     half: Image
+    factor: int
 
     @classmethod
     def of(cls, color: Image) -> "FrameImages":
-        """Return the images of `color`, H x W x 3 RGB or H x W grey."""
-        grey = uniform(with_contrast(grey_of(color)))
-        return cls(grey, uniform(np.asarray(cv2.pyrDown(grey), dtype=np.uint8)))
+        """Return the images of `color`, h x w x 3 RGB or h x w grey."""
+        factor = factor_for(color.shape)
+        grey = uniform(enlarged_image(with_contrast(grey_of(color)), factor))
+        return cls(grey, uniform(np.asarray(cv2.pyrDown(grey), dtype=np.uint8)), factor)

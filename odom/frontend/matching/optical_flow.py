@@ -12,9 +12,12 @@ _EPSILON_PX = 0.03
 """Steps smaller than this end the search: far below what a coarse position needs."""
 
 
-def follow_features(previous: Image, current: Image, uv_previous: Array, uv_guess: Array) -> tuple[Array, Mask]:
+def follow_features(
+    previous: Image, current: Image, uv_previous: Array, uv_guess: Array, factor: int
+) -> tuple[Array, Mask]:
     """Follow n features from one grey image to the next by pyramidal Lucas-Kanade, starting at `uv_guess` (n x 2 px).
 
+    Images that were enlarged by `factor` (see `FrameImages`) have one more level for each doubling.
     Returns their positions (n x 2 px) and which of them were found inside the image (n). Source: J.-Y. Bouguet,
     "Pyramidal implementation of the Lucas Kanade feature tracker", 2001.
     """
@@ -26,7 +29,7 @@ def follow_features(previous: Image, current: Image, uv_previous: Array, uv_gues
         uv_previous.astype(np.float32),
         uv_guess.astype(np.float32),
         winSize=(TUNING.flow_window_px, TUNING.flow_window_px),
-        maxLevel=TUNING.flow_levels,
+        maxLevel=TUNING.flow_levels + factor.bit_length() - 1,
         criteria=(cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, TUNING.flow_iterations, _EPSILON_PX),
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
     )
@@ -37,11 +40,11 @@ def follow_features(previous: Image, current: Image, uv_previous: Array, uv_gues
 
 
 def follow_there_and_back(
-    previous: Image, current: Image, uv_previous: Array, uv_guess: Array, within_px: float
+    previous: Image, current: Image, uv_previous: Array, uv_guess: Array, within_px: float, factor: int
 ) -> tuple[Array, Mask]:
     """Follow n features as `follow_features` does; found are those that lead back to less than `within_px` px away."""
-    uv, found = follow_features(previous, current, uv_previous, uv_guess)
+    uv, found = follow_features(previous, current, uv_previous, uv_guess, factor)
     followed = np.flatnonzero(found)
-    uv_back, is_back = follow_features(current, previous, uv[followed], uv_previous[followed])
+    uv_back, is_back = follow_features(current, previous, uv[followed], uv_previous[followed], factor)
     found[followed] = is_back & (np.linalg.norm(uv_back - uv_previous[followed], axis=1) < within_px)
     return uv, found

@@ -56,10 +56,10 @@ class NewCorners:
 
     def first(self, view: View, uv_known: Array, twist: Array, sensor: SensorModel) -> Corners:
         """Return corners with depth away from the landmarks at `uv_known` (m x 2 px), whether they move or not."""
-        image, cell_px = view.images.full, self._settings.cell_px
-        uv = detect_corners(image, uv_known, cell_px)
+        images, cell_px = view.images, self._settings.cell_px
+        uv = detect_corners(images.full, uv_known, cell_px, images.own)
         if len(uv_known) + len(uv) < TUNING.corners_enough:
-            uv = detect_corners(image, uv_known, cell_px // 2)
+            uv = detect_corners(images.full, uv_known, cell_px // 2, images.own)
         return _with_depth(view, uv[view.stands(uv)], twist, sensor)
 
     def look_for(self, wanted: Wanted, count: int) -> None:

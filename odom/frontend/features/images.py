@@ -67,16 +67,18 @@ def noise_of(grey: Image) -> float:
 class FrameImages:
     """`full` (H x W) and `half` (H/2 x W/2) grey images; pixel (u, v) of `full` is (u/2, v/2) of `half`.
 
-    `full` is `factor` times as wide and high as the camera's own image (see `enlargement`).
+    `full` is `factor` times as wide and high as `own`, which has the size of the camera's (see `enlargement`).
     """
 
     full: Image
     half: Image
+    own: Image
     factor: int
 
     @classmethod
     def of(cls, color: Image) -> "FrameImages":
         """Return the images of `color`, h x w x 3 RGB or h x w grey."""
         factor = factor_for(color.shape)
-        grey = uniform(enlarged_image(with_contrast(grey_of(color)), factor))
-        return cls(grey, uniform(np.asarray(cv2.pyrDown(grey), dtype=np.uint8)), factor)
+        own = uniform(with_contrast(grey_of(color)))
+        full = uniform(enlarged_image(own, factor))
+        return cls(full, uniform(np.asarray(cv2.pyrDown(full), dtype=np.uint8)), own, factor)

@@ -22,6 +22,9 @@ class Tuning:
         source="the strongest of an image of white noise, 1.1e-5",
         effect="As corner_weakest, times the variance of the image's noise. Smaller: there are corners in noise; "
         "larger: faint corners of noisy images are left out.")
+    corner_over_enlarged_noise: float = tuned(4e-5, unit="cornerMinEigenVal of one grey level of noise",
+        source="the strongest of an image of white noise enlarged twice or four times, 3.8e-5",
+        effect="As corner_over_noise, where the image was enlarged after that noise was in it.")
     # depth_plane
     depth_share_valid: float = tuned(0.5, unit="share of 7 x 7 pixels", source=SWEEP,
         effect="A plane needs depth in at least this share. Smaller: it is fitted to too little; larger: depth with "

@@ -7,7 +7,12 @@ class OdometrySettings(BaseModel, frozen=True, extra="forbid", allow_inf_nan=Fal
     """Settings of front-end and back-end."""
 
     max_features: int = Field(400, ge=50, le=2000, description="landmarks looked for in a frame")
-    cell_px: int = Field(22, ge=8, le=100, description="a key frame adds at most one corner a square of this side")
+    cell_px: int = Field(
+        22,
+        ge=8,
+        le=100,
+        description="a key frame adds at most one corner a square of this side, after small images were enlarged",
+    )
     local_keyframes: int = Field(10, ge=2, le=50, description="key frames whose landmarks are looked for")
     window_keyframes: int = Field(7, ge=2, le=30, description="newest key frames adjusted together")
     background_delay_frames: int = Field(

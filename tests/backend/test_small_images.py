@@ -1,0 +1,102 @@
+"""A camera of 320 x 240: people before it are not followed, and all that leaves the odometry is in its own pixels."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from painted_room import SMALL, START, PaintedRoom, stroll
+
+from odom import Odometry, Trajectory, read_recording
+from odom.evaluation.passers_by import Painter, anchor_before_camera, passers_by
+from odom.evaluation.robustness.verdict import Verdict, verdict
+from odom.export.scene import scene_of
+from odom.frontend.camera.lens import Lens, project
+from odom.geometry import se3
+from sensors.arena import ArenaOptions, render_walk
+
+ROOM = PaintedRoom(seed=7)
+BORDER_PX = 3.0
+"""Nearer to the image's border nothing is followed."""
+
+
+def among_people(seed: int, seconds: float) -> Verdict:
+    """The verdict on a walk of 15 Hz among the arena's four people."""
+    options = ArenaOptions(people=4, every=2, seconds=seconds, half=True, seed=seed)
+    assert (options.camera.width, options.camera.height) == (320, 240)
+    odometry, frames = Odometry(options.camera), list(render_walk(options))
+    estimates = [odometry.process(frame.rgbd()) for frame in frames]
+    truth = Trajectory(np.array([f.stamp for f in frames]), np.array([f.T_world_camera for f in frames]))
+    found = verdict(estimates, Trajectory.of(odometry.finish()), truth)
+    print(f"seed {seed}: {found}")
+    return found
+
+
+@pytest.mark.parametrize(("seed", "seconds"), [(75, 4.0)])
+def test_people_who_walk_before_a_small_camera_are_not_followed(seed: int, seconds: float) -> None:
+    found = among_people(seed, seconds)
+    assert found.judged > 10
+    assert found.wrong == 0.0
+
+
+@pytest.mark.long
+def test_on_longer_walks_among_people_a_small_camera_is_nowhere_sure_and_wrong() -> None:
+    found = [among_people(seed, 12.0) for seed in (66, 71, 74, 75, 76)]
+    assert [one.wrong for one in found] == [0.0] * len(found)
+    assert np.mean([one.tracked for one in found]) > 0.5
+    assert np.mean([one.lost for one in found]) < 0.05
+    assert max(one.ate_m for one in found if one.ate_m is not None) < 0.01
+
+
+def test_features_and_landmarks_are_where_the_small_image_shows_them() -> None:
+    odometry, told, uv = Odometry(SMALL), [], []
+    for number in range(12):
+        estimate = odometry.process(ROOM.frame(SMALL, 2 * number, stroll(number / 15)), told.append)
+        if estimate.features is not None:
+            np.testing.assert_array_equal(told[-1].features.uv, estimate.features.uv)
+            uv.append(estimate.features.uv)
+    low, high = np.concatenate(uv).min(axis=0), np.concatenate(uv).max(axis=0)
+    size = np.array([SMALL.width, SMALL.height])
+    assert (low > BORDER_PX - 1.0).all()
+    assert (low < 0.1 * size).all()
+    assert (high < size - BORDER_PX).all()
+    assert (high > 0.9 * size).all()
+    scene, lens = scene_of(SMALL, odometry.timing, odometry.finish(), odometry.map), Lens.of(SMALL)
+    for keyframe in scene.keyframes:
+        points, T = scene.points[keyframe.landmarks], se3.inverse(keyframe.T_map_camera)
+        seen = project(points, T, lens.intrinsics, lens.distortion, SMALL.width, SMALL.height, 0.0)[:, :2]
+        assert np.nanmedian(np.linalg.norm(seen - keyframe.uv, axis=1)) < 0.15
+
+
+def test_cells_that_move_are_where_the_small_image_shows_the_body() -> None:
+    painter = Painter(SMALL, passers_by(SMALL, 0.9, share=0.4), START, anchor_before_camera, Lens.of(SMALL))
+    odometry, shares = Odometry(SMALL), []
+    for number in range(0, 75, 2):
+        frame, mask = painter.paint(ROOM.frame(SMALL, number, np.eye(4)))
+        moving = odometry.process(frame).moving
+        if moving is not None and moving.mask.any():
+            assert moving.image_shape == (SMALL.height, SMALL.width)
+            shown = moving.over_image()
+            assert shown.shape == mask.shape
+            shares.append((shown & mask).sum() / shown.sum())
+    assert len(shares) > 10
+    assert np.median(shares) > 0.7
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "ate_m"), [("tum_fr1_xyz", 0.0045), ("tum_fr1_rpy_part", 0.0065)])
+def test_a_recording_in_half_size_is_tracked_nearly_as_well(shared_data, name: str, ate_m: float) -> None:
+    recording = read_recording(shared_data / name)
+    c = recording.camera
+    cx, cy = (c.cx + 0.5) / 2 - 0.5, (c.cy + 0.5) / 2 - 0.5
+    camera = replace(c, width=c.width // 2, height=c.height // 2, fx=c.fx / 2, fy=c.fy / 2, cx=cx, cy=cy)
+    odometry, estimates = Odometry(camera), []
+    for frame in recording:
+        color = cv2.resize(frame.color, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        depth_mm = np.ascontiguousarray(frame.depth_mm[::2, ::2])
+        estimates.append(odometry.process(replace(frame, color=color, depth_mm=depth_mm)))
+    found = verdict(estimates, Trajectory.of(odometry.finish()), recording.truth()["camera"])
+    assert found.wrong == 0.0
+    assert found.lost == 0.0
+    assert found.ate_m is not None
+    assert found.ate_m < ate_m

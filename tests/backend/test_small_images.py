@@ -5,6 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from drawn import frame
 from painted_room import SMALL, START, PaintedRoom, stroll
 
 from odom import Odometry, Trajectory, read_recording
@@ -13,39 +14,45 @@ from odom.evaluation.robustness.verdict import Verdict, verdict
 from odom.export.scene import scene_of
 from odom.frontend.camera.lens import Lens, project
 from odom.geometry import se3
-from sensors.arena import ArenaOptions, render_walk
+from sensors.arena import ArenaOptions
 
 ROOM = PaintedRoom(seed=7)
 BORDER_PX = 3.0
 """Nearer to the image's border nothing is followed."""
 
 
-def among_people(seed: int, seconds: float) -> Verdict:
-    """The verdict on a walk of 15 Hz among the arena's four people."""
-    options = ArenaOptions(people=4, every=2, seconds=seconds, half=True, seed=seed)
+def among_people(seed: int, begin_s: float, end_s: float) -> Verdict:
+    """The verdict on a part of a walk of 15 Hz among the arena's four people."""
+    options = ArenaOptions(people=4, half=True, seed=seed)
     assert (options.camera.width, options.camera.height) == (320, 240)
-    odometry, frames = Odometry(options.camera), list(render_walk(options))
-    estimates = [odometry.process(frame.rgbd()) for frame in frames]
+    odometry, frames = (
+        Odometry(options.camera),
+        [frame(options, k) for k in range(int(30 * begin_s), int(30 * end_s), 2)],
+    )
+    estimates = [odometry.process(drawn.rgbd()) for drawn in frames]
     truth = Trajectory(np.array([f.stamp for f in frames]), np.array([f.T_world_camera for f in frames]))
     found = verdict(estimates, Trajectory.of(odometry.finish()), truth)
     print(f"seed {seed}: {found}")
     return found
 
 
-@pytest.mark.parametrize(("seed", "seconds"), [(75, 4.0)])
-def test_people_who_walk_before_a_small_camera_are_not_followed(seed: int, seconds: float) -> None:
-    found = among_people(seed, seconds)
+def test_people_who_walk_before_a_small_camera_are_not_followed() -> None:
+    found = among_people(66, 6.0, 9.2)
     assert found.judged > 10
     assert found.wrong == 0.0
+    assert found.ate_m is not None
+    assert found.ate_m < 0.02
 
 
 @pytest.mark.long
-def test_on_longer_walks_among_people_a_small_camera_is_nowhere_sure_and_wrong() -> None:
-    found = [among_people(seed, 12.0) for seed in (66, 71, 74, 75, 76)]
-    assert [one.wrong for one in found] == [0.0] * len(found)
-    assert np.mean([one.tracked for one in found]) > 0.5
-    assert np.mean([one.lost for one in found]) < 0.05
-    assert max(one.ate_m for one in found if one.ate_m is not None) < 0.01
+@pytest.mark.parametrize("seed", [66, 71, 74, 75, 76])
+def test_on_longer_walks_among_people_a_small_camera_is_nowhere_sure_and_wrong(seed: int) -> None:
+    found = among_people(seed, 0.0, 12.0)
+    assert found.wrong == 0.0
+    assert found.tracked > 0.4
+    assert found.lost < 0.1
+    assert found.ate_m is not None
+    assert found.ate_m < 0.01
 
 
 def test_features_and_landmarks_are_where_the_small_image_shows_them() -> None:
@@ -61,19 +68,26 @@ def test_features_and_landmarks_are_where_the_small_image_shows_them() -> None:
     assert (low < 0.1 * size).all()
     assert (high < size - BORDER_PX).all()
     assert (high > 0.9 * size).all()
+
+
+def test_landmarks_that_are_exported_are_where_the_small_image_shows_them() -> None:
+    odometry = Odometry(SMALL)
+    for number in range(4):
+        odometry.process(ROOM.frame(SMALL, number, np.eye(4)))
     scene, lens = scene_of(SMALL, odometry.timing, odometry.finish(), odometry.map), Lens.of(SMALL)
-    for keyframe in scene.keyframes:
-        points, T = scene.points[keyframe.landmarks], se3.inverse(keyframe.T_map_camera)
-        seen = project(points, T, lens.intrinsics, lens.distortion, SMALL.width, SMALL.height, 0.0)[:, :2]
-        assert np.nanmedian(np.linalg.norm(seen - keyframe.uv, axis=1)) < 0.15
+    (keyframe,) = scene.keyframes
+    points, T = scene.points[keyframe.landmarks], se3.inverse(keyframe.T_map_camera)
+    seen = project(points, T, lens.intrinsics, lens.distortion, SMALL.width, SMALL.height, 0.0)[:, :2]
+    assert len(seen) > 100
+    assert np.linalg.norm(np.nanmedian(seen - keyframe.uv, axis=0)) < 0.05
 
 
 def test_cells_that_move_are_where_the_small_image_shows_the_body() -> None:
     painter = Painter(SMALL, passers_by(SMALL, 0.9, share=0.4), START, anchor_before_camera, Lens.of(SMALL))
     odometry, shares = Odometry(SMALL), []
     for number in range(0, 75, 2):
-        frame, mask = painter.paint(ROOM.frame(SMALL, number, np.eye(4)))
-        moving = odometry.process(frame).moving
+        painted, mask = painter.paint(ROOM.frame(SMALL, number, np.eye(4)))
+        moving = odometry.process(painted).moving
         if moving is not None and moving.mask.any():
             assert moving.image_shape == (SMALL.height, SMALL.width)
             shown = moving.over_image()
@@ -91,10 +105,10 @@ def test_a_recording_in_half_size_is_tracked_nearly_as_well(shared_data, name: s
     cx, cy = (c.cx + 0.5) / 2 - 0.5, (c.cy + 0.5) / 2 - 0.5
     camera = replace(c, width=c.width // 2, height=c.height // 2, fx=c.fx / 2, fy=c.fy / 2, cx=cx, cy=cy)
     odometry, estimates = Odometry(camera), []
-    for frame in recording:
-        color = cv2.resize(frame.color, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-        depth_mm = np.ascontiguousarray(frame.depth_mm[::2, ::2])
-        estimates.append(odometry.process(replace(frame, color=color, depth_mm=depth_mm)))
+    for large in recording:
+        color = cv2.resize(large.color, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        depth_mm = np.ascontiguousarray(large.depth_mm[::2, ::2])
+        estimates.append(odometry.process(replace(large, color=color, depth_mm=depth_mm)))
     found = verdict(estimates, Trajectory.of(odometry.finish()), recording.truth()["camera"])
     assert found.wrong == 0.0
     assert found.lost == 0.0

@@ -11,7 +11,6 @@ from odom.evaluation.physical.front_ends import Look
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera, RgbdFrame
 from odom.frontend.features.corners import detect_corners
-from odom.frontend.features.enlargement import enlarged_image
 from odom.frontend.features.images import FrameImages
 from odom.frontend.features.view import View
 from odom.frontend.matching.optical_flow import follow_features
@@ -159,7 +158,7 @@ class _Keeper:
 
     def _keep(self, index: int, frame: RgbdFrame, odometry: Odometry, images: FrameImages) -> None:
         view = View.of(frame, odometry.sensor.clock, images)
-        self.kept.setdefault(index, (view, enlarged_image(frame.color, images.factor)))
+        self.kept.setdefault(index, (view, frame.color))
 
 
 class _Following:

@@ -15,6 +15,7 @@ from odom.backend.tracking.scene_motion import scene_motion
 from odom.evaluation.passers_by import Painter, PasserBy, anchor_before_camera, passers_by
 from odom.frame import RgbdFrame
 from odom.frontend.camera.lens import Lens
+from odom.frontend.features.enlargement import own_uv
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
 
@@ -85,7 +86,7 @@ def test_a_segment_begins_with_the_corners_of_the_room_only() -> None:
     assert standing is not None
 
     def on_body(uv: Array) -> float:
-        u, v = uv.astype(int).T
+        u, v = own_uv(uv, 2).round().astype(int).T
         return float(mask[v, u].mean())
 
     assert on_body(everything.uv) > 0.1

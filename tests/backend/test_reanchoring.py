@@ -7,11 +7,12 @@ from painted_room import SMALL, PaintedRoom
 from odom.backend.map.reanchoring import joined, seen_from, take
 from odom.backend.map.saved import SavedLandmarks
 from odom.frontend.camera.lens import Lens
+from odom.frontend.features.enlargement import enlarged_camera
 from odom.frontend.features.images import FrameImages
 from odom.frontend.features.patches import cut_patches
 from odom.geometry import se3
 
-ROOM, LENS = PaintedRoom(3), Lens.of(SMALL)
+ROOM, LENS = PaintedRoom(3), Lens.of(enlarged_camera(SMALL))
 FRONT_M = 2.0
 """The wall ahead, seen from the middle of the room."""
 
@@ -40,7 +41,7 @@ def landmarks_of(T_room_camera, uv, identity):
 
 
 def ahead(number=60, seed=0):
-    return np.random.default_rng(seed).uniform([90.0, 70.0], [230.0, 170.0], (number, 2))
+    return np.random.default_rng(seed).uniform([180.0, 140.0], [460.0, 340.0], (number, 2))
 
 
 @pytest.mark.parametrize(

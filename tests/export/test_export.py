@@ -35,7 +35,7 @@ def surveyed(recording):
 
 
 def test_a_recording_becomes_images_with_poses(tmp_path):
-    words = export(RECORDING, "--end", "3", "--to", "nerfstudio", "--out", tmp_path / "out")
+    words = export(RECORDING, "--end", "6", "--to", "nerfstudio", "--out", tmp_path / "out")
     frames = json.loads((tmp_path / "out" / "transforms.json").read_text())["frames"]
     assert f"{len(frames)} key frames" in words
     assert len(frames) > 5

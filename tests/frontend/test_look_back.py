@@ -8,6 +8,7 @@ from odom.evaluation.passers_by import Painter, anchor_before_camera, passers_by
 from odom.frame import RgbdFrame
 from odom.frontend.camera.lens import Lens
 from odom.frontend.features.corners import detect_corners
+from odom.frontend.features.enlargement import own_uv
 from odom.frontend.features.measurement import measure
 from odom.frontend.matching.look_back import CornerPatches, EarlierView, Sighting, look_back
 from odom.geometry import se3
@@ -47,7 +48,7 @@ def test_a_body_moves_and_the_wall_behind_it_stands() -> None:
     painter = Painter(SMALL, passers_by(SMALL, 0.9, share=0.4), START, anchor_before_camera, Lens.of(SMALL))
     (now, mask), (earlier, _) = (painter.paint(ROOM.frame(SMALL, number, np.eye(4))) for number in (70, 64))
     uv, seen = seen_back(now, earlier, np.eye(4))
-    u, v = uv.astype(int).T
+    u, v = own_uv(uv, 2).round().astype(int).T
     on_body = mask[v, u]
     assert on_body.sum() > 20
     assert seen.moves[on_body].mean() > 0.5

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from painted_room import SMALL, stroll
 from typer.testing import CliRunner
-from walks import HOUR, ROOM, away, shown, walk
+from walks import HOUR, ROOM, away, rolled, shown, walk
 
 from odom.backend import State
 from odom.backend.map.memory import open_map
 from odom.cli import app
 from odom.errors import ConfigError, MapError
+from odom.geometry import se3
 from odom.map_file.map_file import MapFile
 
 
@@ -86,7 +87,8 @@ def test_the_camera_is_found_in_it(half):
 
 def test_a_session_goes_on_in_it(half, tmp_path):
     path = shutil.copy(half, tmp_path / "half.map")
-    truth = [stroll(4.0 + k / 30.0) for k in range(45)]
+    away_from_it = [rolled(stroll(4.0 + k / 30.0), k) for k in range(45)]
+    truth = [T @ se3.exp(np.array([0.0, 0.0, 0.0, 0.0, 0.02 * k, 0.0])) for k, T in enumerate(away_from_it)]
     estimates, odometry = walk(path, shown(truth, ROOM, HOUR))
     assert estimates[0].state is State.RECOVERED
     assert len(odometry.map.keyframes) > odometry.map.earlier > 0

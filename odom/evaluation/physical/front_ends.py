@@ -11,6 +11,7 @@ from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.cloud_features.cloud import cloud_of
 from odom.frontend.cloud_features.matching import CloudFeatures, cloud_features, match_features
 from odom.frontend.cloud_features.tuning import TUNING
+from odom.frontend.features.enlargement import enlarged_image
 from odom.frontend.features.measurement import measure, points_of
 from odom.frontend.features.patches import PATCH_LIMITS, UNWARPED, align_patches, cut_patches
 from odom.frontend.features.place_descriptor import Place, describe_place
@@ -47,9 +48,9 @@ class FrontEnd(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """A key pose: its `view`, the colour image (H x W x 3), and the camera's `twist` then (6, SI, camera frame).
+    """A key pose: its `view`, the camera's colour image (h x w x 3), and its `twist` then (6, SI, camera frame).
 
-    The colour image is enlarged as those of the view are. `sensor` is what the whole stream has shown of the camera.
+    `sensor` is what the whole stream has shown of the camera.
     """
 
     view: View
@@ -70,7 +71,8 @@ class Look:
     @cached_property
     def features(self) -> CloudFeatures:
         """SIFT3D key points and CSHOT descriptors, at the time of the depth image."""
-        return cloud_features(cloud_of(self.color, self.view.depth_mm, self.sensor.lens.rays))
+        color = enlarged_image(self.color, self.view.images.factor)
+        return cloud_features(cloud_of(color, self.view.depth_mm, self.sensor.lens.rays))
 
     @cached_property
     def T_stamp_depth(self) -> Array:

@@ -108,7 +108,8 @@ def test_a_session_that_begins_elsewhere_is_joined_when_a_place_is_recognised(ro
 def test_memory_holds_the_near_key_frames_and_the_file_all(tmp_path):
     settings = OdometrySettings(map_keyframes=10, local_keyframes=4, window_keyframes=4)
     path = tmp_path / "room.map"
-    truth = [facing(0.025 * k, k / 30.0) for k in range(160)]  # not so far that it sees its beginning again
+    nods = (se3.exp(np.array([0.0, 0.0, 0.0, 0.5 * np.sin(k / 10.0), 0.0, 0.0])) for k in range(160))
+    truth = [facing(0.025 * k, k / 30.0) @ T for k, T in enumerate(nods)]  # not so far that it sees its beginning again
     estimates, odometry = walk(path, shown(truth, ROOM), settings=settings)
     assert {e.state for e in estimates} == {State.TRACKING}
     assert len(odometry.map.remembered) <= 13 < len(odometry.map.keyframes)

@@ -95,7 +95,7 @@ def test_what_is_not_shown_is_held_at_none_and_what_is_shown_starts_anew():
     assert not known.with_change(TILT, np.eye(2) * 1e4).is_new
 
 
-def strolled(tilt, frames=180):
+def strolled(tilt, frames=90):
     """The frames of a walk in a painted room whose depth has a tilt, and the walk's truth."""
     T = [stroll(k / 30.0) for k in range(frames)]
     seen = [tilted(PaintedRoom().frame(SMALL, k, T[k]), tilt) for k in range(frames)]

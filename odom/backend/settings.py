@@ -11,7 +11,7 @@ class OdometrySettings(BaseModel, frozen=True, extra="forbid", allow_inf_nan=Fal
         22,
         ge=8,
         le=100,
-        description="a key frame adds at most one corner a square of this side, after small images were enlarged",
+        description="a key frame adds at most one corner a square of this side, of an image scaled to 480 to 1280 px",
     )
     local_keyframes: int = Field(10, ge=2, le=50, description="key frames whose landmarks are looked for")
     window_keyframes: int = Field(7, ge=2, le=30, description="newest key frames adjusted together")

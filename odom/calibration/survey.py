@@ -16,7 +16,7 @@ from odom.calibration.row_motion import carried_anew, twists_at
 from odom.errors import InputError
 from odom.frame import Camera
 from odom.frame.depth_model import field_terms
-from odom.frontend.features.enlargement import factor_of
+from odom.frontend.features.image_scale import scale_of
 from odom.frontend.features.measurement import Measurements
 from odom.geometry.arrays import Array, Index, Mask
 
@@ -145,7 +145,7 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
         raise InputError(f"{len(frames)} frames are linked by common landmarks, too few: walk on for longer")
     seen, number, landmark, is_displaced = _gathered(frames, odometry, start.rows)
     stamps = [keyframe.stamp for keyframe in keyframes] + [odometry.frames.stamp_of(s.number) for s in others]
-    seen = replace(seen, slope=seen.slope * factor_of(camera))  # per pixel of the camera's own image
+    seen = replace(seen, slope=seen.slope * scale_of(camera))  # per pixel of the camera's own image
     R_own_told = odometry.sensor.lens.R_own_told
     if camera is not odometry.camera:
         seen = turned(seen, R_own_told)

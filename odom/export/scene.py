@@ -13,7 +13,7 @@ from odom.errors import InputError
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera, Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
-from odom.frontend.features.enlargement import factor_of, own_uv
+from odom.frontend.features.image_scale import own_uv, scale_of
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index
 
@@ -98,7 +98,7 @@ def scene_of(camera: Camera, timing: ShutterTiming, poses: Iterable[TrajectoryPo
                 se3.inverse(keyframe.T_camera_map),
                 keyframe.covariance_since_start,
                 point_of[keyframe.rows[is_current]],
-                own_uv(keyframe.uv[is_current], factor_of(camera)),
+                own_uv(keyframe.uv[is_current], scale_of(camera)),
             )
         )
     edges = tuple(

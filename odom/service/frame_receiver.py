@@ -12,7 +12,7 @@ from dataclasses import replace
 from odom.errors import ConfigError, WireError
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.camera.lens import Lens
-from odom.frontend.features.enlargement import enlarged_camera
+from odom.frontend.features.image_scale import scaled_camera
 from odom.service.arrival_queue import (
     MOST_TRUTH,
     ArrivalQueue,
@@ -234,7 +234,7 @@ def _compute_lens(camera: Camera) -> None:
     """Compute the table of a lens, unless it is large, before the first frame, which would wait for it."""
     if camera.width * camera.height <= _LENS_AHEAD_PX:
         with suppress(ConfigError):  # the odometry says what is wrong
-            Lens.of(enlarged_camera(camera))
+            Lens.of(scaled_camera(camera))
 
 
 def _origin(frame: RgbdFrame, delivery: Delivery | None) -> Stamp:

@@ -170,7 +170,7 @@ class _Following:
 
     def follow(self, before: FrameImages, now: FrameImages) -> None:
         """Follow the corners into the next frame, from where they would be if they went on as before."""
-        uv, found = follow_features(before.full, now.full, self._now, self._now + self._step, now.factor)
+        uv, found = follow_features(before.full, now.full, self._now, self._now + self._step, now.scale)
         self._step = (uv - self._now)[found]
         self._corners, self._now = self._corners[found], uv[found]
 

@@ -61,7 +61,7 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> threading.Event:
     patience.daemon = True
     patience.start()
     compiler = None if compiled_before() else _SecondCompiler(settings.self_calibration)
-    camera = Camera(480, 300, 394.0, 394.0, 239.5, 149.5)  # as small as is not enlarged
+    camera = Camera(480, 300, 394.0, 394.0, 239.5, 149.5)  # the smallest that is not enlarged
     texture = np.random.default_rng(1).integers(0, 256, (60, 96), dtype=np.uint8)
     scene = np.asarray(cv2.resize(texture, (528, 320), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
     codec.decode_camera_info(codec.encode_camera_info(topics.camera_info, Stamp(0), camera))

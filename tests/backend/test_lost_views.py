@@ -15,7 +15,7 @@ from odom.backend.tracking.scene_motion import scene_motion
 from odom.evaluation.passers_by import Painter, PasserBy, anchor_before_camera, passers_by
 from odom.frame import RgbdFrame
 from odom.frontend.camera.lens import Lens
-from odom.frontend.features.enlargement import own_uv
+from odom.frontend.features.image_scale import own_uv
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
 

@@ -21,7 +21,7 @@ from odom.evaluation.physical.table import interval, rows
 from odom.evaluation.physical.wrong_pairs import KINDS, MEASURES, SHARES, Spoilt, matches, spoil
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.camera.noise_monitor import FeatureNoise
-from odom.frontend.features.enlargement import enlarged_uv
+from odom.frontend.features.image_scale import scaled_uv
 from odom.geometry import se3
 from odom.registration import Pairs, ZLevels
 
@@ -127,7 +127,7 @@ def test_a_followed_corner_is_as_uncertain_as_its_texture_makes_it():
     corners = np.column_stack([u.ravel(), v.ravel()])
     exact = sensor_model(CAMERA, noise=FeatureNoise(1e-3, np.array([[0.2, 2.0], [1e-6, 1e-6]])))
     looks = (replace(look_of(color, FAR), sensor=exact) for color in seen)
-    pairs = pairs_by(FrontEnd.FOLLOWED, *looks, (enlarged_uv(corners, 2),) * 2)
+    pairs = pairs_by(FrontEnd.FOLLOWED, *looks, (scaled_uv(corners, 2),) * 2)
     off_m = np.linalg.norm((pairs.points_target - pairs.points_source)[:, :2], axis=1)
     stated_m = np.sqrt(np.trace(pairs.covariances_source[:, :2, :2], axis1=1, axis2=2))
     is_faint = pairs.points_target[:, 0] > 0.0

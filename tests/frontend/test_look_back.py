@@ -8,7 +8,7 @@ from odom.evaluation.passers_by import Painter, anchor_before_camera, passers_by
 from odom.frame import RgbdFrame
 from odom.frontend.camera.lens import Lens
 from odom.frontend.features.corners import detect_corners
-from odom.frontend.features.enlargement import own_uv
+from odom.frontend.features.image_scale import own_uv
 from odom.frontend.features.measurement import measure
 from odom.frontend.matching.look_back import CornerPatches, EarlierView, Sighting, look_back
 from odom.geometry import se3

@@ -35,8 +35,8 @@ def follow_corners(
     T_current_previous = se3.inverse(T_hint)
     expected = project(corners.position, T_current_previous, lens.intrinsics, lens.distortion, width, height, 0.0)
     in_view = np.flatnonzero(expected[:, 2] > 0.0)
-    begin, guess, factor = corners.uv[in_view], expected[in_view, :2], current.view.images.factor
-    uv, kept = follow_there_and_back(*images, begin, guess, TUNING.followed_back_px, factor)
+    begin, guess, scale = corners.uv[in_view], expected[in_view, :2], current.view.images.scale
+    uv, kept = follow_there_and_back(*images, begin, guess, TUNING.followed_back_px, scale)
     unwarped = np.tile(UNWARPED, (len(in_view), 1, 1))
     score, covariance_uv = align_patches(
         images[1],

@@ -31,7 +31,7 @@ from odom.frontend.camera.lens import Lens
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.sensor_memory import SensorMemory
 from odom.frontend.camera.sensor_model import SensorModel
-from odom.frontend.features.enlargement import enlarged_camera
+from odom.frontend.features.image_scale import scaled_camera
 from odom.frontend.features.images import FrameImages
 from odom.frontend.features.view import View
 from odom.geometry import se3
@@ -156,7 +156,7 @@ class Odometry:
         measured = len(self.map.remembered) + len(self.intermediate.kept)
         found = self._recalibration.after_frame(self, measured, frames.published.frames.count, view.steady_stamp)
         if found is not None:
-            frames.mapper.lens_to_come = Lens.of(enlarged_camera(found), told=enlarged_camera(self.camera))
+            frames.mapper.lens_to_come = Lens.of(scaled_camera(found), told=scaled_camera(self.camera))
         has_time = not estimate.is_keyframe
         loops += frames.closer.look(frames.published.frames.count, frames.sensor, has_time)
         if self._path.is_due(map_moved or estimate.is_keyframe, has_time):

@@ -55,8 +55,8 @@ class FollowedCorners:
         T_view_earlier = se3.inverse(earlier.T_view_corners)
         expected = project(points, T_view_earlier, lens.intrinsics, lens.distortion, width, height, 0.0)
         rows = np.flatnonzero(expected[:, 2] > 0.0)
-        begin, guess, factor = uv[rows] / 2.0, expected[rows, :2] / 2.0, view.images.factor
-        here, found = follow_there_and_back(*images, begin, guess, TUNING.other_back_px, factor)
+        begin, guess, scale = uv[rows] / 2.0, expected[rows, :2] / 2.0, view.images.scale
+        here, found = follow_there_and_back(*images, begin, guess, TUNING.other_back_px, scale)
         rows, uv = rows[found], 2.0 * here[found]
         exact = np.tile([TUNING.found_sigma_px**2, 0.0, TUNING.found_sigma_px**2], (len(rows), 1))
         return cls(

@@ -196,5 +196,5 @@ def _follow(
         sensor.timing.readout_s,
     )
     guess = np.where(np.isnan(seen[:, :2]), uv_previous, seen[:, :2])
-    uv, found = follow_features(state.view.images.full, images.full, uv_previous, guess, images.factor)
+    uv, found = follow_features(state.view.images.full, images.full, uv_previous, guess, images.scale)
     return _Followed.at(landmarks, state, since_s, sensor, (rows, uv, found))

@@ -11,7 +11,7 @@ from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.cloud_features.cloud import cloud_of
 from odom.frontend.cloud_features.matching import CloudFeatures, cloud_features, match_features
 from odom.frontend.cloud_features.tuning import TUNING
-from odom.frontend.features.enlargement import enlarged_image
+from odom.frontend.features.image_scale import scaled_image
 from odom.frontend.features.measurement import measure, points_of
 from odom.frontend.features.patches import PATCH_LIMITS, UNWARPED, align_patches, cut_patches
 from odom.frontend.features.place_descriptor import Place, describe_place
@@ -71,7 +71,7 @@ class Look:
     @cached_property
     def features(self) -> CloudFeatures:
         """SIFT3D key points and CSHOT descriptors, at the time of the depth image."""
-        color = enlarged_image(self.color, self.view.images.factor)
+        color = scaled_image(self.color, self.view.images.scale)
         return cloud_features(cloud_of(color, self.view.depth_mm, self.sensor.lens.rays))
 
     @cached_property
@@ -114,8 +114,8 @@ def _followed(source: Look, target: Look, uv_target: Array, uv_guess: Array) -> 
     Their patches are aligned, which gives each corner the covariance that its own texture allows.
     """
     there, back = target.view.images.full, source.view.images.full
-    factor = source.view.images.factor
-    uv_source, kept = follow_there_and_back(there, back, uv_target, uv_guess, _THERE_AND_BACK_PX, factor)
+    scale = source.view.images.scale
+    uv_source, kept = follow_there_and_back(there, back, uv_target, uv_guess, _THERE_AND_BACK_PX, scale)
     straight = np.tile(UNWARPED, (len(kept), 1, 1))
     patches = cut_patches(there, uv_target)
     score, covariance = align_patches(

@@ -1,11 +1,11 @@
-"""One frame's grey image, enlarged where it is small, and its half-size copy: features are searched in them."""
+"""One frame's grey image, scaled where it is small or large, and its half-size copy: features are searched in them."""
 
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from odom.frontend.features.enlargement import enlarged_image, factor_for
+from odom.frontend.features.image_scale import scale_for, scaled_image
 from odom.frontend.features.tuning import TUNING
 from odom.geometry.arrays import Image, uniform
 from odom.geometry.normal_distribution import NORMAL_MAD
@@ -67,18 +67,19 @@ def noise_of(grey: Image) -> float:
 class FrameImages:
     """`full` (H x W) and `half` (H/2 x W/2) grey images; pixel (u, v) of `full` is (u/2, v/2) of `half`.
 
-    `full` is `factor` times as wide and high as `own`, which has the size of the camera's (see `enlargement`).
+    `full` is `scale` times as wide and high as the camera's image (see `image_scale`); `own` is `full` as it was before
+    it was enlarged.
     """
 
     full: Image
     half: Image
     own: Image
-    factor: int
+    scale: float
 
     @classmethod
     def of(cls, color: Image) -> "FrameImages":
         """Return the images of `color`, h x w x 3 RGB or h x w grey."""
-        factor = factor_for(color.shape)
-        own = uniform(with_contrast(grey_of(color)))
-        full = uniform(enlarged_image(own, factor))
-        return cls(full, uniform(np.asarray(cv2.pyrDown(full), dtype=np.uint8)), own, factor)
+        scale = scale_for(color.shape)
+        own = uniform(with_contrast(scaled_image(grey_of(color), min(scale, 1.0))))
+        full = uniform(scaled_image(own, max(scale, 1.0)))
+        return cls(full, uniform(np.asarray(cv2.pyrDown(full), dtype=np.uint8)), own, scale)

@@ -49,11 +49,15 @@ class Tuning:
         "noise.")
     image_smooth_px: float = tuned(1.0, unit="px", source="`odom bench robustness --axis darkness`",
         effect="Sigma of the smoothing. Smaller: noise is left; larger: corners are smoothed away.")
-    # enlargement: images of small cameras
+    # image_scale: images of small and of large cameras
     image_least_side_px: int = tuned(480, unit="px",
         source="tuned at 640 px; four people in the arena at 320 x 240, seeds 66 and 70 to 76",
         effect="Images whose longer side is shorter are enlarged. Smaller: before small cameras people are followed; "
         "larger: images that are good as they are cost four times the time.")
+    image_most_side_px: int = tuned(1280, unit="px",
+        source="tuned at 640 px; `fr1_xyz` and arena at 1280 x 960: as accurate at half the size",
+        effect="Images whose longer side is as long or longer are reduced. Smaller: detail is lost that the image had; "
+        "larger: landmarks are lost in quick motion and among people, and a frame costs several times the time.")
     # patches
     patch_least_contrast: float = tuned(5.0, unit="grey^2 (variance)",
         source="noise of a Kinect's image, about 2 grey levels",

@@ -10,7 +10,7 @@ from odom.frame import RgbdFrame, Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.stamp_clock import StampClock, SteadyStamp
 from odom.frontend.features.depth_plane import has_depth
-from odom.frontend.features.enlargement import repeated
+from odom.frontend.features.image_scale import scaled_depth, scaled_mask
 from odom.frontend.features.images import FrameImages
 from odom.geometry.arrays import Array, Mask, uniform
 
@@ -20,8 +20,8 @@ class View:
     """Frame `sequence`, whose colour image was stamped `stamp` and really taken at `steady_stamp` (see `StampClock`).
 
     `images` are the colour image's, `depth_mm` (H x W uint16, mm, 0: none) is the depth image stamped `depth_stamp`.
-    `may_move` (H x W) marks what no feature should lie on, None where nothing is known of that. All are enlarged where
-    the camera's own are small (see `enlargement`).
+    `may_move` (H x W) marks what no feature should lie on, None where nothing is known of that. All have
+    the size in which features are looked for (see `image_scale`).
     """
 
     sequence: int
@@ -38,8 +38,8 @@ class View:
 
         `may_move` is of the frame's own size.
         """
-        depth_mm = uniform(repeated(frame.depth_mm, images.factor))
-        may_move = None if may_move is None else repeated(may_move, images.factor)
+        depth_mm = uniform(scaled_depth(frame.depth_mm, images.scale))
+        may_move = None if may_move is None else scaled_mask(may_move, images.scale)
         return cls(frame.sequence, frame.stamp, clock.steady, images, frame.depth_stamp, depth_mm, may_move)
 
     def stands(self, uv: Array) -> Mask:

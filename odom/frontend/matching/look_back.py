@@ -156,8 +156,8 @@ def _found(
     missed = np.setdiff1d(rows, found.rows, assume_unique=True)
     here, there, uv_missed = corners.images.half, view.images.half, corners.uv[missed] / 2.0
     guess = expected.uv[np.searchsorted(expected.rows, missed)] / 2.0
-    within_px, factor = TUNING.look_back_return_px, view.images.factor
-    uv, returned = follow_there_and_back(here, there, uv_missed, guess, within_px, factor)
+    within_px, scale = TUNING.look_back_return_px, view.images.scale
+    uv, returned = follow_there_and_back(here, there, uv_missed, guess, within_px, scale)
     missed, uv = missed[returned], uv[returned]
     flow = np.tile([TUNING.look_back_flow_px**2, 0.0, TUNING.look_back_flow_px**2], (len(missed), 1))
     covariance = np.concatenate([found.covariance_uv * TUNING.look_back_noise**2, flow])

@@ -1,5 +1,7 @@
 """Features of one frame found again in the next, with whole-pixel accuracy: the start of a frame's registration."""
 
+import math
+
 import cv2
 import numpy as np
 
@@ -13,11 +15,11 @@ _EPSILON_PX = 0.03
 
 
 def follow_features(
-    previous: Image, current: Image, uv_previous: Array, uv_guess: Array, factor: int
+    previous: Image, current: Image, uv_previous: Array, uv_guess: Array, scale: float
 ) -> tuple[Array, Mask]:
     """Follow n features from one grey image to the next by pyramidal Lucas-Kanade, starting at `uv_guess` (n x 2 px).
 
-    Images that were enlarged by `factor` (see `FrameImages`) have one more level for each doubling.
+    Images that were enlarged by `scale` (see `FrameImages`) have one more level for each doubling.
     Returns their positions (n x 2 px) and which of them were found inside the image (n). Source: J.-Y. Bouguet,
     "Pyramidal implementation of the Lucas Kanade feature tracker", 2001.
     """
@@ -29,7 +31,7 @@ def follow_features(
         uv_previous.astype(np.float32),
         uv_guess.astype(np.float32),
         winSize=(TUNING.flow_window_px, TUNING.flow_window_px),
-        maxLevel=TUNING.flow_levels + factor.bit_length() - 1,
+        maxLevel=TUNING.flow_levels + max(0, round(math.log2(scale))),
         criteria=(cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, TUNING.flow_iterations, _EPSILON_PX),
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
     )
@@ -40,11 +42,11 @@ def follow_features(
 
 
 def follow_there_and_back(
-    previous: Image, current: Image, uv_previous: Array, uv_guess: Array, within_px: float, factor: int
+    previous: Image, current: Image, uv_previous: Array, uv_guess: Array, within_px: float, scale: float
 ) -> tuple[Array, Mask]:
     """Follow n features as `follow_features` does; found are those that lead back to less than `within_px` px away."""
-    uv, found = follow_features(previous, current, uv_previous, uv_guess, factor)
+    uv, found = follow_features(previous, current, uv_previous, uv_guess, scale)
     followed = np.flatnonzero(found)
-    uv_back, is_back = follow_features(current, previous, uv[followed], uv_previous[followed], factor)
+    uv_back, is_back = follow_features(current, previous, uv[followed], uv_previous[followed], scale)
     found[followed] = is_back & (np.linalg.norm(uv_back - uv_previous[followed], axis=1) < within_px)
     return uv, found

@@ -37,9 +37,6 @@ _COLORS = 32
 """Colour messages kept until their depth comes, one second: with fewer, key frames lose their coloured clouds."""
 _MOST_BODIES = 16
 """Motion capture bodies, each with an open file of its own; a rig has one to three."""
-_LENS_AHEAD_PX = 1 << 21
-"""Pixels of an image whose lens is computed before a frame of it has come. More: a wrong or malicious calibration
-wastes memory; fewer: the first frames of ordinary cameras wait."""
 _LIVE_CLOCK_NS = 10_000_000_000
 """A capture stamp nearer than this to the time of sending is by the host's clock: latency counts from the capture.
 Recordings are days old, clocks of hosts are off by less."""
@@ -231,10 +228,9 @@ class FrameReceiver:
 
 
 def _compute_lens(camera: Camera) -> None:
-    """Compute the table of a lens, unless it is large, before the first frame, which would wait for it."""
-    if camera.width * camera.height <= _LENS_AHEAD_PX:
-        with suppress(ConfigError):  # the odometry says what is wrong
-            Lens.of(scaled_camera(camera))
+    """Compute the table of a lens before the first frame, which would wait for it."""
+    with suppress(ConfigError):  # the odometry says what is wrong
+        Lens.of(scaled_camera(camera))
 
 
 def _origin(frame: RgbdFrame, delivery: Delivery | None) -> Stamp:

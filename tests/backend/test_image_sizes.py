@@ -1,4 +1,4 @@
-"""A camera of 320 x 240: people before it are not followed, and all that leaves the odometry is in its own pixels."""
+"""Small and large cameras: people before them are not followed; what leaves the odometry is in their own pixels."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ import pytest
 from drawn import frame
 from painted_room import SMALL, START, PaintedRoom, stroll
 
-from odom import Odometry, Trajectory, read_recording
+from odom import Camera, Odometry, Trajectory, read_recording
 from odom.evaluation.passers_by import Painter, anchor_before_camera, passers_by
 from odom.evaluation.robustness.verdict import Verdict, verdict
 from odom.export.scene import scene_of
@@ -17,6 +17,8 @@ from odom.geometry import se3
 from sensors.arena import ArenaOptions
 
 ROOM = PaintedRoom(seed=7)
+LARGE = Camera(1280, 960, 1050.0, 1050.0, 639.5, 479.5)
+small_and_large = pytest.mark.parametrize("camera", [SMALL, LARGE], ids=["320 x 240", "1280 x 960"])
 BORDER_PX = 3.0
 """Nearer to the image's border nothing is followed."""
 
@@ -55,41 +57,44 @@ def test_on_longer_walks_among_people_a_small_camera_is_nowhere_sure_and_wrong(s
     assert found.ate_m < 0.01
 
 
-def test_features_and_landmarks_are_where_the_small_image_shows_them() -> None:
-    odometry, told, uv = Odometry(SMALL), [], []
+@small_and_large
+def test_features_are_where_the_image_shows_them(camera: Camera) -> None:
+    odometry, told, uv = Odometry(camera), [], []
     for number in range(12):
-        estimate = odometry.process(ROOM.frame(SMALL, 2 * number, stroll(number / 15)), told.append)
+        estimate = odometry.process(ROOM.frame(camera, 2 * number, stroll(number / 15)), told.append)
         if estimate.features is not None:
             np.testing.assert_array_equal(told[-1].features.uv, estimate.features.uv)
             uv.append(estimate.features.uv)
     low, high = np.concatenate(uv).min(axis=0), np.concatenate(uv).max(axis=0)
-    size = np.array([SMALL.width, SMALL.height])
+    size = np.array([camera.width, camera.height])
     assert (low > BORDER_PX - 1.0).all()
     assert (low < 0.1 * size).all()
     assert (high < size - BORDER_PX).all()
     assert (high > 0.9 * size).all()
 
 
-def test_landmarks_that_are_exported_are_where_the_small_image_shows_them() -> None:
-    odometry = Odometry(SMALL)
+@small_and_large
+def test_landmarks_that_are_exported_are_where_the_image_shows_them(camera: Camera) -> None:
+    odometry = Odometry(camera)
     for number in range(4):
-        odometry.process(ROOM.frame(SMALL, number, np.eye(4)))
-    scene, lens = scene_of(SMALL, odometry.timing, odometry.finish(), odometry.map), Lens.of(SMALL)
+        odometry.process(ROOM.frame(camera, number, np.eye(4)))
+    scene, lens = scene_of(camera, odometry.timing, odometry.finish(), odometry.map), Lens.of(camera)
     (keyframe,) = scene.keyframes
     points, T = scene.points[keyframe.landmarks], se3.inverse(keyframe.T_map_camera)
-    seen = project(points, T, lens.intrinsics, lens.distortion, SMALL.width, SMALL.height, 0.0)[:, :2]
+    seen = project(points, T, lens.intrinsics, lens.distortion, camera.width, camera.height, 0.0)[:, :2]
     assert len(seen) > 100
     assert np.linalg.norm(np.nanmedian(seen - keyframe.uv, axis=0)) < 0.05
 
 
-def test_cells_that_move_are_where_the_small_image_shows_the_body() -> None:
-    painter = Painter(SMALL, passers_by(SMALL, 0.9, share=0.4), START, anchor_before_camera, Lens.of(SMALL))
-    odometry, shares = Odometry(SMALL), []
+@small_and_large
+def test_cells_that_move_are_where_the_image_shows_the_body(camera: Camera) -> None:
+    painter = Painter(camera, passers_by(camera, 0.9, share=0.4), START, anchor_before_camera, Lens.of(camera))
+    odometry, shares = Odometry(camera), []
     for number in range(0, 75, 2):
-        painted, mask = painter.paint(ROOM.frame(SMALL, number, np.eye(4)))
+        painted, mask = painter.paint(ROOM.frame(camera, number, np.eye(4)))
         moving = odometry.process(painted).moving
         if moving is not None and moving.mask.any():
-            assert moving.image_shape == (SMALL.height, SMALL.width)
+            assert moving.image_shape == (camera.height, camera.width)
             shown = moving.over_image()
             assert shown.shape == mask.shape
             shares.append((shown & mask).sum() / shown.sum())
@@ -114,3 +119,24 @@ def test_a_recording_in_half_size_is_tracked_nearly_as_well(shared_data, name: s
     assert found.lost == 0.0
     assert found.ate_m is not None
     assert found.ate_m < ate_m
+
+
+@pytest.mark.long
+def test_a_body_before_a_large_camera_is_not_followed_nor_are_frames_lost(shared_data) -> None:
+    recording = read_recording(shared_data / "tum_fr1_xyz", end=7.0)
+    c = recording.camera
+    cx, cy = 3 * (c.cx + 0.5) - 0.5, 3 * (c.cy + 0.5) - 0.5
+    camera = replace(c, width=3 * c.width, height=3 * c.height, fx=3 * c.fx, fy=3 * c.fy, cx=cx, cy=cy)
+    painter = Painter(c, passers_by(c, 0.66, seed=3), next(iter(recording)).stamp, anchor_before_camera, Lens.of(c))
+    odometry, estimates = Odometry(camera), []
+    for usual in recording:
+        painted, _ = painter.paint(usual)
+        color = cv2.resize(painted.color, None, fx=3, fy=3, interpolation=cv2.INTER_CUBIC)
+        depth_mm = painted.depth_mm.repeat(3, axis=0).repeat(3, axis=1)
+        estimates.append(odometry.process(replace(painted, color=color, depth_mm=depth_mm)))
+    found = verdict(estimates, Trajectory.of(odometry.finish()), recording.truth()["camera"])
+    print(found)
+    assert found.wrong == 0.0
+    assert found.lost == 0.0
+    assert found.ate_m is not None
+    assert found.ate_m < 0.006

@@ -15,6 +15,7 @@ from odom.backend.mapping.bundle_adjustment import adjust
 from odom.evaluation.report import evaluate
 from odom.evaluation.trajectory import Trajectory
 from odom.frontend.camera.depth_tilt import DepthTilt, by_tilt, without_tilt
+from odom.frontend.features import image_scale
 from odom.geometry import se3
 
 TILT = np.array([0.03, -0.02])
@@ -95,31 +96,38 @@ def test_what_is_not_shown_is_held_at_none_and_what_is_shown_starts_anew():
     assert not known.with_change(TILT, np.eye(2) * 1e4).is_new
 
 
-def strolled(tilt, frames=90):
+def strolled(tilt, frames):
     """The frames of a walk in a painted room whose depth has a tilt, and the walk's truth."""
     T = [stroll(k / 30.0) for k in range(frames)]
     seen = [tilted(PaintedRoom().frame(SMALL, k, T[k]), tilt) for k in range(frames)]
     return seen, Trajectory(np.array([f.stamp for f in seen]), np.array(T))
 
 
-def walk_through(tilt):
+def walk_through(tilt, frames):
     """The sensor, and the errors of the trajectory in the end and as published, and of the chain: depth has a tilt."""
-    frames, truth = strolled(tilt)
+    seen, truth = strolled(tilt, frames)
     odometry = Odometry(SMALL)
-    estimates = tuple(odometry.process(frame) for frame in frames)
+    estimates = tuple(odometry.process(frame) for frame in seen)
     ran = Ran(estimates, odometry.finish(), odometry.timing)
     chain = Trajectory(truth.stamps, np.array([e.chain.T_chain_camera for e in estimates]))
     ates_m = [evaluate(each, truth).ate_m for each in (ran.online, chain)]
     return odometry.sensor, ran.judged(truth).ate_m, *ates_m
 
 
-@pytest.fixture(scope="module")
-def walked():
+def walks(frames=90):
     """Walks without and with a tilt of depth, and one with a tilt that nothing shows."""
-    found = [walk_through(np.zeros(2)), walk_through(TILT)]
+    found = [walk_through(np.zeros(2), frames), walk_through(TILT, frames)]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(DepthTilt, "with_evidence", lambda tilt, *_: tilt)
-        return [*found, walk_through(TILT)]
+        return [*found, walk_through(TILT, frames)]
+
+
+@pytest.fixture(scope="module")
+def walked():
+    """The walks by images of 320 x 240 as they are: these have key frames, which show a tilt, within half a second."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(image_scale, "TUNING", replace(image_scale.TUNING, image_least_side_px=1))
+        return walks()
 
 
 @pytest.mark.long
@@ -138,3 +146,11 @@ def test_a_walk_with_tilted_depth_is_as_exact_in_the_end_and_better_at_once(walk
     assert tilted_m[0] < min(1.3 * straight_m[0], 0.7 * unknown_m[0])
     assert tilted_m[1] < min(2.2 * straight_m[1], 0.7 * unknown_m[1])
     assert tilted_m[2] < min(1.3 * straight_m[2], 0.7 * unknown_m[2])
+
+
+@pytest.mark.long
+def test_a_tilt_is_found_by_enlarged_images_too_though_later():
+    (_, *straight_m), (sensor, *tilted_m), (_, *unknown_m) = walks(180)
+    assert sensor.depth_tilt.is_shown
+    assert tilted_m[0] < min(1.3 * straight_m[0], 0.7 * unknown_m[0])
+    assert tilted_m[1] < 0.7 * unknown_m[1]

@@ -12,6 +12,7 @@ import drawn
 import numpy as np
 import pytest
 import yaml
+from scipy.spatial.transform import Rotation
 
 from odom.evaluation import Trajectory
 from odom.evaluation.diagnosis import Recording, Verdict, examine
@@ -84,6 +85,14 @@ def scale_wrong(recording: Recording) -> Recording:
     return replace(recording, frames=tuple(scaled(frame) for frame in recording.frames))
 
 
+def truth_with_the_real_part_first(recording: Recording) -> Recording:
+    truth = recording.truth["camera"]
+    w_first = np.roll(Rotation.from_matrix(truth.T_world_body[:, :3, :3]).as_quat(), 1, axis=1)
+    T = truth.T_world_body.copy()
+    T[:, :3, :3] = Rotation.from_quat(w_first).as_matrix()
+    return replace(recording, truth={"camera": replace(truth, T_world_body=T)})
+
+
 FAULTS = [
     (unspoiled, set()),
     (depth_shifted, {"depth registration"}),
@@ -93,8 +102,9 @@ FAULTS = [
     (focal_wrong, {"focal length"}),
     (both_focals_wrong, {"focal length"}),
     (scale_wrong, {"depth scale"}),
+    (truth_with_the_real_part_first, {"truth"}),
 ]
-RARE = (half_missing, every_second_missing, both_focals_wrong)
+RARE = (half_missing, every_second_missing, both_focals_wrong, truth_with_the_real_part_first)
 """Variants that the real recording is enough for."""
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from odom.errors import InputError
 from odom.evaluation.diagnosis.depth import judge_noise, judge_valid
 from odom.evaluation.diagnosis.depth_unit import judge_unit
 from odom.evaluation.diagnosis.edges import EdgeShift, edge_shift
@@ -15,11 +16,13 @@ from odom.evaluation.diagnosis.intrinsics import judge_intrinsics
 from odom.evaluation.diagnosis.motion import PairMotion, fit_focal, pair_motion
 from odom.evaluation.diagnosis.orientation import judge_orientation
 from odom.evaluation.diagnosis.recording import Recording
-from odom.evaluation.diagnosis.scale import BodyTruth, body_truth, fit_scale, judge_scale
+from odom.evaluation.diagnosis.scale import BodyTruth, body_truth, chain, fit_scale, judge_scale
 from odom.evaluation.diagnosis.stamps import judge_pairs, judge_rhythm
 from odom.evaluation.diagnosis.tracks import Tracks, follow
+from odom.evaluation.quaternion_order import order_notes
+from odom.evaluation.report import evaluate
 from odom.evaluation.run_report import CAMERA
-from odom.evaluation.trajectory import Stamps
+from odom.evaluation.trajectory import Stamps, Trajectory
 from odom.frame import Camera, RgbdFrame
 from odom.geometry.arrays import Array
 
@@ -112,8 +115,20 @@ def _judge_geometry(recording: Recording, frames: tuple[RgbdFrame, ...], camera:
     found = (
         BodyTruth(truth[body], np.eye(3), True) if body == CAMERA else body_truth(tracks, stamps, focal_px, truth[body])
     )
+    wrong_order = _judge_order(chain(tracks, stamps, focal_px), truth[body]) if body == CAMERA else []
+    if wrong_order:
+        return [*findings, unit, *wrong_order]
     by_truth = judge_scale(fit_scale(motions, stamps, found) if found else None, body)
     return [*findings, unit if by_truth.verdict is Verdict.UNKNOWN else by_truth]
+
+
+def _judge_order(poses: Trajectory, truth: Trajectory) -> list[Finding]:
+    """Return the fault that the camera's truth has quaternions in another order, nothing where it has not."""
+    try:
+        notes = order_notes(truth, evaluate(poses, truth), lambda other: evaluate(poses, other))
+    except InputError:
+        return []
+    return [Finding("truth", "other rotations than the images show", Verdict.BAD, note) for note in notes]
 
 
 def _edge_shift(frames: Sequence[RgbdFrame], tracks: list[Tracks], stamps: Stamps, camera: Camera) -> EdgeShift | None:

@@ -1,6 +1,6 @@
 """Runs all checks over a part of a source, in the order in which faults should be repaired."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -110,16 +110,27 @@ def _judge_geometry(recording: Recording, frames: tuple[RgbdFrame, ...], camera:
     if not trusted or calibration.verdict is Verdict.BAD:
         why = "mend registration and focal length first"
         return [*findings, Finding("depth scale", "not measured", Verdict.UNKNOWN, why)]
-    truth = recording.truth
-    body = CAMERA if CAMERA in truth else max(truth, key=lambda name: len(truth[name]))
-    found = (
-        BodyTruth(truth[body], np.eye(3), True) if body == CAMERA else body_truth(tracks, stamps, focal_px, truth[body])
-    )
-    wrong_order = _judge_order(chain(tracks, stamps, focal_px), truth[body]) if body == CAMERA else []
-    if wrong_order:
-        return [*findings, unit, *wrong_order]
-    by_truth = judge_scale(fit_scale(motions, stamps, found) if found else None, body)
-    return [*findings, unit if by_truth.verdict is Verdict.UNKNOWN else by_truth]
+    return [*findings, *_judge_by_truth(recording.truth, tracks, motions, stamps, focal_px, unit)]
+
+
+def _judge_by_truth(
+    truth: Mapping[str, Trajectory],
+    tracks: list[Tracks],
+    motions: list[PairMotion],
+    stamps: Stamps,
+    focal_px: Array,
+    unit: Finding,
+) -> list[Finding]:
+    """Judge the truth of the camera, or else of the body seen most, and by it the depth scale, or as `unit` does."""
+    if CAMERA not in truth:
+        name = max(truth, key=lambda body: len(truth[body]))
+        found = body_truth(tracks, stamps, focal_px, truth[name])
+    elif wrong_order := _judge_order(chain(tracks, stamps, focal_px), truth[CAMERA]):
+        return [unit, *wrong_order]
+    else:
+        name, found = CAMERA, BodyTruth(truth[CAMERA], np.eye(3), True)
+    scale = judge_scale(fit_scale(motions, stamps, found) if found else None, name)
+    return [unit if scale.verdict is Verdict.UNKNOWN else scale]
 
 
 def _judge_order(poses: Trajectory, truth: Trajectory) -> list[Finding]:

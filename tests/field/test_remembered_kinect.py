@@ -36,7 +36,9 @@ def test_what_a_run_finds_is_remembered_for_the_device_and_used_by_the_next(
     print(first["calibration"]["fx"], first.get("calibration_kept"))
     assert first["calibration"]["fx"][0] == pytest.approx(TOLD_FX, abs=0.1)
     assert "remembered for serial VK42" in said
-    assert load_calibration(remembered).camera.fx == pytest.approx(TRUE_FX, abs=3.0)
+    fx = load_calibration(remembered).camera.fx  # the second run may find a better one, and remember that
+    assert fx == pytest.approx(TRUE_FX, abs=3.0)
     second, said = ran(rig, "second")
     assert str(remembered) in said
-    assert second["calibration"]["fx"][0] == pytest.approx(load_calibration(remembered).camera.fx, abs=1e-3)
+    assert second["calibration"]["fx"][0] == pytest.approx(fx, abs=1e-3)
+    assert load_calibration(remembered).camera.fx == pytest.approx(TRUE_FX, abs=3.0)

@@ -155,7 +155,7 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
     half_readout = np.array([frame.timing.half_readout for frame in frames])[number]
     seen = steadied(seen, at[:, :3, :3], landmark, half_readout, focal_px)
     late = np.array([frame.timing.change_to(odometry.timing) for frame in frames])
-    seen = replace(seen, values=seen.retimed(late[number]))
+    seen = seen.retimed(late[number])
     if is_carried_anew:
         twist = (twists_at(stamps, odometry.frames, map_.keyframes).reshape(-1, 3) @ R_own_told.T).reshape(-1, 6)
         seen = carried_anew(seen, camera, twist[number], at, points, odometry.timing.readout_s)

@@ -141,7 +141,7 @@ def test_retimed_values_are_those_of_a_new_measurement(readouts_s):
     change = before.change_to(after)
     deep = np.isfinite(a.values[:, 2]) & np.isfinite(b.values[:, 2])
     moved = np.abs(b.values - a.values)[deep]
-    left = np.abs(b.values - a.retimed(change))[deep]
+    left = np.abs(b.values - a.retimed(change).values)[deep]
     assert np.mean(moved[:, :2]) > 20 * np.mean(left[:, :2])
     assert np.mean(left[:, 2]) < 5e-4
 

@@ -4,7 +4,7 @@ A node is a frame with its pose by the chain alone. Where it measured the same l
 two are registered as two successive frames are. A registration that contradicts the chain is refused.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -98,10 +98,9 @@ def closure(a: int, place: Keyframe, b: int, sight: Sight, T_hint: Array, sensor
     `T_hint` is T_a_b as expected. None where they cannot be registered.
     """
     here, there = shared(place.identities, sight.names)
-    seen = place.measurements.take(here)  # by the timing of then, which may have been a guess
-    seen = replace(seen, values=seen.retimed(place.timing.change_to(sensor.timing)))
+    change = place.timing.change_to(sensor.timing)  # what was known then may have been a guess
     found = register_frames(
-        seen.straight(sensor.depth_tilt.angles),
+        place.measurements.take(here).retimed(change).straight(sensor.depth_tilt.angles),
         sight.measured.take(there).straight(sensor.depth_tilt.angles),
         T_hint,
     )

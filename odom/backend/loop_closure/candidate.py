@@ -97,9 +97,8 @@ def add_old_landmarks(map_: Map, found: ConfirmedCandidate) -> None:
     keyframe.rows = np.concatenate([keyframe.rows, seen.rows[new]])
     keyframe.identities = np.concatenate([keyframe.identities, seen.identities[new]])
     keyframe.uv = np.concatenate([keyframe.uv, found.uv[new]])
-    values = seen.measurements.take(new)
     change = seen.timing.change_to(keyframe.timing)
-    keyframe.measurements = keyframe.measurements.joined(replace(values, values=values.retimed(change)))
+    keyframe.measurements = keyframe.measurements.joined(seen.measurements.take(new).retimed(change))
 
 
 def track_place(

@@ -6,7 +6,6 @@ from odom.backend.map.keyframe import Keyframe
 from odom.backend.map.map import Map
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.tracking.pose_solver import fit_pose
-from odom.frontend.camera.depth_tilt import without_tilt
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.geometry import se3
 from odom.geometry.arrays import Array
@@ -41,7 +40,7 @@ def refit_newer(map_: Map, newest: Keyframe, timing: ShutterTiming, tilt: Array)
         older = np.flatnonzero(keyframe.current(L) & (L.keyframe[keyframe.rows] != keyframe.number))
         if len(older) >= TUNING.adjust_shared:
             rows, measured = keyframe.rows[older], keyframe.measurements.take(older)
-            values = without_tilt(measured.retimed(keyframe.timing.change_to(timing)), tilt)
+            values = measured.retimed(keyframe.timing.change_to(timing)).straight(tilt).values
             points, covariances = L.position[rows], L.covariance[rows]
             T_camera_map = fit_pose(points, covariances, values, measured.covariance, T_camera_map).T_camera_map
         T_old_new = se3.inverse(keyframe.T_camera_map) @ T_camera_map

@@ -51,6 +51,6 @@ def gather_observations(
     half_readout, focal_px = np.array([f.timing.half_readout for f in frames]), sensor.lens.intrinsics[:2]
     seen = steadied(seen, T_camera_map[frame_number, :3, :3], landmark, half_readout[frame_number], focal_px)
     late = np.array([frame.timing.change_to(sensor.timing) for frame in frames])
-    values = seen.retimed(late[frame_number])
+    values = seen.retimed(late[frame_number]).values
     observations = Observations(frame_number, landmark, values, seen.jacobian_timing, seen.covariance)
     return observations, unique[is_shared]

@@ -178,8 +178,7 @@ class FrameState:
         tracked = self.tracked
         if tracked is None:
             return self
-        measured, rows = change.measured(tracked.measurements), tracked.rows
-        measured = replace(measured, values=measured.retimed(timing_change))
+        measured, rows = change.measured(tracked.measurements).retimed(timing_change), tracked.rows
         used = tracked.inliers & landmarks.alive[rows]
         points, covariances = landmarks.position[rows], landmarks.covariance[rows]
         T = fit_pose(points, covariances, measured.values, measured.covariance, self.T_camera_map, used).T_camera_map

@@ -70,9 +70,9 @@ class Measurements:
         values = without_tilt(self.values, angles)
         return self if values is self.values else replace(self, values=values)
 
-    def retimed(self, change: Array) -> Array:
-        """Return `values` (n x 3) for a timing whose vector has changed by `change` (3 or n x 3, s)."""
-        return np.asarray(self.values + (self.jacobian_timing @ change[..., None])[..., 0])
+    def retimed(self, change: Array) -> "Measurements":
+        """Return them by a timing whose vector has changed by `change` (3 or n x 3, s)."""
+        return replace(self, values=self.values + (self.jacobian_timing @ change[..., None])[..., 0])
 
 
 def points_of(measurements: Measurements, share_of_ray: float = 1.0) -> tuple[Array, Array]:

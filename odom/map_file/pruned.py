@@ -8,8 +8,7 @@ from odom.backend.map.memory import open_map, saved_keyframe
 from odom.backend.map.pruning import forget
 from odom.backend.map.thinning import landmarks_shown, least_telling
 from odom.errors import ConfigError
-from odom.frontend.camera.lens import Lens
-from odom.frontend.features.image_scale import scaled_camera
+from odom.frontend.features.image_scale import scaled_lens
 from odom.map_file.inheritance import Family, Inherited
 from odom.map_file.map_file import MapFile
 from odom.map_file.new_map import Gathered, Origin, refuse_to_replace, renumbered, write_new
@@ -31,7 +30,7 @@ def prune(opened: MapFile, out: Path, keyframes: int) -> int:
     saved = replace(opened.begin(camera), details=every, is_fixed=False)
     map_ = open_map(saved)
     map_.remembered, map_.away = sorted(map_.away), set()
-    family = Family(every, [k.T_camera_map for k in map_.keyframes], _linked(map_), Lens.of(scaled_camera(camera)))
+    family = Family(every, [k.T_camera_map for k in map_.keyframes], _linked(map_), scaled_lens(camera))
     shown = landmarks_shown(map_, camera, lambda number: family.details(number).landmarks.position)
     for number in least_telling(shown, count - keyframes, {k.first for k in map_.keyframes}):
         forget(map_, number)

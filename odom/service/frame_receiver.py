@@ -11,8 +11,7 @@ from dataclasses import replace
 
 from odom.errors import ConfigError, WireError
 from odom.frame import Camera, RgbdFrame, Stamp
-from odom.frontend.camera.lens import Lens
-from odom.frontend.features.image_scale import scaled_camera
+from odom.frontend.features.image_scale import scaled_lens
 from odom.service.arrival_queue import (
     MOST_TRUTH,
     ArrivalQueue,
@@ -230,7 +229,7 @@ class FrameReceiver:
 def _compute_lens(camera: Camera) -> None:
     """Compute the table of a lens before the first frame, which would wait for it."""
     with suppress(ConfigError):  # the odometry says what is wrong
-        Lens.of(scaled_camera(camera))
+        scaled_lens(camera)
 
 
 def _origin(frame: RgbdFrame, delivery: Delivery | None) -> Stamp:

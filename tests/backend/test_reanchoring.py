@@ -6,13 +6,12 @@ from painted_room import SMALL, PaintedRoom
 
 from odom.backend.map.reanchoring import joined, seen_from, take
 from odom.backend.map.saved import SavedLandmarks
-from odom.frontend.camera.lens import Lens
-from odom.frontend.features.image_scale import scaled_camera
+from odom.frontend.features.image_scale import scaled_lens
 from odom.frontend.features.images import FrameImages
 from odom.frontend.features.patches import cut_patches
 from odom.geometry import se3
 
-ROOM, LENS = PaintedRoom(3), Lens.of(scaled_camera(SMALL))
+ROOM, LENS = PaintedRoom(3), scaled_lens(SMALL)
 FRONT_M = 2.0
 """The wall ahead, seen from the middle of the room."""
 

@@ -27,11 +27,10 @@ from odom.backend.stopwatch import Stopwatch
 from odom.backend.tracking.frame_state import Tracked
 from odom.errors import ConfigError
 from odom.frame import Camera, RgbdFrame, Stamp
-from odom.frontend.camera.lens import Lens
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.sensor_memory import SensorMemory
 from odom.frontend.camera.sensor_model import SensorModel
-from odom.frontend.features.image_scale import scaled_camera
+from odom.frontend.features.image_scale import scaled_lens
 from odom.frontend.features.images import FrameImages
 from odom.frontend.features.view import View
 from odom.geometry import se3
@@ -156,7 +155,7 @@ class Odometry:
         measured = len(self.map.remembered) + len(self.intermediate.kept)
         found = self._recalibration.after_frame(self, measured, frames.published.frames.count, view.steady_stamp)
         if found is not None:
-            frames.mapper.lens_to_come = Lens.of(scaled_camera(found), told=scaled_camera(self.camera))
+            frames.mapper.lens_to_come = scaled_lens(found, told=self.camera)
         has_time = not estimate.is_keyframe
         loops += frames.closer.look(frames.published.frames.count, frames.sensor, has_time)
         if self._path.is_due(map_moved or estimate.is_keyframe, has_time):

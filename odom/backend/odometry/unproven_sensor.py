@@ -4,12 +4,11 @@ import numpy as np
 
 from odom.backend.settings import OdometrySettings
 from odom.frame import Camera
-from odom.frontend.camera.lens import Lens
 from odom.frontend.camera.noise_monitor import FeatureNoise, NoiseMonitor
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import StampClock
-from odom.frontend.features.image_scale import scaled_camera
+from odom.frontend.features.image_scale import scaled_lens
 
 _INVERSE_DEPTH_KNOTS = np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0])
 """Inverse depths (1/m) at which the noise of depth is learnt: from 6.7 m to .5 m, the range of a Kinect."""
@@ -25,4 +24,4 @@ def unproven_sensor(camera: Camera, settings: OdometrySettings) -> SensorModel:
     sigma_s = [settings.readout_prior_sigma_s, settings.depth_lag_prior_sigma_s, settings.depth_readout_prior_sigma_s]
     timing = ShutterTiming(settings.readout_prior_s, settings.depth_lag_prior_s, settings.depth_readout_prior_s)
     information = np.diag(np.array(sigma_s) ** -2.0)
-    return SensorModel(Lens.of(scaled_camera(camera)), timing, information, StampClock(), NoiseMonitor.of(noise))
+    return SensorModel(scaled_lens(camera), timing, information, StampClock(), NoiseMonitor.of(noise))

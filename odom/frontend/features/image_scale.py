@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.frame import Camera, DepthModel
+from odom.frontend.camera.lens import Lens
 from odom.frontend.features.tuning import TUNING
 from odom.geometry.arrays import Array, Image, Mask, Scalar
 
@@ -56,6 +57,11 @@ def scaled_camera(camera: Camera) -> Camera:
         cy=cy,
         depth=DepthModel.of(vector),
     )
+
+
+def scaled_lens(camera: Camera, told: Camera | None = None) -> Lens:
+    """Return the lens of the scaled images of `camera`; `told` and errors are those of `Lens.of`."""
+    return Lens.of(scaled_camera(camera), None if told is None else scaled_camera(told))
 
 
 def scaled_image(image: Image, scale: float) -> Image:

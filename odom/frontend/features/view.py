@@ -20,8 +20,8 @@ class View:
     """Frame `sequence`, whose colour image was stamped `stamp` and really taken at `steady_stamp` (see `StampClock`).
 
     `images` are the colour image's, `depth_mm` (H x W uint16, mm, 0: none) is the depth image stamped `depth_stamp`.
-    `may_move` (H x W) marks what no feature should lie on, None where nothing is known of that. All have
-    the size in which features are looked for (see `image_scale`).
+    `may_move` (H x W) marks what no feature should lie on, None where nothing is known of that. All have the size
+    in which features are looked for (see `image_scale`).
     """
 
     sequence: int

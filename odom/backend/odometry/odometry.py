@@ -12,7 +12,7 @@ from odom.backend.map.memory import take_changes
 from odom.backend.map.saved import MapChanges, SavedMap
 from odom.backend.map.shown import ShownPath, cloud_of
 from odom.backend.mapping.intermediate_frames import IntermediateFrames, corrected
-from odom.backend.odometry.camera_pixels import estimated
+from odom.backend.odometry.camera_pixels import in_camera_pixels
 from odom.backend.odometry.final_trajectory import trajectory
 from odom.backend.odometry.frame_order import FrameOrder
 from odom.backend.odometry.frame_stages import FrameStages
@@ -150,7 +150,8 @@ class Odometry:
         map_moved |= frames.mapper.prune(frames.state)
         watch.lap("background")
         T_predicted = None if prepared is None or map_moved else prepared.T_predicted
-        estimate = estimated(frames, view, T_predicted, watch, on_pose)
+        estimate = frames.estimate(view, T_predicted, watch, lambda each: on_pose(in_camera_pixels(each, images.scale)))
+        estimate = in_camera_pixels(estimate, images.scale)
         grow(frames, frames.published.frames.count)
         measured = len(self.map.remembered) + len(self.intermediate.kept)
         found = self._recalibration.after_frame(self, measured, frames.published.frames.count, view.steady_stamp)

@@ -15,6 +15,7 @@ from odom.export.scene import scene_of
 from odom.frontend.camera.lens import Lens, project
 from odom.geometry import se3
 from sensors.arena import ArenaOptions
+from sensors.arena.options import halved
 
 ROOM = PaintedRoom(seed=7)
 LARGE = Camera(1280, 960, 1050.0, 1050.0, 639.5, 479.5)
@@ -27,10 +28,8 @@ def among_people(seed: int, begin_s: float, end_s: float) -> Verdict:
     """The verdict on a part of a walk of 15 Hz among the arena's four people."""
     options = ArenaOptions(people=4, half=True, seed=seed)
     assert (options.camera.width, options.camera.height) == (320, 240)
-    odometry, frames = (
-        Odometry(options.camera),
-        [frame(options, k) for k in range(int(30 * begin_s), int(30 * end_s), 2)],
-    )
+    odometry = Odometry(options.camera)
+    frames = [frame(options, k) for k in range(int(30 * begin_s), int(30 * end_s), 2)]
     estimates = [odometry.process(drawn.rgbd()) for drawn in frames]
     truth = Trajectory(np.array([f.stamp for f in frames]), np.array([f.T_world_camera for f in frames]))
     found = verdict(estimates, Trajectory.of(odometry.finish()), truth)
@@ -106,10 +105,7 @@ def test_cells_that_move_are_where_the_image_shows_the_body(camera: Camera) -> N
 @pytest.mark.parametrize(("name", "ate_m"), [("tum_fr1_xyz", 0.0045), ("tum_fr1_rpy_part", 0.0065)])
 def test_a_recording_in_half_size_is_tracked_nearly_as_well(shared_data, name: str, ate_m: float) -> None:
     recording = read_recording(shared_data / name)
-    c = recording.camera
-    cx, cy = (c.cx + 0.5) / 2 - 0.5, (c.cy + 0.5) / 2 - 0.5
-    camera = replace(c, width=c.width // 2, height=c.height // 2, fx=c.fx / 2, fy=c.fy / 2, cx=cx, cy=cy)
-    odometry, estimates = Odometry(camera), []
+    odometry, estimates = Odometry(halved(recording.camera, 0.5)), []
     for large in recording:
         color = cv2.resize(large.color, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
         depth_mm = np.ascontiguousarray(large.depth_mm[::2, ::2])

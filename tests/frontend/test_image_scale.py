@@ -125,9 +125,8 @@ def test_reduced_depth_is_that_of_one_surface():
     blocks = [[1000, 1002, 1004, 1006], [0, 0, 0, 1500], [800, 2000, 2004, 0], [0, 0, 0, 0], [65535] * 4]
     depth = np.array(blocks, np.uint16).reshape(5, 2, 2).transpose(1, 0, 2).reshape(2, 10)
     assert scaled_depth(depth, 0.5).tolist() == [[1003, 1500, 800, 0, 65535]]
-    framed = np.zeros((4, 20), np.uint16)
-    framed[1:3] = depth.reshape(2, 5, 2).repeat(2, axis=1).reshape(2, 20)[:, :20]
-    assert scaled_depth(framed, 0.25).shape == (1, 5)
+    around = np.pad(depth.reshape(2, 5, 2), ((1, 1), (0, 0), (1, 1)), constant_values=3000).reshape(4, 20)
+    assert scaled_depth(around, 0.25).tolist() == scaled_depth(depth, 0.5).tolist()
 
 
 def test_one_marked_pixel_marks_its_block():

@@ -84,7 +84,7 @@ def pairs_of(camera, frames, monkeypatch):
         link = odometry.process(frame).pairwise
         if link is None or not caught:
             continue
-        T_earlier, T_before = odometry._frames.chain._end.published.T_middle_stamp, T_earlier
+        T_earlier, T_before = odometry._stages.chain._end.published.T_middle_stamp, T_earlier
         previous, current, T_hint, pose = [call for call in caught if not isinstance(call[-1], str)][-1]  # the one used
         if k % EVERY or k < 30:
             continue
@@ -93,7 +93,7 @@ def pairs_of(camera, frames, monkeypatch):
         pairs = Pairs(q, p, Sq, Sp)
         gated = register(pairs, Prior(T_hint)) if len(p) >= 10 else None
         if gated is not None and gated.ok:
-            scale = odometry._frames.sensor.noise.covariance_scale
+            scale = odometry._stages.sensor.noise.covariance_scale
             rest = link.covariance - scale * pose.covariance
             inverse = se3.inverse(T_before)
             found.append(LinkPairs(pairs[gated.inliers], link, frame.stamp, inverse, T_earlier, scale, rest))

@@ -87,7 +87,7 @@ def swept(camera, frames, truth, monkeypatch):
         odometry = Odometry(camera)
         for frame in frames:
             odometry.process(frame)
-    stages = odometry._frames
+    stages = odometry._stages
     return {name: one.figures(stages.map, stages.sensor.noise, truth) for name, one in fed.items()}
 
 

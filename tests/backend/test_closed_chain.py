@@ -132,7 +132,7 @@ def test_a_closure_that_contradicts_the_chain_is_refused_and_never_enters(there_
                 turned.add(keyframe.number)
 
     odometry, poses = closed_run(there_and_back, spoil)
-    closures = odometry._frames.chain.closures
+    closures = odometry._stages.chain.closures
     later = {node.number for node in closures.nodes if node.stamp > there_and_back[59].stamp}
     wrong = {node.number for node in closures.nodes if node.keyframe in turned}
     assert closures.refused > 5

@@ -176,7 +176,7 @@ def ran_with(most, frames, anticipates=False):
         if anticipates:
             odometry.anticipate(frame.stamp, frame.color)
         estimates.append(odometry.process(frame))
-        map_ = odometry._frames.map
+        map_ = odometry._stages.map
         sizes.append((len(map_.remembered), int(map_.landmarks.alive.sum()), len(map_.places.places)))
     ran = Ran(tuple(estimates), odometry.finish(), odometry.timing)
     return ran, np.array(sizes), odometry
@@ -205,7 +205,7 @@ def test_its_map_stays_within_the_bound(forgetful):
     assert keyframes.max() <= MOST + 2  # while the background works
     assert places.max() <= MOST
     assert landmarks[FRAMES // 2 :].max() < 1.2 * landmarks[: FRAMES // 2].max()
-    kept = odometry._frames.map
+    kept = odometry._stages.map
     assert all(len(k.rows) == 0 for k in kept.keyframes if k.number not in kept.remembered)
     assert sum(len(f) for f in kept.followers.values()) == odometry.forgotten_keyframes
 
@@ -235,5 +235,5 @@ def test_segments_that_are_never_tracked_are_forgotten_too():
             seen = PaintedRoom(seed=k).frame(SMALL, 0, np.eye(4))
         color = np.zeros_like(seen.color) if k % 4 else seen.color
         odometry.process(replace(seen, sequence=k, stamp=stamp, depth_stamp=stamp, color=color))
-    assert len(odometry._frames.map.keyframes) > 15
-    assert len(odometry._frames.map.remembered) <= 11
+    assert len(odometry._stages.map.keyframes) > 15
+    assert len(odometry._stages.map.remembered) <= 11

@@ -5,15 +5,15 @@ from dataclasses import replace
 from odom.backend.odometry.frame_stages import FrameStages
 
 
-def grow(frames: FrameStages, count: int | None) -> None:
+def grow(stages: FrameStages, count: int | None) -> None:
     """Add to the map what is due after frame number `count` (None: after the last one; see `NewCorners`)."""
-    grown = frames.mapper.inserter.take_corners(count, frames.sensor)
-    if grown is not None and frames.state is not None:
+    grown = stages.mapper.inserter.take_corners(count, stages.sensor)
+    if grown is not None and stages.state is not None:
         view, tracked = grown.wanted.before.view, grown.wanted.before.tracked
-        landmarks = frames.map.landmarks
-        frames.moving = frames.moving.after_keyframe(view.steady_stamp, grown.moved_share, tracked, landmarks)
-        if frames.state.view is view:
-            keyframe = frames.map.keyframes[grown.wanted.keyframe]
-            frames.state = replace(frames.state, rows=keyframe.rows, uv=keyframe.uv)
-    if frames.state is not None and count is not None:
-        frames.mapper.recall(frames.state)
+        landmarks = stages.map.landmarks
+        stages.moving = stages.moving.after_keyframe(view.steady_stamp, grown.moved_share, tracked, landmarks)
+        if stages.state.view is view:
+            keyframe = stages.map.keyframes[grown.wanted.keyframe]
+            stages.state = replace(stages.state, rows=keyframe.rows, uv=keyframe.uv)
+    if stages.state is not None and count is not None:
+        stages.mapper.recall(stages.state)

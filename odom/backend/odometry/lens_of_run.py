@@ -17,35 +17,35 @@ from odom.geometry.arrays import Array
 
 
 def go_on_through_lens(
-    frames: FrameStages, before: SensorModel, state: FrameState, T_reference_camera: Array
+    stages: FrameStages, before: SensorModel, state: FrameState, T_reference_camera: Array
 ) -> FrameState:
     """Continue with the sensor's new lens in the map adjusted to it; return the newest frame's state there.
 
     `before` was the sensor until now; `state` and `T_reference_camera` are the newest frame's in the map as it was.
     The pose in odom stays what it was.
     """
-    change = LensChange(before.lens, frames.sensor.lens)
-    timing_change = frames.sensor.timing.vector - before.timing.vector
-    frames.closer.drop_waiting()
-    frames.chain.see_through(change)
-    moved = state.moved_with(frames.map, T_reference_camera)
-    moved = moved.seen_through(change, timing_change, frames.map.landmarks)
-    moved = _tracked_again(frames, moved)
-    frames.published.change_lens(moved.T_map_camera @ state.T_camera_map)
-    frames.state = moved
+    change = LensChange(before.lens, stages.sensor.lens)
+    timing_change = stages.sensor.timing.vector - before.timing.vector
+    stages.closer.drop_waiting()
+    stages.chain.see_through(change)
+    moved = state.moved_with(stages.map, T_reference_camera)
+    moved = moved.seen_through(change, timing_change, stages.map.landmarks)
+    moved = _tracked_again(stages, moved)
+    stages.published.change_lens(moved.T_map_camera @ state.T_camera_map)
+    stages.state = moved
     return moved
 
 
-def _tracked_again(frames: FrameStages, state: FrameState) -> FrameState:
+def _tracked_again(stages: FrameStages, state: FrameState) -> FrameState:
     """Return the newest frame's state tracked with the new lens, unchanged where too little is found.
 
     Through the old lens its rows had shown a wrong velocity, by which the measurements were carried to the middle row.
     Now they are carried by `state.twist`, and no velocity of the rows is handed on.
     """
-    before, tracker, T = state.tracked, frames.tracker, state.T_camera_map
+    before, tracker, T = state.tracked, stages.tracker, state.T_camera_map
     if before is None:
         return state
-    tracked = tracker.track(state.view, frames.sensor, T, state.twist, tracker.around(state.reference, T))
+    tracked = tracker.track(state.view, stages.sensor, T, state.twist, tracker.around(state.reference, T))
     if not (has_enough_inliers(tracked) and is_same_view(tracked, before)):
         return state
     tracked = replace(tracked, reference=before.reference)

@@ -65,7 +65,7 @@ class Odometry:
         self.camera = camera
         unproven = unproven_sensor(camera, self.settings)
         sensor = saved.sensor.recalled(unproven) if saved is not None and saved.sensor is not None else unproven
-        self._frames = FrameStages(sensor, self.settings, saved)
+        self._stages = FrameStages(sensor, self.settings, saved)
         self.segmentation = Segmentation(segmenter)
         self.calibrator = calibrator
         self._recalibration = Recalibration(camera, calibrator)
@@ -84,45 +84,45 @@ class Odometry:
     @property
     def timing(self) -> ShutterTiming:
         """The sensor's timing as estimated so far."""
-        return self._frames.sensor.timing
+        return self._stages.sensor.timing
 
     @property
     def sensor(self) -> SensorModel:
         """What the stream has shown of the camera so far."""
-        return self._frames.sensor
+        return self._stages.sensor
 
     @property
     def map(self) -> Map:
         """The map so far: to be read, not changed."""
-        return self._frames.map
+        return self._stages.map
 
     @property
     def intermediate(self) -> IntermediateFrames:
         """What some frames between key frames measured: to be read, not changed."""
-        return self._frames.mapper.intermediate
+        return self._stages.mapper.intermediate
 
     @property
     def frames(self) -> FrameLog:
         """The poses of frames for their middle rows' times, those of the last eight hours: to be read, not changed."""
-        return self._frames.published.frames
+        return self._stages.published.frames
 
     @property
     def forgotten_keyframes(self) -> int:
         """How many key frames were forgotten, for the map to stay within `map_keyframes`."""
-        return len(self._frames.map.forgotten)
+        return len(self._stages.map.forgotten)
 
     def anticipate(self, stamp: Stamp, color: Image) -> None:
         """Do ahead what needs no depth, for the frame of `stamp` that will hold this same `color` array (grey or RGB).
 
         The estimate is the same without this, only later: a Kinect's depth comes milliseconds behind its colour.
         """
-        frames, state = self._frames, self._frames.state
-        if state is None or frames.published.is_lost or color.shape[:2] != (self.camera.height, self.camera.width):
+        stages, state = self._stages, self._stages.state
+        if state is None or stages.published.is_lost or color.shape[:2] != (self.camera.height, self.camera.width):
             return
         watch = Stopwatch()
-        images, sensor = FrameImages.of(color), frames.sensor.with_stamp(stamp)
+        images, sensor = FrameImages.of(color), stages.sensor.with_stamp(stamp)
         watch.lap("images")
-        T_predicted = frames.tracker.predict(state, images, sensor.clock.steady, sensor)
+        T_predicted = stages.tracker.predict(state, images, sensor.clock.steady, sensor)
         watch.lap("predict")
         self._prepared = Prepared(color, images, state, T_predicted, watch.laps_ms)
 
@@ -136,64 +136,64 @@ class Odometry:
         before it, or whose stamps stay less than 0.1 ms apart: they are not nanoseconds. A stamp further back begins a
         new time, in which the camera has to be found again.
         """
-        frames = self._frames
-        self._order.check(frame, self.camera, frames.published.since_last_s(frame.stamp))
-        frames.sensor = frames.sensor.with_stamp(frame.stamp)
+        stages = self._stages
+        self._order.check(frame, self.camera, stages.published.since_last_s(frame.stamp))
+        stages.sensor = stages.sensor.with_stamp(frame.stamp)
         prepared, self._prepared = self._prepared, None
-        if prepared is not None and (prepared.color is not frame.color or prepared.state is not frames.state):
+        if prepared is not None and (prepared.color is not frame.color or prepared.state is not stages.state):
             prepared = None
         watch = Stopwatch(None if prepared is None else prepared.laps_ms)
         images = FrameImages.of(frame.color) if prepared is None else prepared.images
-        view = View.of(frame, frames.sensor.clock, images, self.segmentation.mask(frame))
+        view = View.of(frame, stages.sensor.clock, images, self.segmentation.mask(frame))
         watch.lap("images")
-        loops, map_moved = self._take_background(frames.published.frames.count)
-        map_moved |= frames.mapper.prune(frames.state)
+        loops, map_moved = self._take_background(stages.published.frames.count)
+        map_moved |= stages.mapper.prune(stages.state)
         watch.lap("background")
         T_predicted = None if prepared is None or map_moved else prepared.T_predicted
-        estimate = frames.estimate(view, T_predicted, watch, lambda each: on_pose(in_camera_pixels(each, images.scale)))
+        estimate = stages.estimate(view, T_predicted, watch, lambda each: on_pose(in_camera_pixels(each, images.scale)))
         estimate = in_camera_pixels(estimate, images.scale)
-        grow(frames, frames.published.frames.count)
+        grow(stages, stages.published.frames.count)
         measured = len(self.map.remembered) + len(self.intermediate.kept)
-        found = self._recalibration.after_frame(self, measured, frames.published.frames.count, view.steady_stamp)
+        found = self._recalibration.after_frame(self, measured, stages.published.frames.count, view.steady_stamp)
         if found is not None:
-            frames.mapper.lens_to_come = scaled_lens(found, told=self.camera)
+            stages.mapper.lens_to_come = scaled_lens(found, told=self.camera)
         has_time = not estimate.is_keyframe
-        loops += frames.closer.look(frames.published.frames.count, frames.sensor, has_time)
+        loops += stages.closer.look(stages.published.frames.count, stages.sensor, has_time)
         if self._path.is_due(map_moved or estimate.is_keyframe, has_time):
-            estimate = replace(estimate, path=self._path.of(frames.map), landmarks_map=cloud_of(frames.map))
+            estimate = replace(estimate, path=self._path.of(stages.map), landmarks_map=cloud_of(stages.map))
         watch.lap("background")
         return replace(estimate, loops=tuple(loops), timings_ms=watch.laps_ms)
 
     def take_map_changes(self) -> MapChanges:
         """Return what is new or changed in the map since the last call; nothing unless it was opened to be extended."""
-        changes = take_changes(self._frames.map)
-        return changes if changes.is_empty else replace(changes, sensor=SensorMemory.of(self._frames.sensor))
+        changes = take_changes(self._stages.map)
+        return changes if changes.is_empty else replace(changes, sensor=SensorMemory.of(self._stages.sensor))
 
     def _take_background(self, count: int | None) -> tuple[list[LoopCandidate], bool]:
         """Apply background results due at frame `count` (None: all); return judged loops, and whether the map moved.
 
         The current pose moves with the map; a loop closure leaves the pose in odom as it was.
         """
-        frames, state = self._frames, self._frames.state
+        stages, state = self._stages, self._stages.state
         if state is None:
             return [], False
-        T_reference_camera = state.T_reference_camera(frames.map)
-        before = frames.sensor
-        taken = frames.mapper.take_background(count, frames.sensor)
-        frames.sensor, described = taken or (frames.sensor, [])
-        if frames.sensor.lens is not before.lens:
+        T_reference_camera = state.T_reference_camera(stages.map)
+        before = stages.sensor
+        taken = stages.mapper.take_background(count, stages.sensor)
+        stages.sensor, described = taken or (stages.sensor, [])
+        if stages.sensor.lens is not before.lens:
             self._recalibration.adopt()
-            state = go_on_through_lens(frames, before, state, T_reference_camera)
-            T_reference_camera = state.T_reference_camera(frames.map)
-        T_reference_adjusted = frames.map.keyframes[state.reference].T_camera_map
-        loops = frames.closer.judge(described, frames.sensor)
-        if frames.mapper.is_idle:  # what is being adjusted must not move meanwhile
-            loops += frames.closer.close(count, frames.sensor)
+            state = go_on_through_lens(stages, before, state, T_reference_camera)
+            T_reference_camera = state.T_reference_camera(stages.map)
+        T_reference_adjusted = stages.map.keyframes[state.reference].T_camera_map
+        loops = stages.closer.judge(described, stages.sensor)
+        if stages.mapper.is_idle:  # what is being adjusted must not move meanwhile
+            loops += stages.closer.close(count, stages.sensor)
         if is_closed := any(loop.accepted for loop in loops):
-            T_reference_map = frames.map.keyframes[state.reference].T_camera_map
-            frames.published.correct(se3.inverse(T_reference_map) @ T_reference_adjusted)
+            T_reference_map = stages.map.keyframes[state.reference].T_camera_map
+            stages.published.correct(se3.inverse(T_reference_map) @ T_reference_adjusted)
         if map_moved := is_closed or taken is not None:
-            frames.state = state.moved_with(frames.map, T_reference_camera)
+            stages.state = state.moved_with(stages.map, T_reference_camera)
         return loops, map_moved
 
     def finish(self) -> tuple[TrajectoryPose, ...]:
@@ -201,23 +201,23 @@ class Odometry:
 
         It holds one pose for each frame of the last eight hours (see `FrameLog`).
         """
-        frames, log, keyframes = self._frames, self._frames.published.frames, self._frames.map.keyframes
+        stages, log, keyframes = self._stages, self._stages.published.frames, self._stages.map.keyframes
         self.late_loops = ()
-        if frames.state is None:
+        if stages.state is None:
             return trajectory(log, keyframes)
-        grow(frames, None)
+        grow(stages, None)
         newest, tracked = log.count - 1, self._newest_tracked
         if tracked is not None:
-            frames.mapper.keep_for_the_end(newest, tracked, frames.sensor)
+            stages.mapper.keep_for_the_end(newest, tracked, stages.sensor)
         loops, _ = self._take_background(None)
-        frames.mapper.start_background(log.count, frames.sensor)
+        stages.mapper.start_background(log.count, stages.sensor)
         self.late_loops = (*loops, *self._take_background(None)[0])
-        state = frames.state
-        T_reference_camera = state.T_reference_camera(frames.map)
-        frames.sensor, self._adjusted = frames.mapper.finish(frames.sensor)
-        frames.state = state.moved_with(frames.map, T_reference_camera)
+        state = stages.state
+        T_reference_camera = state.T_reference_camera(stages.map)
+        stages.sensor, self._adjusted = stages.mapper.finish(stages.sensor)
+        stages.state = state.moved_with(stages.map, T_reference_camera)
         if newest in self._adjusted:
-            frames.state = replace(frames.state, T_camera_map=self._adjusted[newest])
+            stages.state = replace(stages.state, T_camera_map=self._adjusted[newest])
         return self.trajectory_with({}, {})
 
     def trajectory_with(
@@ -227,24 +227,24 @@ class Odometry:
 
         Both are keyed by number, of the key frame or the frame; other frames move along, the map stays as it is.
         """
-        map_, adjusted = self._frames.map, {**self._adjusted, **between}
+        map_, adjusted = self._stages.map, {**self._adjusted, **between}
         moved = [replace(k, T_camera_map=keyframes[k.number]) if k.number in keyframes else k for k in map_.keyframes]
-        return trajectory(corrected(self._frames.published.frames, moved, adjusted, map_.earlier), moved)
+        return trajectory(corrected(self._stages.published.frames, moved, adjusted, map_.earlier), moved)
 
     def closing_test(self) -> ClosingTest | None:
         """Return the paper's test of a closed walk after `finish`, None where it can't be made (see `closing_test`)."""
-        frames, last = self._frames, self._newest_tracked
-        if frames.state is None or last is None:
+        stages, last = self._stages, self._newest_tracked
+        if stages.state is None or last is None:
             return None
-        return closing_test(frames.map, frames.tracker, frames.state, last, frames.chain.link, frames.sensor)
+        return closing_test(stages.map, stages.tracker, stages.state, last, stages.chain.link, stages.sensor)
 
     def closed_chain(self) -> ClosedChain | None:
         """Return the chain as its loop closures correct it, None where it has not begun."""
-        frames = self._frames
-        return close_chain(frames.chain, frames.map, frames.sensor)
+        stages = self._stages
+        return close_chain(stages.chain, stages.map, stages.sensor)
 
     @property
     def _newest_tracked(self) -> Tracked | None:
         """The last frame's tracking, None where it was not tracked."""
-        state, last = self._frames.state, self._frames.published.frames.last
+        state, last = self._stages.state, self._stages.published.frames.last
         return state.tracked if state and last and last.stamp == state.view.stamp else None

@@ -146,18 +146,18 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
     seen, number, landmark, is_displaced = _gathered(frames, odometry, start.rows)
     stamps = [keyframe.stamp for keyframe in keyframes] + [odometry.frames.stamp_of(s.number) for s in others]
     seen = replace(seen, slope=seen.slope * scale_of(camera))  # per pixel of the camera's own image
-    R_own_told = odometry.sensor.lens.R_own_told
+    R_own_rays = odometry.sensor.lens.R_own_rays
     if camera is not odometry.camera:
-        seen = turned(seen, R_own_told)
+        seen = turned(seen, R_own_rays)
     T_camera_map = start.bundle.T_camera_map.copy()
-    T_camera_map[:, :3] = R_own_told @ T_camera_map[:, :3]
+    T_camera_map[:, :3] = R_own_rays @ T_camera_map[:, :3]
     at, points, focal_px = T_camera_map[number], start.bundle.landmarks[landmark], np.array([camera.fx, camera.fy])
     half_readout = np.array([frame.timing.half_readout for frame in frames])[number]
     seen = steadied(seen, at[:, :3, :3], landmark, half_readout, focal_px)
     late = np.array([frame.timing.change_to(odometry.timing) for frame in frames])
     seen = seen.retimed(late[number])
     if is_carried_anew:
-        twist = (twists_at(stamps, odometry.frames, map_.keyframes).reshape(-1, 3) @ R_own_told.T).reshape(-1, 6)
+        twist = (twists_at(stamps, odometry.frames, map_.keyframes).reshape(-1, 3) @ R_own_rays.T).reshape(-1, 6)
         seen = carried_anew(seen, camera, twist[number], at, points, odometry.timing.readout_s)
     vector, S, (fx, fy) = vector_of(camera), seen.covariance, focal_px
     uv, by_direction, _ = project(seen.values[:, :2], vector[LENS])
@@ -184,9 +184,9 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
     return survey, start
 
 
-def turned(seen: Measurements, R_own_told: Array) -> Measurements:
+def turned(seen: Measurements, R_own_rays: Array) -> Measurements:
     """Return measurements in a camera's own axes that were given in those of another, a degree or two aside."""
-    own = np.column_stack([seen.values[:, :2], np.ones(len(seen))]) @ R_own_told.T
+    own = np.column_stack([seen.values[:, :2], np.ones(len(seen))]) @ R_own_rays.T
     return replace(seen, values=np.column_stack([own[:, :2], seen.values[:, 2]]) / own[:, 2:])
 
 

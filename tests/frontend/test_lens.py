@@ -94,7 +94,7 @@ def test_a_lens_told_in_the_frame_of_another_camera_sees_nearly_as_that_one_and_
     camera, seed
 ):
     given = replace(camera, cx=camera.width / 2, cy=camera.height / 2, distortion=())
-    plain, own, told = Lens.of(given), Lens.of(camera), Lens.of(camera, told=given)
+    plain, own, told = Lens.of(given), Lens.of(camera), Lens.of(camera, frame_of=given)
     rng = np.random.default_rng(seed)
     uv = rng.uniform((1, 1), (camera.width - 2, camera.height - 2), (200, 2))
     z = rng.uniform(0.3, 8.0, (200, 1))
@@ -107,16 +107,16 @@ def test_a_lens_told_in_the_frame_of_another_camera_sees_nearly_as_that_one_and_
     rays = np.column_stack([rays_at(told.rays, uv), np.ones(len(uv))])
     turn = turn_onto(rays / np.linalg.norm(rays, axis=1, keepdims=True), rays_of(given, uv))
     np.testing.assert_allclose(turn, np.eye(3), atol=1e-5)  # no rotation brings them nearer
-    np.testing.assert_allclose(told.R_own_told @ told.R_own_told.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(told.R_own_rays @ told.R_own_rays.T, np.eye(3), atol=1e-12)
 
 
 def test_depth_along_a_turned_axis_is_the_distance_along_it():
     camera = Camera(640, 480, 525.0, 520.0, 326.0, 262.0)
     given = replace(camera, cx=319.5, cy=239.5)
-    told = Lens.of(camera, told=given)
+    told = Lens.of(camera, frame_of=given)
     uv = np.array([[60.0, 40.0], [600.0, 60.0], [320.0, 240.0], [50.0, 430.0]])
     own = np.column_stack([rays_at(Lens.of(camera).rays, uv), np.ones(4)]) * 2.5
-    turned = own @ told.R_own_told
+    turned = own @ told.R_own_rays
     np.testing.assert_allclose(turned[:, :2] / turned[:, 2:], rays_at(told.rays, uv), atol=1e-5)
     offset, scale = depth_errors(uv, 640, 480, told.depth_model).T
     np.testing.assert_allclose((1 / 2.5 - offset) / scale, 1.0 / turned[:, 2], rtol=1e-3)

@@ -33,13 +33,13 @@ def values_through(lens):
 
 @pytest.mark.parametrize("found", FOUND.values(), ids=FOUND)
 def test_pixels_and_depth_images_stay_and_what_they_mean_becomes_the_new_lens_s(found):
-    before, after = Lens.of(GIVEN), Lens.of(found, told=GIVEN)
+    before, after = Lens.of(GIVEN), Lens.of(found, frame_of=GIVEN)
     told = LensChange(before, after).values(values_through(before), FLAT)
     np.testing.assert_allclose(told, values_through(after), atol=2e-5)
 
 
 def test_there_and_back_is_where_it_was_and_missing_depth_stays_missing():
-    there = LensChange(Lens.of(GIVEN), Lens.of(FOUND["bent"], told=GIVEN))
+    there = LensChange(Lens.of(GIVEN), Lens.of(FOUND["bent"], frame_of=GIVEN))
     back = LensChange(there.after, there.before)
     values = values_through(there.before)
     values[::7, 2] = np.nan
@@ -50,13 +50,13 @@ def test_there_and_back_is_where_it_was_and_missing_depth_stays_missing():
 def test_depth_that_was_read_beside_is_read_where_it_is_by_the_slope_of_the_surface():
     slope = np.full((300, 2), (1e-3, -5e-4))
     shifted = replace(GIVEN, depth=DepthModel(shift_px=(4.0, -2.0)))
-    told = LensChange(Lens.of(GIVEN), Lens.of(shifted, told=GIVEN)).values(values_through(Lens.of(GIVEN)), slope)
+    told = LensChange(Lens.of(GIVEN), Lens.of(shifted, frame_of=GIVEN)).values(values_through(Lens.of(GIVEN)), slope)
     uv_depth, _, _ = as_measured(shifted.depth.vector, UV, MEASURED, 640, 480)
     np.testing.assert_allclose(told[:, 2], MEASURED + ((uv_depth - UV) * slope).sum(axis=1), rtol=1e-6)
 
 
 def test_points_of_a_ray_and_a_depth_move_as_these_do():
-    change = LensChange(Lens.of(GIVEN), Lens.of(FOUND["aside"], told=GIVEN))
+    change = LensChange(Lens.of(GIVEN), Lens.of(FOUND["aside"], frame_of=GIVEN))
     values = values_through(change.before)
     points = np.column_stack([values[:, :2], np.ones(300)]) / values[:, 2:]
     new = change.values(values, FLAT)
@@ -65,7 +65,7 @@ def test_points_of_a_ray_and_a_depth_move_as_these_do():
 
 
 def test_landmarks_move_as_points_do_in_the_frames_that_measured_them():
-    change = LensChange(Lens.of(GIVEN), Lens.of(FOUND["longer"], told=GIVEN))
+    change = LensChange(Lens.of(GIVEN), Lens.of(FOUND["longer"], frame_of=GIVEN))
     values = values_through(change.before)
     points = np.column_stack([values[:, :2], np.ones(300)]) / values[:, 2:]
     T_camera_map = np.array([se3.exp(RNG.normal(size=6)) for _ in points])

@@ -44,8 +44,8 @@ def with_rise(jacobian_timing: Array, change: Array, half_readout: Array) -> Arr
     with np.errstate(divide="ignore", invalid="ignore"):
         row = J[:, 2, 2] / J[:, 2, 1]
         by_lag = (-J[:, :2, 0] / row[:, None] * change).sum(axis=1)
-    is_told = np.isfinite(by_lag) & (np.abs(row) > _LEAST_ROW)
-    by_lag, row = np.where(is_told, by_lag, 0.0), np.where(is_told, row, 0.0)
+    is_known = np.isfinite(by_lag) & (np.abs(row) > _LEAST_ROW)
+    by_lag, row = np.where(is_known, by_lag, 0.0), np.where(is_known, row, 0.0)
     J[:, 2, 0] += (half_readout - row) * by_lag
     J[:, 2, 1] += by_lag
     J[:, 2, 2] += row * by_lag

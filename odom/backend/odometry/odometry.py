@@ -156,7 +156,7 @@ class Odometry:
         measured = len(self.map.remembered) + len(self.intermediate.kept)
         found = self._recalibration.after_frame(self, measured, stages.published.frames.count, view.steady_stamp)
         if found is not None:
-            stages.mapper.lens_to_come = scaled_lens(found, told=self.camera)
+            stages.mapper.lens_to_come = scaled_lens(found, frame_of=self.camera)
         has_time = not estimate.is_keyframe
         loops += stages.closer.look(stages.published.frames.count, stages.sensor, has_time)
         if self._path.is_due(map_moved or estimate.is_keyframe, has_time):

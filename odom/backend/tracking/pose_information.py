@@ -89,7 +89,7 @@ def _fill_terms(T: Array, block: Array, cauchy: float, terms: Array) -> None:
 
 
 @compiled
-def told_chi2(T: Array, blocks: Array, n: int) -> Array:
+def chi2_in_blocks(T: Array, blocks: Array, n: int) -> Array:
     """Return chi2 (n x 2: ray, depth) of n landmarks `in_blocks` at the pose `T`."""
     chi2, terms = np.zeros((n, 2)), np.zeros(_WRITTEN)
     for k in range(n):

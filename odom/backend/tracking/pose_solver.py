@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odom.backend.tracking.pose_information import NEAREST_M, add_up, in_blocks, told_chi2
+from odom.backend.tracking.pose_information import NEAREST_M, add_up, chi2_in_blocks, in_blocks
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.rolling_shutter import interaction_matrix
 from odom.geometry.arrays import Array, Mask
@@ -144,7 +144,7 @@ def chi2_of(points_map: Array, covariances_map: Array, values: Array, variances:
 
     The arguments are those of `fit_pose`; chi2 is huge for a point behind the camera.
     """
-    return told_chi2(T_camera_map, in_blocks(points_map, covariances_map, values, variances), len(points_map))
+    return chi2_in_blocks(T_camera_map, in_blocks(points_map, covariances_map, values, variances), len(points_map))
 
 
 @compiled

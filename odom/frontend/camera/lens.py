@@ -42,17 +42,17 @@ class Lens:
 
     @classmethod
     @lru_cache(maxsize=1)
-    def of(cls, camera: Camera, told: Camera | None = None) -> "Lens":
+    def of(cls, camera: Camera, frame_of: Camera | None = None) -> "Lens":
         """Return the lens of `camera`; the inverse distortion is solved once for every pixel (OpenCV).
 
         That takes some 40 ms at 640 x 480, so the newest lens is kept. Rays and inverse depths are in the frame of the
-        camera `told` (None: its own), by the rotation that fits the rays of both best. Raises ConfigError for
+        camera `frame_of` (None: its own), by the rotation that fits the rays of both best. Raises ConfigError for
         coefficients beyond the rational model's eight (thin prism, tilt) that are not 0.
         """
         if any(camera.distortion[8:]):
             raise ConfigError(f"distortion {camera.distortion}: only the first 8 coefficients may differ from 0")
-        turn = None if told is None else turn_between(camera, told)
-        R_told_own = np.eye(3) if turn is None else turn
+        turn = None if frame_of is None else turn_between(camera, frame_of)
+        R_rays_own = np.eye(3) if turn is None else turn
         grid = np.stack(np.meshgrid(np.arange(camera.width), np.arange(camera.height)), axis=-1)
         pixels = grid.reshape(-1, 1, 2).astype(np.float64)
         coefficients = np.array(camera.distortion or (0.0,) * 5)
@@ -60,17 +60,17 @@ class Lens:
         rays = cv2.undistortPoints(pixels, camera.matrix, coefficients, None, turn, None, criteria)
         padded = np.zeros(18)
         padded[: min(8, len(camera.distortion))] = camera.distortion[:8]
-        padded[8:17] = R_told_own.T.ravel()
+        padded[8:17] = R_rays_own.T.ravel()
         padded[17] = _reach(padded)
         return cls(
             rays.reshape(camera.height, camera.width, 2).astype(np.float32),
             np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
             padded,
-            camera.depth.vector if told is None else _turned_depth(camera, R_told_own),
+            camera.depth.vector if frame_of is None else _turned_depth(camera, R_rays_own),
         )
 
     @property
-    def R_own_told(self) -> Array:
+    def R_own_rays(self) -> Array:
         """The rotation (3 x 3) from the frame of the rays to the camera's own."""
         return self.distortion[8:17].reshape(3, 3)
 
@@ -87,7 +87,7 @@ def _reach(k: Array) -> float:
     return float(r2[turns[0]]) if len(turns) else np.inf
 
 
-def _turned_depth(camera: Camera, R_told_own: Array) -> Array:
+def _turned_depth(camera: Camera, R_rays_own: Array) -> Array:
     """Return the vector (18) of a depth model by which inverse depths are along the turned axis.
 
     The distance along it is the one along the camera's own axis times a linear function of the ray.
@@ -95,7 +95,7 @@ def _turned_depth(camera: Camera, R_told_own: Array) -> Array:
     model, uv = camera.depth.vector, grid_over(camera)
     rays = rays_of(camera, uv)
     terms = field_terms(uv, camera.width, camera.height)
-    farther = rays @ R_told_own[2] / rays[:, 2]
+    farther = rays @ R_rays_own[2] / rays[:, 2]
     model[10:16] = np.linalg.lstsq(terms, (terms @ model[10:16]) * farther, rcond=None)[0]
     return model
 

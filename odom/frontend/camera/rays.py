@@ -38,7 +38,7 @@ def grid_over(camera: Camera) -> Array:
     return np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
 
 
-def turn_between(camera: Camera, told: Camera) -> Array:
-    """Return the rotation (3 x 3) from a camera's own axes to those of `told` that brings the rays of both nearest."""
+def turn_between(camera: Camera, onto: Camera) -> Array:
+    """Return the rotation (3 x 3) from a camera's own axes to those of `onto` that brings the rays of both nearest."""
     uv = grid_over(camera)
-    return turn_onto(rays_of(camera, uv), rays_of(told, uv))
+    return turn_onto(rays_of(camera, uv), rays_of(onto, uv))

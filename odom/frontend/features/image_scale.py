@@ -59,9 +59,9 @@ def scaled_camera(camera: Camera) -> Camera:
     )
 
 
-def scaled_lens(camera: Camera, told: Camera | None = None) -> Lens:
-    """Return the lens of the scaled images of `camera`; `told` and errors are those of `Lens.of`."""
-    return Lens.of(scaled_camera(camera), None if told is None else scaled_camera(told))
+def scaled_lens(camera: Camera, frame_of: Camera | None = None) -> Lens:
+    """Return the lens of the scaled images of `camera`; `frame_of` and errors are those of `Lens.of`."""
+    return Lens.of(scaled_camera(camera), None if frame_of is None else scaled_camera(frame_of))
 
 
 def scaled_image(image: Image, scale: float) -> Image:

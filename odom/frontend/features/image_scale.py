@@ -36,6 +36,11 @@ def scale_of(camera: Camera) -> float:
     return scale_for((camera.height, camera.width))
 
 
+def _scaled_shape(shape: tuple[int, ...], scale: float) -> tuple[int, int]:
+    """Return the rows and columns of images of a `shape` (rows, columns, ...) once scaled: whole blocks only."""
+    return int(scale * shape[0]), int(scale * shape[1])
+
+
 def scaled_camera(camera: Camera) -> Camera:
     """Return the camera that takes the scaled images of `camera`, which sees the same; it itself where they stay.
 
@@ -44,13 +49,14 @@ def scaled_camera(camera: Camera) -> Camera:
     scale = scale_of(camera)
     if scale == 1.0:
         return camera
+    height, width = _scaled_shape((camera.height, camera.width), scale)
     cx, cy = scaled_uv(np.array([camera.cx, camera.cy]), scale).tolist()
     vector = camera.depth.vector
     vector[:4] *= scale  # shift (px) and baseline (px m)
     return replace(
         camera,
-        width=int(scale * camera.width),
-        height=int(scale * camera.height),
+        width=width,
+        height=height,
         fx=scale * camera.fx,
         fy=scale * camera.fy,
         cx=cx,
@@ -68,7 +74,7 @@ def scaled_image(image: Image, scale: float) -> Image:
     """Return an image (H x W or H x W x 3 uint8), enlarged by cubic interpolation or reduced to the means of blocks."""
     if scale == 1.0:
         return image
-    height, width = (int(scale * side) for side in image.shape[:2])
+    height, width = _scaled_shape(image.shape, scale)
     whole = image[: round(height / scale), : round(width / scale)]
     how = cv2.INTER_CUBIC if scale > 1.0 else cv2.INTER_AREA
     return np.asarray(cv2.resize(whole, (width, height), interpolation=how), dtype=np.uint8)
@@ -77,13 +83,12 @@ def scaled_image(image: Image, scale: float) -> Image:
 def scaled_depth(depth_mm: NDArray[np.uint16], scale: float) -> NDArray[np.uint16]:
     """Return a depth image (H x W, 0: none) enlarged by repeating its pixels, or reduced by one value for each block.
 
-    That is the nearest of the four pixels around the block's middle, averaged with those of them on the same surface:
-    between two depths there is nothing.
+    That is the nearest of the four pixels around the block's middle, averaged with those of the four that lie on the
+    same surface: a mean of two surfaces would lie between them, where there is nothing.
     """
     if scale >= 1.0:
         return depth_mm if scale == 1.0 else _repeated(depth_mm, scale)
-    by = round(1.0 / scale)
-    height, width = (side // by for side in depth_mm.shape)
+    by, (height, width) = round(1.0 / scale), _scaled_shape(depth_mm.shape, scale)
     rows, columns = ([slice(by // 2 - 1 + k, n * by, by) for k in (0, 1)] for n in (height, width))
     four = [depth_mm[row, column] for row in rows for column in columns]
     nearest = np.minimum.reduce([each - np.uint16(1) for each in four]) + np.uint16(1)  # no depth comes last: 0 - 1
@@ -100,8 +105,7 @@ def scaled_mask(mask: Mask, scale: float) -> Mask:
     """Return a mask (H x W) enlarged by repeating its pixels, or reduced: one marked pixel marks its block."""
     if scale >= 1.0:
         return mask if scale == 1.0 else _repeated(mask, scale)
-    by = round(1.0 / scale)
-    height, width = (side // by for side in mask.shape)
+    by, (height, width) = round(1.0 / scale), _scaled_shape(mask.shape, scale)
     return np.asarray(mask[: height * by, : width * by].reshape(height, by, width, by).any(axis=(1, 3)))
 
 

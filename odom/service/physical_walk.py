@@ -153,7 +153,7 @@ class _Keeper:
         self._open, self._before = going, images
         if index in self._begins:
             self._keep(index, frame, odometry, images)
-            corners = detect_corners(images.full, np.zeros((0, 2)), odometry.settings.cell_px, images.own)
+            corners = detect_corners(images.full, np.zeros((0, 2)), odometry.settings.cell_px, images.enlarged_from)
             self._open.append(_Following(index, frame.stamp, corners))
 
     def _keep(self, index: int, frame: RgbdFrame, odometry: Odometry, images: FrameImages) -> None:

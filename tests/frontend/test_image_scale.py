@@ -106,7 +106,7 @@ def test_enlarged_noise_makes_no_corners(factor, noise):
     grey = 128.0 + noise * np.random.default_rng(3).normal(size=(480 // factor, 640 // factor))
     images = FrameImages.of(np.rint(grey).astype(np.uint8))
     assert images.scale == factor
-    assert len(detect_corners(images.full, np.zeros((0, 2)), 22, images.own)) < 3
+    assert len(detect_corners(images.full, np.zeros((0, 2)), 22, images.enlarged_from)) < 3
     assert len(detect_corners(images.full, np.zeros((0, 2)), 22)) > 100  # which the enlarged image's own noise hides
 
 

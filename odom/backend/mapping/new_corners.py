@@ -57,9 +57,9 @@ class NewCorners:
     def first(self, view: View, uv_known: Array, twist: Array, sensor: SensorModel) -> Corners:
         """Return corners with depth away from the landmarks at `uv_known` (m x 2 px), whether they move or not."""
         images, cell_px = view.images, self._settings.cell_px
-        uv = detect_corners(images.full, uv_known, cell_px, images.own)
+        uv = detect_corners(images.full, uv_known, cell_px, images.enlarged_from)
         if len(uv_known) + len(uv) < TUNING.corners_enough:
-            uv = detect_corners(images.full, uv_known, cell_px // 2, images.own)
+            uv = detect_corners(images.full, uv_known, cell_px // 2, images.enlarged_from)
         return _with_depth(view, uv[view.stands(uv)], twist, sensor)
 
     def look_for(self, wanted: Wanted, count: int) -> None:

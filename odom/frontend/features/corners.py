@@ -8,16 +8,16 @@ from odom.frontend.features.tuning import TUNING
 from odom.geometry.arrays import Array, Image
 
 
-def detect_corners(image: Image, occupied_uv: Array, cell: int, own: Image | None = None) -> Array:
+def detect_corners(image: Image, occupied_uv: Array, cell: int, enlarged_from: Image | None = None) -> Array:
     """Return n x 2 whole-pixel corners (Shi-Tomasi, CVPR 1994): the best in each free `cell` x `cell` square.
 
     A square is free when none of the features `occupied_uv` (m x 2 px) lies in it; corners keep a distance from those.
-    None is weaker than those that the image's own noise makes. `own` is the camera's image where `image` may be that
-    enlarged: interpolated noise makes stronger corners, and does not show in second differences.
+    All are stronger than those that the image's own noise makes. Where `image` is `enlarged_from` another one, that one
+    shows the noise: interpolated noise makes stronger corners, and does not show in second differences.
     """
-    is_enlarged = own is not None and own.shape != image.shape
-    over_noise = TUNING.corner_over_enlarged_noise if is_enlarged else TUNING.corner_over_noise
-    weakest = max(TUNING.corner_weakest, over_noise * noise_of(image if own is None else own) ** 2)
+    over_noise = TUNING.corner_over_noise if enlarged_from is None else TUNING.corner_over_enlarged_noise
+    noise = noise_of(image if enlarged_from is None else enlarged_from)
+    weakest = max(TUNING.corner_weakest, over_noise * noise**2)
     border, apart = TUNING.corner_border_px, TUNING.corner_apart_px
     response = cv2.cornerMinEigenVal(cv2.GaussianBlur(image, (3, 3), 0), 5, ksize=3)
     response[:border] = response[-border:] = 0.0

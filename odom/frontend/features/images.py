@@ -67,13 +67,13 @@ def noise_of(grey: Image) -> float:
 class FrameImages:
     """`full` (H x W) and `half` (H/2 x W/2) grey images; pixel (u, v) of `full` is (u/2, v/2) of `half`.
 
-    `full` is `scale` times as wide and high as the camera's image (see `image_scale`); `own` is `full` as it was before
-    it was enlarged.
+    `full` is `scale` times as wide and high as the camera's image (see `image_scale`). Where it was enlarged,
+    `enlarged_from` is that image with its contrast raised, otherwise None.
     """
 
     full: Image
     half: Image
-    own: Image
+    enlarged_from: Image | None
     scale: float
 
     @classmethod
@@ -82,4 +82,5 @@ class FrameImages:
         scale = scale_for(color.shape)
         own = uniform(with_contrast(scaled_image(grey_of(color), min(scale, 1.0))))
         full = uniform(scaled_image(own, max(scale, 1.0)))
-        return cls(full, uniform(np.asarray(cv2.pyrDown(full), dtype=np.uint8)), own, scale)
+        half = uniform(np.asarray(cv2.pyrDown(full), dtype=np.uint8))
+        return cls(full, half, own if scale > 1.0 else None, scale)

@@ -12,7 +12,7 @@ from odom import Camera, Odometry, Trajectory, read_recording
 from odom.evaluation.passers_by import Painter, anchor_before_camera, passers_by
 from odom.evaluation.robustness.verdict import Verdict, verdict
 from odom.export.scene import scene_of
-from odom.frontend.camera.lens import Lens, project
+from odom.frontend.camera.lens import Lens
 from odom.geometry import se3
 from sensors.arena import ArenaOptions
 from sensors.arena.options import halved
@@ -80,7 +80,7 @@ def test_landmarks_that_are_exported_are_where_the_image_shows_them(camera: Came
     scene, lens = scene_of(camera, odometry.timing, odometry.finish(), odometry.map), Lens.of(camera)
     (keyframe,) = scene.keyframes
     points, T = scene.points[keyframe.landmarks], se3.inverse(keyframe.T_map_camera)
-    seen = project(points, T, lens.intrinsics, lens.distortion, camera.width, camera.height, 0.0)[:, :2]
+    seen = lens.project(points, T)[:, :2]
     assert len(seen) > 100
     assert np.linalg.norm(np.nanmedian(seen - keyframe.uv, axis=0)) < 0.05
 

@@ -5,7 +5,7 @@ import pytest
 
 from odom import Odometry, RgbdFrame
 from odom.backend import Estimate
-from odom.frontend.camera.lens import Lens, project
+from odom.frontend.camera.lens import Lens
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
 from sensors.arena import ArenaOptions, moving_mask, render_walk
@@ -19,7 +19,7 @@ def on_mask(positions: Array, estimate: Estimate, frame: RgbdFrame, mask: Mask, 
     """Which of the positions (n x 3, m, map frame) lie in view on the surface of what the mask marks in a frame."""
     assert estimate.T_odom_camera is not None
     T_camera_map = se3.inverse(estimate.T_map_odom @ estimate.T_odom_camera)
-    seen = project(positions, T_camera_map, lens.intrinsics, lens.distortion, mask.shape[1], mask.shape[0], 0.0)
+    seen = lens.project(positions, T_camera_map)
     out = seen[:, 2] > 0.0
     u, v = seen[out, :2].astype(int).T
     depth_m = se3.apply(T_camera_map, positions[out])[:, 2]

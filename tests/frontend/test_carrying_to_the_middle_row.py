@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from sensor_models import sensor_model, view_of
 
 from odom.frame import Camera, RgbdFrame, Stamp
-from odom.frontend.camera.lens import Lens, project
+from odom.frontend.camera.lens import Lens
 from odom.frontend.camera.rolling_shutter import ShutterTiming, point_flow
 from odom.frontend.features.measurement import measure, points_of
 from odom.frontend.features.shutter_compensation import middle_rays, seen_in_motion
@@ -55,11 +55,11 @@ def seen_features(twist, readout_s):
     rays = rng.uniform((-0.5, -0.38), (0.5, 0.38), (300, 2))
     w = (rays @ NORMAL[:2] + NORMAL[2]) / DISTANCE_M
     points = np.column_stack([rays, np.ones(300)]) / w[:, None]
-    uv = project(points, np.eye(4), LENS.intrinsics, LENS.distortion, 640, 480, -200.0)[:, :2]
+    uv = LENS.project(points, np.eye(4), -200.0)[:, :2]
     for _ in range(6):  # the row says when, and when says the row
         for k in range(300):
             T = se3.exp(-(uv[k, 1] / 480 - 0.5) * readout_s * twist)
-            uv[k] = project(points[k : k + 1], T, LENS.intrinsics, LENS.distortion, 640, 480, -200.0)[0, :2]
+            uv[k] = LENS.project(points[k : k + 1], T, -200.0)[0, :2]
     return rays, w, uv
 
 
@@ -102,11 +102,10 @@ def test_rows_and_depth_are_carried_to_the_middle_row(twist, readout_s, depth_re
 def test_points_are_expected_where_the_shutter_shows_them(twist, readout_s):
     uv, _, truth = moving_view(np.array(twist), readout_s, 0.0, 0.0)
     points = np.column_stack([truth[:, :2], np.ones(len(truth))]) / truth[:, 2:]
-    lens = (LENS.intrinsics, LENS.distortion, 640, 480, 10.0)
-    expected = seen_in_motion(points, np.eye(4), *lens, np.array(twist), readout_s)
+    expected = seen_in_motion(points, np.eye(4), LENS, np.array(twist), readout_s, 10.0)
     np.testing.assert_allclose(expected[:, :2], uv, atol=0.1)
     np.testing.assert_allclose(expected[:, 2], points[:, 2])
-    assert np.abs(project(points, np.eye(4), *lens)[:, :2] - uv).max() > 1.0
+    assert np.abs(LENS.project(points, np.eye(4), 10.0)[:, :2] - uv).max() > 1.0
 
 
 @given(twists, st.floats(1.0, 3.0), st.floats(-0.033, 0.033))
@@ -115,8 +114,7 @@ def test_a_ray_is_carried_back_from_where_it_is_expected(twist, faster, readout_
     rays, w = rng.uniform((-0.6, -0.45), (0.6, 0.45), (100, 2)), rng.uniform(0.2, 1.5, 100)
     twist = twist * np.repeat([1.0, faster], 3)
     points = np.column_stack([rays, np.ones(100)]) / w[:, None]
-    lens = (LENS.intrinsics, LENS.distortion, 640, 480, 1.0)
-    expected = seen_in_motion(points, np.eye(4), *lens, twist, readout_s)
+    expected = seen_in_motion(points, np.eye(4), LENS, twist, readout_s, 1.0)
     seen = expected[:, 2] > 0.0
     back = middle_rays(LENS.rays, expected[seen, :2], w[seen], twist, readout_s)
     np.testing.assert_allclose(back, rays[seen], atol=0.05 / 525.0)
@@ -124,10 +122,9 @@ def test_a_ray_is_carried_back_from_where_it_is_expected(twist, faster, readout_
 
 def test_of_a_global_shutter_or_at_rest_nothing_is_shifted():
     points = np.random.default_rng(4).uniform((-1.0, -0.8, 1.0), (1.0, 0.8, 3.0), (100, 3))
-    lens = (LENS.intrinsics, LENS.distortion, 640, 480, 10.0)
-    straight = project(points, np.eye(4), *lens)
-    np.testing.assert_array_equal(seen_in_motion(points, np.eye(4), *lens, np.ones(6), 0.0), straight)
-    np.testing.assert_array_equal(seen_in_motion(points, np.eye(4), *lens, np.zeros(6), 0.03), straight)
+    straight = LENS.project(points, np.eye(4), 10.0)
+    np.testing.assert_array_equal(seen_in_motion(points, np.eye(4), LENS, np.ones(6), 0.0, 10.0), straight)
+    np.testing.assert_array_equal(seen_in_motion(points, np.eye(4), LENS, np.zeros(6), 0.03, 10.0), straight)
 
 
 @pytest.mark.parametrize("readouts_s", [(0.016, 0.021), (0.003, -0.004), (-0.021, -0.016)])

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from odom.errors import ConfigError
 from odom.frame import Camera
-from odom.frontend.camera.lens import Lens, project, rays_at
+from odom.frontend.camera.lens import Lens, rays_at
 from odom.frontend.camera.rays import grid_over, rays_of, turn_onto
 from odom.frontend.features.shutter_compensation import depth_errors
 
@@ -34,7 +34,7 @@ def test_projection_undoes_the_ray_of_a_pixel_for_every_lens(camera, seed):
     uv = rng.uniform((1, 1), (camera.width - 2, camera.height - 2), (200, 2))
     z = rng.uniform(0.3, 8.0, (200, 1))
     points = np.column_stack([rays_at(lens.rays, uv) * z, z])
-    seen = project(points, np.eye(4), lens.intrinsics, lens.distortion, camera.width, camera.height, 0.0)
+    seen = lens.project(points, np.eye(4))
     np.testing.assert_allclose(seen[:, :2], uv, atol=0.01)
     np.testing.assert_allclose(seen[:, 2:], z, rtol=1e-9)
 
@@ -43,7 +43,7 @@ def test_points_outside_the_margin_or_behind_are_not_in_the_image():
     camera = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)
     lens = Lens.of(camera)
     points = np.array([[0, 0, 2], [0, 0, -2], [0, 0, 0.05], [5, 0, 2], [-1.2, 0, 2], [0, 0.9, 2]], dtype=np.float64)
-    seen = project(points, np.eye(4), lens.intrinsics, lens.distortion, 640, 480, 8.0)
+    seen = lens.project(points, np.eye(4), 8.0)
     assert np.isfinite(seen[:, 0]).tolist() == [True, False, False, False, False, False]
 
 
@@ -61,7 +61,7 @@ def test_a_strong_lens_does_not_fold_points_from_far_outside_into_the_image(dist
 
     def seen(xy):
         points = 2.0 * np.column_stack([xy, np.ones(len(xy))])
-        return project(points, np.eye(4), lens.intrinsics, lens.distortion, 640, 480, -0.01)[:, :2]
+        return lens.project(points, np.eye(4), -0.01)[:, :2]
 
     np.testing.assert_allclose(seen(rays), uv, atol=0.01)
     assert np.isnan(seen(outside)).all()
@@ -72,7 +72,7 @@ def test_a_barrel_lens_does_not_fold_points_from_far_outside_into_the_image():
     lens = Lens.of(camera)
     x = np.linspace(0.75, 6.0, 200)
     points = np.column_stack([2 * x, np.zeros(200), np.full(200, 2.0)])
-    seen = project(points, np.eye(4), lens.intrinsics, lens.distortion, 640, 480, 0.0)
+    seen = lens.project(points, np.eye(4))
     assert np.isnan(seen[:, 0]).all()
 
 
@@ -99,7 +99,7 @@ def test_a_lens_told_in_the_frame_of_another_camera_sees_nearly_as_that_one_and_
     uv = rng.uniform((1, 1), (camera.width - 2, camera.height - 2), (200, 2))
     z = rng.uniform(0.3, 8.0, (200, 1))
     points = np.column_stack([rays_at(told.rays, uv) * z, z])
-    seen = project(points, np.eye(4), told.intrinsics, told.distortion, camera.width, camera.height, 0.0)
+    seen = told.project(points, np.eye(4))
     np.testing.assert_allclose(seen[:, :2], uv, atol=0.01)
     away = [np.abs(np.median(lens.rays - plain.rays, axis=(0, 1))).max() for lens in (own, told)]
     assert away[1] <= away[0] + 1e-3

@@ -3,9 +3,9 @@ import pytest
 from painted_room import PaintedRoom
 
 from odom.frame import Camera
-from odom.frontend.camera.lens import Lens, project, ray_at
+from odom.frontend.camera.lens import Lens, ray_at
 from odom.frontend.features.depth_plane import PLANE_LIMITS, read_planes
-from odom.frontend.features.patch_warp import WARP_LIMITS, at_half_size, homographies
+from odom.frontend.features.patch_warp import at_half_size, homographies
 from odom.frontend.features.patches import PATCH_LIMITS, UNWARPED, align_patches, cut_patches
 from odom.geometry import se3
 
@@ -37,12 +37,10 @@ def seen_patches(camera, T_reference_current):
     z = 1.0 / plane[:, 0]
     points = np.array([[*ray_at(lens.rays, *p), 1.0] for p in uv]) * z[:, None]
     T = se3.inverse(T_reference_current)
-    there = project(points, T, lens.intrinsics, lens.distortion, 640, 480, 12.0)[:, :2]
+    there = lens.project(points, T, 12.0)[:, :2]
     inside = np.isfinite(there[:, 0])
     numbers = np.zeros(inside.sum(), dtype=np.int64)
-    H, usable = homographies(
-        uv[inside], plane[inside], numbers, T[None], lens.rays, lens.intrinsics, lens.distortion, WARP_LIMITS
-    )
+    H, usable = homographies(uv[inside], plane[inside], numbers, T[None], lens)
     return reference, current, uv[inside], there[inside], H, usable
 
 
@@ -70,16 +68,7 @@ def test_a_homography_maps_a_patch_to_where_its_surface_was_seen(motion):
     rng = np.random.default_rng(3)
     uv, w = rng.uniform((150, 120), (490, 360), (40, 2)), rng.uniform(0.4, 0.8, 40)
     slope = rng.uniform(-0.003, 0.003, (40, 2))
-    H, usable = homographies(
-        uv,
-        np.column_stack([w, slope]),
-        np.zeros(40, np.int64),
-        T[None],
-        lens.rays,
-        lens.intrinsics,
-        lens.distortion,
-        WARP_LIMITS,
-    )
+    H, usable = homographies(uv, np.column_stack([w, slope]), np.zeros(40, np.int64), T[None], lens)
     there = se3.apply(T, np.column_stack([(uv - centre) / f, np.ones(40)]) / w[:, None])
     normal = np.column_stack([slope * f, w - np.sum(slope * (uv - centre), axis=1)])  # of n' X = 1
     turned = normal @ T[:3, :3].T
@@ -112,9 +101,7 @@ def test_no_motion_gives_the_identity():
     lens = Lens.of(BENT)
     uv = np.random.default_rng(0).uniform((30, 30), (600, 440), (50, 2))
     plane = np.tile([0.5, 0.001, -0.0007], (50, 1))
-    H, usable = homographies(
-        uv, plane, np.zeros(50, np.int64), np.eye(4)[None], lens.rays, lens.intrinsics, lens.distortion, WARP_LIMITS
-    )
+    H, usable = homographies(uv, plane, np.zeros(50, np.int64), np.eye(4)[None], lens)
     assert usable.all()
     np.testing.assert_allclose(H, np.tile(UNWARPED, (50, 1, 1)), atol=1e-3)
 
@@ -128,5 +115,5 @@ def test_surfaces_from_behind_too_near_or_too_far_are_not_used():
         pose(0, 0, 0, 0, np.pi, 0),
         pose(0, 0, -2.1, 0, 0, 0),
     ):
-        usable = homographies(uv, plane, first, T[None], lens.rays, lens.intrinsics, lens.distortion, WARP_LIMITS)[1]
+        usable = homographies(uv, plane, first, T[None], lens)[1]
         assert not usable.any()

@@ -11,7 +11,6 @@ from odom.backend.chain.own_corners import cut_corners
 from odom.backend.chain.sight import Sight
 from odom.backend.chain.tuning import TUNING
 from odom.backend.tracking.tuning import TUNING as TRACKING
-from odom.frontend.camera.lens import project
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.measurement import measure
 from odom.frontend.features.patches import PATCH_LIMITS, UNWARPED, align_patches
@@ -29,11 +28,9 @@ def follow_corners(
     They are followed from the `previous` image to where `T_hint`, an expected T_previous_current, puts them, and back.
     They are named `first_name`, `first_name` - 1 and so on.
     """
-    images, lens = (previous.view.images.full, current.view.images.full), sensor.lens
+    images = previous.view.images.full, current.view.images.full
     corners, seen = cut_corners(previous.view, known_uv, np.eye(4), first_name, previous.twist, sensor)
-    height, width = images[1].shape
-    T_current_previous = se3.inverse(T_hint)
-    expected = project(corners.position, T_current_previous, lens.intrinsics, lens.distortion, width, height, 0.0)
+    expected = sensor.lens.project(corners.position, se3.inverse(T_hint))
     in_view = np.flatnonzero(expected[:, 2] > 0.0)
     begin, guess, scale = corners.uv[in_view], expected[in_view, :2], current.view.images.scale
     uv, kept = follow_there_and_back(*images, begin, guess, TUNING.followed_back_px, scale)

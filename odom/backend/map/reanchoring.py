@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.backend.map.saved import SavedLandmarks
-from odom.frontend.camera.lens import Lens, project
-from odom.frontend.features.patch_warp import WARP_LIMITS, at_half_size, homographies
+from odom.frontend.camera.lens import Lens
+from odom.frontend.features.patch_warp import at_half_size, homographies
 from odom.frontend.features.patches import RADIUS
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
@@ -32,12 +32,9 @@ def seen_from(landmarks: SavedLandmarks, T_new_old: Array, lens: Lens) -> SavedL
     `T_new_old` is the motion from the key frame that saw them first. Left out are those out of the other's image,
     seen from behind, too steeply, or from much farther or nearer.
     """
-    height, width = lens.rays.shape[:2]
-    at = project(landmarks.position, T_new_old, lens.intrinsics, lens.distortion, width, height, 0.0)
+    at = lens.project(landmarks.position, T_new_old)
     nobody = np.zeros(len(at), dtype=np.int64)
-    H_old_new, usable = homographies(
-        landmarks.uv, landmarks.plane, nobody, T_new_old[None], lens.rays, lens.intrinsics, lens.distortion, WARP_LIMITS
-    )
+    H_old_new, usable = homographies(landmarks.uv, landmarks.plane, nobody, T_new_old[None], lens)
     chosen = usable & np.isfinite(at[:, 0])
     kept, H = take(landmarks, chosen), H_old_new[chosen]
     R = T_new_old[:3, :3]

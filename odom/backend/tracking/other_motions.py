@@ -15,7 +15,6 @@ import numpy as np
 from odom.backend.tracking.consensus import ExpectedPose, FollowedFeatures, consensus
 from odom.backend.tracking.pose_solver import PoseFit, fit_pose
 from odom.backend.tracking.tuning import TUNING
-from odom.frontend.camera.lens import project
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.corners import detect_corners
 from odom.frontend.features.measurement import Measurements, measure, points_of
@@ -46,22 +45,19 @@ class FollowedCorners:
     @classmethod
     def between(cls, earlier: EarlierView, view: View, twist: Array, sensor: SensorModel) -> "FollowedCorners":
         """Return the corners with depth that can be followed to a `view`, in motion with `twist` (6, SI), and back."""
-        images, lens = (earlier.view.images.half, view.images.half), sensor.lens
+        images = earlier.view.images.half, view.images.half
         uv = 2.0 * detect_corners(images[0], np.zeros((0, 2)), TUNING.other_cell_px // 2)
         seen = measure(earlier.view, sensor, uv, np.zeros((len(uv), 3)), earlier.twist)
         deep = seen.values[:, 2] > 0.0
         uv, (points, covariances) = uv[deep], points_of(seen.take(deep))
-        height, width = view.images.full.shape
-        T_view_earlier = se3.inverse(earlier.T_view_corners)
-        expected = project(points, T_view_earlier, lens.intrinsics, lens.distortion, width, height, 0.0)
+        expected = sensor.lens.project(points, se3.inverse(earlier.T_view_corners))
         rows = np.flatnonzero(expected[:, 2] > 0.0)
         begin, guess, scale = uv[rows] / 2.0, expected[rows, :2] / 2.0, view.images.scale
         here, found = follow_there_and_back(*images, begin, guess, TUNING.other_back_px, scale)
         rows, uv = rows[found], 2.0 * here[found]
         exact = np.tile([TUNING.found_sigma_px**2, 0.0, TUNING.found_sigma_px**2], (len(rows), 1))
-        return cls(
-            points[rows], covariances[rows], uv, measure(view, sensor, uv, exact, twist), 1.0 / lens.intrinsics[0]
-        )
+        measured, pixel = measure(view, sensor, uv, exact, twist), 1.0 / sensor.lens.intrinsics[0]
+        return cls(points[rows], covariances[rows], uv, measured, pixel)
 
     def take(self, rows: Mask) -> "FollowedCorners":
         """Return the chosen corners."""

@@ -183,18 +183,8 @@ def _follow(
 ) -> _Followed:
     """Follow what the frame of `state` saw into the next `images`, from where `T_predicted` puts it."""
     rows, uv_previous = _followed_before(landmarks, state)
-    lens, (height, width) = sensor.lens, images.full.shape
-    seen = seen_in_motion(
-        landmarks.position[rows],
-        T_predicted,
-        lens.intrinsics,
-        lens.distortion,
-        width,
-        height,
-        _BORDER_PX,
-        state.twist_to(T_predicted, since_s),
-        sensor.timing.readout_s,
-    )
+    position, twist, readout_s = landmarks.position[rows], state.twist_to(T_predicted, since_s), sensor.timing.readout_s
+    seen = seen_in_motion(position, T_predicted, sensor.lens, twist, readout_s, _BORDER_PX)
     guess = np.where(np.isnan(seen[:, :2]), uv_previous, seen[:, :2])
     uv, found = follow_features(state.view.images.full, images.full, uv_previous, guess, images.scale)
     return _Followed.at(landmarks, state, since_s, sensor, (rows, uv, found))

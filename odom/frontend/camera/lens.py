@@ -69,6 +69,11 @@ class Lens:
             camera.depth.vector if frame_of is None else _turned_depth(camera, R_rays_own),
         )
 
+    def project(self, points: Array, T_camera_points: Array, margin_px: float = 0.0) -> Array:
+        """Return (n x 3): pixel u, v and depth z of `points` (n x 3, m), NaN where not in the image less a margin."""
+        height, width = self.rays.shape[:2]
+        return _project(points, T_camera_points, self.intrinsics, self.distortion, width, height, margin_px)
+
     @property
     def R_own_rays(self) -> Array:
         """The rotation (3 x 3) from the frame of the rays to the camera's own."""
@@ -166,10 +171,10 @@ def ahead(T: Array, points: Array, k: int) -> tuple[float, float, float]:
 
 
 @compiled
-def project(
+def _project(
     points: Array, T_camera_points: Array, intrinsics: Array, distortion: Array, width: int, height: int, margin: float
 ) -> Array:
-    """Return (n x 3): pixel u, v and depth z of `points` (n x 3), NaN where not in the image less `margin` pixels."""
+    """Return pixels and depths as `Lens.project` does."""
     out = np.full((points.shape[0], 3), np.nan)
     for k in range(points.shape[0]):
         x, y, z = ahead(T_camera_points, points, k)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from odom.frame.depth_model import aside_px
-from odom.frontend.camera.lens import Lens, project, rays_at
+from odom.frontend.camera.lens import Lens, rays_at
 from odom.frontend.features.measurement import Measurements
 from odom.frontend.features.shutter_compensation import depth_errors
 from odom.geometry.arrays import Array
@@ -33,7 +33,7 @@ class LensChange:
         height, width = self.before.rays.shape[:2]
         ahead = np.column_stack([values[:, :2], np.ones(len(values))])
         old = self.before
-        uv = project(ahead, np.eye(4), old.intrinsics, old.distortion, width, height, -_BEYOND_PX)[:, :2]
+        uv = old.project(ahead, np.eye(4), -_BEYOND_PX)[:, :2]
         is_seen = np.isfinite(uv[:, 0])
         uv = np.where(is_seen[:, None], uv, 0.0)
         (offset, scale), w = depth_errors(uv, width, height, old.depth_model).T, values[:, 2]

@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.frontend.camera.lens import in_numbers, pixel_of, ray_at
+from odom.frontend.camera.lens import Lens, in_numbers, pixel_of, ray_at
 from odom.frontend.features.tuning import TUNING
 from odom.geometry.arrays import Array, Index, Mask
 from odom.geometry.compiled import compiled
 
-WARP_LIMITS = (TUNING.warp_step_px, TUNING.warp_smallest_area, TUNING.warp_largest_area)
+_WARP_LIMITS = (TUNING.warp_step_px, TUNING.warp_smallest_area, TUNING.warp_largest_area)
 """What `homographies` differentiates with, and the ratios of areas between which a patch is used."""
 _NEAREST = 1e-3
 """Depth in units of that in the reference: nearer points count as behind the camera."""
@@ -46,8 +46,24 @@ def _seen_beside(
             seen[2, m] = T[at, 2, 0] * x + T[at, 2, 1] * y + T[at, 2, 2] + T[at, 2, 3] * ws
 
 
-@compiled
 def homographies(
+    uv_reference: Array, plane_reference: Array, keyframe: Index, T_current_keyframe: Array, lens: Lens
+) -> tuple[Array, Mask]:
+    """Return for n patches the 3 x 2 matrix that maps a pixel offset d in the current image to the reference image.
+
+    Its upper part A and its last row h say A d / (1 + h d): a homography, since a surface that slants appears more
+    strongly magnified where it is nearer. An affinity alone would have patches found off to one side.
+
+    `uv_reference` (n x 2 px), `plane_reference` (n x 3: inverse depth in 1/m and its slope per pixel in u, v) describe
+    the surface in key frame `keyframe` (n), whose motion is `T_current_keyframe[keyframe]`. The second value is False
+    where the surface is seen from behind, too steeply, or from much farther or nearer.
+    """
+    of_lens = lens.rays, lens.intrinsics, lens.distortion
+    return _homographies(uv_reference, plane_reference, keyframe, T_current_keyframe, *of_lens, _WARP_LIMITS)
+
+
+@compiled
+def _homographies(
     uv_reference: Array,
     plane_reference: Array,
     keyframe: Index,
@@ -57,15 +73,7 @@ def homographies(
     distortion: Array,
     limits: tuple[float, float, float],
 ) -> tuple[Array, Mask]:
-    """Return for n patches the 3 x 2 matrix that maps a pixel offset d in the current image to the reference image.
-
-    Its upper part A and its last row h say A d / (1 + h d): a homography, since a surface that slants appears more
-    strongly magnified where it is nearer. An affinity alone would have patches found off to one side.
-
-    `uv_reference` (n x 2 px), `plane_reference` (n x 3: inverse depth in 1/m and its slope per pixel in u, v) describe
-    the surface in key frame `keyframe` (n), whose motion is `T_current_keyframe[keyframe]`. The second value is False
-    where the surface is seen from behind, too steeply, or from much farther or nearer (`limits`: see `WARP_LIMITS`).
-    """
+    """Return matrices and which of them are usable as `homographies` does; `limits`: see `_WARP_LIMITS`."""
     step, smallest_area, largest_area = limits
     n = uv_reference.shape[0]
     H = np.zeros((n, 3, 2))

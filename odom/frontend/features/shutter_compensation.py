@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.frontend.camera.lens import ahead, in_numbers, pixel_of, ray_at
+from odom.frontend.camera.lens import Lens, ahead, in_numbers, pixel_of, ray_at
 from odom.frontend.camera.rolling_shutter import point_flow
 from odom.geometry.arrays import Array
 from odom.geometry.compiled import compiled
@@ -44,8 +44,22 @@ def _find_rows(
         block[k + 5 * _LANES] = row_s
 
 
-@compiled
 def seen_in_motion(
+    points: Array, T_camera_points: Array, lens: Lens, twist: Array, readout_s: float, margin_px: float
+) -> Array:
+    """Return (n x 3): pixel u, v of `points` (n x 3) as a rolling shutter shows them, and their depth z.
+
+    `T_camera_points` and z are those at the middle row's time; the camera moves with `twist` (6, SI). NaN where not in
+    the image less `margin_px`. The row in which a point is seen depends on the time, and the time on the row: Newton's
+    steps find both. `carried` takes these pixels back to where the middle row would have shown the points.
+    """
+    height, width = lens.rays.shape[:2]
+    of_lens = lens.intrinsics, lens.distortion, width, height
+    return _seen_in_motion(points, T_camera_points, *of_lens, margin_px, twist, readout_s)
+
+
+@compiled
+def _seen_in_motion(
     points: Array,
     T_camera_points: Array,
     intrinsics: Array,
@@ -56,12 +70,7 @@ def seen_in_motion(
     twist: Array,
     readout_s: float,
 ) -> Array:
-    """Return (n x 3): pixel u, v of `points` (n x 3) as a rolling shutter shows them, and their depth z.
-
-    `T_camera_points` and z are those at the middle row's time; the camera moves with `twist` (6, SI). NaN where not in
-    the image less `margin` pixels. The row in which a point is seen depends on the time, and the time on the row:
-    Newton's steps find both. `carried` takes these pixels back to where the middle row would have shown the points.
-    """
+    """Return pixels and depths as `seen_in_motion` does, a block of points at a time."""
     n = points.shape[0]
     out = np.full((n, 3), np.nan)
     numbers, coefficients = in_numbers(intrinsics, distortion)

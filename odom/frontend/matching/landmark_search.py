@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.images import FrameImages
-from odom.frontend.features.patch_warp import WARP_LIMITS, at_half_size, homographies
+from odom.frontend.features.patch_warp import at_half_size, homographies
 from odom.frontend.features.patches import PATCH_LIMITS, align_patches
 from odom.frontend.features.shutter_compensation import seen_in_motion
 from odom.frontend.matching.tuning import TUNING
@@ -151,26 +151,15 @@ class _Expected:
 
         They are where its shutter shows them while it moves with `twist` (6, SI, its own frame).
         """
-        lens, cell_px, margin_px = sensor.lens, TUNING.search_cell_px, TUNING.search_margin_px
+        lens, cell_px, readout_s = sensor.lens, TUNING.search_cell_px, sensor.timing.readout_s
         rows, priority, chance = candidates.rows, candidates.priority, candidates.chance
-        height, width = lens.rays.shape[:2]
         position = landmarks.position.take(rows, 0)
-        seen = seen_in_motion(
-            position,
-            T_camera_map,
-            lens.intrinsics,
-            lens.distortion,
-            width,
-            height,
-            margin_px,
-            twist,
-            sensor.timing.readout_s,
-        )
+        seen = seen_in_motion(position, T_camera_map, lens, twist, readout_s, TUNING.search_margin_px)
         visible = np.flatnonzero(seen[:, 2] > 0.0)
         rows, seen = rows.take(visible), seen.take(visible, 0)
         priority, chance = priority.take(visible), chance.take(visible)
         if len(rows) > most or chance.sum() > TUNING.search_enough:
-            across, enough = width // cell_px + 1, TUNING.search_enough
+            across, enough = lens.rays.shape[1] // cell_px + 1, TUNING.search_enough
             chosen = _spread(seen[:, :2], priority, chance, enough, most, across, cell_px)
             chosen |= candidates.due.take(visible)
             rows, seen = rows[chosen], seen[chosen]
@@ -179,10 +168,7 @@ class _Expected:
             landmarks.plane.take(rows, 0),
             np.searchsorted(candidates.keyframes, landmarks.keyframe.take(rows)),
             candidates.T_camera_keyframe,
-            lens.rays,
-            lens.intrinsics,
-            lens.distortion,
-            WARP_LIMITS,
+            lens,
         )
         return cls(rows, seen[:, :2].copy(), seen[:, 2], H, usable)
 

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.frame.depth_model import as_measured
-from odom.frontend.camera.lens import project
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.shutter_compensation import sigma_at
 from odom.frontend.features.view import View
@@ -42,9 +41,7 @@ class LineOfSight:
         """
         lens, depth_mm = sensor.lens, view.depth_mm
         height, width = depth_mm.shape
-        uvz = project(
-            points, T_camera_points, lens.intrinsics, lens.distortion, width, height, float(TUNING.sight_step_px)
-        )
+        uvz = lens.project(points, T_camera_points, float(TUNING.sight_step_px))
         visible = np.flatnonzero(uvz[:, 2] > 0.0)
         uvz = uvz.take(visible, 0)
         expected = 1.0 / uvz[:, 2]

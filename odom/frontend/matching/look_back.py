@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odom.frontend.camera.lens import Lens, project
+from odom.frontend.camera.lens import Lens
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.images import FrameImages
 from odom.frontend.features.measurement import Measurements, measure, points_of
@@ -88,9 +88,8 @@ class _Expected:
 
     @classmethod
     def of(cls, positions: Array, covariances: Array, earlier: EarlierView, lens: Lens) -> "_Expected":
-        height, width = earlier.view.images.full.shape
-        T, margin = earlier.T_view_corners, TUNING.search_margin_px
-        uvz = project(positions, T, lens.intrinsics, lens.distortion, width, height, margin)
+        T = earlier.T_view_corners
+        uvz = lens.project(positions, T, TUNING.search_margin_px)
         rows = np.flatnonzero(np.isfinite(uvz[:, 0]))
         points = se3.apply(T, positions[rows])
         values = np.column_stack([points[:, :2], np.ones(len(rows))]) / points[:, 2:]

@@ -12,13 +12,13 @@ from odom.backend.loop_closure import candidate
 from odom.backend.map.keyframe import MeasuredLandmarks
 from odom.backend.mapping.keyframe_inserter import KeyframeInserter, KeyframeView
 from odom.backend.mapping.mapper import Mapper
-from odom.backend.mapping.new_corners import measure_exactly
 from odom.backend.mapping.standing import RecentViews
 from odom.backend.odometry.unproven_sensor import unproven_sensor
 from odom.backend.settings import OdometrySettings
 from odom.frame import Stamp
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.images import FrameImages
+from odom.frontend.features.measurement import measure_exactly
 from odom.frontend.features.view import View
 from odom.frontend.matching.tuning import TUNING as PLACES
 from odom.geometry import se3

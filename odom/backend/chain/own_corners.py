@@ -14,7 +14,7 @@ from odom.backend.tracking.tuning import TUNING as TRACKING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.corners import detect_corners
 from odom.frontend.features.lens_change import LensChange
-from odom.frontend.features.measurement import measure, points_of
+from odom.frontend.features.measurement import measure, measure_exactly, points_of
 from odom.frontend.features.patches import RADIUS, cut_patches
 from odom.frontend.features.view import View
 from odom.frontend.matching.landmark_search import Candidates, find_landmarks
@@ -120,7 +120,7 @@ def cut_corners(
     third of the time: where exactly a patch is cut does not matter.
     """
     uv = 2.0 * detect_corners(view.images.half, known_uv / 2.0, TUNING.corner_cell_px // 2)
-    measured = measure(view, sensor, uv, np.zeros((len(uv), 3)), twist)
+    measured = measure_exactly(view, sensor, uv, twist)
     deep = measured.values[:, 2] > 1.0 / TUNING.corner_farthest_m
     uv, measured = uv[deep], measured.take(deep)
     n = len(uv)

@@ -7,7 +7,7 @@ import numpy as np
 from odom.backend.map.keyframe import FrameObservations, Keyframe, MeasuredLandmarks
 from odom.backend.map.map import Corners, Map
 from odom.backend.mapping.coverage import Coverage
-from odom.backend.mapping.new_corners import Grown, NewCorners, Wanted, measure_exactly
+from odom.backend.mapping.new_corners import Grown, NewCorners, Wanted
 from odom.backend.mapping.presence import retire
 from odom.backend.mapping.standing import RecentViews, standing_since
 from odom.backend.mapping.tuning import TUNING
@@ -16,6 +16,7 @@ from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.backend.tracking.motion_model import AT_REST
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.lens_change import LensChange
+from odom.frontend.features.measurement import measure_exactly
 from odom.frontend.features.view import View
 from odom.frontend.matching.look_back import EarlierView
 from odom.geometry import se3

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from odom.backend.map.map import Corners
 from odom.backend.mapping.background import Background
 from odom.backend.mapping.standing import Before
@@ -13,7 +11,7 @@ from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.corners import detect_corners
 from odom.frontend.features.lens_change import LensChange
-from odom.frontend.features.measurement import Measurements, measure
+from odom.frontend.features.measurement import measure_exactly
 from odom.frontend.features.view import View
 from odom.geometry.arrays import Array
 
@@ -98,11 +96,6 @@ class NewCorners:
         self._wanted = None
         uv, moved_share = found
         return Grown(wanted, _with_depth(wanted.before.view, uv, wanted.twist, wanted.sensor), moved_share)
-
-
-def measure_exactly(view: View, sensor: SensorModel, uv: Array, twist: Array) -> Measurements:
-    """Measure corners at `uv` (n x 2 px) whose positions define their patches, and so have no error of their own."""
-    return measure(view, sensor, uv, np.zeros((len(uv), 3)), twist)
 
 
 def _with_depth(view: View, uv: Array, twist: Array, sensor: SensorModel) -> Corners:

@@ -12,7 +12,7 @@ from odom.backend.tracking.other_motions import WhatElseMoves, what_else_moves
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.image_parts import parts_of
-from odom.frontend.features.measurement import measure
+from odom.frontend.features.measurement import measure_exactly
 from odom.frontend.features.view import View
 from odom.frontend.matching.look_back import CornerPatches, EarlierView, Sighting, look_back
 from odom.frontend.matching.moving_surfaces import DepthGrid, MovingCells, moving_cells
@@ -111,8 +111,7 @@ class Before:
         two only: a body that turns round does that, too, and in doubt its landmarks would not be outvoted.
         """
         view, tracked = self.view, self.tracked
-        nothing = np.zeros((len(corners.uv), 3))
-        measured = measure(view, sensor, corners.uv, nothing, tracked.twist)
+        measured = measure_exactly(view, sensor, corners.uv, tracked.twist)
         known = np.flatnonzero(measured.values[:, 2] > 0.0)
         patches = CornerPatches.of(view, corners.uv[known], measured.take(known))
         evidence = _evidence(view, patches, _spread(self._overlapping if in_doubt else self.earlier), sensor)

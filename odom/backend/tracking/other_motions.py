@@ -17,7 +17,7 @@ from odom.backend.tracking.pose_solver import PoseFit, fit_pose
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.corners import detect_corners
-from odom.frontend.features.measurement import Measurements, measure, points_of
+from odom.frontend.features.measurement import Measurements, measure, measure_exactly, points_of
 from odom.frontend.features.view import View
 from odom.frontend.matching.look_back import EarlierView
 from odom.frontend.matching.optical_flow import follow_there_and_back
@@ -47,7 +47,7 @@ class FollowedCorners:
         """Return the corners with depth that can be followed to a `view`, in motion with `twist` (6, SI), and back."""
         images = earlier.view.images.half, view.images.half
         uv = 2.0 * detect_corners(images[0], np.zeros((0, 2)), TUNING.other_cell_px // 2)
-        seen = measure(earlier.view, sensor, uv, np.zeros((len(uv), 3)), earlier.twist)
+        seen = measure_exactly(earlier.view, sensor, uv, earlier.twist)
         deep = seen.values[:, 2] > 0.0
         uv, (points, covariances) = uv[deep], points_of(seen.take(deep))
         expected = sensor.lens.project(points, se3.inverse(earlier.T_view_corners))

@@ -12,7 +12,7 @@ from odom.frontend.cloud_features.cloud import cloud_of
 from odom.frontend.cloud_features.matching import CloudFeatures, cloud_features, match_features
 from odom.frontend.cloud_features.tuning import TUNING
 from odom.frontend.features.image_scale import scaled_image
-from odom.frontend.features.measurement import measure, points_of
+from odom.frontend.features.measurement import measure, measure_exactly, points_of
 from odom.frontend.features.patches import PATCH_LIMITS, UNWARPED, align_patches, cut_patches
 from odom.frontend.features.place_descriptor import Place, describe_place
 from odom.frontend.features.view import View
@@ -122,9 +122,8 @@ def _followed(source: Look, target: Look, uv_target: Array, uv_guess: Array) -> 
         back, patches, np.arange(len(kept)), straight, uv_source, kept, _STEPS, _THERE_AND_BACK_PX, PATCH_LIMITS
     )
     kept = score > 0.0
-    exact = np.zeros((int(np.count_nonzero(kept)), 3))
     first = measure(source.view, source.sensor, uv_source[kept], covariance[kept] * _GREY_NOISE**2, source.twist)
-    second = measure(target.view, target.sensor, uv_target[kept], exact, target.twist)
+    second = measure_exactly(target.view, target.sensor, uv_target[kept], target.twist)
     deep = (first.values[:, 2] > 0.0) & (second.values[:, 2] > 0.0)
     points_source, covariances_source = points_of(first.take(deep))
     points_target, covariances_target = points_of(second.take(deep))

@@ -145,6 +145,11 @@ def measure(
     )
 
 
+def measure_exactly(view: View, sensor: SensorModel, uv: Array, twist: Array) -> Measurements:
+    """Measure places at `uv` (n x 2 px) that have no error of their own, such as corners that define their patches."""
+    return measure(view, sensor, uv, np.zeros((len(uv), 3)), twist)
+
+
 def _rough_inverse_depth(depth_mm: NDArray[np.uint16], uv: Array, errors: Array, model: Array) -> Array:
     """Return the rough inverse depth (n, 1/m) of features by the depth image; that of 2 m where it shows none.
 

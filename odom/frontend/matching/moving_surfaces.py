@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.frontend.camera.sensor_model import SensorModel
-from odom.frontend.features.measurement import Measurements, measure, points_of
+from odom.frontend.features.measurement import Measurements, measure_exactly, points_of
 from odom.frontend.features.view import View
 from odom.frontend.matching.look_back import EarlierView, appeared
 from odom.frontend.matching.tuning import TUNING
@@ -37,7 +37,7 @@ class DepthGrid:
         rows, columns = (max(1, side // TUNING.moving_cell_px) for side in (height, width))
         v, u = ((np.arange(n) + 0.5) * side / n for n, side in ((rows, height), (columns, width)))
         uv = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-        return cls((rows, columns), (height, width), uv, measure(view, sensor, uv, np.zeros((len(uv), 3)), twist))
+        return cls((rows, columns), (height, width), uv, measure_exactly(view, sensor, uv, twist))
 
     @cached_property
     def known(self) -> Index:

@@ -78,7 +78,7 @@ def test_carried_along_they_are_where_they_were_as_seen_from_the_newest_adjusted
     L = map_.landmarks
     own = [np.flatnonzero(L.alive & (L.keyframe == k)) for k in (1, 2)]
     seen = [se3.apply(true[k], L.position[own[k - 1]]) for k in (1, 2)]
-    map_.move_keyframes(np.array([0]), (true[0] @ DISPLACED)[None], np.zeros(0, dtype=np.int64))
+    map_.move_keyframes(np.array([0]), (true[0] @ DISPLACED)[None])
     carry_newer(map_, map_.keyframes[0], DISPLACED)
     for k in (1, 2):
         T_camera_map = map_.keyframes[k].T_camera_map
@@ -89,7 +89,7 @@ def test_carried_along_they_are_where_they_were_as_seen_from_the_newest_adjusted
 
 def test_the_registrations_say_what_the_poses_do():
     map_, _ = walk(60)
-    map_.move_keyframes(np.array([2]), (map_.keyframes[2].T_camera_map @ DISPLACED)[None], np.zeros(0, dtype=np.int64))
+    map_.move_keyframes(np.array([2]), (map_.keyframes[2].T_camera_map @ DISPLACED)[None])
     refit_newer(map_, map_.keyframes[0], ShutterTiming(), NO_TILT)
     edge = map_.registrations.of(2)[0]
     a, b = (map_.keyframes[k].T_camera_map for k in (edge.a, edge.b))

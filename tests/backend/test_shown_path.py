@@ -29,7 +29,7 @@ def test_the_path_follows_key_frames_that_are_added_moved_joined_and_set_aside()
     before = path.of(map_)
     is_where(before, expected(map_, numbers))
     T = np.array([map_.keyframes[n].T_camera_map @ se3.exp(np.full(6, 0.1)) for n in (3, 4)])
-    map_.move_keyframes(np.array([3, 4]), T, np.zeros(0, dtype=np.int64))
+    map_.move_keyframes(np.array([3, 4]), T)
     map_.keyframes[7].T_middle_stamp = se3.exp(np.full(6, 0.01))
     map_.keyframes[9].segment = 1
     map_.remembered.remove(2)

@@ -77,12 +77,7 @@ def track_candidate(
     reason = f"{tracked.found_again} landmarks found again"
     reason = reason if is_loop else f"merges two segments: {reason}"
     old = tracked.inlying
-    observed = FrameObservations(
-        rows=old.rows,
-        identities=map_.landmarks.identity[old.rows].copy(),
-        measurements=old.measurements,
-        timing=sensor.timing,
-    )
+    observed = FrameObservations.of(old, map_.landmarks, sensor.timing)
     return ConfirmedCandidate(replace(candidate, accepted=True, reason=reason), edge, old.uv, observed)
 
 

@@ -9,9 +9,6 @@ from odom.backend.map.map import Map
 from odom.backend.map.pose_graph import Edge
 from odom.geometry import se3
 
-_NO_ROWS = np.zeros(0, dtype=np.int64)
-"""No landmark was moved already: all move with their key frames."""
-
 
 def close_loops(map_: Map, closures: Sequence[Edge]) -> None:
     """Move key frames at once to where all registrations, including the `closures`, agree best."""
@@ -34,7 +31,7 @@ def merge_segment(map_: Map, edge: Edge) -> list[int]:
     T_old_new = se3.inverse(b.T_camera_map) @ se3.inverse(edge.T_a_b) @ a.T_camera_map
     numbers = np.array(members_of(map_, b.segment))
     T_camera_map = np.array([map_.keyframes[int(n)].T_camera_map @ T_old_new for n in numbers])
-    map_.move_keyframes(numbers, T_camera_map, _NO_ROWS)
+    map_.move_keyframes(numbers, T_camera_map)
     map_.journal.note_new_or_moved(k.number for k in merged)
     for k in merged:
         k.segment, k.first = a.segment, a.first

@@ -14,9 +14,6 @@ from odom.backend.map.pose_graph import Edge, EdgeArrays, optimise
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index, Mask
 
-_NO_ROWS = np.zeros(0, dtype=np.int64)
-"""No landmark was moved already: all move with their key frames."""
-
 
 @dataclass(frozen=True, eq=False)
 class Moves:
@@ -127,7 +124,7 @@ class SegmentGraph:
         here |= _added(map_, moves, new)
         for number in here.keys() & map_.forgotten:
             del here[number]
-        map_.move_keyframes(np.array(list(here), dtype=np.int64), np.array(list(here.values())), _NO_ROWS)
+        map_.move_keyframes(np.array(list(here), dtype=np.int64), np.array(list(here.values())))
 
 
 def _added(map_: Map, moves: Moves, waiting: list[int]) -> dict[int, Array]:

@@ -216,16 +216,17 @@ class Map:
         self.journal.note_fewer_landmarks(L.keyframe[rows].tolist())
         L.cull(rows)
 
-    def move_keyframes(self, numbers: Index, T_camera_map: Array, adjusted_rows: Index) -> None:
-        """Give key frames new poses; their followers and landmarks move along, except `adjusted_rows`.
+    def move_keyframes(self, numbers: Index, T_camera_map: Array, adjusted_rows: Index | None = None) -> None:
+        """Give key frames `numbers` (n) new poses (n x 4 x 4); their followers and landmarks move along.
 
-        `numbers` (n), `T_camera_map` (n x 4 x 4); `adjusted_rows` are the landmarks that were moved already.
+        `adjusted_rows` are landmarks that do not, since they were moved already.
         """
         if not len(numbers):
             return
         L = self.landmarks
         follows = L.alive.copy()
-        follows[adjusted_rows] = False
+        if adjusted_rows is not None:
+            follows[adjusted_rows] = False
         moved = [self.keyframes[number] for number in numbers.tolist()]
         here = np.flatnonzero([number not in self.away for number in numbers.tolist()])
         before = np.array([moved[row].T_camera_map for row in here.tolist()]).reshape(-1, 4, 4)

@@ -10,9 +10,6 @@ from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 
-_NO_ROWS = np.zeros(0, dtype=np.int64)
-"""Landmarks that were adjusted already: none of those that move with a key frame."""
-
 
 def carry_newer(map_: Map, newest: Keyframe, T_old_new: Array) -> None:
     """Move the key frames that were made after the `newest` adjusted one with it, and their landmarks with them.
@@ -22,7 +19,7 @@ def carry_newer(map_: Map, newest: Keyframe, T_old_new: Array) -> None:
     """
     newer = _newer(map_, newest)
     T_camera_map = np.array([keyframe.T_camera_map @ T_old_new for keyframe in newer]).reshape(-1, 4, 4)
-    map_.move_keyframes(np.array([keyframe.number for keyframe in newer], dtype=np.int64), T_camera_map, _NO_ROWS)
+    map_.move_keyframes(np.array([keyframe.number for keyframe in newer], dtype=np.int64), T_camera_map)
     map_.registrations.adjust([keyframe.number for keyframe in newer], map_.keyframes)
 
 
@@ -44,7 +41,7 @@ def refit_newer(map_: Map, newest: Keyframe, timing: ShutterTiming, tilt: Array)
             points, covariances = L.position[rows], L.covariance[rows]
             T_camera_map = fit_pose(points, covariances, values, measured.covariance, T_camera_map).T_camera_map
         T_old_new = se3.inverse(keyframe.T_camera_map) @ T_camera_map
-        map_.move_keyframes(np.array([keyframe.number]), T_camera_map[None], _NO_ROWS)
+        map_.move_keyframes(np.array([keyframe.number]), T_camera_map[None])
     map_.registrations.adjust([keyframe.number for keyframe in newer], map_.keyframes)
 
 

@@ -1,10 +1,12 @@
 """Bundle adjustment of key-frame poses, landmarks and the sensor's timing over (x/z, y/z, 1/z) measurements.
 
 Landmarks are eliminated (Schur complement: B. Triggs et al., "Bundle adjustment - a modern synthesis", 2000); the
-reduced system holds 6 unknowns for each free key frame and those of the timing. Ray and depth have own Cauchy weights.
+reduced system holds 6 unknowns for each free key frame and those of the timing. Ray and depth have a Cauchy weight
+each.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
@@ -40,6 +42,21 @@ class Bundle:
     covariances: Array | None = None
 
 
+class _System(NamedTuple):
+    """The normal equations at a bundle, reduced to poses and timing, what its landmarks follow from, and the cost.
+
+    The fields are those that `reduce_to_poses` returns.
+    """
+
+    S: Array
+    rhs: Array
+    V_inverse: Array
+    b_landmark: Array
+    W_timing: Array
+    W: Array
+    cost: float
+
+
 def adjust(
     start: Bundle,
     is_fixed: Mask,
@@ -56,58 +73,59 @@ def adjust(
     begin[free] = 6 * np.arange(len(free))
     poses, place = 6 * len(free), begin[o.keyframe]
     dimension = poses + len(timing_information)
-    cauchy = TUNING.cauchy_chi2
-    arrays = (o.keyframe, o.landmark, o.values, o.jacobian_timing, o.variances)
+    arrays, cauchy = (o.keyframe, o.landmark, o.values, o.jacobian_timing, o.variances), TUNING.cauchy_chi2
 
-    def reduced(bundle: Bundle, damping: float) -> tuple[Array, Array, Array, Array, Array, Array, float]:
-        S, rhs, V_inverse, b_landmark, W_timing, W, cost = reduce_to_poses(
-            bundle.T_camera_map, bundle.landmarks, bundle.timing_change, place, dimension, *arrays, damping, cauchy
-        )
-        change = bundle.timing_change
-        return S, rhs, V_inverse, b_landmark, W_timing, W, cost + float(change @ timing_information @ change)
+    def system_at(bundle: Bundle, damping: float) -> _System:
+        T_camera_map, landmarks, change = bundle.T_camera_map, bundle.landmarks, bundle.timing_change
+        reduced = reduce_to_poses(T_camera_map, landmarks, change, place, dimension, *arrays, damping, cauchy)
+        system = _System(*reduced)
+        return system._replace(cost=system.cost + float(change @ timing_information @ change))
 
-    def moved(bundle: Bundle, S_damped: Array, gradient: Array) -> Bundle | None:
+    def stepped(bundle: Bundle, system: _System, damping: float) -> Bundle | None:
+        S = np.array(system.S, order="F")  # factorised in place: of some hundred frames, a copy takes 10 MB
+        S.flat[:: dimension + 1] += damping * np.diag(system.S) + 1e-9
+        S[poses:, poses:] += timing_information
+        rhs = system.rhs.copy()
+        rhs[poses:] -= timing_information @ bundle.timing_change
         try:
-            factor = cho_factor(S_damped, overwrite_a=True, check_finite=False)
+            factor = cho_factor(S, overwrite_a=True, check_finite=False)
         except LinAlgError:  # rounding left it indefinite
             return None
-        step = cho_solve(factor, gradient, check_finite=False)
+        step = cho_solve(factor, rhs, check_finite=False)
         T_camera_map = bundle.T_camera_map.copy()
         for k in free:
             T_camera_map[k] = se3.orthonormal(se3.exp(step[begin[k] : begin[k] + 6]) @ T_camera_map[k])
-        landmarks = substitute(
-            bundle.landmarks, place, o.landmark, V_inverse, b_landmark, W_timing, W, step[:poses], step[poses:]
-        )
+        eliminated = system.V_inverse, system.b_landmark, system.W_timing, system.W
+        landmarks = substitute(bundle.landmarks, place, o.landmark, *eliminated, step[:poses], step[poses:])
         return Bundle(T_camera_map, landmarks, bundle.timing_change + step[poses:])
 
-    damping = _FIRST_DAMPING
-    best = start
-    S, rhs, V_inverse, b_landmark, W_timing, W, cost = reduced(best, damping)
+    best, damping = start, _FIRST_DAMPING
+    system = system_at(best, damping)
     for _ in range(iterations):
-        S_damped = np.array(S, order="F")  # factorised in place: of some hundred frames, a copy takes 10 MB
-        S_damped.flat[:: dimension + 1] += damping * np.diag(S) + 1e-9
-        S_damped[poses:, poses:] += timing_information
-        gradient = rhs.copy()
-        gradient[poses:] -= timing_information @ best.timing_change
-        trial, less_damping = moved(best, S_damped, gradient), max(0.1 * damping, _LEAST_DAMPING)
-        system = None if trial is None else reduced(trial, less_damping)
-        if trial is not None and system is not None and system[-1] < cost:
-            gained = cost - system[-1]
-            S, rhs, V_inverse, b_landmark, W_timing, W, cost = system
-            best, damping = trial, less_damping
-            if gained < _CONVERGED * cost:
+        trial, less_damping = stepped(best, system, damping), max(0.1 * damping, _LEAST_DAMPING)
+        there = None if trial is None else system_at(trial, less_damping)
+        if trial is not None and there is not None and there.cost < system.cost:
+            gained = system.cost - there.cost
+            best, system, damping = trial, there, less_damping
+            if gained < _CONVERGED * system.cost:
                 break
         else:
             damping *= 100.0
-            S, rhs, V_inverse, b_landmark, W_timing, W, cost = reduced(best, damping)
+            system = system_at(best, damping)
     if damping > _LEAST_DAMPING:  # the result's information must not depend on the damping that the steps ended with
-        S, rhs, V_inverse, *_ = reduced(best, _LEAST_DAMPING)
+        system = system_at(best, _LEAST_DAMPING)
+    return _with_information(best, system, poses)
+
+
+def _with_information(bundle: Bundle, system: _System, poses: int) -> Bundle:
+    """Return a bundle with what the `system` there says of its timing and landmarks; `poses` unknowns are of poses."""
+    S, rhs = system.S, system.rhs
     S_poses, S_across = S[:poses, :poses].copy(), S[:poses, poses:]
     S_poses.flat[:: poses + 1] += 1e-9
     of_poses = np.linalg.solve(S_poses, np.column_stack([S_across, rhs[:poses]]))
     information = S[poses:, poses:] - S_across.T @ of_poses[:, :-1]
     pull = rhs[poses:] - S_across.T @ of_poses[:, -1]
-    return Bundle(best.T_camera_map, best.landmarks, best.timing_change, information, pull, V_inverse)
+    return replace(bundle, information_timing=information, pull_timing=pull, covariances=system.V_inverse)
 
 
 def warm_up() -> None:

@@ -174,14 +174,14 @@ def close_over_all(map_: Map, opened: MapFile) -> dict[str, float]:
     recall(map_, range(newest + 1 - LAP, newest + 1))
     sensor = unproven_sensor(CAMERA, OdometrySettings()).with_stamp(Stamp(10**9))
     closer = LoopCloser(map_, FrameTracker(map_, OdometrySettings()))
-    closer._waiting = [found(map_, n - LAP, n) for n in (newest - 300, newest)]
+    closer._closing._waiting = [found(map_, n - LAP, n) for n in (newest - 300, newest)]
     closer.close(None, sensor)  # compiles
     take_changes(map_)
     opened.flush()
     idle = [gap for _ in range(REST) for gap in gaps_of_a_frame()]
     count, spent, saving, after, gaps = FIRST, [], [], [], []
     for k in range(CLOSURES):
-        closer._waiting = [found(map_, newest - LAP - 50 - k, newest - 50 - k)]
+        closer._closing._waiting = [found(map_, newest - LAP - 50 - k, newest - 50 - k)]
         begun_at, on_frame, is_closed = count, [], False
         while not is_closed:
             sensor = sensor.with_stamp(Stamp(10**9 + count * 33_333_333))

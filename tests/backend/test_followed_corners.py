@@ -7,9 +7,9 @@ from painted_room import SMALL, PaintedRoom
 
 from odom.backend.chain.chain_frame import ChainFrame
 from odom.backend.chain.followed_corners import follow_corners
+from odom.backend.chain.named_features import NamedFeatures
 from odom.backend.chain.own_corners import cut_corners
 from odom.backend.chain.pairwise import PairwisePose, register_frames
-from odom.backend.chain.sight import Sight
 from odom.backend.odometry.unproven_sensor import unproven_sensor
 from odom.backend.settings import OdometrySettings
 from odom.frontend.features.images import FrameImages
@@ -35,7 +35,7 @@ def turning():
         frame = room.frame(SMALL, k, se3.exp(k * TURN))
         sensor = sensor.with_stamp(frame.stamp)
         view = View.of(frame, sensor.clock, FrameImages.of(look(frame.color)))
-        frames.append(ChainFrame(view, Sight.nothing(), np.zeros(6), None))
+        frames.append(ChainFrame(view, NamedFeatures.nothing(), np.zeros(6), None))
     return sensor, frames
 
 

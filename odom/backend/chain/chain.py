@@ -18,10 +18,10 @@ import numpy as np
 from odom.backend.chain.chain_frame import ChainFrame
 from odom.backend.chain.closures import ChainNode, Closures
 from odom.backend.chain.followed_corners import follow_corners
+from odom.backend.chain.named_features import NamedFeatures
 from odom.backend.chain.own_corners import OwnCorners, cut_corners
 from odom.backend.chain.pairwise import PairwisePose, register_frames
 from odom.backend.chain.shared_errors import FrameErrors
-from odom.backend.chain.sight import Sight
 from odom.backend.chain.tuning import TUNING
 from odom.backend.estimate import ChainPose, RelativePose
 from odom.backend.map.map import Map
@@ -61,15 +61,15 @@ class Chain:
         there.
         """
         end, link = self._end, None
-        why, sight = "nothing in common with the frame before", frame.sight
+        why, features = "nothing in common with the frame before", frame.features
         if end is None:
             why = ""
         elif frame.view.stamp <= end.view.stamp:
             why = "stamped before the frame before"
         elif T_hint is not None:
             T_camera_chain = se3.inverse(self.T_chain_camera @ T_hint)
-            sight = sight.joined(self._corners.look_for(frame.view, T_camera_chain, frame.twist, sensor))
-            now, found = self._registered(end, replace(frame, sight=sight), T_hint, sensor)
+            features = features.joined(self._corners.look_for(frame.view, T_camera_chain, frame.twist, sensor))
+            now, found = self._registered(end, replace(frame, features=features), T_hint, sensor)
             if isinstance(found, str):
                 why = found
             else:
@@ -80,8 +80,8 @@ class Chain:
                 self._corners = self._corners.found_again(now.names[found.inliers])
         if link is None:
             self._begin_anew(end, frame, sensor)
-            sight = frame.sight
-        self.link, self._end = link, self._renewed(frame, sight, sensor)
+            features = frame.features
+        self.link, self._end = link, self._renewed(frame, features, sensor)
         return self._described(frame, why, sensor)
 
     def close(self, map_: Map, is_keyframe: bool, reference: int, sensor: SensorModel) -> None:
@@ -93,19 +93,19 @@ class Chain:
         if end is not None and (is_keyframe or self.closures.are_due(end.view.stamp)):
             node = self._node(end.view.stamp, map_.keyframes[-1].number if is_keyframe else None)
             self.closures.add(node)
-            self.closures.close(node, end.sight, reference, map_, sensor)
+            self.closures.close(node, end.features, reference, map_, sensor)
 
     def see_through(self, change: LensChange) -> None:
         """Change to a new lens: recompute by it what the newest frame and the chain's own corners measured."""
         if self._end is not None:
-            sight = replace(self._end.sight, measured=change.measured(self._end.sight.measured))
-            self._end = replace(self._end, sight=sight)
+            features = replace(self._end.features, measured=change.measured(self._end.features.measured))
+            self._end = replace(self._end, features=features)
         self._corners = self._corners.see_through(change)
 
     @property
-    def end_sight(self) -> Sight:
+    def end_features(self) -> NamedFeatures:
         """What the newest frame measured."""
-        return Sight.nothing() if self._end is None else self._end.sight
+        return NamedFeatures.nothing() if self._end is None else self._end.features
 
     def end_node(self) -> ChainNode | None:
         """Return the node of the newest frame, a new one if it is none yet; None where there is no frame."""
@@ -121,12 +121,12 @@ class Chain:
 
     def _registered(
         self, end: ChainFrame, frame: ChainFrame, T_hint: Array, sensor: SensorModel
-    ) -> tuple[Sight, PairwisePose | str]:
+    ) -> tuple[NamedFeatures, PairwisePose | str]:
         """Register a frame against the newest one; return what it measured of the features of both, and the pose.
 
         Where few of them agree, corners are also followed from one image to the other.
         """
-        before, now = end.sight.in_common_with(frame.sight)
+        before, now = end.features.in_common_with(frame.features)
         angles = sensor.depth_tilt.angles
         found = register_frames(before.measured.straight(angles), now.measured.straight(angles), T_hint)
         if not isinstance(found, str):
@@ -168,14 +168,14 @@ class Chain:
         self._start_covariance = frame.stamp_covariance(sensor)
         self._corners, self._errors, self._after_renewal = OwnCorners.nothing(), FrameErrors.nothing(), 0
 
-    def _renewed(self, frame: ChainFrame, sight: Sight, sensor: SensorModel) -> ChainFrame:
+    def _renewed(self, frame: ChainFrame, features: NamedFeatures, sensor: SensorModel) -> ChainFrame:
         """Return a frame with all that it measured; cut new corners where too few features are left."""
-        if len(sight) <= TUNING.corner_renewal * self._after_renewal or not len(self._corners):
-            new, cut = cut_corners(frame.view, sight.uv, self.T_chain_camera, self._next_name, frame.twist, sensor)
+        if len(features) <= TUNING.corner_renewal * self._after_renewal or not len(self._corners):
+            new, cut = cut_corners(frame.view, features.uv, self.T_chain_camera, self._next_name, frame.twist, sensor)
             self._next_name -= len(new)
-            self._corners, sight = self._corners.joined(new), sight.joined(cut)
-            self._after_renewal = len(sight)
-        return ChainFrame(frame.view, sight, frame.twist, frame.published)
+            self._corners, features = self._corners.joined(new), features.joined(cut)
+            self._after_renewal = len(features)
+        return ChainFrame(frame.view, features, frame.twist, frame.published)
 
     def _described(self, frame: ChainFrame, hole: str, sensor: SensorModel) -> ChainPose:
         T_middle_stamp = frame.published.T_middle_stamp

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odom.backend.chain.sight import Sight
+from odom.backend.chain.named_features import NamedFeatures
 from odom.backend.publication import Publication
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.view import View
@@ -13,13 +13,13 @@ from odom.geometry.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class ChainFrame:
-    """A frame that the chain is to be extended by: its `view`, what it shows of the map, and its `publication`.
+    """A frame that the chain is to be extended by: its `view`, the `features` it measured, and how it was `published`.
 
     It was taken in motion with `twist` (6, SI, camera frame).
     """
 
     view: View
-    sight: Sight
+    features: NamedFeatures
     twist: Array
     published: Publication
 

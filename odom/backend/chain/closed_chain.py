@@ -81,7 +81,7 @@ def _closing(
     if first.keyframe is None or first.keyframe not in map_.remembered or first.number == end.number:
         return None
     chained = first.edge_to(end)
-    direct = closure(first.number, map_.keyframes[first.keyframe], end.number, chain.end_sight, closed.T_a_b, sensor)
+    direct = closure(first.number, map_.keyframes[first.keyframe], end.number, chain.end_features, closed.T_a_b, sensor)
     if direct is None:
         return None
     pose = RelativePose(first.stamp, direct.T_a_b, direct.covariance)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from odom.backend.chain.named_features import NamedFeatures
 from odom.backend.chain.pairwise import register_frames
-from odom.backend.chain.sight import Sight
 from odom.backend.chain.tuning import TUNING
 from odom.backend.loop_closure.verification import disagreement
 from odom.backend.map.keyframe import Keyframe
@@ -74,34 +74,37 @@ class Closures:
             self.nodes = [one for one in self.nodes if one.number not in gone]
             self.edges = [edge for edge in self.edges if not {edge.a, edge.b} & gone]
 
-    def close(self, node: ChainNode, sight: Sight, reference: int, map_: Map, sensor: SensorModel) -> None:
+    def close(self, node: ChainNode, features: NamedFeatures, reference: int, map_: Map, sensor: SensorModel) -> None:
         """Register a node, near key frame `reference`, against those of long ago that share most landmarks with it."""
         near = map_.linked(reference).intersection(map_.remembered)
         until = node.stamp - TUNING.closure_after_s * 1e9
         places = [one for one in self.nodes if one.keyframe in near and one.stamp <= until]
         keyframes = [map_.keyframes[one.keyframe] for one in places if one.keyframe is not None]
-        counts = [int(np.count_nonzero(places_of(each.identities, sight.names) >= 0)) for each in keyframes]
+        counts = [int(np.count_nonzero(places_of(each.identities, features.names) >= 0)) for each in keyframes]
         for k in sorted(range(len(places)), key=lambda k: -counts[k])[: TUNING.closures_each]:
             if counts[k] < TUNING.closure_least:
                 break
             chained = places[k].edge_to(node)
-            edge = closure(places[k].number, keyframes[k], node.number, sight, chained.T_a_b, sensor)
+            edge = closure(places[k].number, keyframes[k], node.number, features, chained.T_a_b, sensor)
             if edge is None or disagreement(chained.T_a_b, chained.covariance, edge, sensor.noise.calibration_error):
                 self.refused += 1
             else:
                 self.edges.append(edge)
 
 
-def closure(a: int, place: Keyframe, b: int, sight: Sight, T_hint: Array, sensor: SensorModel) -> Edge | None:
-    """Return node `b`, with its `sight`, registered against node `a`, a key frame, by the landmarks that both measured.
+def closure(
+    a: int, place: Keyframe, b: int, features: NamedFeatures, T_hint: Array, sensor: SensorModel
+) -> Edge | None:
+    """Return node `b` registered against node `a` by the landmarks that both measured.
 
-    `T_hint` is T_a_b as expected. None where they cannot be registered.
+    `a` is the key frame `place`, `b` has measured `features`. `T_hint` is T_a_b as expected. None where they cannot be
+    registered.
     """
-    here, there = shared(place.identities, sight.names)
+    here, there = shared(place.identities, features.names)
     change = place.timing.change_to(sensor.timing)  # what was known then may have been a guess
     found = register_frames(
         place.measurements.take(here).retimed(change).straight(sensor.depth_tilt.angles),
-        sight.measured.take(there).straight(sensor.depth_tilt.angles),
+        features.measured.take(there).straight(sensor.depth_tilt.angles),
         T_hint,
     )
     if isinstance(found, str):

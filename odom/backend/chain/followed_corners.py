@@ -7,8 +7,8 @@ before still does.
 import numpy as np
 
 from odom.backend.chain.chain_frame import ChainFrame
+from odom.backend.chain.named_features import NamedFeatures
 from odom.backend.chain.own_corners import cut_corners
-from odom.backend.chain.sight import Sight
 from odom.backend.chain.tuning import TUNING
 from odom.backend.tracking.tuning import TUNING as TRACKING
 from odom.frontend.camera.sensor_model import SensorModel
@@ -22,7 +22,7 @@ from odom.geometry.arrays import Array
 
 def follow_corners(
     previous: ChainFrame, current: ChainFrame, known_uv: Array, T_hint: Array, first_name: int, sensor: SensorModel
-) -> tuple[Sight, Sight]:
+) -> tuple[NamedFeatures, NamedFeatures]:
     """Return what two frames measure of corners that both show, away from features at `known_uv` (m x 2 px) in one.
 
     They are followed from the `previous` image to where `T_hint`, an expected T_previous_current, puts them, and back.
@@ -49,4 +49,6 @@ def follow_corners(
     found = np.flatnonzero(score > SEARCH.search_fine_score)
     before = seen.take(in_view[found])
     covariance = covariance_uv[found] * TRACKING.image_noise**2
-    return before, Sight(before.names, uv[found], measure(current.view, sensor, uv[found], covariance, current.twist))
+    return before, NamedFeatures(
+        before.names, uv[found], measure(current.view, sensor, uv[found], covariance, current.twist)
+    )

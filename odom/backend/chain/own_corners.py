@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from odom.backend.chain.sight import Sight
+from odom.backend.chain.named_features import NamedFeatures
 from odom.backend.chain.tuning import TUNING
 from odom.backend.tracking.tuning import TUNING as TRACKING
 from odom.frontend.camera.sensor_model import SensorModel
@@ -80,20 +80,20 @@ class OwnCorners:
         position, ratio = change.positions(self.position, self.plane[:, 1:], T_keyframe_chain)
         return replace(self, position=position, plane=np.column_stack([self.plane[:, 0] * ratio, self.plane[:, 1:]]))
 
-    def look_for(self, view: View, T_camera_chain: Array, twist: Array, sensor: SensorModel) -> Sight:
+    def look_for(self, view: View, T_camera_chain: Array, twist: Array, sensor: SensorModel) -> NamedFeatures:
         """Return those that a view shows close to where the pose `T_camera_chain` expects them.
 
         The camera moves with `twist` (6, SI, its own frame).
         """
         n = len(self)
         if not n:
-            return Sight.nothing()
+            return NamedFeatures.nothing()
         T_camera_keyframe = T_camera_chain @ self.T_chain_keyframe
         candidates = Candidates.all_of(np.arange(n), np.arange(len(T_camera_keyframe)), T_camera_keyframe)
         found = find_landmarks(self, candidates, T_camera_chain, twist, view.images, sensor, n, is_near=True)
         covariance_uv = found.covariance_uv * TRACKING.image_noise**2
         measured = measure(view, sensor, found.uv, covariance_uv, twist, found.inverse_depth)
-        return Sight(self.names[found.rows], found.uv, measured)
+        return NamedFeatures(self.names[found.rows], found.uv, measured)
 
     def _take(self, kept: Mask) -> "OwnCorners":
         if kept.all():
@@ -113,7 +113,7 @@ class OwnCorners:
 
 def cut_corners(
     view: View, known_uv: Array, T_chain_camera: Array, first_name: int, twist: Array, sensor: SensorModel
-) -> tuple[OwnCorners, Sight]:
+) -> tuple[OwnCorners, NamedFeatures]:
     """Return corners with depth away from the features at `known_uv` (m x 2 px), and what the view measures of them.
 
     They are named `first_name`, `first_name` - 1 and so on. They are detected in the half-size image, which takes a
@@ -129,4 +129,4 @@ def cut_corners(
     plane = np.column_stack([measured.values[:, 2], measured.slope])
     patches = cut_patches(view.images.full, uv)
     corners = OwnCorners(names, position, zeros, uv, plane, patches, zeros, T_chain_camera[None])
-    return corners, Sight(names, uv, measured)
+    return corners, NamedFeatures(names, uv, measured)

@@ -6,7 +6,7 @@ import numpy as np
 
 from odom.backend.chain.chain import Chain
 from odom.backend.chain.chain_frame import ChainFrame
-from odom.backend.chain.sight import Sight
+from odom.backend.chain.named_features import NamedFeatures
 from odom.backend.estimate import IMAGE_AGAIN, NO_DEPTH, NO_PLACE, TOO_LITTLE, Estimate, Features, OnPose, State
 from odom.backend.loop_closure.loop_closure import LoopCloser
 from odom.backend.map.map import Corners, Map
@@ -152,9 +152,9 @@ class FrameStages:
         )
         on_pose(estimate)
         watch.lap("publish")
-        sight = Sight.of(tracked, self.map.landmarks.identity[tracked.rows])
+        features = NamedFeatures.of(tracked, self.map.landmarks.identity[tracked.rows])
         T_hint = None if previous is None else previous.motion_to(tracked, self.map)
-        chained = self.chain.extend(ChainFrame(view, sight, tracked.twist, published), T_hint, self.sensor)
+        chained = self.chain.extend(ChainFrame(view, features, tracked.twist, published), T_hint, self.sensor)
         watch.lap("chain")
         is_keyframe = self._grow_map(view, judged, published)
         watch.lap("map")
@@ -228,7 +228,7 @@ class FrameStages:
         keyframe = self.mapper.inserter.begin_segment(view, corners, T_camera_map, self.sensor, in_doubt)
         self._visibility, self.moving = self._visibility.with_new_segment(view.stamp), self.moving.after_loss()
         published = self.published.begin(view.stamp, keyframe.segment, keyframe.number, self.sensor)
-        chain = self.chain.extend(ChainFrame(view, Sight.nothing(), AT_REST, published), None, self.sensor)
+        chain = self.chain.extend(ChainFrame(view, NamedFeatures.nothing(), AT_REST, published), None, self.sensor)
         number, rows = keyframe.number, keyframe.rows
         self.chain.close(self.map, True, number, self.sensor)
         self.state = FrameState(view, None, T_camera_map, AT_REST, number, rows, keyframe.uv, is_bent=True)

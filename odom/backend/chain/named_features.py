@@ -1,4 +1,4 @@
-"""What one frame of the chain measured, by names that the next frame finds again."""
+"""The features that a frame of the chain measured, by names that the next frame finds again."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from odom.geometry.numbered import shared
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class NamedFeatures:
     """n features of a frame: their `names` (n), where they were seen (`uv`, n x 2 px), and what was `measured`.
 
     Landmarks of the map have their identities for names, the chain's own corners negative numbers.
@@ -22,7 +22,7 @@ class Sight:
     measured: Measurements
 
     @classmethod
-    def of(cls, tracked: Tracked, identities: Index) -> "Sight":
+    def of(cls, tracked: Tracked, identities: Index) -> "NamedFeatures":
         """Return the landmarks that the map's search found in a frame, by their `identities` (n).
 
         Landmarks that were culled since have the identity 0 and are left out.
@@ -33,26 +33,26 @@ class Sight:
         return cls(identities[alive], tracked.uv[alive], tracked.measurements.take(alive))
 
     @classmethod
-    def nothing(cls) -> "Sight":
-        """Return the sight of no feature."""
+    def nothing(cls) -> "NamedFeatures":
+        """Return the value for no feature."""
         return cls(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), Measurements.nothing())
 
     def __len__(self) -> int:
         return len(self.names)
 
-    def joined(self, other: "Sight") -> "Sight":
+    def joined(self, other: "NamedFeatures") -> "NamedFeatures":
         """Return these features followed by the `other` ones."""
-        return Sight(
+        return NamedFeatures(
             np.concatenate([self.names, other.names]),
             np.concatenate([self.uv, other.uv]),
             self.measured.joined(other.measured),
         )
 
-    def take(self, rows: Index) -> "Sight":
+    def take(self, rows: Index) -> "NamedFeatures":
         """Return the chosen features."""
-        return Sight(self.names.take(rows), self.uv.take(rows, 0), self.measured.take(rows))
+        return NamedFeatures(self.names.take(rows), self.uv.take(rows, 0), self.measured.take(rows))
 
-    def in_common_with(self, other: "Sight") -> tuple["Sight", "Sight"]:
+    def in_common_with(self, other: "NamedFeatures") -> tuple["NamedFeatures", "NamedFeatures"]:
         """Return what this one and the `other` measured of the features of both, in the same order."""
         here, there = shared(self.names, other.names)
         return self.take(here), other.take(there)

@@ -66,7 +66,9 @@ def test_in_doubt_no_corner_that_nothing_can_judge_becomes_a_landmark(in_doubt: 
     assert corners is not None
     nothing = SimpleNamespace(uv=np.zeros((0, 2)))
     tracked = cast("Any", SimpleNamespace(twist=np.zeros(6), inlying=nothing, inlier_count=0))
-    stands, _ = RecentViews(map_).before(view, tracked).standing(corners, sensor, in_doubt)  # no view before this one
+    stands, _ = (
+        RecentViews(map_).compared_with(view, tracked).standing(corners, sensor, in_doubt)
+    )  # no view before this one
     assert stands.mean() == (0.0 if in_doubt else 1.0)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from odom.backend.map.keyframe import FrameObservations, Keyframe, MeasuredLandmarks
 from odom.backend.map.map import Corners, Map
 from odom.backend.mapping.coverage import Coverage
-from odom.backend.mapping.new_corners import Grown, NewCorners, Wanted
+from odom.backend.mapping.new_corners import CornerSearch, FoundCorners, NewCorners
 from odom.backend.mapping.presence import retire
 from odom.backend.mapping.standing import RecentViews, standing_since
 from odom.backend.mapping.tuning import TUNING
@@ -104,24 +104,24 @@ class KeyframeInserter:
         self._coverage_at_keyframe, self._is_worn_out = None, False
         if not in_doubt:
             self._queue_for_description(self._newest)
-        before = self.recent.before(view, tracked)
-        self._new_corners.look_for(Wanted(keyframe.number, before, twist, sensor, in_doubt), count)
+        compared = self.recent.compared_with(view, tracked)
+        self._new_corners.look_for(CornerSearch(keyframe.number, compared, twist, sensor, in_doubt), count)
         return keyframe
 
-    def take_corners(self, count: int | None, sensor: SensorModel) -> Grown | None:
+    def take_corners(self, count: int | None, sensor: SensorModel) -> FoundCorners | None:
         """Make landmarks of a key frame's new corners if the frame after number `count` needs them (None: at once).
 
         Returns them; None where nothing was due.
         """
-        grown = self._new_corners.take(count, sensor)
-        if grown is not None:
-            wanted = grown.wanted
-            keyframe, view = self._map.keyframes[wanted.keyframe], wanted.before.view
-            self._map.add_corners(keyframe, view.images, grown.corners, sensor.depth_tilt.angles)
+        found = self._new_corners.take(count, sensor)
+        if found is not None:
+            search = found.search
+            keyframe, view = self._map.keyframes[search.keyframe], search.compared.view
+            self._map.add_corners(keyframe, view.images, found.corners, sensor.depth_tilt.angles)
             self._map.cull(self._map.neighbours(keyframe.number, keyframe.T_camera_map, self._settings.local_keyframes))
-            if wanted.in_doubt:
-                self._queue_for_description(KeyframeView(keyframe.number, view, wanted.twist, keyframe.uv))
-        return grown
+            if search.in_doubt:
+                self._queue_for_description(KeyframeView(keyframe.number, view, search.twist, keyframe.uv))
+        return found
 
     def kept(self, state: FrameState, sensor: SensorModel, in_doubt: bool) -> FrameState:
         """Make the newest frame, that of `state`, a key frame after all unless it is one; return its state then.

@@ -53,14 +53,17 @@ class RecentViews:
         """Forget all: the next frame is of another segment."""
         self._views.clear()
 
-    def before(self, view: View, tracked: Tracked) -> "Before":
-        """Return what can tell what stands still in a tracked view, independent of later changes of the map."""
+    def compared_with(self, view: View, tracked: Tracked) -> "ComparedView":
+        """Return a tracked view with those to compare it with, independent of later changes of the map."""
         looked = self._looked[1:] if self._looked is not None and self._looked[0] is tracked else ()
-        return Before(view, tracked, self._earlier_views(view, tracked), looked)
+        return ComparedView(view, tracked, self._earlier_views(view, tracked), looked)
 
     def moving(self, view: View, tracked: Tracked, sensor: SensorModel) -> MovingCells | None:
-        """Return which part of a tracked view moves, noted for `before`; None if no view is recent enough to tell."""
-        moving = self.before(view, tracked).moving(sensor)
+        """Return which part of a tracked view moves; None if no view is recent enough to tell.
+
+        It is noted for `compared_with`, so that it is judged once.
+        """
+        moving = self.compared_with(view, tracked).moving(sensor)
         self._looked = tracked, moving
         return moving
 
@@ -90,11 +93,11 @@ class RecentViews:
 
 
 @dataclass(frozen=True, eq=False)
-class Before:
-    """A `tracked` `view` and `earlier` ones to look in; `looked` holds the cells that move, if that was judged already.
+class ComparedView:
+    """A `tracked` view and the `earlier` ones that it is compared with, which tell what stands still and what moves.
 
-    In a quick turn few views overlap with this one: in doubt, and where the depth of a whole view is compared, only
-    those are looked in.
+    `looked` holds the cells that move, if that was judged already. In a quick turn few views overlap with this one: in
+    doubt, and where the depth of a whole view is compared, only those are looked in.
     """
 
     view: View

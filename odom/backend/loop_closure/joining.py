@@ -16,7 +16,7 @@ import numpy as np
 from odom.backend.loop_closure.closing import close_loops, merge_segment
 from odom.backend.loop_closure.tuning import TUNING
 from odom.backend.loop_closure.verification import disagreement
-from odom.backend.map.keyframe import apart
+from odom.backend.map.keyframe import pose_distances
 from odom.backend.map.map import Map
 from odom.backend.map.pose_covariance import independent_covariance
 from odom.backend.map.pose_graph import Edge
@@ -95,9 +95,11 @@ def _is_found_again(map_: Map, join: _Join) -> bool:
     there = {k.number: k.T_camera_map for k in map_.keyframes if k.segment == a.segment}
     here = {k.number: k.T_camera_map @ T_b_a for k in map_.keyframes if k.segment == b.segment}
     pairs = [(edge.a, edge.b) if edge.a in there else (edge.b, edge.a) for edge in join.agreeing]
-    near = TUNING.join_near * float(np.median([apart(here[other], there[one][None])[0] for one, other in pairs]))
+    near = TUNING.join_near * float(
+        np.median([pose_distances(here[other], there[one][None])[0] for one, other in pairs])
+    )
     others = np.array(list(there.values()))
-    expected = {number for number, T in here.items() if apart(T, others).min() <= near}
+    expected = {number for number, T in here.items() if pose_distances(T, others).min() <= near}
     found = expected.intersection(other for _, other in pairs)
     return len(found) > TUNING.join_share * len(expected)
 

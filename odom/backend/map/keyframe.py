@@ -112,16 +112,18 @@ class Keyframe(FrameObservations):
         self.uv, self.measurements = _NO_UV, _NOTHING_MEASURED
 
 
-def apart(T_camera_map: Array, others: Array) -> Array:
+def pose_distances(T_camera_map: Array, others: Array) -> Array:
     """Return how far `others` (n x 4 x 4, T_camera_map too) are from a pose (n).
 
     Far is metres plus radians: at a metre's depth, both move a feature about as far.
     """
-    return _apart(np.array(T_camera_map), np.array(others))  # copies: what a file's bytes hold is of another type
+    return _pose_distances(
+        np.array(T_camera_map), np.array(others)
+    )  # copies: what a file's bytes hold is of another type
 
 
 @compiled
-def _apart(T: Array, others: Array) -> Array:
+def _pose_distances(T: Array, others: Array) -> Array:
     """Return the length of the translation plus the angle of the rotation of each motion `T inv(others[k])` (n)."""
     out = np.zeros(len(others))
     for k in range(len(others)):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from odom.backend.map.journal import Journal
-from odom.backend.map.keyframe import Keyframe, MeasuredLandmarks, apart
+from odom.backend.map.keyframe import Keyframe, MeasuredLandmarks, pose_distances
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.map.moved_keyframes import carry_landmarks, changes_in_map, followed
 from odom.backend.map.pose_graph import Edge
@@ -203,9 +203,9 @@ class Map:
         return reached
 
     def nearest(self, keyframes: list[int], T_camera_map: Array) -> Index:
-        """Return `keyframes` ordered by how near they are to a pose (see `apart`)."""
+        """Return `keyframes` ordered by how near they are to a pose (see `pose_distances`)."""
         numbers = np.array(keyframes)
-        far = apart(T_camera_map, np.array([self.keyframes[k].T_camera_map for k in numbers]))
+        far = pose_distances(T_camera_map, np.array([self.keyframes[k].T_camera_map for k in numbers]))
         return np.asarray(numbers[np.argsort(far, kind="stable")])
 
     def cull(self, keyframes: Index) -> None:

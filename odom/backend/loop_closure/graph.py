@@ -1,4 +1,7 @@
-"""The pose graph of one segment as it was at one frame: frozen, so that the background can work on it."""
+"""The pose graph of one segment as it was at one frame: frozen, so that the background can work on it.
+
+The `Registrations` of the map answer the same questions at the present frame (see there).
+"""
 
 from bisect import bisect_left
 from collections.abc import Iterable, Sequence
@@ -89,7 +92,7 @@ class SegmentGraph:
         return np.asarray((A @ self.edges.covariance[way] @ A.transpose(0, 2, 1)).sum(axis=0))
 
     def _surest_path(self, row_a: int, row_b: int) -> Index | None:
-        """Return the edges from one row to another whose variances add up to least (E. Dijkstra, 1959)."""
+        """Return the edges from one row to another whose variances add up to least, as `Registrations` finds them."""
         K, e = len(self.numbers), self.edges
         variance = np.trace(e.covariance, axis1=1, axis2=2)
         graph = csr_matrix((variance, (e.a, e.b)), shape=(K, K))

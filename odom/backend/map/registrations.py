@@ -1,4 +1,8 @@
-"""Which key frames were registered against which, and the covariance between any two of them that follows."""
+"""Which key frames were registered against which, and the covariance between any two of them that follows.
+
+The surest path between two is searched here while frames pass, one key frame after the other, and cached; for loop
+closures `SegmentGraph` searches it in arrays in the background, where Python loops would hold up the frames.
+"""
 
 import heapq
 from collections import defaultdict
@@ -29,8 +33,8 @@ class Registrations:
         self._of: defaultdict[int, dict[int, Edge]] = defaultdict(dict)
         self._between: dict[tuple[int, int], Array | None] = {}
         self._leaf_of: dict[int, int] = {}
-        """Key frames that were added as the end of a path, with the one before on it: there is no other path from older
-        key frames, until one is registered with another."""
+        """Key frames registered with a single older one, and which: all paths from older ones pass through that. They
+        are forgotten as soon as a registration joins key frames in another way."""
         self.table = EdgeTable()
         self.journal = Journal()
 
@@ -135,23 +139,23 @@ class Registrations:
 
     def _surest_path(self, a: int, b: int) -> list[Edge] | None:
         """Return the registrations from `a` to `b`, each as seen from where it is left."""
-        left_from: dict[int, tuple[int, Edge]] = {}
-        for at, start, edge in self._outward(a) if a != b else ():
-            left_from[at] = start, edge
+        if a == b:
+            return []
+        before: dict[int, tuple[int, Edge]] = {}
+        for at, start, edge in self._outward(a):
+            before[at] = start, edge
             if at == b:
                 break
-        if a != b and b not in left_from:
-            return None
         path: list[Edge] = []
-        while b != a:
-            start, edge = left_from[b]
+        while b in before:
+            start, edge = before[b]
             path.insert(0, edge.seen_from(start))
             b = start
-        return path
+        return path or None
 
     def _outward(self, a: int) -> Iterator[tuple[int, int, Edge]]:
-        """Yield key frames, surest from `a` first, with the one before and the edge from there (Dijkstra)."""
-        left_from: dict[int, tuple[int, Edge]] = {}
+        """Yield key frames, surest from `a` first, with the one before and the edge from there (E. Dijkstra, 1959)."""
+        before: dict[int, tuple[int, Edge]] = {}
         variance, waiting, done = {a: 0.0}, [(0.0, a)], set()
         while waiting:
             far, at = heapq.heappop(waiting)
@@ -159,9 +163,9 @@ class Registrations:
                 continue
             done.add(at)
             if at != a:
-                yield at, *left_from[at]
+                yield at, *before[at]
             for other, edge in self._of[at].items():
                 farther = far + edge.variance
                 if farther < variance.get(other, np.inf):
-                    variance[other], left_from[other] = farther, (at, edge)
+                    variance[other], before[other] = farther, (at, edge)
                     heapq.heappush(waiting, (farther, other))

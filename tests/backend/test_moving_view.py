@@ -71,7 +71,7 @@ def told(
     for i, share in enumerate(shares):
         stamp = SteadyStamp(round(1.001e9 * i * period_s))
         view = cast(Any, SimpleNamespace(steady_stamp=stamp))
-        moving = (moving.after_loss() if i in lost else moving).after(
+        moving = (moving.after_loss(0) if i in lost else moving).after(
             view,
             tracked,
             cast(Any, Shown(share, as_one(i), i in scene_moves, i in confirmed)),

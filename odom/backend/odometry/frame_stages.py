@@ -14,9 +14,8 @@ from odom.backend.map.memory import open_map
 from odom.backend.map.saved import SavedMap
 from odom.backend.mapping.mapper import Mapper
 from odom.backend.mapping.presence import note_sightings
-from odom.backend.mapping.wide_step import follow_wide_step
 from odom.backend.odometry.judged_frame import JudgedFrame
-from odom.backend.odometry.lost_views import LostViews
+from odom.backend.odometry.lost_camera import LostCamera
 from odom.backend.odometry.moving_view import MovingView
 from odom.backend.odometry.published_trajectory import PublishedTrajectory
 from odom.backend.odometry.repeated_image import is_repeated
@@ -25,13 +24,11 @@ from odom.backend.odometry.visibility import Visibility
 from odom.backend.publication import Publication
 from odom.backend.settings import OdometrySettings
 from odom.backend.stopwatch import Stopwatch
-from odom.backend.tracking.confirmation import Confirmation
 from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.backend.tracking.frame_tracker import FrameTracker
 from odom.backend.tracking.motion_model import AT_REST
-from odom.backend.tracking.noise_check import is_noise_check_due, observe_noise
+from odom.backend.tracking.noise_check import noise_after
 from odom.backend.tracking.quality import judge_pose
-from odom.backend.tracking.relocalizer import relocalise
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.place_descriptor import describe_place
 from odom.frontend.features.view import View
@@ -58,8 +55,7 @@ class FrameStages:
         self._settings = settings
         self.moving = MovingView()
         self._visibility = Visibility()
-        self._lost = LostViews()
-        self._confirmation = Confirmation(self.map)
+        self._lost_camera = LostCamera(self.map, self.tracker, self.mapper.inserter, settings)
 
     def estimate(self, view: View, T_predicted: Array | None, watch: Stopwatch, on_pose: OnPose) -> Estimate:
         """Return the estimate for the next frame; `T_predicted` is T_camera_map where it was predicted already."""
@@ -76,22 +72,21 @@ class FrameStages:
             if not judged.moving.rivals.is_left_behind:
                 return self._advance(view, judged, watch, on_pose)
             self.mapper.inserter.drop(self._segment, judged.moving.witnesses.unproven_identity, self.sensor)
-            return self._lose_or_begin(view, TUNING.least_corners, is_blind)
-        features = 0
-        if not is_blind:
-            place = describe_place(view, self.sensor, AT_REST)
-            features = len(place.points)
-            tracker, inserter, in_doubt = self.tracker, self.mapper.inserter, self.moving.is_doubtful
-            self.state, tracked = follow_wide_step(tracker, inserter, self.state, view, place, self.sensor, in_doubt)
-            is_recovered = tracked is None or self.published.is_lost or not self._is_predictable(view)
-            if tracked is None:
-                tracked = relocalise(self.map, self.tracker, self.state, view, place, self.sensor)
-                tracked = self._confirmation.of(tracked, view.steady_stamp)
-            watch.lap("relocalise")
+            return self._lose_or_begin(view)
+        if is_blind:
+            return self._lose(view, NO_DEPTH)
+        place = describe_place(view, self.sensor, AT_REST)
+        in_doubt = self.moving.is_doubtful
+        self.state, tracked, is_near = self._lost_camera.find(self.state, view, place, self.sensor, in_doubt)
+        watch.lap("relocalise")
         if tracked is not None:
+            is_recovered = not is_near or self.published.is_lost or not self._is_predictable(view)
             return self._advance(view, self._judge(view, tracked, is_recovered), watch, on_pose)
         predicted = self._predict(view, is_followable, "not tracked")
-        return predicted or self._lose_or_begin(view, features, is_blind)
+        if predicted is not None:
+            return predicted
+        has_corners = len(place.points) >= TUNING.least_corners
+        return self._lose_or_begin(view) if has_corners else self._lose(view, TOO_LITTLE)
 
     def _track(self, view: View, T_predicted: Array | None, watch: Stopwatch) -> Tracked | None:
         """Predict and track the frame from the newest one with a pose; None where that fails."""
@@ -119,7 +114,10 @@ class FrameStages:
         return self.state is not None and 0.0 < self.state.since_s(view.steady_stamp) < longest_s
 
     def _judge(self, view: View, tracked: Tracked, is_recovered: bool) -> JudgedFrame:
-        """Learn the noise from a tracked frame; return its motion, and how far its pose may be trusted."""
+        """Learn from a tracked frame what it shows of noise, landmarks and bodies; return how far to trust its pose.
+
+        The newest key frame is measured again by the motion that led here from it.
+        """
         previous, clock = self.state, self.sensor.clock
         since_previous_s = 0.0 if is_recovered or previous is None else previous.since_s(view.steady_stamp)
         step = np.zeros(6) if previous is None else previous.step_to(tracked)
@@ -128,15 +126,15 @@ class FrameStages:
         self.mapper.inserter.remeasure_newest(twist if is_near else None, self.sensor)
         note_sightings(self.map.landmarks, tracked, since_previous_s)
         is_one_period = abs(since_previous_s - clock.period_s) < TUNING.steady_share * clock.period_s
-        noise = self.sensor.noise.with_step(step if since_previous_s and is_one_period else None, tracked.information)
-        self._visibility = self._visibility.with_tracked(view.stamp, tracked.chi2[tracked.inliers, 1])
-        lacks_depth = self._visibility.lacks_depth(view.stamp)
-        if is_noise_check_due(noise, self.published.frames.count):
-            noise = observe_noise(noise, self.map, tracked, view.images.full.shape[1])
+        noise_step = step if since_previous_s and is_one_period else None
+        number, width = self.published.frames.count, view.images.full.shape[1]
+        noise = noise_after(self.sensor.noise, self.map, tracked, noise_step, number, width)
         self.sensor = self.sensor.with_noise(noise)
         covariance = tracked.covariance * noise.covariance_scale
         moving = self.moving.after_loss(self.map.landmarks.next_identity) if is_recovered else self.moving
         self.moving = moving.after(view, tracked, self.mapper.inserter.recent, self.map.landmarks, self.sensor)
+        self._visibility = self._visibility.with_tracked(view.stamp, tracked.chi2[tracked.inliers, 1])
+        lacks_depth = self._visibility.lacks_depth(view.stamp)
         state, reason = judge_pose(tracked, covariance, is_recovered, lacks_depth, self.moving.doubt)
         return JudgedFrame(tracked, since_previous_s, twist, covariance, state, reason, self.moving)
 
@@ -193,40 +191,28 @@ class FrameStages:
         estimate = self._describe(view, State.UNCERTAIN, f"{why}: the motion is predicted", published)
         return replace(estimate, is_predicted=True)
 
-    def _lose_or_begin(self, view: View, features: int, is_blind: bool) -> Estimate:
-        """Report the frame as LOST, or begin a new segment once known places were looked for long enough.
+    def _lose_or_begin(self, view: View) -> Estimate:
+        """Report a frame with enough to see as LOST, or begin a segment once known places were looked for long enough.
 
-        `features` counts those with depth. Time in which there is nothing to see does not count as looking.
+        Time in which there is nothing to see does not count as looking.
         """
-        reason = NO_DEPTH if is_blind else TOO_LITTLE
-        if features >= TUNING.least_corners:
-            reason = NO_PLACE
-            self._visibility = self._visibility.with_search(self.published.since_last_s(view.stamp))
-            self._lost = self._lost.after(view, self.sensor, self.moving.is_doubtful)
-            longest_s = self._lost.patience * self._settings.new_segment_s
-            is_time = self._is_unproven or self._visibility.searching_s > longest_s
-            may_begin = is_time and not self.map.is_fixed
-            corners = self.mapper.inserter.first_corners(view, self.sensor, self._lost.scene) if may_begin else None
-            if corners is not None:
-                return self._begin_segment(view, corners)
-        return self._lose(view, reason)
+        self._visibility = self._visibility.with_search(self.published.since_last_s(view.stamp))
+        in_doubt, searching_s = self.moving.is_doubtful, self._visibility.searching_s
+        corners = self._lost_camera.first_corners(self.state, view, self.sensor, in_doubt, searching_s)
+        return self._lose(view, NO_PLACE) if corners is None else self._begin_segment(view, corners)
 
     def _lose(self, view: View, reason: str) -> Estimate:
+        """Report the frame as LOST."""
         self.published.lose(view.stamp, self._segment)
         self.mapper.start_background(self.published.frames.count, self.sensor)
         return self._describe(view, State.LOST, reason, None)
-
-    @property
-    def _is_unproven(self) -> bool:
-        """Whether no place can be recognised yet: no frame so far, or one key frame from which none was tracked."""
-        return self.state is None or (len(self.map.keyframes) - self.map.earlier == 1 and self.state.tracked is None)
 
     def _begin_segment(self, view: View, corners: Corners) -> Estimate:
         """Begin a new segment of the map at the last known pose."""
         is_first, in_doubt = self.state is None, self.moving.is_doubtful
         T_camera_map = np.eye(4) if self.state is None else self.state.T_camera_map
         keyframe = self.mapper.inserter.begin_segment(view, corners, T_camera_map, self.sensor, in_doubt)
-        self._visibility, self.moving = self._visibility.with_new_segment(view.stamp), self.moving.after_loss()
+        self._visibility, self.moving = self._visibility.with_new_segment(view.stamp), self.moving.after_loss(0)
         published = self.published.begin(view.stamp, keyframe.segment, keyframe.number, self.sensor)
         chain = self.chain.extend(ChainFrame(view, NamedFeatures.nothing(), AT_REST, published), None, self.sensor)
         number, rows = keyframe.number, keyframe.rows

@@ -73,15 +73,15 @@ class MovingView:
             return seen
         return replace(seen, witnesses=replace(witnesses, proven_identity=landmarks.next_identity))
 
-    def after_loss(self, next_identity: int = 0) -> "MovingView":
+    def after_loss(self, fresh_identity: int) -> "MovingView":
         """Return what is known where a segment begins or the camera is found again: looks are counted anew.
 
-        Landmarks made from then on begin with `next_identity`. After a loss in doubt, a view that seems to stand still
-        proves little: a body that is followed looks the same.
+        Landmarks of the segment that are made from then on begin with `fresh_identity`: 0 where it begins. After a loss
+        in doubt, a view that seems to stand still proves little: a body that is followed looks the same.
         """
         crowd = replace(self.crowd, calm_stamp=None, first_stamp=None)
         crowd = replace(crowd, is_start_unsure=False, is_recovery_unsure=self.is_doubtful)
-        witnesses = replace(self.witnesses, fresh_identity=next_identity, confirming_looks=0)
+        witnesses = replace(self.witnesses, fresh_identity=fresh_identity, confirming_looks=0)
         rivals = replace(self.rivals, large_stamp=None, rival_stamp=None, is_left_behind=False)
         return MovingView(None, None, crowd, witnesses, rivals, self.doubted_stamp)
 

@@ -42,7 +42,7 @@ class Witnesses:
     - Those below `known_identity` were made before enough looks had shown that the camera follows the scene: in a
       lasting crowd nothing is ever proven. `confirming_looks` counts such looks since the last that spoke against it.
     - Those below `rooted_identity` were proven when the pose last became suspicious; `is_rooted`: they agree with it.
-    - Those from `fresh_identity` on were made since the camera was last found again.
+    - Those from `fresh_identity` on were made since the camera was last found again, or its segment began (0).
     - In so many `denying_looks` in a row, soon after a doubt, trusted ones contradict the pose: it may follow a body
       that has just come into view.
     """

@@ -8,15 +8,20 @@ from odom.backend.tracking.pose_solver import fit_pose
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.noise_monitor import NoiseMonitor
 from odom.geometry import se3
+from odom.geometry.arrays import Array
 
 
-def is_noise_check_due(noise: NoiseMonitor, frame: int) -> bool:
-    """Return whether frame number `frame` is one of those that are looked at: all at the start, then one in a few."""
-    return noise.residuals_seen < TUNING.noise_checked_all or frame % TUNING.noise_check_every == 0
+def noise_after(
+    noise: NoiseMonitor, map_: Map, tracked: Tracked, step: Array | None, frame: int, width: int
+) -> NoiseMonitor:
+    """Return `noise` after one more tracked frame, number `frame`, whose image is `width` pixels wide.
 
-
-def observe_noise(noise: NoiseMonitor, map_: Map, tracked: Tracked, width: int) -> NoiseMonitor:
-    """Return `noise` after looking at one more tracked frame, whose image is `width` pixels wide."""
+    `step` (6, `se3`) led to it in one period of the stream, None where it took another time. At the start all frames
+    are looked at, then one in a few.
+    """
+    noise = noise.with_step(step, tracked.information)
+    if noise.residuals_seen >= TUNING.noise_checked_all and frame % TUNING.noise_check_every != 0:
+        return noise
     nees = nees_of_halves(map_, tracked, width)
     chosen = tracked.inliers & (tracked.chi2[:, 1] < TUNING.inlier_chi2)
     noise = noise.with_residuals(tracked.chi2[chosen], tracked.measurements.values[chosen, 2])

@@ -1,0 +1,54 @@
+"""A camera that could not be followed: it is looked for at known places, and after a while a segment begins instead."""
+
+from odom.backend.map.map import Corners, Map
+from odom.backend.mapping.keyframe_inserter import KeyframeInserter
+from odom.backend.mapping.wide_step import follow_wide_step
+from odom.backend.odometry.lost_views import LostViews
+from odom.backend.settings import OdometrySettings
+from odom.backend.tracking.confirmation import Confirmation
+from odom.backend.tracking.frame_state import FrameState, Tracked
+from odom.backend.tracking.frame_tracker import FrameTracker
+from odom.backend.tracking.relocalizer import relocalise
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.features.place_descriptor import Place
+from odom.frontend.features.view import View
+
+
+class LostCamera:
+    """Looks for the camera in `map_`, and remembers the newest views in which it was not found."""
+
+    def __init__(
+        self, map_: Map, tracker: FrameTracker, inserter: KeyframeInserter, settings: OdometrySettings
+    ) -> None:
+        self._map, self._tracker, self._inserter, self._settings = map_, tracker, inserter, settings
+        self._views = LostViews()
+        self._confirmation = Confirmation(map_)
+
+    def find(
+        self, state: FrameState | None, view: View, place: Place, sensor: SensorModel, in_doubt: bool
+    ) -> tuple[FrameState | None, Tracked | None, bool]:
+        """Track a view by the `place` it shows: near the newest frame, that of `state`, or else at any known place.
+
+        Returns that frame's state afterwards; the tracked view, None where the camera is not found; and whether it was
+        found near that frame.
+        """
+        state, tracked = follow_wide_step(self._tracker, self._inserter, state, view, place, sensor, in_doubt)
+        if tracked is not None:
+            return state, tracked, True
+        tracked = relocalise(self._map, self._tracker, state, view, place, sensor)
+        return state, self._confirmation.of(tracked, view.steady_stamp), False
+
+    def first_corners(
+        self, state: FrameState | None, view: View, sensor: SensorModel, in_doubt: bool, searching_s: float
+    ) -> Corners | None:
+        """Return the corners by which a segment may begin at a view in which the camera was not found; None: not yet.
+
+        Known places have been looked for during `searching_s` seconds. As long as none can be recognised, since there
+        is no frame or one key frame from which none was tracked, that is enough at once.
+        """
+        self._views = self._views.after(view, sensor, in_doubt)
+        is_unproven = len(self._map.keyframes) - self._map.earlier == 1 and state is not None and state.tracked is None
+        is_time = searching_s > self._views.patience * self._settings.new_segment_s
+        if self._map.is_fixed or not (state is None or is_unproven or is_time):
+            return None
+        return self._inserter.first_corners(view, sensor, self._views.scene)

@@ -12,12 +12,11 @@ from odom.backend.map.memory import take_changes
 from odom.backend.map.saved import MapChanges, SavedMap
 from odom.backend.map.shown import ShownPath, cloud_of
 from odom.backend.mapping.intermediate_frames import IntermediateFrames, corrected
+from odom.backend.odometry.between_frames import grow, take_background
 from odom.backend.odometry.camera_pixels import in_camera_pixels
 from odom.backend.odometry.final_trajectory import trajectory
 from odom.backend.odometry.frame_order import FrameOrder
 from odom.backend.odometry.frame_stages import FrameStages
-from odom.backend.odometry.growth import grow
-from odom.backend.odometry.lens_of_run import go_on_through_lens
 from odom.backend.odometry.prepared import Prepared
 from odom.backend.odometry.recalibration import Calibrator, Recalibration
 from odom.backend.odometry.segmentation import Segmentation, Segmenter
@@ -33,7 +32,6 @@ from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.image_scale import scaled_lens
 from odom.frontend.features.images import FrameImages
 from odom.frontend.features.view import View
-from odom.geometry import se3
 from odom.geometry.arrays import Array, Image
 
 _LEAST_SIDE_PX = 64
@@ -170,31 +168,12 @@ class Odometry:
         return changes if changes.is_empty else replace(changes, sensor=SensorMemory.of(self._stages.sensor))
 
     def _take_background(self, count: int | None) -> tuple[list[LoopCandidate], bool]:
-        """Apply background results due at frame `count` (None: all); return judged loops, and whether the map moved.
-
-        The current pose moves with the map; a loop closure leaves the pose in odom as it was.
-        """
-        stages, state = self._stages, self._stages.state
-        if state is None:
-            return [], False
-        T_reference_camera = state.T_reference_camera(stages.map)
-        before = stages.sensor
-        taken = stages.mapper.take_background(count, stages.sensor)
-        stages.sensor, described = taken or (stages.sensor, [])
-        if stages.sensor.lens is not before.lens:
+        """Take over what the background has done (see `take_background`), and the new camera if it brings one."""
+        lens = self._stages.sensor.lens
+        taken = take_background(self._stages, count)
+        if self._stages.sensor.lens is not lens:
             self._recalibration.adopt()
-            state = go_on_through_lens(stages, before, state, T_reference_camera)
-            T_reference_camera = state.T_reference_camera(stages.map)
-        T_reference_adjusted = stages.map.keyframes[state.reference].T_camera_map
-        loops = stages.closer.judge(described, stages.sensor)
-        if stages.mapper.is_idle:  # what is being adjusted must not move meanwhile
-            loops += stages.closer.close(count, stages.sensor)
-        if is_closed := any(loop.accepted for loop in loops):
-            T_reference_map = stages.map.keyframes[state.reference].T_camera_map
-            stages.published.correct(se3.inverse(T_reference_map) @ T_reference_adjusted)
-        if map_moved := is_closed or taken is not None:
-            stages.state = state.moved_with(stages.map, T_reference_camera)
-        return loops, map_moved
+        return taken
 
     def finish(self) -> tuple[TrajectoryPose, ...]:
         """Return the final corrected trajectory after adjusting the whole map once more.

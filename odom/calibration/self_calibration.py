@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from odom.backend import Odometry, TrajectoryPose
-from odom.backend.mapping.local_adjustment import Adjustment
+from odom.backend.mapping.map_adjustment import Adjustment
 from odom.calibration.adjustment import FREE, Prior, System, fit, likely_gain, placed, start_of
 from odom.calibration.parameters import NAMES, TIMINGS, prior_sigma, vector_of
 from odom.calibration.pixel_error import significant_error_px

@@ -7,7 +7,7 @@ import numpy as np
 
 from odom.backend import Odometry
 from odom.backend.map.keyframe import FrameObservations
-from odom.backend.mapping.local_adjustment import Adjustment, everything
+from odom.backend.mapping.map_adjustment import Adjustment, everything
 from odom.backend.mapping.steady_slopes import steadied, steady_rise
 from odom.calibration.observation_terms import SeenArrays
 from odom.calibration.parameters import LENS, OFFSET, SCALE, vector_of

@@ -14,7 +14,7 @@ from odom.backend import Odometry, OdometrySettings, State
 from odom.backend.loop_closure.closing import close_loops, merge_segment
 from odom.backend.map.pose_graph import Edge
 from odom.backend.map.pruning import forget, oldest_beyond
-from odom.backend.mapping.local_adjustment import _oldest_connected
+from odom.backend.mapping.map_adjustment import _oldest_connected
 from odom.backend.mapping.observations import Observations, gather_observations
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import RgbdFrame, Stamp

@@ -10,6 +10,7 @@ from painted_room import SMALL, PaintedRoom
 
 from odom.backend.loop_closure import candidate
 from odom.backend.map.keyframe import MeasuredLandmarks
+from odom.backend.mapping.described import PlaceSearch
 from odom.backend.mapping.keyframe_inserter import KeyframeInserter, KeyframeView
 from odom.backend.mapping.mapper import Mapper
 from odom.backend.mapping.standing import RecentViews
@@ -130,11 +131,8 @@ def test_a_place_of_what_stands_among_people_is_known_by_fewer_landmarks_where_t
 
 def test_in_doubt_other_segments_places_come_first_and_more_of_them() -> None:
     map_ = chain_of_keyframes(POSES, np.eye(6), begins=(0, 3))
-    sensor = unproven_sensor(SMALL, OdometrySettings())
     looks = [
-        Mapper(map_, OdometrySettings(), sensor)._place_searches(
-            KeyframeView(3, cast("Any", None), np.zeros(6), standing)
-        )
+        PlaceSearch.of(map_, KeyframeView(3, cast("Any", None), np.zeros(6), standing)).rounds
         for standing in (None, np.zeros((1, 2)))
     ]
     assert looks[0] == [(map_.linked(3), PLACES.place_candidates)]

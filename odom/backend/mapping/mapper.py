@@ -8,12 +8,12 @@ from odom.backend.map.lens_of_map import see_through
 from odom.backend.map.map import Map
 from odom.backend.map.memory import expect_around, farthest_beyond, recall_near, set_aside
 from odom.backend.map.pruning import forget, oldest_beyond
-from odom.backend.mapping import local_adjustment
+from odom.backend.mapping import map_adjustment
 from odom.backend.mapping.background import Background
 from odom.backend.mapping.bundle_adjustment import Bundle
-from odom.backend.mapping.described import DescribedKeyframe
+from odom.backend.mapping.described import DescribedKeyframe, PlaceSearch
 from odom.backend.mapping.intermediate_frames import IntermediateFrames
-from odom.backend.mapping.keyframe_inserter import KeyframeInserter, KeyframeView
+from odom.backend.mapping.keyframe_inserter import KeyframeInserter
 from odom.backend.mapping.newer_keyframes import carry_newer, refit_newer
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.settings import OdometrySettings
@@ -22,9 +22,7 @@ from odom.frontend.camera.lens import Lens
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.lens_change import LensChange
-from odom.frontend.features.place_descriptor import describe_place
-from odom.frontend.matching.place_recognition import GrownIndex, recognise
-from odom.frontend.matching.tuning import TUNING as PLACES
+from odom.frontend.matching.place_recognition import GrownIndex
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index
 
@@ -37,7 +35,7 @@ class _Done:
     a whole, not only its newest key frames.
     """
 
-    adjustment: local_adjustment.Adjustment
+    adjustment: map_adjustment.Adjustment
     bundle: Bundle
     described: list[DescribedKeyframe]
     places: GrownIndex
@@ -114,54 +112,40 @@ class Mapper:
 
         `may_change`: nothing else is at work that a new lens would make wrong.
         """
-        waiting, change, times = self.inserter.undescribed, None, 1
+        waiting, change = self.inserter.undescribed, None
         is_whole = sensor.depth_tilt.is_new and len(self._map.members(self._map.keyframes[-1].segment)) >= 2
         lens = self.lens_to_come if may_change else None
         if self._background.is_busy or not (waiting or is_whole or lens is not None):
             return
-        credit, segment = self._credit(sensor), self._map.keyframes[-1].segment
         if lens is not None:
             change, self.lens_to_come, is_whole = LensChange(sensor.lens, lens), None, True
-            sensor = sensor.with_lens(change.after)
-            adjustment = local_adjustment.through(change, self._map, self.intermediate, segment, sensor, credit)
-        elif is_whole:
-            adjustment = local_adjustment.everything(self._map, self.intermediate, segment, sensor, credit)
-        else:
-            adjustment = local_adjustment.newest(self._map, self._settings.window_keyframes, sensor, credit)
-        if is_whole:
-            times += len(adjustment.is_fixed) // TUNING.change_frames
+            sensor = sensor.with_lens(lens)
+        adjustment = self._next_adjustment(sensor, is_whole, change)
+        times = 1 + (len(adjustment.is_fixed) // TUNING.change_frames if is_whole else 0)
         self.inserter.undescribed = []
-        searches = [self._place_searches(seen) for seen in waiting]
+        searches = [PlaceSearch.of(self._map, seen) for seen in waiting]
         index = self._map.places
 
         def work() -> _Done:
             bundle = adjustment.run()
-            places = [describe_place(seen.view, sensor, seen.twist, around=seen.standing) for seen in waiting]
-            found = [
-                [one for excluded, most in search for one in recognise(index, place, excluded, most)]
-                for place, search in zip(places, searches, strict=True)
-            ]
-            expect_around(self._map, [r.candidate for one in found for r in one if not r.refusal])
-            described = [DescribedKeyframe(*one) for one in zip(waiting, places, found, strict=True)]
+            described = [search.run(index, sensor) for search in searches]
+            expect_around(self._map, [r.candidate for one in described for r in one.recognitions if not r.refusal])
             grown = index.grown({d.seen.keyframe: d.place for d in described})
             return _Done(adjustment, bundle, described, grown, change, is_whole)
 
         due_stamp = SteadyStamp(sensor.clock.steady + round(times * TUNING.background_s * 1e9))
         self._background.start(count + times * self._settings.background_delay_frames, due_stamp, work)
 
-    def _place_searches(self, seen: KeyframeView) -> list[tuple[set[int], int]]:
-        """Return, for each search for places like a key frame's, which key frames to leave out and how many to try.
-
-        Those it is linked with are left out. In doubt, a run falls into segments, and little of what stands is in view:
-        then more places are tried, and other segments are searched first, by themselves.
-        """
-        keyframes, linked = self._map.keyframes, self._map.linked(seen.keyframe)
-        if seen.standing is None:
-            return [(linked, PLACES.place_candidates)]
-        segment = keyframes[seen.keyframe].segment
-        mine = {k.number for k in keyframes if k.segment == segment}
-        others = set(self._map.remembered) - mine
-        return [(linked | mine, PLACES.place_candidates_apart), (linked | others, PLACES.place_candidates)]
+    def _next_adjustment(
+        self, sensor: SensorModel, is_whole: bool, change: LensChange | None
+    ) -> map_adjustment.Adjustment:
+        """Return the adjustment of the newest key frames, or of their segment if it `is_whole` or the lens changes."""
+        segment, credit = self._map.keyframes[-1].segment, self._credit(sensor)
+        if change is not None:
+            return map_adjustment.everything_through(change, self._map, self.intermediate, segment, sensor, credit)
+        if is_whole:
+            return map_adjustment.everything(self._map, self.intermediate, segment, sensor, credit)
+        return map_adjustment.newest(self._map, self._settings.window_keyframes, sensor, credit)
 
     def take_background(
         self, count: int | None, sensor: SensorModel
@@ -213,7 +197,7 @@ class Mapper:
         for segment in sorted({self._map.keyframes[n].segment for n in mine}):
             if len(self._map.members(segment)) >= 2:
                 credit = 1.0 / sensor.noise.covariance_scale
-                adjustment = local_adjustment.everything(self._map, self.intermediate, segment, sensor, credit)
+                adjustment = map_adjustment.everything(self._map, self.intermediate, segment, sensor, credit)
                 bundle = adjustment.run()
                 sensor = self._take_over(adjustment, bundle, sensor, credit)
                 adjusted |= adjustment.poses_between(bundle)
@@ -227,9 +211,9 @@ class Mapper:
         self._map.journal.note_new_details([*described, *settled])
 
     def _take_over(
-        self, adjustment: local_adjustment.Adjustment, bundle: Bundle, sensor: SensorModel, credit: float
+        self, adjustment: map_adjustment.Adjustment, bundle: Bundle, sensor: SensorModel, credit: float
     ) -> SensorModel:
-        local_adjustment.take_over(self._map, adjustment, bundle)
+        map_adjustment.take_over(self._map, adjustment, bundle)
         if np.abs(bundle.timing_change[: len(sensor.timing.vector)]).max() > TUNING.timing_settled_s:
             self.inserter.wear_out()  # only key frames tell more of it, and what is in view may last for long
         return sensor.with_adjusted(bundle.timing_change, bundle.information_timing, bundle.pull_timing, credit)

@@ -138,7 +138,7 @@ class Tuning:
     set_aside_ahead: int = tuned(8, unit="key frames", source=".5 ms to look for the farthest of 400",
         effect="So many are chosen at once, to be set aside one by one. Fewer: choosing costs more; more: they are "
         "chosen by where the camera was long ago.")
-    # local_adjustment
+    # map_adjustment
     adjust_fixed: int = tuned(10, unit="key frames", source=SWEEP,
         effect="So many older ones hold the newest ones in place. Fewer: the map drifts; more: adjustments cost more.")
     adjust_shared: int = tuned(15, unit="landmarks", source=SWEEP,

@@ -137,7 +137,7 @@ def everything(
     return replace(whole, is_fixed=whole.is_fixed | is_oldest | is_held)
 
 
-def through(
+def everything_through(
     change: LensChange,
     map_: Map,
     intermediate: IntermediateFrames,

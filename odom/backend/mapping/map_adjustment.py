@@ -68,15 +68,15 @@ def _snapshot(
     is_fixed = np.zeros(len(T_camera_map), dtype=np.bool_)
     is_fixed[: max(1, len(fixed))] = True
     return Adjustment(
-        np.array([k.number for k in keyframes]),
-        np.array([s.number for s in between], dtype=np.int64),
-        is_fixed,
-        rows,
-        map_.landmarks.identity[rows].copy(),
-        Bundle(T_camera_map, map_.landmarks.position[rows].copy(), nothing),
-        observations,
-        sensor.adjusted_information / credit,
-        iterations,
+        numbers=np.array([k.number for k in keyframes]),
+        between=np.array([s.number for s in between], dtype=np.int64),
+        is_fixed=is_fixed,
+        rows=rows,
+        identities=map_.landmarks.identity[rows].copy(),
+        bundle=Bundle(T_camera_map, map_.landmarks.position[rows].copy(), nothing),
+        observations=observations,
+        sensor_information=sensor.adjusted_information / credit,
+        iterations=iterations,
     )
 
 

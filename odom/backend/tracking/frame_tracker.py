@@ -69,10 +69,10 @@ class FrameTracker:
     ) -> Tracked:
         """Find the landmarks of the key frames `local` where `T_start` (T_camera_map) predicts them, and fit the pose.
 
-        The camera moves with `twist` (6, SI), about. The first of `local` is the reference: its landmarks come first
+        The camera moves roughly with `twist` (6, SI). The first of `local` is the reference: its landmarks come first
         where there are more than are looked for. With the motion `prior`, the velocity is measured from the image's
-        rows; the features are carried to the middle row by it and fitted once more: by a noisy velocity, the shutter
-        would seem faster than it is.
+        rows, and the pose fitted once more to the features as that velocity carries them to the middle row: carried by
+        the noisier `twist`, they would make the shutter seem faster than it is.
         """
         L = self._map.landmarks
         in_view = find_landmarks(
@@ -98,19 +98,19 @@ class FrameTracker:
         inliers = fit.chi2[:, 0] < TUNING.inlier_chi2
         missed = found.missed(inliers)
         return Tracked(
-            fit.T_camera_map,
-            fit.information,
-            found.rows,
-            found.uv,
-            measured,
-            fit.chi2,
-            inliers,
-            found.looked_for,
-            missed,
-            LineOfSight.to(L.position[missed], L.covariance[missed], fit.T_camera_map, view, sensor),
-            int(local[0]),
-            twist,
-            velocity,
+            T_camera_map=fit.T_camera_map,
+            information=fit.information,
+            rows=found.rows,
+            uv=found.uv,
+            measurements=measured,
+            chi2=fit.chi2,
+            inliers=inliers,
+            expected=found.looked_for,
+            missed=missed,
+            sight=LineOfSight.to(L.position[missed], L.covariance[missed], fit.T_camera_map, view, sensor),
+            reference=int(local[0]),
+            twist=twist,
+            velocity=velocity,
         )
 
     def track_twice(

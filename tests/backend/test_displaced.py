@@ -50,7 +50,7 @@ def keyframe_with_displaced() -> Keyframe:
 
 def test_what_is_found_near_its_prediction_is_inlying_or_displaced_and_what_is_far_off_is_neither():
     frame = tracked([0.0, 0.9 * TUNING.inlier_chi2, 1.1 * TUNING.inlier_chi2, 1.1 * TUNING.displaced_chi2])
-    assert frame.inlying.rows.tolist() == [0, 1]
+    assert frame.inlier_landmarks.rows.tolist() == [0, 1]
     assert frame.displaced.rows.tolist() == [2]
     np.testing.assert_array_equal(frame.displaced.measurements.values, measured(4).values[2:3])
 

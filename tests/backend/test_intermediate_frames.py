@@ -25,7 +25,7 @@ from odom.geometry.arrays import Array
 
 def tracked(reference=0):
     nothing = MeasuredLandmarks.nothing()
-    return SimpleNamespace(inlying=nothing, displaced=nothing, reference=reference, T_camera_map=np.eye(4))
+    return SimpleNamespace(inlier_landmarks=nothing, displaced=nothing, reference=reference, T_camera_map=np.eye(4))
 
 
 PERIOD_S = 0.033

@@ -47,12 +47,12 @@ def is_due_in_doubt(poses: list[np.ndarray], after_s: float, of_keyframes: tuple
     map_, last = chain_of_keyframes(poses, np.eye(6)), len(poses) - 1
     rows = np.flatnonzero(np.isin(map_.landmarks.keyframe, of_keyframes))
     inserter = KeyframeInserter(map_, OdometrySettings())
-    inserter.wear_out()
+    inserter.want_keyframe()
     stamp = Stamp(round(1e9 * (last + after_s)))
     view = View(last + 1, stamp, SteadyStamp(stamp), FrameImages.of(np.zeros((48, 64), np.uint8)), stamp, NO_DEPTH)
     seen = SimpleNamespace(rows=rows, uv=np.zeros((len(rows), 2)))
     T_camera_map = se3.inverse(poses[last] @ se3.exp(np.array([0.2, 0.0, 0.0, 0.0, 0.0, 0.0])))
-    tracked = cast("Any", SimpleNamespace(inlying=seen, reference=last, T_camera_map=T_camera_map))
+    tracked = cast("Any", SimpleNamespace(inlier_landmarks=seen, reference=last, T_camera_map=T_camera_map))
     assert inserter.is_due(view, tracked, in_doubt=False)
     return inserter.is_due(view, tracked, in_doubt=True)
 
@@ -66,7 +66,7 @@ def test_in_doubt_no_corner_that_nothing_can_judge_becomes_a_landmark(in_doubt: 
     corners = KeyframeInserter(map_, OdometrySettings()).first_corners(view, sensor)
     assert corners is not None
     nothing = SimpleNamespace(uv=np.zeros((0, 2)))
-    tracked = cast("Any", SimpleNamespace(twist=np.zeros(6), inlying=nothing, inlier_count=0))
+    tracked = cast("Any", SimpleNamespace(twist=np.zeros(6), inlier_landmarks=nothing, inlier_count=0))
     stands, _ = (
         RecentViews(map_).compared_with(view, tracked).standing(corners, sensor, in_doubt)
     )  # no view before this one
@@ -85,7 +85,7 @@ def test_in_doubt_a_place_is_what_stands_there_which_is_known_when_new_corners_a
     tracked = cast(
         "Any", SimpleNamespace(T_camera_map=np.eye(4), reference=3, twist=np.zeros(6), inlier_count=len(rows))
     )
-    tracked.inlying = MeasuredLandmarks(rows, uv, measure_exactly(view, sensor, uv, np.zeros(6)))
+    tracked.inlier_landmarks = MeasuredLandmarks(rows, uv, measure_exactly(view, sensor, uv, np.zeros(6)))
     tracked.displaced = MeasuredLandmarks.nothing()
     mapper.inserter.insert(view, tracked, np.zeros(6), np.eye(6), sensor, 0, in_doubt)
     assert len(mapper.inserter.undescribed) == (0 if in_doubt else 1)
@@ -117,7 +117,7 @@ def test_a_place_of_what_stands_among_people_is_known_by_fewer_landmarks_where_t
         T_map_camera=se3.inverse(new.T_camera_map),
         covariance=np.eye(6),
         reference=0,
-        inlying=SimpleNamespace(rows=np.arange(3), measurements=None, uv=np.zeros((3, 2))),
+        inlier_landmarks=SimpleNamespace(rows=np.arange(3), measurements=None, uv=np.zeros((3, 2))),
     )
     monkeypatch.setattr(candidate, "track_place", lambda *_: tracked)
     sensor = cast("Any", SimpleNamespace(

@@ -76,7 +76,7 @@ def track_candidate(
     edge = Edge(place.number, keyframe.number, T_place_keyframe, covariance, is_loop)
     reason = f"{tracked.found_again} landmarks found again"
     reason = reason if is_loop else f"merges two segments: {reason}"
-    old = tracked.inlying
+    old = tracked.inlier_landmarks
     observed = FrameObservations.of(old, map_.landmarks, sensor.timing)
     return ConfirmedCandidate(replace(candidate, accepted=True, reason=reason), edge, old.uv, observed)
 

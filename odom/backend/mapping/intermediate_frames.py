@@ -51,7 +51,7 @@ class IntermediateFrames:
         """Keep what the tracked frame `number` measured, once."""
         if self.kept and self.kept[-1].number == number:
             return
-        seen = FrameObservations.of(tracked.inlying, landmarks, timing)
+        seen = FrameObservations.of(tracked.inlier_landmarks, landmarks, timing)
         self.kept.append(
             IntermediateFrame(
                 rows=seen.rows,

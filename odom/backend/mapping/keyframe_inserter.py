@@ -52,7 +52,7 @@ class KeyframeInserter:
         self._map, self._settings = map_, settings
         self._newest: KeyframeView | None = None
         self._coverage_at_keyframe: Coverage | None = None
-        self._is_worn_out = False
+        self._is_wanted = False
         self.undescribed: list[KeyframeView] = []
         self.recent = RecentViews(map_)
         self._new_corners = NewCorners(settings)
@@ -97,11 +97,11 @@ class KeyframeInserter:
 
         Its motion is `twist` (6, SI), its pose has the `covariance` (6 x 6), and moving bodies leave that `in_doubt`.
         """
-        T, seen, reference = tracked.T_camera_map, tracked.inlying, tracked.reference
+        T, seen, reference = tracked.T_camera_map, tracked.inlier_landmarks, tracked.reference
         keyframe = self._map.add_keyframe(view, T, seen, sensor.timing, reference, covariance)
         keyframe.displaced = FrameObservations.of(tracked.displaced, self._map.landmarks, sensor.timing)
         self._newest = KeyframeView(keyframe.number, view, twist)
-        self._coverage_at_keyframe, self._is_worn_out = None, False
+        self._coverage_at_keyframe, self._is_wanted = None, False
         if not in_doubt:
             self._queue_for_description(self._newest)
         compared = self.recent.compared_with(view, tracked)
@@ -123,7 +123,7 @@ class KeyframeInserter:
                 self._queue_for_description(KeyframeView(keyframe.number, view, search.twist, keyframe.uv))
         return found
 
-    def kept(self, state: FrameState, sensor: SensorModel, in_doubt: bool) -> FrameState:
+    def with_keyframe(self, state: FrameState, sensor: SensorModel, in_doubt: bool) -> FrameState:
         """Make the newest frame, that of `state`, a key frame after all unless it is one; return its state then.
 
         Not where its pose is `in_doubt` and it shows too little that has been known for a while.
@@ -156,9 +156,9 @@ class KeyframeInserter:
         """
         if self._new_corners.are_coming or (in_doubt and not self._is_long_known(view, tracked)):
             return False
-        coverage = Coverage.of(tracked.inlying.uv)
+        coverage = Coverage.of(tracked.inlier_landmarks.uv)
         self._coverage_at_keyframe = self._coverage_at_keyframe or coverage
-        is_worn = self._is_worn_out or coverage.is_worn(self._coverage_at_keyframe)
+        is_worn = self._is_wanted or coverage.is_worn(self._coverage_at_keyframe)
         near = self._map.keyframes[tracked.reference]
         is_alone = near.number == near.first == len(self._map.keyframes) - 1
         is_due = is_worn or (is_alone and (view.stamp - near.stamp) * 1e-9 > TUNING.alone_s)
@@ -174,14 +174,14 @@ class KeyframeInserter:
         begun = keyframes[keyframes[tracked.reference].first].stamp
         if (view.stamp - begun) * 1e-9 < TUNING.young_segment_s:
             return True
-        number, count = np.unique(self._map.landmarks.keyframe[tracked.inlying.rows], return_counts=True)
+        number, count = np.unique(self._map.landmarks.keyframe[tracked.inlier_landmarks.rows], return_counts=True)
         latest = view.stamp - TUNING.long_known_s * 1e9
         is_old = [keyframes[n].stamp <= latest for n in number.tolist()]
         return int(count[is_old].sum()) >= TUNING.long_known_least
 
-    def wear_out(self) -> None:
+    def want_keyframe(self) -> None:
         """Make a key frame as soon as the camera has moved, whatever is left of what the last one saw."""
-        self._is_worn_out = True
+        self._is_wanted = True
 
     def compare_with(self, number: int) -> None:
         """Compare later frames with what key frame `number` saw: the camera is there again, not where it was before."""

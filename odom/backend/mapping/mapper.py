@@ -175,12 +175,12 @@ class Mapper:
         self._note_measured([one.seen.keyframe for one in taken.described])
         return sensor, taken.described
 
-    def keep_now_and_then(self, number: int, tracked: Tracked, sensor: SensorModel) -> None:
+    def keep_if_due(self, number: int, tracked: Tracked, sensor: SensorModel) -> None:
         """Keep what the tracked frame `number` measured, if it is one of the few a second that are kept."""
         if self.intermediate.wants(number, sensor.clock.period_s):
-            self.keep_for_the_end(number, tracked, sensor)
+            self.keep(number, tracked, sensor)
 
-    def keep_for_the_end(self, number: int, tracked: Tracked, sensor: SensorModel) -> None:
+    def keep(self, number: int, tracked: Tracked, sensor: SensorModel) -> None:
         """Keep what the tracked frame `number` measured, for `finish`."""
         self.intermediate.add(number, tracked, self._map.keyframes, self._map.landmarks, sensor.timing)
 
@@ -215,7 +215,7 @@ class Mapper:
     ) -> SensorModel:
         map_adjustment.take_over(self._map, adjustment, bundle)
         if np.abs(bundle.timing_change[: len(sensor.timing.vector)]).max() > TUNING.timing_settled_s:
-            self.inserter.wear_out()  # only key frames tell more of it, and what is in view may last for long
+            self.inserter.want_keyframe()  # only key frames tell more of it, and what is in view may last for long
         return sensor.with_adjusted(bundle.timing_change, bundle.information_timing, bundle.pull_timing, credit)
 
     def _credit(self, sensor: SensorModel) -> float:

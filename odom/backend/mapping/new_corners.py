@@ -65,7 +65,7 @@ class NewCorners:
         compared = search.compared
 
         def work() -> tuple[Array, float]:
-            corners = self.first(compared.view, compared.tracked.inlying.uv, search.twist, search.sensor)
+            corners = self.first(compared.view, compared.tracked.inlier_landmarks.uv, search.twist, search.sensor)
             stands, moved_share = compared.standing(corners, search.sensor, search.in_doubt)
             return corners.uv[stands], moved_share
 

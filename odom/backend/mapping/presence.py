@@ -16,7 +16,7 @@ def note_sightings(landmarks: Landmarks, tracked: Tracked, since_previous_s: flo
     A hidden landmark does not count as missed: behind a person who stops, the map stays as it was. All neighbours of a
     landmark that is removed are looked for in the next frames: they may have lain on the same thing.
     """
-    found, missed, sight = tracked.inlying.rows, tracked.missed, tracked.sight
+    found, missed, sight = tracked.inlier_landmarks.rows, tracked.missed, tracked.sight
     landmarks.seen[found] += 1
     landmarks.tried[found] += 1
     landmarks.tried[missed[~sight.hidden]] += 1

@@ -122,7 +122,7 @@ class ComparedView:
         score = standing_score(patches.position, evidence, in_doubt)
         stands[known] = score > (TUNING.standing_least if in_doubt else 0.0)
         judged = evidence.weight > 0.0
-        uv = np.concatenate([corners.uv[known[judged]], tracked.inlying.uv])
+        uv = np.concatenate([corners.uv[known[judged]], tracked.inlier_landmarks.uv])
         moves = np.concatenate([score[judged] <= 0.0, np.zeros(tracked.inlier_count, dtype=np.bool_)])
         moved = moved_share(uv, moves)
         moving = self.moving(sensor)

@@ -26,8 +26,8 @@ def follow_wide_step(
     registration = None if state is None else registered_step(state, view, place, sensor)
     if state is None or registration is None:
         return state, None
-    state = inserter.kept(state, sensor, in_doubt)
+    state = inserter.with_keyframe(state, sensor, in_doubt)
     tracked = track_wide_step(tracker, state, view, registration, sensor)
     if tracked is not None:
-        inserter.wear_out()
+        inserter.want_keyframe()
     return state, tracked

@@ -164,9 +164,9 @@ class FrameStages:
     def _grow_map(self, view: View, judged: JudgedFrame, published: Publication) -> bool:
         """Add to the map what it needs of a frame, and make that the newest; return whether it is a key frame."""
         tracked, mapper, count, sensor = judged.tracked, self.mapper, self.published.frames.count, self.sensor
-        mapper.keep_now_and_then(count - 1, tracked, sensor)
+        mapper.keep_if_due(count - 1, tracked, sensor)
         mapper.start_background(count, sensor, self.closer.is_idle)
-        reference, seen = tracked.reference, tracked.inlying
+        reference, seen = tracked.reference, tracked.inlier_landmarks
         rows, uv, is_keyframe, in_doubt = seen.rows, seen.uv, False, judged.moving.is_doubtful
         if judged.state is State.RECOVERED:
             mapper.inserter.compare_with(reference)

@@ -187,7 +187,7 @@ class Odometry:
         grow(stages, None)
         newest, tracked = log.count - 1, self._newest_tracked
         if tracked is not None:
-            stages.mapper.keep_for_the_end(newest, tracked, stages.sensor)
+            stages.mapper.keep(newest, tracked, stages.sensor)
         loops, _ = self._take_background(None)
         stages.mapper.start_background(log.count, stages.sensor)
         self.late_loops = (*loops, *self._take_background(None)[0])

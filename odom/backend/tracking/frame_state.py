@@ -51,7 +51,7 @@ class Tracked:
         return se3.inverse(self.T_camera_map)
 
     @cached_property
-    def inlying(self) -> MeasuredLandmarks:
+    def inlier_landmarks(self) -> MeasuredLandmarks:
         """The landmarks found where the pose predicts them."""
         return self._measured(self.inliers)
 

@@ -12,7 +12,7 @@ from odom.frame.depth_model import aside_px
 from odom.frontend.camera.depth_tilt import without_tilt
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.depth_plane import PLANE_LIMITS, read_planes
-from odom.frontend.features.shutter_compensation import carried, depth_errors, moving
+from odom.frontend.features.shutter_compensation import carried, depth_errors, flow_and_places
 from odom.frontend.features.view import View
 from odom.geometry.arrays import Array, Index, Mask
 from odom.geometry.compiled import compiled
@@ -123,9 +123,8 @@ def measure(
     else:
         near = np.ascontiguousarray(inverse_depth_guess)
     delay_s = view.depth_delay_s + timing.depth_lag_s + timing.since_middle_s
-    flow, places = moving(
-        lens.rays, lens.intrinsics, uv, near, twist, delay_s, timing.readout_s, timing.depth_readout_s, lens.depth_model
-    )
+    times_s = delay_s, timing.readout_s, timing.depth_readout_s
+    flow, places = flow_and_places(lens.rays, lens.intrinsics, uv, near, twist, times_s, lens.depth_model)
     planes = read_planes(view.depth_mm, places, PLANE_LIMITS)
     return Measurements(
         *carried(
@@ -138,9 +137,7 @@ def measure(
             noise.pixel_sigma**2,
             noise.inverse_depth_sigma,
             height,
-            delay_s,
-            timing.readout_s,
-            timing.depth_readout_s,
+            times_s,
         )
     )
 

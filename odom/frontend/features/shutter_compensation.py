@@ -123,22 +123,22 @@ def depth_errors(uv: Array, width: int, height: int, model: Array) -> Array:
 
 
 @compiled
-def moving(
+def flow_and_places(
     rays: NDArray[np.float32],
     intrinsics: Array,
     uv: Array,
     near: Array,
     twist: Array,
-    depth_delay_s: float,
-    readout_s: float,
-    depth_readout_s: float,
+    times_s: tuple[float, float, float],
     model: Array,
 ) -> tuple[Array, Array]:
     """Return rays, their rates and that of inverse depth (n x 5), and the pixels where depth is to be read (n x 2).
 
     `near` (n, 1/m) are rough inverse depths. The depth is read at the pixel where the feature was when its row of the
-    depth image was taken.
+    depth image was taken. `times_s`: how much later than the colour image's middle row that of the depth image was
+    taken, and the readouts of colour and depth.
     """
+    depth_delay_s, readout_s, depth_readout_s = times_s
     height, width = rays.shape[:2]
     n = uv.shape[0]
     flow, places = np.empty((n, 5)), np.empty((n, 2))
@@ -179,15 +179,14 @@ def carried(
     pixel_variance: float,
     depth_noise: Array,
     height: int,
-    depth_delay_s: float,
-    readout_s: float,
-    depth_readout_s: float,
+    times_s: tuple[float, float, float],
 ) -> tuple[Array, Array, Array, Array]:
     """Return values, their derivative by the timing, covariance and slopes (see `Measurements`).
 
-    `flow` is as from `moving`, `planes` (n x 3) were read in the depth image, which errs by `errors` (n x 2, see
-    `depth_errors`); `depth_noise` is the table of the `FeatureNoise`.
+    `flow` and `times_s` are those of `flow_and_places`, `planes` (n x 3) were read in the depth image, which errs by
+    `errors` (n x 2, see `depth_errors`); `depth_noise` is the table of the `FeatureNoise`.
     """
+    depth_delay_s, readout_s, depth_readout_s = times_s
     n = uv.shape[0]
     values, jacobian = np.empty((n, 3)), np.zeros((n, 3, 3))
     covariance, slope = np.empty((n, 4)), np.zeros((n, 2))

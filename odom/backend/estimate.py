@@ -79,13 +79,13 @@ class ChainClosing:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ClosedChain:
-    """How the chain moves when `closures` are met as well as its links; `refused` counts the others.
+    """The chain adjusted so that `closures` hold as well as its links; `refused` counts the closures left out.
 
-    It has 1 of `pieces`, and one more for each hole that no closure joins. The motion from one piece to another is
+    Holes that no closure joins divide it into `pieces` (1 without any). The motion from one piece to another is
     unknown, and there is no `closing` test between two.
 
-    At n `stamps` (ns, ascending) its poses are multiplied by `T_closed_chain` (n x 4 x 4) from the left, which gives
-    `T_closed_camera` (n x 4 x 4, at the middle row's time).
+    At n `stamps` (ns, ascending) the chain's poses are multiplied by `T_closed_chain` (n x 4 x 4) from the left, which
+    gives `T_closed_camera` (n x 4 x 4, at the middle row's time).
     """
 
     stamps: NDArray[np.int64]

@@ -17,7 +17,7 @@ from odom.geometry.arrays import Array
 
 
 def close_chain(chain: Chain, map_: Map, sensor: SensorModel) -> ClosedChain | None:
-    """Return how the chain moves when its closures are met as well as its links; None where it has not begun.
+    """Return the chain adjusted so that its closures hold as well as its links; None where it has not begun.
 
     Where closures join the two sides of a hole, they give the motion over it; where nothing does, the closed chain
     stands still over the hole, as the chain does. The closing test compares the last frame, registered against the
@@ -55,7 +55,7 @@ def _pieces(nodes: list[ChainNode], closures: list[Edge]) -> dict[int, int]:
 def _closed_poses(
     nodes: list[ChainNode], closures: list[Edge], piece: dict[int, int]
 ) -> tuple[dict[int, Array], Array]:
-    """Return T_chain_camera of each node, by number, with links and closures met, and the last one's covariance.
+    """Return T_chain_camera of each node, by number, that agree with links and closures, and the last's covariance.
 
     Each `piece` of the chain is adjusted by itself with its first node fixed, since the motion between two is unknown.
     Then each is moved so that it begins where the one before it ends. The covariance (6 x 6) is against the first node

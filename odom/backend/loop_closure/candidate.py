@@ -1,4 +1,4 @@
-"""A place that a key frame looks like by descriptors is confirmed by tracking the landmarks there."""
+"""Whether a key frame shows a place that looks like it: confirmed by tracking the landmarks there."""
 
 from dataclasses import dataclass, replace
 
@@ -52,9 +52,8 @@ def track_candidate(
 ) -> ConfirmedCandidate | LoopCandidate:
     """Return a recognition that tracking confirms, with its registration, or the candidate that is refused.
 
-    Fewer landmarks confirm a segment that was left nearby a few frames ago, as when a camera is found again there. They
-    also do where things move in the key frame's view: these hide landmarks, and its place was described only by what
-    stands still.
+    Fewer landmarks suffice for a segment that was left nearby a few frames ago, as when a camera is found again there,
+    and for a key frame in whose view things move: these hide landmarks, and its place was described by what stands.
     """
     keyframe, place = map_.keyframes[seen.keyframe], map_.keyframes[recognition.candidate]
     registration = recognition.registration

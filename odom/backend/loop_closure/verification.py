@@ -1,4 +1,8 @@
-"""Whether a loop closure agrees with the chain of key frames between its ends."""
+"""Whether a loop closure agrees with the chain of key frames between its ends.
+
+That is the path of the map's registrations between them, not the paper's chain of frames (`odom.backend.chain`), whose
+closures are judged in the same way.
+"""
 
 import numpy as np
 

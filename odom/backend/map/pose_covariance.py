@@ -30,7 +30,7 @@ def calibration_covariance(T_earlier_current: Array, calibration_error: float) -
 def unit_covariance(T_earlier_current: Array) -> Array:
     """Return the 6 x 6 covariance (`se3`, current frame) that a motion has because the unit of depth is not exact.
 
-    All that is measured is too long, or too short, by one share: the motion errs along its own direction.
+    All that is measured is too long, or too short, by the same share, so the motion errs along its own direction.
     """
     moved = np.zeros(6)
     moved[:3] = TUNING.unit_of_length * (T_earlier_current[:3, :3].T @ T_earlier_current[:3, 3])

@@ -23,8 +23,8 @@ _NOTHING: _Shown = (np.eye(4), np.eye(4), TrajectoryPose(Stamp(0), None, -1))
 class ShownPath:
     """The key frames' poses at their stamps; of those not in memory at most 500, thinned evenly.
 
-    Poses that are where they were last time are not worked out again: most of a large map stays where it is. Shown are
-    those whose numbers a power of two divides, so that they are the same while the camera goes on.
+    Poses that are where they were last time are not worked out again: most of a large map stays where it is. Of the key
+    frames not in memory those are shown whose number a power of two divides, the same ones while the camera goes on.
     """
 
     def __init__(self) -> None:

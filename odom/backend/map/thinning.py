@@ -1,9 +1,9 @@
 """Which key frames of a map say least: those whose landmarks fill parts of views that are full without them.
 
-The view of every key frame is divided into squares, and each counts the landmarks that the key frames it is linked with
-show there. The worth of a map is the sum of the logarithms of these counts, so that the last landmarks of a square
-count most; the key frame that costs least is taken away, time and again (greedily, as A. Krause and D. Golovin,
-"Submodular function maximization", 2014).
+The view of every key frame is divided into squares, and in each the landmarks are counted that this key frame and those
+linked with it have made. The worth of a map is the sum of the logarithms of these counts, so that the last landmarks of
+a square count most; the key frame that costs least is taken away, again and again (greedily, as A. Krause and D.
+Golovin, "Submodular function maximization", 2014).
 """
 
 from collections.abc import Callable, Collection

@@ -1,4 +1,4 @@
-"""Work in the background, whose results are taken at fixed frames, so that replays are equal."""
+"""Work in the background, whose results take effect at fixed frames, so that replays are equal."""
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor

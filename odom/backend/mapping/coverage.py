@@ -21,7 +21,7 @@ class Coverage:
         return cls(len(uv), len(distinct(parts_of(uv, TUNING.coverage_cell_px))))
 
     def is_worn(self, at_keyframe: "Coverage") -> bool:
-        """Return whether too little is left of what was seen right after the last key frame."""
+        """Return whether too little is left of what was seen `at_keyframe`, right after the last one was made."""
         wanted = min(TUNING.coverage_enough, TUNING.coverage_share_landmarks * at_keyframe.landmarks)
         is_worn_in_part = self.cells < TUNING.coverage_share_cells * at_keyframe.cells
         return self.landmarks < wanted or self.landmarks < TUNING.coverage_least or is_worn_in_part

@@ -12,8 +12,8 @@ class Crowd:
     """How much has moved in the looks at the view so far.
 
     - `is_crowded`: most of the view moves, or did until lately. `calm_stamp`: since when it does not.
-    - `first_stamp`: the first look since the last loss. `is_start_unsure`: soon after it a little moved, and landmarks
-      from before have not agreed with the pose since.
+    - `first_stamp`: the first look since the last loss. `is_start_unsure`: a little moved soon after that, and since
+      then no landmarks from before have agreed with the pose.
     - `is_recovery_unsure`: the camera was lost in doubt, and may have taken a body for the place where it was found.
     - `moved_keyframe_stamp`: a key frame whose corners did not stand: a body is followed, or images blurred or torn.
     """

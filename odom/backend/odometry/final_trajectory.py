@@ -47,8 +47,8 @@ def trajectory(frames: Iterable[LoggedFrame], keyframes: list[Keyframe]) -> tupl
 def at_stamps(frames: Iterable[LoggedFrame], keyframes: list[Keyframe]) -> tuple[TrajectoryPose, ...]:
     """Return every frame's pose at its stamp: carried from the middle row's time along the motion to the next frame.
 
-    The motion from the frame before serves where there is no next one. Where frames are so far apart that the camera
-    may have turned back in between, the pose is carried by the frame's own velocity.
+    Where there is no next one, it is carried by the motion from the frame before; where both are so far apart that the
+    camera may have turned back in between, by the frame's own velocity.
     """
     middles = chain([None], (_Middle.of(frame, keyframes) for frame in frames), [None])
     around = pairwise(pairwise(middles))

@@ -16,10 +16,10 @@ class RivalMotions:
     - `seen_stamp`: when any was, while the pose was suspicious. `large_stamp`: when one had much of the votes.
     - `rival_stamp`: when one had them twice within a second while no landmarks could tell, or once against those that
       could: a body may have been taken for the scene.
-    - `is_left_behind`: it is another motion that the scene shows, so that the camera follows a body.
+    - `is_left_behind`: the scene shows another motion than the camera's, which therefore follows a body.
     - `spread`: covariance (6 x 6, (m/s, rad/s)^2, camera frame) of the camera's velocity by what else moved lately,
-      None without doubt or before anything told. The newest looks count most, but not alone: not each of them tells a
-      body from the scene.
+      None without doubt or before the first look that showed it. The newest looks count most, but not alone: not each
+      of them tells a body from the scene.
     """
 
     seen_stamp: SteadyStamp | None = None

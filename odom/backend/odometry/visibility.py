@@ -39,7 +39,7 @@ class Visibility:
     def with_search(self, since_last_s: float) -> "Visibility":
         """Return the visibility after a frame with depth that could not be placed, `since_last_s` after the last one.
 
-        Of a long pause hardly anything counts as search, and of a step back in time nothing.
+        A long pause counts as `new_time_s` of search at most, and a step back in time not at all.
         """
         return replace(self, searching_s=self.searching_s + min(max(since_last_s, 0.0), TUNING.new_time_s))
 

@@ -43,8 +43,8 @@ class Witnesses:
       lasting crowd nothing is ever proven. `confirming_looks` counts such looks since the last that spoke against it.
     - Those below `rooted_identity` were proven when the pose last became suspicious; `is_rooted`: they agree with it.
     - Those from `fresh_identity` on were made since the camera was last found again, or its segment began (0).
-    - In so many `denying_looks` in a row, soon after a doubt, trusted ones contradict the pose: it may follow a body
-      that has just come into view.
+    - `denying_looks`: in so many looks in a row, soon after a doubt, trusted ones contradict the pose. The camera may
+      follow a body that has just come into view.
     """
 
     proven_identity: int = 0
@@ -73,7 +73,8 @@ class Witnesses:
     def with_testimony(self, trusted: Agreement, is_after_doubt: bool) -> "Witnesses":
         """Return the witnesses after a look, soon after a doubt or not, in which the `trusted` ones testified.
 
-        Where next to none of them is found, one look counts as several. Quick turns without people look the same.
+        Where next to none of them is found, one look counts as several. Otherwise one is not enough, since a quick turn
+        without people looks the same.
         """
         if not (is_after_doubt and trusted.contradicts()):
             return replace(self, denying_looks=0)

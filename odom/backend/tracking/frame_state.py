@@ -89,9 +89,9 @@ class Tracked:
 class MotionPrior:
     """The camera's `motion` in the map `since_s` seconds ago, and the pose that it leads to by now, `expected`.
 
-    `scale` multiplies the covariances of measurements. Without `expected`, which is so where the pose was not predicted
-    by motion, no other poses are tried. `are_bent`: the landmarks were measured as if at rest, and so are bent as this
-    frame is; its rows then do not tell its velocity.
+    `scale` multiplies the covariances of measurements. Without `expected`, where the pose was not predicted by motion,
+    no other poses are tried. `are_bent`: the landmarks were measured as if at rest, so that the rolling
+    shutter has bent them as it bends this frame, whose rows then do not show its velocity.
     """
 
     motion: Motion
@@ -112,7 +112,7 @@ class FrameState:
     `T_camera_map` and `twist` (6, SI, camera frame) are those of its middle row, near key frame `reference`. The next
     frame is followed from the landmarks `rows` (n), which this one showed at `uv` (n x 2 px). `is_bridged`: frames
     since could not be tracked, and a prediction stood in for them. `is_bent`: what it saw was measured as if at rest,
-    since its motion was not known.
+    since its motion was not known; the rolling shutter has bent it.
     """
 
     view: View
@@ -137,7 +137,8 @@ class FrameState:
     def twist_to(self, T_camera_map: Array, since_s: float) -> Array:
         """Return the mean velocity (6, SI, camera frame) that led to the pose `T_camera_map` in `since_s` seconds.
 
-        Zero after a bent frame: the next one is bent alike. This frame's `twist` where no camera could move so.
+        It is zero after a bent frame, since the next one is bent alike, and this frame's `twist` where no camera could
+        have moved so.
         """
         if self.is_bent:
             return AT_REST

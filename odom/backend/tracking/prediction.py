@@ -32,9 +32,9 @@ def predict_pose(map_: Map, state: FrameState, images: FrameImages, stamp: Stead
 
     As long as the camera moves about as it did, patches are found around where constant velocity puts them. Where it
     surprises, features are followed from the image before, however far they went: the fit's gate closes step by step
-    (graduated non-convexity), so that a wrong constant velocity does no harm. Where many features disagree with it, the
-    motion is chosen that most of the image shows. Where too few are followed the constant velocity stands. The shutter
-    bends the image by the motion that leads to the pose in question.
+    (graduated non-convexity), so that a wrong constant velocity does no harm. Where many features disagree with the
+    fit, the motion is chosen that most of the image shows; where too few are followed, constant velocity stands. Rays
+    are carried to the middle row by the motion that leads to the pose in question.
     """
     since_s = state.since_s(stamp)
     T_predicted = state.predicted_after(since_s)

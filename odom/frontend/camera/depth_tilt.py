@@ -19,7 +19,7 @@ from odom.frontend.camera.tuning import TUNING
 from odom.geometry.arrays import Array
 
 TILTS = 2
-"""Numbers of a tilt (rad): inverse depth is measured as smaller by their products with a ray's x/z and y/z."""
+"""Angles of a tilt (rad): inverse depth is measured too small by the share `angles[0] x/z + angles[1] y/z`."""
 _UNSEEN = np.eye(TILTS) / TUNING.tilt_sigma**2
 """How well a tilt (2 x 2, 1/rad^2) is known before anything is seen."""
 _HELD = np.eye(TILTS) * 1e12

@@ -78,7 +78,8 @@ def interaction_matrix(x: float, y: float, w: float, J: Array) -> None:
 def point_flow(x: float, y: float, w: float, twist: Array | tuple[float, ...]) -> tuple[float, float, float]:
     """Return the rates (1/s) of (x/z, y/z, 1/z) of a resting point seen by a camera that moves with `twist`.
 
-    `twist` (6) is the camera's velocity (m/s, rad/s) in its own frame. Minus the `interaction_matrix`, times that.
+    `twist` (6) is the camera's velocity (m/s, rad/s) in its own frame. The rates are minus `interaction_matrix`
+    times that.
     """
     tx, ty, tz, rx, ry, rz = twist[0], twist[1], twist[2], twist[3], twist[4], twist[5]
     turn = x * ry - y * rx

@@ -59,7 +59,7 @@ def read_planes(depth_mm: NDArray[np.uint16], uv: Array, limits: tuple[float, fl
             measured += is_measured
         if measured < share_valid * size:
             continue
-        # those near the median count: all, where the farthest two are near each other
+        # those near the median count, which are all of them where the farthest two are near each other
         least, most = np.inf, 0.0
         for s in range(size):
             least = min(least, values[s] if values[s] > 0.0 else np.inf)

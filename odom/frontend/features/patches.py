@@ -20,7 +20,7 @@ _ROWS, _ROW, _BORDERED = 2 * _HALF + 1, 2 * _HALF + 2, 2 * _HALF + 3
 _PIXELS = _ROWS**2
 """Pixels of an aligned patch."""
 _LEAST_DETERMINANT = 1e-3
-"""Determinant of the structure tensor over its squared trace: below, the patch is an edge and slides along itself."""
+"""Determinant of the structure tensor over its squared trace; a patch with less is an edge and slides along itself."""
 UNWARPED = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
 """The homography of a patch that is seen as it was."""
 PATCH_LIMITS = (TUNING.patch_least_contrast, TUNING.patch_least_gain, TUNING.patch_converged_px**2)

@@ -1,7 +1,7 @@
 """Corners of one frame looked for in an earlier one: whether what they lie on stood still in between.
 
 A corner moves when it is seen elsewhere than the camera's motion says, or when the earlier frame looks through the
-place where it is now. A body that slides along its own plane passes the second test, a plain one the first.
+place where it is now. A body that slides along its own plane escapes the second test, one without texture the first.
 """
 
 from dataclasses import dataclass
@@ -144,7 +144,7 @@ def _found(
 ) -> tuple[Index, Array, Array]:
     """Find the `visible` corners: rows (m) and uv (m x 2 px) with covariance (m x 3: uu, uv, vv, px^2).
 
-    By their patches near where they are expected, else by optical flow there and back.
+    They are found by their patches near where they are expected, else by optical flow there and back.
     """
     rows = np.flatnonzero(visible)
     if not len(rows):

@@ -13,7 +13,7 @@ from odom.backend.map.pose_covariance import covariance_since_start, relative_co
 from odom.backend.odometry.judged_frame import JudgedFrame
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.publication import Publication
-from odom.backend.tracking.motion_model import Agility, MotionFilter
+from odom.backend.tracking.motion_model import Agility, Motion, MotionFilter
 from odom.frame import Stamp
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.view import View
@@ -113,33 +113,45 @@ class PublishedTrajectory:
         last = self._recent[-1].frame.keyframe if self._recent else None
         if last is not None and self._map.keyframes[last].segment != middle.segment:
             self._recent.clear()
-        since_previous_s, inliers = judged.since_previous_s, judged.tracked.inlier_count
         T_odom_middle = self._taken_back(judged.tracked.T_map_camera)
-        if since_previous_s and self._filter is not None:
-            self._filter = self._filter.tracked(T_odom_middle, judged.covariance, since_previous_s)
-        else:
-            self._filter = MotionFilter.begun(T_odom_middle, judged.covariance, self._agility)
-        self._agility = self._filter.agility
-        motion = self._filter.motion
-        carried = motion.after(middle.delay_s, self._agility)
+        motion = self._filtered(T_odom_middle, judged)
+        carried = motion.after(delay_s, self._agility)
+        T_odom_stamp = carried.T_fixed_camera
         frame = replace(
             middle,
-            T_keyframe_camera=T_reference_middle @ se3.inverse(T_odom_middle) @ carried.T_fixed_camera,
+            T_keyframe_camera=T_reference_middle @ se3.inverse(T_odom_middle) @ T_odom_stamp,
             covariance=carried.covariance + motion.twist[:, None] * motion.twist * sensor.clock.sigma_s**2,
             delay_s=0.0,
         )
-        T_middle_stamp = se3.inverse(motion.T_fixed_camera) @ carried.T_fixed_camera
-        going = motion.covariance_of_going(middle.delay_s)
-        doubt = self._doubt(carried.T_fixed_camera, judged)
-        since_start = self._since_start(frame, carried.T_fixed_camera, doubt, sensor)
-        step = second = None
-        current = Publication(frame, carried.T_fixed_camera, since_start, T_middle_stamp, going, doubt=doubt)
-        if self._recent and since_previous_s:
+        doubt = self._doubt(T_odom_stamp, judged)
+        current = Publication(
+            frame=frame,
+            T_odom_camera=T_odom_stamp,
+            covariance=self._since_start(frame, T_odom_stamp, doubt, sensor),
+            T_middle_stamp=se3.inverse(motion.T_fixed_camera) @ T_odom_stamp,
+            covariance_middle_stamp=motion.covariance_of_going(delay_s),
+            doubt=doubt,
+        )
+        return self._keep(self._with_motions(current, judged, sensor))
+
+    def _filtered(self, T_odom_middle: Array, judged: JudgedFrame) -> Motion:
+        """Return the filtered motion at a judged frame's middle row; the filter begins anew where none led there."""
+        if judged.since_previous_s and self._filter is not None:
+            self._filter = self._filter.tracked(T_odom_middle, judged.covariance, judged.since_previous_s)
+        else:
+            self._filter = MotionFilter.begun(T_odom_middle, judged.covariance, self._agility)
+        self._agility = self._filter.agility
+        return self._filter.motion
+
+    def _with_motions(self, current: Publication, judged: JudgedFrame, sensor: SensorModel) -> Publication:
+        """Return a publication with the motions since the frame before and over a second, None where not known."""
+        inliers, step, second = judged.tracked.inlier_count, None, None
+        if self._recent and judged.since_previous_s:
             step = self._motion_since(self._recent[-1], current, inliers, sensor)
-        then = self._a_second_before(frame.stamp)
-        if then is not None and _from_a_second(then, frame.stamp) < TUNING.near_a_second_s:
+        then = self._a_second_before(current.frame.stamp)
+        if then is not None and _from_a_second(then, current.frame.stamp) < TUNING.near_a_second_s:
             second = self._motion_since(then, current, inliers, sensor)
-        return self._keep(replace(current, step=step, second=second))
+        return replace(current, step=step, second=second)
 
     def bridge(self, stamp: Stamp, twist: Array, sensor: SensorModel) -> Publication:
         """Publish what the motion `twist` (6, SI, camera frame) predicts for a frame that could not be tracked."""

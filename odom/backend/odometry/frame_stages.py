@@ -127,7 +127,7 @@ class FrameStages:
         note_sightings(self.map.landmarks, tracked, since_previous_s)
         is_one_period = abs(since_previous_s - clock.period_s) < TUNING.steady_share * clock.period_s
         noise_step = step if since_previous_s and is_one_period else None
-        number, width = self.published.frames.count, view.images.full.shape[1]
+        number, width = self.published.log.count, view.images.full.shape[1]
         noise = noise_after(self.sensor.noise, self.map, tracked, noise_step, number, width)
         self.sensor = self.sensor.with_noise(noise)
         covariance = tracked.covariance * noise.covariance_scale
@@ -163,7 +163,7 @@ class FrameStages:
 
     def _grow_map(self, view: View, judged: JudgedFrame, published: Publication) -> bool:
         """Add to the map what it needs of a frame, and make that the newest; return whether it is a key frame."""
-        tracked, mapper, count, sensor = judged.tracked, self.mapper, self.published.frames.count, self.sensor
+        tracked, mapper, count, sensor = judged.tracked, self.mapper, self.published.log.count, self.sensor
         mapper.keep_if_due(count - 1, tracked, sensor)
         mapper.start_background(count, sensor, self.closer.is_idle)
         reference, seen = tracked.reference, tracked.inlier_landmarks
@@ -204,7 +204,7 @@ class FrameStages:
     def _lose(self, view: View, reason: str) -> Estimate:
         """Report the frame as LOST."""
         self.published.lose(view.stamp, self._segment)
-        self.mapper.start_background(self.published.frames.count, self.sensor)
+        self.mapper.start_background(self.published.log.count, self.sensor)
         return self._describe(view, State.LOST, reason, None)
 
     def _begin_segment(self, view: View, corners: Corners) -> Estimate:

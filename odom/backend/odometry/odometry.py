@@ -102,7 +102,7 @@ class Odometry:
     @property
     def frames(self) -> FrameLog:
         """The poses of frames for their middle rows' times, those of the last eight hours: to be read, not changed."""
-        return self._stages.published.frames
+        return self._stages.published.log
 
     @property
     def forgotten_keyframes(self) -> int:
@@ -144,19 +144,19 @@ class Odometry:
         images = FrameImages.of(frame.color) if prepared is None else prepared.images
         view = View.of(frame, stages.sensor.clock, images, self.segmentation.mask(frame))
         watch.lap("images")
-        loops, map_moved = self._take_background(stages.published.frames.count)
+        loops, map_moved = self._take_background(stages.published.log.count)
         map_moved |= stages.mapper.prune(stages.state)
         watch.lap("background")
         T_predicted = None if prepared is None or map_moved else prepared.T_predicted
         estimate = stages.estimate(view, T_predicted, watch, lambda each: on_pose(in_camera_pixels(each, images.scale)))
         estimate = in_camera_pixels(estimate, images.scale)
-        grow(stages, stages.published.frames.count)
+        grow(stages, stages.published.log.count)
         measured = len(self.map.remembered) + len(self.intermediate.kept)
-        found = self._recalibration.after_frame(self, measured, stages.published.frames.count, view.steady_stamp)
+        found = self._recalibration.after_frame(self, measured, stages.published.log.count, view.steady_stamp)
         if found is not None:
             stages.mapper.lens_to_come = scaled_lens(found, frame_of=self.camera)
         has_time = not estimate.is_keyframe
-        loops += stages.closer.look(stages.published.frames.count, stages.sensor, has_time)
+        loops += stages.closer.look(stages.published.log.count, stages.sensor, has_time)
         if self._path.is_due(map_moved or estimate.is_keyframe, has_time):
             estimate = replace(estimate, path=self._path.of(stages.map), landmarks_map=cloud_of(stages.map))
         watch.lap("background")
@@ -180,7 +180,7 @@ class Odometry:
 
         It holds one pose for each frame of the last eight hours (see `FrameLog`).
         """
-        stages, log, keyframes = self._stages, self._stages.published.frames, self._stages.map.keyframes
+        stages, log, keyframes = self._stages, self._stages.published.log, self._stages.map.keyframes
         self.late_loops = ()
         if stages.state is None:
             return trajectory(log, keyframes)
@@ -208,7 +208,7 @@ class Odometry:
         """
         map_, adjusted = self._stages.map, {**self._adjusted, **between}
         moved = [replace(k, T_camera_map=keyframes[k.number]) if k.number in keyframes else k for k in map_.keyframes]
-        return trajectory(corrected(self._stages.published.frames, moved, adjusted, map_.earlier), moved)
+        return trajectory(corrected(self._stages.published.log, moved, adjusted, map_.earlier), moved)
 
     def closing_test(self) -> ClosingTest | None:
         """Return the paper's test of a closed walk after `finish`, None where it can't be made (see `closing_test`)."""
@@ -225,5 +225,5 @@ class Odometry:
     @property
     def _newest_tracked(self) -> Tracked | None:
         """The last frame's tracking, None where it was not tracked."""
-        state, last = self._stages.state, self._stages.published.frames.last
+        state, last = self._stages.state, self._stages.published.log.last
         return state.tracked if state and last and last.stamp == state.view.stamp else None

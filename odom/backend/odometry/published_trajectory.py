@@ -29,14 +29,14 @@ _BRIDGE_SIGMA = np.repeat([TUNING.bridge_sigma_m_s, TUNING.bridge_sigma_rad_s], 
 
 
 class PublishedTrajectory:
-    """The log of all frames (`frames`, poses at the middle row's time) and the newest publications.
+    """The `log` of all frames (poses at the middle row's time) and the newest publications.
 
     The map grows and moves meanwhile: `T_map_odom` takes up the corrections, so that published poses are continuous.
     These do not become surer by a correction: from the last publication before it on, their covariance only grows.
     """
 
     def __init__(self, map_: Map) -> None:
-        self.frames = FrameLog()
+        self.log = FrameLog()
         self.T_map_odom = np.eye(4)
         self._map = map_
         self._recent: deque[Publication] = deque(maxlen=TUNING.recent)
@@ -49,12 +49,12 @@ class PublishedTrajectory:
     @property
     def is_lost(self) -> bool:
         """Whether the last frame has no pose, or there is none yet."""
-        last = self.frames.last
+        last = self.log.last
         return last is None or last.keyframe is None
 
     def since_last_s(self, stamp: Stamp) -> float:
         """Return the seconds from the last frame to `stamp`, infinite where there is none."""
-        last = self.frames.last
+        last = self.log.last
         return np.inf if last is None else (stamp - last.stamp) * 1e-9
 
     def correct(self, T_new_old: Array) -> None:
@@ -94,7 +94,7 @@ class PublishedTrajectory:
     def begin(self, stamp: Stamp, segment: int, keyframe: int, sensor: SensorModel) -> Publication:
         """Publish the first pose of a segment, which is its key frame's by definition."""
         frame = LoggedFrame(stamp, segment, 0.0, keyframe, np.eye(4), np.zeros((6, 6)))
-        self.frames.append(frame)
+        self.log.append(frame)
         self._filter = None
         self._recent.clear()
         T_odom_camera = se3.inverse(self.T_map_odom) @ se3.inverse(self._map.keyframes[keyframe].T_camera_map)
@@ -109,7 +109,7 @@ class PublishedTrajectory:
         reference, delay_s = self._map.keyframes[judged.tracked.reference], view.since_middle_s(sensor.timing)
         T_reference_middle = reference.T_camera_map @ judged.tracked.T_map_camera
         middle = LoggedFrame(view.stamp, reference.segment, delay_s, reference.number, T_reference_middle)
-        self.frames.append(replace(middle, covariance=judged.covariance, twist=judged.twist))
+        self.log.append(replace(middle, covariance=judged.covariance, twist=judged.twist))
         last = self._recent[-1].frame.keyframe if self._recent else None
         if last is not None and self._map.keyframes[last].segment != middle.segment:
             self._recent.clear()
@@ -166,14 +166,14 @@ class PublishedTrajectory:
             T_keyframe_camera=last.frame.T_keyframe_camera @ step,
             covariance=last.frame.covariance + np.diag((_BRIDGE_SIGMA * dt) ** 2),
         )
-        self.frames.append(frame)
+        self.log.append(frame)
         T_odom_camera, doubt = last.T_odom_camera @ step, last.doubt.after(step, None, dt)
         since_start = self._since_start(frame, T_odom_camera, doubt, sensor)
         return self._keep(Publication(frame, T_odom_camera, since_start, doubt=doubt))
 
     def lose(self, stamp: Stamp, segment: int) -> None:
         """Log a frame without a pose; no motion is published over it."""
-        self.frames.append(LoggedFrame(stamp, segment, 0.0))
+        self.log.append(LoggedFrame(stamp, segment, 0.0))
         self._recent.clear()
         self._filter = None
 

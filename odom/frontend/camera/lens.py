@@ -29,15 +29,15 @@ class Lens:
     """The lens of one camera: a table of rays, and the coefficients of its model.
 
     `rays` is H x W x 2: the normalised coordinates (x/z, y/z) seen by each pixel. `intrinsics` is (fx, fy, cx, cy), and
-    `distortion` (18) holds the 8 coefficients (k1, k2, p1, p2, k3, k4, k5, k6), zeros where unused, the rotation (by
-    rows) from the frame of the rays to the camera's own axes, and the squared tangent of the angle from the axis up to
-    which the model holds. `depth_model` (18) is the vector of the `DepthModel` of the depth image that is registered to
-    it.
+    `projection` (18) is what else it takes from a ray to its pixel: the 8 coefficients of distortion (k1, k2, p1, p2,
+    k3, k4, k5, k6), zeros where unused, the rotation (by rows) from the frame of the rays to the camera's own axes, and
+    the squared tangent of the angle from the axis up to which the model holds. `depth_model` (18) is the vector of the
+    `DepthModel` of the depth image that is registered to it.
     """
 
     rays: NDArray[np.float32]
     intrinsics: Array
-    distortion: Array
+    projection: Array
     depth_model: Array
 
     @classmethod
@@ -58,26 +58,26 @@ class Lens:
         coefficients = np.array(camera.distortion or (0.0,) * 5)
         criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-9)
         rays = cv2.undistortPoints(pixels, camera.matrix, coefficients, None, turn, None, criteria)
-        padded = np.zeros(18)
-        padded[: min(8, len(camera.distortion))] = camera.distortion[:8]
-        padded[8:17] = R_rays_own.T.ravel()
-        padded[17] = _reach(padded)
+        projection = np.zeros(18)
+        projection[: min(8, len(camera.distortion))] = camera.distortion[:8]
+        projection[8:17] = R_rays_own.T.ravel()
+        projection[17] = _reach(projection)
         return cls(
             rays.reshape(camera.height, camera.width, 2).astype(np.float32),
             np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
-            padded,
+            projection,
             camera.depth.vector if frame_of is None else _turned_depth(camera, R_rays_own),
         )
 
     def project(self, points: Array, T_camera_points: Array, margin_px: float = 0.0) -> Array:
         """Return (n x 3): pixel u, v and depth z of `points` (n x 3, m), NaN where not in the image less a margin."""
         height, width = self.rays.shape[:2]
-        return _project(points, T_camera_points, self.intrinsics, self.distortion, width, height, margin_px)
+        return _project(points, T_camera_points, self.intrinsics, self.projection, width, height, margin_px)
 
     @property
     def R_own_rays(self) -> Array:
         """The rotation (3 x 3) from the frame of the rays to the camera's own."""
-        return self.distortion[8:17].reshape(3, 3)
+        return self.projection[8:17].reshape(3, 3)
 
 
 def _reach(k: Array) -> float:
@@ -172,7 +172,7 @@ def ahead(T: Array, points: Array, k: int) -> tuple[float, float, float]:
 
 @compiled
 def _project(
-    points: Array, T_camera_points: Array, intrinsics: Array, distortion: Array, width: int, height: int, margin: float
+    points: Array, T_camera_points: Array, intrinsics: Array, projection: Array, width: int, height: int, margin: float
 ) -> Array:
     """Return pixels and depths as `Lens.project` does."""
     out = np.full((points.shape[0], 3), np.nan)
@@ -180,7 +180,7 @@ def _project(
         x, y, z = ahead(T_camera_points, points, k)
         if z == 0.0:
             continue
-        u, v = pixel_of(x, y, intrinsics, distortion)
+        u, v = pixel_of(x, y, intrinsics, projection)
         if margin <= u <= width - 1 - margin and margin <= v <= height - 1 - margin:
             out[k, 0], out[k, 1], out[k, 2] = u, v, z
     return out

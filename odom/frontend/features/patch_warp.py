@@ -58,7 +58,7 @@ def homographies(
     the surface in key frame `keyframe` (n), whose motion is `T_current_keyframe[keyframe]`. The second value is False
     where the surface is seen from behind, too steeply, or from much farther or nearer.
     """
-    of_lens = lens.rays, lens.intrinsics, lens.distortion
+    of_lens = lens.rays, lens.intrinsics, lens.projection
     return _homographies(uv_reference, plane_reference, keyframe, T_current_keyframe, *of_lens, _WARP_LIMITS)
 
 
@@ -70,7 +70,7 @@ def _homographies(
     T_current_keyframe: Array,
     rays: NDArray[np.float32],
     intrinsics: Array,
-    distortion: Array,
+    projection: Array,
     limits: tuple[float, float, float],
 ) -> tuple[Array, Mask]:
     """Return matrices and which of them are usable as `homographies` does; `limits`: see `_WARP_LIMITS`."""
@@ -80,10 +80,10 @@ def _homographies(
     usable = np.zeros(n, np.bool_)
     seen = np.empty((3, 4 * n))
     _seen_beside(uv_reference, plane_reference, keyframe, T_current_keyframe, rays, step, seen)
-    intrinsics_, distortion_ = in_numbers(intrinsics, distortion)
+    intrinsics_, projection_ = in_numbers(intrinsics, projection)
     X, Y, Z = seen
     for m in range(4 * n):
-        u, v = pixel_of(X[m] / Z[m], Y[m] / Z[m], intrinsics_, distortion_)
+        u, v = pixel_of(X[m] / Z[m], Y[m] / Z[m], intrinsics_, projection_)
         X[m], Y[m] = u if Z[m] >= _NEAREST else np.nan, v if Z[m] >= _NEAREST else np.nan
     for k in range(n):
         left, right, above, below = k, n + k, 2 * n + k, 3 * n + k

@@ -20,7 +20,7 @@ _LEAST_SLOPE = 0.1
 def _find_rows(
     block: Array,
     intrinsics: tuple[float, ...],
-    distortion: tuple[float, ...],
+    projection: tuple[float, ...],
     height: float,
     twist: tuple[float, ...],
     readout_s: float,
@@ -33,7 +33,7 @@ def _find_rows(
     latest_s = 0.5 * abs(readout_s)
     for k in range(_LANES):
         x, y, row_s = block[k + 3 * _LANES], block[k + 4 * _LANES], block[k + 5 * _LANES]
-        _u, v = pixel_of(x, y, intrinsics, distortion)
+        _u, v = pixel_of(x, y, intrinsics, projection)
         xd, yd, _wd = point_flow(x, y, 1.0 / block[k + 2 * _LANES], twist)
         late_s = (v / height - 0.5) * readout_s - row_s
         slope = 1.0 - yd * intrinsics[1] * readout_s / height
@@ -54,7 +54,7 @@ def seen_in_motion(
     steps find both. `carried` takes these pixels back to where the middle row would have shown the points.
     """
     height, width = lens.rays.shape[:2]
-    of_lens = lens.intrinsics, lens.distortion, width, height
+    of_lens = lens.intrinsics, lens.projection, width, height
     return _seen_in_motion(points, T_camera_points, *of_lens, margin_px, twist, readout_s)
 
 
@@ -63,7 +63,7 @@ def _seen_in_motion(
     points: Array,
     T_camera_points: Array,
     intrinsics: Array,
-    distortion: Array,
+    projection: Array,
     width: int,
     height: int,
     margin: float,
@@ -73,7 +73,7 @@ def _seen_in_motion(
     """Return pixels and depths as `seen_in_motion` does, a block of points at a time."""
     n = points.shape[0]
     out = np.full((n, 3), np.nan)
-    numbers, coefficients = in_numbers(intrinsics, distortion)
+    intrinsics_, projection_ = in_numbers(intrinsics, projection)
     velocity = twist[0], twist[1], twist[2], twist[3], twist[4], twist[5]
     block = np.zeros(6 * _LANES)
     for first in range(0, n, _LANES):
@@ -83,9 +83,9 @@ def _seen_in_motion(
             block[k], block[k + _LANES], block[k + 2 * _LANES] = x, y, z
             block[k + 3 * _LANES], block[k + 4 * _LANES], block[k + 5 * _LANES] = x, y, 0.0
         for _ in range(_ROW_STEPS if readout_s != 0.0 else 0):
-            _find_rows(block, numbers, coefficients, float(height), velocity, readout_s)
+            _find_rows(block, intrinsics_, projection_, float(height), velocity, readout_s)
         for k in range(count):
-            u, v = pixel_of(block[k + 3 * _LANES], block[k + 4 * _LANES], numbers, coefficients)
+            u, v = pixel_of(block[k + 3 * _LANES], block[k + 4 * _LANES], intrinsics_, projection_)
             z = block[k + 2 * _LANES]
             if z > 0.0 and margin <= u <= width - 1 - margin and margin <= v <= height - 1 - margin:
                 out[first + k, 0], out[first + k, 1], out[first + k, 2] = u, v, z

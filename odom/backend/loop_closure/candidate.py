@@ -14,7 +14,7 @@ from odom.backend.mapping.keyframe_inserter import KeyframeView
 from odom.backend.tracking.frame_state import Tracked
 from odom.backend.tracking.frame_tracker import FrameTracker
 from odom.backend.tracking.quality import is_known_place
-from odom.backend.tracking.relocalizer import agree, was_there_of_late
+from odom.backend.tracking.relocalisation import agree, was_there_of_late
 from odom.frontend.camera.noise_monitor import NoiseMonitor
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.matching.place_recognition import Recognition

@@ -183,6 +183,11 @@ class KeyframeInserter:
         """Make a key frame as soon as the camera has moved, whatever is left of what the last one saw."""
         self._is_wanted = True
 
+    def take_undescribed(self) -> list[KeyframeView]:
+        """Hand over the key frames whose places are to be described."""
+        taken, self.undescribed = self.undescribed, []
+        return taken
+
     def compare_with(self, number: int) -> None:
         """Compare later frames with what key frame `number` saw: the camera is there again, not where it was before."""
         self._coverage_at_keyframe = Coverage.of(self._map.keyframes[number].uv)

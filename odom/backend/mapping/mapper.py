@@ -112,18 +112,17 @@ class Mapper:
 
         `may_change`: nothing else is at work that a new lens would make wrong.
         """
-        waiting, change = self.inserter.undescribed, None
         is_whole = sensor.depth_tilt.is_new and len(self._map.members(self._map.keyframes[-1].segment)) >= 2
         lens = self.lens_to_come if may_change else None
-        if self._background.is_busy or not (waiting or is_whole or lens is not None):
+        if self._background.is_busy or not (self.inserter.undescribed or is_whole or lens is not None):
             return
+        change = None
         if lens is not None:
             change, self.lens_to_come, is_whole = LensChange(sensor.lens, lens), None, True
             sensor = sensor.with_lens(lens)
         adjustment = self._next_adjustment(sensor, is_whole, change)
         times = 1 + (len(adjustment.is_fixed) // TUNING.change_frames if is_whole else 0)
-        self.inserter.undescribed = []
-        searches = [PlaceSearch.of(self._map, seen) for seen in waiting]
+        searches = [PlaceSearch.of(self._map, seen) for seen in self.inserter.take_undescribed()]
         index = self._map.places
 
         def work() -> _Done:

@@ -7,7 +7,7 @@ with what is known to stand, or descriptors would lead the camera from one body 
 from odom.backend.mapping.keyframe_inserter import KeyframeInserter
 from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.backend.tracking.frame_tracker import FrameTracker
-from odom.backend.tracking.relocalizer import registered_step, track_wide_step
+from odom.backend.tracking.relocalisation import registered_step, track_wide_step
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.place_descriptor import Place
 from odom.frontend.features.view import View

@@ -8,7 +8,7 @@ from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.confirmation import Confirmation
 from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.backend.tracking.frame_tracker import FrameTracker
-from odom.backend.tracking.relocalizer import relocalise
+from odom.backend.tracking.relocalisation import relocalise
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.place_descriptor import Place
 from odom.frontend.features.view import View

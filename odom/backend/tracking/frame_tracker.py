@@ -9,8 +9,8 @@ from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.consensus import is_contested
 from odom.backend.tracking.found_landmarks import FoundLandmarks
 from odom.backend.tracking.frame_state import FrameState, MotionPrior, Tracked
+from odom.backend.tracking.keyframe_poses import keyframe_poses
 from odom.backend.tracking.motion_model import ANY_VELOCITY, is_plausible_motion
-from odom.backend.tracking.motions import motions_from
 from odom.backend.tracking.prediction import predict_pose
 from odom.backend.tracking.quality import has_enough_inliers, is_known_place, is_same_view
 from odom.backend.tracking.tuning import TUNING
@@ -144,5 +144,5 @@ class FrameTracker:
         keyframes = distinct(np.concatenate([local, keyframe]))
         chance = (seen + 1.0) / (L.tried.take(rows) + 2.0)  # Laplace's rule of succession
         priority = chance**2 * (seen + TUNING.reference_rank * (keyframe == int(local[0])))
-        T_camera_keyframe = motions_from(self._map, keyframes, T_camera_map)
+        T_camera_keyframe = keyframe_poses(self._map, keyframes, T_camera_map)
         return Candidates(rows, priority, chance, is_doubted.take(rows), keyframes, T_camera_keyframe)

@@ -8,7 +8,7 @@ from odom.backend.map.landmarks import Landmarks
 from odom.backend.map.map import Map
 from odom.backend.tracking.consensus import FollowedFeatures, consensus, is_contested, is_exact
 from odom.backend.tracking.frame_state import FrameState
-from odom.backend.tracking.motions import motions_from
+from odom.backend.tracking.keyframe_poses import keyframe_poses
 from odom.backend.tracking.pose_solver import chi2_of, fit_pose
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
@@ -167,7 +167,7 @@ def _search(
     landmarks = map_.landmarks
     rows, _ = _followed_before(landmarks, state)
     keyframes = distinct(landmarks.keyframe[rows])
-    candidates = Candidates.all_of(rows, keyframes, motions_from(map_, keyframes, T_predicted))
+    candidates = Candidates.all_of(rows, keyframes, keyframe_poses(map_, keyframes, T_predicted))
     twist = state.twist_to(T_predicted, since_s)
     found = find_coarsely(landmarks, candidates, T_predicted, twist, images, sensor)
     return _Followed.at(landmarks, state, since_s, sensor, found)

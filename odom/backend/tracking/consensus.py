@@ -122,13 +122,14 @@ def consensus(features: FollowedFeatures, T_camera_map: Array, expected: Expecte
     off_px_before = features.off_px(T_camera_map)
     if np.count_nonzero(off_px_before > TUNING.differs_px) < TUNING.contested_least:
         return None
-    points, rays, votes = np.ascontiguousarray(features.points), np.ascontiguousarray(features.rays), features.votes
+    votes = features.votes
+    voting = np.ascontiguousarray(features.points), np.ascontiguousarray(features.rays), votes
     sigma, T_start = features.sigma_px * features.pixel, np.ascontiguousarray(T_camera_map)
-    T_expected_inverse = se3.inverse(expected.T_camera_map)
-    first = _agreement(points, rays, votes, sigma, T_start, T_expected_inverse, expected.free)
+    reach = se3.inverse(expected.T_camera_map), expected.free
+    first = _agreement(voting, sigma, T_start, reach)
     tried = triples_needed(TUNING.consensus_gain * first / float(votes.sum()))
     triples = np.random.default_rng(0).choice(len(votes), (tried, 3), p=votes / votes.sum())
-    T, gain = _best_pose(points, rays, votes, sigma, T_start, first, triples, T_expected_inverse, expected.free)
+    T, gain = _best_pose(voting, sigma, T_start, first, triples, reach)
     off_px = features.off_px(T)
     won = np.count_nonzero((off_px < TUNING.agrees_px) & (off_px_before > TUNING.differs_px))
     return se3.orthonormal(T) if gain > TUNING.consensus_gain and won >= TUNING.contested_least else None
@@ -165,10 +166,13 @@ def _ray_errors(points: Array, rays: Array, T: Array) -> Array:
 
 
 @compiled
-def _agreement(
-    points: Array, rays: Array, votes: Array, sigma: float, T: Array, T_expected_inverse: Array, free: Array
-) -> float:
-    """Return the votes for the pose `T`, fewer if it is farther than `free` from the one expected."""
+def _agreement(voting: tuple[Array, Array, Array], sigma: float, T: Array, reach: tuple[Array, Array]) -> float:
+    """Return the votes for the pose `T` of features: `voting` are their points, rays and votes, `sigma` the rays'.
+
+    `reach` is the expected T_map_camera, and how far a pose may be from it (m, rad): one farther away has fewer votes.
+    """
+    points, rays, votes = voting
+    T_expected_inverse, free = reach
     total = 0.0
     for k in range(points.shape[0]):
         x, y, w = projected(T, points, k)
@@ -188,9 +192,10 @@ def _agreement(
 
 @compiled
 def _refined(
-    points: Array, rays: Array, votes: Array, sigma: float, T_start: Array, members: Index, steps: int
+    voting: tuple[Array, Array, Array], sigma: float, T_start: Array, members: Index, steps: int
 ) -> tuple[Array, bool]:
     """Return the pose fitted to the features `members`, robustly unless `sigma` is infinite; False if it diverges."""
+    points, rays, votes = voting
     T = T_start
     J = np.zeros((3, 6))
     for _ in range(steps):
@@ -219,30 +224,27 @@ def _refined(
 
 @compiled
 def _best_pose(
-    points: Array,
-    rays: Array,
-    votes: Array,
+    voting: tuple[Array, Array, Array],
     sigma: float,
     T_start: Array,
     first: float,
     triples: Index,
-    T_expected_inverse: Array,
-    free: Array,
+    reach: tuple[Array, Array],
 ) -> tuple[Array, float]:
     """Return the pose with the most votes that a triple leads to, and how many times as many as `T_start`'s `first`."""
     best, most = T_start, first
-    everything = np.arange(points.shape[0])
+    everything = np.arange(len(voting[0]))
     for s in range(triples.shape[0]):
-        T, good = _refined(points, rays, votes, np.inf, T_start, triples[s], _TRIPLE_STEPS)
+        T, good = _refined(voting, np.inf, T_start, triples[s], _TRIPLE_STEPS)
         if not good:
             continue
-        if _agreement(points, rays, votes, sigma, T, T_expected_inverse, free) < _WORTH_REFINING * most:
+        if _agreement(voting, sigma, T, reach) < _WORTH_REFINING * most:
             continue
-        T, good = _refined(points, rays, votes, _WIDE * sigma, T, everything, _WIDE_STEPS)
+        T, good = _refined(voting, _WIDE * sigma, T, everything, _WIDE_STEPS)
         if not good:
             continue
-        T, good = _refined(points, rays, votes, sigma, T, everything, _NARROW_STEPS)
-        agreed = _agreement(points, rays, votes, sigma, T, T_expected_inverse, free)
+        T, good = _refined(voting, sigma, T, everything, _NARROW_STEPS)
+        agreed = _agreement(voting, sigma, T, reach)
         if good and agreed > most:
             best, most = T, agreed
     return best, most / first if first > 0.0 else np.inf

@@ -15,7 +15,7 @@ from odom.backend.map.map import Map
 from odom.backend.map.pose_graph import Edge
 from odom.backend.mapping.background import Background
 from odom.frontend.camera.sensor_model import SensorModel
-from odom.frontend.camera.stamp_clock import SteadyStamp
+from odom.frontend.camera.stamp_clock import SteadyStamp, later
 
 _FRAME_S = 1.0 / 30.0
 """Seconds in which a frame's worth of background work is done, however few frames come meanwhile."""
@@ -88,7 +88,7 @@ class BackgroundClosing:
 
         frames = TUNING.closing_frames + len(graph.numbers) // TUNING.closing_keyframes
         self._rests_until, self._merged = count + 2 * frames, []
-        due_stamp = SteadyStamp(sensor.clock.steady + round(frames * _FRAME_S * 1e9))
+        due_stamp = later(sensor.clock.steady, frames * _FRAME_S)
         self._background.start(count + frames, due_stamp, work)
 
     def take(self, count: int | None, stamp: SteadyStamp) -> list[LoopCandidate]:

@@ -20,7 +20,7 @@ from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.frontend.camera.lens import Lens
 from odom.frontend.camera.sensor_model import SensorModel
-from odom.frontend.camera.stamp_clock import SteadyStamp
+from odom.frontend.camera.stamp_clock import later
 from odom.frontend.features.lens_change import LensChange
 from odom.frontend.matching.place_recognition import GrownIndex
 from odom.geometry import se3
@@ -132,7 +132,7 @@ class Mapper:
             grown = index.grown({d.seen.keyframe: d.place for d in described})
             return _Done(adjustment, bundle, described, grown, change, is_whole)
 
-        due_stamp = SteadyStamp(sensor.clock.steady + round(times * TUNING.background_s * 1e9))
+        due_stamp = later(sensor.clock.steady, times * TUNING.background_s)
         self._background.start(count + times * self._settings.background_delay_frames, due_stamp, work)
 
     def _next_adjustment(

@@ -8,7 +8,7 @@ from odom.backend.mapping.standing import ComparedView
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.settings import OdometrySettings
 from odom.frontend.camera.sensor_model import SensorModel
-from odom.frontend.camera.stamp_clock import SteadyStamp
+from odom.frontend.camera.stamp_clock import later
 from odom.frontend.features.corners import detect_corners
 from odom.frontend.features.lens_change import LensChange
 from odom.frontend.features.measurement import measure_exactly
@@ -69,7 +69,7 @@ class NewCorners:
             stands, moved_share = compared.standing(corners, search.sensor, search.in_doubt)
             return corners.uv[stands], moved_share
 
-        due_stamp = SteadyStamp(compared.view.steady_stamp + round(TUNING.corners_s * 1e9))
+        due_stamp = later(compared.view.steady_stamp, TUNING.corners_s)
         self._search = search
         self._background.start(count + self._settings.background_delay_frames, due_stamp, work)
 
@@ -89,7 +89,7 @@ class NewCorners:
         `sensor` has the clock of frame `count`: it tells when the next one is to be expected.
         """
         search = self._search
-        expected = SteadyStamp(sensor.clock.steady + round(sensor.clock.period_s * 1e9))
+        expected = later(sensor.clock.steady, sensor.clock.period_s)
         found = self._background.take(count, expected)
         if search is None or found is None:
             return None

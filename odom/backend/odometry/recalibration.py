@@ -6,7 +6,7 @@ from typing import Generic, Protocol, TypeVar
 from odom.backend.mapping.background import Background
 from odom.backend.odometry.tuning import TUNING
 from odom.frame import Camera
-from odom.frontend.camera.stamp_clock import SteadyStamp
+from odom.frontend.camera.stamp_clock import SteadyStamp, later
 
 LookedAt = TypeVar("LookedAt", contravariant=True)
 """What a calibrator looks at: the odometry, which stands above this module."""
@@ -63,6 +63,6 @@ class Recalibration(Generic[LookedAt]):
         if due <= measured <= TUNING.calibrate_most:
             self._looked_at = measured
             share = measured // TUNING.calibrate_least  # more frames to look at get more time
-            by = SteadyStamp(stamp + round(share * TUNING.calibrate_s * 1e9))
+            by = later(stamp, share * TUNING.calibrate_s)
             self._background.start(count + share * TUNING.calibrate_frames, by, self._calibrator.looked_at(odometry))
         return None

@@ -19,6 +19,11 @@ SteadyStamp = NewType("SteadyStamp", int)
 """Nanoseconds since the Unix epoch by the camera's steady clock, in contrast to a `Stamp` as it was sent."""
 
 
+def later(stamp: SteadyStamp, by_s: float) -> SteadyStamp:
+    """Return the steady time `by_s` seconds after `stamp`."""
+    return SteadyStamp(stamp + round(by_s * 1e9))
+
+
 def is_within(within_s: float, then: SteadyStamp | None, now: SteadyStamp | None) -> bool:
     """Return whether `then` was less than `within_s` before `now`; False where either is None: never."""
     return then is not None and now is not None and (now - then) * 1e-9 < within_s

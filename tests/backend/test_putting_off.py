@@ -60,7 +60,7 @@ def test_a_place_that_the_chain_contradicts_is_refused_without_being_tracked(tra
     decided = closer.judge([looks_like(map_, 29, [3, 5], ELSEWHERE)], SENSOR)
     assert [one.accepted for one in decided] == [False, False]
     assert all(one.reason.startswith("contradicts the chain by 3.20 m") for one in decided)
-    closer.look(1, SENSOR, has_time=True)
+    closer.work_on_waiting(1, SENSOR, has_time=True)
     assert not tracked
 
 
@@ -68,10 +68,10 @@ def test_what_may_close_a_loop_is_tracked_when_there_is_time_one_place_after_a_f
     map_ = straight_on()
     closer = LoopCloser(map_, None)
     assert not closer.judge([looks_like(map_, 28, [3, 5]), looks_like(map_, 29, [4])], SENSOR)
-    assert not closer.look(1, SENSOR, has_time=False)
+    assert not closer.work_on_waiting(1, SENSOR, has_time=False)
     assert not tracked
     for count in range(2, 6):
-        assert len(closer.look(count, SENSOR, has_time=True)) == (count < 5)
+        assert len(closer.work_on_waiting(count, SENSOR, has_time=True)) == (count < 5)
     assert tracked == [(3, 28), (5, 28), (4, 29)]
 
 
@@ -79,9 +79,9 @@ def test_where_too_much_waits_time_is_taken(tracked):
     map_ = straight_on()
     closer = LoopCloser(map_, None)
     closer.judge([looks_like(map_, 20 + k, [3]) for k in range(TUNING.most_put_off)], SENSOR)
-    assert not closer.look(1, SENSOR, has_time=False)
+    assert not closer.work_on_waiting(1, SENSOR, has_time=False)
     closer.judge([looks_like(map_, 29, [3])], SENSOR)
-    assert len(closer.look(2, SENSOR, has_time=False)) == 1
+    assert len(closer.work_on_waiting(2, SENSOR, has_time=False)) == 1
     assert tracked == [(3, 20)]
 
 

@@ -187,7 +187,7 @@ def close_over_all(map_: Map, opened: MapFile) -> dict[str, float]:
             sensor = sensor.with_stamp(Stamp(10**9 + count * 33_333_333))
             begun = time.thread_time()
             is_closed = any(one.accepted for one in closer.close(count, sensor))
-            closer.look(count + 1, sensor, has_time=True)
+            closer.work_on_waiting(count + 1, sensor, has_time=True)
             on_frame.append(time.thread_time() - begun)
             gaps += gaps_of_a_frame()
             count += 1

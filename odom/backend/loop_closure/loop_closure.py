@@ -48,7 +48,8 @@ class LoopCloser:
     def judge(self, described: Sequence[DescribedKeyframe], sensor: SensorModel) -> list[LoopCandidate]:
         """Track places of other segments that key frames look like; merge these segments and return what is decided.
 
-        Places that the chain clearly contradicts are not tracked. Places that would close a loop wait (see `look`).
+        Places that the chain clearly contradicts are not tracked; those that would close a loop wait (see
+        `work_on_waiting`).
         """
         decided: list[LoopCandidate] = []
         self._kept = self._kept.with_more(one.seen for one in described)
@@ -66,10 +67,10 @@ class LoopCloser:
                 self._put_off.append(rest)
                 continue
             while rest.recognitions:
-                rest = self._look_at(rest, sensor, decided)
+                rest = self._track_first_place(rest, sensor, decided)
         return decided
 
-    def look(self, count: int, sensor: SensorModel, has_time: bool) -> list[LoopCandidate]:
+    def work_on_waiting(self, count: int, sensor: SensorModel, has_time: bool) -> list[LoopCandidate]:
         """After frame `count - 1`, if it `has_time`, track a candidate that was put off, or begin to close loops.
 
         Returns the refused candidates. Where too many wait, one is tracked although there is no time.
@@ -78,7 +79,7 @@ class LoopCloser:
         if has_time and not self._put_off:
             self._closing.start(count, sensor)
         while self._put_off and (has_time or len(self._put_off) > TUNING.most_put_off):
-            self._look_at_next(sensor, decided)
+            self._track_next(sensor, decided)
             has_time = False
         return decided
 
@@ -87,7 +88,7 @@ class LoopCloser:
         decided = self._closing.take(count, sensor.clock.steady)
         while count is None and (self._put_off or self._closing.has_waiting):
             while self._put_off:
-                self._look_at_next(sensor, decided)
+                self._track_next(sensor, decided)
             self._closing.start(None, sensor)
             decided += self._closing.take(None, sensor.clock.steady)
         if count is None:
@@ -105,12 +106,14 @@ class LoopCloser:
             if ends[0].segment != ends[1].segment:
                 self._try_place(seen, recognition, sensor, decided)
 
-    def _look_at_next(self, sensor: SensorModel, decided: list[LoopCandidate]) -> None:
-        rest = self._look_at(self._put_off.pop(0), sensor, decided)
+    def _track_next(self, sensor: SensorModel, decided: list[LoopCandidate]) -> None:
+        rest = self._track_first_place(self._put_off.pop(0), sensor, decided)
         if rest.recognitions:
             self._put_off.insert(0, rest)
 
-    def _look_at(self, one: DescribedKeyframe, sensor: SensorModel, decided: list[LoopCandidate]) -> DescribedKeyframe:
+    def _track_first_place(
+        self, one: DescribedKeyframe, sensor: SensorModel, decided: list[LoopCandidate]
+    ) -> DescribedKeyframe:
         """Track the first of the places that a key frame looks like, and add the outcome to `decided`.
 
         Returns the key frame with the remaining places, with none if the first one was right.

@@ -156,7 +156,7 @@ class Odometry:
         if found is not None:
             stages.mapper.lens_to_come = scaled_lens(found, frame_of=self.camera)
         has_time = not estimate.is_keyframe
-        loops += stages.closer.look(stages.published.log.count, stages.sensor, has_time)
+        loops += stages.closer.work_on_waiting(stages.published.log.count, stages.sensor, has_time)
         if self._path.is_due(map_moved or estimate.is_keyframe, has_time):
             estimate = replace(estimate, path=self._path.of(stages.map), landmarks_map=cloud_of(stages.map))
         watch.lap("background")

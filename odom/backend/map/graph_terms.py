@@ -88,23 +88,22 @@ def _derivatives(D: Array, r: Array, J_a: Array, J_b: Array) -> None:
 @compiled
 def accumulate(
     T_camera_map: Array,
-    a: Index,
-    b: Index,
-    T_a_b: Array,
-    information: Array,
-    is_loop: Mask,
+    edges: tuple[Index, Index, Array, Array, Mask],
     bound: float,
     place: Index,
     start: Index,
-    slot: Index,
-    is_turned: Mask,
+    slots: tuple[Index, Mask],
     L: Array,
     g: Array,
 ) -> float:
     """Add up the lower triangle `L` of the normal equations (by `BlockPattern`) and `g` (n x 6); return the cost.
 
-    `place` (K) is a pose's row there, negative where it is held. Loops count by Huber's weight from `bound` sigmas on.
+    `edges` are the registrations' ends a and b, T_a_b, information and whether they close a loop, which then counts by
+    Huber's weight from `bound` sigmas on. `place` (K) is a pose's row in the equations, negative where it is held;
+    `slots` say where in `L` the block between the two ends goes, and whether transposed.
     """
+    a, b, T_a_b, information, is_loop = edges
+    slot, is_turned = slots
     L[:] = 0.0
     g[:] = 0.0
     D, r = np.zeros((3, 4)), np.zeros(6)

@@ -111,10 +111,8 @@ class Equations:
 
     def set_up(self, T_camera_map: Array) -> float:
         """Set both sides to those at the poses (K x 4 x 4); return the cost there."""
-        start = self.pattern.start
-        return accumulate(
-            T_camera_map, *self._measured, _ROBUST_FROM_SIGMA, self.place, start, *self._slots, self.L, self.g
-        )
+        at = self.place, self.pattern.start, self._slots
+        return accumulate(T_camera_map, self._measured, _ROBUST_FROM_SIGMA, *at, self.L, self.g)
 
     def damp(self, share: float) -> None:
         """Add a `share` of the diagonal to it."""

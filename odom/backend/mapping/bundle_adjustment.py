@@ -73,11 +73,11 @@ def adjust(
     begin[free] = 6 * np.arange(len(free))
     poses, place = 6 * len(free), begin[o.keyframe]
     dimension = poses + len(timing_information)
-    arrays, cauchy = (o.keyframe, o.landmark, o.values, o.jacobian_timing, o.variances), TUNING.cauchy_chi2
+    observed, cauchy = (o.keyframe, o.landmark, o.values, o.jacobian_timing, o.variances), TUNING.cauchy_chi2
 
     def system_at(bundle: Bundle, damping: float) -> _System:
         T_camera_map, landmarks, change = bundle.T_camera_map, bundle.landmarks, bundle.timing_change
-        reduced = reduce_to_poses(T_camera_map, landmarks, change, place, dimension, *arrays, damping, cauchy)
+        reduced = reduce_to_poses(T_camera_map, landmarks, change, place, dimension, observed, damping, cauchy)
         system = _System(*reduced)
         return system._replace(cost=system.cost + float(change @ timing_information @ change))
 

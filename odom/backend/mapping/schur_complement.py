@@ -24,11 +24,7 @@ def reduce_to_poses(
     timing_change: Array,
     place: Index,
     dimension: int,
-    keyframe: Index,
-    landmark: Index,
-    values: Array,
-    jacobian_timing: Array,
-    variances: Array,
+    observed: tuple[Index, Index, Array, Array, Array],
     damping: float,
     cauchy: float,
 ) -> tuple[Array, Array, Array, Array, Array, Array, float]:
@@ -36,10 +32,11 @@ def reduce_to_poses(
 
     With poses' and timing's unknowns x and landmarks' y, the normal equations are [U W; W' V] [x; y] = [a; b], V block
     diagonal. For each landmark its share of U, W, V, a, b is summed up over its observations, and y is eliminated:
-    S = U - W inv(V) W', rhs = a - W inv(V) b. W is returned as W' (N x 3 x 6; of the timing L x 3 x t). `place` (N) is
-    where the unknowns of an observation's pose begin, -1 for one that is held. J, P, K: derivatives of an observation
-    by pose, landmark and timing.
+    S = U - W inv(V) W', rhs = a - W inv(V) b. W is returned as W' (N x 3 x 6; of the timing L x 3 x t). `observed` are
+    the fields of the `Observations`. `place` (N) is where the unknowns of an observation's pose begin, -1 for one that
+    is held. J, P, K: derivatives of an observation by pose, landmark and timing.
     """
+    keyframe, landmark, values, jacobian_timing, variances = observed
     N, L, timings = keyframe.shape[0], landmarks.shape[0], timing_change.shape[0]
     S = np.zeros((dimension, dimension))
     rhs = np.zeros(dimension)

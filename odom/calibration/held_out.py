@@ -17,6 +17,9 @@ from odom.geometry.arrays import Array, Mask
 _STRETCHES, _EVERY = 20, 4
 """The survey is cut into stretches of time, of which every fourth is held out."""
 _TIMING = np.arange(TIMINGS)
+_WRONG_CHI2 = 1000.0
+"""Squared normalised residual (30 sigma) from which on an observation is just wrong: of a landmark behind the camera,
+say, whose image a lens model can put anywhere. One such residual, 1e44, weighed as much as the frames held out."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,7 @@ def compare(
 def residuals(survey: Survey, vector: Array, bundle: Bundle) -> Residuals:
     """Return the residuals of a survey at a camera's `vector` (30), poses and landmarks."""
     lines = linearised(survey, vector, bundle)
-    ray, depth = chi_squared(lines)
+    ray, depth = (np.minimum(chi2, _WRONG_CHI2) for chi2 in chi_squared(lines))
     deep = np.isfinite(depth)
     cauchy = TRACKING.cauchy_chi2
     fx, fy = vector[TIMINGS : TIMINGS + 2]

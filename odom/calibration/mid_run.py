@@ -33,9 +33,10 @@ class Sureness:
         """Whether the estimated camera may be used.
 
         Early in a walk estimates can be far off, and a wrong camera does more harm during a run than a slightly poor
-        one.
+        one; but the farther off the one in use is, the sooner an unsure one is better.
         """
-        return self.own_px < TUNING.change_unsure_px and self.off_px > TUNING.change_times * self.own_px
+        most_px = max(TUNING.change_unsure_px, self.off_px / TUNING.change_unsure_times)
+        return self.own_px < most_px and self.off_px > TUNING.change_times * self.own_px
 
     @property
     def is_near(self) -> bool:

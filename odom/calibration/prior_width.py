@@ -16,8 +16,9 @@ from odom.calibration.parameters import GROUPS, TIMINGS
 from odom.calibration.tuning import TUNING
 from odom.geometry.arrays import Array, Index, Mask
 
-_HALVINGS = 7
-"""Widths that are tried: from that of the prior, each half the one before it, to a hundredth."""
+_HALVINGS = np.arange(-2, 7)
+"""Widths that are tried: from four times that of the prior, for another make's camera, each half the one before it, to
+a hundredth."""
 _SETTLED = 1e-3
 """Gain of the logarithm of the probability, below which no other widths are looked for."""
 _KIND_OF = {
@@ -89,8 +90,8 @@ def narrowed(prior: Prior, fitted: Fit, sigma: Array) -> Narrowed:
 
 
 def _tried(kind: Mask, halvings: Index) -> Index:
-    """Return each width of one kind of number (p, whether a number is of it), the others as given (_HALVINGS x p)."""
-    return np.where(kind, np.arange(_HALVINGS)[:, None], halvings)
+    """Return each width of one kind of number (p, whether a number is of it), the others as given (9 x p)."""
+    return np.where(kind, _HALVINGS[:, None], halvings)
 
 
 def _most_probable(seen: _Seen, kinds: list[Mask], any_kind: Mask) -> Index:

@@ -102,8 +102,13 @@ class Tuning:
         effect="The camera in use is changed where it is off by more. Smaller: first guesses are used; larger: a "
         "poor camera stays in use until the end.")
     change_unsure_px: float = tuned(2.5, unit="px", source=_LOOKS,
-        effect="A camera found that may be off by more is not used. Smaller: a poor camera stays in use until the "
-        "end; larger: first guesses are used.")
+        effect="A camera found that may be off by more is not used, unless change_unsure_times allows it. Smaller: a "
+        "poor camera stays in use until the end; larger: first guesses are used.")
+    change_unsure_times: float = tuned(3.0, unit="times the pixels by which the camera found may be off", source="two "
+        "starts each of fr1_xyz and fr1_rpy with focal lengths of 490 to 640 px, where 517 are true: online errors x "
+        ".85, those of the map x .6",
+        effect="A camera found that may be off by more than change_unsure_px is used where the one in use is off by so "
+        "many times that. Smaller: first guesses are used; larger: another make's camera stays in use until the end.")
     # self-calibration of a run, at its end
     self_frames: int = tuned(150, unit="frames", source="time on fr1_xyz",
         effect="So many are looked at, the newest ones. Fewer: less of the image's border is seen; more: it costs "

@@ -38,6 +38,12 @@ def test_a_camera_at_rest_changes_nothing():
     assert not Sureness.of(survey, found_in(survey)).is_enough
 
 
+def test_an_unsure_camera_is_used_only_where_the_one_in_use_is_off_by_far_more():
+    assert Sureness(off_px=14.0, own_px=4.0).is_enough
+    assert not Sureness(off_px=9.0, own_px=4.0).is_enough
+    assert Sureness(off_px=3.4, own_px=1.4).is_enough
+
+
 def test_a_look_that_was_nearly_sure_is_repeated_sooner_than_one_that_found_the_camera_good():
     assert Sureness(off_px=1.5, own_px=1.0).is_near
     assert not Sureness(off_px=1.5, own_px=1.0).is_enough

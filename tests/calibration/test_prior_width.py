@@ -76,6 +76,12 @@ def test_sigmas_hold_however_far_off_cameras_are(width):
     assert np.mean(np.abs(off) < 3.0) >= 0.97
 
 
+def test_another_makes_camera_is_not_held_back_by_what_cameras_usually_are():
+    off = np.concatenate([drawn_walks(3.0, seed) for seed in range(4)])
+    assert (np.abs(off) < 3.0).all()
+    assert np.sqrt(np.mean(off**2)) < 0.97  # 1.01 where widths of the prior and less are all there are
+
+
 def test_it_is_nearer_to_the_truth_than_what_was_given_in_either_case():
     for numbers in ({"cx": 2.0}, {"fx": 3.0, "k1": 0.01}, POOR):
         truth = spoilt(**numbers)

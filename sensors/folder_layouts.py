@@ -15,6 +15,7 @@ from odom.geometry.arrays import Array
 from odom.geometry.quaternion import quaternion_from_rotation
 from sensors.default_camera import image_size
 from sensors.image_lists import FolderLayout, TumEntry, stamp_of_frame
+from sensors.intrinsic_files import matrix_camera
 from sensors.listed_folders import ASSOCIATIONS, associated, tum
 from sensors.paired_folders import by_stamp, images_in, is_pair_of_folders, pair_of_folders
 
@@ -149,13 +150,7 @@ def _intrinsics(path: Path, which: str, images: list[TumEntry]) -> Camera | None
     """Return the camera of `intrinsic/intrinsic_color.txt` or a file like it, with the size of the first image."""
     files = [*path.glob(f"intrinsic*/intrinsic*_{which}.txt"), *path.glob(f"intrinsic*_{which}.txt")]
     size = image_size(path / images[0].values[0]) if images else None
-    if not files or size is None:
-        return None
-    try:
-        K = np.loadtxt(files[0])
-        return Camera(*size, float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2]))
-    except (OSError, ValueError, IndexError) as error:
-        raise ConfigError(f"{files[0]}: give a matrix of 3 x 3 or 4 x 4 numbers: {error}") from error
+    return None if not files or size is None else matrix_camera(files[0], size)
 
 
 def _replica_camera(path: Path) -> tuple[Camera, float]:

@@ -1,6 +1,5 @@
 """Colour and depth in two folders without lists: those of Open3D's recorders, Redwood and SUN3D, and one's own."""
 
-import json
 import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -8,10 +7,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from odom.errors import ConfigError
 from odom.frame import Camera, Stamp, from_seconds
 from sensors.default_camera import image_in, image_size
 from sensors.image_lists import READ_SUFFIXES, FolderLayout, TumEntry, stamp_of, stamp_of_frame
+from sensors.intrinsic_files import matrix_camera, open3d_camera
 
 _COLOR, _DEPTH = ("color", "rgb", "image"), "depth"
 """Names of the folders."""
@@ -43,7 +42,7 @@ def pair_of_folders(path: Path) -> FolderLayout:
         color,
         depth,
         [],
-        None if size is None else _camera(path, *size),
+        None if size is None else _camera(path, size),
         depth_scale=1000.0,
         rotated_bits=_ROTATED_BITS if depth and _is_rotated(path / depth[0].values[0]) else 0,
     )
@@ -79,22 +78,11 @@ def _stamp(stem: str) -> Stamp:
     return stamp_of_frame(int(number)) if unit == "seconds" else stamp
 
 
-def _camera(path: Path, width: int, height: int) -> Camera | None:
-    files = [*sorted(path.glob("*intrinsic*.json")), *sorted(path.glob("*intrinsic*.txt"))]
-    if not files:
-        return None
-    file = files[0]
-    try:
-        if file.suffix == ".json":
-            found = json.loads(file.read_text())
-            K = np.array(found["intrinsic_matrix"], dtype=float).reshape(3, 3).T  # Open3D writes column by column
-            width, height = int(found["width"]), int(found["height"])
-        else:
-            K = np.loadtxt(file)
-        return Camera(width, height, float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2]))
-    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
-        what = "Open3D's width, height and intrinsic_matrix" if file.suffix == ".json" else "a matrix of 3 x 3 numbers"
-        raise ConfigError(f"{file}: give {what}: {error!r}") from error
+def _camera(path: Path, size: tuple[int, int]) -> Camera | None:
+    if files := sorted(path.glob("*intrinsic*.json")):
+        return open3d_camera(files[0])
+    files = sorted(path.glob("*intrinsic*.txt"))
+    return matrix_camera(files[0], size) if files else None
 
 
 def _is_rotated(file: Path) -> bool:

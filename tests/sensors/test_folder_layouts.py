@@ -263,6 +263,24 @@ def test_intrinsics_beside_the_images_that_are_none_are_told(tmp_path: Path) -> 
         open_source(str(tmp_path), SourceOptions())
 
 
+@pytest.mark.parametrize("written", [np.ravel, np.array, np.transpose])
+def test_open3ds_matrix_may_lie_by_rows_or_by_columns(
+    tmp_path: Path, written: Callable[[np.ndarray], np.ndarray]
+) -> None:
+    camera, _ = open3d(tmp_path)
+    content = {"width": 64, "height": 48, "intrinsic_matrix": written(camera.matrix).tolist()}
+    (tmp_path / "intrinsic.json").write_text(json.dumps(content))
+    assert layout_of(tmp_path).camera == camera
+
+
+def test_a_matrix_that_is_none_of_intrinsics_is_told(tmp_path: Path) -> None:
+    open3d(tmp_path)
+    content = {"width": 64, "height": 48, "intrinsic_matrix": [60, 0, 31.5, 0, 61, 23.5, 0, 0, 2]}
+    (tmp_path / "intrinsic.json").write_text(json.dumps(content))
+    with pytest.raises(ConfigError, match="the third row is not 0 0 1"):
+        layout_of(tmp_path)
+
+
 def test_depth_of_another_size_is_registered_to_colour(tmp_path: Path) -> None:
     scannet(tmp_path)
     for i in range(FRAMES):

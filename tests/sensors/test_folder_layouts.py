@@ -263,6 +263,22 @@ def test_intrinsics_beside_the_images_that_are_none_are_told(tmp_path: Path) -> 
         open_source(str(tmp_path), SourceOptions())
 
 
+@pytest.mark.parametrize("first", [0, 1600])
+@pytest.mark.parametrize("write", [open3d, sun3d])
+def test_rotated_depth_is_known_whatever_the_first_image_shows(
+    tmp_path: Path, write: Callable[[Path], tuple[Camera, list[int]]], first: int
+) -> None:
+    """Nothing yet, or one wall whose distance in millimetres has the lowest bits 0 by chance."""
+    write(tmp_path)
+    bits = 3 if write is sun3d else 0
+    cv2.imwrite(str(min((tmp_path / "depth").iterdir())), np.full(SIZE[::-1], first << bits, dtype=np.uint16))
+    far = max((tmp_path / "depth").iterdir())
+    image = cv2.imread(str(far), cv2.IMREAD_UNCHANGED)
+    image[-1] = (8200 << bits | 8200 >> 16 - bits) & 0xFFFF
+    cv2.imwrite(str(far), image)
+    assert layout_of(tmp_path).rotated_bits == bits
+
+
 @pytest.mark.parametrize("written", [np.ravel, np.array, np.transpose])
 def test_open3ds_matrix_may_lie_by_rows_or_by_columns(
     tmp_path: Path, written: Callable[[np.ndarray], np.ndarray]

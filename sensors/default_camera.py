@@ -2,6 +2,7 @@
 
 import logging
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from odom.errors import WireError
 from odom.frame import Camera
 from odom.wire.codec.image_files import decode_file
 from sensors.calibration_file import Calibration
+from sensors.image_lists import TumEntry
 
 log = logging.getLogger(__name__)
 
@@ -40,6 +42,9 @@ _PUBLISHED = (
     (re.compile(r"icl[-_]?nuim|living_?room_?traj|office_?room_?traj", re.IGNORECASE), ICL_NUIM),
 )
 """Cameras of other data sets by the names of their folders: Bonn's dynamic scenes, ICL-NUIM's drawn rooms."""
+_MOST_DAMAGED = 10
+"""Damaged images at the beginning behind which a whole one is looked for. Larger: a folder of damaged ones opens late;
+smaller: the camera that its files describe is missed. Chosen by hand."""
 _KINECT_FX = 525.0
 """Focal length of a Kinect v1 at 640 pixels width, as its driver gives it; a device's own is within 3 %."""
 
@@ -67,9 +72,11 @@ def usual_camera(folder: Path, size: tuple[int, int] | None) -> Camera:
     return tum_camera(folder, size) or kinect_camera(*(size or _SIZE))
 
 
-def assumed_calibration(folder: Path, first_image: Path, depth_scale: float) -> Calibration:
-    """Return the calibration of a folder that has none, and log which was taken and how to do better."""
-    size = image_size(first_image)
+def assumed_calibration(folder: Path, size: tuple[int, int] | None, depth_scale: float) -> Calibration:
+    """Return the calibration of a folder that has none, and log which was taken and how to do better.
+
+    `size` is that of its colour images, None when none can be read.
+    """
     camera = usual_camera(folder, size)
     if tum_camera(folder, size) is not None:
         log.info("%s: no camera.yaml; by the folder's name the published calibration of its data set is taken", folder)
@@ -83,8 +90,13 @@ def assumed_calibration(folder: Path, first_image: Path, depth_scale: float) -> 
     return Calibration(camera, depth_scale, is_assumed=True)
 
 
-def image_size(file: Path) -> tuple[int, int] | None:
-    """Return width and height of an image file, None when it cannot be read."""
+def first_size(folder: Path, entries: Sequence[TumEntry]) -> tuple[int, int] | None:
+    """Return width and height of the first image of a list that can be read, None when all the first are damaged."""
+    sizes = (_size(folder / entry.values[0]) for entry in entries[:_MOST_DAMAGED])
+    return next((size for size in sizes if size is not None), None)
+
+
+def _size(file: Path) -> tuple[int, int] | None:
     image = image_in(file, cv2.IMREAD_GRAYSCALE)
     return None if image is None else (image.shape[1], image.shape[0])
 

@@ -13,11 +13,12 @@ from odom.errors import ConfigError, InputError, SourceError
 from odom.frame import Camera, Stamp
 from odom.geometry.arrays import Array
 from odom.geometry.quaternion import quaternion_from_rotation
-from sensors.default_camera import image_size
+from sensors.default_camera import first_size
 from sensors.image_lists import FolderLayout, TumEntry, stamp_of_frame
+from sensors.image_names import by_stamp, images_in, visible
 from sensors.intrinsic_files import matrix_camera
 from sensors.listed_folders import ASSOCIATIONS, associated, tum
-from sensors.paired_folders import by_stamp, images_in, is_pair_of_folders, pair_of_folders
+from sensors.paired_folders import is_pair_of_folders, pair_of_folders
 
 _SEVEN_SCENES_FOCAL = 585.0 / 640
 """Focal length of the depth camera that 7-Scenes publishes, in widths of the image, in whose middle its centre is. The
@@ -53,7 +54,7 @@ def _seven_scenes(path: Path) -> FolderLayout:
     T_depth_color = np.eye(4)
     T_depth_color[:3, 3] = -np.array(_KINECT_BASELINE_M)
     depth = by_stamp(path, path.glob("frame-*.depth.png"))
-    size = image_size(path / depth[0].values[0]) if depth else None
+    size = first_size(path, depth)
     return FolderLayout(
         "7-Scenes' frame-*.png",
         by_stamp(path, path.glob("frame-*.color.png")),
@@ -80,7 +81,7 @@ def _is_scannet(path: Path) -> bool:
 def _scannet(path: Path) -> FolderLayout:
     """Return the lists of folders whose files are named by numbers, or by stamps; true poses may be missing."""
     color, depth = (by_stamp(path, images_in(path / name)) for name in ("color", "depth"))
-    poses = by_stamp(path, (path / "pose").glob("*.txt"))
+    poses = by_stamp(path, visible(path / "pose", "*.txt"))
     camera = _intrinsics(path, "color", color)
     return FolderLayout(
         "color/ or depth/",
@@ -149,7 +150,7 @@ def _lines(file: Path) -> list[list[str]]:
 def _intrinsics(path: Path, which: str, images: list[TumEntry]) -> Camera | None:
     """Return the camera of `intrinsic/intrinsic_color.txt` or a file like it, with the size of the first image."""
     files = [*path.glob(f"intrinsic*/intrinsic*_{which}.txt"), *path.glob(f"intrinsic*_{which}.txt")]
-    size = image_size(path / images[0].values[0]) if images else None
+    size = first_size(path, images)
     return None if not files or size is None else matrix_camera(files[0], size)
 
 

@@ -5,8 +5,9 @@ from pathlib import Path
 
 from odom.errors import ConfigError, SourceError
 from odom.frame import Camera
-from sensors.default_camera import ICL_NUIM, image_size
+from sensors.default_camera import ICL_NUIM, first_size
 from sensors.image_lists import SECOND, FolderLayout, TumEntry, read_list, stamp_of, stamp_of_frame
+from sensors.image_names import visible
 
 log = logging.getLogger(__name__)
 
@@ -45,7 +46,7 @@ def associated(path: Path) -> FolderLayout:
     pairs = read_list(file, 3)
     first = [TumEntry(entry.stamp, entry.values[:1]) for entry in pairs]
     second = sorted((_second(file, entry) for entry in pairs), key=lambda entry: entry.stamp)
-    drawn = next(iter(sorted(path.glob("*.gt.freiburg"))), None)
+    drawn = next(iter(sorted(visible(path, "*.gt.freiburg"))), None)
     measured = path / "groundtruth.txt"
     truth = read_list(measured, 7) if drawn is None and measured.is_file() else []
     if drawn is not None:
@@ -53,7 +54,7 @@ def associated(path: Path) -> FolderLayout:
     if _counts_frames(first, second):
         first, second, truth = (_as_frames(entries) for entries in (first, second, truth))
     color, depth = (second, first) if pairs and "depth" in pairs[0].values[0] else (first, second)
-    size = image_size(path / color[0].values[0]) if drawn is not None and color else None
+    size = None if drawn is None else first_size(path, color)
     camera = ICL_NUIM if size == (ICL_NUIM.width, ICL_NUIM.height) else None
     return FolderLayout(file.name, color, depth, truth, camera)
 
@@ -90,7 +91,7 @@ def _negative(number: str) -> str:
 def _intrinsics_in_a_row(path: Path, images: list[TumEntry]) -> Camera | None:
     """Return the camera of `calibration.txt`, which holds fx fy cx cy, with the size of the first image."""
     file = path / "calibration.txt"
-    size = image_size(path / images[0].values[0]) if file.is_file() and images else None
+    size = first_size(path, images) if file.is_file() else None
     if size is None:
         return None
     try:

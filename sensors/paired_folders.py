@@ -1,23 +1,19 @@
 """Colour and depth in two folders without lists: those of Open3D's recorders, Redwood and SUN3D, and one's own."""
 
-import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from odom.frame import Camera, Stamp, from_seconds
-from sensors.default_camera import image_in, image_size
-from sensors.image_lists import READ_SUFFIXES, FolderLayout, TumEntry, stamp_of, stamp_of_frame
+from odom.frame import Camera
+from sensors.default_camera import first_size, image_in
+from sensors.image_lists import FolderLayout, TumEntry
+from sensors.image_names import by_stamp, images_in, visible
 from sensors.intrinsic_files import matrix_camera, open3d_camera
 
-_COLOR, _DEPTH = ("color", "rgb", "image"), "depth"
-"""Names of the folders."""
-_NUMBER_AND_MICROSECONDS = re.compile(r"\d+-(\d+)\Z")
-"""Names such as `0000012-000000367104.jpg`: the number of the frame and its microseconds."""
-_SECONDS = re.compile(r"\d+\.\d+\Z")
-"""Names such as `1305031102.175304.png`."""
+_COLOR, _DEPTH = ("color", "colour", "rgb", "image"), ("depth",)
+"""Names of the folders, in small letters and without the s of several."""
 _ROTATED_BITS = 3
 """SUN3D writes millimetres rotated to the left by this many bits, so the lowest bits are 0 except for far depths."""
 _LOOKED_AT, _MOST_FAR = 5, 0.1
@@ -27,7 +23,7 @@ show one wall at 1.6 m; of depth that is not rotated seven in eight have such a 
 
 def is_pair_of_folders(path: Path) -> bool:
     """Whether a folder holds images of colour and of depth in folders of their own."""
-    return _color_folder(path) is not None and _holds_images(path / _DEPTH)
+    return _folder(path, _COLOR) is not None and _folder(path, _DEPTH) is not None
 
 
 def pair_of_folders(path: Path) -> FolderLayout:
@@ -36,12 +32,13 @@ def pair_of_folders(path: Path) -> FolderLayout:
     The camera is Open3D's `*intrinsic*.json`, or `*intrinsic*.txt` with a matrix, if one is there. Raises ConfigError
     where such a file holds something else.
     """
-    folder = _color_folder(path)
-    assert folder is not None
-    color, depth = by_stamp(path, images_in(folder)), by_stamp(path, images_in(path / _DEPTH))
-    size = image_size(path / color[0].values[0]) if color else None
+    color_folder, depth_folder = _folder(path, _COLOR), _folder(path, _DEPTH)
+    assert color_folder is not None
+    assert depth_folder is not None
+    color, depth = by_stamp(path, images_in(color_folder)), by_stamp(path, images_in(depth_folder))
+    size = first_size(path, color)
     return FolderLayout(
-        f"{folder.name}/ or {_DEPTH}/",
+        f"{color_folder.name}/ or {depth_folder.name}/",
         color,
         depth,
         [],
@@ -51,40 +48,17 @@ def pair_of_folders(path: Path) -> FolderLayout:
     )
 
 
-def _color_folder(path: Path) -> Path | None:
-    return next((path / name for name in _COLOR if _holds_images(path / name)), None)
-
-
-def _holds_images(folder: Path) -> bool:
-    return folder.is_dir() and next(images_in(folder), None) is not None
-
-
-def images_in(folder: Path, pattern: str = "*") -> Iterator[Path]:
-    """Yield the images of a folder whose names fit the pattern, whatever their suffix's spelling."""
-    return (file for file in folder.glob(pattern) if file.suffix.lower() in READ_SUFFIXES)
-
-
-def by_stamp(path: Path, files: Iterable[Path]) -> list[TumEntry]:
-    """Return files below `path` by the stamps or numbers in their names; those whose names hold none are left out."""
-    numbered = (file for file in files if re.search(r"\d", file.stem))
-    entries = (TumEntry(_stamp(file.stem), (file.relative_to(path).as_posix(),)) for file in numbered)
-    return sorted(entries, key=lambda entry: (entry.stamp, entry.values))
-
-
-def _stamp(stem: str) -> Stamp:
-    if found := _NUMBER_AND_MICROSECONDS.search(stem):
-        return Stamp(int(found[1]) * 1_000)
-    if found := _SECONDS.search(stem):
-        return from_seconds(found[0])
-    number = re.findall(r"\d+", stem)[-1]
-    stamp, unit = stamp_of(number)
-    return stamp_of_frame(int(number)) if unit == "seconds" else stamp
+def _folder(path: Path, names: Sequence[str]) -> Path | None:
+    """Return the folder with one of these names, in any letters and of one or several, that holds images."""
+    called = {child.name.lower().removesuffix("s"): child for child in sorted(visible(path), reverse=True)}
+    folders = (called[name] for name in names if name in called)
+    return next((folder for folder in folders if folder.is_dir() and any(images_in(folder))), None)
 
 
 def _camera(path: Path, size: tuple[int, int]) -> Camera | None:
-    if files := sorted(path.glob("*intrinsic*.json")):
+    if files := sorted(visible(path, "*intrinsic*.json")):
         return open3d_camera(files[0])
-    files = sorted(path.glob("*intrinsic*.txt"))
+    files = sorted(visible(path, "*intrinsic*.txt"))
     return matrix_camera(files[0], size) if files else None
 
 

@@ -26,7 +26,7 @@ from odom.wire.codec import (
 from odom.wire.codec.image_files import OtherFormatError, decode_file
 from sensors.assumed_unit import tell_unlikely_unit
 from sensors.calibration_file import TUM_DEPTH_SCALE, Calibration, depth_scale_alone, load_calibration
-from sensors.default_camera import assumed_calibration, image_size, usual_camera
+from sensors.default_camera import assumed_calibration, first_size, usual_camera
 from sensors.depth_registration import DepthRegistration, load_depth_registration
 from sensors.folder_layouts import is_image_folder, layout_of
 from sensors.image_lists import READ_SUFFIXES, FolderLayout, pose_of, steady
@@ -192,8 +192,7 @@ def open_tum(path: Path, options: SourceOptions) -> TumSource:
     elif layout.camera is not None:
         calibration = Calibration(layout.camera, depth_scale)
     else:
-        first = path / layout.color[0].values[0] if layout.color else path
-        calibration = assumed_calibration(path, first, depth_scale)
+        calibration = assumed_calibration(path, first_size(path, layout.color), depth_scale)
     tell_unlikely_unit(path, layout, file)
     return TumSource(path, calibration, options, layout, _registration(layout, file, calibration.camera))
 
@@ -213,7 +212,7 @@ def depth_images_of(source: str, camera: Path | None) -> tuple[float, DepthRegis
         return given.depth_scale, _registration(layout, file, given.camera)
     if layout is None or layout.depth_camera is None:
         return alone, None
-    color = layout.camera or usual_camera(path, image_size(path / layout.color[0].values[0]) if layout.color else None)
+    color = layout.camera or usual_camera(path, first_size(path, layout.color))
     return alone, _registration(layout, None, color)
 
 

@@ -23,6 +23,7 @@ from sensors.catalogue import open_source
 from sensors.default_camera import kinect_camera, tum_camera
 from sensors.depth_registration import DepthRegistration, registration_text
 from sensors.folder_layouts import layout_of
+from sensors.image_names import by_stamp, images_in
 from sensors.source import SourceOptions
 from sensors.tum import depth_images_of
 
@@ -277,6 +278,68 @@ def test_rotated_depth_is_known_whatever_the_first_image_shows(
     image[-1] = (8200 << bits | 8200 >> 16 - bits) & 0xFFFF
     cv2.imwrite(str(far), image)
     assert layout_of(tmp_path).rotated_bits == bits
+
+
+@pytest.mark.parametrize(
+    ("names", "stamps_ms"),
+    [
+        (["frame_0007_640x480", "frame_0010_640x480"], [7e3 / 30, 1e4 / 30]),
+        (["0007_cam1", "0010_cam1"], [7e3 / 30, 1e4 / 30]),
+        (["seq-01-000007", "seq-01-000010"], [7e3 / 30, 1e4 / 30]),
+        (["run_7_1700000000123", "run_8_1700000000156"], [1_700_000_000_123, 1_700_000_000_156]),
+        (["1700000000_999000000", "1700000001_032000000"], [1_700_000_000_999, 1_700_000_001_032]),
+        (["1700000000-999000", "1700000001-032000"], [1_700_000_000_999, 1_700_000_001_032]),
+        (["1700000000_999000000", "1700000001_32000000"], [1_700_000_000_999, 1_700_000_001_032]),
+        (["1700000000_000007", "1700000000_000010"], [7e3 / 30, 1e4 / 30]),
+        (["c_Color_1700000000123.0", "c_Color_1700000000156.000"], [1_700_000_000_123, 1_700_000_000_156]),
+        (["7", "._8", "10"], [7e3 / 30, 1e4 / 30]),
+    ],
+)
+def test_of_the_numbers_in_names_the_one_counts_that_differs(
+    tmp_path: Path, names: list[str], stamps_ms: list[float]
+) -> None:
+    for name in names:
+        (tmp_path / f"{name}.png").touch()
+    found = by_stamp(tmp_path, images_in(tmp_path))
+    assert [entry.stamp for entry in found] == [round(ms * 10**6) for ms in stamps_ms]
+
+
+def test_a_name_whose_number_is_no_time_is_left_out_and_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    for name in ("20240105101112123456", "20240105101112189012", "7"):
+        (tmp_path / f"{name}.png").touch()
+    assert [entry.stamp for entry in by_stamp(tmp_path, images_in(tmp_path))] == [round(7e9 / 30)]
+    assert "20240105101112123456.png: left out, with 1 more: the number in its name is neither" in caplog.text
+
+
+def test_hidden_files_are_no_part_of_a_folder(tmp_path: Path) -> None:
+    camera, stamps = open3d(tmp_path)
+    for file in [*tmp_path.rglob("*.png"), *tmp_path.rglob("*.jpg"), tmp_path / "intrinsic.json"]:
+        file.with_name(f"._{file.name}").write_bytes(b"Mac OS X")
+    found = layout_of(tmp_path)
+    assert found.camera == camera
+    assert [entry.stamp for entry in found.color] == [entry.stamp for entry in found.depth] == stamps
+
+
+@pytest.mark.parametrize("write", [scannet, eth3d, open3d])
+def test_the_camera_of_a_folder_is_known_though_its_first_images_are_damaged(
+    tmp_path: Path, write: Callable[[Path], object]
+) -> None:
+    write(tmp_path)
+    before = layout_of(tmp_path)
+    for entry in before.color[:2]:
+        (tmp_path / entry.values[0]).write_bytes((tmp_path / entry.values[0]).read_bytes()[:50])
+    assert before.camera is not None
+    assert layout_of(tmp_path).camera == before.camera
+
+
+@pytest.mark.parametrize(("color_folder", "depth_folder"), [("Color", "Depth"), ("RGB", "depth"), ("images", "depths")])
+def test_folders_of_a_pair_may_be_spelt_in_other_ways(tmp_path: Path, color_folder: str, depth_folder: str) -> None:
+    camera, _ = open3d(tmp_path)
+    (tmp_path / "color").rename(tmp_path / color_folder)
+    (tmp_path / "depth").rename(tmp_path / depth_folder)
+    info, *rest = open_source(str(tmp_path), SourceOptions(topics=TOPICS)).messages()
+    assert decode_camera_info(info) == camera
+    assert len(rest) == 2 * FRAMES
 
 
 @pytest.mark.parametrize("written", [np.ravel, np.array, np.transpose])

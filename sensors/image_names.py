@@ -1,0 +1,83 @@
+"""Images of folders without lists: which files they are, and the stamps or numbers in their names."""
+
+import logging
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from odom.frame import Stamp
+from sensors.image_lists import READ_SUFFIXES, SECOND, TumEntry, stamp_of, stamp_of_frame
+
+log = logging.getLogger(__name__)
+
+_NUMBER_AND_MICROSECONDS = re.compile(r"\d+-(\d{12})\Z")
+"""Names such as `0000012-000000367104.jpg`, SUN3D's: the number of the frame and its microseconds."""
+_WITH_POINT = re.compile(r"\d+\.\d+\Z")
+"""Names such as `1305031102.175304.png`: a stamp with a point."""
+_NUMBER = re.compile(r"\d+")
+_SINCE_1970_DIGITS = 10
+"""Digits of seconds since 1970, from 2001 to 2286."""
+_NANOSECOND_DIGITS, _MICROSECOND_DIGITS = 9, 6
+"""Digits of the part of a second that stands behind its seconds as a number of its own."""
+
+
+def visible(folder: Path, pattern: str = "*") -> Iterator[Path]:
+    """Yield the files of a folder whose names fit the pattern, without hidden ones: macOS puts `._NAME` beside NAME."""
+    return (file for file in folder.glob(pattern) if not file.name.startswith("."))
+
+
+def images_in(folder: Path, pattern: str = "*") -> Iterator[Path]:
+    """Yield the images of a folder whose names fit the pattern, whatever their suffix's spelling."""
+    return (file for file in visible(folder, pattern) if file.suffix.lower() in READ_SUFFIXES)
+
+
+def by_stamp(path: Path, files: Iterable[Path]) -> list[TumEntry]:
+    """Return files below `path` by the stamps or numbers in their names; those whose names hold none are left out.
+
+    Of several numbers that one counts which differs from file to file: not the size in `frame_0001_640x480`.
+    """
+    alike = defaultdict[str, list[Path]](list)
+    for file in files:
+        if _NUMBER.search(file.stem):
+            alike[_NUMBER.sub("0", file.stem)].append(file)
+    timed = [pair for group in alike.values() for pair in zip(group, _stamps([f.stem for f in group]), strict=True)]
+    if timeless := sorted(file for file, stamp in timed if stamp is None):
+        log.warning(
+            "%s: left out, with %d more: the number in its name is neither that of a frame nor a time since 1970; "
+            "rename the images, or list them with their stamps in rgb.txt and depth.txt",
+            timeless[0], len(timeless) - 1,
+        )  # fmt: skip
+    entries = [TumEntry(stamp, (file.relative_to(path).as_posix(),)) for file, stamp in timed if stamp is not None]
+    return sorted(entries, key=lambda entry: (entry.stamp, entry.values))
+
+
+def _stamps(stems: list[str]) -> Sequence[Stamp | None]:
+    """Return the stamps in names that differ in their digits only, None of a name that holds no time."""
+    if all(_NUMBER_AND_MICROSECONDS.search(stem) for stem in stems):
+        return [Stamp(int(stem[-12:]) * 1_000) for stem in stems]
+    if points := [found for stem in stems if (found := _WITH_POINT.search(stem))]:
+        return [_stamp(found[0]) for found in points]
+    columns = list(zip(*(_NUMBER.findall(stem) for stem in stems), strict=True))
+    if len(columns) > 1 and _are_seconds_and_parts(*columns[-2:]):
+        part_ns = 1 if max(map(len, columns[-1])) > _MICROSECOND_DIGITS else 1_000
+        return [Stamp(int(s) * SECOND + int(part) * part_ns) for s, part in zip(*columns[-2:], strict=True)]
+    return [_stamp(number) for number in max(reversed(columns), key=lambda column: len(set(column)))]
+
+
+def _are_seconds_and_parts(seconds: tuple[str, ...], parts: tuple[str, ...]) -> bool:
+    """Return whether two numbers of each name are seconds since 1970 and the nano- or microseconds behind them.
+
+    They are not where one time stands before a counter.
+    """
+    are_seconds = all(len(number) == _SINCE_1970_DIGITS and number[0] != "0" for number in seconds)
+    digits = max(map(len, parts))
+    return are_seconds and digits <= _NANOSECOND_DIGITS and (len(set(seconds)) > 1 or digits == _NANOSECOND_DIGITS)
+
+
+def _stamp(number: str) -> Stamp | None:
+    try:
+        stamp, unit = stamp_of(number)
+    except ValueError:
+        return None
+    return stamp_of_frame(int(number)) if unit == "seconds" and number.isdigit() else stamp

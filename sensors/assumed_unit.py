@@ -8,8 +8,8 @@ import numpy as np
 
 from odom.frame.depth_model import LIKELY_MEDIAN_M
 from sensors.calibration_file import read_content
-from sensors.default_camera import image_in
 from sensors.image_lists import FolderLayout
+from sensors.image_reading import image_in
 
 log = logging.getLogger(__name__)
 

@@ -4,17 +4,13 @@ import logging
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import cv2
-import numpy as np
-from numpy.typing import NDArray
 
-from odom.errors import WireError
 from odom.frame import Camera
-from odom.wire.codec.image_files import decode_file
 from sensors.calibration_file import Calibration
 from sensors.image_lists import TumEntry
+from sensors.image_reading import image_in
 
 log = logging.getLogger(__name__)
 
@@ -99,11 +95,3 @@ def first_size(folder: Path, entries: Sequence[TumEntry]) -> tuple[int, int] | N
 def _size(file: Path) -> tuple[int, int] | None:
     image = image_in(file, cv2.IMREAD_GRAYSCALE)
     return None if image is None else (image.shape[1], image.shape[0])
-
-
-def image_in(file: Path, flags: int) -> NDArray[Any] | None:
-    """Return the image in a file as OpenCV's `flags` ask for it, None when it cannot be read."""
-    try:
-        return decode_file(np.fromfile(file, dtype=np.uint8), flags)
-    except (WireError, OSError):
-        return None

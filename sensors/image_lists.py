@@ -19,9 +19,9 @@ log = logging.getLogger(__name__)
 
 SECOND = 1_000_000_000
 """Nanoseconds in a second."""
-READ_SUFFIXES = (".jpg", ".jpeg", ".png")
+READ_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".ppm", ".pgm", ".webp")
 """What names of images that can be read end with, in small letters."""
-IMAGE_SUFFIXES = (*READ_SUFFIXES, ".bmp", ".tif", ".tiff", ".ppm", ".pgm", ".webp", ".exr")
+IMAGE_SUFFIXES = (*READ_SUFFIXES, ".exr", ".npy")
 """What names of images end with, those that cannot be read included."""
 _QUOTES = "\"'"
 _UNITS = ((18, "nanoseconds", 10**9), (15, "microseconds", 10**6), (12, "milliseconds", 10**3))

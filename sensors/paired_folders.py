@@ -7,9 +7,10 @@ import cv2
 import numpy as np
 
 from odom.frame import Camera
-from sensors.default_camera import first_size, image_in
+from sensors.default_camera import first_size
 from sensors.image_lists import FolderLayout, TumEntry
 from sensors.image_names import by_stamp, images_in, visible
+from sensors.image_reading import image_in
 from sensors.intrinsic_files import matrix_camera, open3d_camera
 
 _COLOR, _DEPTH = ("color", "colour", "rgb", "image"), ("depth",)

@@ -1,7 +1,7 @@
 """A folder of images, as the TUM RGB-D benchmark lays it out or others do (see `folder_layouts`), as a recorded source.
 
-Colour files pass unchanged; depth is converted to millimetres and rounded once; the ground truth, if there is any,
-becomes `truth/camera/pose`.
+Colour files pass unchanged where they are JPEG or PNG; depth is converted to millimetres and rounded once; the ground
+truth, if there is any, becomes `truth/camera/pose`.
 """
 
 import heapq
@@ -19,11 +19,12 @@ from odom.frame import Camera, from_seconds
 from odom.wire import Message, Topics, truth
 from odom.wire.codec import (
     encode_calibration,
+    encode_color,
     encode_color_file,
     encode_depth,
     encode_pose,
 )
-from odom.wire.codec.image_files import OtherFormatError, decode_file
+from odom.wire.codec.image_files import OtherFormatError
 from sensors.assumed_unit import tell_unlikely_unit
 from sensors.calibration_file import TUM_DEPTH_SCALE, Calibration, depth_scale_alone, load_calibration
 from sensors.default_camera import assumed_calibration, first_size, usual_camera
@@ -32,6 +33,7 @@ from sensors.folder_layouts import is_image_folder, layout_of
 from sensors.image_lists import READ_SUFFIXES, FolderLayout, pose_of, steady
 from sensors.image_lists import TumEntry as TumEntry
 from sensors.image_lists import read_list as read_list
+from sensors.image_reading import read_image
 from sensors.source import SourceOptions
 
 log = logging.getLogger(__name__)
@@ -133,8 +135,12 @@ class TumSource:
         self.refused[kind] += 1
 
     def _color_image(self, entry: TumEntry) -> Message:
-        file = (self._folder / entry.values[0]).read_bytes()
-        return encode_color_file(self._topics.color_compressed, entry.stamp, file, self._topics.frame_camera)
+        file, topics = (self._folder / entry.values[0]).read_bytes(), self._topics
+        try:
+            return encode_color_file(topics.color_compressed, entry.stamp, file, topics.frame_camera)
+        except OtherFormatError:
+            color = read_image(np.frombuffer(file, dtype=np.uint8), cv2.IMREAD_COLOR_RGB)
+            return encode_color(topics.color, entry.stamp, color, topics.frame_camera)
 
     def _depth_image(self, entry: TumEntry) -> Message:
         mm = self._millimetres(np.fromfile(self._folder / entry.values[0], dtype=np.uint8))
@@ -147,7 +153,7 @@ class TumSource:
 
             if is_depth_png(file):
                 return decode_depth_png(file, self._table)
-        depth = decode_file(file, cv2.IMREAD_UNCHANGED)
+        depth = read_image(file, cv2.IMREAD_UNCHANGED)
         if depth.dtype != np.uint16 or depth.ndim != 2:
             raise _NotDepthError(f"depth image of type {depth.dtype} and shape {depth.shape}: expected 16-bit grey")
         return depth if self._table is None else np.asarray(np.take(self._table, depth), dtype=np.uint16)
@@ -163,7 +169,8 @@ class _NotDepthError(WireError):
 def _why(error: Exception, file: Path) -> str:
     """Return in few words why an image could not be used, the same for all of a kind.
 
-    Of a file that begins neither as JPEG nor as PNG, name and content tell whether it is of another format or damaged.
+    Of a file that begins as none of the formats that are read, name and content tell whether it is of another format or
+    damaged.
     """
     from odom.evaluation.diagnosis.recording import NO_FILE, NOT_DEPTH, OTHER_FORMAT
 

@@ -26,7 +26,7 @@ _GRID = 24
 _ADVICE = {
     NO_FILE: "the list names files that are not there: copy them too, or take their lines out of the list",
     NOT_DEPTH: "such images hold no distances: export depth as 16-bit PNG; or rgb.txt and depth.txt are swapped",
-    OTHER_FORMAT: "such a format is not read: convert the images to PNG, depth in 16 bits, and the names in the lists",
+    OTHER_FORMAT: "convert the images to PNG, depth in 16 bits, and the names in the lists",
 }
 
 

@@ -7,19 +7,18 @@ import cv2
 import numpy as np
 
 from odom.frame.depth_model import LIKELY_MEDIAN_M
-from sensors.calibration_file import read_content
 from sensors.image_lists import FolderLayout
 from sensors.image_reading import image_in
 
 log = logging.getLogger(__name__)
 
 
-def tell_unlikely_unit(folder: Path, layout: FolderLayout, calibration_file: Path | None) -> None:
-    """Log that a calibration file says no `depth_scale`, where half of the first depth image is then nowhere likely.
+def tell_unlikely_unit(folder: Path, layout: FolderLayout, calibration_file: Path) -> None:
+    """Log that a calibration file says no `depth_scale`, if half of the first depth image is then nowhere likely.
 
     Images that cannot be read are passed over: the source says so itself.
     """
-    if calibration_file is None or layout.rotated_bits or "depth_scale" in read_content(calibration_file):
+    if layout.rotated_bits:
         return
     middle_m = _median(folder, layout) / layout.depth_scale
     if LIKELY_MEDIAN_M[0] < middle_m < LIKELY_MEDIAN_M[1] or not middle_m:

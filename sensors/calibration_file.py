@@ -32,13 +32,16 @@ def load_calibration(path: Path, depth_scale: float = TUM_DEPTH_SCALE) -> Calibr
 
     Raises ConfigError naming the field that is missing or unusable.
     """
-    content = read_content(path)
+    return calibration_in(read_content(path), path, depth_scale)
+
+
+def calibration_in(content: dict[Any, Any], path: Path, depth_scale: float = TUM_DEPTH_SCALE) -> Calibration:
+    """Return the calibration in what a file holds; raises ConfigError as above."""
     return Calibration(read_camera(content, f"calibration {path}"), _depth_scale(content, path, depth_scale))
 
 
-def depth_scale_alone(path: Path) -> float | None:
+def depth_scale_alone(content: dict[Any, Any], path: Path) -> float | None:
     """Return the depth scale of a file that holds nothing else, None of any other; raises ConfigError as above."""
-    content = read_content(path)
     return _depth_scale(content, path) if content.keys() == {"depth_scale"} else None
 
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -73,7 +74,11 @@ def load_depth_registration(path: Path, color_camera: Camera) -> DepthRegistrati
     for which depth's errors were found, and not to the colour camera. Raises ConfigError when one is missing or
     malformed.
     """
-    document = read_content(path)
+    return registration_in(read_content(path), path, color_camera)
+
+
+def registration_in(document: dict[Any, Any], path: Path, color_camera: Camera) -> DepthRegistration | None:
+    """Return what a calibration file's content says about the depth camera; raises ConfigError as above."""
     if not {"depth_camera", "T_color_depth"} & document.keys():
         return None
     missing = [name for name in ("depth_camera", "T_color_depth") if name not in document]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.errors import SourceError, WireError
-from odom.frame import Camera, from_seconds
+from odom.frame import from_seconds
 from odom.wire import Message, Topics, truth
 from odom.wire.codec import (
     encode_calibration,
@@ -25,11 +25,10 @@ from odom.wire.codec import (
     encode_pose,
 )
 from odom.wire.codec.image_files import OtherFormatError
-from sensors.assumed_unit import tell_unlikely_unit
-from sensors.calibration_file import TUM_DEPTH_SCALE, Calibration, depth_scale_alone, load_calibration
-from sensors.default_camera import assumed_calibration, first_size, usual_camera
-from sensors.depth_registration import DepthRegistration, load_depth_registration
-from sensors.folder_layouts import is_image_folder, layout_of
+from sensors.calibration_file import Calibration
+from sensors.depth_registration import DepthRegistration
+from sensors.folder_camera import folder_camera
+from sensors.folder_layouts import layout_of
 from sensors.image_lists import READ_SUFFIXES, FolderLayout, pose_of, steady
 from sensors.image_lists import TumEntry as TumEntry
 from sensors.image_lists import read_list as read_list
@@ -184,57 +183,13 @@ def _why(error: Exception, file: Path) -> str:
 
 
 def open_tum(path: Path, options: SourceOptions) -> TumSource:
-    """Open a TUM RGB-D folder, or one of another layout (see `layout_of`).
+    """Open a TUM RGB-D folder, or one of another layout (see `layout_of`), by its calibration (see `folder_camera`).
 
-    Without a calibration, in options or folder, the camera is that of the layout or assumed (see
-    `assumed_calibration`); a file that holds `depth_scale` alone leaves it so. Depth of a camera of its own, as file or
-    layout say it, is registered. Raises ConfigError when the calibration cannot be used, SourceError when the folder's
-    lists are missing or damaged.
+    Raises ConfigError when the calibration cannot be used, SourceError when the folder's lists are missing or damaged.
     """
-    layout, file = layout_of(path), _calibration_file(path, options.camera)
-    depth_scale = layout.depth_scale if file is None else depth_scale_alone(file)
-    if depth_scale is None:
-        assert file is not None
-        calibration = load_calibration(file, layout.depth_scale)
-    elif layout.camera is not None:
-        calibration = Calibration(layout.camera, depth_scale)
-    else:
-        calibration = assumed_calibration(path, first_size(path, layout.color), depth_scale)
-    tell_unlikely_unit(path, layout, file)
-    return TumSource(path, calibration, options, layout, _registration(layout, file, calibration.camera))
-
-
-def depth_images_of(source: str, camera: Path | None) -> tuple[float, DepthRegistration | None]:
-    """Return what a new calibration keeps of a source's depth images: units a metre, and how they are registered.
-
-    `camera` is the calibration file that was given. Raises ConfigError and SourceError as `open_tum` does.
-    """
-    path = Path(source)
-    layout, file = layout_of(path) if is_image_folder(path) else None, _calibration_file(path, camera)
-    usual = TUM_DEPTH_SCALE if layout is None else layout.depth_scale
-    alone = usual if file is None else depth_scale_alone(file)
-    if alone is None:
-        assert file is not None
-        given = load_calibration(file, usual)
-        return given.depth_scale, _registration(layout, file, given.camera)
-    if layout is None or layout.depth_camera is None:
-        return alone, None
-    color = layout.camera or usual_camera(path, first_size(path, layout.color))
-    return alone, _registration(layout, None, color)
-
-
-def _calibration_file(path: Path, given: Path | None) -> Path | None:
-    return given or (path / "camera.yaml" if (path / "camera.yaml").is_file() else None)
-
-
-def _registration(layout: FolderLayout | None, file: Path | None, color: Camera) -> DepthRegistration | None:
-    found = None if file is None else load_depth_registration(file, color)
-    if found is not None or layout is None or layout.depth_camera in (None, color):
-        return found
-    assert layout.depth_camera is not None
-    T_color_depth = np.eye(4)
-    T_color_depth[:3, 3] = layout.depth_position_m
-    return DepthRegistration(layout.depth_camera, color, T_color_depth)
+    layout = layout_of(path)
+    calibration, registration = folder_camera(path, layout, options.camera)
+    return TumSource(path, calibration, options, layout, registration)
 
 
 def _between(entries: list[TumEntry], begin: int | None, end: int | None) -> list[TumEntry]:

@@ -52,8 +52,8 @@ def calibrate(
     from odom.service.settings_sources import part_settings
     from odom.wire import Topics
     from sensors.catalogue import check_source, open_source
+    from sensors.folder_camera import depth_images_of
     from sensors.source import SourceOptions
-    from sensors.tum import depth_images_of
 
     if out.suffix not in (".yaml", ".yml"):
         raise ConfigError(f"--out {out}: give the name of a .yaml file")

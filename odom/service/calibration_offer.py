@@ -36,7 +36,7 @@ def keep_depth_images(folder: Path, source: str, camera: Path | None) -> None:
     Raises OSError, and ConfigError where the calibration given has vanished.
     """
     from sensors.depth_registration import registration_text
-    from sensors.tum import depth_images_of
+    from sensors.folder_camera import depth_images_of
 
     path = folder / CALIBRATION_FILE
     if path.is_file():

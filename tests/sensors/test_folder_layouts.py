@@ -22,10 +22,10 @@ from sensors.calibration_file import Calibration, calibration_text
 from sensors.catalogue import open_source
 from sensors.default_camera import kinect_camera, tum_camera
 from sensors.depth_registration import DepthRegistration, registration_text
+from sensors.folder_camera import depth_images_of
 from sensors.folder_layouts import layout_of
 from sensors.image_names import by_stamp, images_in
 from sensors.source import SourceOptions
-from sensors.tum import depth_images_of
 
 TOPICS = Topics()
 FRAMES = 4

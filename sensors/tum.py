@@ -94,6 +94,7 @@ class TumSource:
         if self._color:
             first, last = self._color[0].stamp - _TRUTH_MARGIN, self._color[-1].stamp + _TRUTH_MARGIN
             self._truth = _between(self._truth, first, last)
+            _tell_other_time(folder, layout)
         self._table = depth_table(calibration.depth_scale, layout.unknown_depth, layout.rotated_bits)
         self._registration = registration
         self.length: int | None = len(self._color)
@@ -190,6 +191,18 @@ def open_tum(path: Path, options: SourceOptions) -> TumSource:
     layout = layout_of(path)
     calibration, registration = folder_camera(path, layout, options.camera)
     return TumSource(path, calibration, options, layout, registration)
+
+
+def _tell_other_time(folder: Path, layout: FolderLayout) -> None:
+    """Log that no true pose is near the images in time, which says nothing of the run and leaves it without truth."""
+    first, last = layout.color[0].stamp - _TRUTH_MARGIN, layout.color[-1].stamp + _TRUTH_MARGIN
+    if layout.truth and not _between(layout.truth, first, last):
+        log.warning(
+            "%s: its %d true poses, from %.3f to %.3f s, are of another time than its images, from %.3f to %.3f s: it "
+            "goes on without truth; give both the stamps of one clock",
+            folder, len(layout.truth), layout.truth[0].stamp / 1e9, layout.truth[-1].stamp / 1e9,
+            layout.color[0].stamp / 1e9, layout.color[-1].stamp / 1e9,
+        )  # fmt: skip
 
 
 def _between(entries: list[TumEntry], begin: int | None, end: int | None) -> list[TumEntry]:

@@ -90,6 +90,18 @@ def test_truth_near_the_images_goes_out_as_a_body(tmp_path: Path) -> None:
     assert np.allclose(poses[1].T_parent_child[:3, :3] @ [1, 0, 0], [0, 1, 0], atol=1e-6)
 
 
+@pytest.mark.parametrize("start", [0.0, 0.1])
+def test_truth_of_another_time_than_the_images_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, start: float
+) -> None:
+    folder = write_folder(tmp_path / "tum")
+    keys(folder, SourceOptions(start=start))
+    assert "another time" not in caplog.text
+    (folder / "groundtruth.txt").write_text("0.00 1 2 3 0 0 0 1\n0.05 1 2 3 0 0 0 1\n")
+    assert keys(folder, SourceOptions(start=start))[truth("camera")] == 0
+    assert "its 2 true poses, from 0.000 to 0.050 s, are of another time than its images, from 100.0" in caplog.text
+
+
 @pytest.mark.parametrize("scale", [1000.0, 5000.0, 1234.5, 100.0])
 def test_depth_becomes_millimetres_rounded_once(tmp_path: Path, scale: float) -> None:
     folder = write_folder(tmp_path / "tum", scale=scale)

@@ -11,7 +11,7 @@ from sensors.image_names import visible
 
 log = logging.getLogger(__name__)
 
-ASSOCIATIONS = ("associations.txt", "associate.txt", "association.txt")
+ASSOCIATIONS = ("associations.txt", "associate.txt", "association.txt", "associated.txt", "assoc.txt")
 """Names of lists of pairs of images."""
 _MOST_FRAMES = 10_000_000
 """Whole numbers below this are numbers of frames (four days of them), above they are seconds since 1970."""

@@ -471,6 +471,16 @@ def test_a_folder_of_icl_nuim_is_known_by_its_true_poses_whatever_its_name(tmp_p
     assert decode_camera_info(info) == Camera(640, 480, 481.2, 480.0, 319.5, 239.5)
 
 
+@pytest.mark.parametrize("name", ["associated.txt", "assoc.txt"])
+def test_a_list_of_pairs_may_have_other_names(tmp_path: Path, name: str) -> None:
+    """Without it colour and depth are a pair of folders, in millimetres."""
+    others_with_associations(tmp_path)
+    before = layout_of(tmp_path)
+    (tmp_path / "associations.txt").rename(tmp_path / name)
+    after = layout_of(tmp_path)
+    assert (after.depth_scale, after.color, after.truth) == (5000.0, before.color, before.truth)
+
+
 def test_a_file_that_holds_no_intrinsics_is_told_and_left_aside(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -1,6 +1,7 @@
 """Intrinsics in files beside the images: matrices of 3 x 3 or 4 x 4 numbers, and Open3D's JSON."""
 
 import json
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,11 @@ import numpy as np
 from odom.errors import ConfigError
 from odom.frame import Camera
 
+log = logging.getLogger(__name__)
+
+_MIDDLE = 0.3, 0.7
+"""Shares of an image's width and height between which its centre is; a Kinect's are within .03 of the middle. Images
+cut to two thirds from one side still have theirs there. Chosen by hand."""
 _UNREADABLE = (OSError, ValueError, KeyError, TypeError, IndexError)
 """What reading a file of numbers raises where it holds something else; ConfigError of a camera is none of these."""
 
@@ -16,9 +22,25 @@ _UNREADABLE = (OSError, ValueError, KeyError, TypeError, IndexError)
 def matrix_camera(file: Path, size: tuple[int, int]) -> Camera:
     """Return the camera of images of this size (width, height) by the matrix in a text file; raises ConfigError."""
     try:
-        return _camera(np.loadtxt(file), size)
+        camera = _camera(np.loadtxt(file), size)
     except _UNREADABLE as error:
         raise ConfigError(f"{file}: give a matrix of 3 x 3 or 4 x 4 numbers: {error}") from error
+    tell_other_size(file, camera)
+    return camera
+
+
+def tell_other_size(file: Path, camera: Camera) -> None:
+    """Log that intrinsics from a file that holds no size of images are hardly for those that are there.
+
+    Of images that were made smaller later, they lie beyond the middle.
+    """
+    if all(_MIDDLE[0] < c / side < _MIDDLE[1] for c, side in ((camera.cx, camera.width), (camera.cy, camera.height))):
+        return
+    log.warning(
+        "%s: its centre %.1f, %.1f is far from the middle of images of %d x %d: it seems to be for images of some "
+        "%.0f x %.0f; scale fx, fy, cx and cy as the images were scaled",
+        file, camera.cx, camera.cy, camera.width, camera.height, 2 * camera.cx, 2 * camera.cy,
+    )  # fmt: skip
 
 
 def open3d_camera(file: Path) -> Camera:

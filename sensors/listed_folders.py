@@ -8,6 +8,7 @@ from odom.frame import Camera
 from sensors.default_camera import ICL_NUIM, first_size
 from sensors.image_lists import SECOND, FolderLayout, TumEntry, read_list, stamp_of, stamp_of_frame
 from sensors.image_names import visible
+from sensors.intrinsic_files import tell_other_size
 
 log = logging.getLogger(__name__)
 
@@ -96,7 +97,9 @@ def _intrinsics_in_a_row(path: Path, images: list[TumEntry]) -> Camera | None:
         return None
     try:
         fx, fy, cx, cy = map(float, file.read_text().split())
-        return Camera(*size, fx, fy, cx, cy)
+        camera = Camera(*size, fx, fy, cx, cy)
     except (OSError, ValueError, ConfigError) as error:
         log.warning("%s is left aside, it is not fx fy cx cy: %s", file, error)
         return None
+    tell_other_size(file, camera)
+    return camera

@@ -481,6 +481,19 @@ def test_a_list_of_pairs_may_have_other_names(tmp_path: Path, name: str) -> None
     assert (after.depth_scale, after.color, after.truth) == (5000.0, before.color, before.truth)
 
 
+@pytest.mark.parametrize("write", [sun3d, eth3d])
+@pytest.mark.parametrize("scaled", [1.0, 2.0, 0.5])
+def test_intrinsics_of_images_of_another_size_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, write: Callable[[Path], object], scaled: float
+) -> None:
+    """Whoever makes images smaller often leaves the file beside them as it was."""
+    write(tmp_path)
+    for i, file in enumerate(file for folder in ("rgb", "image") for file in sorted((tmp_path / folder).glob("*"))):
+        cv2.imwrite(str(file), color(i, (round(SIZE[0] / scaled), round(SIZE[1] / scaled))))
+    assert layout_of(tmp_path).camera is not None
+    assert ("seems to be for images of some 63 x 47" in caplog.text) == (scaled != 1.0)
+
+
 def test_a_file_that_holds_no_intrinsics_is_told_and_left_aside(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

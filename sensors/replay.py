@@ -9,7 +9,14 @@ from odom.errors import ConfigError, RecordingError, WireError
 from odom.frame import Stamp, from_seconds
 from odom.wire import Message, truth
 from odom.wire.codec import cdr, decode_camera_info, decode_depth_model, encode_calibration, encode_camera_info, restamp
-from odom.wire.recording import RecordedStream, RecordingReader, SelectedStreams, open_reader, select_streams
+from odom.wire.recording import (
+    RecordedStream,
+    RecordingReader,
+    SelectedStreams,
+    open_reader,
+    select_streams,
+    unregistered,
+)
 from sensors.calibration_file import load_calibration
 from sensors.source import SourceOptions
 
@@ -30,8 +37,9 @@ class ReplaySource:
     """Colour, depth, calibration and truth of a recording in the order of their stamps.
 
     The options' `start` and `end` are seconds from the first image whose stamp others follow; a whole recording is
-    played with the truth before it too. `taken` says in words which topics are played. `length` is the number of colour
-    images, None when only a part is played or they were not counted.
+    played with the truth before it too. `taken` says in words which topics are played, `doubt` why depth is hardly
+    registered to colour (None: nothing speaks against it). `length` is the number of colour images, None when only a
+    part is played or they were not counted.
     """
 
     lossless = True
@@ -70,6 +78,8 @@ class ReplaySource:
                 *(replace(stream.first, topic=topics.depth_info) for stream in models[:1]),
                 self._as_calibration(info.first),
             )
+        used = camera or self._roles.camera()
+        self.doubt = None if used is None else unregistered(self._roles, streams, used)
         calibration = f"/{self._info_topic}" if self._info_topic else str(options.camera)
         self.taken = (
             f"colour /{self._roles.color.topic}, depth /{self._roles.depth.topic}, calibration {calibration}, truth "
@@ -145,6 +155,8 @@ def open_recording(path: Path, options: SourceOptions) -> ReplaySource:
         raise RecordingError("; ".join((f"{path} holds no ROS 2 messages", *reader.damage)))
     source = ReplaySource(reader, streams, counts or {}, options)
     log.info("%s: %s", path, source.taken)
+    if source.doubt is not None:
+        log.warning("%s: %s", path, source.doubt)
     return source
 
 

@@ -430,6 +430,29 @@ def test_depth_of_another_size_is_refused_with_advice(tmp_path: Path) -> None:
         open_source(str(bag), SourceOptions(topics_from=(("depth", "/camera/depth/image_rect_raw"),)))
 
 
+@pytest.mark.parametrize(
+    ("topic", "own", "is_told"),
+    [
+        ("camera/depth/image_rect_raw", Camera(64, 48, 38.0, 38.0, 32.0, 24.0), True),
+        ("camera/depth/image_rect_raw/compressedDepth", Camera(64, 48, 38.0, 38.0, 32.0, 24.0), True),
+        ("camera/depth/image_rect_raw", Camera(64, 48, 50.5, 50.5, 31.0, 24.0), False),
+        ("camera/depth_registered/image_rect", Camera(64, 48, 38.0, 38.0, 32.0, 24.0), False),
+    ],
+)
+def test_depth_with_another_calibration_than_colours_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, topic: str, own: Camera, is_told: bool
+) -> None:
+    """Of a driver that was not asked to register depth, which here has colour's size by chance."""
+    stamps = [Stamp(BEGIN + i * PERIOD_NS) for i in range(FRAMES)]
+    info = f"{topic.removesuffix('/compressedDepth').rpartition('/')[0]}/camera_info"
+    messages = [m for s in stamps for m in (encode_depth(topic, s, kinect_depth()), encode_camera_info(info, s, own))]
+    messages += [message for message in realsense() if message.topic.startswith("camera/color/")]
+    for named in ((), (("depth", topic),)):
+        caplog.clear()
+        open_source(str(record(tmp_path / f"bag{len(named)}", messages)), SourceOptions(topics_from=named))
+        assert ("its pixels lie up to" in caplog.text) == is_told
+
+
 def test_depth_in_millimetres_as_floats_is_refused_with_the_remedy(tmp_path: Path) -> None:
     def float_millimetres(topic: str, stamp: Stamp, depth: np.ndarray) -> Message:
         return images._encode_image(topic, stamp, depth.astype(np.float32), "32FC1", "camera")

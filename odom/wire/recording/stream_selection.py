@@ -24,6 +24,11 @@ _REGISTERED_WORDS = ("aligned", "registered", "depth_to_color", "depth_to_rgb", 
 """Words that drivers put into the names of topics: for colour, for what is not colour, for depth, for images of 16 bits
 that are none, for depth registered to colour."""
 
+_MOST_APART = 0.05
+"""Share of colour's width by which pixels of depth's own calibration may lie beside colour's: 32 of 640. A driver
+that registers a Kinect's depth may still give its 570 px beside colour's 525, which is 25; two cameras of a RealSense
+lie 100 and more apart. Chosen by hand."""
+
 
 @dataclass(frozen=True)
 class SelectedStreams:
@@ -52,6 +57,39 @@ class SelectedStreams:
                 f"/{self.color.topic} of {width} x {height}: name another topic or give --camera camera.yaml"
             )
         return camera
+
+
+def unregistered(selected: SelectedStreams, streams: Iterable[RecordedStream], color_camera: Camera) -> str | None:
+    """Return in words why depth is hardly registered to colour, None where nothing speaks against it.
+
+    Its driver then publishes a calibration of depth's own beside it, by which the same pixel looks elsewhere.
+    """
+    depth, color = selected.depth.topic, selected.color.topic
+    if any(word in depth.lower() for word in _REGISTERED_WORDS):
+        return None
+    for stream in streams:
+        folder = f"{stream.topic.rpartition('/')[0]}/"
+        if stream.type_name != cdr.CAMERA_INFO or not depth.startswith(folder) or color.startswith(folder):
+            continue
+        try:
+            camera = decode_camera_info(stream.first)
+        except WireError:
+            continue
+        off_px = _apart_px(camera, color_camera)
+        if off_px > _MOST_APART * color_camera.width:
+            return (
+                f"depth /{depth} has a calibration of its own, /{stream.topic}, by which its pixels lie up to "
+                f"{off_px:.0f} px beside colour's: if it is not registered to colour, poses are wrong; record or name "
+                "(--topic depth=/NAME) depth that is, such as aligned_depth_to_color or depth_registered; odom doctor "
+                "measures whether it is"
+            )
+    return None
+
+
+def _apart_px(one: Camera, other: Camera) -> float:
+    """Return by how many pixels of the other camera the two differ at most, along the borders of the image."""
+    sides = ((one.fx, one.cx, other.fx, other.cx, other.width), (one.fy, one.cy, other.fy, other.cy, other.height))
+    return max(abs((edge - c) / f * f_other + c_other - edge) for f, c, f_other, c_other, n in sides for edge in (0, n))
 
 
 def select_streams(

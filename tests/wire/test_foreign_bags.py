@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from made_up_messages import BEGIN, PERIOD_NS, kinect_depth, textured
+from mcap.writer import Writer as McapWriter
 from rosbags.convert.converter import migrate_bytes
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -258,6 +259,37 @@ def test_messages_that_were_written_topic_after_topic_come_in_the_order_of_time(
     assert [message.stamp for message in reader.messages(start=middle)] == [
         message.stamp for message in walk if message.stamp >= middle
     ]
+
+
+def without_chunks(file: Path, messages: list[Message]) -> Path:
+    """Write the messages as ROS 2's preset `fastwrite` does."""
+    written = McapWriter(str(file), use_chunking=False)
+    written.start("ros2", "another program")
+    channels: dict[str, int] = {}
+    for message in messages:
+        if message.topic not in channels:
+            schema = written.register_schema(message.type_name, "ros2msg", b"")
+            channels[message.topic] = written.register_channel(f"/{message.topic}", "cdr", schema)
+        logged = message.stamp + 80_000_000
+        written.add_message(channels[message.topic], logged, bytes(message.payload), logged)
+    written.finish()
+    return file
+
+
+def test_messages_without_chunks_come_in_the_order_of_time(tmp_path: Path) -> None:
+    walk = walk_of(90, 24, 32)
+    file = without_chunks(tmp_path / "walk.mcap", sorted(walk, key=lambda message: message.topic))
+    reader = open_reader(file)
+    assert [message.stamp for message in reader.messages()] == [message.stamp for message in walk]
+    assert reader.complete
+    assert reader.behind == 0
+    assert len(frames_of(file)[0]) == 90
+
+
+def test_messages_without_chunks_whose_clock_was_set_back_come_as_they_lie(tmp_path: Path) -> None:
+    walk = walk_of(90, 24, 32)
+    reader = open_reader(without_chunks(tmp_path / "walk.mcap", [*walk[180:], *walk[:180]]))
+    assert next(iter(reader.messages())).stamp == walk[180].stamp
 
 
 def test_of_a_damaged_recording_written_topic_after_topic_the_rest_comes_in_order(

@@ -29,7 +29,7 @@ from odom.wire.recording.mcap_chunk import (
     unpack_cut,
 )
 from odom.wire.recording.mcap_index import MAGIC, read_index
-from odom.wire.recording.mcap_order import by_begin, in_time_order, is_by_topic, merged
+from odom.wire.recording.mcap_order import by_begin, in_time_order, is_by_topic, loose_in_time_order, merged
 from odom.wire.recording.mcap_walk import INDEX_ENTRY, McapRecord, walk
 
 
@@ -69,6 +69,8 @@ class McapFile:
             if index is not None and is_by_topic(file, self.path, index):
                 groups = by_begin(records, index)
                 yield from merged(groups, lambda group: self._read(file, size, group, not_before))
+            elif index is not None and not index.chunks:
+                yield from self._read(file, size, loose_in_time_order(file, records), not_before)
             else:
                 yield from self._read(file, size, records, not_before)
             self._note_unannounced()

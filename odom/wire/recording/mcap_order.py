@@ -1,8 +1,8 @@
 """Brings the messages of an MCAP file into the order of time where they were written topic after topic.
 
 Many tools write all images of one topic before those of the next. The index then shows chunks that overlap in time, and
-the indexes behind the chunks that each topic is in order by itself. Where a topic's own time goes back, the clock was
-set back: such a file stays as it was recorded.
+the indexes behind the chunks that each topic is in order by itself; in a file without chunks the messages themselves
+do. Where a topic's own time goes back, the clock was set back: such a file stays as it was recorded.
 """
 
 import heapq
@@ -94,21 +94,42 @@ def merged(
 def in_time_order(records: Iterable[tuple[int, memoryview]]) -> list[tuple[int, memoryview]]:
     """Return a chunk's records (opcode, body), its messages by log time if they are so within each channel."""
     found = list(records)
+    return [found[k] for k in _by_time([body if opcode == Opcode.MESSAGE else None for opcode, body in found])]
+
+
+def loose_in_time_order(file: BinaryIO, records: Iterable[McapRecord]) -> list[McapRecord]:
+    """Return the records of a file without chunks, its messages by log time if they are so within each channel."""
+    found = list(records)
+    heads: list[bytes | None] = []
+    for record in found:
+        is_message = record.opcode == Opcode.MESSAGE
+        if is_message:
+            file.seek(record.offset + RECORD_HEADER)
+        heads.append(file.read(_LOG_TIME.stop) if is_message else None)
+    return [found[k] for k in _by_time(heads)]
+
+
+def _by_time(heads: Sequence[bytes | memoryview | None]) -> Sequence[int]:
+    """Return the order of records by the beginnings of messages; None, what is no message, comes first.
+
+    It is that in which they lie where they are in order, and where a channel's own time goes back.
+    """
     latest, last_of, is_sorted = 0, dict[bytes, int](), True
-    for opcode, body in found:
-        if opcode == Opcode.MESSAGE:
-            time, channel = _log_time(body), bytes(body[:_CHANNEL_BYTES])
+    for head in heads:
+        if head is not None:
+            time, channel = _log_time(head), bytes(head[:_CHANNEL_BYTES])
             if time < last_of.get(channel, 0):
-                return found
+                return range(len(heads))
             last_of[channel] = time
             is_sorted &= time >= latest
             latest = max(time, latest)
     if is_sorted:
-        return found
-    return sorted(found, key=lambda record: _log_time(record[1]) if record[0] == Opcode.MESSAGE else -1)
+        return range(len(heads))
+    times = [-1 if head is None else _log_time(head) for head in heads]
+    return sorted(range(len(heads)), key=times.__getitem__)
 
 
-def _log_time(body: memoryview) -> int:
+def _log_time(body: bytes | memoryview) -> int:
     return int.from_bytes(body[_LOG_TIME], "little")
 
 

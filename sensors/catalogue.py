@@ -28,6 +28,7 @@ _LONGEST_S = 1e8
 """Seconds of a source, three years: more is no length, but a date."""
 _MOST_NAMES = 1000
 """Names in a folder among which the nearest to one that is not there is looked for: more would take seconds."""
+_ARCHIVES = (".zip", ".tgz", ".tar", ".gz", ".bz2", ".xz", ".7z", ".rar")
 _OPTIONS = {"topics_from": "--topic", "extra": "--option"}
 """What a field is called on the command line, where that is not its name."""
 
@@ -132,9 +133,22 @@ def _kind(spec: str) -> str:
             f"{spec} is neither an .mcap recording, a ROS bag (.bag, .db3, or a folder of .db3 files or with "
             "metadata.yaml) nor a folder of images: TUM's (with rgb.txt and depth.txt), 7-Scenes', ScanNet's, "
             "Replica's or ICL-NUIM's, or colour and depth in folders of their own (color/ or rgb/, and depth/)"
+            f"{_inside_or_above(path)}"
         )
     what = "a SOURCE is arena, kinect, ros2:/camera, an .mcap file or a TUM RGB-D folder"
     raise ConfigError(f"{spec}: no such file or folder{_nearest(path)}; {what}")
+
+
+def _inside_or_above(path: Path) -> str:
+    """Return a hint at a source in the folders inside a path or above it, or that an archive must be unpacked."""
+    from odom.wire.recording import is_recording
+
+    if path.is_file() and path.suffix.lower() in _ARCHIVES:
+        return f"; unpack {path.name} first, and give the folder"
+    inside = [child for level in ("*", "*/*") for child in sorted(islice(path.glob(level), _MOST_NAMES))]
+    near = (place for place in (*inside, *list(path.absolute().parents)[:2]) if not place.name.startswith("."))
+    found = next((place for place in near if is_image_folder(place) or is_recording(place)), None)
+    return "" if found is None else f"; did you mean {found}?"
 
 
 def _nearest(path: Path) -> str:

@@ -63,6 +63,8 @@ class FolderLayout:
 def read_list(path: Path, columns: int) -> list[TumEntry]:
     """Read a TUM list file, sorted by stamp; lines of equal stamps keep their order. `#` begins a comment.
 
+    A first line that begins with a word is the columns' names.
+
     Names of images may hold blanks and quotes, and backslashes between folders. Stamps of 12 digits or more before the
     point are milli-, micro- or nanoseconds, and this is logged. Raises SourceError naming file and line for one with
     fewer columns behind the stamp or a stamp that is no number.
@@ -71,7 +73,8 @@ def read_list(path: Path, columns: int) -> list[TumEntry]:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise SourceError(f"{path} cannot be read: {error}") from error
-    entries, units = [], set()
+    header: SourceError | None = None
+    entries, units = list[TumEntry](), set[str]()
     for number, line in enumerate(lines, start=1):
         words = _names_joined(line.partition("#")[0].replace(",", " ").split())
         if not words:
@@ -79,13 +82,19 @@ def read_list(path: Path, columns: int) -> list[TumEntry]:
         try:
             stamp, unit = stamp_of(words[0])
         except ValueError as error:
-            raise SourceError(f"{path}:{number}: {words[0]!r} is not a time stamp in seconds") from error
+            refused = SourceError(f"{path}:{number}: {words[0]!r} is not a time stamp in seconds")
+            if header is None and not entries and not any(map(str.isdigit, words[0])):
+                header = refused
+                continue
+            raise refused from error
         units.add(unit)
         if len(words) <= columns:
             raise SourceError(f"{path}:{number}: {len(words)} columns, expected a stamp and {columns} more")
         entries.append(TumEntry(stamp, tuple(words[1 : columns + 1])))
     if other := sorted(units - {"seconds"}):
         log.info("%s: its stamps are taken for %s, by their number of digits", path, " and ".join(other))
+    if header is not None and not entries:
+        raise header
     return sorted(entries, key=lambda entry: entry.stamp)
 
 

@@ -16,7 +16,13 @@ def info(file: Annotated[Path, typer.Argument(help="An .mcap recording or a ROS 
     from odom.errors import ConfigError, RecordingError
     from odom.wire.codec.cdr import DIAGNOSTICS
     from odom.wire.recording import open_reader, select_streams
+    from sensors.folder_layouts import is_image_folder
 
+    if is_image_folder(file):
+        raise ConfigError(
+            f"{file} is a folder of images, and no recording: `odom doctor {file}` looks at it, `odom import {file} "
+            "OUT.mcap` makes a recording of it"
+        )
     reader = open_reader(file)
     streams = reader.streams()
     if not streams:

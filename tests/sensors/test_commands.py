@@ -115,6 +115,7 @@ def test_import_info_recover(tmp_path: Path, network: Network) -> None:
     assert "complete" in network.run("info", str(mended))
     assert "not an MCAP file" in network.run("info", str(folder / "rgb.txt"), status=1)
     network.run("info", str(tmp_path / "nothing.mcap"), status=1)
+    assert f"odom import {folder} OUT.mcap" in network.run("info", str(folder), status=2)
     network.run("sensor", str(tmp_path / "nothing.mcap"), status=2)
     network.run("sensor", str(tmp_path), status=2)
     network.run("sensor", str(folder), "--color", "purple", status=2)

@@ -434,6 +434,28 @@ def test_what_is_no_source_is_said(tmp_path: Path) -> None:
         open_source(str(tmp_path), SourceOptions())
 
 
+@pytest.mark.parametrize("typed", ["", "chess", "chess/seq-01/rgb", "chess/seq-01/rgb.txt"])
+def test_a_source_inside_or_above_the_path_is_told(tmp_path: Path, typed: str) -> None:
+    (tmp_path / "all" / "chess").mkdir(parents=True)
+    folder = write_folder(tmp_path / "all" / "chess" / "seq-01")
+    with pytest.raises(ConfigError, match=f"did you mean {folder}\\?"):
+        open_source(str(tmp_path / "all" / typed), SourceOptions())
+
+
+def test_an_archive_is_to_be_unpacked(tmp_path: Path) -> None:
+    (tmp_path / "rgbd_dataset_freiburg1_xyz.tgz").touch()
+    with pytest.raises(ConfigError, match=r"unpack rgbd_dataset_freiburg1_xyz.tgz first"):
+        open_source(str(tmp_path / "rgbd_dataset_freiburg1_xyz.tgz"), SourceOptions())
+
+
+def test_names_of_columns_may_stand_above_a_list(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / "tum")
+    before = keys(folder)
+    for name, columns in (("rgb", "timestamp filename"), ("groundtruth", "timestamp,tx,ty,tz,qx,qy,qz,qw")):
+        (folder / f"{name}.txt").write_text(f"# list\n{columns}\n{(folder / f'{name}.txt').read_text()}")
+    assert keys(folder) == before
+
+
 def test_a_real_recording_becomes_its_frames(shared_data: Path) -> None:
     source = open_source(str(shared_data / "tum_fr1_rpy_part"), SourceOptions(end=3.0))
     assembler = FrameAssembler(Topics(), grey=True)

@@ -66,6 +66,20 @@ class DepthRegistration:
         return registered
 
 
+def in_other_pixels(camera: Camera, size: tuple[int, int]) -> DepthRegistration | None:
+    """Return the registration of depth that is registered to a camera already, but has other pixels: `size`.
+
+    It is None where width and height are not the camera's by one factor: such depth is of another camera.
+    """
+    width, height = size
+    if width * camera.height != height * camera.width:
+        return None
+    k = width / camera.width
+    cx, cy = (k * (c + 0.5) - 0.5 for c in (camera.cx, camera.cy))  # pixel centres are at whole numbers
+    depth_camera = Camera(width, height, k * camera.fx, k * camera.fy, cx, cy, camera.distortion)
+    return DepthRegistration(depth_camera, camera, np.eye(4))
+
+
 def load_depth_registration(path: Path, color_camera: Camera) -> DepthRegistration | None:
     """Return what the calibration file says about the depth camera, None when it says nothing.
 

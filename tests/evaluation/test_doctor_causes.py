@@ -100,7 +100,7 @@ SPOILT: dict[str, tuple[Callable[[Path], object], str, str]] = {
         lambda folder: calibration(folder, image_width=320, image_height=240), "calibration size", "this image size",
     ),
     "depth of another size": (
-        lambda folder: each_depth(folder, lambda image: image[::2, ::2].copy()), "depth size", "registered",
+        lambda folder: each_depth(folder, lambda image: image[:400, ::2].copy()), "depth size", "registered",
     ),
     "depth of 8 bits": (
         lambda folder: each_depth(folder, lambda image: (image >> 8).astype(np.uint8)), "depth images", "16-bit PNG",

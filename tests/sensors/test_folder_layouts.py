@@ -372,6 +372,43 @@ def test_depth_of_another_size_is_registered_to_colour(tmp_path: Path) -> None:
     assert (mm[10:-4, 4:-4] == 1500).all()
 
 
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_depth_in_other_pixels_than_colours_is_brought_to_them(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, factor: float
+) -> None:
+    """As telephones export it: a smaller image of what colour sees. An edge stays where it is, and a size beside it."""
+    camera, _ = open3d(tmp_path)
+    image = np.full(SIZE[::-1], 1503, dtype=np.uint16)
+    image[:, 32:] = 2503
+    for file in (tmp_path / "depth").iterdir():
+        size = round(factor * SIZE[0]), round(factor * SIZE[1])
+        cv2.imwrite(str(file), cv2.resize(image, size, interpolation=cv2.INTER_NEAREST))
+    messages = list(open_source(str(tmp_path), SourceOptions(topics=TOPICS)).messages())
+    for message in messages:
+        if message.topic == TOPICS.depth:
+            assert np.array_equal(decode_depth(message), image)
+    assert f"depth of {size[0]} x {size[1]} pixels is taken as registered to colour of 64 x 48" in caplog.text
+    _, kept = depth_images_of(str(tmp_path), None)
+    assert kept is not None
+    assert kept.color_camera == camera
+
+
+def test_depth_is_not_brought_to_a_calibration_of_another_size(tmp_path: Path) -> None:
+    camera, _ = open3d(tmp_path)
+    half = {"width": 32, "height": 24, "intrinsic_matrix": (camera.matrix * [[0.5], [0.5], [1.0]]).tolist()}
+    (tmp_path / "intrinsic.json").write_text(json.dumps(half))
+    messages = list(open_source(str(tmp_path), SourceOptions(topics=TOPICS)).messages())
+    assert {decode_depth(m).shape for m in messages if m.topic == TOPICS.depth} == {SIZE[::-1]}
+
+
+def test_depth_of_another_shape_than_colour_is_of_another_camera(tmp_path: Path) -> None:
+    open3d(tmp_path)
+    for file in (tmp_path / "depth").iterdir():
+        cv2.imwrite(str(file), np.full((40, 50), 1503, dtype=np.uint16))
+    messages = list(open_source(str(tmp_path), SourceOptions(topics=TOPICS)).messages())
+    assert {decode_depth(message).shape for message in messages if message.topic == TOPICS.depth} == {(40, 50)}
+
+
 def test_raw_depth_of_a_kinect_is_registered_to_colour(tmp_path: Path) -> None:
     """A post 1.2 m before the depth camera stands elsewhere in colour: another focal length, and 2.5 cm to the side."""
     for i in range(FRAMES):

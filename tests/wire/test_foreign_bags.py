@@ -463,21 +463,23 @@ def test_depth_of_another_size_is_refused_with_advice(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("topic", "own", "is_told"),
+    ("folder", "name", "info", "own", "is_told"),
     [
-        ("camera/depth/image_rect_raw", Camera(64, 48, 38.0, 38.0, 32.0, 24.0), True),
-        ("camera/depth/image_rect_raw/compressedDepth", Camera(64, 48, 38.0, 38.0, 32.0, 24.0), True),
-        ("camera/depth/image_rect_raw", Camera(64, 48, 50.5, 50.5, 31.0, 24.0), False),
-        ("camera/depth_registered/image_rect", Camera(64, 48, 38.0, 38.0, 32.0, 24.0), False),
+        ("camera/depth", "image_rect_raw", "camera_info", Camera(64, 48, 38.0, 38.0, 32.0, 24.0), True),
+        ("camera/depth", "image/compressedDepth", "camera_info", Camera(64, 48, 38.0, 38.0, 32.0, 24.0), True),
+        ("device/Depth_0", "image/data", "info/camera_info", Camera(64, 48, 38.0, 38.0, 32.0, 24.0), True),
+        ("camera/depth", "image_rect_raw", "camera_info", Camera(64, 48, 50.5, 50.5, 31.0, 24.0), False),
+        ("camera/depth_registered", "image", "camera_info", Camera(64, 48, 38.0, 38.0, 32.0, 24.0), False),
     ],
 )
 def test_depth_with_another_calibration_than_colours_is_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, topic: str, own: Camera, is_told: bool
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, folder: str, name: str, info: str, own: Camera, is_told: bool
 ) -> None:
     """Of a driver that was not asked to register depth, which here has colour's size by chance."""
     stamps = [Stamp(BEGIN + i * PERIOD_NS) for i in range(FRAMES)]
-    info = f"{topic.removesuffix('/compressedDepth').rpartition('/')[0]}/camera_info"
-    messages = [m for s in stamps for m in (encode_depth(topic, s, kinect_depth()), encode_camera_info(info, s, own))]
+    topic, calibration = f"{folder}/{name}", f"{folder}/{info}"
+    messages = [encode_depth(topic, stamp, kinect_depth()) for stamp in stamps]
+    messages += [encode_camera_info(calibration, stamp, own) for stamp in stamps]
     messages += [message for message in realsense() if message.topic.startswith("camera/color/")]
     for named in ((), (("depth", topic),)):
         caplog.clear()

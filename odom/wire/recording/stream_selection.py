@@ -64,12 +64,12 @@ def unregistered(selected: SelectedStreams, streams: Iterable[RecordedStream], c
 
     Its driver then publishes a calibration of depth's own beside it, by which the same pixel looks elsewhere.
     """
-    depth, color = selected.depth.topic, selected.color.topic
-    if any(word in depth.lower() for word in _REGISTERED_WORDS):
+    depth, color = selected.depth, selected.color
+    if any(word in depth.topic.lower() for word in _REGISTERED_WORDS):
         return None
     for stream in streams:
-        folder = f"{stream.topic.rpartition('/')[0]}/"
-        if stream.type_name != cdr.CAMERA_INFO or not depth.startswith(folder) or color.startswith(folder):
+        is_depths = _shared_folders(stream, depth) > _shared_folders(stream, color)
+        if stream.type_name != cdr.CAMERA_INFO or not is_depths:
             continue
         try:
             camera = decode_camera_info(stream.first)
@@ -78,7 +78,7 @@ def unregistered(selected: SelectedStreams, streams: Iterable[RecordedStream], c
         off_px = _apart_px(camera, color_camera)
         if off_px > _MOST_APART * color_camera.width:
             return (
-                f"depth /{depth} has a calibration of its own, /{stream.topic}, by which its pixels lie up to "
+                f"depth /{depth.topic} has a calibration of its own, /{stream.topic}, by which its pixels lie up to "
                 f"{off_px:.0f} px beside colour's: if it is not registered to colour, poses are wrong; record or name "
                 "(--topic depth=/NAME) depth that is, such as aligned_depth_to_color or depth_registered; odom doctor "
                 "measures whether it is"

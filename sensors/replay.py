@@ -13,6 +13,7 @@ from odom.wire.recording import (
     RecordedStream,
     RecordingReader,
     SelectedStreams,
+    of_another_camera,
     open_reader,
     select_streams,
     unregistered,
@@ -37,9 +38,9 @@ class ReplaySource:
     """Colour, depth, calibration and truth of a recording in the order of their stamps.
 
     The options' `start` and `end` are seconds from the first image whose stamp others follow; a whole recording is
-    played with the truth before it too. `taken` says in words which topics are played, `doubt` why depth is hardly
-    registered to colour (None: nothing speaks against it). `length` is the number of colour images, None when only a
-    part is played or they were not counted.
+    played with the truth before it too. `taken` says in words which topics are played, `doubts` what speaks against
+    depth and calibration being colour's. `length` is the number of colour images, None when only a part is played or
+    they were not counted.
     """
 
     lossless = True
@@ -79,7 +80,11 @@ class ReplaySource:
                 self._as_calibration(info.first),
             )
         used = camera or self._roles.camera()
-        self.doubt = None if used is None else unregistered(self._roles, streams, used)
+        doubts = (
+            None if used is None else unregistered(self._roles, streams, used),
+            None if camera is not None else of_another_camera(self._roles),
+        )
+        self.doubts = [doubt for doubt in doubts if doubt is not None]
         calibration = f"/{self._info_topic}" if self._info_topic else str(options.camera)
         self.taken = (
             f"colour /{self._roles.color.topic}, depth /{self._roles.depth.topic}, calibration {calibration}, truth "
@@ -155,8 +160,8 @@ def open_recording(path: Path, options: SourceOptions) -> ReplaySource:
         raise RecordingError("; ".join((f"{path} holds no ROS 2 messages", *reader.damage)))
     source = ReplaySource(reader, streams, counts or {}, options)
     log.info("%s: %s", path, source.taken)
-    if source.doubt is not None:
-        log.warning("%s: %s", path, source.doubt)
+    for doubt in source.doubts:
+        log.warning("%s: %s", path, doubt)
     return source
 
 

@@ -35,6 +35,7 @@ from odom.wire.codec import (
 from odom.wire.recording import RecordingWriter, mcap_order, open_reader, writer
 from odom.wire.recording.stream_selection import select_streams
 from sensors import replay
+from sensors.calibration_file import Calibration, calibration_text
 from sensors.catalogue import open_source
 from sensors.source import SourceOptions
 
@@ -485,6 +486,30 @@ def test_depth_with_another_calibration_than_colours_is_told(
         caplog.clear()
         open_source(str(record(tmp_path / f"bag{len(named)}", messages)), SourceOptions(topics_from=named))
         assert ("its pixels lie up to" in caplog.text) == is_told
+
+
+@pytest.mark.parametrize(
+    ("info", "is_told"),
+    [
+        ("camera/depth/camera_info", True),
+        ("camera/infra1/camera_info", True),
+        ("camera/aligned_depth_to_color/camera_info", False),
+        ("camera/rgb/camera_info", False),
+        ("calibration", False),
+    ],
+)
+def test_a_calibration_that_is_another_cameras_by_its_name_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, info: str, is_told: bool
+) -> None:
+    """It is taken where colour's was not recorded and the sizes agree."""
+    messages = [message for message in realsense() if message.type_name != cdr.CAMERA_INFO]
+    bag = record(tmp_path / "bag", [*messages, encode_camera_info(info, Stamp(BEGIN), CAMERA)])
+    open_source(str(bag), SourceOptions())
+    assert (f"calibration /{info} is by its name not that of colour" in caplog.text) == is_told
+    caplog.clear()
+    (tmp_path / "own.yaml").write_text(calibration_text(Calibration(CAMERA)))
+    open_source(str(bag), SourceOptions(camera=tmp_path / "own.yaml"))
+    assert not caplog.text
 
 
 def test_depth_in_millimetres_as_floats_is_refused_with_the_remedy(tmp_path: Path) -> None:

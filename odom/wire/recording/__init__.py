@@ -10,6 +10,7 @@ from odom.wire.recording.reader import RecordingReader as RecordingReader
 from odom.wire.recording.recovery import recover as recover
 from odom.wire.recording.stream_selection import STREAM_ROLES as STREAM_ROLES
 from odom.wire.recording.stream_selection import SelectedStreams as SelectedStreams
+from odom.wire.recording.stream_selection import of_another_camera as of_another_camera
 from odom.wire.recording.stream_selection import select_streams as select_streams
 from odom.wire.recording.stream_selection import unregistered as unregistered
 from odom.wire.recording.writer import RecordingWriter as RecordingWriter

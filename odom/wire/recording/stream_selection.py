@@ -86,6 +86,20 @@ def unregistered(selected: SelectedStreams, streams: Iterable[RecordedStream], c
     return None
 
 
+def of_another_camera(selected: SelectedStreams) -> str | None:
+    """Return in words why the calibration is hardly colour's, None where nothing speaks against it."""
+    info, color = selected.camera_info, selected.color
+    others = _numbered(_OTHER_WORDS)
+    if info is None or not _says(info, others) or _says(color, others):
+        return None
+    if any(word in info.topic.lower() for word in _REGISTERED_WORDS):
+        return None
+    return (
+        f"calibration /{info.topic} is by its name not that of colour /{color.topic}: if it is another camera's, poses "
+        "are wrong; record colour's camera_info too, or give --camera camera.yaml"
+    )
+
+
 def _apart_px(one: Camera, other: Camera) -> float:
     """Return by how many pixels of the other camera the two differ at most, along the borders of the image."""
     sides = ((one.fx, one.cx, other.fx, other.cx, other.width), (one.fy, one.cy, other.fy, other.cy, other.height))

@@ -9,24 +9,21 @@ from pathlib import Path
 
 import numpy as np
 
-from odom.errors import ConfigError, InputError, SourceError
-from odom.frame import Camera, Stamp
-from odom.geometry.arrays import Array
-from odom.geometry.quaternion import quaternion_from_rotation
+from odom.errors import ConfigError, SourceError
+from odom.frame import Camera
 from sensors.default_camera import first_size
 from sensors.image_lists import FolderLayout, TumEntry, stamp_of_frame
 from sensors.image_names import by_stamp, images_in, visible
 from sensors.intrinsic_files import matrix_camera
 from sensors.listed_folders import ASSOCIATIONS, associated, tum
 from sensors.paired_folders import is_pair_of_folders, pair_of_folders
+from sensors.true_poses import pose_in, true_pose
 
 _SEVEN_SCENES_FOCAL = 585.0 / 640
 """Focal length of the depth camera that 7-Scenes publishes, in widths of the image, in whose middle its centre is. The
 colour camera, an ordinary Kinect's, and how the two are mounted are not published."""
 _KINECT_BASELINE_M = (-0.025, 0.0, 0.0)
 """Where a Kinect v1's depth camera is, seen from the colour camera: 2.5 cm to the left."""
-_THE_CAMERAS_OWN = np.eye(4)
-"""`T_body_camera` of true poses that are the colour camera's."""
 _REPLICA = Camera(1200, 680, 600.0, 600.0, 599.5, 339.5)
 """The camera of Replica's rooms as they were drawn for NICE-SLAM, with 6553.5 units of depth a metre."""
 
@@ -59,7 +56,7 @@ def _seven_scenes(path: Path) -> FolderLayout:
         "7-Scenes' frame-*.png",
         by_stamp(path, path.glob("frame-*.color.png")),
         depth,
-        [pose for entry in poses for pose in _pose(path, entry, T_depth_color)],
+        [pose for entry in poses for pose in pose_in(path, entry, T_depth_color)],
         depth_scale=1000.0,
         unknown_depth=65535,
         depth_camera=None if size is None else _seven_scenes_depth(*size),
@@ -87,7 +84,7 @@ def _scannet(path: Path) -> FolderLayout:
         "color/ or depth/",
         color,
         depth,
-        [pose for entry in poses for pose in _pose(path, entry)],
+        [pose for entry in poses for pose in pose_in(path, entry)],
         camera,
         depth_scale=1000.0,
         depth_camera=None if camera is None else _intrinsics(path, "depth", depth),
@@ -98,7 +95,7 @@ def _replica(path: Path) -> FolderLayout:
     images = path / "results"
     file = path / "traj.txt"
     lines = _lines(file) if file.is_file() else []
-    poses = [_true(stamp_of_frame(i), np.array(line, dtype=float).reshape(4, 4)) for i, line in enumerate(lines)]
+    poses = [true_pose(stamp_of_frame(i), np.array(line, dtype=float).reshape(4, 4)) for i, line in enumerate(lines)]
     camera, scale = _replica_camera(path)
     return FolderLayout(
         "results/",
@@ -118,26 +115,6 @@ _LAYOUTS: tuple[tuple[Callable[[Path], bool], Callable[[Path], FolderLayout]], .
     (lambda path: next((path / "results").glob("depth*.png"), None) is not None, _replica),
     (is_pair_of_folders, pair_of_folders),
 )
-
-
-def _pose(folder: Path, entry: TumEntry, T_body_camera: Array = _THE_CAMERAS_OWN) -> list[TumEntry]:
-    """Return the camera's pose from a file with its body's pose, none where that was lost (infinities in ScanNet)."""
-    try:
-        T_world_body = np.loadtxt(folder / entry.values[0]).reshape(4, 4)
-    except (OSError, ValueError):
-        return []
-    return _true(entry.stamp, T_world_body @ T_body_camera) if np.isfinite(T_world_body).all() else []
-
-
-def _true(stamp: Stamp, T_world_camera: Array) -> list[TumEntry]:
-    if not np.isfinite(T_world_camera).all():
-        return []
-    U, _, V = np.linalg.svd(T_world_camera[:3, :3])
-    try:
-        rotation = quaternion_from_rotation(U @ V)
-    except InputError:
-        return []
-    return [TumEntry(stamp, tuple(map(str, (*T_world_camera[:3, 3].tolist(), *rotation.tolist()))))]
 
 
 def _lines(file: Path) -> list[list[str]]:

@@ -12,6 +12,7 @@ from sensors.image_lists import FolderLayout, TumEntry
 from sensors.image_names import by_stamp, images_in, visible
 from sensors.image_reading import image_in
 from sensors.intrinsic_files import matrix_camera, open3d_camera
+from sensors.true_poses import poses_of_images
 
 _COLOR, _DEPTH = ("color", "colour", "rgb", "image"), ("depth",)
 """Names of the folders, in small letters and without the s of several."""
@@ -42,7 +43,7 @@ def pair_of_folders(path: Path) -> FolderLayout:
         f"{color_folder.name}/ or {depth_folder.name}/",
         color,
         depth,
-        [],
+        poses_of_images(path, color),
         None if size is None else _camera(path, size),
         depth_scale=1000.0,
         rotated_bits=_ROTATED_BITS if depth and _is_rotated(path, depth) else 0,

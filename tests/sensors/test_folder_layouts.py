@@ -264,6 +264,38 @@ def test_intrinsics_beside_the_images_that_are_none_are_told(tmp_path: Path) -> 
         open_source(str(tmp_path), SourceOptions())
 
 
+def write_poses(folder: Path, file: str, count: int) -> None:
+    """As Open3D writes them, each below its frames; or as SUN3D does, three rows a pose."""
+    is_log, lines = file.endswith(".log"), list[str]()
+    for i in range(count):
+        lines += [f"{i} {i} {i + 1}"] if is_log else []
+        lines += [" ".join(map(str, row)) for row in pose(i)[: 4 if is_log else 3].tolist()]
+    (folder / file).parent.mkdir(exist_ok=True)
+    (folder / file).write_text("\n".join(lines))
+
+
+@pytest.mark.parametrize("write", [open3d, sun3d])
+@pytest.mark.parametrize("file", ["trajectory.log", "extrinsics/20140807.txt"])
+def test_true_poses_in_the_order_of_the_images_are_read(
+    tmp_path: Path, write: Callable[[Path], tuple[Camera, list[int]]], file: str
+) -> None:
+    _, stamps = write(tmp_path)
+    write_poses(tmp_path, file, FRAMES)
+    poses = read_recording(tmp_path).truth()["camera"]
+    assert poses.stamps.tolist() == stamps
+    assert np.allclose(poses.T_world_body, [pose(i) for i in range(FRAMES)], atol=1e-9)
+
+
+@pytest.mark.parametrize("file", ["trajectory.log", "extrinsics/20140807.txt"])
+def test_true_poses_of_another_number_than_the_images_are_told_and_left_aside(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, file: str
+) -> None:
+    open3d(tmp_path)
+    write_poses(tmp_path, file, FRAMES + 1)
+    assert layout_of(tmp_path).truth == []
+    assert f"it does not hold a pose for each of the {FRAMES} colour images" in caplog.text
+
+
 @pytest.mark.parametrize("first", [0, 1600])
 @pytest.mark.parametrize("write", [open3d, sun3d])
 def test_rotated_depth_is_known_whatever_the_first_image_shows(

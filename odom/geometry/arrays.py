@@ -26,3 +26,8 @@ def uniform(image: NDArray[Scalar]) -> NDArray[Scalar]:
     out = np.require(image, requirements=["C", "A"]).view()
     out.flags.writeable = False
     return out
+
+
+def kept(image: NDArray[Scalar]) -> NDArray[Scalar]:
+    """Return a copy of an image, stored as by `uniform`: a program may write its next one into the same memory."""
+    return uniform(np.array(image, order="C"))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from painted_room import PERIOD, SMALL, START, PaintedRoom, stroll
-from running import check_sanity, numbers, run
+from running import Ran, check_sanity, numbers, run
 
 from odom.backend import Odometry, OdometrySettings, State
 from odom.errors import ConfigError, InputError
@@ -105,6 +105,33 @@ def test_colour_and_grey_give_the_same_poses(room_frames):
     a, b = run(SMALL, room_frames[:15]), run(SMALL, coloured)
     for x, y in zip(a.online.T_world_body, b.online.T_world_body, strict=True):
         np.testing.assert_allclose(x, y, atol=2e-3)
+
+
+@pytest.mark.parametrize("is_grey", [True, False])
+def test_the_next_frame_may_be_written_into_the_arrays_of_the_last_one(is_grey, arena):
+    camera, shots = arena
+    frames = [shot.rgbd() for shot in shots[:40]]
+    frames = [replace(f, color=f.color[..., 1]) for f in frames] if is_grey else frames
+    color, depth_mm = np.empty_like(frames[0].color), np.empty_like(frames[0].depth_mm)
+
+    def written(frame):
+        color[:], depth_mm[:] = frame.color, frame.depth_mm
+        return replace(frame, color=color, depth_mm=depth_mm)
+
+    assert numbers(run(camera, map(written, frames))) == numbers(run(camera, frames))
+
+
+def test_colour_that_was_seen_ahead_is_not_taken_for_the_next_image_in_its_array(arena):
+    camera, frames = arena[0], [shot.rgbd() for shot in arena[1][:20]]
+    odometry, color = Odometry(camera), frames[0].color.copy()
+    estimates = []
+    for shot in frames:
+        color[:] = 0
+        odometry.anticipate(Stamp(shot.stamp - 1), color)  # an image whose depth never comes
+        color[:] = shot.color
+        estimates.append(odometry.process(replace(shot, color=color)))
+    ran = Ran(tuple(estimates), odometry.finish(), odometry.timing)
+    assert numbers(ran) == numbers(run(camera, frames))
 
 
 @pytest.mark.long

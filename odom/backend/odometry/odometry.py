@@ -122,7 +122,7 @@ class Odometry:
         watch.lap("images")
         T_predicted = stages.tracker.predict(state, images, sensor.clock.steady, sensor)
         watch.lap("predict")
-        self._prepared = Prepared(color, images, state, T_predicted, watch.laps_ms)
+        self._prepared = Prepared(stamp, color, images, state, T_predicted, watch.laps_ms)
 
     def process(self, frame: RgbdFrame, on_pose: OnPose = lambda estimate: None) -> Estimate:
         """Return the estimate for the next frame.
@@ -138,7 +138,7 @@ class Odometry:
         self._order.check(frame, self.camera, stages.published.since_last_s(frame.stamp))
         stages.sensor = stages.sensor.with_stamp(frame.stamp)
         prepared, self._prepared = self._prepared, None
-        if prepared is not None and (prepared.color is not frame.color or prepared.state is not stages.state):
+        if prepared is not None and not prepared.is_of(frame, stages.state):
             prepared = None
         watch = Stopwatch(None if prepared is None else prepared.laps_ms)
         images = FrameImages.of(frame.color) if prepared is None else prepared.images

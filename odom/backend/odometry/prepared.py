@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from odom.backend.tracking.frame_state import FrameState
+from odom.frame import RgbdFrame, Stamp
 from odom.frontend.features.images import FrameImages
 from odom.geometry.arrays import Array, Image
 
@@ -11,8 +12,16 @@ from odom.geometry.arrays import Array, Image
 class Prepared:
     """A colour image as prepared for tracking, and `T_predicted`: T_camera_map as predicted from `state`."""
 
+    stamp: Stamp
     color: Image
     images: FrameImages
     state: FrameState
     T_predicted: Array
     laps_ms: dict[str, float]
+
+    def is_of(self, frame: RgbdFrame, state: FrameState | None) -> bool:
+        """Return whether this was prepared for `frame`, to be tracked from `state`.
+
+        The same array may hold another image by now: the stamp tells.
+        """
+        return self.color is frame.color and self.stamp == frame.stamp and self.state is state

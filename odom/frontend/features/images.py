@@ -7,7 +7,7 @@ import numpy as np
 
 from odom.frontend.features.image_scale import scale_for, scaled_image
 from odom.frontend.features.tuning import TUNING
-from odom.geometry.arrays import Image, uniform
+from odom.geometry.arrays import Image, kept, uniform
 from odom.geometry.normal_distribution import NORMAL_MAD
 
 _SECOND_DIFFERENCE = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
@@ -78,9 +78,10 @@ class FrameImages:
 
     @classmethod
     def of(cls, color: Image) -> "FrameImages":
-        """Return the images of `color`, h x w x 3 RGB or h x w grey."""
+        """Return the images of `color`, h x w x 3 RGB or h x w grey; they keep no part of its array."""
         scale = scale_for(color.shape)
-        own = uniform(with_contrast(scaled_image(grey_of(color), min(scale, 1.0))))
+        grey = scaled_image(grey_of(color), min(scale, 1.0))
+        own = uniform(with_contrast(kept(grey) if grey is color else grey))
         full = uniform(scaled_image(own, max(scale, 1.0)))
         half = uniform(np.asarray(cv2.pyrDown(full), dtype=np.uint8))
         return cls(full, half, own if scale > 1.0 else None, scale)

@@ -12,7 +12,7 @@ from odom.frontend.camera.stamp_clock import StampClock, SteadyStamp
 from odom.frontend.features.depth_plane import has_depth
 from odom.frontend.features.image_scale import scaled_depth, scaled_mask
 from odom.frontend.features.images import FrameImages
-from odom.geometry.arrays import Array, Mask, uniform
+from odom.geometry.arrays import Array, Mask, kept, uniform
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +36,10 @@ class View:
     def of(cls, frame: RgbdFrame, clock: StampClock, images: FrameImages, may_move: Mask | None = None) -> "View":
         """Return the view of a frame whose stamp is the newest of `clock`; `images` are those of its colour.
 
-        `may_move` is of the frame's own size.
+        `may_move` is of the frame's own size. The view keeps none of the frame's arrays.
         """
-        depth_mm = uniform(scaled_depth(frame.depth_mm, images.scale))
+        scaled = scaled_depth(frame.depth_mm, images.scale)
+        depth_mm = kept(scaled) if scaled is frame.depth_mm else uniform(scaled)
         may_move = None if may_move is None else scaled_mask(may_move, images.scale)
         return cls(frame.sequence, frame.stamp, clock.steady, images, frame.depth_stamp, depth_mm, may_move)
 

@@ -18,7 +18,7 @@ from odom.backend.odometry.judged_frame import JudgedFrame
 from odom.backend.odometry.lost_camera import LostCamera
 from odom.backend.odometry.moving_view import MovingView
 from odom.backend.odometry.published_trajectory import PublishedTrajectory
-from odom.backend.odometry.repeated_image import is_repeated
+from odom.backend.odometry.repeated_image import ShownDepth, is_repeated
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.odometry.visibility import Visibility
 from odom.backend.publication import Publication
@@ -55,12 +55,16 @@ class FrameStages:
         self._settings = settings
         self.moving = MovingView()
         self._visibility = Visibility()
+        self._shown_depth: ShownDepth | None = None
         self._lost_camera = LostCamera(self.map, self.tracker, self.mapper.inserter, settings)
 
     def estimate(self, view: View, T_predicted: Array | None, watch: Stopwatch, on_pose: OnPose) -> Estimate:
         """Return the estimate for the next frame; `T_predicted` is T_camera_map where it was predicted already."""
         if view.shows_depth:
             self._visibility = self._visibility.with_depth(view.stamp)
+        self._shown_depth = ShownDepth.of(view, self._shown_depth)
+        if self._shown_depth.is_stale(self.state, self.sensor):
+            view = view.without_depth()
         longest_blind_s = max(self._settings.bridge_s, TUNING.longest_blind_periods * self.sensor.clock.period_s)
         is_blind = self._visibility.is_blind(view.stamp, longest_blind_s)
         is_followable = not (self.published.is_lost or is_blind)

@@ -1,12 +1,42 @@
 """Images that come twice: from a driver that hangs, or in a stream that was brought to a higher rate."""
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.tracking.frame_state import FrameState
 from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.view import View
-from odom.geometry.arrays import Image
+
+
+@dataclass(frozen=True, eq=False)
+class ShownDepth:
+    """The `newest` view's depth image, the same since the steady time `since`; `comes_again`: with another stamp.
+
+    A depth image that goes with two colour images keeps its stamp, by which it is used.
+    """
+
+    newest: View
+    since: SteadyStamp
+    comes_again: bool
+
+    @classmethod
+    def of(cls, view: View, before: "ShownDepth | None") -> "ShownDepth":
+        """Return the depth that a view shows, where there was depth `before` (None: there was none)."""
+        if before is None or not _are_equal(before.newest.depth_mm, view.depth_mm):
+            return cls(view, view.steady_stamp, False)
+        return cls(view, before.since, view.depth_stamp != before.newest.depth_stamp)
+
+    def is_stale(self, state: FrameState | None, sensor: SensorModel) -> bool:
+        """Return whether this is an earlier depth image once more, though the camera has moved since; see `state`."""
+        if not self.comes_again or state is None or state.tracked is None:
+            return False
+        since_s = (self.newest.steady_stamp - self.since) * 1e-9
+        return _moved_px(state, since_s, sensor) > TUNING.repeated_px
 
 
 def is_repeated(view: View, state: FrameState, sensor: SensorModel) -> bool:
@@ -18,14 +48,18 @@ def is_repeated(view: View, state: FrameState, sensor: SensorModel) -> bool:
     last, image = state.view.images.full, view.images.full
     if state.tracked is None or last.shape != image.shape or not _are_equal(last, image):
         return False
+    return _moved_px(state, state.since_s(view.steady_stamp), sensor) > TUNING.repeated_px
+
+
+def _moved_px(state: FrameState, since_s: float, sensor: SensorModel) -> float:
+    """Return how far the image of the usual landmark moves in `since_s` seconds of the newest frame's motion (px)."""
+    assert state.tracked is not None
     inverse_depth = state.tracked.measurements.values[:, 2]
     near = np.median(inverse_depth[np.isfinite(inverse_depth)]) if np.isfinite(inverse_depth).any() else 0.0
     speed_m_s, speed_rad_s = np.linalg.norm(state.twist.reshape(2, 3), axis=1)
-    focal_px = sensor.lens.intrinsics[0]
-    moved_px = focal_px * (speed_rad_s + speed_m_s * near) * state.since_s(view.steady_stamp)
-    return bool(moved_px > TUNING.repeated_px)
+    return float(sensor.lens.intrinsics[0] * (speed_rad_s + speed_m_s * near) * since_s)
 
 
-def _are_equal(a: Image, b: Image) -> bool:
+def _are_equal(a: NDArray[Any], b: NDArray[Any]) -> bool:
     middle = len(a) // 2  # of different images one row is, too
     return np.array_equal(a[middle], b[middle]) and np.array_equal(a, b)

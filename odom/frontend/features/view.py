@@ -1,6 +1,6 @@
 """One frame as the odometry sees it: in the camera's steady time, with the images in which features are searched."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -42,6 +42,10 @@ class View:
         depth_mm = kept(scaled) if scaled is frame.depth_mm else uniform(scaled)
         may_move = None if may_move is None else scaled_mask(may_move, images.scale)
         return cls(frame.sequence, frame.stamp, clock.steady, images, frame.depth_stamp, depth_mm, may_move)
+
+    def without_depth(self) -> "View":
+        """Return the view of a frame whose depth image says nothing."""
+        return replace(self, depth_mm=uniform(np.zeros_like(self.depth_mm)))
 
     def stands(self, uv: Array) -> Mask:
         """Return which of n places in the image (n x 2 px) are not marked as what may move."""

@@ -2,11 +2,12 @@
 
 from odom.frame.camera import Camera
 from odom.frame.depth_model import EXACT_DEPTH, DepthModel, corrected_depth
-from odom.frame.rgbd import RgbdFrame
+from odom.frame.rgbd import UNKNOWN_DEPTH_MM, RgbdFrame
 from odom.frame.stamp import Stamp, from_seconds, to_seconds
 
 __all__ = [
     "EXACT_DEPTH",
+    "UNKNOWN_DEPTH_MM",
     "Camera",
     "DepthModel",
     "RgbdFrame",

@@ -13,6 +13,8 @@ from odom.geometry.arrays import Image
 
 _MOST_APART_NS = 1_000_000_000
 """Two images of one frame are some 20 ms apart; stamps further apart than a second come from different clocks."""
+UNKNOWN_DEPTH_MM = 65535
+"""The largest depth, which many drivers and data sets write where nothing was measured."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -21,8 +23,9 @@ class RgbdFrame:
 
     `color` is H x W x 3 uint8 RGB or H x W uint8 grey. OpenCV gives BGR, which looks the same to a program: convert it
     with `cv2.cvtColor(color, cv2.COLOR_BGR2RGB)`. `depth_mm` is H x W uint16 millimetres along the optical axis,
-    registered to colour, 0 where nothing was measured (REP-118). The frame's pose is that of the colour camera's
-    optical frame (REP-103: x right, y down, z forward) at `stamp`, the colour image's. `sequence` counts frames.
+    registered to colour, 0 (REP-118) or 65535 where nothing was measured. The frame's pose is that of the colour
+    camera's optical frame (REP-103: x right, y down, z forward) at `stamp`, the colour image's. `sequence` counts
+    frames.
 
     >>> import numpy as np
     >>> from odom import RgbdFrame, from_seconds

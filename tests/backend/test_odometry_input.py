@@ -107,6 +107,15 @@ def test_colour_and_grey_give_the_same_poses(room_frames):
         np.testing.assert_allclose(x, y, atol=2e-3)
 
 
+def test_the_largest_depth_says_that_nothing_was_measured_as_0_does(room_frames):
+    frames = [replace(frame, depth_mm=frame.depth_mm.copy()) for frame in room_frames[:20]]
+    for frame in frames:
+        frame.depth_mm[:, ::9] = 0
+    other = [replace(f, depth_mm=np.where(f.depth_mm, f.depth_mm, 65535).astype(np.uint16)) for f in frames]
+    poses = [[e.T_odom_camera for e in run(SMALL, given).estimates] for given in (frames, other)]
+    np.testing.assert_array_equal(*poses)
+
+
 @pytest.mark.parametrize("is_grey", [True, False])
 def test_the_next_frame_may_be_written_into_the_arrays_of_the_last_one(is_grey, arena):
     camera, shots = arena

@@ -3,16 +3,17 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.frame import RgbdFrame, Stamp
+from odom.frame import UNKNOWN_DEPTH_MM, RgbdFrame, Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.stamp_clock import StampClock, SteadyStamp
 from odom.frontend.features.depth_plane import has_depth
 from odom.frontend.features.image_scale import scaled_depth, scaled_mask
 from odom.frontend.features.images import FrameImages
-from odom.geometry.arrays import Array, Mask, kept, uniform
+from odom.geometry.arrays import Array, Mask, uniform
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +39,8 @@ class View:
 
         `may_move` is of the frame's own size. The view keeps none of the frame's arrays.
         """
-        scaled = scaled_depth(frame.depth_mm, images.scale)
-        depth_mm = kept(scaled) if scaled is frame.depth_mm else uniform(scaled)
+        _, seen_mm = cv2.threshold(np.ascontiguousarray(frame.depth_mm), UNKNOWN_DEPTH_MM - 1, 0, cv2.THRESH_TOZERO_INV)
+        depth_mm = uniform(scaled_depth(np.asarray(seen_mm, dtype=np.uint16), images.scale))
         may_move = None if may_move is None else scaled_mask(may_move, images.scale)
         return cls(frame.sequence, frame.stamp, clock.steady, images, frame.depth_stamp, depth_mm, may_move)
 

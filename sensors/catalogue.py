@@ -132,7 +132,8 @@ def _kind(spec: str) -> str:
         raise ConfigError(
             f"{spec} is neither an .mcap recording, a ROS bag (.bag, .db3, or a folder of .db3 files or with "
             "metadata.yaml) nor a folder of images: TUM's (with rgb.txt and depth.txt), 7-Scenes', ScanNet's, "
-            "Replica's or ICL-NUIM's, or colour and depth in folders of their own (color/ or rgb/, and depth/)"
+            "Replica's or ICL-NUIM's, or colour and depth in folders of their own (color/ or rgb/, and depth/) or told "
+            "apart by the names of the images (rgb_0001.png, depth_0001.png)"
             f"{_inside_or_above(path)}"
         )
     what = "a SOURCE is arena, kinect, ros2:/camera, an .mcap file or a TUM RGB-D folder"

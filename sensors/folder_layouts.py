@@ -16,14 +16,10 @@ from sensors.image_lists import FolderLayout, TumEntry, stamp_of_frame
 from sensors.image_names import by_stamp, images_in, visible
 from sensors.intrinsic_files import matrix_camera
 from sensors.listed_folders import ASSOCIATIONS, associated, tum
+from sensors.mixed_folder import is_mixed_folder, mixed_folder
 from sensors.paired_folders import is_pair_of_folders, pair_of_folders
 from sensors.true_poses import pose_in, true_pose
 
-_SEVEN_SCENES_FOCAL = 585.0 / 640
-"""Focal length of the depth camera that 7-Scenes publishes, in widths of the image, in whose middle its centre is. The
-colour camera, an ordinary Kinect's, and how the two are mounted are not published."""
-_KINECT_BASELINE_M = (-0.025, 0.0, 0.0)
-"""Where a Kinect v1's depth camera is, seen from the colour camera: 2.5 cm to the left."""
 _REPLICA = Camera(1200, 680, 600.0, 600.0, 599.5, 339.5)
 """The camera of Replica's rooms as they were drawn for NICE-SLAM, with 6553.5 units of depth a metre."""
 
@@ -43,30 +39,6 @@ def layout_of(path: Path) -> FolderLayout:
         if _is(path):
             return read(path)
     raise SourceError(f"{path} holds no images in a layout that is known")
-
-
-def _seven_scenes(path: Path) -> FolderLayout:
-    """Return the lists of raw images of a Kinect: depth is not registered to colour, and true poses are depth's."""
-    poses = by_stamp(path, path.glob("frame-*.pose.txt"))
-    T_depth_color = np.eye(4)
-    T_depth_color[:3, 3] = -np.array(_KINECT_BASELINE_M)
-    depth = by_stamp(path, path.glob("frame-*.depth.png"))
-    size = first_size(path, depth)
-    return FolderLayout(
-        "7-Scenes' frame-*.png",
-        by_stamp(path, path.glob("frame-*.color.png")),
-        depth,
-        [pose for entry in poses for pose in pose_in(path, entry, T_depth_color)],
-        depth_scale=1000.0,
-        unknown_depth=65535,
-        depth_camera=None if size is None else _seven_scenes_depth(*size),
-        depth_position_m=_KINECT_BASELINE_M,
-    )
-
-
-def _seven_scenes_depth(width: int, height: int) -> Camera:
-    focal = _SEVEN_SCENES_FOCAL * width
-    return Camera(width, height, focal, focal, width / 2, height / 2)
 
 
 def _is_scannet(path: Path) -> bool:
@@ -110,10 +82,10 @@ def _replica(path: Path) -> FolderLayout:
 _LAYOUTS: tuple[tuple[Callable[[Path], bool], Callable[[Path], FolderLayout]], ...] = (
     (lambda path: (path / "rgb.txt").is_file(), tum),
     (lambda path: any((path / name).is_file() for name in ASSOCIATIONS) and (path / "depth").is_dir(), associated),
-    (lambda path: next(path.glob("frame-*.color.png"), None) is not None, _seven_scenes),
     (_is_scannet, _scannet),
     (lambda path: next((path / "results").glob("depth*.png"), None) is not None, _replica),
     (is_pair_of_folders, pair_of_folders),
+    (is_mixed_folder, mixed_folder),
 )
 
 

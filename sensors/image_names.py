@@ -11,6 +11,8 @@ from sensors.image_lists import READ_SUFFIXES, SECOND, TumEntry, stamp_of, stamp
 
 log = logging.getLogger(__name__)
 
+COLOR_WORDS, DEPTH_WORDS = ("color", "colour", "rgb", "image"), ("depth",)
+"""What folders or images of colour and of depth are called, in small letters and without the s of several."""
 _NUMBER_AND_MICROSECONDS = re.compile(r"\d+-(\d{12})\Z")
 """Names such as `0000012-000000367104.jpg`, SUN3D's: the number of the frame and its microseconds."""
 _WITH_POINT = re.compile(r"\d+\.\d+\Z")
@@ -37,11 +39,8 @@ def by_stamp(path: Path, files: Iterable[Path]) -> list[TumEntry]:
 
     Of several numbers that one counts which differs from file to file: not the size in `frame_0001_640x480`.
     """
-    alike = defaultdict[str, list[Path]](list)
-    for file in files:
-        if _NUMBER.search(file.stem):
-            alike[_NUMBER.sub("0", file.stem)].append(file)
-    timed = [pair for group in alike.values() for pair in zip(group, _stamps([f.stem for f in group]), strict=True)]
+    groups = alike(files).values()
+    timed = [pair for group in groups for pair in zip(group, _stamps([f.stem for f in group]), strict=True)]
     if timeless := sorted(file for file, stamp in timed if stamp is None):
         log.warning(
             "%s: left out, with %d more: the number in its name is neither that of a frame nor a time since 1970; "
@@ -50,6 +49,15 @@ def by_stamp(path: Path, files: Iterable[Path]) -> list[TumEntry]:
         )  # fmt: skip
     entries = [TumEntry(stamp, (file.relative_to(path).as_posix(),)) for file, stamp in timed if stamp is not None]
     return sorted(entries, key=lambda entry: (entry.stamp, entry.values))
+
+
+def alike(files: Iterable[Path]) -> dict[str, list[Path]]:
+    """Return the files by their names without suffix, 0 for each number in them; those without one are left out."""
+    groups = defaultdict[str, list[Path]](list)
+    for file in files:
+        if _NUMBER.search(file.stem):
+            groups[_NUMBER.sub("0", file.stem)].append(file)
+    return groups
 
 
 def _stamps(stems: list[str]) -> Sequence[Stamp | None]:

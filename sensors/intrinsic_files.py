@@ -1,4 +1,4 @@
-"""Intrinsics in files beside the images: matrices of 3 x 3 or 4 x 4 numbers, and Open3D's JSON."""
+"""Intrinsics in files beside the images: matrices, fx fy cx cy in a row, Open3D's JSON and BundleFusion's info.txt."""
 
 import json
 import logging
@@ -9,6 +9,7 @@ import numpy as np
 
 from odom.errors import ConfigError
 from odom.frame import Camera
+from sensors.image_names import visible
 
 log = logging.getLogger(__name__)
 
@@ -17,6 +18,31 @@ _MIDDLE = 0.3, 0.7
 cut to two thirds from one side still have theirs there. Chosen by hand."""
 _UNREADABLE = (OSError, ValueError, KeyError, TypeError, IndexError)
 """What reading a file of numbers raises where it holds something else; ConfigError of a camera is none of these."""
+
+
+def camera_beside(path: Path, size: tuple[int, int]) -> Camera | None:
+    """Return the camera of a folder's images of this size (width, height) by the first file there that describes one.
+
+    These are Open3D's `*intrinsic*.json`, `*intrinsic*.txt` with a matrix, and `calibration.txt` with fx fy cx cy.
+    Raises ConfigError where one of the first two holds something else.
+    """
+    if files := sorted(visible(path, "*intrinsic*.json")):
+        return open3d_camera(files[0])
+    if files := sorted(visible(path, "*intrinsic*.txt")):
+        return matrix_camera(files[0], size)
+    return row_camera(path / "calibration.txt", size) if (path / "calibration.txt").is_file() else None
+
+
+def row_camera(file: Path, size: tuple[int, int]) -> Camera | None:
+    """Return the camera of a file that holds fx fy cx cy; anything else is told and left aside."""
+    try:
+        fx, fy, cx, cy = map(float, file.read_text().split())
+        camera = Camera(*size, fx, fy, cx, cy)
+    except (OSError, ValueError, ConfigError) as error:
+        log.warning("%s is left aside, it is not fx fy cx cy: %s", file, error)
+        return None
+    tell_other_size(file, camera)
+    return camera
 
 
 def matrix_camera(file: Path, size: tuple[int, int]) -> Camera:
@@ -54,6 +80,33 @@ def open3d_camera(file: Path) -> Camera:
         return _camera(K if _ends_as_intrinsics(K) else K.T, (int(found["width"]), int(found["height"])))
     except _UNREADABLE as error:
         raise ConfigError(f"{file}: give Open3D's width, height and intrinsic_matrix: {error!r}") from error
+
+
+def sens_cameras(file: Path) -> tuple[Camera | None, Camera | None, float]:
+    """Return what BundleFusion's `info.txt` holds: colour's camera, depth's where it is another, depth's units a metre.
+
+    Without such a file they are None, None and 1000. Raises ConfigError where a line is missing or malformed.
+    """
+    if not file.is_file():
+        return None, None, 1000.0
+    try:
+        lines = (line.partition("=") for line in file.read_text().splitlines())
+        found = {name.strip().removeprefix("m_").lower(): value.split() for name, _, value in lines}
+        color, depth = (_sens_camera(found, which) for which in ("color", "depth"))
+        scale = float(found["depthshift"][0])
+        if not 1 <= scale <= 1e6:
+            raise ValueError(f"m_depthShift {scale:g} units a metre")
+    except (*_UNREADABLE, ConfigError) as error:
+        raise ConfigError(
+            f"{file}: give m_colorWidth, m_colorHeight and m_calibrationColorIntrinsic, the same of depth, and "
+            f"m_depthShift, a line each: {error!r}"
+        ) from error
+    return color, None if depth == color else depth, scale
+
+
+def _sens_camera(found: dict[str, list[str]], which: str) -> Camera:
+    K = np.array(found[f"calibration{which}intrinsic"], dtype=float).reshape(4, 4)
+    return _camera(K, (int(found[f"{which}width"][0]), int(found[f"{which}height"][0])))
 
 
 def _camera(K: Any, size: tuple[int, int]) -> Camera:

@@ -3,12 +3,12 @@
 import logging
 from pathlib import Path
 
-from odom.errors import ConfigError, SourceError
+from odom.errors import SourceError
 from odom.frame import Camera
 from sensors.default_camera import ICL_NUIM, first_size
 from sensors.image_lists import SECOND, FolderLayout, TumEntry, read_list, stamp_of, stamp_of_frame
 from sensors.image_names import visible
-from sensors.intrinsic_files import tell_other_size
+from sensors.intrinsic_files import row_camera
 
 log = logging.getLogger(__name__)
 
@@ -93,13 +93,4 @@ def _intrinsics_in_a_row(path: Path, images: list[TumEntry]) -> Camera | None:
     """Return the camera of `calibration.txt`, which holds fx fy cx cy, with the size of the first image."""
     file = path / "calibration.txt"
     size = first_size(path, images) if file.is_file() else None
-    if size is None:
-        return None
-    try:
-        fx, fy, cx, cy = map(float, file.read_text().split())
-        camera = Camera(*size, fx, fy, cx, cy)
-    except (OSError, ValueError, ConfigError) as error:
-        log.warning("%s is left aside, it is not fx fy cx cy: %s", file, error)
-        return None
-    tell_other_size(file, camera)
-    return camera
+    return None if size is None else row_camera(file, size)

@@ -6,16 +6,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from odom.frame import Camera
 from sensors.default_camera import first_size
 from sensors.image_lists import FolderLayout, TumEntry
-from sensors.image_names import by_stamp, images_in, visible
+from sensors.image_names import COLOR_WORDS, DEPTH_WORDS, by_stamp, images_in, visible
 from sensors.image_reading import image_in
-from sensors.intrinsic_files import matrix_camera, open3d_camera
+from sensors.intrinsic_files import camera_beside
 from sensors.true_poses import poses_of_images
 
-_COLOR, _DEPTH = ("color", "colour", "rgb", "image"), ("depth",)
-"""Names of the folders, in small letters and without the s of several."""
 _ROTATED_BITS = 3
 """SUN3D writes millimetres rotated to the left by this many bits, so the lowest bits are 0 except for far depths."""
 _LOOKED_AT, _MOST_FAR = 5, 0.1
@@ -25,16 +22,15 @@ show one wall at 1.6 m; of depth that is not rotated seven in eight have such a 
 
 def is_pair_of_folders(path: Path) -> bool:
     """Whether a folder holds images of colour and of depth in folders of their own."""
-    return _folder(path, _COLOR) is not None and _folder(path, _DEPTH) is not None
+    return _folder(path, COLOR_WORDS) is not None and _folder(path, DEPTH_WORDS) is not None
 
 
 def pair_of_folders(path: Path) -> FolderLayout:
     """Return the images by the stamps in their names, or by their numbers; depth is in millimetres and registered.
 
-    The camera is Open3D's `*intrinsic*.json`, or `*intrinsic*.txt` with a matrix, if one is there. Raises ConfigError
-    where such a file holds something else.
+    The camera is that of a file that `camera_beside` finds; raises ConfigError where it holds something else.
     """
-    color_folder, depth_folder = _folder(path, _COLOR), _folder(path, _DEPTH)
+    color_folder, depth_folder = _folder(path, COLOR_WORDS), _folder(path, DEPTH_WORDS)
     assert color_folder is not None
     assert depth_folder is not None
     color, depth = by_stamp(path, images_in(color_folder)), by_stamp(path, images_in(depth_folder))
@@ -44,7 +40,7 @@ def pair_of_folders(path: Path) -> FolderLayout:
         color,
         depth,
         poses_of_images(path, color),
-        None if size is None else _camera(path, size),
+        None if size is None else camera_beside(path, size),
         depth_scale=1000.0,
         rotated_bits=_ROTATED_BITS if depth and _is_rotated(path, depth) else 0,
     )
@@ -55,13 +51,6 @@ def _folder(path: Path, names: Sequence[str]) -> Path | None:
     called = {child.name.lower().removesuffix("s"): child for child in sorted(visible(path), reverse=True)}
     folders = (called[name] for name in names if name in called)
     return next((folder for folder in folders if folder.is_dir() and any(images_in(folder))), None)
-
-
-def _camera(path: Path, size: tuple[int, int]) -> Camera | None:
-    if files := sorted(visible(path, "*intrinsic*.json")):
-        return open3d_camera(files[0])
-    files = sorted(visible(path, "*intrinsic*.txt"))
-    return matrix_camera(files[0], size) if files else None
 
 
 def _is_rotated(path: Path, depth: Sequence[TumEntry]) -> bool:

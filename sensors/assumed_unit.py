@@ -31,9 +31,9 @@ def tell_unlikely_unit(folder: Path, layout: FolderLayout, calibration_file: Pat
 
 
 def _median(folder: Path, layout: FolderLayout) -> float:
-    """Return the median of the first depth image's values, 0 where it holds none or cannot be read."""
+    """Return the median of the first depth image's values, 0 where it holds none, cannot be read or is in metres."""
     depth = image_in(folder / layout.depth[0].values[0], cv2.IMREAD_UNCHANGED) if layout.depth else None
-    if depth is None:
+    if depth is None or depth.dtype.kind == "f":
         return 0.0
     seen = depth[(depth > 0) & (depth != layout.unknown_depth)]
     return float(np.median(seen)) if seen.size else 0.0

@@ -93,5 +93,5 @@ def first_size(folder: Path, entries: Sequence[TumEntry]) -> tuple[int, int] | N
 
 
 def _size(file: Path) -> tuple[int, int] | None:
-    image = image_in(file, cv2.IMREAD_GRAYSCALE)
+    image = image_in(file, cv2.IMREAD_UNCHANGED)
     return None if image is None else (image.shape[1], image.shape[0])

@@ -21,8 +21,8 @@ SECOND = 1_000_000_000
 """Nanoseconds in a second."""
 READ_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".ppm", ".pgm", ".webp")
 """What names of images that can be read end with, in small letters."""
-IMAGE_SUFFIXES = (*READ_SUFFIXES, ".exr", ".npy")
-"""What names of images end with, those that cannot be read included."""
+IMAGE_SUFFIXES = (*READ_SUFFIXES, ".exr", ".npy", ".npz")
+"""What names of images end with, numpy's files of depth and those that cannot be read included."""
 _QUOTES = "\"'"
 _UNITS = ((18, "nanoseconds", 10**9), (15, "microseconds", 10**6), (12, "milliseconds", 10**3))
 """A number of so many digits or more before the point is a time since 1970 in this unit, so many of them a second."""

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from odom.frame import Stamp
-from sensors.image_lists import READ_SUFFIXES, SECOND, TumEntry, stamp_of, stamp_of_frame
+from sensors.image_lists import IMAGE_SUFFIXES, READ_SUFFIXES, SECOND, TumEntry, stamp_of, stamp_of_frame
 
 log = logging.getLogger(__name__)
 
@@ -31,15 +31,17 @@ def visible(folder: Path, pattern: str = "*") -> Iterator[Path]:
 
 def images_in(folder: Path, pattern: str = "*") -> Iterator[Path]:
     """Yield the images of a folder whose names fit the pattern, whatever their suffix's spelling."""
-    return (file for file in visible(folder, pattern) if file.suffix.lower() in READ_SUFFIXES)
+    return (file for file in visible(folder, pattern) if file.suffix.lower() in IMAGE_SUFFIXES)
 
 
 def by_stamp(path: Path, files: Iterable[Path]) -> list[TumEntry]:
     """Return files below `path` by the stamps or numbers in their names; those whose names hold none are left out.
 
+    Where some are images that are read, others (see `IMAGE_SUFFIXES`) are none of the stream's.
     Of several numbers that one counts which differs from file to file: not the size in `frame_0001_640x480`.
     """
-    groups = alike(files).values()
+    files = list(files)
+    groups = alike([file for file in files if file.suffix.lower() in READ_SUFFIXES] or files).values()
     timed = [pair for group in groups for pair in zip(group, _stamps([f.stem for f in group]), strict=True)]
     if timeless := sorted(file for file, stamp in timed if stamp is None):
         log.warning(

@@ -26,6 +26,7 @@ from odom.wire.codec import (
 )
 from odom.wire.codec.image_files import OtherFormatError
 from sensors.calibration_file import Calibration
+from sensors.depth_images import NotDepthError, NotMetresError, depth_table, millimetres
 from sensors.depth_registration import DepthRegistration
 from sensors.folder_camera import folder_camera
 from sensors.folder_layouts import layout_of
@@ -44,21 +45,6 @@ _MANY_IMAGES = 400
 fewer it costs more than it saves; more, and ordinary recordings do without it. Measured at 640 x 480."""
 _TRUTH_MARGIN = 500_000_000
 """Nanoseconds by which ground truth begins before the first image and ends after the last: enough to interpolate."""
-
-
-def depth_table(depth_scale: float, unknown: int = 0, rotated_bits: int = 0) -> NDArray[np.uint16] | None:
-    """Return the millimetres of every 16-bit depth value, 0 beyond 65.535 m and for the value `unknown`.
-
-    The values are rotated to the left by `rotated_bits`. It is None when the images hold what is wanted here:
-    millimetres, unrotated, 0 where nothing is known.
-    """
-    if depth_scale == 1000.0 and unknown == 0 and rotated_bits == 0:
-        return None
-    values = np.arange(65536)
-    values = values >> rotated_bits | values << (16 - rotated_bits) & 0xFFFF
-    mm = np.rint(values * (1000.0 / depth_scale))
-    mm[unknown] = 0
-    return np.where(mm < 65536, mm, 0).astype(np.uint16)
 
 
 class TumSource:
@@ -97,6 +83,7 @@ class TumSource:
             _tell_other_time(folder, layout)
         self._table = depth_table(calibration.depth_scale, layout.unknown_depth, layout.rotated_bits)
         self._registration = registration
+        self._has_told_metres = False
         self.length: int | None = len(self._color)
         self._closed = False
 
@@ -154,16 +141,13 @@ class TumSource:
             if is_depth_png(file):
                 return decode_depth_png(file, self._table)
         depth = read_image(file, cv2.IMREAD_UNCHANGED)
-        if depth.dtype != np.uint16 or depth.ndim != 2:
-            raise _NotDepthError(f"depth image of type {depth.dtype} and shape {depth.shape}: expected 16-bit grey")
-        return depth if self._table is None else np.asarray(np.take(self._table, depth), dtype=np.uint16)
+        if depth.dtype.kind == "f" and not self._has_told_metres:
+            self._has_told_metres = True
+            log.info("%s: its depth images hold numbers with a point: they are taken for metres", self._folder)
+        return millimetres(depth, self._table)
 
     def _pose(self, entry: TumEntry) -> Message:
         return encode_pose(truth(BODY), entry.stamp, pose_of(entry), "mocap")
-
-
-class _NotDepthError(WireError):
-    """An image that holds no distances."""
 
 
 def _why(error: Exception, file: Path) -> str:
@@ -172,7 +156,7 @@ def _why(error: Exception, file: Path) -> str:
     Of a file that begins as none of the formats that are read, name and content tell whether it is of another format or
     damaged.
     """
-    from odom.evaluation.diagnosis.recording import NO_FILE, NOT_DEPTH, OTHER_FORMAT
+    from odom.evaluation.diagnosis.recording import NO_FILE, NOT_DEPTH, NOT_METRES, OTHER_FORMAT
 
     if isinstance(error, FileNotFoundError):
         return NO_FILE
@@ -180,7 +164,9 @@ def _why(error: Exception, file: Path) -> str:
         file.suffix.lower() not in READ_SUFFIXES or cv2.haveImageReader(str(file))
     ):
         return OTHER_FORMAT
-    return NOT_DEPTH if isinstance(error, _NotDepthError) else "damaged file"
+    if isinstance(error, NotMetresError):
+        return NOT_METRES
+    return NOT_DEPTH if isinstance(error, NotDepthError) else "damaged file"
 
 
 def open_tum(path: Path, options: SourceOptions) -> TumSource:

@@ -16,8 +16,9 @@ from odom.wire.pairing import Pairer
 from sensors.calibration_file import load_calibration
 from sensors.catalogue import open_source
 from sensors.default_camera import tum_camera
+from sensors.depth_images import depth_table
 from sensors.source import SourceOptions, refused_images
-from sensors.tum import depth_table, read_list
+from sensors.tum import read_list
 
 CAMERA = """image_width: 32
 image_height: 24
@@ -158,14 +159,14 @@ def test_another_format_that_is_cut_is_a_damaged_file(tmp_path: Path) -> None:
     assert refused_images(source) == {("colour", "damaged file"): 1, ("depth", "damaged file"): 1}
 
 
-@pytest.mark.parametrize("suffix", ["npy", "png"])
+@pytest.mark.parametrize("suffix", ["npz", "png"])
 def test_a_format_that_is_not_read_is_told_from_a_damaged_file(tmp_path: Path, suffix: str) -> None:
     """Whatever the file is called: the last one is JPEG 2000 called .png."""
     folder = write_folder(tmp_path / "tum")
 
     def write(file: Path, image: np.ndarray) -> None:
-        if suffix == "npy":
-            np.save(file, image)
+        if suffix == "npz":
+            np.savez(file, image)
         else:
             file.write_bytes(cv2.imencode(".jp2", cv2.resize(image, (256, 256)))[1].tobytes())
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.evaluation.diagnosis.finding import Finding, Verdict
-from odom.evaluation.diagnosis.recording import NO_FILE, NOT_DEPTH, OTHER_FORMAT, Recording
+from odom.evaluation.diagnosis.recording import NO_FILE, NOT_DEPTH, NOT_METRES, OTHER_FORMAT, Recording
 from odom.frame import Camera, RgbdFrame
 
 _REFUSED_SHARE = 0.03
@@ -26,7 +26,8 @@ _GRID = 24
 _ADVICE = {
     NO_FILE: "the list names files that are not there: copy them too, or take their lines out of the list",
     NOT_DEPTH: "such images hold no distances: export depth as 16-bit PNG; or rgb.txt and depth.txt are swapped",
-    OTHER_FORMAT: "convert the images to PNG, depth in 16 bits, and the names in the lists",
+    NOT_METRES: "half of it is beyond 65.5 m: divide by 1000, or write 16-bit PNG in millimetres",
+    OTHER_FORMAT: "convert the images to PNG, depth in 16 bits (or .npy), and the names in the lists",
 }
 
 

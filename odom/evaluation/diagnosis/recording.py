@@ -9,6 +9,7 @@ from odom.evaluation.trajectory import Stamps, Trajectory
 from odom.frame import EXACT_DEPTH, Camera, RgbdFrame, corrected_depth
 
 NO_FILE, NOT_DEPTH, OTHER_FORMAT = "no such file", "not 16-bit grey", "of a format that is not read"
+NOT_METRES = "numbers with a point that are no metres"
 """Why an image could not be used, where a source knows more than a decoder's words."""
 
 

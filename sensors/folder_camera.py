@@ -39,6 +39,8 @@ def folder_camera(path: Path, layout: FolderLayout, given: Path | None) -> tuple
         calibration = Calibration(layout.camera, depth_scale)
     else:
         calibration = assumed_calibration(path, first_size(path, layout.color), depth_scale)
+    if file is None and (calibration.is_assumed or layout.camera is not None):
+        tell_unlikely_unit(path, layout, None)
     return calibration, _registration(path, layout, calibration.camera)
 
 

@@ -585,3 +585,40 @@ def test_published_cameras_are_known_by_the_folders_name(name: str, fx: float) -
     assert camera is not None
     assert camera.fx == fx
     assert tum_camera(Path(name), (320, 240)) is None
+
+
+@pytest.mark.parametrize("with_intrinsics", [True, False])
+@pytest.mark.parametrize(("distance_m", "is_told"), [(1.5, True), (0.8, False)])
+def test_a_pair_of_folders_in_tums_units_is_told_what_to_write_where(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, with_intrinsics: bool, distance_m: float, is_told: bool
+) -> None:
+    """A first image may be black. By the line that is named, depth is right and nothing is told."""
+    open3d(tmp_path)
+    if not with_intrinsics:
+        (tmp_path / "intrinsic.json").unlink()
+    for i, file in enumerate(sorted((tmp_path / "depth").iterdir())):
+        cv2.imwrite(str(file), np.full(SIZE[::-1], 5000 * distance_m if i else 0, dtype=np.uint16))
+
+    def told() -> list[str]:
+        caplog.clear()
+        open_source(str(tmp_path), SourceOptions(topics=TOPICS))
+        return [record.getMessage() for record in caplog.records if "says no depth_scale" in record.getMessage()]
+
+    assert len(told()) == is_told
+    for said in told():
+        assert "1000 units a metre are taken (millimetres), by which half of the depth images is beyond 7.50 m" in said
+        assert f"write a file {tmp_path / 'camera.yaml'} with the line depth_scale: 5000" in said
+    (tmp_path / "camera.yaml").write_text("depth_scale: 5000\n")
+    assert told() == []
+
+
+def test_depth_that_is_published_is_not_doubted(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    folder = tmp_path / "rgbd_dataset_freiburg1_hall"
+    folder.mkdir()
+    eth3d(folder)
+    (folder / "calibration.txt").unlink()
+    for i in range(FRAMES):
+        cv2.imwrite(str(folder / "depth" / f"{i}.png"), np.full((480, 640), 45000, dtype=np.uint16))
+        cv2.imwrite(str(folder / "rgb" / f"{i}.png"), color(i, (640, 480)))
+    open_source(str(folder), SourceOptions(topics=TOPICS))
+    assert "unlikely" not in caplog.text

@@ -367,14 +367,23 @@ def test_any_other_folder_without_calibration_gets_a_kinects_and_a_warning(
     assert all(remedy in caplog.text for remedy in ("camera.yaml", "--camera", "no calibration"))
 
 
-@pytest.mark.parametrize(("value", "is_told"), [(1000, True), (5000, False), (0, False), (60_000, True)])
+@pytest.mark.parametrize(
+    ("value", "remedy"),
+    [
+        (1000, "add to it the line depth_scale: 1000"),
+        (5000, ""),
+        (0, ""),
+        (60_000, "how many units of depth are a metre"),
+    ],
+)
 def test_a_calibration_without_depth_scale_is_told_where_depth_is_unlikely(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, value: int, is_told: bool
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, value: int, remedy: str
 ) -> None:
     folder = write_folder(tmp_path / "tum")
-    cv2.imwrite(str(folder / "depth" / "0.png"), np.full((24, 32), value, dtype=np.uint16))
+    for file in (folder / "depth").iterdir():
+        cv2.imwrite(str(file), np.full((24, 32), value, dtype=np.uint16))
     list(open_source(str(folder), SourceOptions()).messages())
-    assert ["depth_scale: 1000" in record.getMessage() for record in caplog.records] == [True] * is_told
+    assert [remedy in record.getMessage() for record in caplog.records] == [True] * bool(remedy)
     caplog.clear()
     (folder / "camera.yaml").write_text(CAMERA + "depth_scale: 5000\n")
     open_source(str(folder), SourceOptions())

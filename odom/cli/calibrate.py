@@ -53,6 +53,7 @@ def calibrate(
     from odom.wire import Topics
     from sensors.catalogue import check_source, open_source
     from sensors.folder_camera import depth_images_of
+    from sensors.needed_images import NeededImages
     from sensors.source import SourceOptions
 
     if out.suffix not in (".yaml", ".yml"):
@@ -74,7 +75,9 @@ def calibrate(
             stack.close()
             return stack.enter_context(counting(what, None))
 
-        opened = [lambda source=source: open_source(source, chosen) for source in sources]
+        opened = [
+            lambda source=source: NeededImages(source, open_source(source, chosen), Topics()) for source in sources
+        ]
         outcome = calibrate_recordings(opened, Topics(), settings, begin, stop.is_set)
     text = remarks(outcome, sources)
     for line in text:

@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
+from odom.cli.calibrate import calibrate
+from odom.errors import SourceError
 from odom.evaluation.diagnosis.recording import NOT_DEPTH, NOT_METRES, OTHER_FORMAT
 from odom.wire import Topics
 from odom.wire.codec import decode_depth
@@ -151,6 +153,21 @@ def test_depth_of_a_format_that_is_not_read_is_told_and_no_reason_to_call_the_fo
     source = open_tum(tmp_path, SourceOptions(topics=TOPICS))
     assert list(source.messages())
     assert source.refused == {("depth", OTHER_FORMAT): FRAMES}
+
+
+@pytest.mark.parametrize(("stream", "folder"), [("colour", "rgb"), ("depth", "depth")])
+def test_a_calibration_ends_with_the_reason_where_no_image_can_be_used(
+    tmp_path: Path, stream: str, folder: str
+) -> None:
+    """It asked for a calibration file, whatever was wrong with the images."""
+    write(tmp_path, "depth/{}.png", lambda i: millimetres(i).astype(np.uint16))
+    for name in ("rgb", "depth"):
+        (tmp_path / f"{name}.txt").write_text("".join(f"{i / 30:.6f} {name}/{i}.png\n" for i in range(FRAMES)))
+    for file in (tmp_path / folder).iterdir():
+        file.unlink()
+    said = rf"none of its {stream} images can be used, 3 of them: no such file; the list names files that are not there"
+    with pytest.raises(SourceError, match=said):
+        calibrate([str(tmp_path)], out=tmp_path / "camera-found.yaml")
 
 
 def test_colour_in_numpys_files_is_of_a_format_that_is_not_read(tmp_path: Path) -> None:

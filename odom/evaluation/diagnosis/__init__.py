@@ -7,8 +7,19 @@ a larger one misses faults, unless the limit says otherwise.
 
 from odom.evaluation.diagnosis.examine import examine
 from odom.evaluation.diagnosis.finding import Finding, Verdict
+from odom.evaluation.diagnosis.form import advice_on_refused
 from odom.evaluation.diagnosis.recording import NO_FILE, NOT_DEPTH, Recording
 from odom.evaluation.diagnosis.tracking import judge_tracking
 from odom.evaluation.diagnosis.z_levels import judge_levels
 
-__all__ = ["NOT_DEPTH", "NO_FILE", "Finding", "Recording", "Verdict", "examine", "judge_levels", "judge_tracking"]
+__all__ = [
+    "NOT_DEPTH",
+    "NO_FILE",
+    "Finding",
+    "Recording",
+    "Verdict",
+    "advice_on_refused",
+    "examine",
+    "judge_levels",
+    "judge_tracking",
+]

@@ -52,10 +52,14 @@ def judge_refused(recording: Recording) -> list[Finding]:
     found = []
     for (stream, why), count in recording.refused.items():
         if count > _REFUSED_SHARE * max(count, came.get(stream, 0)):
-            advice = _ADVICE.get(why, "the images are damaged or of a kind that is not read: make them again")
             value = f"{count} cannot be used: {why}"
-            found.append(Finding(f"{stream} images", value, Verdict.BAD, advice))
+            found.append(Finding(f"{stream} images", value, Verdict.BAD, advice_on_refused(why)))
     return found
+
+
+def advice_on_refused(why: str) -> str:
+    """Return what to do about images that cannot be used for this reason, as a source says it."""
+    return _ADVICE.get(why, "the images are damaged or of a kind that is not read: make them again")
 
 
 def judge_change(frames: Sequence[RgbdFrame]) -> list[Finding]:

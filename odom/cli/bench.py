@@ -102,10 +102,10 @@ def sensitivity(
     from rich.console import Console
     from rich.table import Table
 
+    from odom.bench.sensitivity_bench import Runs, measure_sensitivity
     from odom.errors import ConfigError
     from odom.evaluation.sensitivity import COLUMNS, as_json, cells, changes, markdown, tuned_numbers
     from odom.service.progress import counting
-    from odom.service.sensitivity_bench import Runs, measure_sensitivity
 
     stop = signals.stop_event()
     numbers = tuned_numbers(only)

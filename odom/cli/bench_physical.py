@@ -11,7 +11,7 @@ from odom.cli.options import Calibration, Config
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from odom.service.physical_bench import Experiment
+    from odom.bench.physical_bench import Experiment
 
 
 def physical(
@@ -39,8 +39,8 @@ def physical(
 
     from rich.console import Console
 
-    from odom.service.physical_bench import check_source, run_experiment
-    from odom.service.physical_run import Task
+    from odom.bench.physical_bench import check_source, run_experiment
+    from odom.bench.physical_run import Task
     from odom.service.progress import counting
 
     stop = signals.stop_event()

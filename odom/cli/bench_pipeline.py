@@ -13,8 +13,8 @@ from odom.cli.options import Calibration, Config, End, Seconds, Seed, SourceName
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from odom.bench.pipeline_bench import PipelineCost
     from odom.evaluation.paired_costs import CostChange
-    from odom.service.pipeline_bench import PipelineCost
 
 
 def pipeline(
@@ -46,8 +46,8 @@ def pipeline(
 
     from rich.console import Console
 
-    from odom.service.pipeline_bench import measure_pipeline
-    from odom.service.pipeline_comparison import compared, read_cost
+    from odom.bench.pipeline_bench import measure_pipeline
+    from odom.bench.pipeline_comparison import compared, read_cost
     from odom.service.progress import counting
     from odom.service.settings import load_settings
     from odom.service.startup import warm_up
@@ -75,7 +75,7 @@ def _print_stages(console: "Console", source: str, cost: "PipelineCost") -> None
     """Print the cost of each stage, and below it what all of them cost together."""
     from rich.table import Table
 
-    from odom.service.pipeline_bench import ODOMETRY
+    from odom.bench.pipeline_bench import ODOMETRY
 
     shown = Table(title=f"{source}: {cost.frames} frames, wall ms a frame", title_justify="left")
     for name in ("stage", "mean", "p50", "p95", "p99"):

@@ -33,10 +33,10 @@ def robustness(
     from rich.console import Console
     from rich.table import Table
 
+    from odom.bench.robustness_bench import check_source, chosen_axes, measure_robustness
+    from odom.bench.robustness_run import Task
     from odom.evaluation.robustness.outcomes import COLUMNS, as_json, markdown, rows, short_markdown
     from odom.service.progress import counting
-    from odom.service.robustness_bench import check_source, chosen_axes, measure_robustness
-    from odom.service.robustness_run import Task
 
     stop = signals.stop_event()
     axes = chosen_axes(axis or ())

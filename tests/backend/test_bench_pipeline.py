@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from painted_room import SMALL, PaintedRoom, stroll
 
+from odom.bench.pipeline_comparison import compared, read_cost
 from odom.errors import ConfigError
-from odom.service.pipeline_comparison import compared, read_cost
 
 STAGES = ["decode", "images", "predict", "track", "odometry", "total"]
 CAMERA_YAML = """

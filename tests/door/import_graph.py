@@ -29,6 +29,7 @@ ORDER = (
     "sensors",
     "odom.viewer",
     "odom.service",
+    "odom.bench",
     "odom.rgbd_recording",
     "odom",
     "odom.export",

@@ -8,6 +8,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from odom.bench import robustness_bench
+from odom.bench.bench_child import ChildResult
+from odom.bench.robustness_bench import chosen_axes, measure_robustness
+from odom.bench.robustness_run import Task, run
 from odom.cli import app
 from odom.errors import ConfigError, OdomError
 from odom.evaluation.robustness import timing
@@ -16,11 +20,8 @@ from odom.evaluation.robustness.outcomes import COLUMNS, Outcomes, as_json, by_a
 from odom.evaluation.robustness.spoiler import UNSPOILT, Spoiler
 from odom.evaluation.robustness.verdict import Verdict
 from odom.geometry import se3
-from odom.service import replayed, robustness_bench
-from odom.service.bench_child import ChildResult
+from odom.service import replayed
 from odom.service.replayed import frames_of
-from odom.service.robustness_bench import chosen_axes, measure_robustness
-from odom.service.robustness_run import Task, run
 from sensors.catalogue import open_source
 from sensors.source import SourceOptions
 

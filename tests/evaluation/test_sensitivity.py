@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from odom.bench.sensitivity_bench import Runs, measure_sensitivity
 from odom.cli import app
 from odom.evaluation.sensitivity import (
     Level,
@@ -23,7 +24,6 @@ from odom.evaluation.sensitivity import (
     tuned_numbers,
 )
 from odom.geometry.tuning import tuned
-from odom.service.sensitivity_bench import Runs, measure_sensitivity
 
 ARENA = str(Path(__file__).parents[2] / "recordings" / "arena.mcap")
 
@@ -125,7 +125,7 @@ def test_every_number_of_the_algorithms_can_be_changed_from_outside() -> None:
     """In one process that changes all of them at once: a name that does not reach its package is refused."""
     doubled = {number.key: changes(number)[Level.DOUBLE] for number in tuned_numbers() if changes(number)}
     assert len(doubled) > 100
-    program = "import json, sys, odom.service.sensitivity_run as run; run.put_in_place(json.load(sys.stdin))"
+    program = "import json, sys, odom.bench.sensitivity_run as run; run.put_in_place(json.load(sys.stdin))"
     command = [sys.executable, "-c", program]
     run = subprocess.run(command, input=json.dumps(doubled), capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr

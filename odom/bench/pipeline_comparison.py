@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
+from odom.bench.pipeline_bench import PipelineCost
 from odom.errors import ConfigError
 from odom.evaluation.paired_costs import BLOCK_FRAMES, FEWEST_BLOCKS, CostChange, cost_change
-from odom.service.pipeline_bench import PipelineCost
 
 
 def read_cost(path: Path) -> PipelineCost:

@@ -8,13 +8,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from odom.bench.bench_child import run_child
+from odom.bench.physical_run import Part, Task
+from odom.bench.physical_walk import check_length
 from odom.errors import OdomError
 from odom.evaluation.physical.judging import Outcome
 from odom.evaluation.physical.table import PAPER_MM, Row, rows
 from odom.evaluation.physical.wrong_pairs import Match, Spoilt, matches
-from odom.service.bench_child import run_child
-from odom.service.physical_run import Part, Task
-from odom.service.physical_walk import check_length
 from sensors.arena.options import ArenaOptions
 from sensors.catalogue import open_source
 from sensors.source import SourceOptions
@@ -85,7 +85,7 @@ def run_experiment(
 
     with ThreadPoolExecutor(jobs) as pool:
         tasks = [{**asdict(task), "sensor": name} for name in sensors]
-        children = list(pool.map(lambda each: run_child("odom.service.physical_run", each, None, look), tasks))
+        children = list(pool.map(lambda each: run_child("odom.bench.physical_run", each, None, look), tasks))
     if stopped():
         raise OdomError("interrupted: nothing was measured")
     parts = {}

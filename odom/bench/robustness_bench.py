@@ -1,6 +1,6 @@
 """The runs behind `odom bench robustness`: each level of an axis in a process of its own.
 
-What a process does is in `odom.service.robustness_run`.
+What a process does is in `odom.bench.robustness_run`.
 """
 
 import os
@@ -11,12 +11,12 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, replace
 from pathlib import Path
 
+from odom.bench.bench_child import patience_s, run_child
+from odom.bench.robustness_run import Task
 from odom.errors import ConfigError, OdomError
 from odom.evaluation.robustness.axes import AXES, Axis
 from odom.evaluation.robustness.outcomes import Outcomes, by_axis
 from odom.evaluation.robustness.verdict import Verdict
-from odom.service.bench_child import patience_s, run_child
-from odom.service.robustness_run import Task
 from sensors.catalogue import open_source
 from sensors.source import SourceOptions
 
@@ -80,5 +80,5 @@ def _cpu_s() -> float:
 def _verdict(task: Task, limit_s: float | None, stopped: Callable[[], bool]) -> Verdict:
     if stopped():
         return Verdict(error="stopped")
-    child = run_child("odom.service.robustness_run", asdict(task), limit_s, stopped)
+    child = run_child("odom.bench.robustness_run", asdict(task), limit_s, stopped)
     return Verdict(**child.values[0]) if child.values else Verdict(error=child.why)

@@ -1,7 +1,7 @@
 """The runs behind `odom bench sensitivity`: each value of a tuned number in a process of its own.
 
 A package reads its tuned numbers when it is first imported, so a changed one needs a fresh process; what it does is in
-`odom.service.sensitivity_run`.
+`odom.bench.sensitivity_run`.
 """
 
 import time
@@ -9,9 +9,9 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 
+from odom.bench.bench_child import patience_s, run_child
 from odom.errors import OdomError
 from odom.evaluation.sensitivity import Level, Outcome, Sensitivity, TunedNumber, by_effect, changes
-from odom.service.bench_child import patience_s, run_child
 
 
 @dataclass(frozen=True)
@@ -70,6 +70,6 @@ def _outcomes(
     if stopped():
         return {}
     task = {"runs": asdict(runs), "overrides": overrides}
-    child = run_child("odom.service.sensitivity_run", task, limit_s, stopped)
+    child = run_child("odom.bench.sensitivity_run", task, limit_s, stopped)
     found = {source: Outcome(**outcome) for source, outcome in child.values}
     return {source: found.get(source, Outcome(error=child.why)) for source in runs.sources}

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from odom.bench.physical_walk import Walk, walk
 from odom.errors import OdomError, RecordingError
 from odom.evaluation.mocap_calibration import calibrate
 from odom.evaluation.paper.benchmark import ESTIMATORS
@@ -25,7 +26,6 @@ from odom.evaluation.trajectory import Trajectory
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 from odom.registration import Pairs, warm_up
-from odom.service.physical_walk import Walk, walk
 from odom.service.settings import load_settings
 from sensors.catalogue import open_source
 from sensors.source import SourceOptions

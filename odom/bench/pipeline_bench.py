@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.backend import Odometry, OdometrySettings
+from odom.bench.corner_following import CornerFollowing
 from odom.errors import SourceError
-from odom.service.corner_following import CornerFollowing
 from odom.wire import Topics
 from odom.wire.assembler import FrameAssembler
 from sensors.source import Source

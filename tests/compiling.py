@@ -12,9 +12,9 @@ from odom.backend import OdometrySettings
 from odom.service.startup import warm_up
 from odom.wire import Topics
 
-calibrates = warm_up(OdometrySettings(), Topics())
-own, is_all = time.process_time(), calibrates.is_set()
-calibrates.wait()
+calibration_ready = warm_up(OdometrySettings(), Topics())
+own, is_all = time.process_time(), calibration_ready.is_set()
+calibration_ready.wait()
 others = resource.getrusage(resource.RUSAGE_CHILDREN)
 print(own, others.ru_utime + others.ru_stime, int(is_all))
 """

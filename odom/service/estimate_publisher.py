@@ -52,35 +52,35 @@ class EstimatePublisher:
         self._paths = PathTopics(topics)
         self._history = History(session, topics)
 
-    def pose(self, estimate: Estimate) -> None:
+    def publish_pose(self, estimate: Estimate) -> None:
         """Publish odom, pose and tf at once, as far as anyone takes them."""
         self._history.add(estimate)
         for message in pose_messages(self._topics, estimate, self._publisher.is_heard):
             self._publisher.put(message)
 
-    def chain(self, estimate: Estimate) -> None:
+    def publish_chain(self, estimate: Estimate) -> None:
         """Publish the chain's pose, if anyone takes it."""
         self._history.add_chain(estimate)
         message = chain_message(self._topics, estimate, self._publisher.is_heard)
         if message is not None:
             self._publisher.put(message)
 
-    def loops(self, loops: Collection[LoopCandidate]) -> None:
+    def publish_loops(self, loops: Collection[LoopCandidate]) -> None:
         """Publish the loop candidates with their verdicts."""
         for message in loop_messages(self._topics, loops):
             self._history.keep_loop(message)
             self._publisher.put(message)
 
-    def closed_chain(self, closed: ClosedChain | None) -> None:
+    def publish_closed_chain(self, closed: ClosedChain | None) -> None:
         """Publish the closed chain, if there is one."""
         if closed is not None:
             self._publisher.put(closed_chain_message(self._topics, closed))
 
-    def truth(self, body: str, pose: codec.StampedPose) -> None:
+    def remember_truth(self, body: str, pose: codec.StampedPose) -> None:
         """Remember a true pose for late viewers; its sender has published it."""
         self._history.add_truth(body, pose.stamp, pose.T_parent_child)
 
-    def pictures(self, estimate: Estimate) -> None:
+    def publish_display(self, estimate: Estimate) -> None:
         """Publish features if anyone takes them, and paths and landmarks when they have changed, not too often."""
         now = time.monotonic()
         if now >= self._features_due and self._publisher.is_heard(self._topics.features, cdr.POINT_CLOUD):
@@ -106,7 +106,7 @@ class EstimatePublisher:
         if was_shown or moving.mask.any():
             self._publisher.put(moving_message(self._topics, estimate.stamp, moving))
 
-    def keyframe(self, cloud: Callable[[], Message]) -> None:
+    def publish_keyframe(self, cloud: Callable[[], Message]) -> None:
         """Publish the cloud of a key frame, which is only computed if it is one of those that are shown."""
         if self._history.wants_keyframe():
             message = cloud()
@@ -127,7 +127,7 @@ class EstimatePublisher:
         """Whether the state has changed or the settings' period is over."""
         return state is not self._state or time.monotonic() >= self._status_due
 
-    def status(self, state: State | None, reason: str, values: Mapping[str, str]) -> None:
+    def publish_status(self, state: State | None, reason: str, values: Mapping[str, str]) -> None:
         """Publish the state (None: no frame yet, or none for long) with its reason and values."""
         self._state = state
         self._status_due = time.monotonic() + self._settings.status_period_s

@@ -30,9 +30,9 @@ def save_results(
     poses = odometry.finish()
     keeper.save(odometry)
     statistics.add_loops(odometry.late_loops)
-    publisher.loops(odometry.late_loops)
+    publisher.publish_loops(odometry.late_loops)
     test, closed = odometry.closing_test(), odometry.closed_chain()
-    publisher.closed_chain(closed)
+    publisher.publish_closed_chain(closed)
     own = _self_calibration(odometry, keeper)
     report = statistics.report() | closing_fields(test, closed) | calibration_fields(odometry, own) | keeper.report()
     try:

@@ -23,7 +23,7 @@ from odom.service.settings import Settings
 from odom.service.silence import state_after
 from odom.service.startup import notify_service_manager, warm_up
 from odom.service.told_changes import ToldChanges
-from odom.wire import Topics
+from odom.wire import Message, Topics
 from odom.wire.image_counts import NOT_TRACKABLE
 from odom.wire.publisher import Mirror
 from odom.wire.ros2 import join_ros2
@@ -45,10 +45,10 @@ def serve(
     """
     topics = Topics(settings.wire.namespace)
     started = time.monotonic()
-    calibrates = warm_up(settings.odometry, topics)
+    calibration_ready = warm_up(settings.odometry, topics)
     with open_session(settings.wire) as session:
         mirror = join_ros2(session, settings.wire, "odometry")
-        process = OdometryProcess(session, topics, settings, files, keeper, calibrates, mirror)
+        process = OdometryProcess(session, topics, settings, files, keeper, calibration_ready, mirror)
         session.announce(topics.alive_of("odometry"))
         notify_service_manager("READY=1")
         _LOG.info("ready after %.1f s, listening on %s", time.monotonic() - started, topics.namespace)
@@ -71,11 +71,11 @@ class OdometryProcess:
         settings: Settings,
         files: RunFiles | None,
         keeper: MapKeeper,
-        calibrates: threading.Event,
+        calibration_ready: threading.Event,
         mirror: Mirror | None = None,
     ) -> None:
         self._topics, self._settings = topics, settings
-        self._files, self._keeper, self._calibrates = files, keeper, calibrates
+        self._files, self._keeper, self._calibration_ready = files, keeper, calibration_ready
         self._publisher = EstimatePublisher(session, topics, settings.service, mirror)
         self._receiver = FrameReceiver(session, topics, settings.service.live_frames)
         self.statistics = RunStatistics()
@@ -84,7 +84,7 @@ class OdometryProcess:
         self._last_at = time.monotonic()
         self._unsaved = self._is_live = False
         self._told = ToldChanges()
-        self._anticipated_ms, self._published = 0.0, -1
+        self._anticipated_ms, self._published_sequence = 0.0, -1
         self._neighbours = Neighbours(session, topics, lambda: self._receiver.source_ended)
 
     def run(self, stop: threading.Event, until_end: bool) -> None:
@@ -118,12 +118,12 @@ class OdometryProcess:
         if isinstance(arrival, FrameArrival):
             self._process(arrival)
         elif isinstance(arrival, CameraArrival):
-            self._calibrate(arrival.camera)
+            self._begin_odometry(arrival.camera)
         elif isinstance(arrival, ColorArrival):
             self._anticipate(arrival)
         elif isinstance(arrival, TruthArrival):
             body, pose = arrival.body, arrival.pose
-            self._publisher.truth(body, pose)
+            self._publisher.remember_truth(body, pose)
             self._write(lambda files: files.append_truth(body, pose.stamp, pose.T_parent_child))
         else:
             _LOG.info("the source has ended: %s", arrival.reason)
@@ -142,11 +142,11 @@ class OdometryProcess:
                 _LOG.error("%s cannot be written (tried again; failures are counted): %s", self._files.folder, error)
             self.statistics.unwritten += 1
 
-    def _calibrate(self, camera: Camera) -> None:
+    def _begin_odometry(self, camera: Camera) -> None:
         saved = self._keeper.begin(camera, self._odometry)
         try:
             settings = self._settings.odometry
-            calibrator = calibrator_for(settings, self._keeper, self._calibrates, lambda: not self._is_live)
+            calibrator = calibrator_for(settings, self._keeper, self._calibration_ready, lambda: not self._is_live)
             self._odometry = Odometry(camera, settings, saved, calibrator=calibrator)
         except OdomError as error:
             _LOG.error("the calibration is refused, another one may follow: %s", error)
@@ -178,24 +178,24 @@ class OdometryProcess:
         processing_ms = 1e3 * (time.perf_counter() - begun) + self._anticipated_ms
         self._anticipated_ms = 0.0
         self._write(lambda files: files.append(estimate))
-        if estimate.sequence != self._published:
+        if estimate.sequence != self._published_sequence:
             self._publish_pose(estimate, origin)
-        self._publisher.chain(estimate)
-        self._publisher.loops(estimate.loops)
+        self._publisher.publish_chain(estimate)
+        self._publisher.publish_loops(estimate.loops)
         self._keeper.note(self._odometry, frame.stamp)
         self.statistics.add(estimate, frame, processing_ms)
         self._told.state(self._last, estimate)
         self._told.camera(self._odometry, estimate)
         self._last, self._last_at, self._unsaved = estimate, time.monotonic(), True
-        self._publisher.pictures(estimate)
+        self._publisher.publish_display(estimate)
         if estimate.is_keyframe:
             self._show_keyframe(arrival, estimate.moving)
         if self._publisher.status_is_due(self._state):
             self._publish_status()
 
     def _publish_pose(self, estimate: Estimate, origin: Stamp | None) -> None:
-        self._publisher.pose(estimate)
-        self._published = estimate.sequence
+        self._publisher.publish_pose(estimate)
+        self._published_sequence = estimate.sequence
         if origin is not None:
             self.statistics.latency.add((time.time_ns() - origin) * 1e-6)
 
@@ -204,8 +204,12 @@ class OdometryProcess:
         if color is None or self._odometry is None:
             return
         camera, points = self._odometry.camera, self._settings.service.keyframe_points
+
+        def cloud() -> Message:
+            return keyframe_message(self._topics, frame, camera, color, points, moving)
+
         try:
-            self._publisher.keyframe(lambda: keyframe_message(self._topics, frame, camera, color, points, moving))
+            self._publisher.publish_keyframe(cloud)
         except WireError as error:
             _LOG.warning("frame %d: no cloud of this key frame: %s", frame.sequence, error)
 
@@ -222,7 +226,7 @@ class OdometryProcess:
         values = {"state": state.value if state is not None else "WAITING", "reason": reason}
         values |= {} if last is None else status_values(last)
         values |= {} if self._odometry is None else calibration_status(self._odometry)
-        self._publisher.status(state, reason, values | self._neighbours.status() | self.statistics.status())
+        self._publisher.publish_status(state, reason, values | self._neighbours.status() | self.statistics.status())
 
     def _update_counts(self) -> None:
         counts = self.statistics

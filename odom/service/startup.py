@@ -89,19 +89,19 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> threading.Event:
         compiler.wait_until_adjusted()
     _warm_up_beside_frames()
     del odometry
-    calibrates = threading.Event()
+    calibration_ready = threading.Event()
     if compiler is None:
         _warm_up_calibration(settings.self_calibration)
-        calibrates.set()
+        calibration_ready.set()
     patience.cancel()
     gc.collect()
     gc.freeze()
     give_back_freed()
     give_back_code()
     if compiler is not None:
-        arguments = (compiler, settings.self_calibration, calibrates)
-        threading.Thread(target=_load_what_is_compiled, args=arguments, name="calibration-code", daemon=True).start()
-    return calibrates
+        arguments = (compiler, settings.self_calibration, calibration_ready)
+        threading.Thread(target=_load_calibration_code, args=arguments, name="calibration-code", daemon=True).start()
+    return calibration_ready
 
 
 class _SecondCompiler:
@@ -155,13 +155,13 @@ def _warm_up_calibration(self_calibration: bool) -> None:
         calibration.warm_up()
 
 
-def _load_what_is_compiled(compiler: _SecondCompiler, self_calibration: bool, calibrates: threading.Event) -> None:
+def _load_calibration_code(compiler: _SecondCompiler, self_calibration: bool, is_loaded: threading.Event) -> None:
     try:
         compiler.wait()
         _warm_up_calibration(self_calibration)
         give_back_code()
     finally:
-        calibrates.set()
+        is_loaded.set()
 
 
 def notify_service_manager(state: str) -> None:

@@ -32,17 +32,18 @@ def main(endpoint: str, frames: str, rate_hz: str, waits: str = "wait", keyframe
             before = time.monotonic()
             for message in batch:
                 if message.topic.startswith("truth/"):
-                    publisher.truth(options.body, codec.decode_pose(message))
+                    publisher.remember_truth(options.body, codec.decode_pose(message))
                 if message.topic.startswith("truth/") or "/color/" in message.topic or "/depth/" in message.topic:
                     sensor.put(message)
-            publisher.pose(estimate)
-            publisher.loops(estimate.loops)
-            publisher.pictures(estimate)
+            publisher.publish_pose(estimate)
+            publisher.publish_loops(estimate.loops)
+            publisher.publish_display(estimate)
             for cloud in batch:
                 if cloud.topic == topics.keyframes:
-                    publisher.keyframe(lambda cloud=cloud: cloud)
+                    publisher.publish_keyframe(lambda cloud=cloud: cloud)
             if publisher.status_is_due(State.TRACKING):
-                publisher.status(State.TRACKING, "", {"state": "TRACKING", "inliers": "150", "processing_ms": "9"})
+                values = {"state": "TRACKING", "inliers": "150", "processing_ms": "9"}
+                publisher.publish_status(State.TRACKING, "", values)
             slowest = max(slowest, time.monotonic() - before)
             if i % 30 == 0:
                 print(f"frame {i}", flush=True)

@@ -11,8 +11,8 @@ from odom.calibration.mid_run import MidRunCalibrator
 from odom.calibration.self_calibration import SelfCalibration, self_calibrated
 from odom.evaluation.report import evaluate
 from odom.frame import Camera
-from odom.service.final_results import latest_calibration
 from odom.service.replayed import frames_of
+from odom.service.run_calibration import latest_calibration
 from sensors.catalogue import open_source
 
 

@@ -18,16 +18,16 @@ CALIBRATION_FILE = "camera-calibrated.yaml"
 _LOG = logging.getLogger(__name__)
 
 
-def offer_calibration(own: "SelfCalibration", folder: Path) -> None:
+def offer_calibration(calibration: "SelfCalibration", folder: Path) -> None:
     """Write the calibration that was found beside the results; raises OSError."""
     from odom.calibration.description import numbers
 
-    if own.found is None:
+    if (found := calibration.found) is None:
         return
-    story = [f"found by odom run: the calibration given was off by {own.off_px:.1f} px", *numbers(own.found)]
+    story = [f"found by odom run: the calibration given was off by {calibration.off_px:.1f} px", *numbers(found)]
     path = folder / CALIBRATION_FILE
-    path.write_text(calibration_text(Calibration(own.found.camera), story), encoding="utf-8")
-    _LOG.info("the calibration given is off by %.1f px: trajectory.txt is adjusted by %s", own.off_px, path)
+    path.write_text(calibration_text(Calibration(found.camera), story), encoding="utf-8")
+    _LOG.info("the calibration given is off by %.1f px: trajectory.txt is adjusted by %s", calibration.off_px, path)
 
 
 def keep_depth_images(folder: Path, source: str, camera: Path | None) -> None:

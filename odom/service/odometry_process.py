@@ -4,26 +4,27 @@ import logging
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 
 from odom.backend import Estimate, Odometry, State
 from odom.errors import OdomError, WireError
 from odom.frame import Camera, Stamp
 from odom.frontend.matching.moving_surfaces import MovingCells
 from odom.service.arrival_queue import Arrival, CameraArrival, ColorArrival, EndArrival, FrameArrival, TruthArrival
-from odom.service.calibration_fields import calibration_status
+from odom.service.change_log import ChangeLog
 from odom.service.estimate_messages import keyframe_message, status_values
 from odom.service.estimate_publisher import EstimatePublisher
-from odom.service.final_results import calibrator_for, save_results
+from odom.service.final_results import save_results
 from odom.service.frame_receiver import FrameReceiver
 from odom.service.map_keeper import MapKeeper
 from odom.service.neighbours import Neighbours
 from odom.service.result_files import RunFiles
+from odom.service.run_calibration import calibration_status, calibrator_for
 from odom.service.run_statistics import RunStatistics
 from odom.service.settings import Settings
 from odom.service.silence import state_after
 from odom.service.startup import notify_service_manager, warm_up
-from odom.service.told_changes import ToldChanges
-from odom.wire import Message, Topics
+from odom.wire import Topics
 from odom.wire.image_counts import NOT_TRACKABLE
 from odom.wire.publisher import Mirror
 from odom.wire.ros2 import join_ros2
@@ -83,7 +84,7 @@ class OdometryProcess:
         self._last: Estimate | None = None
         self._last_at = time.monotonic()
         self._unsaved = self._is_live = False
-        self._told = ToldChanges()
+        self._change_log = ChangeLog()
         self._anticipated_ms, self._published_sequence = 0.0, -1
         self._neighbours = Neighbours(session, topics, lambda: self._receiver.source_ended)
 
@@ -146,7 +147,8 @@ class OdometryProcess:
         saved = self._keeper.begin(camera, self._odometry)
         try:
             settings = self._settings.odometry
-            calibrator = calibrator_for(settings, self._keeper, self._calibration_ready, lambda: not self._is_live)
+            ready, has_map = self._calibration_ready, self._keeper.has_map
+            calibrator = calibrator_for(settings, has_map, ready, lambda: not self._is_live)
             self._odometry = Odometry(camera, settings, saved, calibrator=calibrator)
         except OdomError as error:
             _LOG.error("the calibration is refused, another one may follow: %s", error)
@@ -184,8 +186,7 @@ class OdometryProcess:
         self._publisher.publish_loops(estimate.loops)
         self._keeper.note(self._odometry, frame.stamp)
         self.statistics.add(estimate, frame, processing_ms)
-        self._told.state(self._last, estimate)
-        self._told.camera(self._odometry, estimate)
+        self._change_log.note(self._odometry, self._last, estimate)
         self._last, self._last_at, self._unsaved = estimate, time.monotonic(), True
         self._publisher.publish_display(estimate)
         if estimate.is_keyframe:
@@ -204,10 +205,7 @@ class OdometryProcess:
         if color is None or self._odometry is None:
             return
         camera, points = self._odometry.camera, self._settings.service.keyframe_points
-
-        def cloud() -> Message:
-            return keyframe_message(self._topics, frame, camera, color, points, moving)
-
+        cloud = partial(keyframe_message, self._topics, frame, camera, color, points, moving)
         try:
             self._publisher.publish_keyframe(cloud)
         except WireError as error:

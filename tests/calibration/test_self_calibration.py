@@ -15,8 +15,8 @@ from odom.calibration.parameters import NAMES
 from odom.calibration.pixel_error import significant_error_px
 from odom.calibration.self_calibration import self_calibrated
 from odom.evaluation.files import read_tum
-from odom.service.calibration_fields import calibration_fields
 from odom.service.calibration_offer import offer_calibration
+from odom.service.run_calibration import calibration_fields
 from sensors.default_camera import kinect_camera
 from tests.calibration.made_up_walk import SHEET, made_up_survey, spoilt
 from tests.ran_here import ate_m, run_here

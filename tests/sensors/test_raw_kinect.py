@@ -13,7 +13,7 @@ import pytest
 
 from odom import read_recording
 from odom.frame import Camera
-from odom.service.calibration_fields import calibration_fields
+from odom.service.run_calibration import calibration_fields
 from sensors.calibration_file import load_calibration
 from sensors.depth_registration import DepthRegistration
 from tests.ran_here import ate_m, run_here

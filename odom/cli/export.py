@@ -1,8 +1,7 @@
 """`odom export RUN_OR_MCAP... --to FORMAT`: results in the formats of other tools."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -12,6 +11,7 @@ if TYPE_CHECKING:
     import threading
 
     from odom.export.writing import ExportOptions
+    from odom.rgbd_recording import RgbdRecording
 
 Format = Literal["colmap", "nerfstudio", "ply", "mesh", "g2o", "kitti", "euroc", "tum"]
 _TRAJECTORIES = ("kitti", "euroc", "tum")
@@ -72,7 +72,7 @@ def export(
             write_trajectory(folder, to, read_run(source).longest_segment())
         else:
             recording = read_recording(source, camera, start=start, end=end)
-            _export_recording(recording, to, folder, wanted, (config, stop))
+            _export_recording(recording, to, folder, wanted, config, stop)
         ended = " (of what was read until the interruption)" if stop.is_set() else ""
         typer.echo(f"{source}: {to} in {folder}{ended}")
         if stop.is_set():
@@ -80,19 +80,23 @@ def export(
 
 
 def _export_recording(
-    recording: Any, to: str, folder: Path, wanted: "ExportOptions", run: "tuple[Path | None, threading.Event]"
+    recording: "RgbdRecording",
+    to: Format,
+    folder: Path,
+    wanted: "ExportOptions",
+    config: Path | None,
+    stop: "threading.Event",
 ) -> None:
-    """Run the odometry over a recording and write what is wanted; `run` are the settings' file and the stop event."""
+    """Run the odometry over a recording and write what is wanted."""
     import cv2
 
     from odom.backend.settings import OdometrySettings
-    from odom.export import writing
     from odom.export.views import survey
+    from odom.export.writing import Exporter, write_trajectory
     from odom.service.progress import counting
     from odom.service.settings_sources import part_settings
 
     cv2.setNumThreads(1)
-    config, stop = run
     settings = part_settings("odometry", OdometrySettings, config, {})
     with counting("odometry", None) as progress:
         surveyed = survey(recording, settings, progress, stop.is_set)
@@ -100,16 +104,15 @@ def _export_recording(
     typer.echo(f"{len(surveyed.stamps)} frames, {len(scene.keyframes)} key frames, {len(scene.points)} landmarks")
     folder.mkdir(parents=True, exist_ok=True)
     if to in _TRAJECTORIES:
-        writing.write_trajectory(folder, to, scene.trajectory)
+        write_trajectory(folder, to, scene.trajectory)
         return
     with counting(to, len(scene.keyframes), unit="key frames") as progress:
-        if to == "mesh":
-            writing.write_mesh(folder, surveyed, recording, wanted, progress, typer.echo)
-            return
-        writers: dict[str, Callable[..., None]] = {
-            "colmap": writing.write_colmap,
-            "nerfstudio": writing.write_nerfstudio,
-            "ply": writing.write_ply,
-            "g2o": writing.write_g2o,
+        exporter = Exporter(folder, surveyed, recording, wanted, progress, typer.echo)
+        writers = {
+            "colmap": exporter.write_colmap,
+            "nerfstudio": exporter.write_nerfstudio,
+            "ply": exporter.write_ply,
+            "mesh": exporter.write_mesh,
+            "g2o": exporter.write_g2o,
         }
-        writers[to](folder, surveyed, recording, wanted, progress)
+        writers[to]()

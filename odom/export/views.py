@@ -96,15 +96,14 @@ def views(survey: Survey, recording: RgbdRecording, neighbours: int = 0, unroll:
         ready = [stamp for stamp in waiting if stamp in held and chosen[stamp] in held]
         for stamp in ready:
             keyframe = waiting.pop(stamp)
-            yield _view((scene, recording.camera), keyframe, held[stamp], held[chosen[stamp]], rectifier)
+            yield _view(scene, recording.camera, keyframe, held[stamp], held[chosen[stamp]], rectifier)
         still = {one for stamp in waiting for one in (stamp, chosen[stamp])}
         held = {stamp: kept for stamp, kept in held.items() if stamp in still}
 
 
 def _view(
-    seen: tuple[Scene, Camera], keyframe: SceneKeyframe, own: RgbdFrame, best: RgbdFrame, rectifier: Rectifier
+    scene: Scene, camera: Camera, keyframe: SceneKeyframe, own: RgbdFrame, best: RgbdFrame, rectifier: Rectifier
 ) -> View:
-    scene, camera = seen
     uv, landmarks = keyframe.uv, keyframe.landmarks
     T = keyframe.T_map_camera if own is best else scene.pose_of_color(best.stamp)
     if own is not best:

@@ -12,10 +12,9 @@ import pytest
 
 from odom.backend import OdometrySettings
 from odom.evaluation.alignment import align
-from odom.export import writing
 from odom.export.rectify import pinhole_of
 from odom.export.views import survey
-from odom.export.writing import ExportOptions
+from odom.export.writing import Exporter, ExportOptions
 from odom.geometry import se3
 from odom.rgbd_recording import read_recording
 
@@ -75,7 +74,7 @@ def test_the_arenas_mesh_lies_on_its_surfaces(tmp_path):
 
     recording = read_recording(RECORDING)
     found = surveyed(recording)
-    writing.write_mesh(tmp_path, found, recording, ExportOptions(), lambda done: None, print)
+    Exporter(tmp_path, found, recording, ExportOptions(), say=print).write_mesh()
     trajectory, options = found.scene.trajectory, ArenaOptions(seed=1)
     walk = make_walk(options)
     true = np.array([walk.T_world_camera((stamp - options.start) * 1e-9)[:3, 3] for stamp in trajectory.stamps])
@@ -96,7 +95,7 @@ def test_colmap_finds_the_desks_landmarks_where_they_were_seen(tmp_path, shared_
     for unroll in (False, True):
         folder = tmp_path / f"unroll-{unroll}"
         folder.mkdir()
-        writing.write_colmap(folder, found, recording, ExportOptions(unroll=unroll), lambda done: None)
+        Exporter(folder, found, recording, ExportOptions(unroll=unroll)).write_colmap()
         read = pycolmap.Reconstruction(folder / "sparse" / "0")
         read.update_point_3d_errors()
         error_px = read.compute_mean_reprojection_error()

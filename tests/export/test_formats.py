@@ -12,7 +12,7 @@ from room_survey import ROOM, RoomRecording, exact_survey, seen
 
 from odom.evaluation.files import read_kitti
 from odom.export import writing
-from odom.export.writing import ExportOptions
+from odom.export.writing import Exporter, ExportOptions
 from odom.geometry import se3
 
 OPTIONS = ExportOptions(neighbours=0, voxel_m=0.02)
@@ -26,7 +26,7 @@ def survey():
 def written(tmp_path, write, survey, options=OPTIONS):
     folder = tmp_path / "out"
     folder.mkdir()
-    write(folder, survey, RoomRecording(), options, lambda done: None)
+    write(Exporter(folder, survey, RoomRecording(), options))
     return folder
 
 
@@ -52,7 +52,7 @@ def test_a_trajectory_without_poses_is_a_file_without_poses(tmp_path, survey, fo
 
 
 def test_gtsam_reads_the_graph(tmp_path, survey):
-    graph, values = gtsam.readG2o(str(written(tmp_path, writing.write_g2o, survey) / "graph.g2o"), True)
+    graph, values = gtsam.readG2o(str(written(tmp_path, Exporter.write_g2o, survey) / "graph.g2o"), True)
     scene = survey.scene
     for number, keyframe in enumerate(scene.keyframes):
         assert np.allclose(values.atPose3(number).matrix(), keyframe.T_map_camera, atol=1e-7)
@@ -67,7 +67,7 @@ def test_gtsam_reads_the_graph(tmp_path, survey):
 @pytest.mark.parametrize("model", ["0", "text"])
 def test_colmap_reads_the_model(tmp_path, survey, model):
     pycolmap = pytest.importorskip("pycolmap", reason="pip install pycolmap")
-    folder = written(tmp_path, writing.write_colmap, survey)
+    folder = written(tmp_path, Exporter.write_colmap, survey)
     read = pycolmap.Reconstruction(folder / "sparse" / model)
     scene = survey.scene
     assert read.num_images() == len(scene.keyframes) == len(list((folder / "images").iterdir()))
@@ -99,7 +99,7 @@ def test_observations_that_do_not_fit_are_in_no_track(tmp_path, survey):
 
 
 def test_a_pixel_of_one_nerfstudio_image_is_found_in_another_by_depth_and_poses(tmp_path, survey):
-    folder = written(tmp_path, writing.write_nerfstudio, survey)
+    folder = written(tmp_path, Exporter.write_nerfstudio, survey)
     content = json.loads((folder / "transforms.json").read_text())
     assert {content[name] for name in ("k1", "k2", "p1", "p2", "k3")} == {0.0}
     one, other = (content["frames"][k] for k in (1, 3))
@@ -123,7 +123,7 @@ def test_a_pixel_of_one_nerfstudio_image_is_found_in_another_by_depth_and_poses(
 
 def test_a_ply_reader_finds_the_walls_where_they_are(tmp_path, survey):
     plyfile = pytest.importorskip("plyfile", reason="pip install plyfile")
-    vertices = plyfile.PlyData.read(written(tmp_path, writing.write_ply, survey) / "points.ply")["vertex"]
+    vertices = plyfile.PlyData.read(written(tmp_path, Exporter.write_ply, survey) / "points.ply")["vertex"]
     points = np.column_stack([vertices[axis] for axis in "xyz"])
     assert len(points) > 10_000
     assert np.abs(np.abs(points) - ROOM.half_size).min(axis=1).max() < 0.01
@@ -137,7 +137,7 @@ def test_the_mesh_lies_on_the_walls(tmp_path, survey):
     folder, said = tmp_path / "out", []
     folder.mkdir()
     options = ExportOptions(voxel_m=0.02, memory_mb=400)
-    writing.write_mesh(folder, survey, RoomRecording(), options, lambda done: None, said.append)
+    Exporter(folder, survey, RoomRecording(), options, say=said.append).write_mesh()
     assert "blocks of voxels" in said[0]
     for name in ("mesh.ply", "mesh.glb"):
         mesh = open3d.io.read_triangle_mesh(str(folder / name))
@@ -155,7 +155,7 @@ def test_a_mesh_that_is_too_large_is_refused_before_it_is_made(tmp_path, survey)
 
     options = ExportOptions(voxel_m=0.005, memory_mb=50)
     with pytest.raises(ConfigError, match="--voxel"):
-        writing.write_mesh(tmp_path, survey, RoomRecording(), options, lambda done: None, lambda words: None)
+        Exporter(tmp_path, survey, RoomRecording(), options).write_mesh()
     assert not list(tmp_path.iterdir())
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from odom.errors import RecordingError, SourceError
 from odom.evaluation.files import read_tum
 from odom.evaluation.trajectory import Trajectory
-from odom.frame import Camera, RgbdFrame
+from odom.frame import Camera, RgbdFrame, Stamp
 from odom.wire import Topics, truth_body
 from odom.wire.assembler import FrameAssembler
 from odom.wire.codec import decode_pose
@@ -58,14 +58,11 @@ class RgbdRecording:
             return {_CAMERA_TRUTH: Trajectory(np.array([entry.stamp for entry in entries]), T)} if entries else {}
         reader = open_reader(self.path)
         topics = {stream.topic for stream in reader.streams() if truth_body(stream.topic)}
-        poses: dict[str, dict[int, np.ndarray]] = {}
+        poses: dict[str, dict[Stamp, np.ndarray]] = {}
         for message in reader.messages(topics):
             pose = decode_pose(message)
             poses.setdefault(truth_body(message.topic) or "", {})[pose.stamp] = pose.T_parent_child
-        return {
-            body: Trajectory(np.array(sorted(found)), np.array([found[stamp] for stamp in sorted(found)]))
-            for body, found in poses.items()
-        }
+        return {body: Trajectory.by_stamp(found) for body, found in poses.items()}
 
 
 def read_recording(

@@ -1,6 +1,6 @@
 """The walk of the physical experiment: a source run through the odometry, its key poses kept on the way."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,16 +9,15 @@ from odom.backend import Odometry, OdometrySettings
 from odom.errors import ConfigError, RecordingError
 from odom.evaluation.physical.front_ends import Look
 from odom.evaluation.trajectory import Trajectory
-from odom.frame import Camera, RgbdFrame
+from odom.frame import RgbdFrame
 from odom.frontend.features.corners import detect_corners
 from odom.frontend.features.images import FrameImages
 from odom.frontend.features.view import View
 from odom.frontend.matching.optical_flow import follow_features
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Image
-from odom.wire import Topics, truth_body
-from odom.wire.assembler import FrameAssembler
-from odom.wire.codec import decode_pose
+from odom.service.replayed import TruePoses, frames_of, noting_truth
+from odom.wire import Topics
 from sensors.source import Source
 
 APART_NS = 250_000_000
@@ -72,9 +71,9 @@ def walk(
         frames = check_length("the source", source.length if source.lossless else None, pairs)
         keeper = _Keeper(pairs, frames)
         odometry: Odometry | None = None
-        truth: dict[str, dict[int, Array]] = {}
+        truth: TruePoses = {}
         poses: dict[int, Array] = {}
-        for frame, camera in _frames(source, topics, truth):
+        for camera, frame in frames_of(noting_truth(source.messages(), truth), topics, grey=False):
             odometry = odometry or Odometry(camera, settings)
             estimate = odometry.process(frame)
             if estimate.T_odom_camera is not None:
@@ -92,25 +91,7 @@ def walk(
     ]
     place = {index: at for at, index in enumerate(keeper.kept)}
     made = [PairOfLooks(place[target], place[source], followed) for target, source, followed in keeper.pairs]
-    bodies = {
-        body: Trajectory(np.array(sorted(found), dtype=np.int64), np.array([found[stamp] for stamp in sorted(found)]))
-        for body, found in truth.items()
-    }
-    return Walk(looks, made, trajectory, bodies)
-
-
-def _frames(source: Source, topics: Topics, truth: dict[str, dict[int, Array]]) -> Iterator[tuple[RgbdFrame, Camera]]:
-    assembler = FrameAssembler(topics)
-    for message in source.messages():
-        if body := truth_body(message.topic):
-            pose = decode_pose(message)
-            truth.setdefault(body, {})[pose.stamp] = pose.T_parent_child
-        for frame in assembler.feed(message):
-            if assembler.camera is not None:
-                yield frame, assembler.camera
-    for frame in assembler.finish():
-        if assembler.camera is not None:
-            yield frame, assembler.camera
+    return Walk(looks, made, trajectory, {body: Trajectory.by_stamp(found) for body, found in truth.items()})
 
 
 def _twist(stamp: int, stamps: list[int], poses: dict[int, Array]) -> Array:

@@ -1,6 +1,5 @@
 """`odom doctor SOURCE`: whether a source is good enough, and what is wrong with it."""
 
-from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,7 +11,6 @@ from odom.cli.options import Calibration, OwnTopics, Seed, SimulatedSensor, Sour
 if TYPE_CHECKING:
     from odom.evaluation.diagnosis import Finding
     from odom.frame import Camera, RgbdFrame
-    from odom.wire import Message
 
 _WARM_UP, _TIMED = 20, 90
 """Frames before the clock counts (compiling, loading) and frames timed, 3 s: their median stands still by then."""
@@ -42,6 +40,7 @@ def doctor(
     """
     import json
     from dataclasses import replace
+    from itertools import takewhile
 
     import cv2
 
@@ -61,7 +60,7 @@ def doctor(
     opened = open_source(source, options)
     try:
         with counting("looking", round(30 * seconds)) as progress:
-            messages = _until(opened.messages(), stop.is_set)
+            messages = takewhile(lambda _: not stop.is_set(), opened.messages())
             recording = collect(messages, options.topics, seconds, progress, opened.lossless)
         recording = replace(recording, refused={**recording.refused, **refused_images(opened)})
     finally:
@@ -129,13 +128,6 @@ def _judge_speed(spent_s: "list[tuple[float, float]]", period_s: float) -> "Find
     if wall > _BUSIEST * period_s:
         return Finding("speed", busy, Verdict.UNKNOWN, "other programs take the CPU: stop them and look again")
     return Finding("speed", busy, Verdict.GOOD)
-
-
-def _until(messages: "Iterable[Message]", stopped: Callable[[], bool]) -> "Iterable[Message]":
-    for message in messages:
-        if stopped():
-            return
-        yield message
 
 
 def _as_dict(finding: "Finding") -> dict[str, str]:

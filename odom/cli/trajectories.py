@@ -117,6 +117,4 @@ def _from_recording(path: Path, topic: str | None) -> tuple[Trajectory, str]:
         if streams[name].type_name == "nav_msgs/msg/Path":
             poses = {}
         poses.update(found)
-    stamps = sorted(poses)
-    T = np.array([poses[stamp] for stamp in stamps]).reshape(-1, 4, 4)
-    return Trajectory(np.array(stamps, dtype=np.int64), T), name
+    return Trajectory.by_stamp(poses), name

@@ -1,6 +1,6 @@
 """A trajectory: stamped poses of one body in one world, and its pose at any time between them."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.errors import InputError
+from odom.frame import Stamp
 from odom.frame.brief import brief
 from odom.geometry.arrays import Array, Mask
 from odom.geometry.rotations import angles_of, matrices_of_vectors, vectors_of
@@ -48,6 +49,12 @@ class Trajectory:
         found = [(pose.stamp, pose.T_map_camera, pose.segment) for pose in poses if pose.T_map_camera is not None]
         stamps, T, segments = zip(*found, strict=True) if found else ((), np.zeros((0, 4, 4)), ())
         return cls(np.array(stamps, dtype=np.int64), np.array(T), np.array(segments, dtype=np.int64))
+
+    @classmethod
+    def by_stamp(cls, T_world_body: Mapping[Stamp, Array]) -> "Trajectory":
+        """Return the trajectory of poses (4 x 4) that are known by their stamps, in any order."""
+        stamps = sorted(T_world_body)
+        return cls(np.array(stamps, dtype=np.int64), np.array([T_world_body[at] for at in stamps]).reshape(-1, 4, 4))
 
     def __len__(self) -> int:
         return len(self.stamps)

@@ -1,6 +1,6 @@
 """Calibration from recordings: run, adjust, run again with what was found, and judge the result."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,10 +27,8 @@ from odom.errors import ConfigError, InputError, RecordingError
 from odom.evaluation.diagnosis.scale import ScaleFit
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera
-from odom.geometry.arrays import Array
-from odom.service.replayed import frames_of
-from odom.wire import Message, Topics, truth_body
-from odom.wire.codec import decode_pose
+from odom.service.replayed import TruePoses, frames_of, noting_truth
+from odom.wire import Topics
 from sensors.source import Source
 
 ROUNDS = 3
@@ -143,18 +141,11 @@ def walk(
     """
     count, stopped = control
     odometry: Odometry | None = None
-    truth: dict[str, dict[int, Array]] = {}
+    truth: TruePoses = {}
     told, frames, tracked = None, 0, 0
 
-    def noting(messages: Iterable[Message]) -> Iterator[Message]:
-        for message in messages:
-            if body := truth_body(message.topic):
-                pose = decode_pose(message)
-                truth.setdefault(body, {})[pose.stamp] = pose.T_parent_child
-            yield message
-
     try:
-        for own, frame in frames_of(noting(source.messages()), topics):
+        for own, frame in frames_of(noting_truth(source.messages(), truth), topics):
             told = told or own
             odometry = odometry or Odometry(camera or own, settings)
             tracked += odometry.process(frame).state is State.TRACKING
@@ -174,10 +165,7 @@ def walk(
             "recording is too dark, too quick or too empty; look at it with odom doctor"
         )
     trajectory = Trajectory.of(odometry.finish())
-    bodies = {
-        body: Trajectory(np.array(sorted(poses), dtype=np.int64), np.array([poses[at] for at in sorted(poses)]))
-        for body, poses in truth.items()
-    }
+    bodies = {body: Trajectory.by_stamp(poses) for body, poses in truth.items()}
     return Walk(told, survey_of(odometry), trajectory, bodies, tracked / frames)
 
 

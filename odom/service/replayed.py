@@ -3,18 +3,19 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from odom.backend import Estimate, Odometry, OdometrySettings
 from odom.errors import RecordingError
 from odom.evaluation.robustness.spoiler import UNSPOILT, Spoiler, Stream
 from odom.evaluation.trajectory import Trajectory
-from odom.frame import Camera, RgbdFrame
+from odom.frame import Camera, RgbdFrame, Stamp
 from odom.geometry.arrays import Array
 from odom.wire import Message, Topics, truth_body
 from odom.wire.assembler import FrameAssembler
 from odom.wire.codec import decode_pose
 from sensors.source import Source
+
+TruePoses = dict[str, dict[Stamp, Array]]
+"""Poses T_world_body (4 x 4) of motion capture, by body and stamp."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,17 +37,9 @@ def replay(source: Source, topics: Topics, settings: OdometrySettings, spoiler: 
     """
     odometry: Odometry | None = None
     estimates: list[Estimate] = []
-    truth: dict[str, dict[int, Array]] = {}
-
-    def noting(messages: Iterable[Message]) -> Iterator[Message]:
-        for message in messages:
-            if body := truth_body(message.topic):
-                pose = decode_pose(message)
-                truth.setdefault(body, {})[pose.stamp] = pose.T_parent_child
-            yield message
-
+    truth: TruePoses = {}
     try:
-        for camera, frame in frames_of(noting(source.messages()), topics, spoiler):
+        for camera, frame in frames_of(noting_truth(source.messages(), truth), topics, spoiler):
             odometry = odometry or Odometry(spoiler.camera(camera), settings)
             shown = odometry.process(frame)
             estimates.append(replace(shown, features=None, path=None, landmarks_map=None, loops=()))
@@ -54,18 +47,24 @@ def replay(source: Source, topics: Topics, settings: OdometrySettings, spoiler: 
         source.close()
     if odometry is None:
         raise RecordingError("no frame with a calibration")
-    bodies = {
-        body: Trajectory(np.array(sorted(poses), dtype=np.int64), np.array([poses[stamp] for stamp in sorted(poses)]))
-        for body, poses in truth.items()
-    }
+    bodies = {body: Trajectory.by_stamp(poses) for body, poses in truth.items()}
     return Replayed(estimates, Trajectory.of(odometry.finish()), bodies)
 
 
+def noting_truth(messages: Iterable[Message], truth: TruePoses) -> Iterator[Message]:
+    """Yield the messages, and note the true poses among them."""
+    for message in messages:
+        if body := truth_body(message.topic):
+            pose = decode_pose(message)
+            truth.setdefault(body, {})[pose.stamp] = pose.T_parent_child
+        yield message
+
+
 def frames_of(
-    messages: Iterable[Message], topics: Topics, spoiler: Spoiler = UNSPOILT
+    messages: Iterable[Message], topics: Topics, spoiler: Spoiler = UNSPOILT, grey: bool = True
 ) -> Iterator[tuple[Camera, RgbdFrame]]:
-    """Yield the calibration as recorded and each frame (grey), spoilt; frames before a calibration are left out."""
-    assembler = FrameAssembler(topics, grey=True)
+    """Yield the calibration as recorded and each frame, spoilt; frames before a calibration are left out."""
+    assembler = FrameAssembler(topics, grey)
     streams = {topics.color: Stream.COLOR, topics.color_compressed: Stream.COLOR}
     streams |= {topics.depth: Stream.DEPTH, topics.depth_compressed: Stream.DEPTH}
 

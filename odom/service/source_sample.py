@@ -45,7 +45,7 @@ def collect(
     }
     color = streams["colour"].stamps
     frames: list[RgbdFrame] = []
-    truth: dict[str, dict[int, NDArray[np.float64]]] = {}
+    truth: dict[str, dict[Stamp, NDArray[np.float64]]] = {}
     for message in messages:
         for stream in streams.values():
             stream.take(message)
@@ -72,7 +72,7 @@ def collect(
     if len({*sizes.values(), *([(camera.width, camera.height)] if camera else [])} - {None}) > 1:
         refused.clear()  # images of another size than the others are no bad images
     color_stamps, depth_stamps = (_without_strays(stream.stamps) for stream in streams.values())
-    trajectories = {body: _trajectory(poses) for body, poses in truth.items()}
+    trajectories = {body: Trajectory.by_stamp(poses) for body, poses in truth.items()}
     counts = {"colour": assembler.pairing.color, "depth": assembler.pairing.depth}
     stamps = {(name, why): n for name, c in counts.items() for why, n in c.refused.items() if why in STAMP_REASONS}
     return Recording(
@@ -130,8 +130,3 @@ class _Reasons(MalformedCounter):
     def add(self, key: str, why: str) -> None:
         super().add(key, why)
         self.why[key, why.removeprefix(f"{key}: ")] += 1
-
-
-def _trajectory(poses: dict[int, NDArray[np.float64]]) -> Trajectory:
-    stamps = sorted(poses)
-    return Trajectory(np.array(stamps, dtype=np.int64), np.array([poses[stamp] for stamp in stamps]))

@@ -10,16 +10,15 @@ import zenoh
 from odom.backend import Estimate
 from odom.frame import Stamp
 from odom.geometry.arrays import Array
-from odom.viewer.bounded_trajectory import BoundedTrajectory
+from odom.viewer.bounded_trajectory import RESTART_NS, BoundedTrajectory
 from odom.viewer.keyframe_clouds import KEYFRAMES, KeyframeClouds
 from odom.wire import Message, Topics, codec, truth_history
+from odom.wire.delivery import encoding_of
 from odom.wire.session import WireSession
 
 _LOG = logging.getLogger(__name__)
 _POSES = 2000
 """Poses kept of each trajectory, evenly thinned beyond: 0.3 MB each. Fewer draw a coarser line for late viewers."""
-_RESTART_NS = 5_000_000_000
-"""Stamps that go back by more begin a new run (a recording played again); out of order they are by milliseconds."""
 _LOOPS = 500
 """Newest loop candidates kept, as many as a viewer draws by default."""
 
@@ -88,7 +87,7 @@ class History:
         try:
             with query:
                 for message in self._answers(str(query.key_expr)):
-                    query.reply(message.topic, message.payload, encoding=f"application/cdr;{message.type_name}")
+                    query.reply(message.topic, message.payload, encoding=encoding_of(message.type_name))
         except zenoh.ZError as error:
             _LOG.warning("query of %s not answered: %s (it must accept replies on any key)", query.key_expr, error)
 
@@ -114,7 +113,7 @@ class History:
 
 def _extended(kept: BoundedTrajectory | None, stamp: Stamp, T: Array) -> BoundedTrajectory:
     """Return the trajectory with one more pose; a new one where time went back (a recording is played again)."""
-    if kept is None or (kept.newest is not None and stamp < kept.newest - _RESTART_NS):
+    if kept is None or (kept.newest is not None and stamp < kept.newest - RESTART_NS):
         kept = BoundedTrajectory(_POSES)
     kept.add(stamp, T)
     return kept

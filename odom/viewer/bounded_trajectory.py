@@ -11,6 +11,9 @@ from odom.geometry.arrays import Array
 if TYPE_CHECKING:
     from odom.evaluation import Trajectory
 
+RESTART_NS = 5_000_000_000
+"""Stamps that go back by more begin a new run (a recording played again); out of order they are by milliseconds."""
+
 
 class BoundedTrajectory:
     """Stamped poses (4 x 4), at most `limit`: when full, every second one goes and half as many are taken from then on.

@@ -7,6 +7,7 @@ import rerun as rr
 
 from odom.frame import Stamp
 from odom.viewer import entities, palette
+from odom.viewer.bounded_trajectory import RESTART_NS
 from odom.viewer.camera_images import CameraImages
 from odom.viewer.chain_scene import ChainScene
 from odom.viewer.entities import EntityUpdate, update
@@ -22,8 +23,6 @@ _REFRESH_NS = 1_000_000_000
 """Between two drawings of the whole map: more often costs CPU; the newest pieces are drawn with every pose."""
 _JUDGE_NS = 200_000_000
 """Between two comparisons with truth, of all poses since the one before."""
-_RESTART_NS = 5_000_000_000
-"""Stamps that go back by more begin a new run (a recording played again); stamps out of order do by milliseconds."""
 
 _SERIES: tuple[tuple[str, tuple[str, ...], tuple[tuple[int, ...], ...]], ...] = (
     (entities.POSITION_ERROR, ("error", "3 sigma"), (palette.CORRECTED, palette.BOUND)),
@@ -137,7 +136,7 @@ class Scene:
 
     def _odometry(self, message: Message) -> Iterator[EntityUpdate]:
         pose = codec.decode_odometry(message)
-        if self._newest is not None and pose.stamp < self._newest - _RESTART_NS:
+        if self._newest is not None and pose.stamp < self._newest - RESTART_NS:
             self._begin()
             yield update(entities.UNJOINED, pose.stamp, rr.Clear(recursive=True))
             yield log_line(pose.stamp, INFO, "The time went back: a new run begins")

@@ -6,7 +6,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable
 
-log = logging.getLogger(__name__)
+_LOG = logging.getLogger(__name__)
 
 _FLOOD_COUNT = 32
 """Malformed messages on one key within a period that make a flood: just more than a camera of 30 Hz could send by
@@ -33,7 +33,7 @@ class MalformedCounter:
         now = self._clock()
         with self._lock:
             if not self.counts[key]:
-                log.warning("%s: dropped a message that cannot be used (further ones are only counted): %s", key, why)
+                _LOG.warning("%s: dropped a message that cannot be used (further ones are only counted): %s", key, why)
             self.counts[key] += 1
             self._last.setdefault(key, deque(maxlen=_FLOOD_COUNT)).append(now)
 

@@ -18,7 +18,7 @@ import zenoh
 
 Value = TypeVar("Value")
 
-log = logging.getLogger(__name__)
+_LOG = logging.getLogger(__name__)
 
 # what Zenoh's log is asked for, the parts of its lines, and what its texts mean
 _FILTER = (
@@ -111,7 +111,7 @@ class RefusedClients:
         if fault is not None and "zenoh_link_tls" in origin:
             self._refuse("a client", f"{fault} ({text.rstrip('.')})")
         else:
-            log.warning("%s", text)
+            _LOG.warning("%s", text)
 
     def _decision(self, raw: str) -> None:
         if "Using cached result" not in raw:
@@ -135,7 +135,7 @@ class RefusedClients:
         times[what] += 1
         count = times[what]
         if count == 10 ** (len(str(count)) - 1):
-            log.warning("refused: %s %s%s", who, what, f", {count} times by now" if count > 1 else "")
+            _LOG.warning("refused: %s %s%s", who, what, f", {count} times by now" if count > 1 else "")
 
 
 def _thread(raw: str) -> str:

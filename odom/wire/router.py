@@ -8,7 +8,7 @@ from odom.wire.security import secured
 from odom.wire.session import open_session
 from odom.wire.settings import WireSettings
 
-log = logging.getLogger(__name__)
+_LOG = logging.getLogger(__name__)
 
 
 def run_router(settings: WireSettings, stop: threading.Event) -> None:
@@ -17,5 +17,5 @@ def run_router(settings: WireSettings, stop: threading.Event) -> None:
     encrypted = " (tls in place of tcp)" if listening != list(settings.listen) else ""
     with refused_clients_logged(), open_session(settings):
         by_rules = ", by rules" if settings.security.access else ""
-        log.info("routing at %s%s%s", ", ".join(listening), encrypted, by_rules)
+        _LOG.info("routing at %s%s%s", ", ".join(listening), encrypted, by_rules)
         stop.wait()

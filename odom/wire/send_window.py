@@ -18,7 +18,7 @@ from odom.wire.codec import decode_numbers
 from odom.wire.session import Publisher, Subscriber, WireSession
 from odom.wire.topics import Topics
 
-log = logging.getLogger(__name__)
+_LOG = logging.getLogger(__name__)
 
 _LOST_AFTER_S = 2.0
 """Seconds that a consumer must wait before messages on their way to it count as lost. Smaller: a slow link is taken for
@@ -83,7 +83,7 @@ class SendWindow:
                     return True
                 self._changed.wait(_POLL_S)
             if time.monotonic() > report_at:
-                log.info("waiting for %d consumer(s); here: %s", count, ", ".join(self.consumers) or "none")
+                _LOG.info("waiting for %d consumer(s); here: %s", count, ", ".join(self.consumers) or "none")
                 report_at = float("inf")
         return False
 
@@ -164,7 +164,7 @@ class SendWindow:
                 continue
             missing = self._sent - progress.acknowledged
             self.lost += missing
-            log.warning("%s waits although %d messages are on their way to it: given up as lost", name, missing)
+            _LOG.warning("%s waits although %d messages are on their way to it: given up as lost", name, missing)
             progress.acknowledged, progress.waiting_since = self._sent, None
 
     def _on_token(self, key: str, alive: bool) -> None:
@@ -173,5 +173,5 @@ class SendWindow:
             if alive:
                 self._consumers.setdefault(name, _Progress(self._sent))
             elif self._consumers.pop(name, None) is not None:
-                log.info("consumer %s is gone", name)
+                _LOG.info("consumer %s is gone", name)
             self._changed.notify_all()

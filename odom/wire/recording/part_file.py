@@ -8,7 +8,7 @@ from typing import BinaryIO
 
 from odom.errors import RecordingError
 
-log = logging.getLogger(__name__)
+_LOG = logging.getLogger(__name__)
 
 PART = ".part"
 """What the name of a growing recording ends with, behind that of the recording."""
@@ -51,7 +51,7 @@ class PartFile:
     def leave(self) -> None:
         """Leave the file under its growing name, and log that."""
         self.file.close()
-        log.warning("%s was not finished: %s", self.target, how_to_save(self.path))
+        _LOG.warning("%s was not finished: %s", self.target, how_to_save(self.path))
 
     def drop(self) -> None:
         """Remove the file, which holds nothing."""

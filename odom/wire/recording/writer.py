@@ -18,7 +18,7 @@ from odom.wire.message import Message
 from odom.wire.recording.part_file import PartFile, how_to_save
 from odom.wire.settings import Compression
 
-log = logging.getLogger(__name__)
+_LOG = logging.getLogger(__name__)
 
 LIBRARY = "rgbd-odom"
 _CHUNK_BYTES = 8 << 20
@@ -92,7 +92,7 @@ class RecordingWriter:
             self._writer.finish()  # type: ignore[no-untyped-call]  # mcap gives no type
             if not self.count and self.path.exists():
                 self._file.drop()
-                log.warning("%s stays as it was: no message came", self.path)
+                _LOG.warning("%s stays as it was: no message came", self.path)
             else:
                 self._file.keep()
         except OSError as error:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from odom.batch.summary import Row, totals_of
 from odom.errors import SourceError
+from odom.service.result_files import whole_file
 
 _SUMMARY = "summary.json"
 
@@ -45,6 +46,5 @@ def write_summary(folder: Path, rows: Sequence[Row]) -> None:
     from odom.batch.page import page
 
     for path, text in ((names["html"], page(rows, totals_of(rows))), (names["csv"], table), (names["json"], content)):
-        partial = path.with_name(f"{path.name}.part")
-        partial.write_bytes(text.encode())
-        partial.replace(path)
+        with whole_file(path) as file:
+            file.write(text)

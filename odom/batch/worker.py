@@ -9,15 +9,13 @@ from pathlib import Path
 
 from odom.batch.job import Job, program_hash
 from odom.errors import ConfigError
-from odom.service.child_process import ChildProcess
+from odom.service.child_process import CALLED_WRONGLY, ChildProcess
 from odom.service.log_form import JSON_ENVIRONMENT
 from sensors.process import END_OF_SOURCE
 
 _ATTEMPTS, _ATTEMPTS_FAILED = 5, 2
 """Starts of one recording: of runs that were killed, and of those that failed by themselves. Fewer: a machine short of
 memory loses recordings; more: one that always fails costs more time."""
-_CALLED_WRONGLY = 2
-"""Exit status that another attempt cannot change."""
 _STOP_S = 60.0
 """A run that is asked to stop may save for so long before it is killed."""
 _POLL_S = 0.2
@@ -54,7 +52,7 @@ def run_job(job: Job, stop: threading.Event | None = None) -> str:
             _remove_partial(job)
             return ""
         failed += status is not None and status >= 0
-        if status == _CALLED_WRONGLY or failed >= _ATTEMPTS_FAILED:
+        if status == CALLED_WRONGLY or failed >= _ATTEMPTS_FAILED:
             break
     return why
 

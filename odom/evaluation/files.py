@@ -7,7 +7,7 @@ import numpy as np
 
 from odom.errors import SourceError
 from odom.evaluation.trajectory import Stamps, Trajectory
-from odom.frame import from_seconds
+from odom.frame import from_seconds, seconds_text
 from odom.geometry.arrays import Array
 from odom.geometry.rotations import matrices_of, quaternions_of
 
@@ -118,8 +118,7 @@ def write_tum(path: Path, trajectory: Trajectory) -> None:
     quaternions = quaternions_of(trajectory.T_world_body[:, :3, :3])
     with path.open("w") as file:
         for stamp, t, q in zip(trajectory.stamps, trajectory.positions, quaternions, strict=True):
-            seconds = f"{stamp // 1_000_000_000}.{stamp % 1_000_000_000:09d}"
-            file.write(f"{seconds} " + " ".join(f"{value:.9f}" for value in (*t, *q)) + "\n")
+            file.write(f"{seconds_text(stamp)} " + " ".join(f"{value:.9f}" for value in (*t, *q)) + "\n")
 
 
 def text_of(path: Path) -> str:

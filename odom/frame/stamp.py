@@ -38,6 +38,16 @@ def to_seconds(stamp: Stamp) -> float:
     return stamp * 1e-9
 
 
+def seconds_text(stamp: Stamp) -> str:
+    """Return the stamp in seconds as exact decimal text, of which `from_seconds` makes the stamp again.
+
+    >>> seconds_text(Stamp(1305031102175304000))
+    '1305031102.175304000'
+    """
+    seconds, nanoseconds = divmod(abs(stamp), 1_000_000_000)
+    return f"{'-' if stamp < 0 else ''}{seconds}.{nanoseconds:09d}"
+
+
 def checked_stamp(name: str, value: Any) -> Stamp:
     """Return `value` as a stamp; raises InputError, calling it `name`, unless it is a whole number of nanoseconds."""
     is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from odom.backend.map.saved import SavedKeyframe
+from odom.frame import seconds_text
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 from odom.geometry.quaternion import quaternion_from_rotation
@@ -55,8 +56,7 @@ def write_files(opened: MapFile, folder: Path) -> Iterator[Path]:
             segment = k.segment
             T = _T_map_keyframe(k) @ k.T_middle_stamp
             values = (*T[:3, 3], *quaternion_from_rotation(T[:3, :3]))
-            seconds = f"{k.stamp // 1_000_000_000}.{k.stamp % 1_000_000_000:09d}"
-            lines.append(f"{seconds} " + " ".join(f"{value:.9f}" for value in values) + "\n")
+            lines.append(f"{seconds_text(k.stamp)} " + " ".join(f"{value:.9f}" for value in values) + "\n")
         path.write_text("".join(lines))
         yield path
     points = [se3.apply(_T_map_keyframe(k), d.landmarks.position) for k in keyframes if (d := opened.fetch(k.number))]

@@ -17,6 +17,8 @@ import psutil
 
 from odom.service.parent_watch import PARENT_ENVIRONMENT
 
+CALLED_WRONGLY = 2
+"""Exit status of a command that was called wrongly: another attempt cannot change it."""
 _EXIT_POLL_S = 0.02
 """Time between two checks whether a child has ended; longer delays the end of a run, shorter costs CPU."""
 _KILLED_S = 5.0

@@ -12,6 +12,7 @@ from typing import Any
 from odom.errors import ConfigError, OdomError
 from odom.service import previous_results
 from odom.service.calibration_offer import keep_depth_images, remember_calibration
+from odom.service.child_process import CALLED_WRONGLY
 from odom.service.failed_tracking import why_not_tracked, why_poor
 from odom.service.input_report import with_source
 from odom.service.progress import open_display
@@ -24,8 +25,6 @@ from odom.wire.session import open_session
 from sensors.source import Source
 
 _LOG = logging.getLogger(__name__)
-_CALLED_WRONGLY = 2
-"""Exit status of a command that was called wrongly."""
 
 Report = dict[str, Any]
 
@@ -87,7 +86,7 @@ def _run(
             processes.end_viewer()
     written = _write(plan.out, report | _resources(processes, time.monotonic() - begun))
     if failed := processes.failures:
-        error = ConfigError if failed[0].status == _CALLED_WRONGLY else OdomError
+        error = ConfigError if failed[0].status == CALLED_WRONGLY else OdomError
         endings = ", ".join(f"the {child.name} {child.ending()}" for child in failed)
         raise error(f"{endings}; what was done so far is in {plan.out}")
     if not written:

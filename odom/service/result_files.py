@@ -9,7 +9,7 @@ from typing import TextIO
 import numpy as np
 
 from odom.backend import ClosedChain, Estimate, RelativePose, TrajectoryPose
-from odom.frame import Stamp
+from odom.frame import Stamp, from_seconds, seconds_text
 from odom.geometry.arrays import Array
 from odom.geometry.quaternion import quaternion_from_rotation, rotation_from_quaternion
 from odom.service import previous_results
@@ -25,14 +25,14 @@ _FULL_BYTES = 1 << 30
 def pose_line(stamp: Stamp, T: Array) -> str:
     """Return the TUM line `stamp tx ty tz qx qy qz qw` (seconds, metres)."""
     values = (*T[:3, 3].tolist(), *quaternion_from_rotation(T[:3, :3]).tolist())
-    return _POSE_LINE % (_seconds(stamp), *values)
+    return _POSE_LINE % (seconds_text(stamp), *values)
 
 
 def relative_line(stamp: Stamp, relative: RelativePose) -> str:
     """Return `stamp_earlier stamp_current tx ty tz qx qy qz qw c00 c01 .. c55`: the covariance's upper triangle."""
     covariance = _COVARIANCE % tuple(relative.covariance[_UPPER].tolist())
     pose = pose_line(stamp, relative.T_earlier_current).rstrip("\n")
-    return f"{_seconds(relative.stamp_earlier)} {pose} {covariance}\n"
+    return f"{seconds_text(relative.stamp_earlier)} {pose} {covariance}\n"
 
 
 class Continuity:
@@ -128,7 +128,7 @@ class RunFiles:
         if estimate.second is not None:
             self._files["relative_second.txt"].write(relative_line(estimate.stamp, estimate.second))
         if (chain := estimate.chain) is not None:
-            hole = f"# {_seconds(estimate.stamp)}: a hole: {chain.hole}\n" if chain.hole else ""
+            hole = f"# {seconds_text(estimate.stamp)}: a hole: {chain.hole}\n" if chain.hole else ""
             self._files["chain.txt"].write(hole + pose_line(estimate.stamp, chain.T_chain_camera))
         if estimate.pairwise is not None:
             self._files["relative_chain.txt"].write(relative_line(estimate.stamp, estimate.pairwise))
@@ -168,7 +168,7 @@ class RunFiles:
         for stale in set(self.folder.glob(previous_results.OTHER_PARTS)) - {self.folder / name for name in names}:
             stale.unlink()
         for name, segment in zip(names, parts or [0], strict=True):
-            with _whole(self.folder / name) as file:
+            with whole_file(self.folder / name) as file:
                 file.write(f"# segment {segment}\n" if parts else "")
                 file.write(remark if name == names[0] else "# never joined to trajectory.txt\n")
                 file.writelines(lines.get(segment, ()))
@@ -179,7 +179,7 @@ class RunFiles:
 
     def _write_closed_chain(self, closed: ClosedChain) -> None:
         """Write `chain_closed.txt`: the poses of `chain.txt` as its closures move them."""
-        with (self.folder / "chain.txt").open() as chain, _whole(self.folder / "chain_closed.txt") as file:
+        with (self.folder / "chain.txt").open() as chain, whole_file(self.folder / "chain_closed.txt") as file:
             for line in chain:
                 file.write(line if line.startswith("#") else _moved_line(line, closed))
 
@@ -206,16 +206,16 @@ class RunFiles:
 
 def write_json(path: Path, content: Mapping[str, object]) -> None:
     """Write a JSON file that is either whole or as it was before; raises OSError when it cannot be written."""
-    with _whole(path) as file:
+    with whole_file(path) as file:
         file.write(json.dumps(content, indent=2) + "\n")
 
 
 @contextmanager
-def _whole(path: Path) -> Iterator[TextIO]:
-    """Open a file that replaces `path` once all is written."""
+def whole_file(path: Path) -> Iterator[TextIO]:
+    """Open a file that replaces `path` once all is written; raises OSError, and leaves `path` as it was."""
     partial = path.with_name(f"{path.name}.part")
     try:
-        with partial.open("w", encoding="ascii") as file:
+        with partial.open("w", encoding="utf-8") as file:
             yield file
         partial.replace(path)
     except BaseException:
@@ -226,8 +226,7 @@ def _whole(path: Path) -> Iterator[TextIO]:
 def _moved_line(line: str, closed: ClosedChain) -> str:
     """Return a line of `chain.txt` as it is in the closed chain."""
     time, *numbers = line.split()
-    seconds, _, fraction = time.partition(".")
-    stamp, values = Stamp(int(seconds) * 1_000_000_000 + int(fraction)), np.array([float(x) for x in numbers])
+    stamp, values = from_seconds(time), np.array([float(x) for x in numbers])
     T = np.eye(4)
     T[:3, 3], T[:3, :3] = values[:3], rotation_from_quaternion(values[3:])
     return pose_line(stamp, closed.moved(stamp, T))
@@ -235,7 +234,3 @@ def _moved_line(line: str, closed: ClosedChain) -> str:
 
 def _truth_mark(body: str) -> str:
     return f"{previous_results.TRUTH_MARK}{body}\n"
-
-
-def _seconds(stamp: Stamp) -> str:
-    return f"{stamp // 1_000_000_000}.{stamp % 1_000_000_000:09d}"

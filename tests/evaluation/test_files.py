@@ -14,6 +14,7 @@ from odom.errors import SourceError
 from odom.evaluation.files import read_kitti, read_tum, write_tum
 from odom.evaluation.motive import read_motive
 from odom.evaluation.relative import read_relative
+from odom.frame import from_seconds, seconds_text
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +30,11 @@ def assert_same(a, b):
 def test_tum_text_keeps_every_nanosecond(tmp_path, walk):
     write_tum(tmp_path / "t.txt", walk)
     assert_same(read_tum(tmp_path / "t.txt"), walk)
+
+
+@given(stamp=st.integers(-9_000_000_000_000_000_000, 9_000_000_000_000_000_000))
+def test_the_text_of_a_stamp_is_exact(stamp):
+    assert from_seconds(seconds_text(stamp)) == stamp
 
 
 def test_tum_accepts_exponents_commas_and_comments_and_sorts(tmp_path):

@@ -58,7 +58,7 @@ def import_(
         ):
             for message in opened.messages():
                 writer.write(message)
-                frames += message.topic in (topics.color, topics.color_compressed)
+                frames += message.topic in topics.color_keys
                 progress(frames)
                 if stop.is_set():
                     break

@@ -45,21 +45,13 @@ class FrameReceiver:
     """Receives, pairs and decodes from `start` to `close`; results are taken from `arrivals`."""
 
     def __init__(self, session: WireSession, topics: Topics, live_room: int) -> None:
-        keys = (
-            topics.color,
-            topics.color_compressed,
-            topics.depth,
-            topics.depth_compressed,
-            topics.camera_info,
-            topics.depth_info,
-            TRUTH,
-        )
         self.uncalibrated = 0
         self._has_ended = False
         self.refused_cameras = 0
-        self._color_keys, self._depth_keys = keys[:2], keys[2:4]
+        self._color_keys, self._depth_keys = topics.color_keys, topics.depth_keys
         self._colors: dict[Stamp, Message] = {}
         self._bodies: set[str] = set()
+        keys = (*topics.color_keys, *topics.depth_keys, topics.camera_info, topics.depth_info, TRUTH)
         self._consumer = Consumer(session, topics, "odometry", keys, depth=_LIVE_DEPTH)
         self.assembler = FrameAssembler(topics, grey=True, malformed=self._consumer.malformed)
         self._until_end = False

@@ -65,8 +65,7 @@ def frames_of(
 ) -> Iterator[tuple[Camera, RgbdFrame]]:
     """Yield the calibration as recorded and each frame, spoilt; frames before a calibration are left out."""
     assembler = FrameAssembler(topics, grey)
-    streams = {topics.color: Stream.COLOR, topics.color_compressed: Stream.COLOR}
-    streams |= {topics.depth: Stream.DEPTH, topics.depth_compressed: Stream.DEPTH}
+    streams = dict.fromkeys(topics.color_keys, Stream.COLOR) | dict.fromkeys(topics.depth_keys, Stream.DEPTH)
 
     def spoilt(frames: Iterable[RgbdFrame]) -> Iterator[tuple[Camera, RgbdFrame]]:
         for frame in frames:

@@ -40,8 +40,8 @@ def collect(
     reasons = _Reasons()
     assembler = FrameAssembler(topics, grey=True, malformed=reasons)
     streams = {
-        "colour": _Stream((topics.color, topics.color_compressed), decode_color),
-        "depth": _Stream((topics.depth, topics.depth_compressed), decode_depth),
+        "colour": _Stream(topics.color_keys, decode_color),
+        "depth": _Stream(topics.depth_keys, decode_depth),
     }
     color = streams["colour"].stamps
     frames: list[RgbdFrame] = []

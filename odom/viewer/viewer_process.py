@@ -93,7 +93,7 @@ class Viewer:
         small = (t.camera_info, t.odom, t.pose, t.path, t.loops, t.status, t.features, t.landmarks, t.keyframes, t.end)
         more = (f"{t.path}/*", t.chain, t.chain_closed, t.moving, TRUTH)
         self._small = self.session.subscriber((*small, *more), depth=_SMALL_WAITING)
-        self._images = self.session.subscriber((t.color, t.color_compressed, t.depth, t.depth_compressed), depth=1)
+        self._images = self.session.subscriber((*t.color_keys, *t.depth_keys), depth=1)
 
     def start(self) -> None:
         """Show what is static, and what happened before this viewer started."""
@@ -152,7 +152,7 @@ class Viewer:
             return False
         message = delivery.message
         if subscriber is self._images:
-            kind = "depth" if message.topic in (self.topics.depth, self.topics.depth_compressed) else "color"
+            kind = "depth" if message.topic in self.topics.depth_keys else "color"
             if not self._rate_limit.takes(kind, message.stamp, time.monotonic()):
                 return True
         try:

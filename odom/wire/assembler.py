@@ -46,9 +46,9 @@ class FrameAssembler:
         """
         topics, key = self._topics, message.topic
         try:
-            if key in (topics.color, topics.color_compressed):
+            if key in topics.color_keys:
                 return self._frames(self._pairer.add_color(message.stamp, decode_color(message, self._grey)))
-            if key in (topics.depth, topics.depth_compressed):
+            if key in topics.depth_keys:
                 return self._frames(self._pairer.add_depth(message.stamp, decode_depth(message)))
             if key == topics.camera_info:
                 self.camera = replace(decode_camera_info(message), depth=self._depth_model)
@@ -89,7 +89,7 @@ class FrameAssembler:
         return tuple(frames)
 
     def _counts(self, key: str) -> ImageCounts:
-        is_color = key in (self._topics.color, self._topics.color_compressed)
+        is_color = key in self._topics.color_keys
         return self.pairing.color if is_color else self.pairing.depth
 
     def _withdraw(self, pair: Pair[Image, Depth]) -> None:

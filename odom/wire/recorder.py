@@ -90,7 +90,7 @@ class Recorder:
         self._odometry_idles = IdleDetector()
         self._heard_at = time.monotonic()
         t = topics
-        images = (t.color, t.color_compressed, t.depth, t.depth_compressed, t.camera_info, t.depth_info, t.device)
+        images = (*t.color_keys, *t.depth_keys, t.camera_info, t.depth_info, t.device)
         estimated = (
             (t.odom, t.pose, t.chain, t.chain_closed, t.path, f"{t.path}/*", t.status, t.loops, TF) if estimates else ()
         )
@@ -150,7 +150,7 @@ class Recorder:
             except WireError as error:
                 self._consumer.malformed.add(message.topic, str(error))
                 continue
-            frames += message.topic in (self._topics.color, self._topics.color_compressed)
+            frames += message.topic in self._topics.color_keys
         return frames
 
     def _odometry_changed(self, key: str, alive: bool) -> None:

@@ -121,6 +121,16 @@ class Topics:
         if not _NAME.match(self.namespace):
             raise ConfigError(f"namespace {self.namespace!r}: give letters, digits, underscores and inner slashes only")
 
+    @property
+    def color_keys(self) -> tuple[str, str]:
+        """Both keys of colour images."""
+        return self.color, self.color_compressed
+
+    @property
+    def depth_keys(self) -> tuple[str, str]:
+        """Both keys of depth images."""
+        return self.depth, self.depth_compressed
+
     def alive_of(self, role: str) -> str:
         """Return the liveliness token of another process of this device (`odometry`, `recorder`, `viewer`)."""
         return f"{self.alive}/{role}"

@@ -73,13 +73,13 @@ def has_screen() -> bool:
 
 
 @dataclass(frozen=True)
-class Shown:
+class OpenOutputs:
     """An open recording, the address of its web page, and the window that shows it with its error output."""
 
     recording: rr.RecordingStream
     address: str | None
     window: subprocess.Popen[bytes] | None
-    words: IO[bytes] | None = None
+    errors: IO[bytes] | None = None
 
     @property
     def window_closed(self) -> bool:
@@ -87,20 +87,20 @@ class Shown:
         status = None if self.window is None else self.window.poll()
         if status is not None and status > 0:
             raise OdomError(
-                f"Rerun's window ended with status {status}: {_last_line(self.words)}; --web shows it in a browser"
+                f"Rerun's window ended with status {status}: {_last_line(self.errors)}; --web shows it in a browser"
             )
         return status is not None
 
 
-def _last_line(words: IO[bytes] | None) -> str:
-    if words is None:
+def _last_line(errors: IO[bytes] | None) -> str:
+    if errors is None:
         return "it does not say why"
-    words.seek(0)
-    return (words.read().decode(errors="replace").strip().splitlines() or ["it does not say why"])[-1]
+    errors.seek(0)
+    return (errors.read().decode(errors="replace").strip().splitlines() or ["it does not say why"])[-1]
 
 
 @contextmanager
-def open_outputs(outputs: Outputs, settings: ViewerSettings, name: str) -> Iterator[Shown]:
+def open_outputs(outputs: Outputs, settings: ViewerSettings, name: str) -> Iterator[OpenOutputs]:
     """Open a recording named `name` into the outputs and close all at the end, the file complete.
 
     Raises OdomError when the file cannot be written or no port is free.
@@ -113,7 +113,7 @@ def open_outputs(outputs: Outputs, settings: ViewerSettings, name: str) -> Itera
         data_port, web_port = _open_sinks(recording, outputs, settings)
         recording.send_recording_name(name)
         data = f"rerun+http://{_reachable(settings.host)}:{data_port}/proxy"
-        address = window = words = None
+        address = window = errors = None
         if outputs.web:
             stack.enter_context(
                 _child(["--serve-web", "--bind", settings.host, "--web-viewer-port", str(web_port), data])
@@ -122,9 +122,9 @@ def open_outputs(outputs: Outputs, settings: ViewerSettings, name: str) -> Itera
         if outputs.desktop:
             limit = f"{settings.desktop_memory_mib}MiB"
             arguments = ["--connect", data, "--bind", "127.0.0.1", "--memory-limit", limit, "--hide-welcome-screen"]
-            words = stack.enter_context(TemporaryFile())
-            window = stack.enter_context(_child(arguments, words))
-        yield Shown(recording, address, window, words)
+            errors = stack.enter_context(TemporaryFile())
+            window = stack.enter_context(_child(arguments, errors))
+        yield OpenOutputs(recording, address, window, errors)
         recording.flush(timeout_sec=_LAST_FLUSH_S)
 
 
@@ -206,12 +206,12 @@ def _origin(host: str) -> str:
 
 
 @contextmanager
-def _child(arguments: Sequence[str], words: IO[bytes] | None = None) -> Iterator[subprocess.Popen[bytes]]:
+def _child(arguments: Sequence[str], errors: IO[bytes] | None = None) -> Iterator[subprocess.Popen[bytes]]:
     process = subprocess.Popen(
         [str(_program()), *arguments],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL if words is None else words,
+        stderr=subprocess.DEVNULL if errors is None else errors,
         preexec_fn=_end_with_parent if sys.platform == "linux" else None,
     )
     try:

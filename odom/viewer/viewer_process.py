@@ -10,13 +10,14 @@ from dataclasses import dataclass
 from functools import partial
 from queue import Empty, SimpleQueue
 
+import rerun as rr
 import zenoh
 
 from odom.errors import WireError
 from odom.viewer.blueprint import blueprint
 from odom.viewer.entities import EntityUpdate, log_to
 from odom.viewer.image_rate import ImageRateLimit
-from odom.viewer.outputs import Outputs, Shown, open_outputs
+from odom.viewer.outputs import Outputs, open_outputs
 from odom.viewer.scene import Scene
 from odom.viewer.settings import ViewerSettings
 from odom.wire import TRUTH, Topics, WireSettings
@@ -58,13 +59,13 @@ def view(
     if hasattr(os, "nice"):
         os.nice(_NICE)
     topics = Topics(wire.namespace)
-    with open_outputs(outputs, settings, wire.namespace) as shown, open_session(wire.as_guest()) as session:
-        if shown.address is not None:
-            tell_address(shown.address)
-        viewer = Viewer(session, topics, settings, shown)
+    with open_outputs(outputs, settings, wire.namespace) as opened, open_session(wire.as_guest()) as session:
+        if opened.address is not None:
+            tell_address(opened.address)
+        viewer = Viewer(session, topics, settings, opened.recording)
         viewer.start()
         session.announce(topics.alive_of("viewer"))
-        while not (stop.is_set() or shown.window_closed):
+        while not (stop.is_set() or opened.window_closed):
             viewer.step(stop.is_set, repeat=outputs.served)
             if not outputs.served and viewer.ended_s is not None and time.monotonic() - viewer.ended_s > _GRACE_S:
                 break
@@ -81,13 +82,13 @@ class Viewer:
     session: WireSession
     topics: Topics
     settings: ViewerSettings
-    shown: Shown
+    recording: rr.RecordingStream
     ended_s: float | None = None
 
     def __post_init__(self) -> None:
         self._scene = Scene(self.topics, self.settings)
         self._rate_limit = ImageRateLimit(self.settings.image_rate_hz)
-        self._shown = 0
+        self._shown_messages = 0
         self._repeat_due = time.monotonic() + _REPEAT_S
         t = self.topics
         small = (t.camera_info, t.odom, t.pose, t.path, t.loops, t.status, t.features, t.landmarks, t.keyframes, t.end)
@@ -129,7 +130,7 @@ class Viewer:
             self._repeat_due = time.monotonic() + _REPEAT_S
             self._draw(self._scene.everything())
         if (frame := self._scene.new_frame()) is not None:
-            self.shown.recording.send_blueprint(blueprint(frame))
+            self.recording.send_blueprint(blueprint(frame))
 
     def finish(self) -> None:
         """Take no new messages; show for at most a second what still waits, then the trajectories as they now are."""
@@ -144,7 +145,7 @@ class Viewer:
         small, images = self._small.total(), self._images.total()
         dropped = small.dropped + small.lost + images.dropped + images.lost
         malformed = self._small.malformed.counts.total() + self._images.malformed.counts.total()
-        return self._shown, self._rate_limit.thinned, dropped, malformed
+        return self._shown_messages, self._rate_limit.thinned, dropped, malformed
 
     def _next(self, subscriber: Subscriber, timeout: float) -> bool:
         delivery = subscriber.receive(timeout)
@@ -157,7 +158,7 @@ class Viewer:
                 return True
         try:
             self._draw(self._scene.handle(message))
-            self._shown += 1
+            self._shown_messages += 1
         except WireError as error:
             subscriber.malformed.add(message.topic, str(error))
         if message.topic == self.topics.end:
@@ -168,7 +169,7 @@ class Viewer:
 
     def _draw(self, items: Iterable[EntityUpdate]) -> None:
         for item in items:
-            log_to(self.shown.recording, item)
+            log_to(self.recording, item)
 
     def _past(self) -> Iterator[zenoh.Sample]:
         keys = (self.topics.history, self.topics.path, self.topics.landmarks, self.topics.keyframes)

@@ -11,7 +11,6 @@ from odom.geometry.arrays import Array
 from odom.viewer import ViewerSettings, entities
 from odom.viewer.ellipsoids import ellipsoids, standing_apart
 from odom.viewer.framing import Framing
-from odom.viewer.outputs import Shown
 from odom.viewer.scene import Scene
 from odom.viewer.viewer_process import Viewer
 from odom.wire import Topics, codec
@@ -83,7 +82,7 @@ def test_the_viewer_frames_what_it_shows_once_it_knows_it() -> None:
     depth = codec.encode_depth(TOPICS.depth, BEGIN, np.full((CAMERA.height, CAMERA.width), 1500, np.uint16))
     waiting = iter([depth, *heard])
     session.subscriber.return_value.receive.side_effect = lambda _: _delivered(next(waiting, None))
-    viewer = Viewer(session, TOPICS, ViewerSettings(image_rate_hz=1e3), Shown(recording, None, None))
+    viewer = Viewer(session, TOPICS, ViewerSettings(image_rate_hz=1e3), recording)
     for _ in range(len(heard)):
         viewer.step(lambda: False, repeat=False)
     assert recording.send_blueprint.call_count == 1

@@ -21,7 +21,6 @@ from rerun.chunk import RrdReader
 from viewer_processes import Running
 
 from odom.viewer import ViewerSettings
-from odom.viewer.outputs import Shown
 from odom.viewer.viewer_process import _HISTORY_S, Viewer
 from odom.wire import Topics, WireSettings
 from odom.wire.session import open_session
@@ -137,7 +136,7 @@ def test_a_past_that_is_told_slowly_is_heard_to_its_end(endpoint: str) -> None:
         open_session(WireSettings(connect=(endpoint,), listen=(ANY_LOCAL_PORT,))) as session,
     ):
         odometry.zenoh.declare_queryable(topics.keyframes, tell)
-        viewer = Viewer(session, topics, ViewerSettings(), Shown(MagicMock(), None, None))
+        viewer = Viewer(session, topics, ViewerSettings(), MagicMock())
         told = [sample.payload.to_bytes()[0] for sample in viewer._past()]
     assert told == list(range(clouds))
 

@@ -18,7 +18,6 @@ from odom.service.estimate_messages import moving_message
 from odom.viewer import ViewerSettings, entities, palette
 from odom.viewer.entities import EntityUpdate
 from odom.viewer.keyframe_clouds import KeyframeClouds, back_project
-from odom.viewer.outputs import Shown
 from odom.viewer.scene import Scene
 from odom.viewer.truth_alignment import in_map
 from odom.viewer.viewer_process import Viewer
@@ -65,7 +64,7 @@ def test_a_viewer_that_is_asked_to_end_looks_at_no_further_message() -> None:
     session, asked = MagicMock(), iter([False, False, True, True])
     waiting = session.subscriber.return_value
     waiting.receive.return_value = Delivery(codec.encode_text(TOPICS.end, BEGIN, ""))
-    viewer = Viewer(session, TOPICS, ViewerSettings(), Shown(MagicMock(), None, None))
+    viewer = Viewer(session, TOPICS, ViewerSettings(), MagicMock())
     viewer.step(lambda: next(asked), repeat=True)
     assert waiting.receive.call_count == 2
     viewer.finish()

@@ -39,14 +39,14 @@ def check(
     """
     from contextlib import closing
 
-    from odom.map_file.database import connect, damage_told
+    from odom.map_file.database import connect, raising_map_errors
     from odom.map_file.map_file import MapFile
-    from odom.map_file.rebuild import look_through, write_rest
+    from odom.map_file.rebuild import read_all_rows, write_rest
 
     if mend is not None and mend.resolve() == file.resolve():
         raise ConfigError("--mend needs another name: a damaged map is not written to")
-    with damage_told(file), closing(connect(file, is_written=False)) as db:
-        found = look_through(db)
+    with raising_map_errors(file), closing(connect(file, is_written=False)) as db:
+        found = read_all_rows(db)
     for what in found.damage:
         typer.echo(f"damaged: {what}")
     if mend is not None:

@@ -74,7 +74,7 @@ def check_map(path: Path | None, localize: bool) -> None:
 
     if localize or is_there(path):
         try:
-            MapFile(path, is_written=False).look_over()
+            MapFile(path, is_written=False).check_readable()
         except MapError as error:
             raise ConfigError(str(error)) from error
 

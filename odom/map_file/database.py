@@ -51,11 +51,11 @@ def connect(path: Path, is_written: bool) -> sqlite3.Connection:
                     f"{path} is no map: give one that `odom run SOURCE --map FILE` has made, or a new name"
                 )
         if not is_written:
-            with damage_told(path):
+            with raising_map_errors(path):
                 _undo_half_a_change(path)
     if not is_written and not is_there(path):
         raise ConfigError(f"there is no map {path}: make it with `odom run SOURCE --map {path}`")
-    with damage_told(path):
+    with raising_map_errors(path):
         mode = "rwc" if is_written else "ro"
         db = sqlite3.connect(f"{path.resolve().as_uri()}?mode={mode}", uri=True, check_same_thread=False, timeout=10.0)
         try:
@@ -123,7 +123,7 @@ def transaction(db: sqlite3.Connection) -> Iterator[None]:
 
 
 @contextmanager
-def damage_told(path: Path) -> Iterator[None]:
+def raising_map_errors(path: Path) -> Iterator[None]:
     """Turn what SQLite says of a damaged file into a MapError that says what to do."""
     try:
         yield

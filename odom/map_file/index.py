@@ -10,12 +10,12 @@ from odom.errors import MapError
 from odom.frontend.matching.place_block import MOST_PLACES, TABLES, PlaceBlock
 from odom.map_file import records
 from odom.map_file.arrays import pack, unpack
-from odom.map_file.database import damage_told, transaction
+from odom.map_file.database import raising_map_errors, transaction
 
 
 def load(db: sqlite3.Connection, lock: threading.Lock, path: Path) -> tuple[PlaceBlock, ...]:
     """Return the blocks of all places: those on disk, and one more of places that are in none."""
-    with damage_told(path), lock:
+    with raising_map_errors(path), lock:
         return tuple(_read(db))
 
 

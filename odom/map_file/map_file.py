@@ -19,7 +19,7 @@ from odom.frontend.camera.sensor_memory import SensorMemory
 from odom.frontend.features.place_descriptor import Place
 from odom.map_file import index, records
 from odom.map_file.counts import Counts
-from odom.map_file.database import UNREADABLE, connect, damage_told, damaged, lock, transaction
+from odom.map_file.database import UNREADABLE, connect, damaged, lock, raising_map_errors, transaction
 from odom.map_file.read_ahead import ReadAhead
 from odom.map_file.sessions import Session, is_same_camera
 from odom.map_file.writer import MapWriter
@@ -38,25 +38,25 @@ class MapFile:
         self.lost = 0
         """Key frames of which nothing could be read."""
         self._lock = threading.Lock()
-        self._held = lock(path) if is_written else None
+        self._lock_file = lock(path) if is_written else None
         self._writer: MapWriter | None = None
         self._ahead = ReadAhead(self._read)
         try:
             self._db = connect(path, is_written)
         except BaseException:
-            self._let_go()
+            self._unlock()
             raise
 
     def sessions(self) -> list[Session]:
         """Return the sessions, in order."""
         rows = self._rows("SELECT number, content FROM session ORDER BY number")
-        with self._telling():
+        with self._naming_file():
             return [Session.of(content) for _, content in rows]
 
     def keyframes(self) -> list[SavedKeyframe]:
         """Return the key frames, by number; raises MapError where one is missing or damaged."""
         rows = self._rows("SELECT number, content FROM keyframe ORDER BY number")
-        with self._telling():
+        with self._naming_file():
             found = [records.keyframe_of(content) for _, content in rows]
             if [k.number for k in found] != list(range(len(rows))) or len(rows) != self.counts().keyframes:
                 raise MapError("key frames are missing")
@@ -65,7 +65,7 @@ class MapFile:
     def edges(self) -> list[Edge]:
         """Return the registrations; raises MapError where one is missing or damaged."""
         rows = self._rows("SELECT a, content FROM edge ORDER BY a, b")
-        with self._telling():
+        with self._naming_file():
             found = records.edges_of([content for _, content in rows])
             if len(found) != self.counts().edges:
                 raise MapError("registrations are missing")
@@ -74,13 +74,13 @@ class MapFile:
     def counts(self) -> Counts:
         """Return how much the map says it holds."""
         content = self._meta("counts")
-        with self._telling():
+        with self._naming_file():
             return Counts() if content is None else Counts.of(content)
 
     def sensor(self) -> SensorMemory | None:
         """Return what the newest session has learnt of its camera, None where it did not last."""
         content = self._meta("sensor")
-        with self._telling():
+        with self._naming_file():
             return None if content is None else records.sensor_of(content)
 
     def _meta(self, name: str) -> bytes | None:
@@ -94,7 +94,7 @@ class MapFile:
                 found.update(content)
         return found.hexdigest()
 
-    def look_over(self) -> None:
+    def check_readable(self) -> None:
         """Read what is read when a session begins, and close; raises MapError where that is damaged."""
         try:
             self.sessions()
@@ -127,7 +127,7 @@ class MapFile:
         return SavedMap(tuple(keyframes), tuple(edges), self, blocks, identity, number, is_fixed, sensor)
 
     def _write_session(self, session: Session) -> None:
-        with damage_told(self.path), self._lock, transaction(self._db):
+        with raising_map_errors(self.path), self._lock, transaction(self._db):
             self._db.execute("INSERT INTO session VALUES (?, ?)", (session.number, session.to_bytes()))
 
     def expect(self, numbers: Iterable[int]) -> None:
@@ -148,7 +148,7 @@ class MapFile:
                 raise MapError("it is missing")
             return records.details_of(number, content, None)
         except (MapError, *UNREADABLE) as error:
-            self._lose(number, error)
+            self._count_lost(number, error)
             return None
 
     def fetch_place(self, number: int) -> Place | None:
@@ -160,10 +160,10 @@ class MapFile:
             content = self._row("SELECT content FROM place WHERE number = ?", number)
             return None if content is None else records.place_of(number, content)
         except (MapError, *UNREADABLE) as error:
-            self._lose(number, error)
+            self._count_lost(number, error)
             return None
 
-    def _lose(self, number: int, error: Exception) -> None:
+    def _count_lost(self, number: int, error: Exception) -> None:
         if self._ahead.is_closed:  # the background of an odometry that was not finished may still ask
             return
         if not self.lost:
@@ -193,7 +193,7 @@ class MapFile:
             self._writer.close()
             self._writer = None
         try:
-            if self.is_written and self._held is not None:
+            if self.is_written and self._lock_file is not None:
                 with self._lock:
                     index.extend(self._db)
                     self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
@@ -205,22 +205,22 @@ class MapFile:
             _LOG.info("%s stays in two files until it is opened again: %s", self.path, error)
         finally:
             self._db.close()
-            self._let_go()
+            self._unlock()
 
-    def _let_go(self) -> None:
-        if self._held is not None:
-            os.close(self._held)
-            self._held = None
+    def _unlock(self) -> None:
+        if self._lock_file is not None:
+            os.close(self._lock_file)
+            self._lock_file = None
 
     @contextmanager
-    def _telling(self) -> Iterator[None]:
+    def _naming_file(self) -> Iterator[None]:
         try:
             yield
         except MapError as error:
             raise damaged(self.path, str(error)) from error
 
     def _rows(self, query: str) -> list[Any]:
-        with damage_told(self.path), self._lock:
+        with raising_map_errors(self.path), self._lock:
             return self._db.execute(query).fetchall()
 
     def _row(self, query: str, number: int) -> bytes | None:

@@ -10,7 +10,7 @@ from odom.errors import ConfigError
 from odom.frontend.features.place_descriptor import Place
 from odom.map_file import index
 from odom.map_file.counts import Counts
-from odom.map_file.database import connect, damage_told, damaged, is_there, transaction
+from odom.map_file.database import connect, damaged, is_there, raising_map_errors, transaction
 from odom.map_file.map_file import MapFile
 from odom.map_file.sessions import Session
 from odom.map_file.writer import write
@@ -88,7 +88,7 @@ def write_new(path: Path, sessions: Sequence[Session], saved: SavedMap) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(prefix=f".{path.name}-", dir=path.parent) as folder:
             growing = Path(folder) / "new.map"
-            with damage_told(path):
+            with raising_map_errors(path):
                 _fill(growing, sessions, saved)
             refuse_to_replace(path)
             growing.rename(path)

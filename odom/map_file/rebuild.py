@@ -33,7 +33,7 @@ class ReadableParts:
     damage: list[str] = field(default_factory=list)
 
 
-def look_through(db: sqlite3.Connection) -> ReadableParts:
+def read_all_rows(db: sqlite3.Connection) -> ReadableParts:
     """Read every row of a map, and return what is whole."""
     found = ReadableParts()
     try:

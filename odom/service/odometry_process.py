@@ -17,7 +17,7 @@ from odom.service.estimate_publisher import EstimatePublisher
 from odom.service.final_results import save_results
 from odom.service.frame_receiver import FrameReceiver
 from odom.service.map_keeper import MapKeeper
-from odom.service.neighbours import Neighbours
+from odom.service.other_processes import OtherProcesses
 from odom.service.result_files import RunFiles
 from odom.service.run_calibration import calibration_status, calibrator_for
 from odom.service.run_statistics import RunStatistics
@@ -86,7 +86,7 @@ class OdometryProcess:
         self._unsaved = self._is_live = False
         self._change_log = ChangeLog()
         self._anticipated_ms, self._published_sequence = 0.0, -1
-        self._neighbours = Neighbours(session, topics, lambda: self._receiver.source_ended)
+        self._others = OtherProcesses(session, topics, lambda: self._receiver.source_ended)
 
     def run(self, stop: threading.Event, until_end: bool) -> None:
         """Process what arrives until `stop` is set or, with `until_end`, the source has ended."""
@@ -224,7 +224,7 @@ class OdometryProcess:
         values = {"state": state.value if state is not None else "WAITING", "reason": reason}
         values |= {} if last is None else status_values(last)
         values |= {} if self._odometry is None else calibration_status(self._odometry)
-        self._publisher.publish_status(state, reason, values | self._neighbours.status() | self.statistics.status())
+        self._publisher.publish_status(state, reason, values | self._others.status() | self.statistics.status())
 
     def _update_counts(self) -> None:
         counts = self.statistics

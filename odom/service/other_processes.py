@@ -10,7 +10,7 @@ from odom.wire.session import WireSession
 _LOG = logging.getLogger(__name__)
 
 
-class Neighbours:
+class OtherProcesses:
     """Logs who comes and goes; `source_ended` says whether the sensor is expected to go."""
 
     def __init__(self, session: WireSession, topics: Topics, source_ended: Callable[[], bool]) -> None:

@@ -137,11 +137,11 @@ def _print_matches(console: "Console", found: "Experiment") -> None:
     for name in ("sensor", "RMSE", "a wrong target is", "estimator", "paper mm", "share", "ungated", "gated, to truth"):
         shown.add_column(name, justify="right" if name in ("paper mm", "share") else "left", overflow="fold")
 
-    def told(errors: dict[str, float]) -> str:
+    def listed(errors: dict[str, float]) -> str:
         return ", ".join(f"{name} {error:.3g}" for name, error in errors.items())
 
     for m in found.matches:
         share = "never" if m.share is None else f"{m.share:.0%}"
-        both = (told(m.ungated_mm), told(m.gated_mm))
+        both = (listed(m.ungated_mm), listed(m.gated_mm))
         shown.add_row(m.sensor, m.measure, m.kind, m.estimator, f"{m.paper_mm:g}", share, *both)
     console.print(shown)

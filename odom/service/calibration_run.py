@@ -48,9 +48,9 @@ sixteen walks in the arena and of fr1, 2.5 in halves of a walk of 4 s; 2.8 and m
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """One recording, run with a camera: its survey, final trajectory, truth by body, and the share tracked."""
+    """One recording, run with a camera: its own calibration, survey, final trajectory, truth by body, share tracked."""
 
-    told: Camera
+    recorded: Camera
     survey: Survey
     trajectory: Trajectory
     truth: Mapping[str, Trajectory]
@@ -92,11 +92,10 @@ def calibrate_recordings(
         walks = []
         for k, open_source in enumerate(open_sources):
             count = progress(f"round {number}, recording {k + 1}")
-            walks.append(
-                walk(open_source(), topics, settings, None if best is None else best.result.camera, (count, stopped))
-            )
+            camera = None if best is None else best.result.camera
+            walks.append(walk(open_source(), topics, settings, camera, count, stopped))
             if start is None:
-                start = walks[0].told
+                start = walks[0].recorded
             if stopped():
                 break
         assert start is not None
@@ -133,21 +132,20 @@ def walk(
     topics: Topics,
     settings: OdometrySettings,
     camera: Camera | None,
-    control: tuple[Callable[[int], None], Callable[[], bool]],
+    count: Callable[[int], None],
+    stopped: Callable[[], bool],
 ) -> Walk:
-    """Run the odometry over a source with `camera` (None: the one it tells); `control` counts frames and stops.
+    """Run the odometry over a source with `camera` (None: its own); `count` is called with the frames done.
 
     Raises InputError when too little can be tracked.
     """
-    count, stopped = control
     odometry: Odometry | None = None
     truth: TruePoses = {}
-    told, frames, tracked = None, 0, 0
-
+    recorded, frames, tracked = None, 0, 0
     try:
-        for own, frame in frames_of(noting_truth(source.messages(), truth), topics):
-            told = told or own
-            odometry = odometry or Odometry(camera or own, settings)
+        for calibration, frame in frames_of(noting_truth(source.messages(), truth), topics):
+            recorded = recorded or calibration
+            odometry = odometry or Odometry(camera or calibration, settings)
             tracked += odometry.process(frame).state is State.TRACKING
             frames += 1
             count(frames)
@@ -155,7 +153,7 @@ def walk(
                 break
     finally:
         source.close()
-    if odometry is None or told is None:
+    if odometry is None or recorded is None:
         raise RecordingError(
             "no frame with a calibration: give --camera with one of this camera's image size; look with odom doctor"
         )
@@ -166,7 +164,7 @@ def walk(
         )
     trajectory = Trajectory.of(odometry.finish())
     bodies = {body: Trajectory.by_stamp(poses) for body, poses in truth.items()}
-    return Walk(told, survey_of(odometry), trajectory, bodies, tracked / frames)
+    return Walk(recorded, survey_of(odometry), trajectory, bodies, tracked / frames)
 
 
 def _scale(walks: Sequence[Walk]) -> ScaleFit | None:

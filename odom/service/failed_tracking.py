@@ -17,7 +17,7 @@ from odom.wire import Topics
 from sensors.source import Source, refused_images
 
 if TYPE_CHECKING:
-    from odom.evaluation.diagnosis import Recording
+    from odom.evaluation.diagnosis import Finding, Recording
 
 _LOG = logging.getLogger(__name__)
 _LOOKED_AT_S = 3.0
@@ -120,8 +120,7 @@ def _wrong_unit(opened: Source) -> str | None:
 
     frames = _sample(opened, _UNIT_S).paired
     finding = judge_unit(frames) if frames else None
-    is_bad = finding is not None and finding.verdict is Verdict.BAD
-    return f"{finding.key}: {finding.value}: {finding.advice}" if finding is not None and is_bad else None
+    return _in_words(finding) if finding is not None and finding.verdict is Verdict.BAD else None
 
 
 def _main_fault(opened: Source, only_camera: bool = False) -> str | None:
@@ -131,8 +130,12 @@ def _main_fault(opened: Source, only_camera: bool = False) -> str | None:
     recording = _sample(opened, _LOOKED_AT_S)
     recording = replace(recording, refused={**recording.refused, **refused_images(opened)})
     bad = [finding for finding in examine(recording) if finding.verdict is Verdict.BAD]
-    told = [f for f in bad if f.key in _OF_THE_CAMERA] + ([] if only_camera else bad)
-    return f"{told[0].key}: {told[0].value}: {told[0].advice}" if told else None
+    faults = [f for f in bad if f.key in _OF_THE_CAMERA] + ([] if only_camera else bad)
+    return _in_words(faults[0]) if faults else None
+
+
+def _in_words(finding: "Finding") -> str:
+    return f"{finding.key}: {finding.value}: {finding.advice}"
 
 
 def _sample(opened: Source, seconds: float) -> "Recording":

@@ -60,11 +60,11 @@ def stray_variables(environment: Mapping[str, str]) -> list[str]:
 
 def _problem(problem: Mapping[str, Any], known: Collection[str]) -> str:
     name = ".".join(map(str, problem["loc"]))
-    told = variable(name) if any(key.upper() == variable(name) for key in os.environ) else name
+    where = variable(name) if any(key.upper() == variable(name) for key in os.environ) else name
     if problem["type"] == "extra_forbidden":
-        return f"{_SHORT.repr(told)[1:-1]}: there is no such setting{nearest(name, known)}"
+        return f"{_SHORT.repr(where)[1:-1]}: there is no such setting{nearest(name, known)}"
     why = " ".join(str(problem["msg"]).split())
-    return f"{_SHORT.repr(told)[1:-1]} = {_SHORT.repr(problem['input'])}: {why[:1].lower()}{why[1:]}"
+    return f"{_SHORT.repr(where)[1:-1]} = {_SHORT.repr(problem['input'])}: {why[:1].lower()}{why[1:]}"
 
 
 def _is_model(kind: object) -> bool:

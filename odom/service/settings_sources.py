@@ -77,8 +77,8 @@ def load(model: type[Part], content: Mapping[Any, Any]) -> Part:
     Raises ConfigError naming each setting that is unknown or does not fit.
     """
     if unknown := [name for name in content if name not in model.model_fields]:
-        told = ", ".join(f"{name!r:.60}{nearest(str(name), model.model_fields)}" for name in unknown[:5])
-        raise ConfigError(f"no sections {told}: there are {', '.join(model.model_fields)}")
+        listed = ", ".join(f"{name!r:.60}{nearest(str(name), model.model_fields)}" for name in unknown[:5])
+        raise ConfigError(f"no sections {listed}: there are {', '.join(model.model_fields)}")
     try:
         return model(**content)
     except ValidationError as error:

@@ -114,7 +114,7 @@ class McapFile:
                 lost.add(file.read(_COUNTED.size))
                 continue
             if lost is not None:
-                self.damage.append(lost.told(self.channels))
+                self.damage.append(lost.in_words(self.channels))
                 lost = None
             if record.wrong:
                 self.damage.append(f"record at byte {record.offset}: {record.wrong}")
@@ -135,7 +135,7 @@ class McapFile:
             else:
                 yield from self._loose(file, record)
         if lost is not None:
-            self.damage.append(lost.told(self.channels))
+            self.damage.append(lost.in_words(self.channels))
 
     def _cut_chunk(self, file: BinaryIO, size: int, heads: list[ChunkHead]) -> Iterator[tuple[Channel, McapMessage]]:
         """Yield the messages of a chunk that the end of the file has cut, or that only seems to be."""
@@ -208,7 +208,7 @@ class _LostChunk:
             channel, entries = _COUNTED.unpack(body)
             self.counts[channel] += entries // INDEX_ENTRY
 
-    def told(self, channels: dict[int, Channel]) -> str:
+    def in_words(self, channels: dict[int, Channel]) -> str:
         """Return in words what is missing."""
         parts = [
             f"{count} of {channels[channel].topic if channel in channels else f'channel {channel}'}"

@@ -1,6 +1,8 @@
 """JPEG and PNG files in memory: decoded only after their size and completeness are known."""
 
 import zlib
+from collections import deque
+from collections.abc import Iterator
 from typing import Any
 
 import cv2
@@ -13,7 +15,7 @@ MAX_PIXELS = 16_777_216
 """Pixels beyond which an image is refused (4096 x 4096). Larger: a message with a false size may take more memory."""
 
 _JPEG_BEGIN, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
-_PNG_BEGIN, _PNG_LAST = b"\x89PNG\r\n\x1a\n", b"IEND"
+PNG_BEGIN, _PNG_LAST = b"\x89PNG\r\n\x1a\n", b"IEND"
 _DEEP_GREY = b"\x10\x00"
 """Bits a sample and kind of colour in a PNG's header (ISO/IEC 15948, 11.2.2): 16 bits of grey."""
 _NO_LENGTH = frozenset((0x01, *range(0xD0, 0xD9)))
@@ -37,24 +39,42 @@ def file_size(data: bytes | memoryview) -> tuple[int, int]:
     """
     view = memoryview(data)
     begin = bytes(view[:8])
-    if begin == _PNG_BEGIN and len(view) >= 33:
+    is_png = begin == PNG_BEGIN and len(view) >= 33
+    if is_png:
         width, height = int.from_bytes(view[16:20], "big"), int.from_bytes(view[20:24], "big")
-        complete = _png_is_sound(view)
     elif begin.startswith(_JPEG_BEGIN):
         width, height = _jpeg_size(view)
-        complete = _JPEG_END in bytes(view[-len(_JPEG_END) - _PADDING :])
     else:
         raise OtherFormatError("image data is neither a JPEG nor a PNG file")
     if not 0 < width * height <= MAX_PIXELS:
         raise WireError(f"image of {width} x {height} pixels is not plausible")
-    if not complete:
+    if is_png:
+        deque(png_chunks(view), maxlen=0)  # all of them are whole
+    elif _JPEG_END not in bytes(view[-len(_JPEG_END) - _PADDING :]):
         raise WireError(f"image file of {len(view)} bytes is cut or damaged")
     return width, height
 
 
+def png_chunks(view: memoryview) -> Iterator[tuple[bytes, memoryview]]:
+    """Yield the kind and the content of a PNG file's chunks, up to the last.
+
+    Raises WireError where one is cut or its checksum is wrong, which libpng reports only on stderr.
+    """
+    at = len(PNG_BEGIN)
+    while at + 12 <= len(view):
+        kind, end = bytes(view[at + 4 : at + 8]), at + 8 + int.from_bytes(view[at : at + 4], "big")
+        if end + 4 > len(view) or zlib.crc32(view[at + 4 : end]) != int.from_bytes(view[end : end + 4], "big"):
+            break
+        yield kind, view[at + 8 : end]
+        if kind == _PNG_LAST:
+            return
+        at = end + 4
+    raise WireError(f"image file of {len(view)} bytes is cut or damaged")
+
+
 def is_deep_grey_png(data: NDArray[np.uint8]) -> bool:
     """Return whether the header of a file is that of a PNG of grey in 16 bits, as depth is stored."""
-    return data[:8].tobytes() == _PNG_BEGIN and data[24:26].tobytes() == _DEEP_GREY
+    return data[:8].tobytes() == PNG_BEGIN and data[24:26].tobytes() == _DEEP_GREY
 
 
 def decode_file(data: NDArray[np.uint8], flags: int) -> NDArray[Any]:
@@ -84,19 +104,6 @@ def _decode(data: NDArray[np.uint8], size: tuple[int, int], flags: int) -> NDArr
     if image is None or image.shape[1::-1] != size:
         raise WireError(f"image file of {data.size} bytes cannot be decoded")
     return np.asarray(image)
-
-
-def _png_is_sound(view: memoryview) -> bool:
-    """Whether the chunks up to the last are whole; checked here since libpng reports damage only on stderr."""
-    at = len(_PNG_BEGIN)
-    while at + 12 <= len(view):
-        after = at + 12 + int.from_bytes(view[at : at + 4], "big")
-        if after > len(view) or zlib.crc32(view[at + 4 : after - 4]) != int.from_bytes(view[after - 4 : after], "big"):
-            return False
-        if view[at + 4 : at + 8] == _PNG_LAST:
-            return True
-        at = after
-    return False
 
 
 def _jpeg_size(view: memoryview) -> tuple[int, int]:

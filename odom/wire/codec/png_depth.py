@@ -5,7 +5,6 @@ in a table: a folder's units become millimetres (PNG, ISO/IEC 15948, clauses 5, 
 CPU, so it is for many images; `decode_file` is for a few.
 """
 
-import zlib
 from struct import Struct
 
 import numpy as np
@@ -14,11 +13,9 @@ from numpy.typing import NDArray
 
 from odom.errors import WireError
 from odom.geometry.compiled import compiled
-from odom.wire.codec.image_files import MAX_PIXELS
+from odom.wire.codec.image_files import MAX_PIXELS, PNG_BEGIN, png_chunks
 
-_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _HEADER = Struct(">8sI4sIIBBBBB")
-_CHUNK = Struct(">I4s")
 _GREY_16 = (16, 0, 0, 0, 0)
 """Bit depth, colour type, compression, filter and interlace method of the files that are read here."""
 _SUB, _UP, _AVERAGE, _PAETH = 1, 2, 3, 4
@@ -31,7 +28,7 @@ def is_depth_png(data: NDArray[np.uint8]) -> bool:
     if data.size < _HEADER.size:
         return False
     signature, length, kind, _, _, *form = _HEADER.unpack_from(data.data)
-    return (signature, length, kind, *form) == (_SIGNATURE, 13, b"IHDR", *_GREY_16)
+    return (signature, length, kind, *form) == (PNG_BEGIN, 13, b"IHDR", *_GREY_16)
 
 
 def decode_depth_png(data: NDArray[np.uint8], table: NDArray[np.uint16] | None = None) -> NDArray[np.uint16]:
@@ -43,9 +40,10 @@ def decode_depth_png(data: NDArray[np.uint8], table: NDArray[np.uint16] | None =
     if not 0 < width * height <= MAX_PIXELS:
         raise WireError(f"image of {width} x {height} pixels is not plausible")
     row = 2 * width + 1
+    image = [content for kind, content in png_chunks(data.data) if kind == b"IDAT"]
     inflater = isal_zlib.decompressobj()
     try:
-        rows = inflater.decompress(b"".join(_image_data(data.data)), height * row + 1)
+        rows = inflater.decompress(b"".join(image), height * row + 1)
     except isal_zlib.error as error:  # type: ignore[misc]  # isal's stub calls it a value
         raise WireError(f"image file of {data.size} bytes is damaged: {error}") from error
     values = np.empty((height, width), dtype=np.uint16)
@@ -54,22 +52,6 @@ def decode_depth_png(data: NDArray[np.uint8], table: NDArray[np.uint16] | None =
     if not (is_whole and _unfilter(np.frombuffer(rows, dtype=np.uint8).reshape(height, row), known, values)):
         raise WireError(f"image file of {data.size} bytes is cut or damaged")
     return values
-
-
-def _image_data(view: memoryview) -> list[memoryview]:
-    """Return what the IDAT chunks hold; raises WireError when a chunk is cut or its check sum is wrong."""
-    at, found = len(_SIGNATURE), list[memoryview]()
-    while at + 12 <= len(view):
-        length, kind = _CHUNK.unpack_from(view, at)
-        end = at + 8 + length
-        if end + 4 > len(view) or zlib.crc32(view[at + 4 : end]) != int.from_bytes(view[end : end + 4], "big"):
-            break
-        if kind == b"IEND":
-            return found
-        if kind == b"IDAT":
-            found.append(view[at + 8 : end])
-        at = end + 4
-    raise WireError(f"image file of {len(view)} bytes is cut or damaged")
 
 
 @compiled

@@ -18,7 +18,7 @@ class EvaluationImports:
         self._expected = expected
         self._thread: threading.Thread | None = None
 
-    def look(self) -> None:
+    def begin_if_due(self) -> None:
         """Begin if it is time; to be called again and again once the other processes are loaded, not to delay them."""
         if self._thread is None and (self._expected or self._truth.is_file()):
             self._thread = threading.Thread(target=_load, name="evaluation-imports", daemon=True)

@@ -55,8 +55,8 @@ class FrameReceiver:
         self._consumer = Consumer(session, topics, "odometry", keys, depth=_LIVE_DEPTH)
         self.assembler = FrameAssembler(topics, grey=True, malformed=self._consumer.malformed)
         self._until_end = False
-        self._camera: Camera | None = None
-        self._unusable: Camera | None = None
+        self._camera_in_use: Camera | None = None
+        self._refused_by_odometry: Camera | None = None
         self.arrivals = ArrivalQueue(live_room)
         self._thread = threading.Thread(target=self._run, name="intake", daemon=True)
 
@@ -77,7 +77,7 @@ class FrameReceiver:
 
     def refuse(self, camera: Camera) -> None:
         """Note that the odometry refused this calibration: the next one that differs is handed on."""
-        self._unusable = camera
+        self._refused_by_odometry = camera
 
     @property
     def lost_frames(self) -> int:
@@ -152,8 +152,8 @@ class FrameReceiver:
             self._put_frame(frame, delivery)
         if message.topic in self._color_keys and not delivery.lossless:
             self._put_color()
-        self._check_camera()
-        if self._camera is None and self.assembler.camera is not None:
+        self._keep_camera_in_use()
+        if self._camera_in_use is None and self.assembler.camera is not None:
             _compute_lens(self.assembler.camera)
 
     def _take_truth(self, message: Message) -> None:
@@ -174,26 +174,26 @@ class FrameReceiver:
         if not self.arrivals.put(arrival):
             malformed.add(TRUTH, f"more than {MOST_TRUTH} poses wait")
 
-    def _check_camera(self) -> None:
+    def _keep_camera_in_use(self) -> None:
         """Keep the calibration in use: with another one new poses would silently not fit the earlier ones."""
         camera = self.assembler.camera
-        if self._camera == self._unusable:
-            self._camera = None
-        is_another = self._camera is not None and camera != self._camera
-        if camera is None or not (is_another or camera == self._unusable):
+        if self._camera_in_use == self._refused_by_odometry:
+            self._camera_in_use = None
+        is_another = self._camera_in_use is not None and camera != self._camera_in_use
+        if camera is None or not (is_another or camera == self._refused_by_odometry):
             return
         if is_another and not self.refused_cameras:
             _LOG.error("the calibration has changed to %s: refused; restart to use it", camera)
         self.refused_cameras += 1
-        self.assembler.camera = self._camera
+        self.assembler.camera = self._camera_in_use
 
-    def _settle_camera(self) -> bool:
+    def _has_camera(self) -> bool:
         """Hand on the calibration before the first frame; return whether there is one."""
-        if self._camera is None and self.assembler.camera is not None:
-            self._camera = self.assembler.camera
-            _LOG.info("calibration: %s", self._camera)
-            self.arrivals.put(CameraArrival(self._camera))
-        return self._camera is not None
+        if self._camera_in_use is None and self.assembler.camera is not None:
+            self._camera_in_use = self.assembler.camera
+            _LOG.info("calibration: %s", self._camera_in_use)
+            self.arrivals.put(CameraArrival(self._camera_in_use))
+        return self._camera_in_use is not None
 
     def _color_of(self, frame: RgbdFrame) -> Message | None:
         """Return the message of a frame's colour image; forget it and older ones, whose depth never came."""
@@ -205,7 +205,7 @@ class FrameReceiver:
 
     def _put_frame(self, frame: RgbdFrame, delivery: Delivery | None) -> None:
         color = self._color_of(frame)
-        if not self._settle_camera():
+        if not self._has_camera():
             self.uncalibrated += 1
             return
         live = delivery is not None and not delivery.lossless
@@ -214,7 +214,7 @@ class FrameReceiver:
 
     def _put_color(self) -> None:
         waiting = self.assembler.newest_color
-        if waiting is not None and self._camera is not None:
+        if waiting is not None and self._camera_in_use is not None:
             self.arrivals.put_color(ColorArrival(*waiting))
 
 

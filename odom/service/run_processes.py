@@ -185,7 +185,7 @@ class RunProcesses:
 
     def _show_progress(self) -> None:
         if self._sensor_is_here:
-            self._evaluation.look()
+            self._evaluation.begin_if_due()
         has_ended = self.children["sensor"].status is not None
         delivery = self._status.receive(timeout=_END_POLL_S if has_ended else _POLL_S)
         reading = self._reading(delivery) if delivery is not None else None

@@ -19,13 +19,13 @@ class ChainScene:
     """The chain as it comes, in bounded memory; nothing of it is drawn where the settings switch it off."""
 
     def __init__(self, settings: ViewerSettings) -> None:
-        self.way = BoundedTrajectory(settings.path_poses)
+        self.poses = BoundedTrajectory(settings.path_poses)
         self._is_on = settings.chain
         self._tail: list[Array] = []
 
     def pose(self, pose: StampedPose) -> Iterator[EntityUpdate]:
         """Take the chain's pose of a frame; yield its newest piece."""
-        self.way.add(pose.stamp, pose.T_parent_child)
+        self.poses.add(pose.stamp, pose.T_parent_child)
         self._tail.append(pose.T_parent_child[:3, 3])
         if self._is_on:
             yield strips_entity(f"{entities.CHAIN}/tail", pose.stamp, [np.array(self._tail)], palette.CHAIN)
@@ -33,15 +33,15 @@ class ChainScene:
     def closed(self, stamp: Stamp, poses: tuple[StampedPose, ...]) -> Iterator[EntityUpdate]:
         """Yield the closed chain (poses of some of its frames); an empty one clears it."""
         if self._is_on and len(poses) > 1:
-            way = np.array([pose.T_parent_child[:3, 3] for pose in poses], dtype=np.float32)
-            yield strips_entity(entities.CHAIN_CLOSED, stamp, [way], palette.CHAIN_CLOSED)
+            positions = np.array([pose.T_parent_child[:3, 3] for pose in poses], dtype=np.float32)
+            yield strips_entity(entities.CHAIN_CLOSED, stamp, [positions], palette.CHAIN_CLOSED)
         elif self._is_on:
             yield update(entities.CHAIN_CLOSED, stamp, rr.Clear(recursive=False))
 
     def refresh(self, stamp: Stamp) -> Iterator[EntityUpdate]:
         """Yield the whole chain, as dashes: it lies on other lines for long."""
         self._tail = self._tail[-1:]
-        way = self.way.trajectory()
-        if self._is_on and len(way) > 1:
-            dashed = dashes(lines(way.positions, self.way.strips()), CHAIN_PHASE)
+        chain = self.poses.trajectory()
+        if self._is_on and len(chain) > 1:
+            dashed = dashes(lines(chain.positions, self.poses.strips()), CHAIN_PHASE)
             yield strips_entity(entities.CHAIN, stamp, dashed, palette.CHAIN, DASH)

@@ -98,14 +98,14 @@ class Scene:
         if not poses:
             return
         if (body := truth_body(message.topic)) is not None:
-            way = self._truth.way_of(body)
+            known = self._truth.trajectory_of(body)
         elif message.topic == self._topics.chain_history:
-            way = self._chain.way
+            known = self._chain.poses
         else:
-            way = self._map.online
+            known = self._map.online
             self._newest = max(self._newest or poses[-1].stamp, poses[-1].stamp)
-        if way is not None:
-            way.prepend(trajectory(poses))
+        if known is not None:
+            known.prepend(trajectory(poses))
 
     def new_frame(self) -> Frame | None:
         """Return the new viewpoint of the map, None where it should stay; each frame is returned once."""
@@ -205,7 +205,7 @@ class Scene:
         if fit := self._truth.align(corrected, self._map.claimed, calibrates):
             yield from self._log.truth(stamp, fit, first=not was_aligned)
         yield from self._truth.lines(stamp)
-        yield self._log.summary(stamp, self._truth.fit, bool(self._truth.ways), corrected.length_m)
+        yield self._log.summary(stamp, self._truth.fit, bool(self._truth.trajectories), corrected.length_m)
 
     def _errors(self) -> Iterator[EntityUpdate]:
         for error in self._truth.errors():

@@ -19,33 +19,33 @@ _BODIES = 8
 
 
 class TruthScene:
-    """The ways of the bodies, at most `limit` poses each. The first body heard of is that of the camera.
+    """The trajectories of the bodies, at most `limit` poses each. The first body heard of is that of the camera.
 
     `fit` is how truth lies in the map, None while too little is known.
     """
 
     def __init__(self, limit: int) -> None:
         self._limit = limit
-        self.ways: dict[str, BoundedTrajectory] = {}
+        self.trajectories: dict[str, BoundedTrajectory] = {}
         self.fit: TruthInMap | None = None
         self._comparison = Comparison()
         self._calibration = ProgressiveCalibration()
         self._since = Stamp(0)
 
-    def way_of(self, body: str) -> BoundedTrajectory | None:
-        """Return the way of a body, None for one body too many."""
-        if body not in self.ways and len(self.ways) < _BODIES:
-            self.ways[body] = BoundedTrajectory(self._limit)
-        return self.ways.get(body)
+    def trajectory_of(self, body: str) -> BoundedTrajectory | None:
+        """Return the trajectory of a body, None for one body too many."""
+        if body not in self.trajectories and len(self.trajectories) < _BODIES:
+            self.trajectories[body] = BoundedTrajectory(self._limit)
+        return self.trajectories.get(body)
 
     def add(self, body: str, pose: StampedPose) -> None:
         """Take a true pose of a body."""
-        way = self.way_of(body)
-        if way is None:
+        kept = self.trajectory_of(body)
+        if kept is None:
             return
-        interrupted = way.newest is not None and pose.stamp - way.newest > GAP_NS
-        way.add(pose.stamp, pose.T_parent_child, interrupted)
-        if body == next(iter(self.ways)):
+        interrupted = kept.newest is not None and pose.stamp - kept.newest > GAP_NS
+        kept.add(pose.stamp, pose.T_parent_child, interrupted)
+        if body == next(iter(self.trajectories)):
             self._comparison.add_truth(pose.stamp, pose.T_parent_child)
 
     def compare(self, stamp: Stamp, T_map_camera: Array, covariance: Array | None) -> None:
@@ -58,11 +58,11 @@ class TruthScene:
 
     def align(self, corrected: Trajectory, claimed: ClaimedCovariances, calibrates: bool) -> TruthInMap | None:
         """Align truth with the trajectory in the map and return how; None while too little is known."""
-        if not self.ways:
+        if not self.trajectories:
             return None
         joined = corrected.segment == 0 if corrected.segment is not None else True
         estimate = corrected.take((corrected.stamps >= self._since) & joined)
-        truth, markers = next(iter(self.ways.values())).trajectory(), not self._is_camera
+        truth, markers = next(iter(self.trajectories.values())).trajectory(), not self._is_camera
         if calibrates and markers:
             self._calibration.update(estimate, truth)
         fit = align_truth(estimate, claimed, truth, self._calibration.found, markers)
@@ -70,11 +70,11 @@ class TruthScene:
         return fit
 
     def lines(self, stamp: Stamp) -> Iterator[EntityUpdate]:
-        """Yield the ways of all bodies, once they are aligned."""
+        """Yield the trajectories of all bodies, once they are aligned."""
         if self.fit is None:
             return
-        for body, way in self.ways.items():
-            yield truth_line(body, stamp, in_map(way.trajectory(), self.fit).positions, way.strips())
+        for body, kept in self.trajectories.items():
+            yield truth_line(body, stamp, in_map(kept.trajectory(), self.fit).positions, kept.strips())
 
     def errors(self) -> Iterator[PoseError]:
         """Yield the errors of poses that truth has come for; with a marker body only once it is calibrated."""
@@ -84,4 +84,4 @@ class TruthScene:
     @property
     def _is_camera(self) -> bool:
         """Whether the first body's truth is the camera's own; other bodies carry markers."""
-        return next(iter(self.ways), "") == CAMERA
+        return next(iter(self.trajectories), "") == CAMERA

@@ -89,11 +89,11 @@ def test_evaluation_is_loaded_once_there_is_truth_or_some_is_expected(
     monkeypatch.setattr("odom.service.evaluation_imports._load", lambda: begun.append(True))
     imports = EvaluationImports(tmp_path, expected)
     if has_truth:
-        imports.look()
+        imports.begin_if_due()
         assert begun == []
         (tmp_path / "truth.txt").write_text("")
-    imports.look()
-    imports.look()
+    imports.begin_if_due()
+    imports.begin_if_due()
     for thread in threading.enumerate():
         if thread.name == "evaluation-imports":
             thread.join()

@@ -179,7 +179,7 @@ def test_a_marker_body_on_another_clock_is_brought_onto_the_camera() -> None:
     assert fit.calibrated is not None
     assert abs(fit.calibrated.offset_s - 0.037) < 0.002
     assert np.linalg.norm(se3.log(se3.inverse(X) @ fit.calibrated.T_body_camera)[:3]) < 0.003
-    true = in_map(scene._truth.ways["markers"].trajectory(), fit)
+    true = in_map(scene._truth.trajectories["markers"].trajectory(), fit)
     at, valid = true.at(np.array([BEGIN + 200 * PERIOD_NS]), 0.1)
     assert valid[0]
     assert np.linalg.norm(at[0][:3, 3] - true_pose(200)[:3, 3]) < 0.003

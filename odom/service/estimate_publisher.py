@@ -108,7 +108,7 @@ class EstimatePublisher:
 
     def publish_keyframe(self, cloud: Callable[[], Message]) -> None:
         """Publish the cloud of a key frame, which is only computed if it is one of those that are shown."""
-        if self._history.wants_keyframe():
+        if self._history.takes_next_keyframe():
             message = cloud()
             self._history.keep_keyframe(message)
             self._bulky.put(message)

@@ -73,10 +73,10 @@ class History:
         with self._lock:
             self._map.pop(topic, None)
 
-    def wants_keyframe(self) -> bool:
+    def takes_next_keyframe(self) -> bool:
         """Count a new key frame and return whether its cloud is to be made, published and kept."""
         with self._lock:
-            return self._keyframes.wants()
+            return self._keyframes.takes_next()
 
     def keep_keyframe(self, message: Message) -> None:
         """Remember the cloud of a key frame."""

@@ -47,8 +47,8 @@ def back_project(camera: Camera, color: NDArray[np.uint8], depth_mm: NDArray[np.
 class KeyframeClouds(Generic[Kept]):
     """Clouds of key frames in order, at most `limit`: when there are more, every second one is dropped.
 
-    The odometry asks `wants` before it computes a cloud, and after a thinning computes every second one only. A viewer
-    that keeps what it receives then has the same clouds, whether it was there from the beginning or joined late.
+    The odometry asks `takes_next` before it computes a cloud, and after a thinning computes every second one only. A
+    viewer that keeps what it receives then has the same clouds, whether it was there from the beginning or joined late.
     """
 
     def __init__(self, limit: int) -> None:
@@ -58,7 +58,7 @@ class KeyframeClouds(Generic[Kept]):
         self._stride = 1
         self._seen = 0
 
-    def wants(self) -> bool:
+    def takes_next(self) -> bool:
         """Count a new key frame and return whether its cloud is to be made and kept."""
         self._seen += 1
         return (self._seen - 1) % self._stride == 0

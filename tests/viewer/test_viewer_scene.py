@@ -223,7 +223,7 @@ def test_who_joins_late_keeps_the_same_key_frames_as_who_was_there(keyframes: in
         if i == joined:
             for stamp in maker:
                 late.keep(stamp, maker[stamp])
-        if maker.wants():
+        if maker.takes_next():
             for kept in (maker, early, *([late] if i >= joined else [])):
                 kept.keep(Stamp(i), i)
         assert len(maker) <= limit

@@ -1,5 +1,6 @@
 """`odom map`: lists, checks, merges and prunes the maps that runs have saved."""
 
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated
 
@@ -20,12 +21,9 @@ def info(file: MapName) -> None:
     from odom.map_file.map_file import MapFile
     from odom.map_file.summary import lines_of
 
-    opened = MapFile(file, is_written=False)
-    try:
+    with closing(MapFile(file, is_written=False)) as opened:
         for line in lines_of(opened):
             typer.echo(line)
-    finally:
-        opened.close()
 
 
 @map_.command("check")
@@ -37,8 +35,6 @@ def check(
 
     Example: odom map check lab.map --mend mended.map
     """
-    from contextlib import closing
-
     from odom.map_file.database import connect, raising_map_errors
     from odom.map_file.map_file import MapFile
     from odom.map_file.rebuild import read_all_rows, write_rest
@@ -72,12 +68,9 @@ def export(
     from odom.map_file.map_file import MapFile
     from odom.map_file.summary import write_files
 
-    opened = MapFile(file, is_written=False)
-    try:
+    with closing(MapFile(file, is_written=False)) as opened:
         for path in write_files(opened, out):
             typer.echo(str(path))
-    finally:
-        opened.close()
 
 
 @map_.command("merge")
@@ -93,8 +86,6 @@ def merge(
 
     Example: odom map merge monday.map tuesday.map -o lab.map
     """
-    from contextlib import ExitStack, closing
-
     from odom.map_file.map_file import MapFile
     from odom.map_file.merging import merge as merge_maps
     from odom.map_file.summary import lines_of
@@ -124,8 +115,6 @@ def prune(
 
     Example: odom map prune lab.map -o small.map --keyframes 100
     """
-    from contextlib import closing
-
     from odom.map_file.map_file import MapFile
     from odom.map_file.pruned import prune as prune_map
     from odom.map_file.summary import lines_of

@@ -48,7 +48,7 @@ class EstimatePublisher:
         self._status_due = 0.0
         self._features_due = 0.0
         self._map_due = 0.0
-        self._map: dict[str, Message] = {}
+        self._held_back: dict[str, Message] = {}
         self._paths = PathTopics(topics)
         self._history = History(session, topics)
 
@@ -91,9 +91,9 @@ class EstimatePublisher:
         self._publish_moving(estimate)
         for message in (*self._paths.messages(estimate), landmark_message(self._topics, estimate)):
             if message is not None:
-                self._map.pop(message.topic, None)  # goes to the end: messages of one estimate in order
-                self._map[message.topic] = message
-        if self._map and now >= self._map_due:
+                self._held_back.pop(message.topic, None)  # goes to the end: messages of one estimate in order
+                self._held_back[message.topic] = message
+        if self._held_back and now >= self._map_due:
             self.flush()
             self._map_due = now + self._settings.map_period_s
 
@@ -115,13 +115,13 @@ class EstimatePublisher:
 
     def flush(self) -> None:
         """Publish the paths and the landmarks that were held back."""
-        for message in self._map.values():
+        for message in self._held_back.values():
             if message.topic == self._topics.landmarks or self._paths.holds(message.topic):
                 self._history.keep(message)
             else:
                 self._history.forget(message.topic)
             self._publisher.put(message)
-        self._map.clear()
+        self._held_back.clear()
 
     def status_is_due(self, state: State | None) -> bool:
         """Whether the state has changed or the settings' period is over."""

@@ -35,7 +35,7 @@ class History:
         self._chain = BoundedTrajectory(_POSES)
         self._truth: dict[str, BoundedTrajectory] = {}
         self._loops: deque[Message] = deque(maxlen=_LOOPS)
-        self._map: dict[str, Message] = {}
+        self._latest: dict[str, Message] = {}
         self._keyframes: KeyframeClouds[Message] = KeyframeClouds(KEYFRAMES)
         self._lock = threading.Lock()
         for key in (topics.history, topics.path, topics.landmarks, topics.keyframes):
@@ -66,12 +66,12 @@ class History:
     def keep(self, message: Message) -> None:
         """Remember the latest message of its key."""
         with self._lock:
-            self._map[message.topic] = message
+            self._latest[message.topic] = message
 
     def forget(self, topic: str) -> None:
         """Drop the message of a key that has nothing more to show."""
         with self._lock:
-            self._map.pop(topic, None)
+            self._latest.pop(topic, None)
 
     def takes_next_keyframe(self) -> bool:
         """Count a new key frame and return whether its cloud is to be made, published and kept."""
@@ -93,7 +93,7 @@ class History:
 
     def _answers(self, key: str) -> Iterator[Message]:
         with self._lock:
-            latest = [m for topic, m in self._map.items() if topic == key or topic.startswith(f"{key}/")]
+            latest = [m for topic, m in self._latest.items() if topic == key or topic.startswith(f"{key}/")]
             odom, truth = self._odom.poses(), {body: kept.poses() for body, kept in self._truth.items()}
             chain, loops = self._chain.poses(), list(self._loops)
             keyframes = [self._keyframes[stamp] for stamp in self._keyframes]

@@ -86,8 +86,8 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> threading.Event:
     odometry.finish()
     codec.encode_status(topics.status, codec.Status(stamp, "", 0, "", RunStatistics().status()))
     if compiler is not None:
-        compiler.wait_until_adjusted()
-    _warm_up_beside_frames()
+        compiler.wait_for_all_but_calibration()
+    _warm_up_background()
     del odometry
     calibration_ready = threading.Event()
     if compiler is None:
@@ -112,14 +112,14 @@ class _SecondCompiler:
 
     def __init__(self, self_calibration: bool) -> None:
         context = multiprocessing.get_context("spawn")
-        self._has_adjusted = context.Event()
-        arguments = (self_calibration, self._has_adjusted)
+        self._all_but_calibration = context.Event()
+        arguments = (self_calibration, self._all_but_calibration)
         self._process = context.Process(target=_compile, args=arguments, daemon=True)
         self._process.start()
 
-    def wait_until_adjusted(self) -> None:
+    def wait_for_all_but_calibration(self) -> None:
         """Wait until all but the calibration is compiled."""
-        while self._process.is_alive() and not self._has_adjusted.wait(_COMPILER_POLL_S):
+        while self._process.is_alive() and not self._all_but_calibration.wait(_COMPILER_POLL_S):
             continue
 
     def wait(self) -> None:
@@ -127,14 +127,14 @@ class _SecondCompiler:
         self._process.join()
 
 
-def _compile(self_calibration: bool, has_adjusted: Event) -> None:
+def _compile(self_calibration: bool, all_but_calibration: Event) -> None:
     gc.set_threshold(_COMPILERS_YOUNG_OBJECTS)
-    _warm_up_beside_frames()
-    has_adjusted.set()
+    _warm_up_background()
+    all_but_calibration.set()
     _warm_up_calibration(self_calibration)
 
 
-def _warm_up_beside_frames() -> None:
+def _warm_up_background() -> None:
     """Register made-up pairs, adjust a bundle, choose between poses, code depth, and adjust a small pose graph.
 
     The second compiler begins with what frames need soonest.

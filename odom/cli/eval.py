@@ -64,7 +64,7 @@ def evaluate(
     from odom.evaluation.judgement import judge as judged_by
     from odom.evaluation.quaternion_order import order_notes
     from odom.evaluation.relative import read_relative, relative_nees
-    from odom.evaluation.run_report import calibration_fields, error_fields, remarks
+    from odom.evaluation.run_report import error_fields, mocap_calibration_fields, remarks
     from odom.evaluation.trajectory_plot import plot as draw
     from odom.evaluation.truth_noise import truth_noise, widened
 
@@ -81,7 +81,7 @@ def evaluate(
     print(f"ATE            {report.ate_m:.4f} m")
     for name, error in (("RPE a frame", report.rpe_frame), ("RPE 1 s", report.rpe_1s)):
         print(f"{name:<14} {error.rmse_m:.4f} m  {error.rmse_deg:.3f} deg  ({error.pairs} pairs)")
-    fields = {**error_fields(report), **calibration_fields(calibration, body or "body")}
+    fields = {**error_fields(report), **mocap_calibration_fields(calibration, body or "body")}
     noise = truth_noise(true)
     if noise:
         print(f"truth's noise  {1e3 * noise.sigma_m:.2f} mm  {degrees(noise.sigma_rad):.3f} deg an axis, at least")
@@ -95,7 +95,7 @@ def evaluate(
             print(f"{'':<14} {floored.mean:.2f}, {floored.inside_95:.1%} inside, allowing for the truth's own noise")
         fields[f"nees_{path.stem}"] = {"mean": values.mean, "inside_95": values.inside_95}
     if calibration:
-        _print_calibration(calibration_fields(calibration, body or "body"), calibration.correlation)
+        _print_calibration(mocap_calibration_fields(calibration, body or "body"), calibration.correlation)
     notes = [*order_notes(as_read, report, lambda other: judge(other).report), *judged.notes]
     for note in notes:
         print(f"note: {note}")

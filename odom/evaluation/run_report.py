@@ -73,7 +73,7 @@ def report_with_truth(
         "ate_online_m": online.ate_m if online else None,
         **_nees_fields(second, truth, "nees"),
         **_nees_fields(step, truth, "nees_step"),
-        **calibration_fields(calibration, body),
+        **mocap_calibration_fields(calibration, body),
         "chain": chain_fields(out_dir, truth, options),
         "chain_closed": trajectory_fields(out_dir / "chain_closed.txt", truth, options),
         "truth_notes": [*order_notes(read, final, report_by), *judged.notes],
@@ -113,7 +113,7 @@ def error_fields(report: Report) -> dict[str, Any]:
     }
 
 
-def calibration_fields(calibration: Calibration | None, body: str) -> dict[str, Any]:
+def mocap_calibration_fields(calibration: Calibration | None, body: str) -> dict[str, Any]:
     """Return clock offset and hand-eye with their standard deviations, None for both without a calibration."""
     if calibration is None:
         return dict.fromkeys(_CALIBRATION)

@@ -32,7 +32,7 @@ class Alignment:
 
 
 def align(points_estimate: Array, points_truth: Array) -> Alignment:
-    """Return the least-squares rigid motion from n x 3 estimated points to n x 3 true ones (eqs. 38-42).
+    """Return the least-squares rigid motion from n x 3 estimated points to n x 3 true ones (Umeyama's eqs. 38-42).
 
     Raises InputError for fewer than three pairs or unequal shapes.
     """

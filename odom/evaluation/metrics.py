@@ -71,7 +71,10 @@ def pairs_apart(stamps: Stamps, seconds: float, tolerance_s: float) -> tuple[NDA
 def relative_error(
     T_world_estimate: Array, T_world_truth: Array, earlier: NDArray[np.intp], later: NDArray[np.intp]
 ) -> RelativeError:
-    """Return the RMSE of `inverse(Q_i^-1 Q_j) (P_i^-1 P_j)` over index pairs (i, j), P estimated, Q true (eq. 1)."""
+    """Return the RMSE of `inverse(Q_i^-1 Q_j) (P_i^-1 P_j)` over index pairs (i, j), P estimated, Q true.
+
+    This is eq. (1) of Sturm et al.
+    """
     P = inverse_all(T_world_estimate[earlier]) @ T_world_estimate[later]
     Q = inverse_all(T_world_truth[earlier]) @ T_world_truth[later]
     E = inverse_all(Q) @ P

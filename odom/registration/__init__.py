@@ -4,10 +4,13 @@ Letters, in all modules: pair k is a source point `q` and a target point `p` (n 
 (n x 3 x 3, m^2; length 0: none). `T = [R | t]` (4 x 4) is the motion sought, `p = R q + t`: eq. (1). The noise of pair
 k is `S_k = Sp + R Sq R'`, `W` its inverse (packed, see `measurement_covariance`), `given` the pairs' weights and `g`
 those of the moment. `x = vec[R | t]`, row by row, are twelve states (the paper's nine of eq. 10, and t), `Y` their
-information and `Y x = y`. `H` (6 x 6) is the information of xi = (translation, rotation) in `T exp(xi)`.
+information and `Y x = y`. `H` (6 x 6) is the information of xi = (translation, rotation) in `T exp(xi)`. `C` is the
+measurement matrix, the paper's H_R of eq. (10) extended by t; the paper's R_k is `Sp` here, and `R` always a rotation.
 
 Equation numbers are those of A. Amamra et al., "A Recursive Robust Filtering Approach for 3D Registration". The paper
-leaves its filter's formulas (eq. 28) to Y. Hung and F. Yang, Automatica 39, 2003: "Hung and Yang" below.
+leaves its filter's formulas (eq. 28) to Y. Hung and F. Yang, Automatica 39, 2003: "Hung and Yang" below. Where the
+paper errs, the code that differs says so: eq. (4) in `with_scale`, Algorithm 1 in `kalman`, eq. (21) in `ZLevels`,
+eq. (25) in `precisions`.
 
 Names are imported on first use, so that processes which need only the types do not load the compiler.
 """

@@ -17,10 +17,12 @@ def bad_covariance(k: int) -> InputError:
 
 @compiled
 def precisions(Sq: Array, Sp: Array, R: Array, alpha: float, W: Array) -> int:
-    """Fill `W` from `S_k = Sp + R Sq R'`, the exact second moment of p - R q (the source's share of dH, eq. 25).
+    """Fill `W` from `S_k = Sp + R Sq R'`, the exact second moment of p - R q under the noise of both points.
 
-    `alpha` > 0 takes the norm-bounded form instead (eqs. 26-27): `S_k = Sp + alpha tr(Sq) I`. Returns the index of the
-    first pair whose S_k is not positive definite, or -1.
+    The source's part is what eq. (25) is for, the uncertainty dH of C; there it holds q + sigma, corrected here to the
+    noise alone. `alpha` > 0 takes the norm-bounded form instead (eqs. 26-27): `S_k = Sp + alpha tr(Sq) I`, with
+    M_2k = sqrt(alpha) I and N_k = I3 (x) sqrt(Sq). Returns the index of the first pair whose S_k is not positive
+    definite, or -1.
     """
     n = len(W)
     r00, r01, r02 = R[0, 0], R[0, 1], R[0, 2]

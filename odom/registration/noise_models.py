@@ -1,7 +1,7 @@
 """Depth noise models: from a pixel and its depth to the covariance of the point in the camera's frame.
 
-Sources: the paper's Z-levels (eqs. 17-21); K. Khoshelham and S. Elberink, Sensors 12, 2012 (Kinect v1); C. Nguyen, S.
-Izadi and D. Lovell, 3DIMPVT 2012 (Kinect v1 with the angle of incidence); J. Smisek et al., "3D with Kinect", ICCV
+Sources: the paper's Z-levels (eqs. 17, 19-21); K. Khoshelham and S. Elberink, Sensors 12, 2012 (Kinect v1); C. Nguyen,
+S. Izadi and D. Lovell, 3DIMPVT 2012 (Kinect v1 with the angle of incidence); J. Smisek et al., "3D with Kinect", ICCV
 Workshops 2011 (its depth steps); P. Fankhauser et al., ICAR 2015 (Kinect v2). A step has variance step^2 / 12.
 """
 

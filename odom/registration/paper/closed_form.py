@@ -9,7 +9,7 @@ from odom.registration.pairs import Pairs, Prior, Registration, Verdict, degener
 
 
 def closed_form(q: Array, p: Array, weights: Array | None = None) -> Array:
-    """Return the motion (4 x 4) of least weighted squares that maps `q` onto `p` (n x 3 each): eqs. (2)-(6).
+    """Return the motion (4 x 4) of least weighted squares that maps `q` onto `p` (n x 3 each): eqs. (2), (4), (6).
 
     B. Horn, J. Opt. Soc. Am. A 4, 1987; the rotation by singular value decomposition: K. Arun et al., PAMI 9, 1987.
     """

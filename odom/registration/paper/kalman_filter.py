@@ -11,10 +11,11 @@ from odom.registration.weighted_horn import weighted_horn
 
 
 def kalman(pairs: Pairs, prior: Prior | None = None) -> Registration:
-    """Return the motion of `pairs` by the Kalman filter (eqs. 11-16) in information form.
+    """Return the motion of `pairs` by the Kalman filter (eqs. 11-16, with Q = 0 in eq. 13) in information form.
 
-    Corrected against the paper: H is built from q, R holds variances (`S_k = Sp + R Sq R'`), the joint state needs no
-    centroids, there is no false prior on the identity, and the projection onto SE(3) is weighted by the information.
+    Corrected against the paper: H_k is built from q, not p; R_k holds variances, not standard deviations, and the
+    source's noise (`S_k = Sp + R Sq R'`); the joint state needs no centroids; there is no P_0 = Q, which would be a
+    strong prior on the identity; and the projection onto SE(3) is weighted by the information.
     Errors and verdicts as for `register`.
     """
     arrays = checked(pairs)

@@ -21,10 +21,11 @@ def robust(
 ) -> Registration:
     """Return the motion of `pairs` by the robust H-infinity filter (eqs. 22-28) on the joint state [R | t].
 
-    `theta` = 1 / gamma discounts the information (`Y - n theta^2 I`), halved until the filter exists. The source's
-    noise makes the measurement matrix uncertain (eq. 25): by its exact second moment, `S_k = Sp + R Sq R'`, or with
-    `alpha` > 0 by the norm-bounded `S_k = Sp + alpha tr(Sq) I` (eqs. 26-27). `adaptive`: where the residuals contradict
-    the covariances, what is wrong is learnt: a biased axis (see `axis_bias`), a common factor, other covariances (see
+    The motion is constant and known to be: A_k = I, and dA_k of eq. (24) is 0. `theta` = 1 / gamma discounts the
+    information (`Y - n theta^2 I`), halved until the filter exists. The source's noise makes the measurement matrix
+    uncertain (eq. 25, corrected in `precisions`): by its exact second moment, `S_k = Sp + R Sq R'`, or with `alpha` > 0
+    by the norm-bounded `S_k = Sp + alpha tr(Sq) I` (eqs. 26-27). `adaptive`: where the residuals contradict the
+    covariances, what is wrong is learnt: a biased axis (see `axis_bias`), a common factor, other covariances (see
     `noise_adaptation`); and the result's covariance grows where the twelve states are no rigid motion still. `details`
     holds theta, gamma, alpha as used, halvings, the distance (misfit, chi-square 6) of the twelve states from the
     motion, and what was learnt. Errors and verdicts as for `register`.

@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.errors import InputError
-from odom.evaluation.trajectory import Trajectory, angles, inverse_all
+from odom.evaluation.trajectory import Trajectory
+from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
+from odom.geometry.rotations import angles_of
 
 _STEP_S = 0.005
 """Grid on which the speeds are compared; the peak is interpolated, so a finer grid only costs time."""
@@ -45,7 +47,7 @@ def angular_speed(trajectory: Trajectory, window_s: float, max_gap_s: float) -> 
     after, valid_after = trajectory.at(grid + half, max_gap_s)
     valid = valid_before & valid_after
     speed = np.zeros(count)
-    speed[valid] = angles((inverse_all(before[valid]) @ after[valid])[:, :3, :3]) / window_s
+    speed[valid] = angles_of((se3.inverses(before[valid]) @ after[valid])[:, :3, :3]) / window_s
     return start, speed, valid
 
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odom.evaluation.trajectory import inverse_all
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 from odom.geometry.normal_distribution import NORMAL_MAD
@@ -41,7 +40,7 @@ class Whitener:
         """Fit the model to n x 6 errors of n poses (n x 4 x 4) by least squares, with wild errors clipped."""
         limit = _WILD * np.median(np.abs(errors), axis=0) + 1e-12
         clipped = np.clip(errors, -limit, limit)
-        carried = np.array([se3.adjoint(T) for T in inverse_all(T_world_camera[1:]) @ T_world_camera[:-1]])
+        carried = np.array([se3.adjoint(T) for T in se3.inverses(T_world_camera[1:]) @ T_world_camera[:-1]])
         past, now = (carried @ clipped[:-1, :, None])[:, :, 0], clipped[1:]
         root = _inverse_root(now - past)
         white_past, white_now = past @ root.T, now @ root.T

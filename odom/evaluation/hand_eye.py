@@ -16,7 +16,7 @@ import numpy as np
 from odom.evaluation.alignment import align
 from odom.evaluation.drift import Whitener
 from odom.evaluation.sandwich import sandwich_sigma
-from odom.evaluation.trajectory import Trajectory, inverse_all
+from odom.evaluation.trajectory import Trajectory
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
 from odom.geometry.rotations import mean_of, vectors_of
@@ -104,8 +104,8 @@ class HandEye:
             hands = [self.imposed]
         else:
             stride = max(1, min(len(W) // 4, round(0.7 * len(W) / max(self.estimate.duration_s, 1e-3))))
-            A = vectors_of((inverse_all(W[:-stride]) @ W[stride:])[:, :3, :3])
-            B = vectors_of((inverse_all(C[:-stride]) @ C[stride:])[:, :3, :3])
+            A = vectors_of((se3.inverses(W[:-stride]) @ W[stride:])[:, :3, :3])
+            B = vectors_of((se3.inverses(C[:-stride]) @ C[stride:])[:, :3, :3])
             R_world_odom = align(C[:, :3, 3], W[:, :3, 3]).T_truth_estimate[:3, :3]
             hands = [np.eye(4) for _ in range(3)]
             hands[0][:3, :3] = align(np.vstack([B, -B]), np.vstack([A, -A])).T_truth_estimate[:3, :3]
@@ -121,7 +121,7 @@ class HandEye:
     def _frame_errors(self, state: State, offset_s: float) -> Array:
         """Return the errors of n frames, n x 6 (m, rad), each in its estimated camera frame."""
         camera = self._body(offset_s) @ state.T_body_camera
-        step = inverse_all(state.T_world_odom @ self.estimate.T_world_body) @ camera
+        step = se3.inverses(state.T_world_odom @ self.estimate.T_world_body) @ camera
         return np.column_stack([step[:, :3, 3], vectors_of(step[:, :3, :3])])
 
     def _errors(self, state: State) -> Array:

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.errors import InputError
-from odom.evaluation.trajectory import Stamps, angles, inverse_all, nearest
+from odom.evaluation.trajectory import Stamps, nearest
 from odom.geometry import se3
 from odom.geometry.arrays import Array
+from odom.geometry.rotations import angles_of
 
 _LONGEST_STEP_PERIODS = 1.5
 """Longest step of a frame: a lost frame makes it two periods long, jitter adds less than half of one."""
@@ -75,16 +76,16 @@ def relative_error(
 
     This is eq. (1) of Sturm et al.
     """
-    P = inverse_all(T_world_estimate[earlier]) @ T_world_estimate[later]
-    Q = inverse_all(T_world_truth[earlier]) @ T_world_truth[later]
-    E = inverse_all(Q) @ P
-    metres, radians = np.linalg.norm(E[:, :3, 3], axis=1), angles(E[:, :3, :3])
+    P = se3.inverses(T_world_estimate[earlier]) @ T_world_estimate[later]
+    Q = se3.inverses(T_world_truth[earlier]) @ T_world_truth[later]
+    E = se3.inverses(Q) @ P
+    metres, radians = np.linalg.norm(E[:, :3, 3], axis=1), angles_of(E[:, :3, :3])
     return RelativeError(rmse(metres), float(np.degrees(rmse(radians))), len(metres))
 
 
 def tangent_errors(T_estimate: Array, T_truth: Array) -> Array:
     """Return the errors `log(inv(T_estimate) T_truth)` (n x 6: rho, phi) of n poses."""
-    return se3.logs(inverse_all(T_estimate) @ T_truth)
+    return se3.logs(se3.inverses(T_estimate) @ T_truth)
 
 
 def nees(errors: Array, covariances: Array) -> Nees:

@@ -12,8 +12,10 @@ from odom.errors import InputError
 from odom.evaluation.clock_offset import ClockOffset, clock_offset
 from odom.evaluation.hand_eye import MINIMUM, HandEye
 from odom.evaluation.smoothing import smooth
-from odom.evaluation.trajectory import Trajectory, angles, inverse_all
+from odom.evaluation.trajectory import Trajectory
+from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
+from odom.geometry.rotations import angles_of
 
 _REACH_S = 0.04
 """A pose needs truth this long before and after it: longer than the offset may move while it is refined."""
@@ -105,7 +107,7 @@ def _matched(estimate: Trajectory, truth: Trajectory, offset_s: float, max_gap_s
 
 
 def _turns(before: Array, after: Array) -> Array:
-    return angles((inverse_all(before) @ after)[:, :3, :3])
+    return angles_of((se3.inverses(before) @ after)[:, :3, :3])
 
 
 def _notes(sigma: Array, clock: ClockOffset) -> tuple[str, ...]:

@@ -12,7 +12,6 @@ import numpy as np
 
 from odom.errors import InputError
 from odom.evaluation.alignment import align
-from odom.evaluation.trajectory import inverse_all
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 from odom.geometry.rotations import mean_of, vectors_of
@@ -81,7 +80,7 @@ def align_poses(T_estimate: Array, T_truth: Array, errors: PoseErrors) -> PoseAl
     if T_estimate.shape != (n, 4, 4) or T_truth.shape != T_estimate.shape or errors.independent.shape != (n, 6, 6):
         raise InputError(f"cannot align {T_estimate.shape} with {T_truth.shape} poses: give n x 4 x 4 and n x 6 x 6")
     W = _information(errors.independent if errors.shared is None else errors.independent + errors.shared)
-    A = np.array([se3.adjoint(T) for T in inverse_all(T_estimate)]).reshape(n, 6, 6)
+    A = np.array([se3.adjoint(T) for T in se3.inverses(T_estimate)]).reshape(n, 6, 6)
     AW = A.transpose(0, 2, 1) @ W
     H = (AW @ A).sum(axis=0)
     _check_determined(H)
@@ -130,7 +129,7 @@ def figures(found: PoseAlignment, T_estimate: Array, T_truth: Array) -> PoseFigu
 
 def pose_errors(T_truth_estimate: Array, T_estimate: Array, T_truth: Array) -> Array:
     """Return n x 6 errors (m, rad) of the aligned poses, each in its estimated camera frame."""
-    step = inverse_all(T_truth_estimate @ T_estimate) @ T_truth
+    step = se3.inverses(T_truth_estimate @ T_estimate) @ T_truth
     return np.column_stack([step[:, :3, 3], vectors_of(step[:, :3, :3])])
 
 

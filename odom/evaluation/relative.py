@@ -13,7 +13,8 @@ import numpy as np
 
 from odom.evaluation.files import poses_of, read_rows
 from odom.evaluation.metrics import Nees, nees, tangent_errors
-from odom.evaluation.trajectory import Stamps, Trajectory, inverse_all
+from odom.evaluation.trajectory import Stamps, Trajectory
+from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def relative_errors_of(poses: RelativePoses, truth: Trajectory, max_gap_s: float
     earlier, valid_earlier = truth.at(poses.stamps_earlier, max_gap_s)
     current, valid_current = truth.at(poses.stamps_current, max_gap_s)
     valid = valid_earlier & valid_current
-    T_true = inverse_all(earlier[valid]) @ current[valid]
+    T_true = se3.inverses(earlier[valid]) @ current[valid]
     return tangent_errors(poses.T_earlier_current[valid], T_true), valid
 
 

@@ -6,7 +6,8 @@ rotations are smoothed in the tangent space of the middle sample.
 
 import numpy as np
 
-from odom.evaluation.trajectory import Trajectory, inverse_all
+from odom.evaluation.trajectory import Trajectory
+from odom.geometry import se3
 from odom.geometry.rotations import matrices_of_vectors, vectors_of
 
 _HALF_WINDOW_S = 0.035
@@ -33,7 +34,7 @@ def smooth(trajectory: Trajectory) -> Trajectory:
     spans = trajectory.stamps[2 * half :] - trajectory.stamps[: n - 2 * half]
     whole = np.flatnonzero(spans < _LONGEST_SPAN * 2 * half * period) + half
     T = trajectory.T_world_body
-    inverse = inverse_all(T[whole])
+    inverse = se3.inverses(T[whole])
     shift, turn = np.zeros((len(whole), 3)), np.zeros((len(whole), 3))
     for weight, lag in zip(weights, range(-half, half + 1), strict=True):
         relative = inverse @ T[whole + lag]

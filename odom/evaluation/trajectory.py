@@ -11,7 +11,8 @@ from odom.errors import InputError
 from odom.frame import Stamp
 from odom.frame.brief import brief
 from odom.geometry.arrays import Array, Mask
-from odom.geometry.rotations import angles_of, matrices_of_vectors, vectors_of
+from odom.geometry.rotations import matrices_of_vectors, vectors_of
+from odom.geometry.se3 import inverses
 
 if TYPE_CHECKING:
     from odom.backend import TrajectoryPose
@@ -138,15 +139,5 @@ def nearest(stamps: Stamps, goals: Stamps) -> NDArray[np.intp]:
     return np.where(goals - stamps[right - 1] < stamps[right] - goals, right - 1, right)
 
 
-def inverse_all(T: Array) -> Array:
-    """Return the inverses of n rigid motions (n x 4 x 4)."""
-    out = np.zeros_like(T)
-    out[:, :3, :3] = T[:, :3, :3].transpose(0, 2, 1)
-    out[:, :3, 3] = -np.einsum("nji,nj->ni", T[:, :3, :3], T[:, :3, 3])
-    out[:, 3, 3] = 1.0
-    return out
-
-
-def angles(R: Array) -> Array:
-    """Return the rotation angles (n, radians) of n rotation matrices (n x 3 x 3)."""
-    return angles_of(R)
+inverse_all = inverses
+"""The name by which `odom.viewer` imports it from here."""

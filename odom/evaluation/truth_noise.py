@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.evaluation.relative import RelativePoses
-from odom.evaluation.trajectory import Trajectory, inverse_all
+from odom.evaluation.trajectory import Trajectory
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 from odom.geometry.normal_distribution import NORMAL_MAD
@@ -43,7 +43,7 @@ def truth_noise(truth: Trajectory) -> TruthNoise | None:
     """
     if len(truth) < _LEAST_POSES or np.median(np.diff(truth.stamps)) > _LONGEST_PERIOD_S * 1e9:
         return None
-    turns = vectors_of((inverse_all(truth.T_world_body[:-1]) @ truth.T_world_body[1:])[:, :3, :3])
+    turns = vectors_of((se3.inverses(truth.T_world_body[:-1]) @ truth.T_world_body[1:])[:, :3, :3])
     third = (np.diff(truth.positions, n=3, axis=0), np.diff(turns, n=2, axis=0))
     metres, radians = (float(NORMAL_MAD * np.median(np.abs(d)) / _THIRD_DIFFERENCE_GAIN) for d in third)
     return TruthNoise(metres, radians)
@@ -52,6 +52,6 @@ def truth_noise(truth: Trajectory) -> TruthNoise | None:
 def widened(poses: RelativePoses, noise: TruthNoise) -> RelativePoses:
     """Return the relative poses with the truth's noise at both stamps added to their covariances."""
     at_one = noise.interpolated_covariance
-    A = se3.adjoints(inverse_all(poses.T_earlier_current))
+    A = se3.adjoints(se3.inverses(poses.T_earlier_current))
     added = A @ at_one @ A.transpose(0, 2, 1) + at_one  # as `se3.compose_covariance`
     return RelativePoses(poses.stamps_earlier, poses.stamps_current, poses.T_earlier_current, poses.covariances + added)

@@ -15,7 +15,6 @@ from odom.backend import RelativePose
 from odom.backend.chain import chain as chain_module
 from odom.evaluation.metrics import nees, tangent_errors
 from odom.evaluation.passers_by import Painter, anchor_in_world, nearer_than, passers_by
-from odom.evaluation.trajectory import inverse_all
 from odom.evaluation.truth_noise import truth_noise
 from odom.frame import Stamp
 from odom.frontend.camera.lens import Lens
@@ -106,7 +105,7 @@ def judged(found, truth, form):
     earlier, valid_earlier = truth.at(np.array([one.link.stamp_earlier for one in found]), 0.1)
     later, valid_later = truth.at(np.array([one.stamp for one in found]), 0.1)
     valid = valid_earlier & valid_later & good
-    errors = tangent_errors(T[valid], inverse_all(earlier[valid]) @ later[valid])
+    errors = tangent_errors(T[valid], se3.inverses(earlier[valid]) @ later[valid])
     noise = truth_noise(truth).interpolated_covariance
     values = nees(errors, covariances[valid] + 2.0 * noise).values
     millimetres, degrees = (

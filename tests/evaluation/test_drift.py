@@ -5,7 +5,6 @@ import pytest
 from synthetic import smooth, trajectory
 
 from odom.evaluation.drift import Whitener
-from odom.evaluation.trajectory import inverse_all
 from odom.geometry import se3
 
 
@@ -16,7 +15,7 @@ def drift():
     T = trajectory(smooth(rng, seconds=200.0), np.arange(0.0, 200.0, 1 / 6)).T_world_body
     pivot = se3.adjoint(se3.exp(np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.0])))
     errors = [np.zeros(6)]
-    for motion in inverse_all(T[1:]) @ T[:-1]:
+    for motion in se3.inverses(T[1:]) @ T[:-1]:
         new = pivot @ rng.normal(0, [2e-4] * 3 + [1e-3] * 3)
         errors.append(0.9 * se3.adjoint(motion) @ errors[-1] + new)
     return T, np.array(errors)

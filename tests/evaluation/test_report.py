@@ -18,7 +18,6 @@ from odom.evaluation import EvaluationOptions, Trajectory, align, evaluate, run_
 from odom.evaluation.files import write_tum
 from odom.evaluation.metrics import NEES_BOUND_95
 from odom.evaluation.run_report import report_with_truth
-from odom.evaluation.trajectory import inverse_all
 from odom.frame import Stamp
 from odom.geometry import se3
 from odom.wire.codec import encode_pose
@@ -33,7 +32,7 @@ COVARIANCE = np.diag([0.002**2] * 3 + [0.001**2] * 3)
 
 def relative_lines(rng, true, lag):
     """The steps over `lag` frames of a trajectory, with errors of the covariance that they state."""
-    steps = inverse_all(true.T_world_body[:-lag]) @ true.T_world_body[lag:]
+    steps = se3.inverses(true.T_world_body[:-lag]) @ true.T_world_body[lag:]
     steps = steps @ np.array([se3.exp(e) for e in rng.multivariate_normal(np.zeros(6), COVARIANCE, len(steps))])
     turns = Rotation.from_matrix(steps[:, :3, :3]).as_quat()
     stated = " ".join(f"{v:.9e}" for v in COVARIANCE[np.triu_indices(6)])

@@ -11,7 +11,7 @@ from odom.evaluation.diagnosis.finding import WITHIN_95, Finding, Verdict
 from odom.evaluation.diagnosis.motion import PairMotion, pair_motion
 from odom.evaluation.diagnosis.tracks import Tracks
 from odom.evaluation.mocap_calibration import calibrate
-from odom.evaluation.trajectory import Stamps, Trajectory, inverse_all
+from odom.evaluation.trajectory import Stamps, Trajectory
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 from odom.geometry.normal_distribution import NORMAL_MAD
@@ -104,7 +104,7 @@ def fit_scale(motions: Sequence[PairMotion], stamps: Stamps, body: BodyTruth) ->
     chosen = np.flatnonzero(valid_earlier & valid_later)
     if len(chosen) < 2 * _GROUPS:
         return None
-    T = inverse_all(T_earlier[chosen]) @ T_later[chosen]
+    T = se3.inverses(T_earlier[chosen]) @ T_later[chosen]
     columns = 1 if body.is_camera else 4
     A = np.concatenate([T[:, :3, 3:], T[:, :3, :3] - np.eye(3)], axis=2)[:, :, :columns]
     A = body.R_body_camera.T @ A

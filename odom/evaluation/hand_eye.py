@@ -15,6 +15,7 @@ import numpy as np
 
 from odom.evaluation.alignment import align
 from odom.evaluation.drift import Whitener
+from odom.evaluation.pose_alignment import pose_errors
 from odom.evaluation.sandwich import sandwich_sigma
 from odom.evaluation.trajectory import Trajectory
 from odom.geometry import se3
@@ -120,9 +121,7 @@ class HandEye:
 
     def _frame_errors(self, state: State, offset_s: float) -> Array:
         """Return the errors of n frames, n x 6 (m, rad), each in its estimated camera frame."""
-        camera = self._body(offset_s) @ state.T_body_camera
-        step = se3.inverses(state.T_world_odom @ self.estimate.T_world_body) @ camera
-        return np.column_stack([step[:, :3, 3], vectors_of(step[:, :3, :3])])
+        return pose_errors(state.T_world_odom, self.estimate.T_world_body, self._body(offset_s) @ state.T_body_camera)
 
     def _errors(self, state: State) -> Array:
         """Return the errors of m groups, m x 6."""

@@ -18,22 +18,6 @@ class Stream(Enum):
     DEPTH = 1
 
 
-def _same_camera(camera: Camera) -> Camera:
-    return camera
-
-
-def _same_stamp(stream: Stream, stamp: Stamp) -> Stamp:
-    return stamp
-
-
-def _same_frame(frame: RgbdFrame) -> RgbdFrame | None:
-    return frame
-
-
-def _in_light(stamp: Stamp) -> Stamp:
-    return stamp
-
-
 @dataclass(frozen=True)
 class Spoiler:
     """Changes of the calibration, of each image's stamp (before images are paired) and of each frame (None: dropped).
@@ -42,10 +26,10 @@ class Spoiler:
     stamp from which a frame is visible again: the end of the black-out around it, else its own stamp.
     """
 
-    camera: Callable[[Camera], Camera] = _same_camera
-    stamp: Callable[[Stream, Stamp], Stamp] = _same_stamp
-    frame: Callable[[RgbdFrame], RgbdFrame | None] = _same_frame
-    light_returns: Callable[[Stamp], Stamp] = _in_light
+    camera: Callable[[Camera], Camera] = lambda camera: camera
+    stamp: Callable[[Stream, Stamp], Stamp] = lambda stream, stamp: stamp
+    frame: Callable[[RgbdFrame], RgbdFrame | None] = lambda frame: frame
+    light_returns: Callable[[Stamp], Stamp] = lambda stamp: stamp
 
 
 UNSPOILT = Spoiler()

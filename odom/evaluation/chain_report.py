@@ -25,9 +25,9 @@ def chain_fields(out_dir: Path, truth: Trajectory, options: EvaluationOptions) -
     path = out_dir / "relative_chain.txt"
     links = read_relative(path) if path.is_file() else None
     if links:
-        exact, noise = relative_nees(links, truth), truth_noise(truth)
-        judged = relative_nees(widened(links, noise), truth) if noise else exact
+        exact = relative_nees(links, truth)
         if len(exact.values):
+            judged = relative_nees(widened(links, truth_noise(truth)), truth)
             fields |= {"nees_frame": judged.mean, "nees_frame_exact_truth": exact.mean}
     return fields
 

@@ -162,8 +162,7 @@ def _online(path: Path, final: Trajectory, truth: Trajectory, options: Evaluatio
 def _nees_fields(poses: RelativePoses | None, truth: Trajectory, name: str) -> dict[str, Any]:
     if not poses:
         return dict.fromkeys((f"{name}_mean", f"{name}_inside_95"))
-    exact, noise = relative_nees(poses, truth), truth_noise(truth)
-    judged = relative_nees(widened(poses, noise), truth) if noise else exact
+    exact, judged = (relative_nees(each, truth) for each in (poses, widened(poses, truth_noise(truth))))
     return {
         f"{name}_mean": judged.mean,
         f"{name}_inside_95": judged.inside_95,

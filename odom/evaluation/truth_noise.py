@@ -49,8 +49,10 @@ def truth_noise(truth: Trajectory) -> TruthNoise | None:
     return TruthNoise(metres, radians)
 
 
-def widened(poses: RelativePoses, noise: TruthNoise) -> RelativePoses:
-    """Return the relative poses with the truth's noise at both stamps added to their covariances."""
+def widened(poses: RelativePoses, noise: TruthNoise | None) -> RelativePoses:
+    """Return the relative poses with the truth's noise, where known, at both stamps added to their covariances."""
+    if noise is None:
+        return poses
     at_one = noise.interpolated_covariance
     A = se3.adjoints(se3.inverses(poses.T_earlier_current))
     added = A @ at_one @ A.transpose(0, 2, 1) + at_one  # as `se3.compose_covariance`

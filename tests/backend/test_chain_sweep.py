@@ -54,7 +54,7 @@ class Fed:
         chained = Trajectory(stamps, np.array([self.poses[stamp] for stamp in stamps]))
         met = Trajectory(stamps, np.array([closed.moved(stamp, self.poses[stamp]) for stamp in stamps]))
         report, links = evaluate(chained, truth), RelativePoses.of(self.links)
-        links = widened(links, truth_noise(truth)) if truth_noise(truth) else links
+        links = widened(links, truth_noise(truth))
         second = report.rpe_1s.rmse_m
         return report.ate_m, evaluate(met, truth).ate_m, second, relative_nees(links, truth).mean, self.holes
 

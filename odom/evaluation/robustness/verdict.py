@@ -112,8 +112,7 @@ def recovery_times(estimates: Sequence[Estimate], light_returns: Callable[[Stamp
 
 def _judged(seconds: RelativePoses, truth: Trajectory) -> tuple[Array, Array, Mask]:
     """Return the tangent errors (n x 6) of motions with truth, their NEES (n), and which of all motions they are."""
-    own = truth_noise(truth)
-    judged = widened(seconds, own) if own else seconds
+    judged = widened(seconds, truth_noise(truth))
     errors, valid = relative_errors_of(judged, truth)
     return errors, nees(errors, judged.covariances[valid]).values, valid
 

@@ -42,7 +42,7 @@ def linearised(survey: Survey, vector: Array, bundle: Bundle) -> Linearised:
     points = np.einsum("nij,nj->ni", T[:, :3, :3], bundle.landmarks[survey.landmark]) + T[:, :3, 3]
     w = 1.0 / np.maximum(points[:, 2], _NEAREST_M)
     xy = points[:, :2] * w[:, None]
-    uv, by_direction, _ = project(xy, vector[LENS])
+    uv, by_direction = project(xy, vector[LENS])
     to_direction = np.linalg.inv(by_direction)
     terms = survey.terms
     offset, scale = terms @ vector[OFFSET], terms @ vector[SCALE]

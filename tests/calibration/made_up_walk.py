@@ -80,7 +80,7 @@ def made_up_survey(vector, walk=turning, seed=0, points=400, noise=1.0, wall=Fal
     at = np.einsum("nij,nj->ni", walked[:, :3, :3], X[landmark]) + walked[:, :3, 3]
     seen = np.einsum("nij,nj->ni", T[:, :3, :3], at) + T[:, :3, 3]
     ahead = seen[:, 2] > 0.5
-    uv, by_direction, _ = project(seen[:, :2] / np.where(ahead, seen[:, 2], 1.0)[:, None], vector[LENS])
+    uv, by_direction = project(seen[:, :2] / np.where(ahead, seen[:, 2], 1.0)[:, None], vector[LENS])
     inside = (
         ahead & (uv > 8).all(axis=1) & (uv < (631, 471)).all(axis=1) & (np.abs(seen[:, :2]) < seen[:, 2:]).all(axis=1)
     )

@@ -116,13 +116,10 @@ def test_a_unit_that_motion_capture_mends_is_taken_though_no_image_shows_it():
 def test_derivatives_of_the_projection_are_those_of_its_values():
     rng = np.random.default_rng(1)
     xy, lens = rng.uniform(-0.6, 0.6, (20, 2)), np.array([530.0, 520.0, 320.0, 240.0, 0.2, -0.5, 0.01, -0.02, 0.3])
-    _, by_direction, by_lens = project(xy, lens)
+    _, by_direction = project(xy, lens)
     for k, step in enumerate(np.eye(2) * 1e-6):
         numeric = (project(xy + step, lens)[0] - project(xy - step, lens)[0]) / 2e-6
         np.testing.assert_allclose(by_direction[:, :, k], numeric, atol=1e-4)
-    for k, step in enumerate(np.eye(9) * 1e-5):
-        numeric = (project(xy, lens + step)[0] - project(xy, lens - step)[0]) / 2e-5
-        np.testing.assert_allclose(by_lens[:, :, k], numeric, atol=1e-4)
 
 
 def terms_of(survey, vector, bundle):

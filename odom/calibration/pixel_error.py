@@ -50,8 +50,6 @@ def ray_sigma_px(found: Calibrated) -> float:
     correlated: the uncertainty of the centre alone hardly matters.
     """
     free, uv = found.fitted.free, grid_over(found.camera)
-    plain = np.linalg.inv(found.fitted.information)
-    wider = found.sigma[free] / np.sqrt(np.diag(plain))
     rays = rays_of(found.camera, uv)
     moved = np.zeros((len(free), rays.size))
     for row, number in enumerate(free.tolist()):
@@ -60,5 +58,5 @@ def ray_sigma_px(found: Calibrated) -> float:
             vector[number] += found.sigma[number]
             aside = turned_onto(rays_of(camera_of(vector, found.camera), uv), rays) - rays
             moved[row] = aside.ravel() / found.sigma[number]
-    variance = np.einsum("ap,ab,bp->p", moved, plain * np.outer(wider, wider), moved).sum() / len(rays)
+    variance = np.einsum("ap,ab,bp->p", moved, found.covariance, moved).sum() / len(rays)
     return float(found.camera.fx * np.sqrt(variance))

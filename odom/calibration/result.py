@@ -44,6 +44,13 @@ class Calibrated:
     prior: Prior
     contradicted: bool
 
+    @property
+    def covariance(self) -> Array:
+        """The covariance (p x p) of the parameters that were adjusted: the fit's, as wide as `sigma`."""
+        plain = np.linalg.inv(self.fitted.information)
+        wider = self.sigma[self.fitted.free] / np.sqrt(np.diag(plain))
+        return np.asarray(plain * np.outer(wider, wider))
+
     def hidden(self) -> list[str]:
         """Return in words what the walk did not show, or hardly, and what motion would."""
         lines = []

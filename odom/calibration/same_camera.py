@@ -49,9 +49,7 @@ def halves(survey: Survey) -> tuple[Survey, Survey]:
 
 
 def _covariance(found: Calibrated) -> Array:
-    """Return the covariance (30 x 30) of a calibration's numbers: the fit's, as wide as the sigmas."""
+    """Return the covariance (30 x 30) of all parameters of a calibration, 0 for those that were not adjusted."""
     free, covariance = found.fitted.free, np.zeros((len(NAMES), len(NAMES)))
-    plain = np.linalg.inv(found.fitted.information)
-    wider = found.sigma[free] / np.sqrt(np.diag(plain))
-    covariance[np.ix_(free, free)] = plain * np.outer(wider, wider)
+    covariance[np.ix_(free, free)] = found.covariance
     return covariance

@@ -1,1 +1,1 @@
-"""The camera's calibration from a walk: all poses, landmarks and the camera's numbers adjusted together."""
+"""The camera's calibration from a walk: all poses, landmarks and the camera's parameters adjusted together."""

@@ -1,7 +1,4 @@
-"""All poses and landmarks of a survey and the camera's parameters, adjusted together (Levenberg-Marquardt, robust).
-
-The parameters are called numbers here (see `parameters`).
-"""
+"""All poses and landmarks of a survey and the camera's parameters, adjusted together (Levenberg-Marquardt, robust)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,7 +18,7 @@ from odom.calibration.tuning import TUNING
 from odom.geometry.arrays import Array, Index, Mask
 
 FREE = np.array([k for k in range(len(NAMES)) if k != SCALE_NUMBER])
-"""The numbers that images and depth can show; the scale of depth needs motion capture."""
+"""The parameters that images and depth can show; the scale of depth needs motion capture."""
 _DAMPING = 1e-10
 """First and least damping: far above rounding, far below what a second ray says of a landmark of which only rays are
 known. A few full steps mend a poor calibration; damped ones would creep along the directions in which camera and poses
@@ -37,7 +34,7 @@ _HELD = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What is known of the camera's numbers beforehand: `mean` and `sigma` (30)."""
+    """What is known of the camera's parameters beforehand: `mean` and `sigma` (30)."""
 
     mean: Array
     sigma: Array
@@ -45,7 +42,7 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """The normal equations of a `survey` in its poses and the numbers `free` (p) of its camera (see `reduce_survey`).
+    """The normal equations of a `survey` in its poses and its camera's parameters `free` (p); see `reduce_survey`.
 
     They hold at a camera's `vector` (30), poses T_camera_map (K x 4 x 4) and `landmarks` (L x 3, m), with `damping`.
     """
@@ -58,12 +55,12 @@ class System:
     damping: float
     S: Array
     S_across: Array
-    S_number: Array
+    S_camera: Array
     rhs: Array
-    rhs_number: Array
+    rhs_camera: Array
     V_inverse: Array
     b: Array
-    W_number: Array
+    W_camera: Array
     W: Array
     cost: float
 
@@ -89,7 +86,7 @@ class System:
     def eliminated(self) -> tuple[Array, Array, Array]:
         """L, the lower triangle with S = L L' (n x n); inv(L) S_across (n x p); inv(L) rhs (n). May raise LinAlgError.
 
-        This is the first of two stages of solving: the poses are eliminated, and the numbers remain.
+        This is the first of two stages of solving: the poses are eliminated, and the parameters remain.
         """
         S = self.S.copy().T  # of which the lower half is filled; factorised in place, in columns
         S.flat[:: len(S) + 1] += self.damping * np.diag(S) + _HELD
@@ -98,23 +95,23 @@ class System:
         return L, solved[:, :-1], solved[:, -1]
 
     def follow(self, step: Array) -> Array:
-        """Return how the poses follow steps of the numbers (n or n x p)."""
+        """Return how the poses follow steps of the parameters (n or n x p)."""
         L, across, _ = self.eliminated
         return np.asarray(solve_triangular(L, -across @ step, lower=True, trans="T", check_finite=False))
 
     def information(self, prior: Prior) -> Array:
-        """Return the information (p x p) on the numbers that the observations and a prior give."""
+        """Return the information (p x p) on the parameters that the observations and a prior give."""
         across = self.eliminated[1]
-        return np.asarray(self.S_number - across.T @ across + np.diag(prior.sigma[self.free] ** -2.0))
+        return np.asarray(self.S_camera - across.T @ across + np.diag(prior.sigma[self.free] ** -2.0))
 
     def pull(self, prior: Prior) -> Array:
-        """Return the right side of the numbers' equations (p): where the cost falls, all else being at its best."""
+        """Return the right side of the parameters' equations (p): where the cost falls, all else being at its best."""
         _, across, rest = self.eliminated
         off = (self.vector - prior.mean)[self.free]
-        return np.asarray(self.rhs_number - across.T @ rest - off / prior.sigma[self.free] ** 2)
+        return np.asarray(self.rhs_camera - across.T @ rest - off / prior.sigma[self.free] ** 2)
 
     def stepped(self, step: Array) -> tuple[Array, Bundle]:
-        """Return the camera's numbers, poses and landmarks after a `step` (p) of the numbers.
+        """Return the camera's parameters, poses and landmarks after a `step` (p) of the parameters.
 
         Poses and landmarks follow the step, and go to where they fit best.
         """
@@ -124,7 +121,7 @@ class System:
         of_poses = self.follow(step) + solve_triangular(L, rest, lower=True, trans="T", check_finite=False)
         T, landmarks = stepped(
             self.T_camera_map, self.landmarks, places(self.survey), self.survey.frame, self.survey.landmark,
-            self.V_inverse, self.b, self.W_number, self.W, of_poses, step,
+            self.V_inverse, self.b, self.W_camera, self.W, of_poses, step,
         )  # fmt: skip
         return vector, Bundle(T, landmarks, np.zeros(0))
 
@@ -133,7 +130,7 @@ class System:
 class Fit:
     """An adjusted camera with poses and landmarks: the `system` there.
 
-    `information` (p x p) is that of observations and prior on the numbers adjusted, if errors are independent.
+    `information` (p x p) is that of observations and prior on the parameters adjusted, if errors are independent.
     """
 
     system: System
@@ -141,7 +138,7 @@ class Fit:
 
     @property
     def vector(self) -> Array:
-        """The camera's numbers (30)."""
+        """The camera's parameters (30)."""
         return self.system.vector
 
     @property
@@ -155,9 +152,9 @@ class Fit:
         return self.system.bundle
 
     def holding(self, prior: Prior, held: Mask) -> "Fit":
-        """Return the fit without the numbers `held` (p, of the free ones), which are at the prior's mean.
+        """Return the fit without the parameters `held` (p, of the free ones), which are at the prior's mean.
 
-        Poses, landmarks and the other numbers are where they would be by one step.
+        Poses, landmarks and the other parameters are where they would be by one step.
         """
         now, information, free = self.system, self.information, ~held
         step = np.where(held, (prior.mean - self.vector)[self.free], 0.0)
@@ -190,7 +187,7 @@ def fit(
     steps: int = TUNING.fit_steps,
     settled: float = TUNING.fit_settled,
 ) -> Fit:
-    """Return the camera's free numbers, the poses and the landmarks that fit a survey best, from `start` on.
+    """Return the camera's free parameters, the poses and the landmarks that fit a survey best, from `start` on.
 
     At least one step is made and at most `steps`, each from new equations, until the next would be below `settled`
     sigma. Ends early, with what was found so far, once `stopped` says so. Raises LinAlgError if there is no solution.
@@ -201,14 +198,14 @@ def fit(
         return system.cost + float(((system.vector - prior.mean)[free] ** 2) @ prior.sigma[free] ** -2.0)
 
     now = start
-    for number in range(steps):
+    for count in range(steps):
         information, pull = now.information(prior), now.pull(prior)
-        information.flat[:: len(free) + 1] += now.damping * np.diag(now.S_number)
+        information.flat[:: len(free) + 1] += now.damping * np.diag(now.S_camera)
         root = np.linalg.inv(np.linalg.cholesky(information))
         step, sigma = root.T @ (root @ pull), np.linalg.norm(root, axis=0)
         is_small = bool((np.abs(step) < settled * sigma).all())
         gain = pull @ step + now.eliminated[2] @ now.eliminated[2]
-        if number and is_small and gain < settled * _SETTLED * cost_of(now):
+        if count and is_small and gain < settled * _SETTLED * cost_of(now):
             break
         less_damping = max(0.1 * now.damping, _DAMPING)
         trial = System.of(survey, *now.stepped(step), free, less_damping)
@@ -227,7 +224,7 @@ def fit(
 
 
 def likely_gain(system: System, prior: Prior) -> float:
-    """Return by what share the free numbers could lower the cost, beyond what poses and landmarks can.
+    """Return by what share the free parameters could lower the cost, beyond what poses and landmarks can.
 
     It follows from the equations at one camera alone: a score test.
     """

@@ -13,7 +13,7 @@ _AT_M = 2.0
 
 
 def numbers(result: Calibrated) -> Iterator[str]:
-    """Yield a line for each number: before, now, one sigma, unit."""
+    """Yield a line for each parameter: before, now, one sigma, unit."""
     yield f"{'':<16}{'before':>11}{'now':>12}{'sigma':>10}"
     for group in GROUPS:
         for name in group.names:

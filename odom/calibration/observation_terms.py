@@ -14,8 +14,8 @@ from odom.geometry.compiled import compiled
 
 _NEAREST_M = 0.05
 """A landmark that comes nearer counts as behind the camera."""
-NUMBERS = DEPTH.stop
-"""Numbers of a camera."""
+PARAMETERS = DEPTH.stop
+"""How many parameters a camera has."""
 CameraArrays = tuple[Array, Array, Array]
 """A camera's vector (30), that of the one it was measured with (30), the image's size (2)."""
 SeenArrays = tuple[Index, Index, Array, Array, Array, Array, Array]
@@ -41,10 +41,10 @@ def whitened_terms(
 ) -> float:
     """Fill the residual r (3) of observation `o` and the derivatives of what is predicted; return its robust cost.
 
-    J (3 x 6) is by the pose, perturbed on the left, P (3 x 3) by the `point` (m), C (3 x 30) by the camera's numbers.
-    C must be zeros at first: how depth changes with the lens, and the pixel with the depth model, is not written. All
-    rows are divided by the standard deviation and multiplied by the root of Cauchy's weight: the first two are those of
-    the pixel, the third that of the inverse depth, 0 where none was measured.
+    J (3 x 6) is by the pose, perturbed on the left, P (3 x 3) by the `point` (m), C (3 x 30) by the camera's
+    parameters. C must be zeros at first: how depth changes with the lens, and the pixel with the depth model, is not
+    written. All rows are divided by the standard deviation and multiplied by the root of Cauchy's weight: the first two
+    are those of the pixel, the third that of the inverse depth, 0 where none was measured.
     """
     vector, given, size = camera
     _, _, uv, inverse_depth, slope, by_timing, whitening = seen

@@ -1,4 +1,4 @@
-"""The parameters of a camera, called numbers: their order, units and priors, and what motion shows them."""
+"""The parameters of a camera: their order, units and priors, and what motion shows them."""
 
 from dataclasses import dataclass, replace
 
@@ -12,7 +12,7 @@ from odom.geometry.arrays import Array, Index
 
 @dataclass(frozen=True)
 class Group:
-    """Numbers that are shown together or not at all: `names` with a `unit`, and the motion that shows them."""
+    """Parameters that are shown together or not at all: `names` with a `unit`, and the motion that shows them."""
 
     key: str
     names: tuple[str, ...]
@@ -53,7 +53,7 @@ GROUPS = (
     ),
 )
 NAMES = tuple(name for group in GROUPS for name in group.names)
-"""All numbers, in the order of a parameter vector."""
+"""All parameters, in the order of a parameter vector."""
 TIMINGS = 3
 """The vector begins with the timing, then come the lens (9) and the depth model (18)."""
 LENS = slice(TIMINGS, TIMINGS + 9)
@@ -66,13 +66,13 @@ _PLUMB_BOB = 5
 """Terms of ROS's plumb_bob model: k1, k2, p1, p2, k3."""
 
 
-def numbers_of(group: Group) -> Index:
-    """Return where a group's numbers are in the vector."""
+def indices_of(group: Group) -> Index:
+    """Return where a group's parameters are in the vector."""
     return np.array([NAMES.index(name) for name in group.names])
 
 
 def shown_by(name: str) -> str:
-    """Return what motion shows a number."""
+    """Return what motion shows a parameter."""
     return next(group.shown_by for group in GROUPS if name in group.names)
 
 
@@ -99,7 +99,7 @@ def camera_of(vector: Array, camera: Camera) -> Camera:
 
 
 def prior_sigma(camera: Camera) -> Array:
-    """Return the standard deviations (30) of the numbers of a calibration that a user gives."""
+    """Return the standard deviations (30) of the parameters of a calibration that a user gives."""
     t = TUNING
     focal, centre = [t.prior_focal * camera.fx, t.prior_focal * camera.fy], [t.prior_centre * camera.width] * 2
     timing = [t.prior_timing_s] * TIMINGS

@@ -14,7 +14,7 @@ _SHIFT_SIGMAS, _SHIFT_FLOOR_PX = 2.0, 0.4
 
 
 def significant_error_px(given: Camera, camera: Camera, sigma: Array, survey: Survey) -> float:
-    """Return by how many pixels the camera `given` differs from `camera`, whose 30 numbers have the sigmas `sigma`.
+    """Return by how many pixels the camera `given` differs from `camera`, whose 30 parameters have the sigmas `sigma`.
 
     The largest of three, two of them root mean squares over the image: the difference of the rays after the rotation
     that brings them closest together; the shift of depth against colour at the survey's usual range, less two sigmas;
@@ -46,17 +46,17 @@ def stretch_px(camera: Camera, stretch: Array) -> Array:
 def ray_sigma_px(found: Calibrated) -> float:
     """Return the standard deviation, in pixels, of the rays of an estimated calibration.
 
-    Root mean square over the image, after the rotation that brings them nearest. The numbers' errors are
+    Root mean square over the image, after the rotation that brings them nearest. The parameters' errors are
     correlated: the uncertainty of the centre alone hardly matters.
     """
     free, uv = found.fitted.free, grid_over(found.camera)
     rays = rays_of(found.camera, uv)
     moved = np.zeros((len(free), rays.size))
-    for row, number in enumerate(free.tolist()):
-        if LENS.start <= number < LENS.stop:
+    for row, k in enumerate(free.tolist()):
+        if LENS.start <= k < LENS.stop:
             vector = found.vector.copy()
-            vector[number] += found.sigma[number]
+            vector[k] += found.sigma[k]
             aside = turned_onto(rays_of(camera_of(vector, found.camera), uv), rays) - rays
-            moved[row] = aside.ravel() / found.sigma[number]
+            moved[row] = aside.ravel() / found.sigma[k]
     variance = np.einsum("ap,ab,bp->p", moved, found.covariance, moved).sum() / len(rays)
     return float(found.camera.fx * np.sqrt(variance))

@@ -1,10 +1,10 @@
 """How far a calibration that a user gives may be off, as the walk itself tells.
 
 A factory's sheet is off by a fraction of what an average camera's calibration is, and nobody says which of the two was
-given. Nor are all numbers as far off: a lens with another focal length may be centred well. So the widths of the prior,
-one for each kind of number, are those under which what was measured is most probable (empirical Bayes, type II maximum
-likelihood: D. MacKay, "Bayesian interpolation", 1992). A good calibration then moves only in the directions that the
-walk shows surely, and a poor one may move freely.
+given. Nor are all parameters as far off: a lens with another focal length may be centred well. So the widths of the
+prior, one for each kind of parameter, are those under which what was measured is most probable (empirical Bayes, type
+II maximum likelihood: D. MacKay, "Bayesian interpolation", 1992). A good calibration then moves only in the directions
+that the walk shows surely, and a poor one may move freely.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ _KIND_OF = {
     "depth shift": "beside colour", "depth baseline": "beside colour", "depth stretch": "stretched",
     "depth offset": "depth", "depth scale": "depth", "depth field": "depth",
 }  # fmt: skip
-"""The kind of each group's numbers: those of one kind share a width. What a walk hardly tells apart is of one kind,
+"""The kind of each group's parameters: those of one kind share a width. What a walk hardly tells apart is of one kind,
 or one of the two would be declared right and the other wrong without evidence."""
 _TANGENTIAL = ("p1", "p2")
 """A kind of their own: a lens may distort much and yet be well aligned with the image."""
@@ -39,8 +39,8 @@ _KINDS = np.array([
 class Narrowed:
     """A `prior` of the most probable widths, made as much too strong as the information of the fit they come from.
 
-    `sigma` (p) are the standard deviations of that fit's numbers under it. They include the uncertainty of the widths,
-    but not the errors that are the same in all of a walk (see `as_measured`).
+    `sigma` (p) are the standard deviations of that fit's parameters under it. They include the uncertainty of the
+    widths, but not the errors that are the same in all of a walk (see `as_measured`).
     """
 
     prior: Prior
@@ -49,7 +49,7 @@ class Narrowed:
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """The observations' `information` (p x p) on numbers, that times their estimate, `pull` (p), and `own` widths."""
+    """The observations' `information` (p x p), that times their estimate (`pull`, p), and the `own` widths (p)."""
 
     information: Array
     pull: Array
@@ -58,8 +58,8 @@ class _Seen:
     def under(self, halvings: Index) -> tuple[Array, Array, Array]:
         """Return what follows from m priors whose widths are halved `halvings` (m x p) times.
 
-        That is the logarithm of the observations' probability, up to a constant (m); the numbers' mean (m x p); their
-        covariance (m x p x p).
+        That is the logarithm of the observations' probability, up to a constant (m); the parameters' mean (m x p);
+        their covariance (m x p x p).
         """
         width = self.own * 0.5**halvings
         information = self.information + width[:, :, None] ** -2.0 * np.eye(len(self.own))
@@ -70,11 +70,11 @@ class _Seen:
 
 
 def narrowed(prior: Prior, fitted: Fit, sigma: Array) -> Narrowed:
-    """Return the prior in the widths that a fit under it makes most probable, and how sure its numbers then are.
+    """Return the prior in the widths that a fit under it makes most probable, and how sure its parameters then are.
 
-    `sigma` (p) are the honest standard deviations of the fit's free numbers. The observations' information is too large
-    by as much as these exceed the plain ones, and by errors that are the same in all of a walk; instead of weakening
-    all observations, the prior is strengthened.
+    `sigma` (p) are the honest standard deviations of the fit's free parameters. The observations' information is too
+    large by as much as these exceed the plain ones, and by errors that are the same in all of a walk; instead of
+    weakening all observations, the prior is strengthened.
     """
     free, own = fitted.free, prior.sigma[fitted.free]
     plain = np.diag(np.linalg.inv(fitted.information))
@@ -90,7 +90,7 @@ def narrowed(prior: Prior, fitted: Fit, sigma: Array) -> Narrowed:
 
 
 def _tried(kind: Mask, halvings: Index) -> Index:
-    """Return each width of one kind of number (p, whether a number is of it), the others as given (9 x p)."""
+    """Return each width of one kind of parameter (p, whether one is of it), the others as given (9 x p)."""
     return np.where(kind, _HALVINGS[:, None], halvings)
 
 
@@ -109,7 +109,7 @@ def _most_probable(seen: _Seen, kinds: list[Mask], any_kind: Mask) -> Index:
 
 
 def _variance(seen: _Seen, kinds: list[Mask], halvings: Index) -> Array:
-    """Return the numbers' variances (p) under the chosen widths, with what the uncertainty of each width adds."""
+    """Return the parameters' variances (p) under the chosen widths, with what the uncertainty of each width adds."""
     _, mean, covariance = (one[0] for one in seen.under(halvings[None]))
     variance = np.diag(covariance).copy()
     for kind in kinds:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from odom.calibration.observation_terms import NUMBERS, CameraArrays, SeenArrays, whitened_terms
+from odom.calibration.observation_terms import PARAMETERS, CameraArrays, SeenArrays, whitened_terms
 from odom.geometry.arrays import Array, Index
 from odom.geometry.compiled import compiled
 from odom.geometry.compiled_se3 import moved, orthonormalise, put, solve_definite
@@ -23,7 +23,7 @@ def resected(
 ) -> Array:
     """Return poses (K x 4 x 4): those not negative in `pose` (K) are each fitted alone to landmarks that are held."""
     K, frame, landmark = len(pose), seen[0], seen[1]
-    J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, NUMBERS)), np.zeros(3)
+    J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, PARAMETERS)), np.zeros(3)
     T = T_camera_map.copy()
     for _ in range(steps):
         H, g = np.zeros((K, 6, 6)), np.zeros((K, 6))

@@ -8,7 +8,7 @@ import numpy as np
 from odom.calibration.adjustment import FREE, Fit, Prior, System, fit
 from odom.calibration.held_out import Residuals, compare, is_better, is_no_worse
 from odom.calibration.linearised import chi_squared, linearised
-from odom.calibration.parameters import GROUPS, NAMES, SCALE_NUMBER, camera_of, numbers_of, prior_sigma, vector_of
+from odom.calibration.parameters import GROUPS, NAMES, SCALE_NUMBER, camera_of, indices_of, prior_sigma, vector_of
 from odom.calibration.prior_width import narrowed
 from odom.calibration.standard_deviations import sigmas
 from odom.calibration.survey import Survey
@@ -27,7 +27,7 @@ _STEPS_MORE = 4
 
 @dataclass(frozen=True, eq=False)
 class Calibrated:
-    """A `camera`, the standard deviations `sigma` (30) of its numbers, and which the walk has `shown` (30).
+    """A `camera`, the standard deviations `sigma` (30) of its parameters, and which the walk has `shown` (30).
 
     `vector` (30) is that of the camera, and `start` the one it began with; what was not shown is as it was there, with
     the prior's sigma. `fitted` is the last adjustment, under `prior`. `contradicted`: the walk as a whole would
@@ -55,7 +55,7 @@ class Calibrated:
         """Return in words what the walk did not show, or hardly, and what motion would."""
         lines = []
         for group in GROUPS:
-            at = numbers_of(group)
+            at = indices_of(group)
             if not self.shown[at].any():
                 stays = bool((self.vector[at] == self.start[at]).all())
                 how = "not shown by this walk and stays as it was" if stays else "hardly shown by this walk"
@@ -72,7 +72,7 @@ def calibrated(
 ) -> Calibrated:
     """Return the camera that fits a survey best; `start` is the one that was given, and the prior.
 
-    Numbers that become hardly surer than they were before are left as they were, the others move as far as the walk
+    Parameters that become hardly surer than they were before are left as they were, the others move as far as the walk
     makes it probable (see `prior_width`). `earlier` is the result of the round before: what has changed since adds to
     the sigmas. `begin` are the equations at the survey's start, where they are known. Raises ConfigError for a lens
     that cannot be calibrated.

@@ -3,7 +3,7 @@
 A frame is measured before the next one is seen, by a motion that is late or smoothed where the camera speeds up or
 turns. So the rows of a rolling shutter end up some hundredths of a pixel off, in the same way in all frames of a steady
 walk: the focal length would come out .2 % too short, and the image's centre some pixels too high. This is for the
-camera's numbers, which average over a walk; for single poses that shake, what their own rows showed is better.
+camera's parameters, which average over a walk; for single poses that shake, what their own rows showed is better.
 """
 
 from collections.abc import Iterable, Iterator, Sequence

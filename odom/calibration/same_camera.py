@@ -14,9 +14,9 @@ _CENTRED = _LENS[:4]
 
 
 def apart(one: Calibrated, other: Calibrated) -> float:
-    """Return by how many sigma, root mean square, two cameras' lenses differ, in the numbers that both have shown.
+    """Return by how many sigma, root mean square, two cameras' lenses differ, in the parameters that both have shown.
 
-    The numbers' errors are correlated, so that lenses may differ surely although no single number does.
+    The parameters' errors are correlated, so that lenses may differ surely although no single one does.
     """
     both = _LENS[(one.shown & other.shown)[_LENS]]
     if not len(both):

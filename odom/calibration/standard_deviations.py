@@ -1,4 +1,4 @@
-"""Standard deviations of the fitted numbers when neighbouring errors are correlated."""
+"""Standard deviations of the fitted parameters when neighbouring errors are correlated."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from odom.geometry.arrays import Array
 
 
 def sigmas(system: System, prior: Prior) -> Array:
-    """Return the standard deviations (p) of the free numbers at the end of a fit.
+    """Return the standard deviations (p) of the free parameters at the end of a fit.
 
     Each is the larger of two sandwich estimates, whose blocks are stretches of time and neighbouring landmarks: the
     errors of depth images stay alike for a second, and a badly chosen landmark is wrong in every frame.
@@ -19,7 +19,7 @@ def sigmas(system: System, prior: Prior) -> Array:
     survey, free = system.survey, system.free
     information, follows = system.information(prior), np.ascontiguousarray(system.follow(np.eye(len(free))))
     scores = scores_of(
-        follows, system.V_inverse, system.W_number, system.W, system.T_camera_map, system.landmarks,
+        follows, system.V_inverse, system.W_camera, system.W, system.T_camera_map, system.landmarks,
         camera_arrays(survey, system.vector), free, places(survey), survey.arrays, TRACKING.cauchy_chi2,
     )  # fmt: skip
     by_time = np.argsort(survey.seconds[survey.frame], kind="stable")

@@ -21,7 +21,7 @@ from odom.frontend.features.measurement import Measurements
 from odom.geometry.arrays import Array, Index, Mask
 
 _LEAST_FRAMES = 8
-"""Frames of a survey: fewer show too little for any number."""
+"""Frames of a survey: fewer show too little for any parameter."""
 _SEVERAL = 3
 """Observations of a landmark when some are chosen by chance: fewer say little of the camera."""
 MEASURED = ("uv", "inverse_depth", "slope", "by_timing", "variance_uv", "variance_depth", "is_displaced")
@@ -137,13 +137,13 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
         raise InputError("nothing could be tracked: look at the recording with odom doctor")
     largest = max(sorted(segments), key=lambda number: len(map_.members(number)))
     start = everything(map_, odometry.intermediate, largest, odometry.sensor, credit=1.0)
-    between = {frame.number: frame for frame in odometry.intermediate.kept}
+    between = {each.number: each for each in odometry.intermediate.kept}
     keyframes = [map_.keyframes[number] for number in start.numbers.tolist()]
     others = [between[number] for number in start.between.tolist()]
     frames: list[FrameObservations] = [*keyframes, *others]
     if len(frames) < _LEAST_FRAMES or not len(start.rows):
         raise InputError(f"{len(frames)} frames are linked by common landmarks, too few: walk on for longer")
-    seen, number, landmark, is_displaced = _gathered(frames, odometry, start.rows)
+    seen, frame, landmark, is_displaced = _gathered(frames, odometry, start.rows)
     stamps = [keyframe.stamp for keyframe in keyframes] + [odometry.frames.stamp_of(s.number) for s in others]
     seen = replace(seen, slope=seen.slope * scale_of(camera))  # per pixel of the camera's own image
     R_own_rays = odometry.sensor.lens.R_own_rays
@@ -151,14 +151,14 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
         seen = turned(seen, R_own_rays)
     T_camera_map = start.bundle.T_camera_map.copy()
     T_camera_map[:, :3] = R_own_rays @ T_camera_map[:, :3]
-    at, points, focal_px = T_camera_map[number], start.bundle.landmarks[landmark], np.array([camera.fx, camera.fy])
-    half_readout = np.array([frame.timing.half_readout for frame in frames])[number]
+    at, points, focal_px = T_camera_map[frame], start.bundle.landmarks[landmark], np.array([camera.fx, camera.fy])
+    half_readout = np.array([each.timing.half_readout for each in frames])[frame]
     seen = steadied(seen, at[:, :3, :3], landmark, half_readout, focal_px)
-    late = np.array([frame.timing.change_to(odometry.timing) for frame in frames])
-    seen = seen.retimed(late[number])
+    late = np.array([each.timing.change_to(odometry.timing) for each in frames])
+    seen = seen.retimed(late[frame])
     if is_carried_anew:
         twist = (twists_at(stamps, odometry.frames, map_.keyframes).reshape(-1, 3) @ R_own_rays.T).reshape(-1, 6)
-        seen = carried_anew(seen, camera, twist[number], at, points, odometry.timing.readout_s)
+        seen = carried_anew(seen, camera, twist[frame], at, points, odometry.timing.readout_s)
     vector, S, (fx, fy) = vector_of(camera), seen.covariance, focal_px
     uv, by_direction = project(seen.values[:, :2], vector[LENS])
     terms = field_terms(uv, camera.width, camera.height)
@@ -166,7 +166,7 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
     slope = steady_slopes(seen, by_direction, at[:, :3, :3], landmark)
     survey = Survey(
         camera=camera,
-        frame=number,
+        frame=frame,
         landmark=landmark,
         uv=uv,
         inverse_depth=terms @ vector[OFFSET] + scale * seen.values[:, 2],

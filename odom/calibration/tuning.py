@@ -59,23 +59,23 @@ class Tuning:
         "more: it costs more without gain.")
     fit_settled: float = tuned(0.1, unit="sigma", source="far below what is claimed",
         effect="The fit ends where no step is larger. Smaller: it costs more; larger: it ends too early.")
-    fit_roughly: float = tuned(0.5, unit="sigma", source="looks at fr1_xyz and fr1_rpy: numbers as with .1, an eighth "
-        "of the CPU less",
-        effect="As fit_settled, for the fits that show which numbers a walk determines.")
+    fit_roughly: float = tuned(0.5, unit="sigma", source="looks at fr1_xyz and fr1_rpy: parameters as with .1, an "
+        "eighth of the CPU less",
+        effect="As fit_settled, for the fits that show which parameters a walk determines.")
     # standard deviations
     sure_blocks: int = tuned(12, unit="blocks", source="sigmas against the arena's truth",
         effect="Errors are taken to be correlated within each of so many blocks, of time and of landmarks. Fewer: "
         "sigmas are rough; more: they are too small.")
     sure_moved: float = tuned(0.5, unit="share of the last round's change", source="sigmas against the arena's truth",
-        effect="So much of the last change of a number is added to its sigma. Smaller: a number that has not settled "
+        effect="So much of the last change of a parameter is added to its sigma. Smaller: one that has not settled "
         "is too sure; larger: it is too unsure.")
-    sure_measured: float = tuned(2.0, unit="1", source="eight walks in the arena, errors of 192 numbers in sigmas: 1.9 "
-        "root mean square",
+    sure_measured: float = tuned(2.0, unit="1", source="eight walks in the arena, errors of 192 parameters in sigmas: "
+        "1.9 root mean square",
         effect="The sigmas reported, and with them the weight of the prior, are multiplied by this. Smaller: the "
         "result is too sure; larger: it is too unsure, and too near to the calibration given.")
     # decision
     shown_share: float = tuned(0.5, unit="share of the prior's sigma", source="half of what was known before",
-        effect="A number that is surer than this counts as shown by the walk. Smaller: less is calibrated; larger: "
+        effect="A parameter that is surer than this counts as shown by the walk. Smaller: less is calibrated; larger: "
         "guesses are reported.")
     accept_gain: float = tuned(0.01, unit="share of the held-out cost", source=_WALKS,
         effect="A new calibration must gain at least so much on frames held out from the fit. Smaller: the camera is "

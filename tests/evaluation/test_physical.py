@@ -30,7 +30,7 @@ CAMERA = Camera(320, 240, 262.0, 262.0, 159.5, 119.5)
 
 
 def outcomes_of(sample):
-    return judge(sample.told, Truth(sample.T, sample.T), 0, "made up")
+    return judge(sample.measured, Truth(sample.T, sample.T), 0, "made up")
 
 
 def by_name(outcomes, is_gated):
@@ -56,8 +56,10 @@ def test_the_gate_keeps_wrong_pairs_from_all_five():
 
 def test_truth_tells_which_pairs_are_wrong():
     sample = with_outliers(2, 0.4)
-    far = np.linalg.norm(sample.told.points_target - se3.apply(sample.T, sample.told.points_source), axis=1) > 0.2
-    found = wrong_pairs(sample.told, sample.T)
+    far = (
+        np.linalg.norm(sample.measured.points_target - se3.apply(sample.T, sample.measured.points_source), axis=1) > 0.2
+    )
+    found = wrong_pairs(sample.measured, sample.T)
     assert (found[far & sample.wrong]).all()
     assert not found[~sample.wrong].any()
 
@@ -156,7 +158,7 @@ def test_the_table_counts_what_has_no_pose_apart():
 
 def test_spoilt_pairs_begin_correct_and_get_worse_without_the_gate():
     sample = with_outliers(4, 0.2, n=100)
-    spoilt = spoil("kinect1", [(sample.told, sample.T)], 1)
+    spoilt = spoil("kinect1", [(sample.measured, sample.T)], 1)
     assert [(each.kind, each.share) for each in spoilt] == [(kind, share) for kind in KINDS for share in SHARES]
     anywhere = {each.share: each for each in spoilt[: len(SHARES)]}
     assert anywhere[0.0].ungated_mm["Horn"] < 20.0
@@ -165,7 +167,7 @@ def test_spoilt_pairs_begin_correct_and_get_worse_without_the_gate():
     # a handful of wrong pairs is enough for as much by the paper's own measure, whoever estimates
     assert min(anywhere[0.05].measured_mm.values()) > 200.0
     assert np.isfinite([each.ungated_mm["Horn"] for each in spoilt]).all()
-    again = spoil("kinect1", [(sample.told, sample.T)], 1)
+    again = spoil("kinect1", [(sample.measured, sample.T)], 1)
     assert repr(again) == repr(spoilt)  # nan is not equal to itself
 
 

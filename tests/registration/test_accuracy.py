@@ -51,12 +51,12 @@ def outlier_runs(ratio, clouds):
     found = []
     for seed in range(clouds):
         sample = with_outliers(seed, ratio)
-        result = register(sample.told)
+        result = register(sample.measured)
         if not result.ok:
             found.append((False, np.inf, 0.0))
             continue
         q, p = sample.true.points_source, sample.true.points_target
-        alone = robust(sample.told[~sample.wrong]).T_target_source
+        alone = robust(sample.measured[~sample.wrong]).T_target_source
         rmse = [np.sqrt(((apply(T, q) - p) ** 2).sum(axis=1).mean()) for T in (result.T_target_source, alone)]
         xi = log(inverse(result.T_target_source) @ sample.T)
         found.append((True, rmse[0] / rmse[1], float(np.sqrt(xi @ np.linalg.solve(result.covariance, xi)))))
@@ -95,9 +95,9 @@ def test_a_prediction_helps_and_a_wrong_one_does_not_hurt():
 
     for seed in range(50):
         sample = with_outliers(seed, 0.6)
-        free = register(sample.told)
+        free = register(sample.measured)
         for xi in (np.full(6, 0.01), np.array([0.5, -0.3, 0.2, 0.6, -0.4, 0.3])):
-            led = register(sample.told, Prior(sample.T @ exp(xi)))
+            led = register(sample.measured, Prior(sample.T @ exp(xi)))
             assert led.ok
             step = log(inverse(free.T_target_source) @ led.T_target_source)
             assert step @ np.linalg.solve(free.covariance, step) < 1.0
@@ -119,6 +119,6 @@ def test_the_bound_does_not_depend_on_which_side_is_noisy(rng):
 
 
 def test_the_same_seed_is_the_same_cloud():
-    one, two = (cloud(3, Noise.RAY, "large", True).told for _ in range(2))
+    one, two = (cloud(3, Noise.RAY, "large", True).measured for _ in range(2))
     assert one.points_target.tobytes() == two.points_target.tobytes()
     assert one.points_source.tobytes() == two.points_source.tobytes()

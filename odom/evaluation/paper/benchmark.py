@@ -58,7 +58,7 @@ def _errors(sample: Sample, result: Registration) -> tuple[float, float, float, 
     q, p = sample.true.points_source, sample.true.points_target
     T = result.T_target_source
     clean = apply(T, q) - p
-    noisy = (apply(T, sample.told.points_source) - sample.told.points_target)[right]
+    noisy = (apply(T, sample.measured.points_source) - sample.measured.points_target)[right]
     xi = log(inverse(T) @ sample.T)
     nees = float(xi @ np.linalg.solve(result.covariance, xi))
     rmse = float(np.sqrt((clean**2).sum(axis=1).mean()))
@@ -84,7 +84,7 @@ def rows(
         bounds.append(bound_rmse(sample.T, sample.true[right]))
         for name, estimator in estimators.items():
             begun = time.perf_counter()
-            result = estimator(sample.told)
+            result = estimator(sample.measured)
             times[name].append(time.perf_counter() - begun)
             if result.ok:
                 errors[name].append(_errors(sample, result))

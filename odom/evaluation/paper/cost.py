@@ -54,17 +54,17 @@ def _costs(
 def _target_only(rng: np.random.Generator, n: int) -> Pairs:
     clean = clean_clouds(rng, n)
     C = covariances(rng, Noise.POINT, MAGNITUDES_M["average"], clean.true.points_target)
-    return noisy(rng, clean, None, C).told
+    return noisy(rng, clean, None, C).measured
 
 
 def _both(rng: np.random.Generator, n: int) -> Pairs:
-    return noisy(rng, *kinect_noise(rng, n)).told
+    return noisy(rng, *kinect_noise(rng, n)).measured
 
 
 def costs(rounds: int = 300) -> list[Cost]:
     """Return the cost of 400 pairs: Horn, RF with diagonal and full covariances, the gate with 30 % wrong pairs."""
     rng = np.random.default_rng(0)
-    one, both, wrong = _target_only(rng, 400), _both(rng, 400), with_outliers(0, 0.3).told
+    one, both, wrong = _target_only(rng, 400), _both(rng, 400), with_outliers(0, 0.3).measured
     calls = {
         "RF, diagonal covariances of the target": lambda: robust(one),
         "RF, full covariances of both clouds": lambda: robust(both),
@@ -77,7 +77,7 @@ def growth(sizes: tuple[int, ...] = (100, 1000, 10_000, 100_000)) -> list[Cost]:
     """Return the cost of RF and of the gate with 30 % wrong pairs against the number of pairs."""
     found = []
     for n in sizes:
-        both, wrong = _both(np.random.default_rng(n), n), with_outliers(n, 0.3, n).told
+        both, wrong = _both(np.random.default_rng(n), n), with_outliers(n, 0.3, n).measured
         horn = partial(closed_form, both.points_source, both.points_target)
         calls = {"RF": partial(robust, both), "gate + RF, 30 % wrong": partial(register, wrong)}
         found += _costs(n, max(5, 20_000 // n), horn, calls)

@@ -35,13 +35,13 @@ class Noise(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """A cloud: `told` is what the estimators are given, `true` the noise-free points with the true covariances.
+    """A cloud: `measured` is what the estimators are given, `true` the noise-free points with the true covariances.
 
     `T` is the true motion, `wrong` (n) marks the pairs that do not belong together.
     """
 
     T: Array
-    told: Pairs
+    measured: Pairs
     true: Pairs
     wrong: Mask
 
@@ -113,7 +113,7 @@ def noisy(rng: np.random.Generator, clean: Sample, C_source: Array | None, C_tar
     q, p = clean.true.points_source, clean.true.points_target
     return replace(
         clean,
-        told=Pairs(disturbed(rng, q, C_source), disturbed(rng, p, C_target), C_source, C_target),
+        measured=Pairs(disturbed(rng, q, C_source), disturbed(rng, p, C_target), C_source, C_target),
         true=Pairs(q, p, C_source, C_target),
     )
 
@@ -135,39 +135,39 @@ def kinect_noise(rng: np.random.Generator, n: int) -> tuple[Sample, Array, Array
     return clean, C_source, covariances(rng, Noise.KINECT, (0.0, 0.0), clean.true.points_target)
 
 
-def _told(sample: Sample, C_source: Array | None, C_target: Array | None) -> Sample:
-    told = sample.told
-    return replace(sample, told=Pairs(told.points_source, told.points_target, C_source, C_target))
+def _stated(sample: Sample, C_source: Array | None, C_target: Array | None) -> Sample:
+    """Return the sample with other covariances stated than those of its noise."""
+    return replace(sample, measured=replace(sample.measured, covariances_source=C_source, covariances_target=C_target))
 
 
 def scaled_each(rng: np.random.Generator, n: int) -> Sample:
     """Return clouds of two Kinects whose noise is, pair by pair, 0.1 to 10 times the stated sigma."""
     clean, C_source, C_target = kinect_noise(rng, n)
     factor = 10.0 ** rng.uniform(-2.0, 2.0, n)[:, None, None]
-    return _told(noisy(rng, clean, factor * C_source, factor * C_target), C_source, C_target)
+    return _stated(noisy(rng, clean, factor * C_source, factor * C_target), C_source, C_target)
 
 
 def scaled_all(rng: np.random.Generator, n: int) -> Sample:
     """Return clouds of two Kinects whose noise is, for the whole cloud, 0.1 to 10 times the stated sigma."""
     clean, C_source, C_target = kinect_noise(rng, n)
     factor = 10.0 ** rng.uniform(-2.0, 2.0)
-    return _told(noisy(rng, clean, factor * C_source, factor * C_target), C_source, C_target)
+    return _stated(noisy(rng, clean, factor * C_source, factor * C_target), C_source, C_target)
 
 
 def source_left_out(rng: np.random.Generator, n: int) -> Sample:
     """Return a Kinect's cloud against a surveyed one (1 mm); the noise of the source is not stated."""
     clean, C_source, _ = kinect_noise(rng, n)
     C_target = np.tile(1e-6 * np.eye(3), (n, 1, 1))
-    return _told(noisy(rng, clean, C_source, C_target), None, C_target)
+    return _stated(noisy(rng, clean, C_source, C_target), None, C_target)
 
 
 def biased_axis(rng: np.random.Generator, n: int) -> Sample:
     """Return clouds of two Kinects; the target's depth axis is wrong by .5 to 2 %, which is not stated."""
     clean, C_source, C_target = kinect_noise(rng, n)
     sample = noisy(rng, clean, C_source, C_target)
-    points = sample.told.points_target.copy()
+    points = sample.measured.points_target.copy()
     points[:, 2] *= 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.005, 0.02)
-    return replace(sample, told=Pairs(sample.told.points_source, points, C_source, C_target))
+    return replace(sample, measured=replace(sample.measured, points_target=points))
 
 
 def misjudged_axis(rng: np.random.Generator, n: int) -> Sample:
@@ -175,7 +175,7 @@ def misjudged_axis(rng: np.random.Generator, n: int) -> Sample:
     clean, C_source, C_target = kinect_noise(rng, n)
     more = np.zeros((3, 3))
     more[(axis := rng.integers(3)), axis] = 0.02**2
-    return _told(noisy(rng, clean, C_source, C_target + more), C_source, C_target)
+    return _stated(noisy(rng, clean, C_source, C_target + more), C_source, C_target)
 
 
 STRESS: dict[str, Callable[[np.random.Generator, int], Sample]] = {
@@ -197,13 +197,11 @@ def with_outliers(seed: int, ratio: float, n: int = 400) -> Sample:
     rng = np.random.default_rng([seed, 200, round(1000 * ratio)])
     sample = noisy(rng, *kinect_noise(rng, n))
     wrong = rng.permutation(n) < round(ratio * n)
-    points, C = sample.told.points_target.copy(), sample.told.covariances_target
+    points, C = sample.measured.points_target.copy(), sample.measured.covariances_target
     assert C is not None
     points[wrong] = view_volume(rng, int(wrong.sum()))
     C = np.where(wrong[:, None, None], covariances(rng, Noise.KINECT, (0.0, 0.0), points), C)
-    return replace(
-        sample, wrong=wrong, told=Pairs(sample.told.points_source, points, sample.told.covariances_source, C)
-    )
+    return replace(sample, wrong=wrong, measured=replace(sample.measured, points_target=points, covariances_target=C))
 
 
 def nearby(seed: int, n: int = 400) -> Sample:
@@ -213,7 +211,8 @@ def nearby(seed: int, n: int = 400) -> Sample:
     C_source = covariances(rng, Noise.KINECT, (0.0, 0.0), clean.true.points_source)
     sample = noisy(rng, clean, C_source, covariances(rng, Noise.KINECT, (0.0, 0.0), clean.true.points_target))
     order = rng.permutation(n)
-    told, C_target = sample.told, sample.told.covariances_target
+    measured, C_target = sample.measured, sample.measured.covariances_target
     assert C_target is not None
-    shuffled = Pairs(told.points_source, told.points_target[order], C_source, C_target[order])
-    return replace(sample, told=shuffled, wrong=np.ones(n, dtype=np.bool_))
+    targets = measured.points_target[order]
+    shuffled = replace(measured, points_target=targets, covariances_target=C_target[order])
+    return replace(sample, measured=shuffled, wrong=np.ones(n, dtype=np.bool_))

@@ -100,8 +100,8 @@ def spoil(sensor: str, sets: Sequence[tuple[Pairs, Array]], seed: int) -> list[S
                 wrong = rng.permutation(len(pairs)) < round(share * len(pairs))
                 targets = pairs.points_target.copy()
                 targets[wrong] = KINDS[kind](rng, targets[wrong])
-                told = replace(pairs, points_target=targets)
-                outcomes += [_with_plain_horn(o, told, T) for o in judge(told, Truth(T), number, kind)]
+                spoilt = replace(pairs, points_target=targets)
+                outcomes += [_with_plain_horn(o, spoilt, T) for o in judge(spoilt, Truth(T), number, kind)]
             ungated, gated = ([o for o in outcomes if o.is_gated is which] for which in (False, True))
             found.append(
                 Spoilt(

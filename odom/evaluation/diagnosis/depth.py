@@ -1,6 +1,6 @@
 """How much depth there is, how noisy it is compared with the sensor's model, and how finely it is quantised."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,10 +34,16 @@ _TOO_NOISY = 3.0
 """Scatter on smooth surfaces over the sensor model's sigma."""
 
 
+def sparse_depths(depths_mm: Iterable[NDArray[np.uint16]], every: int = 8) -> NDArray[np.uint16]:
+    """Return the depths (mm) of depth images at every eighth pixel (or `every`-th) both ways, where there are any."""
+    sparse = (depth_mm[::every, ::every] for depth_mm in depths_mm)
+    return np.concatenate([np.zeros(0, np.uint16), *(depth_mm[depth_mm > 0] for depth_mm in sparse)])
+
+
 def judge_valid(frames: Sequence[RgbdFrame]) -> Finding:
     """Judge the share of pixels with depth and how far away they are."""
     shares = np.array([np.count_nonzero(frame.depth_mm) / frame.depth_mm.size for frame in frames])
-    some = np.concatenate([frame.depth_mm[::8, ::8][frame.depth_mm[::8, ::8] > 0] for frame in frames]) * 1e-3
+    some = sparse_depths(frame.depth_mm for frame in frames) * 1e-3
     if not len(some):
         advice = "the depth stream is empty: is the infrared projector covered, too near (< 0.5 m) or in sunlight?"
         return Finding("valid depth", "no pixel has depth", Verdict.BAD, advice)
@@ -92,7 +98,7 @@ def judge_noise(frames: Sequence[RgbdFrame]) -> Finding:
     if len(ratios) < _LEAST_PATCHES:
         return Finding("depth noise", "too few smooth surfaces", Verdict.UNKNOWN, "look at a wall or a table once")
     typical = float(np.quantile(ratios, _SMOOTHEST))
-    middle = float(np.median(np.concatenate([f.depth_mm[::8, ::8][f.depth_mm[::8, ::8] > 0] for f in frames]))) * 1e-3
+    middle = float(np.median(sparse_depths(frame.depth_mm for frame in frames))) * 1e-3
     step = step_at(frames, middle)
     steps = f"steps of {1e3 * step:.0f} mm" if np.isfinite(step) else "no steps"
     value = f"{typical:.1f} times the Kinect model on smooth surfaces, {steps} at {middle:.1f} m"

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.errors import InputError
+from odom.evaluation.diagnosis.depth import sparse_depths
 from odom.evaluation.diagnosis.finding import Finding, Verdict
 from odom.frontend.camera.noise_monitor import FeatureNoise
 from odom.geometry.arrays import Array
@@ -25,14 +26,11 @@ _DEPTHS = (0.1, 0.5, 0.9)
 
 def shown_levels(depths_mm: Sequence[NDArray[np.uint16]]) -> Array:
     """Return the depths (m, increasing) that occur in the images; stray values are left out."""
-    counts = np.zeros(1, dtype=np.int64)
+    counts = np.zeros(1 << 16, dtype=np.int64)
     for depth_mm in depths_mm:
-        found = np.bincount(depth_mm.ravel())
-        longer = np.zeros(max(len(found), len(counts)), dtype=np.int64)
-        longer[: len(counts)] += counts
-        longer[: len(found)] += found
-        counts = longer
+        counts += np.bincount(depth_mm.ravel(), minlength=len(counts))
     counts[0] = 0
+    counts = np.trim_zeros(counts, "b")
     values = np.arange(len(counts))
     low = np.floor(values * (1.0 - _AROUND)).astype(np.int64)
     high = np.minimum(np.ceil(values * (1.0 + _AROUND)).astype(np.int64) + 1, len(counts))
@@ -44,18 +42,17 @@ def shown_levels(depths_mm: Sequence[NDArray[np.uint16]]) -> Array:
 def judge_levels(depths_mm: Sequence[NDArray[np.uint16]], noise: FeatureNoise) -> Finding:
     """Give sigma of the depth by the stream's own Z-levels (eq. 17), and by the noise model that the odometry uses."""
     key = "Z-levels"
-    some = np.concatenate([d[::8, ::8][d[::8, ::8] > 0] for d in depths_mm]) * 1e-3 if depths_mm else np.zeros(0)
     levels_m = shown_levels(depths_mm)
     try:
         model = ZLevels(levels_m)
     except InputError:
         return Finding(key, f"only {len(levels_m)} depths occur", Verdict.UNKNOWN, "look at surfaces at several depths")
-    z = np.quantile(some, _DEPTHS)
+    z = np.quantile(sparse_depths(depths_mm) * 1e-3, _DEPTHS)
     by_levels = model.sigmas(z)[1]
     knots, sigma = noise.inverse_depth_sigma
     in_use = z**2 * np.interp(1.0 / z, knots, sigma)
-    told = ", ".join(
+    words = ", ".join(
         f"{1e3 * a:.1f} mm at {depth:.1f} m (noise in use {1e3 * b:.1f})"
         for depth, a, b in zip(z, by_levels, in_use, strict=True)
     )
-    return Finding(key, f"{len(levels_m)} of them, sigma {told}", Verdict.GOOD)
+    return Finding(key, f"{len(levels_m)} of them, sigma {words}", Verdict.GOOD)

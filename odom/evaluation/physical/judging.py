@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -86,11 +86,11 @@ def judge(pairs: Pairs, truth: Truth, number: int, front_end: str) -> list[Outco
         for name, estimator in ESTIMATORS.items():
             outcome = Outcome(number, front_end, is_gated, name, len(pairs), int(wrong.sum()), float("nan"))
             if is_gated and not gated.ok:
-                outcomes.append(_failed(outcome, gated.reason))
+                outcomes.append(replace(outcome, reason=gated.reason))
                 continue
             found, took_ms = _timed(partial(estimator, given))
             if not found.ok:
-                outcomes.append(_failed(outcome, found.reason))
+                outcomes.append(replace(outcome, reason=found.reason))
                 continue
             right = pairs.points_source[~wrong] if not wrong.all() else pairs.points_source
             outcomes.append(_measured(outcome, found, took_ms, right, given, truth))
@@ -103,27 +103,21 @@ def _timed(work: Callable[[], Registration]) -> tuple[Registration, float]:
     return found, 1e3 * (time.thread_time() - begun)
 
 
-def _failed(outcome: Outcome, reason: str) -> Outcome:
-    return Outcome(**{**vars(outcome), "reason": reason})
-
-
 def _measured(
     outcome: Outcome, found: Registration, took_ms: float, points: Array, given: Pairs, truth: Truth
 ) -> Outcome:
     T = found.T_target_source
     xi = se3.log(se3.inverse(T) @ truth.T)
     shift_m, turn = float(np.linalg.norm(xi[:3])), float(np.linalg.norm(xi[3:]))
-    return Outcome(
-        **{
-            **vars(outcome),
-            "time_ms": took_ms,
-            "rmse_mm": rmse_mm(T, points, se3.apply(truth.T, points)),
-            "rmse_lab_mm": float("nan") if truth.T_lab is None else rmse_mm(T, points, se3.apply(truth.T_lab, points)),
-            "rmse_noisy_mm": rmse_mm(T, given.points_source, given.points_target),
-            "error_mm": 1e3 * shift_m,
-            "error_deg": float(np.degrees(turn)),
-            "is_off": shift_m > OFF_M or turn > OFF_RAD,
-        }
+    return replace(
+        outcome,
+        time_ms=took_ms,
+        rmse_mm=rmse_mm(T, points, se3.apply(truth.T, points)),
+        rmse_lab_mm=float("nan") if truth.T_lab is None else rmse_mm(T, points, se3.apply(truth.T_lab, points)),
+        rmse_noisy_mm=rmse_mm(T, given.points_source, given.points_target),
+        error_mm=1e3 * shift_m,
+        error_deg=float(np.degrees(turn)),
+        is_off=shift_m > OFF_M or turn > OFF_RAD,
     )
 
 

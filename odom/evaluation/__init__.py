@@ -8,23 +8,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from odom.evaluation.alignment import Alignment, align
-    from odom.evaluation.metrics import Nees, RelativeError, nees, relative_error
-    from odom.evaluation.report import EvaluationOptions, Report, evaluate
-    from odom.evaluation.trajectory import Trajectory
-
-__all__ = [
-    "Alignment",
-    "EvaluationOptions",
-    "Nees",
-    "RelativeError",
-    "Report",
-    "Trajectory",
-    "align",
-    "evaluate",
-    "nees",
-    "relative_error",
-]
+    from odom.evaluation.alignment import Alignment as Alignment
+    from odom.evaluation.alignment import align as align
+    from odom.evaluation.metrics import Nees as Nees
+    from odom.evaluation.metrics import RelativeError as RelativeError
+    from odom.evaluation.metrics import nees as nees
+    from odom.evaluation.metrics import relative_error as relative_error
+    from odom.evaluation.report import EvaluationOptions as EvaluationOptions
+    from odom.evaluation.report import Report as Report
+    from odom.evaluation.report import evaluate as evaluate
+    from odom.evaluation.trajectory import Trajectory as Trajectory
 
 _MODULES = {
     "Alignment": "alignment",
@@ -39,6 +32,7 @@ _MODULES = {
     "relative_error": "metrics",
 }
 """The module of each name."""
+__all__ = list(_MODULES)
 
 
 def __getattr__(name: str) -> Any:

@@ -7,8 +7,8 @@ import numpy as np
 from odom.errors import InputError
 from odom.registration.checked_arrays import checked
 from odom.registration.gate import BOUND, gate
-from odom.registration.judgement import Judgement, judged
 from odom.registration.pairs import Pairs, Prior, Registration, degenerate
+from odom.registration.result import NoiseScale, registration_of
 from odom.registration.solution import solve
 from odom.registration.tuning import TUNING
 
@@ -40,8 +40,8 @@ def register(pairs: Pairs, prior: Prior | None = None, *, bound: float = BOUND) 
     freedom = solution.freedom
     factor = float(solution.sums[1]) / (freedom * _TRUNCATED_MEAN) if freedom > 0.0 else 1.0
     excessive = freedom > 0.0 and factor > 1.0 + TUNING.variance_factor_sigmas * math.sqrt(2.0 / freedom)
-    judgement = Judgement(factor if excessive else 1.0, factor, {"rounds": float(passed.rounds)})
-    return judged(arrays, prior, solution, judgement)
+    noise = NoiseScale(factor if excessive else 1.0, factor, {"rounds": float(passed.rounds)})
+    return registration_of(arrays, prior, solution, noise)
 
 
 def warm_up() -> None:

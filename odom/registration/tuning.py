@@ -12,7 +12,7 @@ from odom.geometry.tuning import in_use, tuned
 # fmt: off
 @dataclass(frozen=True)
 class Tuning:
-    """What the gate and the judgement of its result were tuned with."""
+    """What the gate and the verdict on its result were tuned with."""
 
     gate_mu_step: float = tuned(0.4, unit="1, growth of mu per round",
         effect="The growth of mu per round. Half: the gate takes 1.4 times as long and finds no pose more; double: "

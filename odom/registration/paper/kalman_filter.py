@@ -3,9 +3,9 @@
 import numpy as np
 
 from odom.registration.checked_arrays import Arrays, checked
-from odom.registration.judgement import Judgement, judged
 from odom.registration.measurement_covariance import bad_covariance, precisions
 from odom.registration.pairs import Pairs, Prior, Registration, degenerate
+from odom.registration.result import NoiseScale, registration_of
 from odom.registration.solution import Solution, solve
 from odom.registration.weighted_horn import weighted_horn
 
@@ -23,7 +23,7 @@ def kalman(pairs: Pairs, prior: Prior | None = None) -> Registration:
     if n < 3:
         return degenerate(n, f"{n} pairs: at least 3 are needed")
     solution = solve_ungated(arrays, prior)
-    return judged(arrays, prior, solution, Judgement(variance_factor=solution.variance_factor))
+    return registration_of(arrays, prior, solution, NoiseScale(variance_factor=solution.variance_factor))
 
 
 def solve_ungated(arrays: Arrays, prior: Prior | None, alpha: float = 0.0) -> Solution:

@@ -3,13 +3,13 @@
 import math
 
 from odom.registration.checked_arrays import Arrays, checked
-from odom.registration.judgement import Judgement, judged
 from odom.registration.pairs import Pairs, Prior, Registration, degenerate
 from odom.registration.paper.axis_bias import bias_information, possible_biases, source_noise, unbiased
 from odom.registration.paper.hinfinity import affine_misfit, discount
 from odom.registration.paper.kalman_filter import solve_ungated
 from odom.registration.paper.noise_adaptation import CovarianceVerdict, adapt, judge_covariances
 from odom.registration.paper.tuning import TUNING
+from odom.registration.result import NoiseScale, registration_of
 from odom.registration.solution import Solution, solve
 
 _MISFIT = 33.1
@@ -36,58 +36,57 @@ def robust(
         return degenerate(n, f"{n} pairs: at least 3 are needed")
     solution = solve_ungated(arrays, prior, alpha)
     details: dict[str, float] = {"alpha": alpha, "factor": 1.0, "nu": math.inf, "axis_scale": 1.0}
-    judgement = Judgement(1.0, solution.variance_factor, details)
+    noise = NoiseScale(1.0, solution.variance_factor, details)
     if solution.determined and adaptive:
-        arrays, solution, judgement = _learnt(arrays, prior, solution, judgement)
+        arrays, solution, noise = _learnt(arrays, prior, solution, noise)
     if solution.determined:
         used, halvings = discount(solution.Y, solution.y, solution.H, int(solution.sums[0]), theta)
         gamma = 1.0 / used if used > 0.0 else math.inf
-        details |= judgement.details
-        details |= {"theta": used, "gamma": gamma, "halvings": float(halvings)}
-        judgement = judgement._replace(details=details)
-    return judged(arrays, prior, solution, judgement)
+        details |= {**noise.details, "theta": used, "gamma": gamma, "halvings": float(halvings)}
+        noise = noise._replace(details=details)
+    return registration_of(arrays, prior, solution, noise)
 
 
 def _learnt(
-    arrays: Arrays, prior: Prior | None, first: Solution, judgement: Judgement
-) -> tuple[Arrays, Solution, Judgement]:
-    """Return pairs, solution and judgement after learning what is wrong: noise, then an axis, then noise again."""
-    solution, judgement = _noise_learnt(arrays, prior, first, judgement)
-    seen = solution
+    arrays: Arrays, prior: Prior | None, first: Solution, noise: NoiseScale
+) -> tuple[Arrays, Solution, NoiseScale]:
+    """Return pairs, solution and noise after learning what is wrong: noise, then an axis, then noise again."""
+    solution, noise = _noise_learnt(arrays, prior, first, noise)
+    affine = solution  # weighed as a free affine map, where the source is noisy
     misfit = affine_misfit(solution.Y, solution.y, solution.T)
-    if misfit > _MISFIT * judgement.inflation and len(arrays.Sq):
-        factor = float(judgement.details["factor"])
-        seen = solution._replace(Y=solution.Y - factor * source_noise(arrays.Sq, solution))
-        misfit = affine_misfit(seen.Y, solution.y, solution.T) or misfit
-    best = arrays, solution, judgement
-    if misfit > _MISFIT * judgement.inflation:
-        for bias in possible_biases(seen, misfit, judgement.inflation):
+    if misfit > _MISFIT * noise.inflation and len(arrays.Sq):
+        factor = float(noise.details["factor"])
+        affine = solution._replace(Y=solution.Y - factor * source_noise(arrays.Sq, solution))
+        misfit = affine_misfit(affine.Y, solution.y, solution.T) or misfit
+    best = arrays, solution, noise
+    if misfit > _MISFIT * noise.inflation:
+        for bias in possible_biases(affine, misfit, noise.inflation):
             corrected = unbiased(arrays, bias)
             again = solve(corrected, prior, solution.T, first.weights)
-            again, verdict = _noise_learnt(corrected, prior, again, judgement._replace(inflation=1.0))
+            again, noise_again = _noise_learnt(corrected, prior, again, noise._replace(inflation=1.0))
             rest = affine_misfit(again.Y, again.y, again.T)
-            if rest / verdict.inflation < misfit / best[2].inflation:
+            if rest / noise_again.inflation < misfit / best[2].inflation:
                 misfit = rest
                 found = {"axis_scale": bias.scale, "axis": float(bias.axis)}
-                verdict = verdict._replace(details={**verdict.details, **found})
-                best = corrected, again._replace(H=bias_information(again, bias)), verdict
-    arrays, solution, judgement = best
-    grown = misfit / 6.0 if misfit > _MISFIT * judgement.inflation else judgement.inflation
-    return arrays, solution, judgement._replace(inflation=grown, details={**judgement.details, "misfit": misfit})
+                noise_again = noise_again._replace(details={**noise_again.details, **found})
+                best = corrected, again._replace(H=bias_information(again, bias)), noise_again
+    arrays, solution, noise = best
+    grown = misfit / 6.0 if misfit > _MISFIT * noise.inflation else noise.inflation
+    return arrays, solution, noise._replace(inflation=grown, details={**noise.details, "misfit": misfit})
 
 
 def _noise_learnt(
-    arrays: Arrays, prior: Prior | None, solution: Solution, judgement: Judgement
-) -> tuple[Solution, Judgement]:
-    """Return solution and judgement after learning the noise, if the residuals contradict the covariances given."""
+    arrays: Arrays, prior: Prior | None, solution: Solution, noise: NoiseScale
+) -> tuple[Solution, NoiseScale]:
+    """Return solution and noise after learning the noise, if the residuals contradict the covariances given."""
     match judge_covariances(solution):
         case CovarianceVerdict.HOLDS:
-            return solution, judgement
+            return solution, noise
         case CovarianceVerdict.SCALED:
             factor = solution.variance_factor
-            return solution, judgement._replace(inflation=factor, details={**judgement.details, "factor": factor})
+            return solution, noise._replace(inflation=factor, details={**noise.details, "factor": factor})
         case CovarianceVerdict.WRONG:
             learnt = adapt(arrays, prior, solution)
-            seen = {"factor": learnt.factor, "nu": learnt.nu, "added": float(learnt.added.mean())}
+            found = {"factor": learnt.factor, "nu": learnt.nu, "added": float(learnt.added.mean())}
             inflation = (learnt.nu + 5.0) / (learnt.nu + 3.0) if learnt.nu < math.inf else 1.0
-            return learnt.solution, judgement._replace(inflation=inflation, details={**judgement.details, **seen})
+            return learnt.solution, noise._replace(inflation=inflation, details={**noise.details, **found})

@@ -15,15 +15,15 @@ from odom.registration.solution import Solution
 from odom.registration.tuning import TUNING
 
 
-class Judgement(NamedTuple):
-    """What is known beside the solution: the covariance's inflation, the observed variance factor, and details."""
+class NoiseScale(NamedTuple):
+    """The noise against the stated one: factor of the covariance, observed `Registration.variance_factor`, details."""
 
     inflation: float = 1.0
     variance_factor: float = 1.0
     details: Mapping[str, float] = MappingProxyType({})
 
 
-def judged(arrays: Arrays, prior: Prior | None, solution: Solution, judgement: Judgement) -> Registration:
+def registration_of(arrays: Arrays, prior: Prior | None, solution: Solution, noise: NoiseScale) -> Registration:
     """Return the registration that a solution stands for; DEGENERATE where pairs and prior do not fix the motion."""
     n = len(arrays.q)
     inliers: Mask = solution.weights > 0.0
@@ -35,9 +35,9 @@ def judged(arrays: Arrays, prior: Prior | None, solution: Solution, judgement: J
     elif not solution.determined or not assess(arrays.q, solution.W, solution.weights, solution.H, covariance, numbers):
         reason = f"{used} pairs do not determine the motion"
     elif prior is None or prior.covariance is None:
-        sigma = math.sqrt(judgement.inflation * max(covariance[3, 3], covariance[4, 4], covariance[5, 5]))
-        noise = min(judgement.inflation, max(1.0, judgement.variance_factor))
-        if numbers[1] < TUNING.min_scatter_sigmas**2 * noise or numbers[2] < 1e-9:
+        sigma = math.sqrt(noise.inflation * max(covariance[3, 3], covariance[4, 4], covariance[5, 5]))
+        factor = min(noise.inflation, max(1.0, noise.variance_factor))
+        if numbers[1] < TUNING.min_scatter_sigmas**2 * factor or numbers[2] < 1e-9:
             reason = f"{used} points lie on a line or in one place, within their noise"
         elif sigma > TUNING.max_rotation_sigma_rad:
             reason = f"the rotation is uncertain by {math.degrees(sigma):.0f} degrees"
@@ -45,11 +45,11 @@ def judged(arrays: Arrays, prior: Prior | None, solution: Solution, judgement: J
         return degenerate(n, reason, solution.chi2, inliers)
     return Registration(
         solution.T,
-        covariance if judgement.inflation == 1.0 else judgement.inflation * covariance,
+        covariance if noise.inflation == 1.0 else noise.inflation * covariance,
         inliers,
         solution.chi2,
         float(numbers[0]),
         Verdict.OK,
-        variance_factor=judgement.variance_factor,
-        details=dict(judgement.details),
+        variance_factor=noise.variance_factor,
+        details=dict(noise.details),
     )

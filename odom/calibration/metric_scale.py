@@ -4,10 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from odom.errors import InputError
 from odom.evaluation.diagnosis.motion import PairMotion
-from odom.evaluation.diagnosis.scale import BodyTruth, ScaleFit, fit_scale
-from odom.evaluation.mocap_calibration import calibrate
+from odom.evaluation.diagnosis.scale import BodyTruth, ScaleFit, body_truth, fit_scale
 from odom.evaluation.run_report import CAMERA
 from odom.evaluation.trajectory import Trajectory
 from odom.geometry import se3
@@ -17,8 +15,8 @@ _EVERY = 3
 _APART_S = (1.0, 2.0, 4.0)
 """Seconds from the first to the second pose of a pair: longer ones drift, shorter ones hardly move. Errors that stay
 the same in a walk, as of a marker's lever arm, make the ratios for these times differ."""
-_LEAST_CORRELATION, _MOST_TURN_SIGMA = 0.6, 0.05
-"""Markers are used if their turns correlate with the camera's, and its rotation (sigma, rad) to them is known."""
+_MOST_TURN_SIGMA = 0.05
+"""Markers are used if the camera's rotation (sigma, rad) to them is known."""
 _SYSTEMATIC = 0.003
 """What the scatter of the ratio does not show (sigma, a share): rolling shutter, and the motion capture's own unit."""
 
@@ -30,7 +28,8 @@ def metric_scale(trajectory: Trajectory, truth: Mapping[str, Trajectory]) -> Sca
     """
     whole = trajectory.longest_segment()
     for name in sorted(truth, key=lambda body: body != CAMERA):
-        body = _body(whole, truth[name], name == CAMERA)
+        own = BodyTruth(truth[name], np.eye(3), True) if name == CAMERA else None
+        body = own or body_truth(whole, truth[name], _MOST_TURN_SIGMA)
         fits = [] if body is None else [fit_scale(_motions(whole, apart), whole.stamps, body) for apart in _APART_S]
         found = [fit for fit in fits if fit is not None and fit.ratio > 0.0]
         if found:
@@ -39,18 +38,6 @@ def metric_scale(trajectory: Trajectory, truth: Mapping[str, Trajectory]) -> Sca
             sigma = float(np.linalg.norm([best.sigma, apart, _SYSTEMATIC * best.ratio]))
             return ScaleFit(best.ratio, sigma, best.usual_m)
     return None
-
-
-def _body(whole: Trajectory, truth: Trajectory, is_camera: bool) -> BodyTruth | None:
-    if is_camera:
-        return BodyTruth(truth, np.eye(3), True)
-    try:
-        found = calibrate(whole, truth)
-    except InputError:
-        return None
-    if not found.correlation >= _LEAST_CORRELATION or found.hand_eye_sigma[3:].max() > _MOST_TURN_SIGMA:
-        return None
-    return BodyTruth(truth.delayed(-found.offset_s), found.T_body_camera[:3, :3], False)
 
 
 def _motions(whole: Trajectory, apart_s: float) -> list[PairMotion]:

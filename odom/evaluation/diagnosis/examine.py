@@ -124,7 +124,7 @@ def _judge_by_truth(
     """Judge the truth of the camera, or else of the body seen most, and by it the depth scale, or as `unit` does."""
     if CAMERA not in truth:
         name = max(truth, key=lambda body: len(truth[body]))
-        found = body_truth(tracks, stamps, focal_px, truth[name])
+        found = body_truth(chain(tracks, stamps, focal_px), truth[name])
     elif wrong_order := _judge_order(chain(tracks, stamps, focal_px), truth[CAMERA]):
         return [unit, *wrong_order]
     else:

@@ -81,13 +81,17 @@ class BodyTruth:
     is_camera: bool
 
 
-def body_truth(tracks: Sequence[Tracks], stamps: Stamps, focal_px: Array, truth: Trajectory) -> BodyTruth | None:
-    """Return a marker body's truth brought to the camera's clock, None when the motion does not determine how."""
+def body_truth(poses: Trajectory, truth: Trajectory, most_turn_sigma: float = _MOST_TURN_SIGMA) -> BodyTruth | None:
+    """Return a marker body's truth brought to the clock of the camera, whose estimated `poses` are given.
+
+    None when they do not determine how: the angular speeds do not correlate, or the camera's rotation in the body has a
+    standard deviation (rad) above `most_turn_sigma`.
+    """
     try:
-        found = calibrate(chain(tracks, stamps, focal_px), truth)
+        found = calibrate(poses, truth)
     except InputError:
         return None
-    if found.correlation < _LEAST_CORRELATION or found.hand_eye_sigma[3:].max() > _MOST_TURN_SIGMA:
+    if not found.correlation >= _LEAST_CORRELATION or found.hand_eye_sigma[3:].max() > most_turn_sigma:
         return None
     return BodyTruth(truth.delayed(-found.offset_s), found.T_body_camera[:3, :3], False)
 

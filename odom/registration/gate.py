@@ -8,16 +8,18 @@ import numpy as np
 from odom.geometry.arrays import Array
 from odom.registration.checked_arrays import Arrays
 from odom.registration.false_alarms import chance, log_false_alarms
-from odom.registration.graduated_non_convexity import graduate
+from odom.registration.graduated_non_convexity import Schedule, graduate
 from odom.registration.measurement_covariance import bad_covariance
 from odom.registration.pairwise_consistency import rate, rigid_set
 from odom.registration.tuning import TUNING
 
 BOUND = 16.27
 """The .999 quantile of chi-square with 3 degrees of freedom: beyond it a pair is wrong."""
-_SCHEDULE = (
-    *(TUNING.gate_begin_share, 1.0 + TUNING.gate_mu_step, TUNING.gate_full_precision_mu),
-    math.cos(TUNING.gate_relinearise_rad),
+_SCHEDULE = Schedule(
+    begin_share=TUNING.gate_begin_share,
+    growth=1.0 + TUNING.gate_mu_step,
+    full_mu=TUNING.gate_full_precision_mu,
+    turn_cosine=math.cos(TUNING.gate_relinearise_rad),
 )
 
 
@@ -47,19 +49,19 @@ def gate(arrays: Arrays, T: Array, near: bool, bound: float = BOUND) -> Gated:
     consistent pairs are graduated instead, the best rated seeds first, until one is believable. O(n) in time and
     memory. Raises InputError for a covariance that is not positive definite.
     """
-    q, p, Sq, Sp, given = arrays
-    n, used = len(q), int(np.count_nonzero(given))
+    given = arrays.weights
+    n, used = len(given), int(np.count_nonzero(given))
     W, chi2 = np.empty((n, 8)), np.empty(n)
     probability = -1.0
 
     def attempt(mask: Array, start: Array, is_near: bool) -> Gated:
         nonlocal probability
         motion = start.copy()
-        rounds = graduate(q, p, Sq, Sp, mask, motion, is_near, bound, *_SCHEDULE, W, chi2)
+        rounds = graduate(arrays._replace(weights=mask), motion, is_near, bound, _SCHEDULE, W, chi2)
         if rounds < 0:
             raise bad_covariance(-1 - rounds)
         if probability < 0.0:
-            probability = chance(p, W, bound)
+            probability = chance(arrays.p, W, bound)
         weights = np.where(chi2 <= bound, given, 0.0)
         alarms = log_false_alarms(used, int(np.count_nonzero(weights)), probability)
         return Gated(weights, chi2.copy(), motion, rounds, alarms < math.log(TUNING.gate_false_alarms))
@@ -69,10 +71,10 @@ def gate(arrays: Arrays, T: Array, near: bool, bound: float = BOUND) -> Gated:
         return best
     tolerance = TUNING.gate_distance_sigmas**2
     rating, mask = np.empty(min(n, TUNING.gate_seeds)), np.empty(n)
-    rate(q, p, Sq, Sp, given, tolerance, rating)
+    rate(arrays, tolerance, rating)
     for seed in np.argsort(-rating, kind="stable")[: TUNING.gate_trials]:
         i = int(seed) * n // len(rating)
-        if rigid_set(q, p, Sq, Sp, given, tolerance, TUNING.gate_partners, i, mask) < 4:
+        if rigid_set(arrays, tolerance, TUNING.gate_partners, i, mask) < 4:
             continue
         found = attempt(mask, np.eye(4), False)
         if found.believable or found.inliers > best.inliers:

@@ -5,14 +5,30 @@ pair is min(chi2, bound); its convex surrogate of parameter mu approaches it as 
 covariance.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from odom.geometry.arrays import Array
 from odom.geometry.compiled import compiled
+from odom.registration.checked_arrays import Arrays
 from odom.registration.measurement_covariance import mahalanobis, precisions
 from odom.registration.pair_information import accumulate, information_matrix
 from odom.registration.weighted_horn import weighted_horn
 from odom.registration.weighted_projection import project_onto_se3
+
+
+class Schedule(NamedTuple):
+    """How mu goes on: the share of the pairs for which it begins convex, and its growth; see `Tuning`.
+
+    From `full_mu` on full covariances are used; they are computed again after a turn whose cosine is below
+    `turn_cosine`.
+    """
+
+    begin_share: float
+    growth: float
+    full_mu: float
+    turn_cosine: float
 
 
 @compiled
@@ -45,17 +61,14 @@ def initial_mu(chi2: Array, given: Array, bound: float, share: float, growth: fl
 
 
 @compiled
-def graduate(
-    q: Array, p: Array, Sq: Array, Sp: Array, given: Array, T: Array, near: bool, bound: float,
-    begin_share: float, growth: float, full_mu: float, turn_cosine: float,
-    W: Array, chi2: Array,
-) -> int:  # fmt: skip
-    """Move `T` to a minimum of the truncated least squares of the pairs with weight `given` > 0; fill `W`, `chi2`.
+def graduate(arrays: Arrays, T: Array, near: bool, bound: float, schedule: Schedule, W: Array, chi2: Array) -> int:
+    """Move `T` to a minimum of the truncated least squares of the pairs with weight > 0; fill `W` and `chi2`.
 
     `near`: `T` is a prediction, and the first weights come from its residuals; otherwise all pairs begin with their
-    whole weight. The four numbers are fields of `Tuning`. Returns the number of rounds, or -1 - k if the covariance of
-    pair k is not positive.
+    whole weight. Returns the number of rounds, or -1 - k if the covariance of pair k is not positive.
     """
+    q, p, Sq, Sp, given = arrays
+    begin_share, growth, full_mu, turn_cosine = schedule
     n = len(q)
     empty = np.empty((0, 0))
     Y = np.empty((12, 12))

@@ -4,15 +4,29 @@ With A = I and no process noise (one motion between two frames) eqs. (11)-(16) a
 that does not depend on their order: `Y+ = Y + C'inv(S_k) C`, `Y+ x+ = Y x + C'inv(S_k) p`.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from odom.geometry.arrays import Array
 from odom.geometry.compiled import compiled
+from odom.registration.checked_arrays import Arrays
 from odom.registration.linear_algebra import cholesky_solve
 from odom.registration.measurement_covariance import precisions
 from odom.registration.pair_information import accumulate, information_matrix
 from odom.registration.weighted_horn import rotation_of, weighted_horn
 from odom.registration.weighted_projection import project_onto_se3
+
+
+class Output(NamedTuple):
+    """What `recurse` fills: `W` (n x 8), `Y` (12 x 12), `y` (12), `H` (6 x 6), `chi2` (n), and `sums` (6)."""
+
+    W: Array
+    Y: Array
+    y: Array
+    H: Array
+    chi2: Array
+    sums: Array
 
 
 @compiled
@@ -62,16 +76,25 @@ def statistics(q: Array, p: Array, W: Array, g: Array, T: Array, chi2: Array, su
 
 @compiled
 def recurse(
-    q: Array, p: Array, Sq: Array, Sp: Array, given: Array, Y0: Array, T0: Array, alpha: float, bound: float,
-    rounds: int, T: Array, g: Array, W: Array, Y: Array, y: Array, H: Array, chi2: Array, sums: Array,
-) -> int:  # fmt: skip
-    """Run the recursion over all pairs with `g` > 0 and project onto SE(3), `rounds` times.
+    arrays: Arrays,
+    prior: tuple[Array, Array],
+    alpha: float,
+    bound: float,
+    rounds: int,
+    T: Array,
+    g: Array,
+    output: Output,
+) -> int:
+    """Run the recursion over all pairs with `g` > 0 and project onto SE(3), `rounds` times; fill `output`.
 
-    Each round takes the R of `S_k` from the one before. `T` holds the linearisation on entry (not looked at
-    without `Sq`), the motion on return; `Y0` (6 x 6 or empty) and `T0` are the prior. With a finite `bound` the pairs
-    within it have their weight `given` in the next round. `W`, `Y` (12 x 12), `y` (12), `H` (6 x 6), `chi2` and `sums`
-    are output. Returns 0, 1 + k when the covariance of pair k cannot be used, or -1 when the motion is not determined.
+    Each round takes the R of `S_k` from the one before. `T` holds the linearisation on entry (not looked at without
+    `Sq`), the motion on return; `prior` is its information (6 x 6 or empty) and the motion it lies at. With a finite
+    `bound` the pairs within it have their given weight in the next round. Returns 0, 1 + k when the covariance of pair
+    k cannot be used, or -1 when the motion is not determined.
     """
+    q, p, Sq, Sp, given = arrays
+    Y0, T0 = prior
+    W, Y, y, H, chi2, sums = output
     free = len(Sq) == 0  # S_k needs no R: the linear estimate is where the projection begins
     for _ in range(rounds):
         # Y = sum C'inv(S_k) C, y = sum C'inv(S_k) p

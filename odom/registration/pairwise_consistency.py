@@ -4,6 +4,7 @@ import numpy as np
 
 from odom.geometry.arrays import Array
 from odom.geometry.compiled import compiled
+from odom.registration.checked_arrays import Arrays
 
 
 @compiled
@@ -14,10 +15,11 @@ def variance_along(C: Array, u0: float, u1: float, u2: float, squared: float) ->
 
 
 @compiled
-def compatible(q: Array, p: Array, Sq: Array, Sp: Array, i: int, k: int, tolerance: float) -> bool:
+def compatible(arrays: Arrays, i: int, k: int, tolerance: float) -> bool:
     """Return whether `||p_k - p_i| - |q_k - q_i||^2` is within `tolerance` times its variance (False for i = k)."""
     if i == k:
         return False
+    q, p, Sq, Sp, _ = arrays
     u0, u1, u2 = p[k, 0] - p[i, 0], p[k, 1] - p[i, 1], p[k, 2] - p[i, 2]
     v0, v1, v2 = q[k, 0] - q[i, 0], q[k, 1] - q[i, 1], q[k, 2] - q[i, 2]
     du = u0 * u0 + u1 * u1 + u2 * u2
@@ -34,42 +36,40 @@ def compatible(q: Array, p: Array, Sq: Array, Sp: Array, i: int, k: int, toleran
 
 
 @compiled
-def rate(q: Array, p: Array, Sq: Array, Sp: Array, given: Array, tolerance: float, rating: Array) -> None:
+def rate(arrays: Arrays, tolerance: float, rating: Array) -> None:
     """Set `rating[s]` to the number of pairs compatible with seed s, which is pair `s n // len(rating)`."""
-    n = len(q)
+    n, given = len(arrays.q), arrays.weights
     for s in range(len(rating)):
         i = s * n // len(rating)
         rating[s] = 0.0
         for k in range(n):
-            if given[i] > 0.0 and given[k] > 0.0 and compatible(q, p, Sq, Sp, i, k, tolerance):
+            if given[i] > 0.0 and given[k] > 0.0 and compatible(arrays, i, k, tolerance):
                 rating[s] += 1.0
 
 
 @compiled
-def rigid_set(
-    q: Array, p: Array, Sq: Array, Sp: Array, given: Array, tolerance: float, partners: int, i: int, mask: Array
-) -> int:
+def rigid_set(arrays: Arrays, tolerance: float, partners: int, i: int, mask: Array) -> int:
     """Fill `mask` with the weights of the pairs compatible with pair i and its best partner; return their number.
 
     The best partner is the pair with most compatible pairs among those compatible with i; `partners` of them are tried.
     """
-    n = len(q)
+    n, given = len(arrays.q), arrays.weights
     member = np.empty(n, dtype=np.int64)
     size = 0
     for k in range(n):
         mask[k] = 0.0
-        if given[k] > 0.0 and compatible(q, p, Sq, Sp, i, k, tolerance):
+        if given[k] > 0.0 and compatible(arrays, i, k, tolerance):
             member[size] = k
             size += 1
     most, partner = 0, i
     for a in range(0, size, max(1, size // partners)):
         common = 0
         for c in range(size):
-            common += compatible(q, p, Sq, Sp, member[a], member[c], tolerance)
+            common += compatible(arrays, member[a], member[c], tolerance)
         if common > most:
             most, partner = common, member[a]
     mask[i], mask[partner] = given[i], given[partner]
     for c in range(size):
-        if compatible(q, p, Sq, Sp, partner, member[c], tolerance):
+        if compatible(arrays, partner, member[c], tolerance):
             mask[member[c]] = given[member[c]]
     return most + 2

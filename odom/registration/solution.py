@@ -6,7 +6,7 @@ import numpy as np
 
 from odom.geometry.arrays import Array
 from odom.registration.checked_arrays import Arrays
-from odom.registration.information_recursion import recurse
+from odom.registration.information_recursion import Output, recurse
 from odom.registration.measurement_covariance import bad_covariance
 from odom.registration.pairs import Prior
 
@@ -57,15 +57,13 @@ def solve(
     """
     n = len(arrays.q)
     motion, weights = T.copy(), weights.copy()
-    W, chi2, sums = np.empty((n, 8)), np.empty(n), np.empty(6)
-    Y, y, H = np.empty((12, 12)), np.empty(12), np.empty((6, 6))
+    found = Output(np.empty((n, 8)), np.empty((12, 12)), np.empty(12), np.empty((6, 6)), np.empty(n), np.empty(6))
     needs_R = len(arrays.Sq) > 0 and not alpha > 0.0
     rounds = _GATED_ROUNDS if bound < np.inf else _LINEARISATIONS if needs_R else 1
-    Y0, T0 = prior_information(prior)
-    status = recurse(*arrays, Y0, T0, alpha, bound, rounds, motion, weights, W, Y, y, H, chi2, sums)
+    status = recurse(arrays, prior_information(prior), alpha, bound, rounds, motion, weights, found)
     if status > 0:
         raise bad_covariance(status - 1)
-    return Solution(motion, H, Y, y, W, weights, chi2, sums, status == 0)
+    return Solution(T=motion, weights=weights, determined=status == 0, **found._asdict())
 
 
 def prior_information(prior: Prior | None) -> tuple[Array, Array]:

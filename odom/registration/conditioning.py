@@ -1,10 +1,26 @@
 """Covariance and conditioning of a solution, and the spread of the points that it was computed from."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from odom.geometry.arrays import Array
 from odom.geometry.compiled import compiled
 from odom.registration.linear_algebra import cholesky, jacobi, substitute
+
+
+class Geometry(NamedTuple):
+    """How well pairs determine a motion; all 0 where H is singular.
+
+    `conditioning` is the reciprocal condition number of H about the centroid with rotations scaled by the points'
+    spread; `scatter` the second eigenvalue of the points' scatter in units of their noise variance, `thickness` that
+    eigenvalue relative to the first.
+    """
+
+    is_regular: bool
+    conditioning: float
+    scatter: float
+    thickness: float
 
 
 @compiled
@@ -42,18 +58,13 @@ def scatter(q: Array, W: Array, g: Array, mean: Array, S: Array) -> tuple[float,
 
 
 @compiled
-def assess(q: Array, W: Array, g: Array, H: Array, covariance: Array, numbers: Array) -> bool:
-    """Set `covariance` (6 x 6) to the inverse of `H` and judge the geometry of the pairs with `g` > 0.
-
-    `numbers` becomes (reciprocal condition number of H about the centroid with rotations scaled by the points'
-    spread, second eigenvalue of the points' scatter in units of their noise variance, that eigenvalue relative to the
-    first). False if singular.
-    """
+def assess(q: Array, W: Array, g: Array, H: Array, covariance: Array) -> Geometry:
+    """Set `covariance` (6 x 6) to the inverse of `H` and return the geometry of the pairs with `g` > 0."""
     m = H.shape[0]
     e = np.zeros(m)
     L = H.copy()
     if not cholesky(L):
-        return False
+        return Geometry(False, 0.0, 0.0, 0.0)
     for k in range(m):
         e[k] = 1.0
         substitute(L, e, covariance[k])
@@ -66,8 +77,6 @@ def assess(q: Array, W: Array, g: Array, H: Array, covariance: Array, numbers: A
     a, b, c = S[0, 0], S[1, 1], S[2, 2]
     largest = max(a, max(b, c))
     second = a + b + c - largest - min(a, min(b, c))
-    numbers[1] = second / used
-    numbers[2] = second / largest if largest > 0.0 else 0.0
     # C = B'H B: rotation about the centroid, arc length as the unit, xi = B xi', B = [I, hat(mean)/spread; 0, I/spread]
     B = np.eye(m)
     s = 1.0 / spread
@@ -91,5 +100,4 @@ def assess(q: Array, W: Array, g: Array, H: Array, covariance: Array, numbers: A
     low = high = C[0, 0]
     for i in range(m):
         low, high = min(low, C[i, i]), max(high, C[i, i])
-    numbers[0] = max(low, 0.0) / high
-    return True
+    return Geometry(True, max(low, 0.0) / high, second / used, second / largest if largest > 0.0 else 0.0)

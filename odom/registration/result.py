@@ -9,7 +9,7 @@ import numpy as np
 
 from odom.geometry.arrays import Mask
 from odom.registration.checked_arrays import Arrays
-from odom.registration.conditioning import assess
+from odom.registration.conditioning import Geometry, assess
 from odom.registration.pairs import Prior, Registration, Verdict, degenerate
 from odom.registration.solution import Solution
 from odom.registration.tuning import TUNING
@@ -28,16 +28,19 @@ def registration_of(arrays: Arrays, prior: Prior | None, solution: Solution, noi
     n = len(arrays.q)
     inliers: Mask = solution.weights > 0.0
     used = int(solution.sums[0]) if solution.determined else int(np.count_nonzero(inliers))
-    covariance, numbers = np.empty((6, 6)), np.empty(3)
+    is_prior_evidence = prior is not None and prior.covariance is not None
+    covariance, geometry = np.empty((6, 6)), Geometry(False, 0.0, 0.0, 0.0)
+    if solution.determined and (used >= 3 or is_prior_evidence):
+        geometry = assess(arrays.q, solution.W, solution.weights, solution.H, covariance)
     reason = ""
-    if used < 3 and (prior is None or prior.covariance is None):
+    if used < 3 and not is_prior_evidence:
         reason = f"{used} pairs of {n} can be used: at least 3 are needed"
-    elif not solution.determined or not assess(arrays.q, solution.W, solution.weights, solution.H, covariance, numbers):
+    elif not geometry.is_regular:
         reason = f"{used} pairs do not determine the motion"
-    elif prior is None or prior.covariance is None:
+    elif not is_prior_evidence:
         sigma = math.sqrt(noise.inflation * max(covariance[3, 3], covariance[4, 4], covariance[5, 5]))
         factor = min(noise.inflation, max(1.0, noise.variance_factor))
-        if numbers[1] < TUNING.min_scatter_sigmas**2 * factor or numbers[2] < 1e-9:
+        if geometry.scatter < TUNING.min_scatter_sigmas**2 * factor or geometry.thickness < 1e-9:
             reason = f"{used} points lie on a line or in one place, within their noise"
         elif sigma > TUNING.max_rotation_sigma_rad:
             reason = f"the rotation is uncertain by {math.degrees(sigma):.0f} degrees"
@@ -48,7 +51,7 @@ def registration_of(arrays: Arrays, prior: Prior | None, solution: Solution, noi
         covariance if noise.inflation == 1.0 else noise.inflation * covariance,
         inliers,
         solution.chi2,
-        float(numbers[0]),
+        geometry.conditioning,
         Verdict.OK,
         variance_factor=noise.variance_factor,
         details=dict(noise.details),

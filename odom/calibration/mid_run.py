@@ -9,7 +9,7 @@ import numpy as np
 from odom.backend import Odometry
 from odom.calibration.pixel_error import ray_sigma_px, significant_error_px
 from odom.calibration.result import Calibrated
-from odom.calibration.self_calibration import GOOD, SelfCalibration, judged
+from odom.calibration.self_calibration import GOOD, SelfCalibration, better_camera
 from odom.calibration.survey import Survey, surveyed
 from odom.calibration.tuning import TUNING
 from odom.errors import ConfigError, InputError
@@ -85,7 +85,7 @@ class MidRunCalibrator:
         def work() -> Camera | None:
             self.wait()
             try:
-                found = judged(survey, given, is_sure)
+                found = better_camera(survey, given, is_sure)
                 seems_good = not asked[-1].is_near if asked else found.reason == GOOD
                 self.again = TUNING.again if seems_good else TUNING.again_soon
             except (InputError, ConfigError, np.linalg.LinAlgError):

@@ -54,7 +54,7 @@ def self_calibrated(odometry: Odometry, earlier: SelfCalibration | None = None) 
     """
     try:
         survey, frames = surveyed(odometry)
-        found = judged(survey, odometry.camera)
+        found = better_camera(survey, odometry.camera)
         if found.found is None:
             return earlier or found
         return replace(found, trajectory=_trajectory(odometry, survey, frames, found.found))
@@ -62,13 +62,13 @@ def self_calibrated(odometry: Odometry, earlier: SelfCalibration | None = None) 
         return earlier or SelfCalibration(reason=str(error))
 
 
-def judged(
+def better_camera(
     survey: Survey, given: Camera, is_sure: Callable[[Calibrated], bool] = lambda found: True
 ) -> SelfCalibration:
-    """Return what a survey says of the camera that was `given`; raises InputError, ConfigError, LinAlgError.
+    """Return a better camera than that of the survey, which is in use, or why none is found.
 
-    The survey's own camera is the one in use: where no other promises to be better than that, nothing is found. What is
-    not `is_sure` is not judged.
+    `given` is the camera that the user gave. A calibration that is not `is_sure` is not tried on frames held out.
+    Raises InputError, ConfigError, LinAlgError.
     """
     newest, in_use = survey.newest(TUNING.self_frames), survey.camera
     few = newest.of_frames(newest.every_nth(TUNING.self_times)).thinned(TUNING.self_observations, _SEED)

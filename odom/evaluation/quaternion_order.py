@@ -12,7 +12,7 @@ import numpy as np
 from odom.errors import InputError
 from odom.evaluation.report import Report
 from odom.evaluation.trajectory import Trajectory
-from odom.geometry.quaternion import quaternion_from_rotation, rotation_from_quaternion
+from odom.geometry.rotations import matrices_of, quaternions_of
 
 _LEAST_DEG = 2.0
 """Drift of rotation over a second (RMSE, degrees) from which the other order is tried: an odometry that tracks has
@@ -46,7 +46,5 @@ def order_notes(truth: Trajectory, found: Report | None, judge: Callable[[Trajec
 def _reordered(truth: Trajectory) -> Trajectory:
     """Return the trajectory whose quaternions' four numbers, read as x y z w, are w x y z."""
     T = truth.T_world_body.copy()
-    for pose in T:
-        w, x, y, z = quaternion_from_rotation(pose[:3, :3])
-        pose[:3, :3] = rotation_from_quaternion(np.array([x, y, z, w]))
+    T[:, :3, :3] = matrices_of(quaternions_of(T[:, :3, :3])[:, [1, 2, 3, 0]])
     return replace(truth, T_world_body=T)

@@ -151,13 +151,13 @@ class Fit:
         """The poses and landmarks."""
         return self.system.bundle
 
-    def holding(self, prior: Prior, held: Mask) -> "Fit":
-        """Return the fit without the parameters `held` (p, of the free ones), which are at the prior's mean.
+    def with_fixed(self, prior: Prior, fixed: Mask) -> "Fit":
+        """Return the fit with some of the free parameters (`fixed`, p) fixed at the prior's mean.
 
         Poses, landmarks and the other parameters are where they would be by one step.
         """
-        now, information, free = self.system, self.information, ~held
-        step = np.where(held, (prior.mean - self.vector)[self.free], 0.0)
+        now, information, free = self.system, self.information, ~fixed
+        step = np.where(fixed, (prior.mean - self.vector)[self.free], 0.0)
         pull = now.pull(prior) - information @ step
         step[free] = np.linalg.solve(information[np.ix_(free, free)], pull[free])
         system = System.of(now.survey, *now.stepped(step), self.free[free])
@@ -170,7 +170,7 @@ def camera_arrays(survey: Survey, vector: Array) -> CameraArrays:
 
 
 def places(survey: Survey) -> Index:
-    """Return where each frame's six unknowns begin (K), -1 for a pose that is held."""
+    """Return where each frame's six unknowns begin (K), -1 for a pose that is fixed."""
     is_free = ~survey.is_fixed
     return np.where(is_free, 6 * (np.cumsum(is_free) - 1), -1)
 

@@ -57,7 +57,7 @@ def reduce_survey(
 ) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array, Array, float]:
     """Return the equations of poses and parameters, those of the landmarks, and the cost.
 
-    `pose` (K) is the place of each frame's six unknowns, -1 for a pose that is held, and `free` (p) are the parameters
+    `pose` (K) is the place of each frame's six unknowns, -1 for a fixed pose, and `free` (p) are the parameters
     of the camera that are adjusted. With poses' and parameters' unknowns x and landmarks' y, the normal equations are
     [U W; W' V] [x; y] = [a; b], V block diagonal; S = U - W inv(V) W', rhs = a - W inv(V) b. Returned are S of the
     poses (n x n, its upper half), of poses and parameters (n x p), of the parameters (p x p), both parts of rhs; for

@@ -37,7 +37,7 @@ _KINDS = np.array([
 
 @dataclass(frozen=True, eq=False)
 class Narrowed:
-    """A `prior` of the most probable widths, made as much too strong as the information of the fit they come from.
+    """A `prior` of the most probable widths; its information has the same excess as that of the fit (see `narrowed`).
 
     `sigma` (p) are the standard deviations of that fit's parameters under it. They include the uncertainty of the
     widths, but not the errors that are the same in all of a walk (see `as_measured`).

@@ -21,7 +21,7 @@ def resected(
     steps: int,
     cauchy: float,
 ) -> Array:
-    """Return poses (K x 4 x 4): those not negative in `pose` (K) are each fitted alone to landmarks that are held."""
+    """Return poses (K x 4 x 4): those not negative in `pose` (K) are each fitted alone to fixed landmarks."""
     K, frame, landmark = len(pose), seen[0], seen[1]
     J, P, C, r = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, PARAMETERS)), np.zeros(3)
     T = T_camera_map.copy()

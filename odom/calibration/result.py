@@ -90,7 +90,7 @@ def calibrated(
         contradicted |= bool((~shown & (plain < enough) & np.isin(free, _FOCAL)).any())
         if shown.all() or not shown.any():
             break
-        found = found.holding(prior, ~shown)
+        found = found.with_fixed(prior, ~shown)
     if shown.any():
         narrow = narrowed(prior, found, sure)
         prior, sure = narrow.prior, narrow.sigma

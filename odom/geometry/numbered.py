@@ -1,4 +1,4 @@
-"""Things with numbers of their own, found again among others: for some hundreds numpy's set functions take too long."""
+"""Set operations on arrays of identifying numbers: for some hundreds of them numpy's functions take too long."""
 
 import numpy as np
 

@@ -9,8 +9,21 @@ import numpy as np
 
 from odom.geometry.arrays import Array
 from odom.geometry.compiled import compiled
+from odom.geometry.compiled_se3 import compose_tangent, relative_tangent
 from odom.registration.linear_algebra import cholesky_solve
-from odom.registration.tangent import compose_tangent, relative_tangent, tangent_basis
+
+
+@compiled
+def tangent_basis(T: Array, B: Array) -> None:
+    """Set `B` (12 x 6) to d vec[R | t] / d(rho, phi) at `T @ exp(xi)`: row i of `R hat(e_k)` is R's row i cross e_k."""
+    B[:] = 0.0
+    for i in range(3):
+        x, y, z = T[i, 0], T[i, 1], T[i, 2]
+        r = 4 * i
+        B[r + 3, 0], B[r + 3, 1], B[r + 3, 2] = x, y, z
+        B[r + 1, 3], B[r + 2, 3] = z, -y
+        B[r, 4], B[r + 2, 4] = -z, x
+        B[r, 5], B[r + 1, 5] = y, -x
 
 
 @compiled

@@ -17,7 +17,7 @@ from odom.registration.checked_arrays import Arrays
 from odom.registration.paper.noise_adaptation import FULL
 from odom.registration.paper.tuning import TUNING
 from odom.registration.solution import Solution
-from odom.registration.tangent import tangent_basis
+from odom.registration.weighted_projection import tangent_basis
 
 _SUFFICIENT = 20.5
 """The .999 quantile of chi-square with 5 degrees of freedom."""

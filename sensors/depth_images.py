@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from odom.errors import WireError
 
 _BEYOND_MM = 65536
+"""The least depth that 16 bits of millimetres do not hold."""
 
 
 class NotDepthError(WireError):
@@ -30,7 +31,7 @@ def depth_table(depth_scale: float, unknown: int = 0, rotated_bits: int = 0) -> 
     values = values >> rotated_bits | values << (16 - rotated_bits) & 0xFFFF
     mm = np.rint(values * (1000.0 / depth_scale))
     mm[unknown] = 0
-    return np.where(mm < 65536, mm, 0).astype(np.uint16)
+    return np.where(mm < _BEYOND_MM, mm, 0).astype(np.uint16)
 
 
 def millimetres(depth: NDArray[Any], table: NDArray[np.uint16] | None) -> NDArray[np.uint16]:

@@ -1,6 +1,7 @@
 """Fixtures that every test may use, the marks of the tests, and what a fast test is refused."""
 
 import gc
+import logging
 import os
 import sys
 from collections.abc import Generator, Iterator
@@ -73,6 +74,16 @@ def _fast_stays_fast(request: pytest.FixtureRequest) -> Iterator[None]:
     _is_fast = request.node.get_closest_marker("fast") is not None
     yield
     _is_fast = False
+
+
+@pytest.fixture(autouse=True)
+def _log_as_before() -> Iterator[None]:
+    """A command that a test runs in this process sets up the log of the process: the next test has none of that."""
+    root = logging.getLogger()
+    level = root.level
+    yield
+    root.setLevel(level)
+    root.handlers[:] = [each for each in root.handlers if not type(each).__module__.startswith("odom.")]
 
 
 def _refuse(event: str, arguments: tuple[Any, ...]) -> None:

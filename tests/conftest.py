@@ -77,12 +77,10 @@ def _fast_stays_fast(request: pytest.FixtureRequest) -> Iterator[None]:
 
 
 @pytest.fixture(autouse=True)
-def _log_as_before() -> Iterator[None]:
-    """A command that a test runs in this process sets up the log of the process: the next test has none of that."""
+def _log_of_its_own() -> None:
+    """A command that runs in this process, in a test or for a module's tests, sets up the process's log: undo that."""
     root = logging.getLogger()
-    level = root.level
-    yield
-    root.setLevel(level)
+    root.setLevel(logging.WARNING)
     root.handlers[:] = [each for each in root.handlers if not type(each).__module__.startswith("odom.")]
 
 

@@ -5,9 +5,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from odom.errors import ConfigError, RecordingError, WireError
+from odom.errors import RecordingError, WireError
 from odom.frame import Stamp, from_seconds
-from odom.wire import Message, truth
+from odom.wire import Message
 from odom.wire.codec import cdr, decode_camera_info, decode_depth_model, encode_calibration, encode_camera_info, restamp
 from odom.wire.recording import (
     RecordedStream,
@@ -19,11 +19,11 @@ from odom.wire.recording import (
     unregistered,
 )
 from sensors.calibration_file import load_calibration
+from sensors.recorded_truth import TRUTH_ROLE, TruthReader, could_be_truth, true_poses
 from sensors.source import SourceOptions
 
 log = logging.getLogger(__name__)
 
-_TRUTH_ROLE = "truth"
 _PEEK_BYTES = 128 << 20
 """Bytes of a recording read to find its streams (4 s of raw images): less may miss one, more delays the start."""
 _MOST_LOGGED = 5
@@ -39,8 +39,8 @@ class ReplaySource:
 
     The options' `start` and `end` are seconds from the first image whose stamp others follow; a whole recording is
     played with the truth before it too. `taken` says in words which topics are played, `doubts` what speaks against
-    depth and calibration being colour's. `length` is the number of colour images, None when only a part is played or
-    they were not counted.
+    depth and calibration being colour's, `could_be_truth` which poses could be truth where none are. `length` is the
+    number of colour images, None when only a part is played or they were not counted.
     """
 
     lossless = True
@@ -50,14 +50,14 @@ class ReplaySource:
     ) -> None:
         topics = options.topics
         named = dict(options.topics_from)
-        truths = _truths(streams, counts, named.pop(_TRUTH_ROLE, None))
+        truths = true_poses(streams, counts, named.pop(TRUTH_ROLE, None))
         camera = None if options.camera is None else load_calibration(options.camera).camera
         self._roles: SelectedStreams = select_streams(streams, named, need_calibration=camera is None)
         self._reader = reader
+        self._truths, self._read_truth = truths, TruthReader(truths)
         self._keys = {
             self._roles.color.topic: topics.color if _is_raw(self._roles.color) else topics.color_compressed,
             self._roles.depth.topic: topics.depth if _is_raw(self._roles.depth) else topics.depth_compressed,
-            **truths,
         }
         images = self._roles.color, self._roles.depth
         zero = min([s.steady for s in images if s.steady is not None] or [s.begin for s in images])
@@ -90,20 +90,25 @@ class ReplaySource:
             f"colour /{self._roles.color.topic}, depth /{self._roles.depth.topic}, calibration {calibration}, truth "
             f"{', '.join(f'/{topic}' for topic in truths) or 'none'}"
         )
+        self.could_be_truth = None if truths else could_be_truth(streams, self._roles.color.topic)
         self._closed = False
 
     def messages(self) -> Iterator[Message]:
         """Yield the calibration, then everything by stamp; log at the end what the recording lacks."""
         yield from (restamp(message, self._begin) for message in self._calibration)
-        wanted = {*self._keys, *({self._info_topic} if self._info_topic else ())}
+        wanted = {*self._keys, *self._truths, *({self._info_topic} if self._info_topic else ())}
         for message in self._until_end(self._reader.messages(wanted, self._start)):
             if self._closed:
                 return
             if message.topic == self._info_topic:
                 if message.stamp > self._begin:
                     yield self._as_calibration(message)
+            elif message.topic in self._truths:
+                if (pose := self._read_truth(message)) is not None:
+                    yield pose
             else:
                 yield replace(message, topic=self._keys[message.topic])
+        self._read_truth.tell(self._reader.path)
         if self._reader.behind > _MOST_BEHIND:
             log.warning(
                 "%s: %d messages lie behind those of other topics that are later by more than a second, so colour and "
@@ -160,6 +165,8 @@ def open_recording(path: Path, options: SourceOptions) -> ReplaySource:
         raise RecordingError("; ".join((f"{path} holds no ROS 2 messages", *reader.damage)))
     source = ReplaySource(reader, streams, counts or {}, options)
     log.info("%s: %s", path, source.taken)
+    if source.could_be_truth is not None:
+        log.info("%s: %s", path, source.could_be_truth)
     for doubt in source.doubts:
         log.warning("%s: %s", path, doubt)
     return source
@@ -167,29 +174,6 @@ def open_recording(path: Path, options: SourceOptions) -> ReplaySource:
 
 def _is_raw(stream: RecordedStream) -> bool:
     return stream.type_name == cdr.IMAGE
-
-
-def _truths(streams: list[RecordedStream], counts: Mapping[str, int], named: str | None) -> dict[str, str]:
-    """Return topic to key of the motion capture poses: those named truth/<body>/pose, or the one that is named.
-
-    Raises ConfigError when that one is not there or holds something else.
-    """
-    # a topic that begins after the part looked at is trusted by its name
-    types = {**dict.fromkeys(counts, cdr.POSE), **{stream.topic: stream.type_name for stream in streams}}
-    if named is None:
-        return {
-            topic: truth(topic.removeprefix("truth/").removesuffix("/pose"))
-            for topic, type_name in types.items()
-            if type_name == cdr.POSE and topic.startswith("truth/")
-        }
-    topic = named.removeprefix("/")
-    if types.get(topic) != cdr.POSE:
-        held = ", ".join(f"/{other}" for other, type_name in types.items() if type_name == cdr.POSE) or "none"
-        raise ConfigError(
-            f"--topic {_TRUTH_ROLE}={named}: give one of the recording that holds {cdr.POSE}; these do: {held}"
-        )
-    body = [word for word in topic.split("/") if word != "pose"]
-    return {topic: truth(body[-1] if body else "")}
 
 
 def _shows_depth_model(stream: RecordedStream) -> bool:

@@ -32,6 +32,7 @@ from odom.wire.codec.points import encode_cloud as encode_cloud
 from odom.wire.codec.points import encode_points as encode_points
 from odom.wire.codec.poses import StampedPose as StampedPose
 from odom.wire.codec.poses import Twist as Twist
+from odom.wire.codec.poses import decode_any_pose as decode_any_pose
 from odom.wire.codec.poses import decode_odometry as decode_odometry
 from odom.wire.codec.poses import decode_path as decode_path
 from odom.wire.codec.poses import decode_pose as decode_pose

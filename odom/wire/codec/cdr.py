@@ -25,9 +25,13 @@ POSE = "geometry_msgs/msg/PoseStamped"
 ODOMETRY = "nav_msgs/msg/Odometry"
 PATH = "nav_msgs/msg/Path"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
+POSE_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+TRANSFORM = "geometry_msgs/msg/TransformStamped"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
-_BEGIN_WITH_A_HEADER = (IMAGE, COMPRESSED_IMAGE, CAMERA_INFO, POINT_CLOUD, POSE, ODOMETRY, PATH, DIAGNOSTICS)
+POSES = (POSE, ODOMETRY, POSE_COVARIANCE, TRANSFORM)
+"""Types of one pose a message, of a body in a frame that its header names."""
+_BEGIN_WITH_A_HEADER = (IMAGE, COMPRESSED_IMAGE, CAMERA_INFO, POINT_CLOUD, *POSES, PATH, DIAGNOSTICS)
 _STAMP_OFFSET = dict.fromkeys(_BEGIN_WITH_A_HEADER, 4) | {TRANSFORMS: 8}
 """Where the stamp stands: behind the 4 bytes of CDR, in TRANSFORMS also behind the length of its sequence."""
 _TIME = {0: Struct(">iI"), 1: Struct("<iI")}

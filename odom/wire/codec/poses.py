@@ -40,6 +40,20 @@ def decode_pose(message: Message) -> StampedPose:
     return _stamped_pose(message.topic, cdr.deserialise(message, cdr.POSE))
 
 
+def decode_any_pose(message: Message) -> StampedPose:
+    """Return the pose of a message of any type in `cdr.POSES`, without covariance; raises WireError."""
+    decoded = cdr.deserialise(message, *cdr.POSES)
+    if message.type_name == cdr.POSE:
+        return _stamped_pose(message.topic, decoded)
+    if message.type_name == cdr.TRANSFORM:
+        at, turned = decoded.transform.translation, decoded.transform.rotation
+    else:
+        at, turned = decoded.pose.pose.position, decoded.pose.pose.orientation
+    child = getattr(decoded, "child_frame_id", "")
+    T = _matrix(message.topic, at, turned)
+    return StampedPose(_stamp(decoded.header), decoded.header.frame_id, child, T)
+
+
 @dataclass(frozen=True, eq=False)
 class Twist:
     """A velocity (6: translation, rotation; m/s and rad/s, child frame) with its 6 x 6 covariance."""

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.errors import WireError
+from odom.wire.codec import rounded_mm
 
 _BEYOND_MM = 65536
 """The least depth that 16 bits of millimetres do not hold."""
@@ -50,12 +51,11 @@ def millimetres(depth: NDArray[Any], table: NDArray[np.uint16] | None) -> NDArra
 
 
 def _of_metres(depth: NDArray[Any]) -> NDArray[np.uint16]:
-    mm = np.rint(np.where(np.isfinite(depth) & (depth > 0), depth, 0.0).astype(np.float64) * 1e3)
-    far = mm >= _BEYOND_MM
-    if 2 * np.count_nonzero(far) > np.count_nonzero(mm):
+    mm = rounded_mm(depth)
+    far = np.isfinite(depth) & (np.rint(depth * np.float64(1000.0)) >= _BEYOND_MM)
+    if np.count_nonzero(far) > np.count_nonzero(mm):
         raise NotMetresError(
             f"depth image of type {depth.dtype}, whose numbers are metres: half of it is beyond 65.5 m; where they are "
             "millimetres, divide them by 1000, or write 16-bit PNG"
         )
-    mm[far] = 0
-    return mm.astype(np.uint16)
+    return mm

@@ -13,10 +13,7 @@ class NeededImages:
 
     def __init__(self, name: str, source: Source, topics: Topics) -> None:
         self._name, self._source = name, source
-        self._images = {
-            "colour": {topics.color, topics.color_compressed},
-            "depth": {topics.depth, topics.depth_compressed},
-        }
+        self._images = {"colour": topics.color_keys, "depth": topics.depth_keys}
         self.lossless, self.length = source.lossless, source.length
 
     def messages(self) -> Iterator[Message]:
@@ -26,7 +23,7 @@ class NeededImages:
             seen.add(message.topic)
             yield message
         for (stream, why), count in refused_images(self._source).items():
-            if self._images[stream].isdisjoint(seen):
+            if seen.isdisjoint(self._images[stream]):
                 raise SourceError(
                     f"{self._name}: none of its {stream} images can be used, {count} of them: {why}; "
                     f"{advice_on_refused(why)}"

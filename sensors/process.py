@@ -107,7 +107,7 @@ class SensorProcess:
         if not self._live and not self._window.wait_for_room(stop):
             return False
         self._repeat_calibration(message)
-        is_frame = message.topic in (self._topics.color, self._topics.color_compressed)
+        is_frame = message.topic in self._topics.color_keys
         self._window.sent(self._publisher.put(message), is_frame)
         self.frames += is_frame
         return True

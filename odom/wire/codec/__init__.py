@@ -26,6 +26,7 @@ from odom.wire.codec.image_messages import encode_color_file as encode_color_fil
 from odom.wire.codec.image_messages import encode_color_jpeg as encode_color_jpeg
 from odom.wire.codec.image_messages import encode_depth as encode_depth
 from odom.wire.codec.image_messages import encode_depth_compressed as encode_depth_compressed
+from odom.wire.codec.image_messages import rounded_mm as rounded_mm
 from odom.wire.codec.points import decode_cloud as decode_cloud
 from odom.wire.codec.points import decode_points as decode_points
 from odom.wire.codec.points import encode_cloud as encode_cloud

@@ -155,16 +155,18 @@ def decode_depth(message: Message) -> Depth:
 
 
 def metres_to_mm(depth_m: NDArray[Any]) -> Depth:
-    """Return millimetres, rounded once; what is not finite, not positive or beyond 65.535 m becomes 0.
-
-    Raises WireError where hardly anything is left because the values are millimetres already.
-    """
-    with np.errstate(invalid="ignore", over="ignore"):
-        mm = np.rint(depth_m.astype(np.float64) * 1000.0)
-        found = np.where((mm > 0) & (mm < 65536), mm, 0).astype(np.uint16)
+    """Return millimetres as `rounded_mm` does; raises WireError where hardly any are left of millimetres."""
+    found = rounded_mm(depth_m)
     if np.count_nonzero(found) < _HARDLY_ANY * found.size and _is_in_millimetres(depth_m):
         raise WireError(_FLOAT_MILLIMETRES)
     return found
+
+
+def rounded_mm(depth_m: NDArray[Any]) -> Depth:
+    """Return millimetres, rounded once; what is not finite, not positive or beyond 65.535 m becomes 0."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        mm = np.rint(depth_m.astype(np.float64) * 1000.0)
+        return np.where((mm > 0) & (mm < 65536), mm, 0).astype(np.uint16)
 
 
 def _is_in_millimetres(values: NDArray[Any]) -> bool:

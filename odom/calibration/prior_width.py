@@ -19,6 +19,8 @@ from odom.geometry.arrays import Array, Index, Mask
 _HALVINGS = np.arange(-2, 7)
 """Widths that are tried: from four times that of the prior, for another make's camera, each half the one before it, to
 a hundredth."""
+_RARER = 2.0
+"""The logarithm of how many times as rare cameras are whose parameters of one kind are off by twice as much."""
 _SETTLED = 1e-3
 """Gain of the logarithm of the probability, below which no other widths are looked for."""
 _KIND_OF = {
@@ -49,24 +51,29 @@ class Narrowed:
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """The observations' `information` (p x p), that times their estimate (`pull`, p), and the `own` widths (p)."""
+    """The observations' `information` (p x p), that times their estimate (`pull`, p), and the `own` widths (p).
+
+    `kinds` (each p) tell which of the parameters share a width.
+    """
 
     information: Array
     pull: Array
     own: Array
+    kinds: list[Mask]
 
     def under(self, halvings: Index) -> tuple[Array, Array, Array]:
         """Return what follows from m priors whose widths are halved `halvings` (m x p) times.
 
-        That is the logarithm of the observations' probability, up to a constant (m); the parameters' mean (m x p);
-        their covariance (m x p x p).
+        That is the logarithm of the probability of the observations and widths, up to a constant (m); the parameters'
+        mean (m x p); their covariance (m x p x p).
         """
         width = self.own * 0.5**halvings
         information = self.information + width[:, :, None] ** -2.0 * np.eye(len(self.own))
         covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
         mean = covariance @ self.pull
         volume = np.linalg.slogdet(covariance)[1] - 2.0 * np.log(width).sum(axis=1)
-        return 0.5 * (mean @ self.pull + volume), mean, covariance
+        doublings = sum(np.maximum(-halvings[:, kind].min(axis=1), 0) for kind in self.kinds)
+        return 0.5 * (mean @ self.pull + volume) - _RARER * doublings, mean, covariance
 
 
 def narrowed(prior: Prior, fitted: Fit, sigma: Array) -> Narrowed:
@@ -80,12 +87,12 @@ def narrowed(prior: Prior, fitted: Fit, sigma: Array) -> Narrowed:
     plain = np.diag(np.linalg.inv(fitted.information))
     excess = float(np.mean(sigma**2 / plain)) * TUNING.sure_measured**2
     pull = fitted.information @ (fitted.vector - prior.mean)[free] / excess
-    seen = _Seen((fitted.information - np.diag(own**-2.0)) / excess, pull, own)
     kinds = [_KINDS[free] == kind for kind in dict.fromkeys(_KINDS[free[free >= TIMINGS]].tolist())]
-    halvings = _most_probable(seen, kinds, free >= TIMINGS)
+    seen = _Seen((fitted.information - np.diag(own**-2.0)) / excess, pull, own, kinds)
+    halvings = _most_probable(seen, free >= TIMINGS)
     strong = prior.sigma.copy()
     strong[free] = own * 0.5**halvings / np.sqrt(excess)
-    sure = np.sqrt(_variance(seen, kinds, halvings)) / TUNING.sure_measured
+    sure = np.sqrt(_variance(seen, halvings)) / TUNING.sure_measured
     return Narrowed(Prior(prior.mean, strong), sure)
 
 
@@ -94,12 +101,12 @@ def _tried(kind: Mask, halvings: Index) -> Index:
     return np.where(kind, _HALVINGS[:, None], halvings)
 
 
-def _most_probable(seen: _Seen, kinds: list[Mask], any_kind: Mask) -> Index:
+def _most_probable(seen: _Seen, any_kind: Mask) -> Index:
     """Return the halvings (p) under which the observations are most probable, found kind by kind from a common one."""
     best, halvings = -np.inf, np.zeros(len(any_kind), dtype=np.int64)
     while True:
         before = best
-        for kind in [any_kind] if best == -np.inf else kinds:
+        for kind in [any_kind] if best == -np.inf else seen.kinds:
             tried = _tried(kind, halvings)
             likely = seen.under(tried)[0]
             if likely.max() > best:
@@ -108,11 +115,11 @@ def _most_probable(seen: _Seen, kinds: list[Mask], any_kind: Mask) -> Index:
             return halvings
 
 
-def _variance(seen: _Seen, kinds: list[Mask], halvings: Index) -> Array:
+def _variance(seen: _Seen, halvings: Index) -> Array:
     """Return the parameters' variances (p) under the chosen widths, with what the uncertainty of each width adds."""
     _, mean, covariance = (one[0] for one in seen.under(halvings[None]))
     variance = np.diag(covariance).copy()
-    for kind in kinds:
+    for kind in seen.kinds:
         evidence, at, tried = seen.under(_tried(kind, halvings))
         weight = np.exp(evidence - evidence.max())
         around = np.diagonal(tried, axis1=1, axis2=2) + (at - mean) ** 2

@@ -32,8 +32,11 @@ class ShownDepth:
         return cls(view, before.since, view.depth_stamp != before.newest.depth_stamp)
 
     def is_stale(self, state: FrameState | None, sensor: SensorModel) -> bool:
-        """Return whether this is an earlier depth image once more, though the camera has moved since; see `state`."""
-        if not self.comes_again or state is None or state.tracked is None:
+        """Return whether this is an earlier depth image once more, though the camera has moved since; see `state`.
+
+        How it moves is known from frames with a pose since then alone: after a loss it may well be at rest.
+        """
+        if not self.comes_again or state is None or state.tracked is None or state.view.steady_stamp < self.since:
             return False
         since_s = (self.newest.steady_stamp - self.since) * 1e-9
         return _moved_px(state, since_s, sensor) > TUNING.repeated_px

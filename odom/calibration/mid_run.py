@@ -39,9 +39,15 @@ class Sureness:
         return self.own_px < most_px and self.off_px > TUNING.change_times * self.own_px
 
     @property
-    def is_near(self) -> bool:
-        """Whether a somewhat longer walk is likely to show that another camera is better."""
-        return self.off_px > TUNING.again_times * self.own_px
+    def again(self) -> float:
+        """How many times as long a walk is worth the next look.
+
+        A somewhat longer one is likely to show that another camera is better where this one seems to be off; where it
+        is surely good, only a much longer one may.
+        """
+        if self.off_px > TUNING.again_times * self.own_px:
+            return TUNING.again_soon
+        return TUNING.again_sure if self.own_px < TUNING.change_unsure_px else TUNING.again
 
 
 class MidRunCalibrator:
@@ -86,8 +92,10 @@ class MidRunCalibrator:
             self.wait()
             try:
                 found = better_camera(survey, given, is_sure)
-                seems_good = not asked[-1].is_near if asked else found.reason == GOOD
-                self.again = TUNING.again if seems_good else TUNING.again_soon
+                if asked:
+                    self.again = asked[-1].again
+                else:
+                    self.again = TUNING.again if found.reason == GOOD else TUNING.again_soon
             except (InputError, ConfigError, np.linalg.LinAlgError):
                 return None
             if found.found is None:

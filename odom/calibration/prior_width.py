@@ -61,19 +61,24 @@ class _Seen:
     own: Array
     kinds: list[Mask]
 
-    def under(self, halvings: Index) -> tuple[Array, Array, Array]:
-        """Return what follows from m priors whose widths are halved `halvings` (m x p) times.
+    def under(self, halvings: Index) -> tuple[Array, Array]:
+        """Return the parameters' mean (m x p), covariance (m x p x p) under widths halved `halvings` (m x p) times."""
+        covariance = np.asarray(np.linalg.inv(self._information(halvings)), dtype=np.float64)
+        return covariance @ self.pull, covariance
 
-        That is the logarithm of the probability of the observations and widths, up to a constant (m); the parameters'
-        mean (m x p); their covariance (m x p x p).
-        """
-        width = self.own * 0.5**halvings
-        information = self.information + width[:, :, None] ** -2.0 * np.eye(len(self.own))
-        covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
-        mean = covariance @ self.pull
-        volume = np.linalg.slogdet(covariance)[1] - 2.0 * np.log(width).sum(axis=1)
+    def likely(self, halvings: Index) -> Array:
+        """Return the logarithm of the probability (m) of the observations and such widths, up to a constant."""
+        root = np.linalg.cholesky(self._information(halvings))
+        whitened = np.linalg.solve(root, self.pull[:, None])[:, :, 0]
+        volume = np.log(np.diagonal(root, axis1=1, axis2=2) * self._width(halvings)).sum(axis=1)
         doublings = sum(np.maximum(-halvings[:, kind].min(axis=1), 0) for kind in self.kinds)
-        return 0.5 * (mean @ self.pull + volume) - _RARER * doublings, mean, covariance
+        return np.asarray(0.5 * (whitened**2).sum(axis=1) - volume - _RARER * doublings)
+
+    def _width(self, halvings: Index) -> Array:
+        return np.asarray(self.own * 0.5**halvings)
+
+    def _information(self, halvings: Index) -> Array:
+        return np.asarray(self.information + self._width(halvings)[:, :, None] ** -2.0 * np.eye(len(self.own)))
 
 
 def narrowed(prior: Prior, fitted: Fit, sigma: Array) -> Narrowed:
@@ -108,7 +113,7 @@ def _most_probable(seen: _Seen, any_kind: Mask) -> Index:
         before = best
         for kind in [any_kind] if best == -np.inf else seen.kinds:
             tried = _tried(kind, halvings)
-            likely = seen.under(tried)[0]
+            likely = seen.likely(tried)
             if likely.max() > best:
                 best, halvings = float(likely.max()), tried[np.argmax(likely)]
         if best - before < _SETTLED:
@@ -117,10 +122,11 @@ def _most_probable(seen: _Seen, any_kind: Mask) -> Index:
 
 def _variance(seen: _Seen, halvings: Index) -> Array:
     """Return the parameters' variances (p) under the chosen widths, with what the uncertainty of each width adds."""
-    _, mean, covariance = (one[0] for one in seen.under(halvings[None]))
+    mean, covariance = (one[0] for one in seen.under(halvings[None]))
     variance = np.diag(covariance).copy()
     for kind in seen.kinds:
-        evidence, at, tried = seen.under(_tried(kind, halvings))
+        widths = _tried(kind, halvings)
+        evidence, (at, tried) = seen.likely(widths), seen.under(widths)
         weight = np.exp(evidence - evidence.max())
         around = np.diagonal(tried, axis1=1, axis2=2) + (at - mean) ** 2
         variance += np.maximum(weight @ around / weight.sum() - np.diag(covariance), 0.0)

@@ -44,12 +44,12 @@ def test_an_unsure_camera_is_used_only_where_the_one_in_use_is_off_by_far_more()
     assert Sureness(off_px=3.4, own_px=1.4).is_enough
 
 
-def test_a_look_that_was_nearly_sure_is_repeated_sooner_than_one_that_found_the_camera_good():
-    assert Sureness(off_px=1.5, own_px=1.0).is_near
-    assert not Sureness(off_px=1.5, own_px=1.0).is_enough
-    assert not Sureness(off_px=0.5, own_px=1.0).is_near
+def test_the_next_look_comes_soon_where_the_camera_seems_off_and_late_where_it_is_surely_good():
+    seems_off, unsure, sure = (Sureness(*px) for px in ((1.5, 1.0), (2.0, 4.0), (0.5, 1.0)))
+    assert not seems_off.is_enough
+    assert 1.0 < seems_off.again < unsure.again < sure.again
     good = made_up_survey(spoilt())
-    assert not Sureness.of(good, found_in(good)).is_near
+    assert Sureness.of(good, found_in(good)).again == sure.again
 
 
 def test_the_centre_alone_hardly_counts_since_the_camera_may_be_turned_in_its_housing():

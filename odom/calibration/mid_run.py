@@ -58,7 +58,7 @@ class MidRunCalibrator:
 
     Its work waits until `ready` is set, since code that it needs may still be compiling (None: it is compiled when it
     is first used). Where frames cannot wait, as in a live stream (`may_wait()` is False), a look before that finds
-    nothing.
+    nothing; nor does it when `ready.wait()` gives up.
     """
 
     def __init__(self, ready: threading.Event | None = None, may_wait: Callable[[], bool] = lambda: True) -> None:
@@ -69,9 +69,9 @@ class MidRunCalibrator:
             ready.set()
         self._ready, self._may_wait = ready, may_wait
 
-    def wait(self) -> None:
-        """Wait until the work can be done."""
-        self._ready.wait()
+    def wait(self) -> bool:
+        """Wait until the work can be done; False when it never will be."""
+        return self._ready.wait()
 
     def looked_at(self, odometry: Odometry) -> Callable[[], Camera | None]:
         """Return the work that finds a better camera in what was measured so far (see `Calibrator`)."""
@@ -89,7 +89,8 @@ class MidRunCalibrator:
             return asked[-1].is_enough
 
         def work() -> Camera | None:
-            self.wait()
+            if not self.wait():
+                return None
             try:
                 found = better_camera(survey, given, is_sure)
                 if asked:

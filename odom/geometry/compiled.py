@@ -79,8 +79,18 @@ def _cache_folder(package: str = "") -> str:
 
 
 def compiled_before() -> bool:
-    """Return whether an earlier process has compiled loops of every package that holds some."""
-    return all(any(Path(_cache_folder(package)).rglob("*.nbc")) for package in _FLOORS)
+    """Return whether an earlier process has noted that all loops are compiled, of just these sources."""
+    return _note().exists()
+
+
+def note_all_compiled() -> None:
+    """Tell later processes that all loops that a start needs are compiled."""
+    with contextlib.suppress(OSError):  # the disk is full: they look for themselves
+        _note().touch()
+
+
+def _note() -> Path:
+    return Path(_cache_folder()) / "all-compiled"
 
 
 class _SharedCache(FunctionCache):

@@ -46,7 +46,9 @@ def serve(
     """
     topics = Topics(settings.wire.namespace)
     started = time.monotonic()
-    calibration_ready = warm_up(settings.odometry, topics)
+    calibration_ready = warm_up(settings.odometry, topics, stop)
+    if stop.is_set():
+        return
     with open_session(settings.wire) as session:
         mirror = join_ros2(session, settings.wire, "odometry")
         process = OdometryProcess(session, topics, settings, files, keeper, calibration_ready, mirror)
@@ -146,9 +148,8 @@ class OdometryProcess:
     def _begin_odometry(self, camera: Camera) -> None:
         saved = self._keeper.begin(camera, self._odometry)
         try:
-            settings = self._settings.odometry
-            ready, has_map = self._calibration_ready, self._keeper.has_map
-            calibrator = calibrator_for(settings, has_map, ready, lambda: not self._is_live)
+            settings, has_map = self._settings.odometry, self._keeper.has_map
+            calibrator = calibrator_for(settings, has_map, self._calibration_ready, lambda: not self._is_live)
             self._odometry = Odometry(camera, settings, saved, calibrator=calibrator)
         except OdomError as error:
             _LOG.error("the calibration is refused, another one may follow: %s", error)

@@ -35,8 +35,8 @@ def final_calibration(odometry: Odometry, has_map: bool) -> SelfCalibration:
         return SelfCalibration(reason="odometry.self_calibration is off")
     if has_map:
         return SelfCalibration(reason="the map is kept with the camera that it was made with")
-    if isinstance(odometry.calibrator, MidRunCalibrator):
-        odometry.calibrator.wait()
+    if isinstance(odometry.calibrator, MidRunCalibrator) and not odometry.calibrator.wait():
+        return SelfCalibration(reason="the run was stopped while the code that calibrates was still being compiled")
     return self_calibrated(odometry, latest_calibration(odometry))
 
 

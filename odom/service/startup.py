@@ -4,6 +4,7 @@ import gc
 import logging
 import multiprocessing
 import os
+import signal
 import socket
 import threading
 from multiprocessing.synchronize import Event
@@ -18,7 +19,7 @@ from odom.backend.tracking import consensus
 from odom.calibration import warm_up as calibration
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.matching import moving_surfaces
-from odom.geometry.compiled import compiled_before
+from odom.geometry.compiled import compiled_before, note_all_compiled
 from odom.geometry.neighbours import nearest
 from odom.registration import gated_registration as registration
 from odom.service.estimate_messages import (
@@ -41,26 +42,126 @@ _LOST_AT = 8
 _PATIENCE_S = 4.0
 """A start that takes longer is compiling, and is logged as such: loading compiled code takes less."""
 _COMPILERS_YOUNG_OBJECTS = 50_000
-"""New objects before the second compiler's interpreter collects garbage. Fewer: it does so in vain more often; without
-any collection it takes 770 MB instead of 500."""
-_COMPILER_POLL_S = 0.1
-"""Time between two checks whether the second compiler has died; it reports itself when it is done."""
+"""New objects before a compiler's interpreter collects garbage. Fewer: it does so in vain more often; without any
+collection it takes 770 MB instead of 500."""
+_POLL_S = 0.1
+"""Time between two checks whether compilers are done or the request to stop has come."""
 
 
-def warm_up(settings: OdometrySettings, topics: Topics) -> threading.Event:
+def warm_up(settings: OdometrySettings, topics: Topics, stop: threading.Event | None = None) -> threading.Event:
     """Run made-up frames through codec and odometry, and a small pose graph; exclude it all from garbage collection.
 
     Otherwise the first frames would wait for imports and compilation, as would the first relocalisation and the first
-    closed loop: so the made-up camera is lost in between. The very first start does not wait for the code that
-    calibrates a run after some seconds: the returned event is set once that is compiled and loaded, too.
+    closed loop. The very first start does not wait for the code that calibrates a run after some seconds: the returned
+    event is set once that is compiled and loaded, too. It is never set, and nobody waits for it, after `stop` was set
+    while something was being compiled; then nothing may be ready.
     """
+    stop = stop or threading.Event()
     keep_little()
     gc.freeze()  # what has been imported stays: collecting it would take a tenth of a second
     cv2.setNumThreads(1)
+    calibration_ready = ReadyUnlessStopped(stop)
     patience = threading.Timer(_PATIENCE_S, _LOG.info, ["compiling: the first start takes up to half a minute longer"])
     patience.daemon = True
     patience.start()
-    compiler = None if compiled_before() else _SecondCompiler(settings.self_calibration)
+    compilers = None if compiled_before() else _Compilers(settings, topics)
+    if compilers is not None and not compilers.have_done_all_but_calibration(stop):
+        patience.cancel()
+        return calibration_ready
+    _warm_up_frames(settings, topics)
+    _warm_up_background()
+    if compilers is None:
+        _warm_up_calibration(settings.self_calibration)
+        calibration_ready.set()
+    patience.cancel()
+    gc.collect()
+    gc.freeze()
+    give_back_freed()
+    give_back_code()
+    if compilers is not None:
+        arguments = (compilers, settings.self_calibration, calibration_ready, stop)
+        threading.Thread(target=_load_calibration_code, args=arguments, name="calibration-code", daemon=True).start()
+    return calibration_ready
+
+
+class ReadyUnlessStopped(threading.Event):
+    """An event for which nobody waits any longer once `stop` is set."""
+
+    def __init__(self, stop: threading.Event) -> None:
+        super().__init__()
+        self._stop = stop
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Wait until it is set, or `stop` is: then return False. A `timeout` is that of one look."""
+        while not super().wait(_POLL_S if timeout is None else timeout):
+            if self._stop.is_set() or timeout is not None:
+                return False
+        return True
+
+
+class _Compilers:
+    """Two processes that compile at the first start; what they compile is shared on disk.
+
+    A compiler works in one thread, and would not notice a request to stop for half a minute: so the process that was
+    asked to stop compiles nothing itself, and ends these two. They also end when it is gone.
+    """
+
+    def __init__(self, settings: OdometrySettings, topics: Topics) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._all_but_calibration = context.Event()
+        self._frames = context.Process(target=_compile_frames, args=(settings, topics), daemon=True)
+        self._rest = context.Process(target=_compile_rest, args=(self._all_but_calibration,), daemon=True)
+        self._frames.start()
+        self._rest.start()
+
+    def have_done_all_but_calibration(self, stop: threading.Event) -> bool:
+        """Wait until all but the calibration is compiled; False when `stop` was set before."""
+        while self._frames.is_alive() or (self._rest.is_alive() and not self._all_but_calibration.is_set()):
+            if stop.wait(_POLL_S):
+                return self._end()
+        return True
+
+    def have_done_all(self, stop: threading.Event) -> bool:
+        """Wait until all is compiled; False when `stop` was set before."""
+        while self._rest.is_alive():
+            if stop.wait(_POLL_S):
+                return self._end()
+        return True
+
+    def _end(self) -> bool:
+        for process in (self._frames, self._rest):
+            process.terminate()
+            process.join()
+        return False
+
+
+def _become_compiler() -> None:
+    """Leave Ctrl-C to the process that started this one, and end with that."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    gc.set_threshold(_COMPILERS_YOUNG_OBJECTS)
+
+    def end_with_parent() -> None:
+        if (parent := multiprocessing.parent_process()) is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=end_with_parent, name="parent-watch", daemon=True).start()
+
+
+def _compile_frames(settings: OdometrySettings, topics: Topics) -> None:
+    _become_compiler()
+    _warm_up_frames(settings, topics)
+
+
+def _compile_rest(all_but_calibration: Event) -> None:
+    _become_compiler()
+    _warm_up_background()
+    all_but_calibration.set()
+    calibration.warm_up()
+
+
+def _warm_up_frames(settings: OdometrySettings, topics: Topics) -> None:
+    """Track made-up frames, the camera being lost in between, and make all messages of them."""
     camera = Camera(480, 300, 394.0, 394.0, 239.5, 149.5)  # the smallest that is not enlarged
     texture = np.random.default_rng(1).integers(0, 256, (60, 96), dtype=np.uint8)
     scene = np.asarray(cv2.resize(texture, (528, 320), interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
@@ -85,59 +186,12 @@ def warm_up(settings: OdometrySettings, topics: Topics) -> threading.Event:
         keyframe_message(topics, frame, camera, jpeg, 100)
     odometry.finish()
     codec.encode_status(topics.status, codec.Status(stamp, "", 0, "", RunStatistics().status()))
-    if compiler is not None:
-        compiler.wait_for_all_but_calibration()
-    _warm_up_background()
-    del odometry
-    calibration_ready = threading.Event()
-    if compiler is None:
-        _warm_up_calibration(settings.self_calibration)
-        calibration_ready.set()
-    patience.cancel()
-    gc.collect()
-    gc.freeze()
-    give_back_freed()
-    give_back_code()
-    if compiler is not None:
-        arguments = (compiler, settings.self_calibration, calibration_ready)
-        threading.Thread(target=_load_calibration_code, args=arguments, name="calibration-code", daemon=True).start()
-    return calibration_ready
-
-
-class _SecondCompiler:
-    """A process that compiles what frames do not need at once; both processes share the compiled code on disk.
-
-    The compiler works in one thread. The process ends with this one.
-    """
-
-    def __init__(self, self_calibration: bool) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._all_but_calibration = context.Event()
-        arguments = (self_calibration, self._all_but_calibration)
-        self._process = context.Process(target=_compile, args=arguments, daemon=True)
-        self._process.start()
-
-    def wait_for_all_but_calibration(self) -> None:
-        """Wait until all but the calibration is compiled."""
-        while self._process.is_alive() and not self._all_but_calibration.wait(_COMPILER_POLL_S):
-            continue
-
-    def wait(self) -> None:
-        """Wait until all is compiled."""
-        self._process.join()
-
-
-def _compile(self_calibration: bool, all_but_calibration: Event) -> None:
-    gc.set_threshold(_COMPILERS_YOUNG_OBJECTS)
-    _warm_up_background()
-    all_but_calibration.set()
-    _warm_up_calibration(self_calibration)
 
 
 def _warm_up_background() -> None:
     """Register made-up pairs, adjust a bundle, choose between poses, code depth, and adjust a small pose graph.
 
-    The second compiler begins with what frames need soonest.
+    It begins with what frames need soonest.
     """
     registration.warm_up()
     bundle_adjustment.warm_up()
@@ -155,11 +209,15 @@ def _warm_up_calibration(self_calibration: bool) -> None:
         calibration.warm_up()
 
 
-def _load_calibration_code(compiler: _SecondCompiler, self_calibration: bool, is_loaded: threading.Event) -> None:
+def _load_calibration_code(
+    compilers: _Compilers, self_calibration: bool, is_loaded: threading.Event, stop: threading.Event
+) -> None:
+    if not compilers.have_done_all(stop):
+        return
     try:
-        compiler.wait()
         _warm_up_calibration(self_calibration)
         give_back_code()
+        note_all_compiled()
     finally:
         is_loaded.set()
 

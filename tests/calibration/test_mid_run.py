@@ -3,15 +3,19 @@
 import threading
 from dataclasses import replace
 from itertools import islice
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from odom import Odometry, Trajectory, read_recording
+from odom.backend import OdometrySettings
 from odom.calibration.mid_run import MidRunCalibrator, Sureness
 from odom.calibration.pixel_error import ray_sigma_px
 from odom.calibration.result import as_measured, calibrated
 from odom.evaluation.report import evaluate
+from odom.service.run_calibration import final_calibration
+from odom.service.startup import ReadyUnlessStopped
 from sensors.default_camera import kinect_camera
 from tests.calibration.made_up_walk import SHEET, at_rest, made_up_survey, spoilt
 
@@ -62,6 +66,16 @@ def test_the_centre_alone_hardly_counts_since_the_camera_may_be_turned_in_its_ho
 def test_frames_of_a_live_stream_do_not_wait_until_the_calibrator_is_compiled():
     look = MidRunCalibrator(threading.Event(), may_wait=lambda: False).looked_at(None)
     assert look() is None
+
+
+def test_a_run_that_is_stopped_does_not_wait_for_the_calibrators_code(monkeypatch):
+    stop = threading.Event()
+    stop.set()
+    calibrator = MidRunCalibrator(ReadyUnlessStopped(stop))
+    monkeypatch.setattr("odom.calibration.mid_run.surveyed", lambda odometry: (None, None))
+    odometry = SimpleNamespace(camera=SHEET, calibrator=calibrator, settings=OdometrySettings())
+    assert calibrator.looked_at(odometry)() is None
+    assert "stopped" in final_calibration(odometry, has_map=False).reason
 
 
 @pytest.mark.long

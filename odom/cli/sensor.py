@@ -90,7 +90,7 @@ def _publish(
     from sensors.source import refused_images, serial_of
 
     cv2.setNumThreads(1)
-    opened = open_source(source, selected)
+    opened = signals.before(stop, lambda: open_source(source, selected))
     try:
         wanted = consumers if consumers is not None else int(opened.lossless)
         with open_session(settings) as session, counting("sensor", opened.length) as progress:

@@ -1,9 +1,19 @@
 """Ends a process on request: the first SIGINT or SIGTERM sets an event, the second ends it at once."""
 
 import atexit
+import os
 import signal
+import sys
 import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
 from types import FrameType
+from typing import TypeVar
+
+T = TypeVar("T")
+
+_POLL_S = 0.05
+"""Longest time until a request to end is noticed."""
 
 
 def stop_event() -> threading.Event:
@@ -22,3 +32,18 @@ def stop_event() -> threading.Event:
     signal.signal(signal.SIGTERM, handle)
     atexit.register(signal.signal, signal.SIGTERM, signal.SIG_IGN)
     return stop
+
+
+def before(stop: threading.Event, work: Callable[[], T]) -> T:
+    """Return what `work` returns; if `stop` is set first, this process ends at once, with status 0.
+
+    It is for work that may compile or wait for a device, and before which nothing was begun that had to be saved.
+    """
+    with ThreadPoolExecutor(1, "work") as pool:
+        future = pool.submit(work)
+        while not wait([future], _POLL_S).done:
+            if stop.is_set():
+                sys.stdout.flush()
+                sys.stderr.flush()
+                os._exit(0)  # whoever waits for the thread's end would wait for what was to be opened
+        return future.result()

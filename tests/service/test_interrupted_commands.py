@@ -4,14 +4,20 @@ import json
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from odom.cli import signals
+from odom.errors import ConfigError
 from odom.frame import Stamp
 from odom.wire import Topics, codec
 from odom.wire.recording import RecordingReader, RecordingWriter
+from sensors.catalogue import check_source
+from sensors.source import SourceOptions
 
 Start = Callable[..., "subprocess.Popen[str]"]
 Eventually = Callable[..., None]
@@ -70,3 +76,26 @@ sys.exit(1)
 
 def test_a_request_to_end_that_comes_during_the_shutdown_leaves_the_exit_status() -> None:
     assert subprocess.run([sys.executable, "-c", FAILS], timeout=60, check=False).returncode == 1
+
+
+OPENS = """
+import os, signal, sys, threading, time
+from odom.cli import signals
+
+stop = signals.stop_event()
+assert signals.before(stop, lambda: 3) == 3
+threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGTERM)).start()
+print("nothing was done")
+signals.before(stop, lambda: time.sleep(60))
+"""
+
+
+def test_a_source_that_takes_long_to_open_does_not_delay_the_end() -> None:
+    done = subprocess.run([sys.executable, "-c", OPENS], timeout=30, check=False, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "nothing was done\n", "")
+
+
+def test_what_fails_while_nothing_is_begun_is_told() -> None:
+    stop = threading.Event()
+    with pytest.raises(ConfigError, match="no such file"):
+        signals.before(stop, lambda: check_source("nothing.mcap", SourceOptions()))

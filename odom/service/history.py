@@ -1,9 +1,9 @@
 """Answers viewers that join late: earlier poses, loop candidates and key-frame clouds, thinned, in bounded memory."""
 
-import logging
 import threading
 from collections import deque
 from collections.abc import Iterator
+from functools import partial
 
 import zenoh
 
@@ -16,7 +16,6 @@ from odom.wire import Message, Topics, codec, truth_history
 from odom.wire.delivery import encoding_of
 from odom.wire.session import WireSession
 
-_LOG = logging.getLogger(__name__)
 _POSES = 2000
 """Poses kept of each trajectory, evenly thinned beyond: 0.3 MB each. Fewer draw a coarser line for late viewers."""
 _LOOPS = 500
@@ -39,7 +38,7 @@ class History:
         self._keyframes: KeyframeClouds[Message] = KeyframeClouds(KEYFRAMES)
         self._lock = threading.Lock()
         for key in (topics.history, topics.path, topics.landmarks, topics.keyframes):
-            session.zenoh.declare_queryable(key, self._reply)
+            session.zenoh.declare_queryable(key, partial(self._reply, key))
 
     def add(self, estimate: Estimate) -> None:
         """Remember the pose of a frame."""
@@ -83,13 +82,15 @@ class History:
         with self._lock:
             self._keyframes.keep(message.stamp, message)
 
-    def _reply(self, query: zenoh.Query) -> None:
-        try:
-            with query:
-                for message in self._answers(str(query.key_expr)):
+    def _reply(self, key: str, query: zenoh.Query) -> None:
+        """Answer a query that reached `key`, also by a wildcard; an answer that is not accepted becomes an error."""
+        asked = str(query.key_expr)
+        with query:
+            try:
+                for message in self._answers(key):
                     query.reply(message.topic, message.payload, encoding=encoding_of(message.type_name))
-        except zenoh.ZError as error:
-            _LOG.warning("query of %s not answered: %s (it must accept replies on any key)", query.key_expr, error)
+            except zenoh.ZError as error:
+                query.reply_err(f"query of {asked} not answered in full: it must accept replies on any key ({error})")
 
     def _answers(self, key: str) -> Iterator[Message]:
         with self._lock:

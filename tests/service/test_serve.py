@@ -4,7 +4,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -272,6 +272,20 @@ def test_those_who_join_late_are_told_the_way_so_far_or_the_new_one_after_the_ti
     assert len(way) >= 8
     assert way[-1].stamp < START
     assert way[0].stamp < START
+
+
+def test_a_question_by_a_wildcard_is_answered_and_one_that_refuses_the_answers_is_told_why(
+    served: Served, eventually: Eventually
+) -> None:
+    stream(served, range(15))
+    eventually(lambda: served.poses() >= 13, 60, "poses")
+    ask = partial(served.session.zenoh.get, timeout=5.0, consolidation=zenoh.ConsolidationMode.NONE)
+    replies = [reply.ok for reply in ask("cam0/**", accept_replies=zenoh.ReplyKeyExpr.ANY)]
+    assert {"cam0/history/odom", TOPICS.path, TOPICS.keyframes} <= {str(ok.key_expr) for ok in replies if ok}
+    (refused,) = ask("cam0/history", payload=b"\xff")
+    assert refused.err is not None
+    assert "must accept replies on any key" in refused.err.payload.to_string()
+    assert not any("Traceback" in line for line in served.words)
 
 
 def test_each_key_frame_has_a_cloud_of_its_own_colours_for_those_who_join_late(

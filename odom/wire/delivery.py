@@ -59,15 +59,18 @@ def attachment_of(sample: zenoh.Sample) -> Attachment | None:
 
 
 def delivery_of(topic: str, attachment: Attachment | None, sample: zenoh.Sample) -> Delivery:
-    """Return the sample as a message with its stamp; the type is named by its encoding, else by its key.
+    """Return the sample as a message with its stamp; the type is named by its key, else by its encoding.
 
-    Raises WireError when it has no known type or its bytes end before the stamp.
+    Raises WireError when it has no known type or another than its key, or its bytes end before the stamp.
     """
     payload = sample.payload.to_bytes()
     encoding, _, name = str(sample.encoding).partition(";")
-    type_name = name if encoding == _ENCODING and name else type_of(topic)
+    named = name if encoding == _ENCODING and name else None
+    type_name = type_of(topic) or named
     if type_name is None:
         raise WireError(f"{topic}: neither its encoding nor its name says which message type it has")
+    if named not in (None, type_name):
+        raise WireError(f"{topic}: messages of this key are {type_name}, not {named}")
     stamp = stamp_of(type_name, payload)
     if stamp is None:
         stamp = Stamp(time.time_ns()) if attachment is None else attachment.sent

@@ -39,8 +39,8 @@ def truth_body(key: str) -> str | None:
 
 
 def type_of(key: str) -> str | None:
-    """Return the message type that the last part of a key stands for, None where it says nothing."""
-    return _TYPES.get(key.rpartition("/")[2])
+    """Return the message type that the end of a key stands for, None where it says nothing."""
+    return _TYPES.get("/".join(key.split("/")[-2:])) or _TYPES.get(key.rpartition("/")[2])
 
 
 def _part_of_a_key(name: str) -> str:
@@ -108,10 +108,10 @@ class Topics:
     """The source has ended, with the reason; sent in order behind the last message."""
     history = _Key("history")
     """Query of a process that joins late: the answers are messages with the earlier poses and clouds."""
-    odom_history = _Key("history/odom")
-    """nav_msgs/Path: some of the earlier causal poses; an answer to a query of `history`."""
-    chain_history = _Key("history/chain")
-    """nav_msgs/Path: some of the earlier poses of the chain; an answer to a query of `history`."""
+    odom_history = _Key("history/odom", "nav_msgs/msg/Path")
+    """Some of the earlier causal poses; an answer to a query of `history`."""
+    chain_history = _Key("history/chain", "nav_msgs/msg/Path")
+    """Some of the earlier poses of the chain; an answer to a query of `history`."""
     alive = _Key("alive")
     """Liveliness token of the device's sensor process."""
     ack = _Key("ack")
@@ -159,4 +159,8 @@ class Topics:
 
 
 _KEYS = [key for key in vars(Topics).values() if isinstance(key, _Key) and key.type_name]
-_TYPES = {key.name.rpartition("/")[2]: key.type_name for key in _KEYS} | {TF: "tf2_msgs/msg/TFMessage"}
+_TYPES = (
+    {key.name.rpartition("/")[2]: key.type_name for key in reversed(_KEYS)}  # `odom`, not `history/odom`
+    | {key.name: key.type_name for key in _KEYS}
+    | {TF: "tf2_msgs/msg/TFMessage"}
+)

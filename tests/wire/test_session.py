@@ -16,7 +16,7 @@ from private_network import OpenSession
 
 from odom.errors import WireError
 from odom.frame import Stamp
-from odom.wire import WireSettings
+from odom.wire import Topics, WireSettings
 from odom.wire.codec import encode_text
 from odom.wire.codec.cdr import POINT_CLOUD
 from odom.wire.malformed_counter import MalformedCounter
@@ -129,13 +129,14 @@ def test_malformed_and_foreign_messages_are_survived(open_peer: OpenSession, cap
     sender.zenoh.put(info.topic, b"", encoding="application/cdr;sensor_msgs/msg/CameraInfo")
     sender.zenoh.put(info.topic, b"\xff" * 50, attachment=b"\xff" * 33)
     sender.zenoh.put("cam0/unknown", b"\0\1\0\0")
+    sender.zenoh.put(Topics().color, info.payload, encoding=f"application/cdr;{info.type_name}")  # of another key
     sender.zenoh.put(info.topic, info.payload)  # a foreign sender: neither encoding nor attachment
     delivery = subscriber.receive(30.0)
     assert delivery is not None
     assert delivery.message == info
     assert delivery.sequence is None
-    assert subscriber.malformed.counts.total() == 3
-    assert len(caplog.records) == 2
+    assert subscriber.malformed.counts.total() == 4
+    assert len(caplog.records) == 3
 
 
 def test_the_death_of_a_process_is_noticed(open_peer: OpenSession, endpoint: str) -> None:

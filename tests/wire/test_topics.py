@@ -32,6 +32,7 @@ def test_the_history_of_a_device_is_below_its_namespace() -> None:
         ("cam0/odom", cdr.ODOMETRY),
         ("cam0/chain", cdr.ODOMETRY),
         ("cam0/chain/closed", cdr.PATH),
+        ("rig/cam1/history/odom", cdr.PATH),
         ("tf", cdr.TRANSFORMS),
         ("cam0/history", None),
         ("cam0/ack/recorder", None),

@@ -42,16 +42,21 @@ Recordings are days old, clocks of hosts are off by less."""
 
 
 class FrameReceiver:
-    """Receives, pairs and decodes from `start` to `close`; results are taken from `arrivals`."""
+    """Receives, pairs and decodes from `start` to `close`; results are taken from `arrivals`.
+
+    `conflict` says that the sensor's calibration is another than the one in use, empty where it is not.
+    """
 
     def __init__(self, session: WireSession, topics: Topics, live_room: int) -> None:
         self.uncalibrated = 0
+        self.conflict = ""
         self._has_ended = False
         self.refused_cameras = 0
         self._color_keys, self._depth_keys = topics.color_keys, topics.depth_keys
         self._colors: dict[Stamp, Message] = {}
         self._bodies: set[str] = set()
-        keys = (*topics.color_keys, *topics.depth_keys, topics.camera_info, topics.depth_info, TRUTH)
+        self._info_keys = topics.camera_info, topics.depth_info
+        keys = (*topics.color_keys, *topics.depth_keys, *self._info_keys, TRUTH)
         self._consumer = Consumer(session, topics, "odometry", keys, depth=_LIVE_DEPTH)
         self.assembler = FrameAssembler(topics, grey=True, malformed=self._consumer.malformed)
         self._until_end = False
@@ -148,6 +153,8 @@ class FrameReceiver:
             self._colors[message.stamp] = message
             if len(self._colors) > _COLORS:
                 del self._colors[next(iter(self._colors))]
+        if message.topic in self._info_keys:
+            self.conflict = ""
         for frame in self.assembler.feed(message):
             self._put_frame(frame, delivery)
         if message.topic in self._color_keys and not delivery.lossless:
@@ -182,8 +189,10 @@ class FrameReceiver:
         is_another = self._camera_in_use is not None and camera != self._camera_in_use
         if camera is None or not (is_another or camera == self._refused_by_odometry):
             return
-        if is_another and not self.refused_cameras:
-            _LOG.error("the calibration has changed to %s: refused; restart to use it", camera)
+        if is_another:
+            self.conflict = f"the calibration has changed to {camera}: refused; restart to use it"
+            if not self.refused_cameras:
+                _LOG.error(self.conflict)
         self.refused_cameras += 1
         self.assembler.camera = self._camera_in_use
 

@@ -88,7 +88,7 @@ class OdometryProcess:
         self._unsaved = self._is_live = False
         self._change_log = ChangeLog()
         self._anticipated_ms, self._published_sequence = 0.0, -1
-        self._others = OtherProcesses(session, topics, lambda: self._receiver.source_ended)
+        self._others = OtherProcesses(session, topics, self._receiver)
 
     def run(self, stop: threading.Event, until_end: bool) -> None:
         """Process what arrives until `stop` is set or, with `until_end`, the source has ended."""

@@ -211,9 +211,11 @@ def test_a_calibration_that_cannot_be_used_gives_way_to_one_that_can_and_that_on
     eventually(lambda: served.count("frames") >= 20, 60, f"frames counted {served.status}")
     before, poses = served.count("dropped"), served.poses()
     calibrate(served, replace(CAMERA, fx=500.0))
+    eventually(lambda: "restart to use it" in served.status.get("conflict", ""), 60, f"told {served.status}")
     stream(served, range(25, 35))
     eventually(lambda: served.poses() >= poses + 9, 60, f"poses after another calibration {served.status}")
     eventually(lambda: served.count("dropped") == before + 1, 60, f"the other calibration counted {served.status}")
+    eventually(lambda: "conflict" not in served.status, 60, f"the first calibration came again {served.status}")
 
 
 def test_a_calibration_of_another_image_is_not_held_on_to(served: Served, eventually: Eventually) -> None:

@@ -1,4 +1,5 @@
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -280,6 +281,25 @@ def test_a_recording_is_replaced_only_by_a_whole_one(
     if part.exists():
         assert is_recording(part)
         assert recover(part, path, overwrite=True)[0] > 10
+
+
+def test_on_a_full_disk_a_recording_ends_with_its_name_and_how_to_save_what_is_there(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, hard))
+    full = pytest.raises(RecordingError, match=r"take\.mcap cannot be written any more: ")
+    try:
+        with full, RecordingWriter(tmp_path / "take.mcap", "none") as writer:
+            for message in session_messages(40):
+                writer.write(message)
+                writer._chunk_began = 0.0  # long ago
+                writer.flush_if_due()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert "odom recover" in caplog.text
+    recover(writer.part, tmp_path / "saved.mcap")
+    assert sum(1 for _ in RecordingReader(tmp_path / "saved.mcap").messages()) > 10
 
 
 def test_the_newest_of_the_parts_that_recorders_left_is_found(tmp_path: Path) -> None:

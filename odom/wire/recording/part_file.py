@@ -1,6 +1,7 @@
 """The file in which a recording grows: it gets the recording's name only when it is whole."""
 
 import logging
+from contextlib import suppress
 from glob import escape
 from itertools import count
 from pathlib import Path
@@ -49,13 +50,15 @@ class PartFile:
         self.path.replace(self.target)
 
     def leave(self) -> None:
-        """Leave the file under its growing name, and log that."""
-        self.file.close()
+        """Leave the file under its growing name, and log that, also where the disk has no room for its last bytes."""
+        with suppress(OSError):
+            self.file.close()
         _LOG.warning("%s was not finished: %s", self.target, how_to_save(self.path))
 
     def drop(self) -> None:
         """Remove the file, which holds nothing."""
-        self.file.close()
+        with suppress(OSError):
+            self.file.close()
         self.path.unlink(missing_ok=True)
 
 

@@ -3,7 +3,7 @@
 import logging
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
 from types import TracebackType
@@ -66,22 +66,31 @@ class RecordingWriter:
 
     def write(self, message: Message, at: Stamp | None = None) -> None:
         """Append a message, logged at its stamp or at `at`; raises RecordingError when the disk is full or gone."""
-        try:
+        with self._on_disk():
             channel, sequence = self._channels.get((message.topic, message.type_name)) or self._register(message)
             logged = max(0, message.stamp if at is None else at)
             self._writer.add_message(channel, logged, message.payload, logged, next(sequence))
-            self.count += 1
-            if self._chunk_began is None:
-                self._chunk_began = time.monotonic()
-            self.flush_if_due()
-        except OSError as error:
-            raise RecordingError(f"{self.path} cannot be written any more: {error.strerror}") from error
+        self.count += 1
+        if self._chunk_began is None:
+            self._chunk_began = time.monotonic()
+        self.flush_if_due()
 
     def flush_if_due(self) -> None:
-        """Write the chunk in progress once it is a quarter of a second old; call this when idle."""
+        """Write the chunk in progress once it is a quarter of a second old; call this when idle.
+
+        Raises RecordingError when the disk is full or gone.
+        """
         if self._chunk_began is not None and time.monotonic() - self._chunk_began >= _CHUNK_AGE_S:
             self._chunk_began = None
-            self._writer.flush()  # type: ignore[no-untyped-call]  # mcap gives no type
+            with self._on_disk():
+                self._writer.flush()  # type: ignore[no-untyped-call]  # mcap gives no type
+
+    @contextmanager
+    def _on_disk(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise RecordingError(f"{self.path} cannot be written any more: {error.strerror}") from error
 
     def close(self) -> None:
         """Write the index and give the file its name; safe to call twice."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import zenoh
 
-from odom.errors import WireError
+from odom.errors import ConfigError, WireError
 from odom.wire.delivery import Delivery
 from odom.wire.publisher import Mirror, Publisher
 from odom.wire.security import secured, security_configuration
@@ -17,6 +17,11 @@ from odom.wire.settings import WireSettings
 from odom.wire.subscriber import ReceptionCounters, Subscriber
 
 _SOURCE_LINE = re.compile(r" at \S+\.rs:\d+")
+_IP_ENDPOINT = re.compile(r"(tcp|tls|udp|quic|ws)/(\[[^\]]+\]|[^:/\[\]]+):(\d+)([?#].*)?\Z")
+"""HOST:PORT, and behind it what Zenoh may be told about the link."""
+_OTHER_ENDPOINT = re.compile(r"(?!(tcp|tls|udp|quic|ws)/)[a-z0-9_-]+/.+\Z")
+"""One of a protocol without ports, a Unix socket for instance, or of one that Zenoh refuses."""
+_MOST_PORTS = 65535
 _CLIENT_TIMEOUT_MS = 5000
 """How long a client looks for its router before it fails, in ms. Longer: a wrong address is reported later; shorter: a
 router that starts at the same time is missed. Peers look for ever."""
@@ -82,15 +87,17 @@ class WireSession:
 def open_session(settings: WireSettings) -> Iterator[WireSession]:
     """Open a session and close it at the end.
 
-    Raises WireError when the configuration is not accepted or no endpoint can be used.
+    Raises ConfigError for what is no endpoint, WireError when the configuration is not accepted or no endpoint can be
+    used.
     """
+    _check_endpoints((*settings.connect, *settings.listen))
     config = zenoh.Config()
     try:
         for path, value in {**_configuration(settings), **settings.zenoh}.items():
             config.insert_json5(path, json.dumps(value))
         opened = zenoh.open(config)
     except zenoh.ZError as error:
-        where = ", ".join((*settings.listen, *settings.connect))
+        where = ", ".join((*(settings.listen if settings.mode != "client" else ()), *settings.connect))
         reason = _SOURCE_LINE.sub("", str(error))
         advice = "; end what listens there, or give another --listen" if "listener" in reason else ""
         raise WireError(f"cannot open a Zenoh session as {settings.mode} at {where}: {reason}{advice}") from error
@@ -99,6 +106,14 @@ def open_session(settings: WireSettings) -> Iterator[WireSession]:
         yield session
     finally:
         session.close()
+
+
+def _check_endpoints(endpoints: tuple[str, ...]) -> None:
+    """Refuse what Zenoh would try for ever, in silence: an address without a port."""
+    for where in endpoints:
+        found = _IP_ENDPOINT.match(where)
+        if not (int(found[3]) <= _MOST_PORTS if found else _OTHER_ENDPOINT.match(where)):
+            raise ConfigError(f"{where[:60]!r} is no endpoint: give PROTOCOL/HOST:PORT, as in tcp/rig:7447")
 
 
 def _listeners(settings: WireSettings) -> list[str]:

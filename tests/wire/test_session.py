@@ -14,13 +14,13 @@ import zenoh
 from made_up_messages import session_messages
 from private_network import OpenSession
 
-from odom.errors import WireError
+from odom.errors import ConfigError, WireError
 from odom.frame import Stamp
 from odom.wire import Topics, WireSettings
 from odom.wire.codec import encode_text
 from odom.wire.codec.cdr import POINT_CLOUD
 from odom.wire.malformed_counter import MalformedCounter
-from odom.wire.session import WireSession, open_session
+from odom.wire.session import WireSession, _check_endpoints, open_session
 from odom.wire.settings import ANY_LOCAL_PORT
 
 
@@ -170,6 +170,17 @@ def test_a_router_that_is_not_there_is_named(endpoint: str) -> None:
     settings = WireSettings(mode="client", connect=(endpoint,), zenoh={"connect/timeout_ms": 300})
     with pytest.raises(WireError, match=endpoint), open_session(settings):
         pass
+
+
+@pytest.mark.parametrize("where", ["tcp/127.0.0.1", "rig:7447", "rig", "tcp/rig:99999", "tcp/rig:", "", "tcp/::1:7447"])
+def test_what_is_no_endpoint_is_refused_instead_of_tried_for_ever(where: str) -> None:
+    with pytest.raises(ConfigError, match="HOST:PORT"), open_session(WireSettings(connect=(where,), listen=())):
+        pass
+
+
+@pytest.mark.parametrize("where", ["tcp/[::1]:7447", "tls/rig.local:7447#iface=eth0", "udp/1.2.3.4:1?rel=0", "vsock/1"])
+def test_no_kind_of_endpoint_is_taken_for_none(where: str) -> None:
+    _check_endpoints((where,))
 
 
 @pytest.mark.parametrize("mode", ["peer", "router"])

@@ -47,6 +47,7 @@ def test_memory_is_flat_over_ten_thousand_frames(odom: Start, shared_data: Path,
 
 
 @pytest.mark.slow
+@pytest.mark.alone
 @pytest.mark.timeout(600)
 def test_a_minute_at_sixty_hertz_loses_no_frame(odom: Start, shared_data: Path, tmp_path: Path) -> None:
     """A Kinect's recording of 30 Hz played twice as fast, over and over: each frame has half the time."""
@@ -65,6 +66,7 @@ def test_a_minute_at_sixty_hertz_loses_no_frame(odom: Start, shared_data: Path, 
 
 
 @pytest.mark.slow
+@pytest.mark.alone
 @pytest.mark.timeout(600)
 def test_a_live_arena_of_a_minute_loses_no_frame(odom: Start, tmp_path: Path) -> None:
     run = odom("run", "arena", "--live", "--seconds", "60", "--headless", "--out", tmp_path)

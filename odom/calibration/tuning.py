@@ -94,8 +94,8 @@ class Tuning:
     again_soon: float = tuned(1.4, unit="times as many frames", source="cost; twelve starts of fr1_xyz and fr1_rpy",
         effect="As again, where the last look found the camera in use off by again_times. Smaller: it costs more; "
         "larger: a poor camera stays in use for longer.")
-    again_sure: float = tuned(4.0, unit="times as many frames", source="cost; starts of fr1_xyz and fr1_rpy from "
-        "sheets, an average camera and focal lengths 2.5 and 8 % off: the same cameras are found",
+    again_sure: float = tuned(4.0, unit="times as many frames", source="cost; starts of fr1_xyz and fr1_rpy from an "
+        "average camera and focal lengths 2.5 and 8 % off: the same are found; a sheet is less often left",
         effect="As again, where the last look was sure to change_unsure_px and found the camera in use good. Smaller: "
         "it costs more; larger: what a much longer walk shows comes at its end.")
     again_times: float = tuned(1.0, unit="times the pixels by which the camera found may be off", source="looks from "

@@ -21,7 +21,8 @@ _IP_ENDPOINT = re.compile(r"(tcp|tls|udp|quic|ws)/(\[[^\]]+\]|[^:/\[\]]+):(\d+)(
 """HOST:PORT, and behind it what Zenoh may be told about the link."""
 _OTHER_ENDPOINT = re.compile(r"(?!(tcp|tls|udp|quic|ws)/)[a-z0-9_-]+/.+\Z")
 """One of a protocol without ports, a Unix socket for instance, or of one that Zenoh refuses."""
-_MOST_PORTS = 65535
+_LAST_PORT = 65535
+"""The largest number of a port: 16 bits of TCP's and UDP's headers. Larger: Zenoh tries for ever what is none."""
 _CLIENT_TIMEOUT_MS = 5000
 """How long a client looks for its router before it fails, in ms. Longer: a wrong address is reported later; shorter: a
 router that starts at the same time is missed. Peers look for ever."""
@@ -112,7 +113,7 @@ def _check_endpoints(endpoints: tuple[str, ...]) -> None:
     """Refuse what Zenoh would try for ever, in silence: an address without a port."""
     for where in endpoints:
         found = _IP_ENDPOINT.match(where)
-        if not (int(found[3]) <= _MOST_PORTS if found else _OTHER_ENDPOINT.match(where)):
+        if not (int(found[3]) <= _LAST_PORT if found else _OTHER_ENDPOINT.match(where)):
             raise ConfigError(f"{where[:60]!r} is no endpoint: give PROTOCOL/HOST:PORT, as in tcp/rig:7447")
 
 

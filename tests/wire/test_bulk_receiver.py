@@ -12,6 +12,7 @@ from types import SimpleNamespace
 from typing import cast
 from unittest.mock import MagicMock
 
+import numpy as np
 import pytest
 import zenoh
 from hypothesis import given
@@ -21,7 +22,7 @@ from private_network import OpenSession
 from odom.frame import Stamp
 from odom.wire import Message, Topics
 from odom.wire.bulk_receiver import BulkReceiver, ReceivedSample, in_order
-from odom.wire.codec import encode_text
+from odom.wire.codec import encode_depth, encode_text
 from odom.wire.consumer import Consumer
 from odom.wire.delivery import Attachment, encoding_of
 from odom.wire.malformed_counter import MalformedCounter
@@ -98,7 +99,7 @@ def test_the_end_of_a_live_source_does_not_overtake_an_image_that_comes_during_t
 
     session = MagicMock(declare_subscriber=subscribe)
     consumer = Consumer(WireSession(session), topics, "odometry", (topics.color, topics.depth))
-    depth = live_sample(encode_text(topics.depth, Stamp(1), "the last image"), 0)
+    depth = live_sample(encode_depth(topics.depth, Stamp(1), np.ones((4, 6), np.uint16)), 0)
     end = live_sample(encode_text(topics.end, Stamp(2), "interrupted"), 1)
 
     def arrive() -> None:

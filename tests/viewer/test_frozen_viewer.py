@@ -20,7 +20,7 @@ from viewer_processes import Running
 
 from odom.frame import Stamp
 from odom.wire import Topics, WireSettings
-from odom.wire.codec import encode_text
+from odom.wire.codec import encode_color
 from odom.wire.session import Subscriber, WireSession, open_session
 from odom.wire.settings import ANY_LOCAL_PORT
 
@@ -28,7 +28,7 @@ Start = Callable[..., Running]
 
 _PERIOD_S = 0.02
 _PHASE_S = 30.0
-_FRAME = encode_text("cam0/color/image_raw", Stamp(0), "x" * 900_000)
+_FRAME = encode_color("cam0/color/image_raw", Stamp(0), np.zeros((480, 640, 3), np.uint8))
 
 
 def _wait_for_a_connection(process: Running, timeout_s: float = 30.0) -> None:

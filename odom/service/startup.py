@@ -7,6 +7,7 @@ import os
 import signal
 import socket
 import threading
+from collections.abc import Callable
 from multiprocessing.synchronize import Event
 
 import cv2
@@ -116,23 +117,23 @@ class _Compilers:
 
     def have_done_all_but_calibration(self, stop: threading.Event) -> bool:
         """Wait until all but the calibration is compiled; False when `stop` was set before."""
-        while self._frames.is_alive() or (self._rest.is_alive() and not self._all_but_calibration.is_set()):
-            if stop.wait(_POLL_S):
-                return self._end()
-        return True
+        return self._finish(
+            stop, lambda: self._frames.is_alive() or (self._rest.is_alive() and not self._all_but_calibration.is_set())
+        )
 
     def have_done_all(self, stop: threading.Event) -> bool:
         """Wait until all is compiled; False when `stop` was set before."""
-        while self._rest.is_alive():
-            if stop.wait(_POLL_S):
-                return self._end()
-        return True
+        return self._finish(stop, self._rest.is_alive)
 
-    def _end(self) -> bool:
-        for process in (self._frames, self._rest):
-            process.terminate()
-            process.join()
-        return False
+    def _finish(self, stop: threading.Event, are_busy: Callable[[], bool]) -> bool:
+        """Wait until they are no longer busy; where `stop` is set before, end both and return False."""
+        while are_busy():
+            if stop.wait(_POLL_S):
+                for process in (self._frames, self._rest):
+                    process.terminate()
+                    process.join()
+                return False
+        return True
 
 
 def _become_compiler() -> None:

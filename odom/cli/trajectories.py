@@ -1,13 +1,12 @@
 """Trajectories for `odom eval`, whatever kind of file they are in."""
 
-from collections.abc import Callable, Sequence
+import logging
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.errors import SourceError
+from odom.errors import SourceError, WireError
 from odom.evaluation.files import read_kitti, read_run, read_tum
 from odom.evaluation.motive import read_motive
 from odom.evaluation.run_report import CAMERA, body_of
@@ -15,10 +14,7 @@ from odom.evaluation.trajectory import Trajectory
 from odom.frame import Stamp
 from odom.wire.recording import is_recording
 
-if TYPE_CHECKING:
-    from odom.wire import Message
-    from odom.wire.codec import StampedPose
-
+_LOG = logging.getLogger(__name__)
 _TRUTH = "truth/"
 
 
@@ -62,12 +58,15 @@ def read_claims(path: Path, *, topic: str) -> "dict[Stamp, NDArray[np.float64]]"
     reader, wanted = open_reader(path), topic.removeprefix("/")
     names = {stream.topic for stream in reader.streams() if stream.type_name == "nav_msgs/msg/Odometry"}
     name = wanted if wanted in names else f"{wanted.rpartition('/')[0]}/odom"
-    found = (decode_odometry(message) for message in (reader.messages({name}) if name in names else ()))
-    return {
-        pose.stamp: pose.covariance
-        for pose in found
-        if pose.covariance is not None and np.linalg.eigvalsh(pose.covariance)[0] > 0.0
-    }
+    claims = {}
+    for message in reader.messages({name}) if name in names else ():
+        try:
+            pose = decode_odometry(message)
+        except WireError:
+            continue  # told where the poses are read
+        if pose.covariance is not None and np.linalg.eigvalsh(pose.covariance)[0] > 0.0:
+            claims[pose.stamp] = pose.covariance
+    return claims
 
 
 def _text(path: Path) -> Trajectory:
@@ -90,17 +89,12 @@ def _columns(path: Path) -> int:
 
 
 def _from_recording(path: Path, topic: str | None) -> tuple[Trajectory, str]:
-    """Return the poses of a topic, the one below `truth/` when None, and the topic's name."""
-    from odom.wire.codec import decode_odometry, decode_path, decode_pose
+    """Return the poses of a topic, the one below `truth/` when None, and the topic's name; what is no pose is told."""
+    from odom.wire.codec import cdr, decode_any_pose, decode_path
     from odom.wire.recording import open_reader
 
     reader = open_reader(path)
-    decoders: dict[str, Callable[[Message], Sequence[StampedPose]]] = {
-        "geometry_msgs/msg/PoseStamped": lambda message: (decode_pose(message),),
-        "nav_msgs/msg/Odometry": lambda message: (decode_odometry(message),),
-        "nav_msgs/msg/Path": decode_path,
-    }
-    streams = {stream.topic: stream for stream in reader.streams() if stream.type_name in decoders}
+    streams = {stream.topic: stream for stream in reader.streams() if stream.type_name in (*cdr.POSES, cdr.PATH)}
     if topic is None:
         truths = [name for name in streams if name.startswith(_TRUTH)]
         if len(truths) == 1:
@@ -110,11 +104,18 @@ def _from_recording(path: Path, topic: str | None) -> tuple[Trajectory, str]:
         raise SourceError(
             f"{path}: name the topic with --topic or --truth-topic; those with poses: {', '.join(streams) or 'none'}"
         )
-    decode = decoders[streams[name].type_name]
+    is_path = streams[name].type_name == cdr.PATH
     poses: dict[Stamp, NDArray[np.float64]] = {}
+    left_out: list[WireError] = []
     for message in reader.messages({name}):
-        found = {pose.stamp: pose.T_parent_child for pose in decode(message)}
-        if streams[name].type_name == "nav_msgs/msg/Path":
-            poses = {}
-        poses.update(found)
+        try:
+            found = decode_path(message) if is_path else (decode_any_pose(message),)
+        except WireError as error:
+            left_out.append(error)
+            continue
+        if is_path:  # each holds all poses so far
+            poses.clear()
+        poses.update({pose.stamp: pose.T_parent_child for pose in found})
+    if left_out:
+        _LOG.warning("%s: %d messages of /%s are left out, such as: %s", path, len(left_out), name, left_out[0])
     return Trajectory.by_stamp(poses), name

@@ -9,6 +9,7 @@ import pytest
 from made_up_messages import BEGIN, PERIOD_NS
 from test_foreign_bags import FRAMES, realsense, record
 
+from odom.cli.trajectories import read_truth
 from odom.errors import ConfigError
 from odom.frame import Stamp
 from odom.geometry.arrays import Array
@@ -128,3 +129,20 @@ def test_what_holds_several_poses_a_message_is_refused_as_truth_with_what_can_be
     bag = record(tmp_path / "bag", [*with_poses(odometry, "rig/odom"), *path])
     with pytest.raises(ConfigError, match=r"give one of the recording's poses; these are: /rig/odom \(nav_msgs"):
         open_source(str(bag), SourceOptions(topics_from=(("truth", "/rig/path"),)))
+
+
+@pytest.mark.parametrize("encode", [odometry, with_covariance, transform, bare])
+def test_a_trajectory_can_be_judged_by_poses_of_every_kind(tmp_path: Path, encode: Encode) -> None:
+    bag = record(tmp_path / "bag", with_poses(encode, "vicon/helmet"))
+    true, _ = read_truth(bag, times=None, topic="/vicon/helmet", body=None, y_up=True, of_run=False)
+    assert true.stamps.tolist() == stamps()
+    assert np.allclose(true.T_world_body, [pose(i) for i in range(FRAMES)], atol=1e-9)
+
+
+def test_what_is_no_pose_is_left_out_of_the_truth_and_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    messages = with_poses(transform, "vicon/helmet")
+    messages[-1] = replace(messages[-1], payload=messages[-1].payload[:60])
+    bag = record(tmp_path / "bag", messages)
+    true, _ = read_truth(bag, times=None, topic="vicon/helmet", body=None, y_up=True, of_run=False)
+    assert true.stamps.tolist() == stamps()[:-1]
+    assert "1 messages of /vicon/helmet are left out, such as: vicon/helmet: malformed" in caplog.text

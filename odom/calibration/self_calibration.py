@@ -48,7 +48,7 @@ class SelfCalibration:
 
 
 def self_calibrated(odometry: Odometry, earlier: SelfCalibration | None = None) -> SelfCalibration:
-    """Return what an odometry that has finished says of its calibration; deterministic.
+    """Return what an odometry whose map is finished says of its calibration; deterministic.
 
     `earlier` is what was found in mid-run and is in use since, None where nothing was.
     """
@@ -109,7 +109,7 @@ def _trajectory(
     poses = placed(rest, ~kept, poses, by_some, _POSE_STEPS)
     poses[:, :3] = turn_between(found.camera, given) @ poses[:, :3]
     keyframes = len(frames.numbers)
-    return odometry.trajectory_with(
+    return odometry.final_trajectory(
         dict(zip(frames.numbers.tolist(), poses[:keyframes], strict=True)),
         dict(zip(frames.between.tolist(), poses[keyframes:], strict=True)),
     )

@@ -103,7 +103,7 @@ def judge_odometry(frames: "tuple[RgbdFrame, ...]", camera: "Camera") -> "list[F
         reasons.append(None if has_pose else estimate.reason or estimate.state.value)
         inliers.append(estimate.inliers)
         doubtful += is_doubtful
-    odometry.finish()
+    odometry.finish_map()
     some = frames[:: max(1, len(frames) // _LOOKED_AT)]
     levels = judge_levels([frame.depth_mm for frame in some], odometry.sensor.noise.noise)
     period_s = float(np.median(np.diff([frame.stamp for frame in frames]))) * 1e-9 if len(frames) > 1 else 0.0

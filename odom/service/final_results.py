@@ -23,7 +23,7 @@ def save_results(
     """
     begun = time.perf_counter()
     give_back_freed()  # the final adjustment takes the most memory of the run
-    poses = odometry.finish()
+    odometry.finish_map()
     keeper.save(odometry)
     statistics.add_loops(odometry.late_loops)
     publisher.publish_loops(odometry.late_loops)
@@ -33,7 +33,7 @@ def save_results(
     report = statistics.report() | closing_fields(test, closed)
     report |= calibration_fields(odometry, calibration) | keeper.report()
     try:
-        report["segments"] = files.write_trajectory(calibration.trajectory or poses, closed)
+        report["segments"] = files.write_trajectory(calibration.trajectory or odometry.final_trajectory(), closed)
         offer_calibration(calibration, files.folder)
     finally:
         hand_up(report)

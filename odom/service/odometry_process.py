@@ -114,7 +114,7 @@ class OdometryProcess:
                 self._save(self._files)
                 self._files.close()
             elif self._odometry is not None:
-                self._odometry.finish()
+                self._odometry.finish_map()
                 self._keeper.save(self._odometry)
 
     def _handle(self, arrival: Arrival) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 from odom.backend.chain.closed_chain import close_chain
 from odom.backend.estimate import ClosedChain, ClosingTest, Estimate, LoopCandidate, OnPose, TrajectoryPose
@@ -36,6 +37,8 @@ from odom.geometry.arrays import Array, Image
 
 _LEAST_SIDE_PX = 64
 """Narrower images hold no patches in which landmarks could be searched."""
+_UNMOVED: Mapping[int, Array] = MappingProxyType({})
+"""No poses besides those of the map."""
 
 
 class Odometry:
@@ -180,10 +183,15 @@ class Odometry:
 
         It holds one pose for each frame of the last eight hours (see `FrameLog`).
         """
-        stages, log, keyframes = self._stages, self._stages.published.log, self._stages.map.keyframes
+        self.finish_map()
+        return self.final_trajectory()
+
+    def finish_map(self) -> None:
+        """Adjust the whole map once more, when no frame follows; the last closures are `late_loops`."""
+        stages, log = self._stages, self._stages.published.log
         self.late_loops = ()
         if stages.state is None:
-            return trajectory(log, keyframes)
+            return
         grow(stages, None)
         newest, tracked = log.count - 1, self._newest_tracked
         if tracked is not None:
@@ -197,14 +205,14 @@ class Odometry:
         stages.state = state.moved_with(stages.map, T_reference_camera)
         if newest in self._adjusted:
             stages.state = replace(stages.state, T_camera_map=self._adjusted[newest])
-        return self.trajectory_with({}, {})
 
-    def trajectory_with(
-        self, keyframes: Mapping[int, Array], between: Mapping[int, Array]
+    def final_trajectory(
+        self, keyframes: Mapping[int, Array] = _UNMOVED, between: Mapping[int, Array] = _UNMOVED
     ) -> tuple[TrajectoryPose, ...]:
-        """Return the trajectory of `finish` with other T_camera_map of some key frames and of frames `between` them.
+        """Return the trajectory of `finish` once the map is finished, with other poses if they are given.
 
-        Both are keyed by number, of the key frame or the frame; other frames move along, the map stays as it is.
+        They are the T_camera_map of some key frames and of frames `between` them, keyed by number, of the key frame or
+        the frame; other frames move along, the map stays as it is.
         """
         map_, adjusted = self._stages.map, {**self._adjusted, **between}
         moved = [replace(k, T_camera_map=keyframes[k.number]) if k.number in keyframes else k for k in map_.keyframes]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from painted_room import SMALL, PaintedRoom, stroll
 
+from odom.frame import Camera
 from sensors.arena import ArenaOptions, frame
 
 
@@ -46,7 +47,7 @@ def test_an_empty_name_of_the_folder_is_none(tmp_path: Path, monkeypatch: pytest
 
 def test_a_kept_view_of_the_painted_room_is_the_drawn_one(kept_here: Path) -> None:
     room, T = PaintedRoom(3), stroll(0.5)
-    grey, depth_mm = room._draw(SMALL, T)
+    grey, depth_mm = room._draw(SMALL, [T])
     for _ in range(2):
         seen = room.render(SMALL, T)
         np.testing.assert_array_equal(seen[0], grey)
@@ -60,3 +61,9 @@ def test_no_more_is_kept_than_there_is_room_for(kept_here: Path, monkeypatch: py
     for k in range(10):
         PaintedRoom().render(SMALL, stroll(0.1 * k))
     assert 0 < sum(file.stat().st_size for file in kept_here.rglob("*")) < 300_000
+
+
+def test_a_wall_is_seen_along_the_axis_of_a_camera_that_stands_straight_before_it() -> None:
+    camera = Camera(320, 240, 262.5, 262.5, 160.0, 120.0)  # the ray of the middle pixel is exactly 0, 0
+    _, depth_mm = PaintedRoom().render(camera, np.eye(4))
+    assert (depth_mm[119:122, 159:162] == 2000).all()

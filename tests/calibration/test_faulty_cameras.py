@@ -84,7 +84,7 @@ def true_vector(arena: ArenaOptions) -> Array:
 
 def error_m(source: Kept, camera: Camera, exact: Trajectory) -> float:
     """Return the ATE of the trajectory by a camera."""
-    found = walk(source, Topics(), OdometrySettings(), camera, (lambda done: None, lambda: False)).trajectory
+    found = walk(source, Topics(), OdometrySettings(), camera, lambda done: None, lambda: False).trajectory
     _, mine, true = np.intersect1d(found.stamps, exact.stamps, return_indices=True)
     estimated, right = found.positions[mine], exact.positions[true]
     T = align(estimated, right).T_truth_estimate

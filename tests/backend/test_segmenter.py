@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from carrier import carried, carrier_mask
 from painted_room import SMALL, PaintedRoom, stroll
 
 from odom import Odometry, RgbdFrame, State
@@ -67,3 +68,12 @@ def test_reasons_that_differ_each_time_are_bounded() -> None:
         odometry.segmentation.mask(ROOM.frame(SMALL, number, np.eye(4)))
     assert len(odometry.segmentation.ignored) <= 17
     assert odometry.segmentation.ignored.total() == 40
+
+
+def test_what_carries_the_camera_is_no_moving_body_where_it_is_marked() -> None:
+    odometry, states = Odometry(SMALL, segmenter=lambda frame: carrier_mask(frame, 0.4)), []
+    for number in range(0, 90, 2):
+        estimate = odometry.process(carried(ROOM.frame(SMALL, number, stroll(number / 30)), 0.4))
+        states.append(estimate.state)
+        assert estimate.moving is None or not estimate.moving.mask.any()
+    assert set(states) == {State.TRACKING}

@@ -120,6 +120,7 @@ def cut_corners(
     third of the time: where exactly a patch is cut does not matter.
     """
     uv = 2.0 * detect_corners(view.images.half, known_uv / 2.0, TUNING.corner_cell_px // 2)
+    uv = uv[view.stands(uv)]
     measured = measure_exactly(view, sensor, uv, twist)
     deep = measured.values[:, 2] > 1.0 / TUNING.corner_farthest_m
     uv, measured = uv[deep], measured.take(deep)

@@ -47,6 +47,7 @@ class FollowedCorners:
         """Return the corners with depth that can be followed to a `view`, in motion with `twist` (6, SI), and back."""
         images = earlier.view.images.half, view.images.half
         uv = 2.0 * detect_corners(images[0], np.zeros((0, 2)), TUNING.other_cell_px // 2)
+        uv = uv[earlier.view.stands(uv)]
         seen = measure_exactly(earlier.view, sensor, uv, earlier.twist)
         deep = seen.values[:, 2] > 0.0
         uv, (points, covariances) = uv[deep], points_of(seen.take(deep))

@@ -22,7 +22,8 @@ from odom.geometry.arrays import Array, Index, Mask
 class DepthGrid:
     """A view's depth at the middles of square cells, row by row; `shape` counts (rows, columns), as `image_shape`.
 
-    `uv` (n x 2 px) are the middles, `measured` (n) what was measured there (NaN: no depth, or an edge of it).
+    `uv` (n x 2 px) are the middles, `measured` (n) what was measured there (NaN: no depth, an
+    edge of it, or what may move).
     """
 
     shape: tuple[int, int]
@@ -37,7 +38,9 @@ class DepthGrid:
         rows, columns = (max(1, side // TUNING.moving_cell_px) for side in (height, width))
         v, u = ((np.arange(n) + 0.5) * side / n for n, side in ((rows, height), (columns, width)))
         uv = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-        return cls((rows, columns), (height, width), uv, measure_exactly(view, sensor, uv, twist))
+        measured = measure_exactly(view, sensor, uv, twist)
+        measured.values[~view.stands(uv), 2] = np.nan
+        return cls((rows, columns), (height, width), uv, measured)
 
     @cached_property
     def known(self) -> Index:

@@ -24,6 +24,7 @@ from odom.cli.info import info
 from odom.cli.json_lines import wrap_stderr
 from odom.cli.keys import keys
 from odom.cli.map import map_
+from odom.cli.mask import mask
 from odom.cli.optional_domain import WithRos2Domain
 from odom.cli.record import record
 from odom.cli.recover import recover
@@ -52,6 +53,7 @@ app.command("config")(config)
 app.command("eval")(evaluate)
 app.command("doctor")(doctor)
 app.command("calibrate")(calibrate)
+app.command("mask")(mask)
 app.command("sensor", cls=WithRos2Domain)(sensor)
 app.command("record")(record)
 app.command("import")(import_)

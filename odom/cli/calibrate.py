@@ -9,7 +9,18 @@ import typer
 
 from odom.cli import signals
 from odom.cli.options import Calibration as CameraFile
-from odom.cli.options import Config, End, OwnTopics, Seconds, Seed, SimulatedSensor, SourceOption, Start, pairs
+from odom.cli.options import (
+    Config,
+    End,
+    MaskFile,
+    OwnTopics,
+    Seconds,
+    Seed,
+    SimulatedSensor,
+    SourceOption,
+    Start,
+    pairs,
+)
 
 if TYPE_CHECKING:
     from odom.service.calibration_run import Outcome
@@ -24,6 +35,7 @@ def calibrate(
     out: Annotated[Path, typer.Option(help="Calibration to write, for --camera; report and picture beside it.")],
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the files if they exist.")] = False,
     camera: CameraFile = None,
+    mask: MaskFile = None,
     start: Start = 0.0,
     end: End = None,
     seconds: Seconds = None,
@@ -78,7 +90,7 @@ def calibrate(
         opened = [
             lambda source=source: NeededImages(source, open_source(source, chosen), Topics()) for source in sources
         ]
-        outcome = calibrate_recordings(opened, Topics(), settings, begin, stop.is_set)
+        outcome = calibrate_recordings(opened, Topics(), settings, begin, stop.is_set, mask)
     text = remarks(outcome, sources)
     for line in text:
         typer.echo(line)

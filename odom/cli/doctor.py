@@ -6,9 +6,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from odom.cli import signals
-from odom.cli.options import Calibration, OwnTopics, Seed, SimulatedSensor, SourceName, SourceOption, Start, pairs
+from odom.cli.options import (
+    Calibration,
+    MaskFile,
+    OwnTopics,
+    Seed,
+    SimulatedSensor,
+    SourceName,
+    SourceOption,
+    Start,
+    pairs,
+)
 
 if TYPE_CHECKING:
+    from odom.backend.odometry.segmentation import Segmenter
     from odom.evaluation.diagnosis import Finding
     from odom.frame import Camera, RgbdFrame
 
@@ -25,6 +36,7 @@ def doctor(
     seconds: Annotated[float, typer.Option(min=1, max=30, help="How much of the source to look at.")] = 10.0,
     start: Start = 0.0,
     camera: Calibration = None,
+    mask: MaskFile = None,
     topic: OwnTopics = None,
     option: SourceOption = None,
     kind: SimulatedSensor = "kinect1",
@@ -46,12 +58,14 @@ def doctor(
 
     from odom.calibration.examine import examine_calibration
     from odom.evaluation.diagnosis import Verdict, examine
+    from odom.service.mask_file import masked_by, read_mask
     from odom.service.progress import counting
     from odom.service.source_sample import collect
     from sensors.catalogue import open_source
     from sensors.source import SourceOptions, refused_images
 
     cv2.setNumThreads(1)
+    given = None if mask is None else read_mask(mask)
     stop = signals.stop_event()
     options = SourceOptions(
         camera=camera, start=start, topics_from=pairs("--topic", topic), sensor=kind, seed=seed,
@@ -62,12 +76,12 @@ def doctor(
         with counting("looking", round(30 * seconds)) as progress:
             messages = takewhile(lambda _: not stop.is_set(), opened.messages())
             recording = collect(messages, options.topics, seconds, progress, opened.lossless)
-        recording = replace(recording, refused={**recording.refused, **refused_images(opened)})
+        recording = replace(recording, mask=given, refused={**recording.refused, **refused_images(opened)})
     finally:
         opened.close()
     findings = examine(recording.as_corrected())
     if recording.camera and recording.frames:
-        findings += judge_odometry(recording.frames, recording.camera)
+        findings += judge_odometry(recording.frames, recording.camera, masked_by(mask, recording.camera))
         if not any(finding.verdict is Verdict.BAD for finding in findings) and recording.paired:
             findings += examine_calibration(recording.paired, recording.camera, recording.truth, stop.is_set)
     for finding in findings:
@@ -82,7 +96,9 @@ def doctor(
         raise typer.Exit(1)
 
 
-def judge_odometry(frames: "tuple[RgbdFrame, ...]", camera: "Camera") -> "list[Finding]":
+def judge_odometry(
+    frames: "tuple[RgbdFrame, ...]", camera: "Camera", segmenter: "Segmenter | None" = None
+) -> "list[Finding]":
     """Judge by the odometry itself, on the first frames: the noise of depth as it takes it, tracking, and speed."""
     import time
 
@@ -92,7 +108,7 @@ def judge_odometry(frames: "tuple[RgbdFrame, ...]", camera: "Camera") -> "list[F
     from odom.backend.odometry.moving_view import VIEW_MOVED
     from odom.evaluation.diagnosis import judge_levels, judge_tracking
 
-    odometry = Odometry(camera, OdometrySettings())
+    odometry = Odometry(camera, OdometrySettings(), segmenter=segmenter)
     spent, reasons, inliers, doubtful = [], [], [], 0
     for frame in frames[: _WARM_UP + _TIMED]:
         begin = time.perf_counter(), time.process_time()

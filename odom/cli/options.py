@@ -17,6 +17,9 @@ Listen = Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to listen
 Mode = Annotated[Literal["peer", "client", "router"] | None, typer.Option(help="Zenoh role.")]
 Connect = Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to connect to.")]
 Compression = Annotated[Literal["zstd", "lz4", "none"], typer.Option(help="Of the file's chunks.")]
+MaskFile = Annotated[
+    Path | None, typer.Option("--mask", help="Image, white where the camera sees what carries it (see odom mask).")
+]
 Calibration = Annotated[Path | None, typer.Option(help="Calibration (ROS camera-calibration YAML).")]
 SourceName = Annotated[
     str,
@@ -79,9 +82,19 @@ def check_map(path: Path | None, localize: bool) -> None:
             raise ConfigError(str(error)) from error
 
 
-def map_arguments(path: Path | None, localize: bool) -> list[str]:
+def check_mask(path: Path | None) -> Path | None:
+    """Return the path of a mask after a look at it; raises ConfigError where it is none."""
+    if path is not None:
+        from odom.service.mask_file import read_mask
+
+        read_mask(path)
+    return path
+
+
+def odometry_arguments(map_: Path | None, localize: bool, mask: Path | None) -> list[str]:
     """Return the same options for `odom serve`."""
-    return [*([f"--map={path}"] if path is not None else []), *(["--localize"] if localize else [])]
+    files = [f"--{name}={path}" for name, path in (("map", map_), ("mask", mask)) if path is not None]
+    return [*files, *(["--localize"] if localize else [])]
 
 
 def pairs(option: str, values: Iterable[str] | None) -> tuple[tuple[str, str], ...]:

@@ -35,6 +35,7 @@ def run(
     map_: options.MapFileOption = None,
     localize: options.Localize = False,
     camera: options.Calibration = None,
+    mask: options.MaskFile = None,
     remember: Annotated[
         bool, typer.Option("--remember", help="Use the calibration that is found in this device's next runs, too.")
     ] = False,
@@ -88,6 +89,7 @@ def run(
         raise ConfigError("--headless and --web contradict each other: give one of them")
     _check_sensor(source, sensor)
     options.check_map(map_, localize)
+    options.check_mask(mask or settings.service.mask)
     if record is not None:
         check_recording(source, record, overwrite)
     folder = out or new_folder(Path("out") / f"{_stem(source)}-{time.strftime('%Y%m%d-%H%M%S')}")
@@ -98,7 +100,7 @@ def run(
         out=folder,
         camera=camera,
         sensor_arguments=sensor,
-        odometry_arguments=options.map_arguments(map_, localize),
+        odometry_arguments=options.odometry_arguments(map_, localize, mask),
         record=record,
         overwrite=overwrite,
         viewer_arguments=viewer if rrd or not headless else None,

@@ -12,10 +12,12 @@ from odom.cli.options import (
     Listen,
     Localize,
     MapFileOption,
+    MaskFile,
     Mode,
     Namespace,
     Ros2,
     check_map,
+    check_mask,
     wire_settings,
 )
 
@@ -28,6 +30,7 @@ def serve(
     ] = False,
     map_: MapFileOption = None,
     localize: Localize = False,
+    mask: MaskFile = None,
     namespace: Namespace = None,
     connect: Connect = None,
     listen: Listen = None,
@@ -51,8 +54,10 @@ def serve(
     from odom.service.settings import load_settings
 
     check_map(map_, localize)
+    settings = load_settings(config)
+    service = settings.service.model_copy(update={"mask": check_mask(mask or settings.service.mask)})
     wire = wire_settings(config, connect, listen, mode, namespace, ros2)
-    settings = load_settings(config).model_copy(update={"wire": wire})
+    settings = settings.model_copy(update={"wire": wire, "service": service})
     with ExitStack() as stack:
         files = None
         if out is not None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from odom.errors import ConfigError, InputError, RecordingError
 from odom.evaluation.diagnosis.scale import ScaleFit
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera
+from odom.service.mask_file import masked_by
 from odom.service.replayed import TruePoses, frames_of, noting_truth
 from odom.wire import Topics
 from sensors.source import Source
@@ -80,11 +82,13 @@ def calibrate_recordings(
     settings: OdometrySettings,
     progress: Callable[[str], Callable[[int], None]],
     stopped: Callable[[], bool],
+    mask: Path | None = None,
 ) -> Outcome:
     """Return the calibration that recordings of one camera show; `open_sources` opens each one anew.
 
     `progress` begins a stage by name and returns what counts its frames. Once `stopped` says so, the best so far is
-    returned. Raises InputError when a recording cannot be used, and why.
+    returned. What the image file `mask` marks is not looked at. Raises InputError when a recording cannot be used, and
+    why; ConfigError for a wrong mask.
     """
     start: Camera | None = None
     best: Outcome | None = None
@@ -93,7 +97,7 @@ def calibrate_recordings(
         for k, open_source in enumerate(open_sources):
             count = progress(f"round {number}, recording {k + 1}")
             camera = None if best is None else best.result.camera
-            walks.append(walk(open_source(), topics, settings, camera, count, stopped))
+            walks.append(walk(open_source(), topics, settings, camera, count, stopped, mask))
             if start is None:
                 start = walks[0].recorded
             if stopped():
@@ -134,10 +138,11 @@ def walk(
     camera: Camera | None,
     count: Callable[[int], None],
     stopped: Callable[[], bool],
+    mask: Path | None = None,
 ) -> Walk:
     """Run the odometry over a source with `camera` (None: its own); `count` is called with the frames done.
 
-    Raises InputError when too little can be tracked.
+    What the image file `mask` marks is not looked at. Raises InputError when too little can be tracked.
     """
     odometry: Odometry | None = None
     truth: TruePoses = {}
@@ -145,7 +150,8 @@ def walk(
     try:
         for calibration, frame in frames_of(noting_truth(source.messages(), truth), topics):
             recorded = recorded or calibration
-            odometry = odometry or Odometry(camera or calibration, settings)
+            if odometry is None:
+                odometry = Odometry(camera or calibration, settings, segmenter=masked_by(mask, calibration))
             tracked += odometry.process(frame).state is State.TRACKING
             frames += 1
             count(frames)

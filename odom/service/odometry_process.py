@@ -17,6 +17,7 @@ from odom.service.estimate_publisher import EstimatePublisher
 from odom.service.final_results import save_results
 from odom.service.frame_receiver import FrameReceiver
 from odom.service.map_keeper import MapKeeper
+from odom.service.mask_file import masked_by
 from odom.service.other_processes import OtherProcesses
 from odom.service.result_files import RunFiles
 from odom.service.run_calibration import calibration_status, calibrator_for
@@ -41,8 +42,8 @@ def serve(
     """Estimate the pose of every frame of one device until `stop` is set, or with `until_end` until its source ends.
 
     Leaves trajectory.txt and the odometry's part of report.json in the folder of `files` at each end of a source. What
-    cannot be written is counted, and poses go on; the `keeper` writes the map to disk. Raises OdomError when the
-    session cannot be opened and, with `until_end`, when something went unwritten; OSError when results cannot be saved.
+    cannot be written is counted, and poses go on; the `keeper` writes the map. Raises OdomError without a session and,
+    with `until_end`, when something went unwritten; OSError when results cannot be saved.
     """
     topics = Topics(settings.wire.namespace)
     started = time.monotonic()
@@ -148,9 +149,9 @@ class OdometryProcess:
     def _begin_odometry(self, camera: Camera) -> None:
         saved = self._keeper.begin(camera, self._odometry)
         try:
-            settings, has_map = self._settings.odometry, self._keeper.has_map
+            settings, has_map, mask = self._settings.odometry, self._keeper.has_map, self._settings.service.mask
             calibrator = calibrator_for(settings, has_map, self._calibration_ready, lambda: not self._is_live)
-            self._odometry = Odometry(camera, settings, saved, calibrator=calibrator)
+            self._odometry = Odometry(camera, settings, saved, masked_by(mask, camera), calibrator)
         except OdomError as error:
             _LOG.error("the calibration is refused, another one may follow: %s", error)
             self._receiver.refuse(camera)
@@ -202,11 +203,10 @@ class OdometryProcess:
             self.statistics.latency.add((time.time_ns() - origin) * 1e-6)
 
     def _show_keyframe(self, arrival: FrameArrival, moving: MovingCells | None) -> None:
-        color, frame = arrival.color, arrival.frame
+        color, frame, points = arrival.color, arrival.frame, self._settings.service.keyframe_points
         if color is None or self._odometry is None:
             return
-        camera, points = self._odometry.camera, self._settings.service.keyframe_points
-        cloud = partial(keyframe_message, self._topics, frame, camera, color, points, moving)
+        cloud = partial(keyframe_message, self._topics, frame, self._odometry.camera, color, points, moving)
         try:
             self._publisher.publish_keyframe(cloud)
         except WireError as error:

@@ -21,6 +21,9 @@ class ServiceSettings(BaseModel, frozen=True, extra="forbid", allow_inf_nan=Fals
     keyframe_points: int = Field(
         3000, ge=100, le=300_000, description="points of the coloured cloud of a key frame for the viewer"
     )
+    mask: Path | None = Field(
+        None, description="image, white where the camera sees what carries it instead of the scene (see odom mask)"
+    )
     live_frames: int = Field(
         4, ge=1, le=1000, description="frames of a live source that may wait, after its first second; the newest win"
     )

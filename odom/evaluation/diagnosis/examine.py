@@ -10,6 +10,7 @@ from odom.evaluation.diagnosis.depth import judge_noise, judge_valid
 from odom.evaluation.diagnosis.depth_unit import judge_unit
 from odom.evaluation.diagnosis.edges import EdgeShift, edge_shift
 from odom.evaluation.diagnosis.finding import Finding, Verdict
+from odom.evaluation.diagnosis.fixed_parts import judge_fixed_parts
 from odom.evaluation.diagnosis.form import judge_change, judge_lens, judge_refused, judge_sizes
 from odom.evaluation.diagnosis.image import judge_blur, judge_exposure
 from odom.evaluation.diagnosis.intrinsics import judge_intrinsics
@@ -47,7 +48,7 @@ def examine(recording: Recording) -> list[Finding]:
     findings = [*wrong_form, *_judge_streams(recording, wrong_form)]
     if not recording.frames:
         return findings
-    findings += _judge_pictures(recording.frames)
+    findings += _judge_pictures(recording)
     frames, camera = recording.paired, recording.camera
     if frames:
         findings += judge_change(frames)
@@ -81,12 +82,13 @@ def _judge_streams(recording: Recording, wrong_form: list[Finding]) -> list[Find
     return [*findings, judge_pairs(color, depth, pairs)]
 
 
-def _judge_pictures(frames: tuple[RgbdFrame, ...]) -> list[Finding]:
+def _judge_pictures(recording: Recording) -> list[Finding]:
+    frames = recording.frames
     some = frames[:: max(1, len(frames) // _IMAGES)]
     exposure = judge_exposure(some)
     if exposure.verdict is Verdict.BAD:
         return [exposure, Finding("sharpness", "not measured", Verdict.UNKNOWN, "mend the exposure first")]
-    return [exposure, judge_blur(some)]
+    return [exposure, judge_blur(some), judge_fixed_parts([frame.color for frame in frames], recording.mask)]
 
 
 def _judge_geometry(recording: Recording, frames: tuple[RgbdFrame, ...], camera: Camera) -> list[Finding]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from odom.evaluation.trajectory import Stamps, Trajectory
 from odom.frame import EXACT_DEPTH, Camera, RgbdFrame, corrected_depth
+from odom.geometry.arrays import Mask
 
 NO_FILE, NOT_DEPTH, OTHER_FORMAT = "no such file", "not 16-bit grey", "of a format that is not read"
 NOT_METRES = "numbers with a point that are no metres"
@@ -20,6 +21,7 @@ class Recording:
     `truth` maps the name of each body of the motion capture to its trajectory. `color_size` and `depth_size` are those
     of the first images, width and height, None when not known. `refused` counts images that could not be used by
     stream (`colour`, `depth`) and reason, `refused_stamps` those whose stamp does not go on from the one before.
+    `mask` (H x W) marks what is known to be the camera's carrier, None where nothing is.
     """
 
     color_stamps: Stamps
@@ -31,6 +33,7 @@ class Recording:
     depth_size: tuple[int, int] | None = None
     refused: Mapping[tuple[str, str], int] = field(default_factory=dict)
     refused_stamps: Mapping[tuple[str, str], int] = field(default_factory=dict)
+    mask: Mask | None = None
 
     def as_corrected(self) -> "Recording":
         """Return the recording with its depth images corrected by what the calibration says of them."""

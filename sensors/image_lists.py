@@ -3,14 +3,13 @@
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from odom.errors import SourceError
-from odom.frame import Camera, Stamp, from_seconds
+from odom.frame import Camera, Stamp, stamp_of
 from odom.geometry.arrays import Array
 from odom.geometry.quaternion import rotation_from_quaternion
 from odom.wire.pairing import follows
@@ -24,8 +23,6 @@ READ_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".ppm", ".pgm
 IMAGE_SUFFIXES = (*READ_SUFFIXES, ".exr", ".npy", ".npz")
 """What names of images end with, numpy's files of depth and those that cannot be read included."""
 _QUOTES = "\"'"
-_UNITS = ((18, "nanoseconds", 10**9), (15, "microseconds", 10**6), (12, "milliseconds", 10**3))
-"""A number of so many digits or more before the point is a time since 1970 in this unit, so many of them a second."""
 _RATE_HZ = 30
 """Frames a second assumed where a folder has no stamps: a Kinect's. It scales velocities, not the trajectory."""
 
@@ -96,21 +93,6 @@ def read_list(path: Path, columns: int) -> list[TumEntry]:
     if header is not None and not entries:
         raise header
     return sorted(entries, key=lambda entry: entry.stamp)
-
-
-def stamp_of(text: str) -> tuple[Stamp, str]:
-    """Return the stamp of a list or a name, and the unit it is in by its digits.
-
-    Raises ValueError for what is no number, or no time in that unit before the year 2255.
-    """
-    digits = len(text.strip().partition(".")[0].lstrip("+0"))
-    unit, per_second = next(((name, per) for least, name, per in _UNITS if digits >= least), ("seconds", 1))
-    if per_second == 1:
-        return from_seconds(text), unit
-    try:
-        return from_seconds(str(Decimal(text.strip()) / per_second)), unit
-    except InvalidOperation:
-        raise ValueError(f"{text!r} is no number") from None
 
 
 def _names_joined(words: list[str]) -> list[str]:

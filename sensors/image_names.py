@@ -6,8 +6,8 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from odom.frame import Stamp
-from sensors.image_lists import IMAGE_SUFFIXES, READ_SUFFIXES, SECOND, TumEntry, stamp_of, stamp_of_frame
+from odom.frame import Stamp, stamp_of
+from sensors.image_lists import IMAGE_SUFFIXES, READ_SUFFIXES, SECOND, TumEntry, stamp_of_frame
 
 log = logging.getLogger(__name__)
 

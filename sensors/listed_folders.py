@@ -4,9 +4,9 @@ import logging
 from pathlib import Path
 
 from odom.errors import SourceError
-from odom.frame import Camera
+from odom.frame import Camera, stamp_of
 from sensors.default_camera import ICL_NUIM, first_size
-from sensors.image_lists import SECOND, FolderLayout, TumEntry, read_list, stamp_of, stamp_of_frame
+from sensors.image_lists import SECOND, FolderLayout, TumEntry, read_list, stamp_of_frame
 from sensors.image_names import visible
 from sensors.intrinsic_files import row_camera
 

@@ -1,5 +1,6 @@
 """Trajectories as text files: TUM's format, KITTI's, and the folder of a run."""
 
+import logging
 import re
 from pathlib import Path
 
@@ -7,9 +8,11 @@ import numpy as np
 
 from odom.errors import SourceError
 from odom.evaluation.trajectory import Stamps, Trajectory
-from odom.frame import from_seconds, seconds_text
+from odom.frame import seconds_text, stamp_of
 from odom.geometry.arrays import Array
 from odom.geometry.rotations import matrices_of, quaternions_of
+
+log = logging.getLogger(__name__)
 
 _ROTATION_TOLERANCE, _LENGTH_TOLERANCE = 1e-2, 0.1
 """How far a rotation matrix and a quaternion may be off by rounding: a wrong order of columns is off by far more."""
@@ -22,9 +25,10 @@ def read_rows(
     """Return n x `stamps` (ns) and n x `values` numbers of a text file, and their line numbers; `#` starts a comment.
 
     Fields are parted by blanks or commas; what follows the stamps is skipped when `values` is None. `may_be_cut`
-    leaves out a last line that is too short. Raises SourceError naming the line that is not `what`.
+    leaves out a last line that is too short. Stamps are seconds, or by their number of digits milli-, micro- or
+    nanoseconds, which is logged. Raises SourceError naming the line that is not `what`.
     """
-    when, numbers, lines = [], [], []
+    when, numbers, lines, units = [], [], [], set[str]()
     text = text_of(path).splitlines()
     for number, line in enumerate(text, 1):
         fields = line.split("#", 1)[0].replace(",", " ").split()
@@ -34,11 +38,15 @@ def read_rows(
         try:
             if values is not None and len(fields) != stamps + values:
                 raise ValueError(f"{len(fields)} fields")
-            when.append([from_seconds(field) for field in fields[:stamps]])
+            read = [stamp_of(field) for field in fields[:stamps]]
+            when.append([stamp for stamp, _ in read])
+            units.update(unit for _, unit in read)
             numbers.append([float(field) for field in fields[stamps:]] if values is not None else [])
         except ValueError as error:
             raise SourceError(f"{path}:{number}: not {what} ({error})") from error
         lines.append(number)
+    if other := sorted(units - {"seconds"}):
+        log.info("%s: its stamps are taken for %s, by their number of digits", path, " and ".join(other))
     n = len(lines)
     return np.array(when, dtype=np.int64).reshape(n, stamps), np.array(numbers).reshape(n, values or 0), lines
 

@@ -3,7 +3,7 @@
 from odom.frame.camera import Camera
 from odom.frame.depth_model import EXACT_DEPTH, DepthModel, corrected_depth
 from odom.frame.rgbd import UNKNOWN_DEPTH_MM, RgbdFrame
-from odom.frame.stamp import Stamp, from_seconds, seconds_text, to_seconds
+from odom.frame.stamp import Stamp, from_seconds, seconds_text, stamp_of, to_seconds
 
 __all__ = [
     "EXACT_DEPTH",
@@ -15,5 +15,6 @@ __all__ = [
     "corrected_depth",
     "from_seconds",
     "seconds_text",
+    "stamp_of",
     "to_seconds",
 ]

@@ -12,6 +12,9 @@ Stamp = NewType("Stamp", int)
 
 _LATEST_S = 9_000_000_000
 """In the year 2255; 64 bits of nanoseconds end in 2262."""
+_UNITS = ((18, "nanoseconds", 9), (15, "microseconds", 6), (12, "milliseconds", 3))
+"""A number of so many digits or more before the point is a time since 1970 in this unit, so many digits finer than a
+second."""
 
 
 def from_seconds(seconds: float | str) -> Stamp:
@@ -31,6 +34,25 @@ def from_seconds(seconds: float | str) -> Stamp:
     if isinstance(seconds, str):
         return Stamp(int((value * 1_000_000_000).to_integral_value()))
     return Stamp(round(float(seconds) * 1e9))
+
+
+def stamp_of(text: str) -> tuple[Stamp, str]:
+    """Return the stamp that a file or a name holds, and the unit it is in by its digits before the point.
+
+    >>> stamp_of("1305031102175304"), stamp_of("1.305031102175304e18")
+    ((1305031102175304000, 'microseconds'), (1305031102175304000, 'nanoseconds'))
+
+    Raises ValueError for what is no number, or no time in that unit before the year 2255.
+    """
+    try:
+        value = Decimal(text.strip())
+    except InvalidOperation:
+        raise ValueError(f"{text!r} is not a number of seconds") from None
+    digits = value.adjusted() + 1 if value.is_finite() else 0
+    for least, unit, finer in _UNITS:
+        if digits >= least:
+            return from_seconds(str(value.scaleb(-finer))), unit
+    return from_seconds(text), "seconds"
 
 
 def to_seconds(stamp: Stamp) -> float:

@@ -14,7 +14,7 @@ AUTO, OFF = "auto", "off"
 def evaluate(
     estimate: Annotated[
         Path,
-        typer.Argument(help="Estimate: TUM or KITTI text, .mcap, a ROS bag, or a folder that `odom run` left."),
+        typer.Argument(help="Estimate: TUM, EuRoC or KITTI text, .mcap, a ROS bag, or a folder that `odom run` left."),
     ],
     truth: Annotated[
         Path | None,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from odom.errors import SourceError, WireError
 from odom.evaluation.files import read_kitti, read_run, read_tum
-from odom.evaluation.motive import read_motive
+from odom.evaluation.motive import is_motive, read_motive
 from odom.evaluation.run_report import CAMERA, body_of
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Stamp
@@ -36,7 +36,7 @@ def read_truth(
         return read_tum(path), body_of(path) != CAMERA
     if of_run and not is_recording(path):
         raise SourceError(f"{path} holds no truth.txt: give the truth as second argument")
-    if path.suffix.lower() == ".csv" and _columns(path) != 8:
+    if path.suffix.lower() == ".csv" and is_motive(path):
         return read_motive(path, body, y_up), True
     if is_recording(path):
         trajectory, found = _from_recording(path, topic)

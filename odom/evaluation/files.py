@@ -1,4 +1,4 @@
-"""Trajectories as text files: TUM's format, KITTI's, and the folder of a run."""
+"""Trajectories as text files: TUM's format, tables that name their columns, KITTI's, and the folder of a run."""
 
 import logging
 import re
@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from odom.errors import SourceError
+from odom.evaluation.pose_columns import PoseColumns, pose_columns
 from odom.evaluation.trajectory import Stamps, Trajectory
 from odom.frame import seconds_text, stamp_of
 from odom.geometry.arrays import Array
@@ -20,22 +21,30 @@ _SEGMENT = re.compile(r"#\s*segment\s+(\d{1,9})\s*$")
 
 
 def read_rows(
-    path: Path, what: str, stamps: int, values: int | None, *, may_be_cut: bool = False
+    path: Path,
+    what: str,
+    stamps: int,
+    values: int | None,
+    *,
+    may_be_cut: bool = False,
+    columns: PoseColumns | None = None,
 ) -> tuple[Stamps, Array, list[int]]:
     """Return n x `stamps` (ns) and n x `values` numbers of a text file, and their line numbers; `#` starts a comment.
 
-    Fields are parted by blanks or commas; what follows the stamps is skipped when `values` is None. `may_be_cut`
-    leaves out a last line that is too short. Stamps are seconds, or by their number of digits milli-, micro- or
-    nanoseconds, which is logged. Raises SourceError naming the line that is not `what`.
+    Fields are parted by blanks, commas or semicolons, or are those that `columns` picks; what follows the stamps is
+    skipped when `values` is None. `may_be_cut` leaves out a last line that is too short. Stamps are seconds, or by
+    their number of digits milli-, micro- or nanoseconds, which is logged. Raises SourceError naming the line that is
+    not `what`.
     """
     when, numbers, lines, units = [], [], [], set[str]()
     text = text_of(path).splitlines()
     for number, line in enumerate(text, 1):
-        fields = line.split("#", 1)[0].replace(",", " ").split()
+        fields = line.split("#", 1)[0].replace(",", " ").replace(";", " ").split()
         is_short = values is not None and len(fields) < stamps + values
-        if not fields or (may_be_cut and is_short and number == len(text)):
+        if not fields or (columns and number <= columns.line) or (may_be_cut and is_short and number == len(text)):
             continue
         try:
+            fields = columns.pick(line) if columns else fields
             if values is not None and len(fields) != stamps + values:
                 raise ValueError(f"{len(fields)} fields")
             read = [stamp_of(field) for field in fields[:stamps]]
@@ -54,12 +63,16 @@ def read_rows(
 def read_tum(path: Path) -> Trajectory:
     """Read lines of `stamp tx ty tz qx qy qz qw` (seconds, metres); a comment `# segment N` begins a segment.
 
-    Raises SourceError naming the line that cannot be read.
+    A line before them that names the columns says where each is (`pose_columns`): so EuRoC's CSV is read. Raises
+    SourceError naming the line that cannot be read.
     """
-    stamps, values, lines = read_rows(path, "a pose `stamp tx ty tz qx qy qz qw`", 1, 7)
-    marks = [
-        (n, int(found[1])) for n, line in enumerate(text_of(path).splitlines(), 1) if (found := _SEGMENT.match(line))
-    ]
+    text = text_of(path)
+    try:
+        columns = pose_columns(text)
+    except ValueError as error:
+        raise SourceError(f"{path}: {error}") from None
+    stamps, values, lines = read_rows(path, "a pose `stamp tx ty tz qx qy qz qw`", 1, 7, columns=columns)
+    marks = [(n, int(found[1])) for n, line in enumerate(text.splitlines(), 1) if (found := _SEGMENT.match(line))]
     begins, names = np.array([(0, 0), *marks]).T
     return trajectory_of(path, stamps, values, names[np.searchsorted(begins, lines) - 1])
 

@@ -24,6 +24,11 @@ _METRES = {"meters": 1.0, "centimeters": 0.01, "millimeters": 0.001}
 _NEEDED = tuple(("Position", axis) for axis in "XYZ") + tuple(("Rotation", axis) for axis in "XYZW")
 
 
+def is_motive(path: Path) -> bool:
+    """Return whether a CSV file has one of the lines that every export of Motive has; raises SourceError."""
+    return any(row[0].strip() in ("Frame", "Format Version") for row in _rows(path))
+
+
 def read_motive(path: Path, body: str | None = None, y_up: bool = True) -> Trajectory:
     """Return the trajectory of a rigid body, in metres and with z up; frames in which it was not seen are left out.
 

@@ -1,14 +1,18 @@
 """Trajectories as other tools write them: their stamps, the order of their columns, what they write where they lost."""
 
+import contextlib
 import logging
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from synthetic import smooth, trajectory
 
 import odom
+from odom.cli.trajectories import read_truth
 from odom.evaluation import Trajectory
 from odom.evaluation.files import read_tum
 
@@ -64,4 +68,64 @@ def test_stamps_since_1970_in_finer_units_are_known_by_their_digits(tmp_path, ca
 def test_a_stamp_that_is_a_time_in_no_unit_is_refused_with_its_line(tmp_path, walk):
     path = written(tmp_path / "t.txt", walk, lambda stamp: f"{stamp}000")
     with pytest.raises(odom.SourceError, match=r"t\.txt:1: .* since 1970"):
+        read_tum(path)
+
+
+EUROC = "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []"
+EUROC_MORE = ", v_RS_R_x [m s^-1], v_RS_R_y [m s^-1], v_RS_R_z [m s^-1], b_w_RS_S_x [rad s^-1], b_a_RS_S_x [m s^-2]"
+ROSTOPIC = "%time,field.header.frame_id,field.header.stamp," + ",".join(
+    [f"field.pose.pose.position.{axis}" for axis in "xyz"]
+    + [f"field.pose.pose.orientation.{axis}" for axis in "xyzw"]
+    + ["field.pose.covariance0", "field.twist.twist.linear.x"]
+)
+W_FIRST = [0, 1, 2, 6, 3, 4, 5]
+
+
+@pytest.mark.parametrize(
+    ("head", "stamp_text", "order", "between", "end"),
+    [
+        (EUROC, str, W_FIRST, ",", ""),
+        (EUROC + EUROC_MORE, str, W_FIRST, ",", ",.1,.2,.3,.4,.5"),
+        ("timestamp,tx,ty,tz,qx,qy,qz,qw", in_seconds, range(7), ",", ""),
+        ("timestamp,qw,qx,qy,qz,x,y,z", in_seconds, [6, 3, 4, 5, 0, 1, 2], ",", ""),
+        ("t;pos_x;pos_y;pos_z;quat_x;quat_y;quat_z;quat_w", in_seconds, range(7), ";", ""),
+        ("# timestamp(s) tx ty tz qx qy qz qw Pr11 Pr12", in_seconds, range(7), " ", " .1 .2"),
+        (ROSTOPIC, lambda stamp: f"{stamp + 5_000_000},my camera,{stamp}", range(7), ",", ",.1,.2"),
+    ],
+)
+def test_a_table_is_read_by_the_names_of_its_columns(tmp_path, walk, head, stamp_text, order, between, end):
+    assert_same(read_tum(written(tmp_path / "t.csv", walk, stamp_text, order, between, head + "\n", end)), walk)
+
+
+def test_nanoseconds_by_name_may_count_from_a_clock_of_their_own(tmp_path, walk):
+    early = walk.delayed(-START_S)
+    assert_same(read_tum(written(tmp_path / "t.csv", early, str, W_FIRST, ",", EUROC + "\n")), early)
+
+
+@pytest.mark.parametrize(
+    ("head", "words"),
+    [
+        ("time,x,y,z,roll,pitch,yaw", "none for qx qy qz qw"),
+        ("time,x,y,z,qx,qy,qz,qw,x", "several for x"),
+        ("Frame,Time", "not a pose"),
+    ],
+)
+def test_names_without_a_pose_are_refused_with_what_is_missing(tmp_path, head, words):
+    (tmp_path / "t.csv").write_text(f"{head}\n1,2,3,4,5,6,7\n")
+    with pytest.raises(odom.SourceError, match=words):
+        read_tum(tmp_path / "t.csv")
+
+
+def test_truth_in_csv_is_motives_only_where_it_looks_so(tmp_path, walk):
+    path = written(tmp_path / "truth.csv", walk, str, W_FIRST, ",", EUROC + EUROC_MORE + "\n", ",.1,.2,.3,.4,.5")
+    read, is_foreign = read_truth(path, times=None, topic=None, body=None, y_up=True, of_run=False)
+    assert_same(read, walk)
+    assert not is_foreign
+
+
+@given(rows=st.lists(st.lists(st.sampled_from(["1", "-2.5", "1e99", "nan", "sNaN", "", "x", "#"]), max_size=9)))
+def test_rows_below_names_are_read_or_refused_with_the_projects_error(tmp_path_factory, rows):
+    path = tmp_path_factory.mktemp("fuzz") / "t.csv"
+    path.write_text("\n".join([EUROC, *map(",".join, rows)]))
+    with contextlib.suppress(odom.SourceError):
         read_tum(path)

@@ -41,7 +41,10 @@ def read_rows(
     for number, line in enumerate(text, 1):
         fields = line.split("#", 1)[0].replace(",", " ").replace(";", " ").split()
         is_short = values is not None and len(fields) < stamps + values
-        if not fields or (columns and number <= columns.line) or (may_be_cut and is_short and number == len(text)):
+        if not fields or (columns and number <= columns.line):
+            continue
+        if may_be_cut and is_short and number == len(text):
+            log.warning("%s: its last line has %d fields: left out as cut short", path, len(fields))
             continue
         try:
             fields = columns.pick(line) if columns else fields
@@ -63,15 +66,18 @@ def read_rows(
 def read_tum(path: Path) -> Trajectory:
     """Read lines of `stamp tx ty tz qx qy qz qw` (seconds, metres); a comment `# segment N` begins a segment.
 
-    A line before them that names the columns says where each is (`pose_columns`): so EuRoC's CSV is read. Raises
-    SourceError naming the line that cannot be read.
+    A line before them that names the columns says where each is (`pose_columns`): so EuRoC's CSV is read. A last line
+    cut short by a crash is left out, and so are lost poses (`trajectory_of`). Raises SourceError naming the line that
+    cannot be read.
     """
     text = text_of(path)
     try:
         columns = pose_columns(text)
     except ValueError as error:
         raise SourceError(f"{path}: {error}") from None
-    stamps, values, lines = read_rows(path, "a pose `stamp tx ty tz qx qy qz qw`", 1, 7, columns=columns)
+    stamps, values, lines = read_rows(
+        path, "a pose `stamp tx ty tz qx qy qz qw`", 1, 7, may_be_cut=True, columns=columns
+    )
     marks = [(n, int(found[1])) for n, line in enumerate(text.splitlines(), 1) if (found := _SEGMENT.match(line))]
     begins, names = np.array([(0, 0), *marks]).T
     return trajectory_of(path, stamps, values, names[np.searchsorted(begins, lines) - 1])
@@ -101,34 +107,53 @@ def read_kitti(path: Path, times: Path) -> Trajectory:
     stamps = read_rows(times, "a time in seconds", 1, None)[0]
     if len(P) != len(stamps):
         raise SourceError(f"{path} has {len(P)} poses but {times} has {len(stamps)} times: give the poses' own times")
-    if not np.allclose(P[:, :, :3] @ P[:, :, :3].transpose(0, 2, 1), np.eye(3), atol=_ROTATION_TOLERANCE):
+    known = np.isfinite(P).all(axis=(1, 2))
+    R = P[known, :, :3]
+    if not np.allclose(R @ R.transpose(0, 2, 1), np.eye(3), atol=_ROTATION_TOLERANCE):
         raise SourceError(f"{path}: the left 3 x 3 of a pose is not a rotation")
-    quaternions = quaternions_of(P[:, :, :3])
-    return trajectory_of(path, stamps, np.column_stack([P[:, :, 3], quaternions]))
+    quaternions = np.full((len(P), 4), np.nan)
+    quaternions[known] = quaternions_of(R)
+    return trajectory_of(path, stamps[:, 0], np.column_stack([P[:, :, 3], quaternions]))
 
 
 def trajectory_of(path: Path, stamps: Stamps, values: Array, segments: Stamps | None = None) -> Trajectory:
-    """Return the trajectory of n stamps (ns) and n x 7 values (see `poses_of`), sorted, repeated stamps dropped.
+    """Return the trajectory of n stamps (ns) and n x 7 values (see `poses_of`), sorted.
 
-    Raises SourceError like `poses_of`.
+    What tools write for a camera that is lost, values that are not finite or a quaternion of zeros, is left out with a
+    warning, and so are all poses of a stamp but the first. Raises SourceError like `poses_of`.
     """
-    T = poses_of(path, values)
-    unique, first = np.unique(stamps, return_index=True)
-    several = segments is not None and len(set(segments.tolist())) > 1
-    return Trajectory(unique, T[first], segments[first] if segments is not None and several else None)
+    stamps = stamps.reshape(-1)
+    known = np.isfinite(values).all(axis=1) & (values[:, 3:] != 0.0).any(axis=1)
+    if not known.all():
+        log.warning(
+            "%s: %d of %d poses are left out, as lost: they are not finite or their quaternion is zero",
+            path, np.count_nonzero(~known), len(known),
+        )  # fmt: skip
+    unique, first = np.unique(stamps[known], return_index=True)
+    kept = np.flatnonzero(known)[first]
+    if (repeated := np.count_nonzero(known) - len(kept)) > 0:
+        log.warning(
+            "%s: %d of %d poses are left out, which have the stamp of another; stamps need all their digits",
+            path, repeated, len(known),
+        )  # fmt: skip
+    T = poses_of(path, values[kept])
+    several = segments is not None and len(set(segments[kept].tolist())) > 1
+    return Trajectory(unique, T, segments[kept] if segments is not None and several else None)
 
 
 def poses_of(path: Path, values: Array) -> Array:
     """Return n x 4 x 4 poses of n x 7 values `tx ty tz qx qy qz qw`, which were read from `path`.
 
-    Raises SourceError when a value is not finite or a quaternion's length is not about one.
+    Raises SourceError naming the pose of which a value is not finite or the quaternion's length is not about one.
     """
     T = np.tile(np.eye(4), (len(values), 1, 1))
     if not len(values):
         return T
     lengths = np.linalg.norm(values[:, 3:], axis=1)
-    if not np.isfinite(values).all() or (np.abs(lengths - 1.0) > _LENGTH_TOLERANCE).any():
-        raise SourceError(f"{path}: a pose is not finite or its quaternion has not length one")
+    good = np.isfinite(values).all(axis=1) & (np.abs(lengths - 1.0) <= _LENGTH_TOLERANCE)
+    if not good.all():
+        pose = " ".join(f"{value:g}" for value in values[np.argmin(good)])
+        raise SourceError(f"{path}: {pose} is no pose x y z qx qy qz qw: not finite, or no quaternion of length one")
     T[:, :3, :3] = matrices_of(values[:, 3:])
     T[:, :3, 3] = values[:, :3]
     return T

@@ -14,7 +14,7 @@ from synthetic import smooth, trajectory
 import odom
 from odom.cli.trajectories import read_truth
 from odom.evaluation import Trajectory
-from odom.evaluation.files import read_tum
+from odom.evaluation.files import read_kitti, read_tum
 
 START_S = 1.7e9
 
@@ -129,3 +129,43 @@ def test_rows_below_names_are_read_or_refused_with_the_projects_error(tmp_path_f
     path.write_text("\n".join([EUROC, *map(",".join, rows)]))
     with contextlib.suppress(odom.SourceError):
         read_tum(path)
+
+
+@pytest.mark.parametrize("lost", ["nan nan nan nan nan nan nan", "0 0 0 0 0 0 0", "1 2 3 inf 0 0 0"])
+def test_what_a_tool_writes_where_it_was_lost_is_left_out_and_counted(tmp_path, caplog, walk, lost):
+    lines = written(tmp_path / "t.txt", walk, in_seconds).read_text().splitlines()
+    for k in (0, 7, 8):
+        lines[k] = f"{lines[k].split()[0]} {lost}"
+    (tmp_path / "t.txt").write_text("\n".join(lines))
+    assert_same(read_tum(tmp_path / "t.txt"), walk.take(~np.isin(np.arange(len(walk)), (0, 7, 8))))
+    assert f"3 of {len(walk)} poses are left out, as lost" in caplog.text
+
+
+def test_lost_poses_of_kitti_are_left_out(tmp_path, walk):
+    rows = walk.T_world_body[:, :3].reshape(-1, 12).copy()
+    rows[3] = np.nan
+    np.savetxt(tmp_path / "poses.txt", rows)
+    (tmp_path / "times.txt").write_text("\n".join(map(in_seconds, walk.stamps.tolist())))
+    read = read_kitti(tmp_path / "poses.txt", tmp_path / "times.txt")
+    assert_same(read, walk.take(np.arange(len(walk)) != 3))
+
+
+def test_stamps_that_were_rounded_to_few_digits_are_told(tmp_path, caplog, walk):
+    read = read_tum(written(tmp_path / "t.txt", walk, lambda stamp: f"{stamp * 1e-9:.6e}"))
+    assert len(read) == 1
+    assert f"{len(walk) - 1} of {len(walk)} poses are left out" in caplog.text
+    assert "digits" in caplog.text
+
+
+def test_a_quaternion_that_is_none_is_named(tmp_path, walk):
+    path = written(tmp_path / "t.txt", walk, in_seconds)
+    path.write_text(path.read_text() + "1700000009 1 2 3 0 0 0 3\n")
+    with pytest.raises(odom.SourceError, match="1 2 3 0 0 0 3 is no pose"):
+        read_tum(path)
+
+
+def test_a_last_line_cut_short_by_a_crash_is_left_out(tmp_path, caplog, walk):
+    path = written(tmp_path / "t.txt", walk, in_seconds)
+    path.write_text(path.read_text()[:-40])
+    assert_same(read_tum(path), walk.take(np.arange(len(walk)) < len(walk) - 1))
+    assert "cut short" in caplog.text

@@ -73,8 +73,8 @@ def evaluate(
         truth or estimate, times=times, topic=truth_topic, body=body, y_up=not z_up, of_run=truth is None
     )
     mocap_options = _calibration_options(mocap or foreign, time_offset, hand_eye, max_gap, search)
-    judge = partial(judged_by, estimated, options=EvaluationOptions(max_gap_s=max_gap), mocap=mocap_options)
-    judged = judge(as_read)
+    judge = partial(judged_by, options=EvaluationOptions(max_gap_s=max_gap), mocap=mocap_options)
+    judged = judge(estimated, as_read)
     calibration, true, report = judged.calibration, judged.truth, judged.report
 
     print(f"matched        {report.matched} / {report.total} poses, {report.truth.duration_s:.1f} s")
@@ -96,7 +96,11 @@ def evaluate(
         fields[f"nees_{path.stem}"] = {"mean": values.mean, "inside_95": values.inside_95}
     if calibration:
         _print_calibration(mocap_calibration_fields(calibration, body or "body"), calibration.correlation)
-    notes = [*order_notes(as_read, report, lambda other: judge(other).report), *judged.notes]
+    notes = [
+        *order_notes(as_read, report, lambda other: judge(estimated, other).report),
+        *order_notes(estimated, report, lambda other: judge(other, as_read).report, whose="the estimate"),
+        *judged.notes,
+    ]
     for note in notes:
         print(f"note: {note}")
     if plot:

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from refused import process_as_it_was
 from scipy.spatial.transform import Rotation
 from synthetic import smooth, trajectory
+from typer.testing import CliRunner, Result
 
 import odom
+from odom.cli import app
 from odom.cli.trajectories import read_truth
 from odom.evaluation import Trajectory
 from odom.evaluation.files import read_kitti, read_tum
@@ -169,3 +172,19 @@ def test_a_last_line_cut_short_by_a_crash_is_left_out(tmp_path, caplog, walk):
     path.write_text(path.read_text()[:-40])
     assert_same(read_tum(path), walk.take(np.arange(len(walk)) < len(walk) - 1))
     assert "cut short" in caplog.text
+
+
+def evaluated(*arguments: str | Path) -> Result:
+    """What `odom eval ARGUMENTS` did, in this process."""
+    with process_as_it_was():
+        return CliRunner().invoke(app, ["eval", *map(str, arguments)])
+
+
+@pytest.mark.parametrize(("of_estimate", "whose"), [(W_FIRST, "the estimate"), (range(7), None)])
+def test_an_estimate_whose_quaternions_begin_with_w_is_told(tmp_path, walk, of_estimate, whose):
+    estimate = written(tmp_path / "estimate.txt", walk, in_seconds, of_estimate)
+    done = evaluated(estimate, written(tmp_path / "truth.txt", walk, in_seconds))
+    assert done.exit_code == 0
+    assert [line.split("'s")[0] for line in done.output.splitlines() if "w x y z" in line] == (
+        [f"note: {whose}"] if whose else []
+    )

@@ -10,6 +10,7 @@ from odom.cli.bench_physical import physical
 from odom.cli.bench_pipeline import pipeline
 from odom.cli.bench_robustness import robustness
 from odom.cli.options import Calibration, Config
+from odom.cli.outputs import check_files, in_its_folder, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -37,7 +38,6 @@ def registration(
 
     Example: odom bench registration --json table.json --plot table.png
     """
-    import json
     import sys
     from dataclasses import asdict
 
@@ -47,6 +47,7 @@ def registration(
     from odom.evaluation.paper import benchmark, cost, scenarios
     from odom.registration import warm_up
 
+    check_files(json_file, plot)
     console = Console(width=None if sys.stdout.isatty() else 190)
     clouds = 1000 if full else clouds
     warm_up()
@@ -70,11 +71,11 @@ def registration(
     _print_costs(console, costs)
     if json_file is not None:
         everything = {"clouds": clouds, "rows": [asdict(row) for row in table], "costs": [asdict(c) for c in costs]}
-        json_file.write_text(json.dumps(everything, indent=1) + "\n")
+        write_json(json_file, everything, indent=1)
     if plot is not None:
         from odom.evaluation.paper.figure import plot as draw
 
-        draw(table, plot)
+        draw(table, in_its_folder(plot))
 
 
 @bench.command("sensitivity")
@@ -96,7 +97,6 @@ def sensitivity(
 
     Example: odom bench sensitivity tum_fr1_xyz session.mcap --only 'frontend.*' --seconds 8 --jobs 2
     """
-    import json
     import sys
 
     from rich.console import Console
@@ -108,6 +108,7 @@ def sensitivity(
     from odom.service.progress import counting
 
     stop = signals.stop_event()
+    check_files(json_file)
     numbers = tuned_numbers(only)
     if not numbers:
         raise ConfigError(f"no tuned number is called {only}: without --only all of them are tried")
@@ -123,7 +124,7 @@ def sensitivity(
         table.add_row(*row)
     console.print(table)
     if json_file is not None:
-        json_file.write_text(json.dumps(as_json(found), indent=1) + "\n")
+        write_json(json_file, as_json(found), indent=1)
     if markdown_file is not None:
         markdown_file.write_text(markdown(found))
 

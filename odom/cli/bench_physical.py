@@ -7,6 +7,7 @@ import typer
 
 from odom.cli import signals
 from odom.cli.options import Calibration, Config
+from odom.cli.outputs import check_files, in_its_folder, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -33,7 +34,6 @@ def physical(
 
     Example: odom bench physical --json physical.json --plot physical.png
     """
-    import json
     import sys
     import tempfile
 
@@ -44,6 +44,7 @@ def physical(
     from odom.service.progress import counting
 
     stop = signals.stop_event()
+    check_files(json_file, plot)
     check_source(source, camera, pairs)
     calibration, settings = (None if path is None else str(path) for path in (camera, config))
     with tempfile.TemporaryDirectory() as folder:
@@ -54,7 +55,7 @@ def physical(
             _draw(found, Path(folder), plot)
     _print(Console(width=None if sys.stdout.isatty() else 160), found)
     if json_file is not None:
-        json_file.write_text(json.dumps(found.as_json(), indent=1) + "\n")
+        write_json(json_file, found.as_json(), indent=1)
 
 
 def _draw(found: "Experiment", folder: Path, path: Path) -> None:
@@ -67,7 +68,7 @@ def _draw(found: "Experiment", folder: Path, path: Path) -> None:
     scene = cv2.imread(str(folder / f"scene-{last}.png"))
     picture = None if scene is None else np.asarray(cv2.cvtColor(scene, cv2.COLOR_BGR2RGB), dtype=np.uint8)
     walks = {name: np.array(part.walk_m).reshape(-1, 3) for name, part in found.parts.items()}
-    plot(found.rows, found.parts[last].ellipsoids, picture, walks, path)
+    plot(found.rows, found.parts[last].ellipsoids, picture, walks, in_its_folder(path))
 
 
 def _print(console: "Console", found: "Experiment") -> None:

@@ -9,6 +9,7 @@ import typer
 
 from odom.cli import signals
 from odom.cli.options import Calibration, Config, End, Seconds, Seed, SourceName, Start
+from odom.cli.outputs import check_files, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -40,7 +41,6 @@ def pipeline(
 
     Example: odom bench pipeline session.mcap --json cost.json --against before.json
     """
-    import json
     import sys
     from dataclasses import asdict
 
@@ -55,6 +55,7 @@ def pipeline(
     from sensors.catalogue import open_source
     from sensors.source import SourceOptions
 
+    check_files(json_file)
     before = None if against is None else read_cost(against)
     stop = signals.stop_event()
     topics, settings = Topics(), load_settings(config).odometry
@@ -66,7 +67,7 @@ def pipeline(
     console = Console(width=None if sys.stdout.isatty() else 120)
     _print_stages(console, source, cost)
     if json_file is not None:
-        json_file.write_text(json.dumps({"source": source, **asdict(cost)}) + "\n")
+        write_json(json_file, {"source": source, **asdict(cost)})
     if before is not None:
         _print_changes(console, compared(before, cost), before.follow_ms, cost.follow_ms)
 

@@ -17,6 +17,7 @@ from odom.cli.options import (
     Start,
     pairs,
 )
+from odom.cli.outputs import check_files, write_json
 
 if TYPE_CHECKING:
     from odom.backend.odometry.segmentation import Segmenter
@@ -50,7 +51,6 @@ def doctor(
 
     Example: odom doctor kinect
     """
-    import json
     from dataclasses import replace
     from itertools import takewhile
 
@@ -65,6 +65,7 @@ def doctor(
     from sensors.source import SourceOptions, refused_images
 
     cv2.setNumThreads(1)
+    check_files(json_file)
     given = None if mask is None else read_mask(mask)
     stop = signals.stop_event()
     options = SourceOptions(
@@ -91,7 +92,7 @@ def doctor(
     bad = [finding.key for finding in findings if finding.verdict is Verdict.BAD]
     typer.echo(f"{source}: " + (f"mend first: {', '.join(bad)}" if bad else "nothing would spoil the odometry"))
     if json_file:
-        json_file.write_text(json.dumps([_as_dict(finding) for finding in findings], indent=2) + "\n")
+        write_json(json_file, [_as_dict(finding) for finding in findings], indent=2)
     if bad:
         raise typer.Exit(1)
 

@@ -5,10 +5,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from odom.errors import ConfigError
+
 if TYPE_CHECKING:
     from odom.evaluation.mocap_calibration import CalibrationOptions
 
 AUTO, OFF = "auto", "off"
+_LARGEST_OFFSET_S = 4e9
+"""More than since 1970; beyond it, stamps of today plus the offset are no 64 bits of nanoseconds."""
 
 
 def evaluate(
@@ -54,10 +58,10 @@ def evaluate(
 
     Example: odom eval out motive.csv --body rig --mocap --relative out/relative_second.txt
     """
-    import json
     from functools import partial
     from math import degrees
 
+    from odom.cli.outputs import check_files, in_its_folder, write_json
     from odom.cli.pose_figures import print_pose_figures
     from odom.cli.trajectories import read_claims, read_estimate, read_truth
     from odom.evaluation import EvaluationOptions
@@ -68,6 +72,10 @@ def evaluate(
     from odom.evaluation.trajectory_plot import plot as draw
     from odom.evaluation.truth_noise import truth_noise, widened
 
+    for option, seconds in (("--max-gap", max_gap), ("--search", search)):
+        if seconds is not None and not seconds >= 0.0:
+            raise ConfigError(f"{option} {seconds}: give seconds, 0 or more")
+    check_files(json_file, plot)
     estimated = read_estimate(estimate, times=times, topic=topic)
     as_read, foreign = read_truth(
         truth or estimate, times=times, topic=truth_topic, body=body, y_up=not z_up, of_run=truth is None
@@ -104,9 +112,9 @@ def evaluate(
     for note in notes:
         print(f"note: {note}")
     if plot:
-        draw(plot, report, title=estimate.name, remarks=remarks(calibration))
+        draw(in_its_folder(plot), report, title=estimate.name, remarks=remarks(calibration))
     if json_file:
-        json_file.write_text(json.dumps({**fields, "notes": notes}, indent=2) + "\n")
+        write_json(json_file, {**fields, "notes": notes}, indent=2)
 
 
 def _print_calibration(fields: dict[str, object], correlation: float) -> None:
@@ -129,7 +137,6 @@ def _calibration_options(
     import numpy as np
     from scipy.spatial.transform import Rotation
 
-    from odom.errors import ConfigError
     from odom.evaluation.mocap_calibration import CalibrationOptions
 
     time_offset, hand_eye = (value or (AUTO if foreign else OFF) for value in (time_offset, hand_eye))
@@ -140,10 +147,14 @@ def _calibration_options(
         try:
             offset_s = float(time_offset)
         except ValueError:
-            raise ConfigError(f"--time-offset {time_offset}: give auto, off or seconds") from None
+            offset_s = np.nan
+        if not abs(offset_s) <= _LARGEST_OFFSET_S:
+            raise ConfigError(f"--time-offset {time_offset}: give auto, off or seconds")
     if hand_eye not in (AUTO, OFF):
         try:
             values = np.array([float(value) for value in hand_eye.replace(",", " ").split()])
+            if not np.isfinite(values).all():
+                raise ValueError("not finite")
             T_body_camera = np.eye(4)
             T_body_camera[:3, :3] = Rotation.from_quat(values[3:]).as_matrix()
             T_body_camera[:3, 3] = values[:3]

@@ -1,7 +1,10 @@
-"""Where a recording may be written: not onto what is read for it."""
+"""Where a recording may be written, not onto what is read for it, and which files of figures can be."""
 
+import json
+import math
 import os
 from pathlib import Path
+from typing import Any
 
 from odom.errors import ConfigError, RecordingError
 
@@ -24,6 +27,44 @@ def check_recording(source: str, output: Path, overwrite: bool) -> None:
         check_free(output, overwrite)
     except RecordingError as error:
         raise ConfigError(f"--record: {error}") from error
+    _check_place("--record", output)
+
+
+def check_files(json_file: Path | None, picture: Path | None = None) -> None:
+    """Raise ConfigError when --json or --plot asks for what cannot be: before the work, which would be lost."""
+    for option, path in (("--json", json_file), ("--plot", picture)):
+        if path is None:
+            continue
+        if path.is_dir():
+            raise ConfigError(f"{option} {path} is a folder: give the name of a file in it")
+        _check_place(option, path)
+    if picture is not None and picture.suffix:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        if picture.suffix[1:].lower() not in FigureCanvasAgg.get_supported_filetypes():
+            raise ConfigError(f"--plot {picture}: {picture.suffix} is no kind of picture: let it end with .png or .pdf")
+
+
+def in_its_folder(path: Path) -> Path:
+    """Return the path of a file, whose folder is made; raises OSError when it cannot be."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return path
+
+
+def write_json(path: Path, content: Any, indent: int | None = None) -> None:
+    """Write figures as JSON, null for one that is not finite: JSON has no NaN, and other programs refuse it."""
+    in_its_folder(path).write_text(json.dumps(_finite(content), indent=indent, allow_nan=False) + "\n")
+
+
+def _check_place(option: str, output: Path) -> None:
     folder = next(parent for parent in output.absolute().parents if parent.exists())
     if not (folder.is_dir() and os.access(folder, os.W_OK)):
-        raise ConfigError(f"--record {output}: nothing can be written in {folder}; give another place")
+        raise ConfigError(f"{option} {output}: nothing can be written in {folder}; give another place")
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,6 +1,7 @@
 """Trajectories as other tools write them: their stamps, the order of their columns, what they write where they lost."""
 
 import contextlib
+import json
 import logging
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from refused import process_as_it_was
+from refused import process_as_it_was, refusal
 from scipy.spatial.transform import Rotation
 from synthetic import smooth, trajectory
 from typer.testing import CliRunner, Result
@@ -188,3 +189,33 @@ def test_an_estimate_whose_quaternions_begin_with_w_is_told(tmp_path, walk, of_e
     assert [line.split("'s")[0] for line in done.output.splitlines() if "w x y z" in line] == (
         [f"note: {whose}"] if whose else []
     )
+
+
+def test_figures_that_cannot_be_had_are_null_in_the_file_and_not_a_word_that_is_no_json(tmp_path, walk):
+    few = written(tmp_path / "few.txt", walk.take(np.arange(len(walk)) < 4), in_seconds)
+    done = evaluated(few, written(tmp_path / "truth.txt", walk, in_seconds), "--json", tmp_path / "new" / "f.json")
+    assert done.exit_code == 0, done.exception
+    figures = json.loads((tmp_path / "new" / "f.json").read_text(), parse_constant=pytest.fail)
+    assert figures["rpe_1s_m"] is None
+    assert figures["matched"] == 4
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--plot", "picture.xyz"],
+        ["--plot", "."],
+        ["--json", "."],
+        ["--time-offset", "nan"],
+        ["--time-offset", "1e30"],
+        ["--hand-eye", "nan 0 0 0 0 0 1"],
+        ["--hand-eye", "0 0 0 0 0 0 inf"],
+        ["--max-gap", "-1"],
+        ["--max-gap", "nan"],
+        ["--search", "-1"],
+        ["--search", "nan"],
+    ],
+)
+def test_options_that_mean_nothing_are_refused_by_their_name(tmp_path, walk, arguments):
+    truth = written(tmp_path / "truth.txt", walk, in_seconds)
+    assert arguments[0] in refusal("eval", truth, truth, "--mocap", *arguments)

@@ -63,13 +63,14 @@ def read_rows(
     return np.array(when, dtype=np.int64).reshape(n, stamps), np.array(numbers).reshape(n, values or 0), lines
 
 
-def read_tum(path: Path) -> Trajectory:
+def read_tum(path: str | Path) -> Trajectory:
     """Read lines of `stamp tx ty tz qx qy qz qw` (seconds, metres); a comment `# segment N` begins a segment.
 
     A line before them that names the columns says where each is (`pose_columns`): so EuRoC's CSV is read. A last line
     cut short by a crash is left out, and so are lost poses (`trajectory_of`). Raises SourceError naming the line that
     cannot be read.
     """
+    path = Path(path)
     text = text_of(path)
     try:
         columns = pose_columns(text)
@@ -159,10 +160,10 @@ def poses_of(path: Path, values: Array) -> Array:
     return T
 
 
-def write_tum(path: Path, trajectory: Trajectory) -> None:
+def write_tum(path: str | Path, trajectory: Trajectory) -> None:
     """Write a trajectory as TUM text, stamps with nine decimals."""
     quaternions = quaternions_of(trajectory.T_world_body[:, :3, :3])
-    with path.open("w") as file:
+    with Path(path).open("w") as file:
         for stamp, t, q in zip(trajectory.stamps, trajectory.positions, quaternions, strict=True):
             file.write(f"{seconds_text(stamp)} " + " ".join(f"{value:.9f}" for value in (*t, *q)) + "\n")
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,8 @@ class Trajectory:
     """Poses `T_world_body` (n x 4 x 4, metres) at strictly increasing `stamps` (n, int64 nanoseconds).
 
     `segment` (n) numbers each pose's world: an estimate that was lost and began anew has several. None: just one.
-    Raises InputError when shapes disagree, stamps are no integers or do not increase, or a pose is not finite.
+    Lists are taken as well. Raises InputError when shapes disagree, stamps are no integers or do not increase, or a
+    pose is not finite.
     """
 
     stamps: Stamps
@@ -35,10 +36,15 @@ class Trajectory:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        if len(self.stamps) and self.stamps.dtype.kind != "i":
+        for name, kind in (("stamps", np.int64), ("T_world_body", np.float64), ("segment", np.int64)):
+            if name != "segment" or self.segment is not None:
+                object.__setattr__(self, name, _as_array(name, getattr(self, name), kind))
+        if self.stamps.dtype.kind != "i":
             raise InputError(f"stamps are {self.stamps.dtype}: give int64 nanoseconds, odom.from_seconds(...) of each")
         if self.stamps.ndim != 1 or self.T_world_body.shape != (len(self.stamps), 4, 4):
             raise InputError(f"{self.T_world_body.shape} poses for {self.stamps.shape} stamps: give n x 4 x 4 and n")
+        if self.segment is not None and self.segment.shape != self.stamps.shape:
+            raise InputError(f"{self.segment.shape} segments for {self.stamps.shape} stamps: give a number for each")
         if (np.diff(self.stamps) <= 0).any():
             raise InputError("the stamps of a trajectory must increase: sort the poses and drop repeated stamps")
         if not np.isfinite(self.T_world_body).all():
@@ -55,7 +61,7 @@ class Trajectory:
     def by_stamp(cls, T_world_body: Mapping[Stamp, Array]) -> "Trajectory":
         """Return the trajectory of poses (4 x 4) that are known by their stamps, in any order."""
         stamps = sorted(T_world_body)
-        return cls(np.array(stamps, dtype=np.int64), np.array([T_world_body[at] for at in stamps]).reshape(-1, 4, 4))
+        return cls(np.array(stamps), np.array([T_world_body[at] for at in stamps]).reshape(-1, 4, 4))
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -131,6 +137,19 @@ class Trajectory:
             poses[valid, :3, :3] = first @ matrices_of_vectors(w * turn)
             poses[valid, :3, 3] = (1 - w) * self.positions[left[valid]] + w * self.positions[right[valid]]
         return poses, valid
+
+
+def _as_array(name: str, values: Any, kind: type[np.generic]) -> NDArray[Any]:
+    """Return an array of numbers of `kind`, or of the kind that `values` have where that would change them."""
+    try:
+        array = np.asarray(values)
+        if not array.size or np.can_cast(array.dtype, kind, "safe"):
+            return array.astype(kind, copy=False)
+        if kind is not np.int64:
+            raise ValueError(f"numbers of type {array.dtype}")
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} is no array of numbers ({error}): give one of numpy") from error
+    return array
 
 
 def nearest(stamps: Stamps, goals: Stamps) -> NDArray[np.intp]:

@@ -1,0 +1,77 @@
+"""Trajectories that a program gives: lists are taken, what cannot be meant is refused with what to give instead."""
+
+import numpy as np
+import pytest
+
+import odom
+
+STAMPS = np.arange(20) * 100_000_000
+POSES = np.tile(np.eye(4), (20, 1, 1))
+POSES[:, 0, 3], POSES[:, 1, 3] = np.arange(20), np.sin(np.arange(20))
+WALK = odom.Trajectory(STAMPS, POSES)
+
+
+@pytest.mark.parametrize(
+    ("stamps", "poses"),
+    [
+        (STAMPS.tolist(), POSES.tolist()),
+        (tuple(STAMPS), list(POSES)),
+        (STAMPS.astype(np.int32), POSES.astype(np.float32)),
+        (STAMPS, np.round(POSES).astype(int)),
+    ],
+)
+def test_lists_and_other_numbers_are_taken_as_arrays_of_the_documented_types(stamps, poses):
+    made = odom.Trajectory(stamps, poses)
+    assert (made.stamps.dtype, made.T_world_body.dtype) == (np.int64, np.float64)
+    np.testing.assert_array_equal(made.stamps, STAMPS)
+    assert odom.evaluate(made, made).ate_m < 1e-6
+
+
+def test_no_poses_make_an_empty_trajectory():
+    assert len(odom.Trajectory([], np.zeros((0, 4, 4)))) == 0
+
+
+@pytest.mark.parametrize(
+    ("stamps", "poses", "segment", "advice"),
+    [
+        (STAMPS * 1e-9, POSES, None, "from_seconds"),
+        ((STAMPS * 1e-9).tolist(), POSES, None, "from_seconds"),
+        (STAMPS, POSES[:, :3], None, "n x 4 x 4"),
+        (5, POSES, None, "n x 4 x 4"),
+        (STAMPS, POSES.astype(complex), None, "T_world_body"),
+        (STAMPS, None, None, "T_world_body"),
+        (STAMPS, [[1, 2], [3]], None, "T_world_body"),
+        (STAMPS, POSES, np.zeros(3, int), "segment"),
+    ],
+)
+def test_other_stamps_and_poses_are_refused(stamps, poses, segment, advice):
+    with pytest.raises(odom.InputError, match=advice):
+        odom.Trajectory(stamps, poses, segment)
+
+
+def test_seconds_as_keys_are_not_cut_to_whole_nanoseconds():
+    with pytest.raises(odom.InputError, match="from_seconds"):
+        odom.Trajectory.by_stamp({0.5: np.eye(4), 1.5: np.eye(4)})
+
+
+@pytest.mark.parametrize("spoil", [lambda T: 2 * T, lambda T: 0 * T, lambda T: T @ np.diag([1, 1, -1, 1])])
+def test_poses_that_are_no_rigid_motions_are_not_judged(spoil):
+    with pytest.raises(odom.InputError, match="truth: 20 of 20 poses are no rigid motions"):
+        odom.evaluate(WALK, odom.Trajectory(STAMPS, spoil(POSES)))
+
+
+@pytest.mark.parametrize("given", [POSES, "estimate.txt", None])
+def test_what_is_no_trajectory_is_not_judged(given):
+    with pytest.raises(odom.InputError, match=r"truth is a .*odom\.Trajectory"):
+        odom.evaluate(WALK, given)
+
+
+@pytest.mark.parametrize("gap_s", [-1.0, float("nan")])
+def test_a_gap_that_is_none_is_refused(gap_s):
+    with pytest.raises(odom.InputError, match="max_gap_s"):
+        odom.EvaluationOptions(max_gap_s=gap_s)
+
+
+def test_files_may_be_named_by_text(tmp_path):
+    odom.write_tum(str(tmp_path / "t.txt"), WALK)
+    np.testing.assert_array_equal(odom.read_tum(str(tmp_path / "t.txt")).stamps, STAMPS)

@@ -66,7 +66,7 @@ class Calibration:
 def calibrate(estimate: Trajectory, truth: Trajectory, options: CalibrationOptions | None = None) -> Calibration:
     """Return the calibration of a camera's `estimate` against the `truth` of a body fixed to the camera.
 
-    Raises InputError when too few poses match in time.
+    Raises InputError when too few poses match in time, or none of the two moves at all.
     """
     options = options or CalibrationOptions()
     estimate = estimate.longest_segment()
@@ -77,7 +77,12 @@ def calibrate(estimate: Trajectory, truth: Trajectory, options: CalibrationOptio
     truth = smooth(truth)
     free = np.repeat([options.T_body_camera is None, True, options.offset_s is None], [6, 6, 1])
     matched = estimate.take(_matched(estimate, truth, clock.seconds, options.max_gap_s))
-    state, sigma = HandEye(matched, truth, clock.seconds, options.T_body_camera, free).solve()
+    try:
+        state, sigma = HandEye(matched, truth, clock.seconds, options.T_body_camera, free).solve()
+    except np.linalg.LinAlgError:
+        raise InputError(
+            "estimate and truth do not move: no clock offset or hand-eye can be found; walk and turn the camera"
+        ) from None
     return Calibration(
         offset_s=state.offset_s,
         offset_sigma_s=float(sigma[12]),

@@ -105,6 +105,12 @@ def test_too_few_matches_are_an_error_that_says_so():
         calibrate(estimate.take(np.arange(3)), truth.take(np.arange(2)))
 
 
+def test_what_does_not_move_at_all_is_no_calibration_and_no_crash():
+    still = trajectory(lambda times: np.tile(np.eye(4), (len(times), 1, 1)), FRAMES)
+    with pytest.raises(InputError, match="do not move"):
+        calibrate(still, still)
+
+
 def test_clock_offset_ignores_frames_and_worlds():
     true, _, truth = scene(12, 0.1234)
     assert clock_offset(true, truth.moved(se3.exp(np.ones(6)))).seconds == pytest.approx(0.1234, abs=0.004)

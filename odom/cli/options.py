@@ -9,6 +9,7 @@ import typer
 from odom.errors import ConfigError, MapError
 
 if TYPE_CHECKING:
+    from odom.service.settings import Settings
     from odom.wire.settings import WireSettings
 
 Config = Annotated[Path | None, typer.Option(help="YAML file of settings.")]
@@ -82,13 +83,15 @@ def check_map(path: Path | None, localize: bool) -> None:
             raise ConfigError(str(error)) from error
 
 
-def check_mask(path: Path | None) -> Path | None:
-    """Return the path of a mask after a look at it; raises ConfigError where it is none."""
-    if path is not None:
-        from odom.service.mask_file import read_mask
+def with_mask(settings: "Settings", path: Path | None) -> "Settings":
+    """Return the settings with the mask that an option gives, if it does; raises ConfigError where it is none."""
+    from odom.service.mask_file import read_mask
 
-        read_mask(path)
-    return path
+    if path is not None:
+        settings = settings.model_copy(update={"service": settings.service.model_copy(update={"mask": path})})
+    if settings.service.mask is not None:
+        read_mask(settings.service.mask)
+    return settings
 
 
 def odometry_arguments(map_: Path | None, localize: bool, mask: Path | None) -> list[str]:

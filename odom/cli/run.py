@@ -89,7 +89,7 @@ def run(
         raise ConfigError("--headless and --web contradict each other: give one of them")
     _check_sensor(source, sensor)
     options.check_map(map_, localize)
-    options.check_mask(mask or settings.service.mask)
+    settings = options.with_mask(settings, mask)
     if record is not None:
         check_recording(source, record, overwrite)
     folder = out or new_folder(Path("out") / f"{_stem(source)}-{time.strftime('%Y%m%d-%H%M%S')}")

@@ -17,8 +17,8 @@ from odom.cli.options import (
     Namespace,
     Ros2,
     check_map,
-    check_mask,
     wire_settings,
+    with_mask,
 )
 
 
@@ -54,10 +54,9 @@ def serve(
     from odom.service.settings import load_settings
 
     check_map(map_, localize)
-    settings = load_settings(config)
-    service = settings.service.model_copy(update={"mask": check_mask(mask or settings.service.mask)})
+    settings = with_mask(load_settings(config), mask)
     wire = wire_settings(config, connect, listen, mode, namespace, ros2)
-    settings = settings.model_copy(update={"wire": wire, "service": service})
+    settings = settings.model_copy(update={"wire": wire})
     with ExitStack() as stack:
         files = None
         if out is not None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from odom.backend.estimate import IMAGE_AGAIN, NO_DEPTH, NO_PLACE, TOO_LITTLE
 from odom.errors import OdomError
+from odom.service.mask_file import read_mask
 from odom.service.unlogged import unlogged
 from odom.wire import Topics
 from sensors.source import Source, refused_images
@@ -43,15 +44,17 @@ _REMEDIES = {
 _OTHER_REMEDY = "see to that first, and run it again"
 
 
-def why_not_tracked(report: dict[str, Any], source: str, open_again: Callable[[], Source] | None) -> str:
+def why_not_tracked(
+    report: dict[str, Any], source: str, open_again: Callable[[], Source] | None, mask: Path | None = None
+) -> str:
     """Return what is wrong with a source of which nothing was tracked, and what to do.
 
     A source that can be opened again is examined as by `odom doctor`; for others the odometry's `report` gives the
-    reason for which most frames were lost.
+    reason for which most frames were lost. The file `mask` says what is known to be the camera's carrier.
     """
     if open_again is not None:
         try:
-            if found := _main_fault(_quietly(open_again)):
+            if found := _main_fault(_quietly(open_again), mask):
                 return found
         except (OdomError, OSError) as error:
             _LOG.debug("%s cannot be looked at: %s", source, error)
@@ -60,13 +63,15 @@ def why_not_tracked(report: dict[str, Any], source: str, open_again: Callable[[]
     return f"{main}`odom doctor {source}` looks for the cause"
 
 
-def why_poor(report: dict[str, Any], out: Path, open_again: Callable[[], Source]) -> str | None:
+def why_poor(
+    report: dict[str, Any], out: Path, open_again: Callable[[], Source], mask: Path | None = None
+) -> str | None:
     """Return what is wrong with a recorded source whose result in the folder `out` is poor, and what to do.
 
     None when the result is good, or far off truth though `odom doctor` would find no fault; where less than half was
     tracked and it finds none, the counts of the `report` say what happened. A source of which nothing says what camera
     it is of is looked at in any case, but then only for faults of the calibration; and one without truth, which would
-    show a wrong unit of depth, for that unit.
+    show a wrong unit of depth, for that unit. The file `mask` says what is known to be the camera's carrier.
     """
     is_hardly_tracked = (report.get("completeness") or 0.0) < _LEAST_TRACKED
     fault = None
@@ -74,7 +79,7 @@ def why_poor(report: dict[str, Any], out: Path, open_again: Callable[[], Source]
         opened = _quietly(open_again)
         is_poor = is_hardly_tracked or _is_far_off(report, out)
         if is_poor or getattr(opened, "is_assumed", False):
-            fault = _main_fault(opened, only_camera=not is_poor)
+            fault = _main_fault(opened, mask, only_camera=not is_poor)
         elif report.get("ate_m") is None:
             fault = _wrong_unit(opened)
     except (OdomError, OSError) as error:
@@ -123,12 +128,13 @@ def _wrong_unit(opened: Source) -> str | None:
     return _in_words(finding) if finding is not None and finding.verdict is Verdict.BAD else None
 
 
-def _main_fault(opened: Source, only_camera: bool = False) -> str | None:
+def _main_fault(opened: Source, mask: Path | None, only_camera: bool = False) -> str | None:
     """Return the first fault of the calibration, since others follow from it, else the first one if asked for."""
     from odom.evaluation.diagnosis import Verdict, examine
 
     recording = _sample(opened, _LOOKED_AT_S)
-    recording = replace(recording, refused={**recording.refused, **refused_images(opened)})
+    refused = {**recording.refused, **refused_images(opened)}
+    recording = replace(recording, refused=refused, mask=None if mask is None else read_mask(mask))
     bad = [finding for finding in examine(recording) if finding.verdict is Verdict.BAD]
     faults = [f for f in bad if f.key in _OF_THE_CAMERA] + ([] if only_camera else bad)
     return _in_words(faults[0]) if faults else None

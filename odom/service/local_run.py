@@ -53,8 +53,11 @@ def run(
         frames = report.get("frames")
         none = f"none of the {frames} frames was tracked" if frames else "no frame was processed"
         stopped = "the run was stopped before the first"
-        raise OdomError(f"{none}: {stopped if stop.is_set() else why_not_tracked(report, plan.source, open_again)}")
-    if open_again is not None and not stop.is_set() and (fault := why_poor(report, plan.out, open_again)):
+        why = stopped if stop.is_set() else why_not_tracked(report, plan.source, open_again, settings.service.mask)
+        raise OdomError(f"{none}: {why}")
+    if open_again is None or stop.is_set():
+        return
+    if fault := why_poor(report, plan.out, open_again, settings.service.mask):
         _LOG.warning("do not trust this result: %s", fault)
 
 

@@ -12,9 +12,12 @@ from carrier import carried, carrier_mask
 from painted_room import SMALL, PaintedRoom, stroll
 
 from odom.errors import ConfigError
+from odom.service.failed_tracking import why_poor
 from odom.service.mask_file import masked_by, read_mask, write_mask
 from odom.wire import Topics, codec
 from odom.wire.recording import RecordingWriter
+from sensors.catalogue import open_source
+from sensors.source import Source, SourceOptions
 
 FRAMES = 90
 
@@ -29,8 +32,8 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording of a walk with a deck of 40 % of the view before the camera."""
     path, topics, room = tmp_path_factory.mktemp("walk") / "walk.mcap", Topics(), PaintedRoom(seed=4)
     with RecordingWriter(path) as writer:
-        for number in range(0, 2 * FRAMES, 2):
-            frame = carried(room.frame(SMALL, number, stroll(number / 30)), 0.4)
+        for number in range(FRAMES):
+            frame = carried(room.frame(SMALL, number, stroll(number / 15)), 0.4)
             if not number:
                 writer.write(codec.encode_camera_info(topics.camera_info, frame.stamp, SMALL))
             rgb = np.repeat(frame.color[..., None], 3, axis=2)
@@ -98,3 +101,13 @@ def test_a_run_with_a_mask_that_is_none_touches_nothing(walk: Path, tmp_path: Pa
     assert done.returncode == 2
     assert "no image that can be read" in done.stderr
     assert not (tmp_path / "run").exists()
+
+
+def test_a_poor_run_names_the_deck_and_with_its_mask_does_not(walk: Path, tmp_path: Path) -> None:
+    def opened() -> Source:
+        return open_source(str(walk), SourceOptions())
+
+    mask, poor = tmp_path / "deck.png", {"completeness": 0.1, "tracked": 9, "frames": FRAMES}
+    write_mask(mask, carrier_mask(PaintedRoom().frame(SMALL, 0, np.eye(4)), 0.42))
+    assert "own parts" in (why_poor(poor, tmp_path, opened) or "")
+    assert "own parts" not in (why_poor(poor, tmp_path, opened, mask) or "")

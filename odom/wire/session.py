@@ -16,6 +16,11 @@ from odom.wire.security import secured, security_configuration
 from odom.wire.settings import WireSettings
 from odom.wire.subscriber import ReceptionCounters, Subscriber
 
+_ADVICE = {
+    "listener": "; end what listens there, or give another --listen",
+    "Unable to connect": "; is `odom router --listen` up at that address and port, and does a firewall let it through?",
+}
+"""What to do about Zenoh's reasons, by words that they hold."""
 _SOURCE_LINE = re.compile(r" at \S+\.rs:\d+")
 _IP_ENDPOINT = re.compile(r"(tcp|tls|udp|quic|ws)/(\[[^\]]+\]|[^:/\[\]]+):(\d+)([?#].*)?\Z")
 """HOST:PORT, and behind it what Zenoh may be told about the link."""
@@ -100,7 +105,7 @@ def open_session(settings: WireSettings) -> Iterator[WireSession]:
     except zenoh.ZError as error:
         where = ", ".join((*(settings.listen if settings.mode != "client" else ()), *settings.connect))
         reason = _SOURCE_LINE.sub("", str(error))
-        advice = "; end what listens there, or give another --listen" if "listener" in reason else ""
+        advice = "".join(words for sign, words in _ADVICE.items() if sign in reason)
         raise WireError(f"cannot open a Zenoh session as {settings.mode} at {where}: {reason}{advice}") from error
     session = WireSession(opened)
     try:

@@ -166,9 +166,9 @@ def test_nothing_listens_beyond_loopback_and_no_memory_is_shared(endpoint: str) 
     assert all("127.0.0.1" in where for where in (*WireSettings().listen, *WireSettings().connect))
 
 
-def test_a_router_that_is_not_there_is_named(endpoint: str) -> None:
+def test_a_router_that_is_not_there_is_named_and_what_to_look_for(endpoint: str) -> None:
     settings = WireSettings(mode="client", connect=(endpoint,), zenoh={"connect/timeout_ms": 300})
-    with pytest.raises(WireError, match=endpoint), open_session(settings):
+    with pytest.raises(WireError, match=rf"{endpoint}.*is `odom router --listen` up"), open_session(settings):
         pass
 
 

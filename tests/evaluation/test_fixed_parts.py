@@ -59,3 +59,16 @@ def test_a_carrier_is_bad_until_it_is_masked() -> None:
     assert "odom mask" in bad.advice
     assert judge_fixed_parts(images, fixed_parts(images).mask).verdict is Verdict.GOOD
     assert judge_fixed_parts([frame.color for frame in WALK]).verdict is Verdict.GOOD
+
+
+def rim(image: np.ndarray) -> np.ndarray:
+    """The image as one is that was rectified: black where the camera saw nothing."""
+    height, width = image.shape[:2]
+    v, u = np.mgrid[:height, :width]
+    return np.where(np.hypot(2 * u / width - 1, 2 * v / height - 1) > 1.2, 0, image).astype(np.uint8)
+
+
+def test_the_black_rim_of_rectified_images_is_found_and_does_no_harm() -> None:
+    images = [rim(frame.color) for frame in WALK]
+    assert 0.0 < fixed_parts(images).share < 0.2
+    assert judge_fixed_parts(images).verdict is Verdict.GOOD

@@ -7,18 +7,16 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-
 from odom.errors import ConfigError, SourceError
 from odom.frame import Camera
 from sensors.default_camera import first_size
-from sensors.image_lists import FolderLayout, TumEntry, stamp_of_frame
+from sensors.image_lists import FolderLayout, TumEntry
 from sensors.image_names import by_stamp, images_in, visible
 from sensors.intrinsic_files import matrix_camera
 from sensors.listed_folders import ASSOCIATIONS, associated, tum
 from sensors.mixed_folder import is_mixed_folder, mixed_folder
 from sensors.paired_folders import is_pair_of_folders, pair_of_folders
-from sensors.true_poses import pose_in, true_pose
+from sensors.true_poses import pose_in, pose_of_each_line
 
 _REPLICA = Camera(1200, 680, 600.0, 600.0, 599.5, 339.5)
 """The camera of Replica's rooms as they were drawn for NICE-SLAM, with 6553.5 units of depth a metre."""
@@ -66,14 +64,12 @@ def _scannet(path: Path) -> FolderLayout:
 def _replica(path: Path) -> FolderLayout:
     images = path / "results"
     file = path / "traj.txt"
-    lines = _lines(file) if file.is_file() else []
-    poses = [true_pose(stamp_of_frame(i), np.array(line, dtype=float).reshape(4, 4)) for i, line in enumerate(lines)]
     camera, scale = _replica_camera(path)
     return FolderLayout(
         "results/",
         by_stamp(path, images_in(images, "frame*")),
         by_stamp(path, images.glob("depth*.png")),
-        [pose for found in poses for pose in found],
+        pose_of_each_line(file) if file.is_file() else [],
         camera,
         scale,
     )
@@ -87,13 +83,6 @@ _LAYOUTS: tuple[tuple[Callable[[Path], bool], Callable[[Path], FolderLayout]], .
     (is_pair_of_folders, pair_of_folders),
     (is_mixed_folder, mixed_folder),
 )
-
-
-def _lines(file: Path) -> list[list[str]]:
-    try:
-        return [line.split() for line in file.read_text().splitlines() if len(line.split()) == 16]
-    except (OSError, UnicodeDecodeError) as error:
-        raise SourceError(f"{file} cannot be read: {error}") from error
 
 
 def _intrinsics(path: Path, which: str, images: list[TumEntry]) -> Camera | None:

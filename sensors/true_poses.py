@@ -10,7 +10,7 @@ from odom.errors import InputError
 from odom.frame import Stamp
 from odom.geometry.arrays import Array
 from odom.geometry.quaternion import quaternion_from_rotation
-from sensors.image_lists import TumEntry
+from sensors.image_lists import TumEntry, stamp_of_frame
 from sensors.image_names import visible
 
 log = logging.getLogger(__name__)
@@ -41,6 +41,34 @@ def true_pose(stamp: Stamp, T_world_camera: Array) -> list[TumEntry]:
     except InputError:
         return []
     return [TumEntry(stamp, tuple(map(str, (*T_world_camera[:3, 3].tolist(), *rotation.tolist()))))]
+
+
+def pose_of_each_line(file: Path) -> list[TumEntry]:
+    """Return the poses of a file with the 16 numbers of one a line, line after line those of the frames from 0 on.
+
+    Lines that are no pose are left out, counted and told; each stands for its frame all the same. Blank lines and
+    comments stand for none. A file that cannot be read is told and done without.
+    """
+    try:
+        lines = [(n, line.split()) for n, line in enumerate(file.read_text(encoding="utf-8-sig").splitlines(), start=1)]
+    except (OSError, UnicodeDecodeError) as error:
+        log.warning("%s cannot be read: %s; it goes on without truth", file, error)
+        return []
+    lines = [(number, words) for number, words in lines if words and not words[0].startswith("#")]
+    poses = [_pose_of_frame(frame, words) for frame, (_, words) in enumerate(lines)]
+    if wrong := [number for (number, _), pose in zip(lines, poses, strict=True) if not pose]:
+        log.warning(
+            "%s: %d of its %d poses are left out, as line %d: give the 16 numbers of a matrix T_world_camera a line",
+            file, len(wrong), len(lines), wrong[0],
+        )  # fmt: skip
+    return [entry for pose in poses for entry in pose]
+
+
+def _pose_of_frame(frame: int, words: Sequence[str]) -> list[TumEntry]:
+    try:
+        return true_pose(stamp_of_frame(frame), np.array(words, dtype=float).reshape(4, 4))
+    except ValueError:
+        return []
 
 
 def poses_of_images(path: Path, images: Sequence[TumEntry]) -> list[TumEntry]:

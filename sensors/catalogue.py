@@ -129,15 +129,20 @@ def _kind(spec: str) -> str:
     if path.exists() and is_recording(path):
         return "a recording"
     if path.exists():
-        raise ConfigError(
-            f"{spec} is neither an .mcap recording, a ROS bag (.bag, .db3, or a folder of .db3 files or with "
-            "metadata.yaml) nor a folder of images: TUM's (with rgb.txt and depth.txt), 7-Scenes', ScanNet's, "
-            "Replica's or ICL-NUIM's, or colour and depth in folders of their own (color/ or rgb/, and depth/) or told "
-            "apart by the names of the images (rgb_0001.png, depth_0001.png)"
-            f"{_inside_or_above(path)}"
-        )
+        raise no_source(path)
     what = "a SOURCE is arena, kinect, ros2:/camera, an .mcap file or a TUM RGB-D folder"
     raise ConfigError(f"{spec}: no such file or folder{_nearest(path)}; {what}")
+
+
+def no_source(path: Path) -> ConfigError:
+    """Return what is said of a file or folder that is there and holds nothing that can be read."""
+    return ConfigError(
+        f"{path} is neither an .mcap recording, a ROS bag (.bag, .db3, or a folder of .db3 files or with "
+        "metadata.yaml) nor a folder of images: TUM's (with rgb.txt and depth.txt), 7-Scenes', ScanNet's, "
+        "Replica's or ICL-NUIM's, or colour and depth in folders of their own (color/ or rgb/, and depth/) or told "
+        "apart by the names of the images (rgb_0001.png, depth_0001.png)"
+        f"{_inside_or_above(path)}"
+    )
 
 
 def _inside_or_above(path: Path) -> str:

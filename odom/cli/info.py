@@ -15,7 +15,8 @@ def info(file: Annotated[Path, typer.Argument(help="An .mcap recording or a ROS 
     """
     from odom.errors import ConfigError, RecordingError
     from odom.wire.codec.cdr import DIAGNOSTICS
-    from odom.wire.recording import open_reader, select_streams
+    from odom.wire.recording import is_recording, open_reader, select_streams
+    from sensors.catalogue import no_source
     from sensors.folder_layouts import is_image_folder
 
     if is_image_folder(file):
@@ -23,6 +24,8 @@ def info(file: Annotated[Path, typer.Argument(help="An .mcap recording or a ROS 
             f"{file} is a folder of images, and no recording: `odom doctor {file}` looks at it, `odom import {file} "
             "OUT.mcap` makes a recording of it"
         )
+    if file.is_dir() and not is_recording(file) and not any(file.glob("*.mcap")):
+        raise no_source(file)
     reader = open_reader(file)
     streams = reader.streams()
     if not streams:

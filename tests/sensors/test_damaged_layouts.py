@@ -5,6 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from refused import refusal
 
 from sensors.folder_layouts import layout_of
 from sensors.image_lists import pose_of, stamp_of_frame
@@ -53,3 +54,12 @@ def test_replicas_truth_that_cannot_be_read_is_told_and_done_without(
     (tmp_path / "traj.txt").write_bytes(b"\xff\xfe\x00")
     assert layout_of(tmp_path).truth == []
     assert "traj.txt cannot be read" in caplog.text
+
+
+def test_info_of_a_folder_that_is_no_source_says_what_a_run_says(tmp_path: Path) -> None:
+    for folder in (tmp_path / "empty", tmp_path / "above"):
+        folder.mkdir()
+    images(tmp_path / "above" / "walk", "rgb/{}.png", "depth/{}.png")
+    for folder in (tmp_path / "empty", tmp_path / "above"):
+        assert refusal("info", folder) == refusal("import", folder, tmp_path / "out.mcap")
+    assert f"did you mean {tmp_path / 'above' / 'walk'}?" in refusal("info", tmp_path / "above")

@@ -61,7 +61,7 @@ def _content(storage: cv2.FileStorage, path: Path) -> dict[str, Any]:
     if model not in _PINHOLE:
         raise ConfigError(f"calibration {path}: Camera.type {model} is not supported: calibrate as PinHole")
     width, height = _number(storage, _WIDTHS), _number(storage, _HEIGHTS)
-    matrix, lens = _pinhole(storage)
+    matrix, lens = _pinhole(storage, path)
     wanted = {
         "a camera_matrix of 3 x 3 numbers, or fx, fy, cx and cy (Camera.fx ... in ORB-SLAM)": matrix,
         "the images' width (image_width or Camera.width)": width,
@@ -74,13 +74,14 @@ def _content(storage: cv2.FileStorage, path: Path) -> dict[str, Any]:
         "image_width": width,
         "image_height": height,
         "camera_matrix": {"data": matrix},
-        "distortion_model": "plumb_bob" if len(lens) <= _PLUMB_BOB else "rational_polynomial",
+        "distortion_model": storage.getNode("distortion_model").string()
+        or ("plumb_bob" if len(lens) <= _PLUMB_BOB else "rational_polynomial"),
         "distortion_coefficients": {"data": lens},
         **({} if scale in (None, _METRES) else {"depth_scale": scale}),
     }
 
 
-def _pinhole(storage: cv2.FileStorage) -> tuple[list[float] | None, list[float]]:
+def _pinhole(storage: cv2.FileStorage, path: Path) -> tuple[list[float] | None, list[float]]:
     """Return the nine numbers of the camera's matrix, None without one, and the lens's coefficients."""
     for prefix in _PREFIXES:
         intrinsics = [_number(storage, (prefix + name,)) for name in _INTRINSICS]
@@ -88,12 +89,25 @@ def _pinhole(storage: cv2.FileStorage) -> tuple[list[float] | None, list[float]]
         if fx is not None and fy is not None and cx is not None and cy is not None:
             lens = [_number(storage, (prefix + name,)) or 0.0 for name in _COEFFICIENTS]
             return [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0], lens
-    K, D = _matrix(storage, _MATRICES), _matrix(storage, _LENSES)
+    K, D = _matrix(storage, path, _MATRICES), _matrix(storage, path, _LENSES)
     return (None if K is None or K.shape != (3, 3) else K.ravel().tolist()), ([] if D is None else D.ravel().tolist())
 
 
-def _matrix(storage: cv2.FileStorage, names: tuple[str, ...]) -> np.ndarray[Any, np.dtype[Any]] | None:
-    return next((node.mat() for name in names if (node := storage.getNode(name)).isMap()), None)
+def _matrix(storage: cv2.FileStorage, path: Path, names: tuple[str, ...]) -> np.ndarray[Any, np.dtype[Any]] | None:
+    """Return the first matrix of these names, None without one.
+
+    It need not be tagged as OpenCV's, as ROS's keys in such a file are not. Raises ConfigError where it is none.
+    """
+    found = next(((name, node) for name in names if (node := storage.getNode(name)).isMap()), None)
+    if found is None:
+        return None
+    name, node = found
+    rows, cols = (int(node.getNode(side).real()) for side in ("rows", "cols"))
+    data = node.getNode("data")
+    numbers = [item.real() for k in range(data.size()) if (item := data.at(k)).isReal() or item.isInt()]
+    if not data.isSeq() or rows < 0 or not len(numbers) == data.size() == rows * cols:
+        raise ConfigError(f"calibration {path}: {name} is no matrix of as many numbers as its rows and cols say")
+    return np.array(numbers).reshape(rows, cols)
 
 
 def _number(storage: cv2.FileStorage, names: tuple[str, ...]) -> float | None:

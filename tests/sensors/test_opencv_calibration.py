@@ -87,6 +87,28 @@ def test_what_opencv_writes_is_a_calibration(tmp_path: Path, names: tuple[tuple[
     assert read(tmp_path, text + "depth_scale: 1000\n")[1] == 1000.0
 
 
+RTABMAP = """%YAML:1.0
+---
+camera_name: "x"
+image_width: 640
+image_height: 480
+camera_matrix:
+   rows: 3
+   cols: 3
+   data: [ 517.306408, 0., 318.64304, 0., 516.469215, 255.313989, 0.,
+       0., 1. ]
+distortion_coefficients:
+   rows: 1
+   cols: 5
+   data: [ 0.2624, -0.9531, -0.0054, 0.0026, 1.1633 ]
+distortion_model: plumb_bob
+"""
+
+
+def test_ros_keys_in_opencvs_yaml_as_rtabmap_writes_them_are_a_calibration(tmp_path: Path) -> None:
+    assert read(tmp_path, RTABMAP) == (CAMERA, TUM_DEPTH_SCALE)
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
@@ -96,6 +118,10 @@ def test_what_opencv_writes_is_a_calibration(tmp_path: Path, names: tuple[tuple[
         (ORB_SLAM2.replace("517.306408", "none"), "camera_matrix"),
         ("%YAML:1.0\n---\nK: !!opencv-matrix\n   rows: [", "cannot be read as OpenCV's YAML"),
         ("%YAML:1.0\n", "lacks a camera_matrix"),
+        (RTABMAP.replace("0., 1. ]", "0. ]"), "camera_matrix is no matrix of as many numbers as its rows and cols"),
+        (RTABMAP.replace("s: 3", "s: -3"), "camera_matrix is no matrix"),
+        (RTABMAP.replace("0.2624", "none"), "distortion_coefficients is no matrix"),
+        (RTABMAP.replace("plumb_bob", "equidistant"), "distortion model 'equidistant'"),
     ],
 )
 def test_what_such_a_file_lacks_is_named(tmp_path: Path, text: str, says: str) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from odom.errors import ConfigError
 from odom.frame import Camera
+from sensors.calibration_per_image import camera_of_all_images
 from sensors.image_names import visible
 
 log = logging.getLogger(__name__)
@@ -23,14 +24,17 @@ _UNREADABLE = (OSError, ValueError, KeyError, TypeError, IndexError)
 def camera_beside(path: Path, size: tuple[int, int]) -> Camera | None:
     """Return the camera of a folder's images of this size (width, height) by the first file there that describes one.
 
-    These are Open3D's `*intrinsic*.json`, `*intrinsic*.txt` with a matrix, and `calibration.txt` with fx fy cx cy.
+    These are Open3D's `*intrinsic*.json`, `*intrinsic*.txt` with a matrix, `calibration.txt` with fx fy cx cy, and
+    rtabmap's `calib/*.yaml`, one an image.
     Raises ConfigError where one of the first two holds something else.
     """
     if files := sorted(visible(path, "*intrinsic*.json")):
         return open3d_camera(files[0])
     if files := sorted(visible(path, "*intrinsic*.txt")):
         return matrix_camera(files[0], size)
-    return row_camera(path / "calibration.txt", size) if (path / "calibration.txt").is_file() else None
+    if (path / "calibration.txt").is_file():
+        return row_camera(path / "calibration.txt", size)
+    return camera_of_all_images(path)
 
 
 def row_camera(file: Path, size: tuple[int, int]) -> Camera | None:

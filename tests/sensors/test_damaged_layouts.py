@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from refused import refusal
 
+from odom.frame import Camera
 from sensors.folder_layouts import layout_of
 from sensors.image_lists import pose_of, stamp_of_frame
 
@@ -63,3 +64,34 @@ def test_info_of_a_folder_that_is_no_source_says_what_a_run_says(tmp_path: Path)
     for folder in (tmp_path / "empty", tmp_path / "above"):
         assert refusal("info", folder) == refusal("import", folder, tmp_path / "out.mcap")
     assert f"did you mean {tmp_path / 'above' / 'walk'}?" in refusal("info", tmp_path / "above")
+
+
+def rtabmap(folder: Path, focal: list[float]) -> list[Path]:
+    """Write what rtabmap exports: images named by stamps, and for each a calibration in ROS's keys."""
+    images(folder, "rgb/156000000{}.500000.jpg", "depth/156000000{}.500000.png")
+    (folder / "calib").mkdir()
+    files = [folder / f"calib/156000000{i}.500000.yaml" for i in range(FRAMES)]
+    for i, (file, fx) in enumerate(zip(files, focal, strict=True)):
+        file.write_text(
+            f'%YAML:1.0\n---\ncamera_name: "{i}"\nimage_width: 64\nimage_height: 48\ncamera_matrix:\n   rows: 3\n'
+            f"   cols: 3\n   data: [ {fx}, 0., 31.5, 0., 61., 23.5, 0., 0., 1. ]\ndistortion_coefficients:\n"
+            "   rows: 1\n   cols: 5\n   data: [ 0., 0., 0., 0., 0. ]\ndistortion_model: plumb_bob\n"
+        )
+    return files
+
+
+def test_the_calibration_that_rtabmap_exports_for_each_image_is_read(tmp_path: Path) -> None:
+    rtabmap(tmp_path, [60.0] * FRAMES)
+    assert layout_of(tmp_path).camera == Camera(64, 48, 60.0, 61.0, 31.5, 23.5)
+
+
+@pytest.mark.parametrize("damaged", [False, True])
+def test_calibrations_of_the_images_that_are_not_one_are_told_with_the_option_for_the_first(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, damaged: bool
+) -> None:
+    files = rtabmap(tmp_path, [60.0, 60.0, 60.0 if damaged else 61.0, 60.0])
+    if damaged:
+        files[2].write_bytes(b"%YAML:1.0\n---\ncamera_matrix: \xff")
+    assert layout_of(tmp_path).camera is None
+    assert f"--camera {files[0]}" in caplog.text
+    assert str(files[2]) in caplog.text or damaged

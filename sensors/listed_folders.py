@@ -3,12 +3,12 @@
 import logging
 from pathlib import Path
 
-from odom.errors import SourceError
+from odom.errors import ConfigError, SourceError
 from odom.frame import Camera, stamp_of
 from sensors.default_camera import ICL_NUIM, first_size
 from sensors.image_lists import SECOND, FolderLayout, TumEntry, read_list, stamp_of_frame
 from sensors.image_names import visible
-from sensors.intrinsic_files import row_camera
+from sensors.intrinsic_files import camera_beside
 
 log = logging.getLogger(__name__)
 
@@ -19,14 +19,12 @@ _MOST_FRAMES = 10_000_000
 
 
 def tum(path: Path) -> FolderLayout:
-    """TUM's, and ETH3D's, which adds a `calibration.txt`; a trajectory that cannot be read is done without."""
-    color, depth, truth = read_list(path / "rgb.txt", 1), read_list(path / "depth.txt", 1), []
-    file = path / "groundtruth.txt"
-    if file.is_file():
-        try:
-            truth = read_list(file, 7)
-        except SourceError as error:
-            log.warning("%s; it goes on without truth", error)
+    """TUM's, and ETH3D's, which adds a `calibration.txt`; a trajectory that cannot be read is done without.
+
+    The camera is that of a file that `camera_beside` finds, as for `associated`.
+    """
+    color, depth = read_list(path / "rgb.txt", 1), read_list(path / "depth.txt", 1)
+    truth = _truth(path / "groundtruth.txt")
     if _counts_frames(color, depth):
         log.warning(
             "%s: the stamps of rgb.txt and depth.txt are whole numbers: they are taken for numbers of frames, 30 a "
@@ -35,7 +33,7 @@ def tum(path: Path) -> FolderLayout:
         )
         color, depth = _as_frames(color), _as_frames(depth)
         truth = _as_frames(truth) if _counts_frames(truth) else truth
-    return FolderLayout("rgb.txt or depth.txt", color, depth, truth, _intrinsics_in_a_row(path, color))
+    return FolderLayout("rgb.txt or depth.txt", color, depth, truth, _camera(path, first_size(path, color)))
 
 
 def associated(path: Path) -> FolderLayout:
@@ -48,16 +46,14 @@ def associated(path: Path) -> FolderLayout:
     first = [TumEntry(entry.stamp, entry.values[:1]) for entry in pairs]
     second = sorted((_second(file, entry) for entry in pairs), key=lambda entry: entry.stamp)
     drawn = next(iter(sorted(visible(path, "*.gt.freiburg"))), None)
-    measured = path / "groundtruth.txt"
-    truth = read_list(measured, 7) if drawn is None and measured.is_file() else []
-    if drawn is not None:
-        truth = [_mirrored(entry) for entry in read_list(drawn, 7)]
+    truth = _truth(path / "groundtruth.txt") if drawn is None else [_mirrored(entry) for entry in _truth(drawn)]
     if _counts_frames(first, second):
-        first, second, truth = (_as_frames(entries) for entries in (first, second, truth))
+        first, second = _as_frames(first), _as_frames(second)
+        truth = _as_frames(truth) if _counts_frames(truth) else truth
     color, depth = (second, first) if pairs and "depth" in pairs[0].values[0] else (first, second)
-    size = None if drawn is None else first_size(path, color)
-    camera = ICL_NUIM if size == (ICL_NUIM.width, ICL_NUIM.height) else None
-    return FolderLayout(file.name, color, depth, truth, camera)
+    size = first_size(path, color)
+    published = ICL_NUIM if drawn is not None and size == (ICL_NUIM.width, ICL_NUIM.height) else None
+    return FolderLayout(file.name, color, depth, truth, _camera(path, size) or published)
 
 
 def _counts_frames(*lists: list[TumEntry]) -> bool:
@@ -89,8 +85,19 @@ def _negative(number: str) -> str:
     return number[1:] if number.startswith("-") else f"-{number}"
 
 
-def _intrinsics_in_a_row(path: Path, images: list[TumEntry]) -> Camera | None:
-    """Return the camera of `calibration.txt`, which holds fx fy cx cy, with the size of the first image."""
-    file = path / "calibration.txt"
-    size = first_size(path, images) if file.is_file() else None
-    return None if size is None else row_camera(file, size)
+def _truth(file: Path) -> list[TumEntry]:
+    """Return the poses of a trajectory, none where it is not there; one that cannot be read is told."""
+    try:
+        return read_list(file, 7) if file.is_file() else []
+    except SourceError as error:
+        log.warning("%s; it goes on without truth", error)
+        return []
+
+
+def _camera(path: Path, size: tuple[int, int] | None) -> Camera | None:
+    """Return the camera of images of this size by a file that `camera_beside` finds; one that is none is told."""
+    try:
+        return None if size is None else camera_beside(path, size)
+    except ConfigError as error:
+        log.warning("%s; it is left aside", error)
+        return None

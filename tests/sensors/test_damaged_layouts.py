@@ -14,10 +14,11 @@ from sensors.image_lists import pose_of, stamp_of_frame
 FRAMES = 4
 
 
-def images(folder: Path, color_name: str, depth_name: str) -> None:
+def images(folder: Path, color_name: str, depth_name: str, size: tuple[int, int] = (64, 48)) -> None:
     """Write images of one shade, whose names hold `{}` for the number of the frame."""
+    shape = size[::-1]
     for i in range(FRAMES):
-        for name, image in ((color_name, np.full((48, 64, 3), 9 * i)), (depth_name, np.full((48, 64), 1500 + i))):
+        for name, image in ((color_name, np.full((*shape, 3), 9 * i)), (depth_name, np.full(shape, 1500 + i))):
             file = folder / name.format(i)
             file.parent.mkdir(parents=True, exist_ok=True)
             cv2.imwrite(str(file), image.astype(np.uint8 if image.ndim == 3 else np.uint16))

@@ -15,6 +15,7 @@ from sensors.image_names import by_stamp, images_in, visible
 from sensors.intrinsic_files import matrix_camera
 from sensors.listed_folders import ASSOCIATIONS, associated, tum
 from sensors.mixed_folder import is_mixed_folder, mixed_folder
+from sensors.openloris import is_openloris, openloris
 from sensors.paired_folders import is_pair_of_folders, pair_of_folders
 from sensors.true_poses import pose_in, pose_of_each_line
 
@@ -78,6 +79,7 @@ def _replica(path: Path) -> FolderLayout:
 _LAYOUTS: tuple[tuple[Callable[[Path], bool], Callable[[Path], FolderLayout]], ...] = (
     (lambda path: (path / "rgb.txt").is_file(), tum),
     (lambda path: any((path / name).is_file() for name in ASSOCIATIONS) and (path / "depth").is_dir(), associated),
+    (is_openloris, openloris),
     (_is_scannet, _scannet),
     (lambda path: next((path / "results").glob("depth*.png"), None) is not None, _replica),
     (is_pair_of_folders, pair_of_folders),

@@ -43,17 +43,22 @@ def opencv_content(path: Path, text: str) -> dict[str, Any]:
 
     Raises ConfigError when it cannot be parsed, or naming what is missing.
     """
-    body = text.partition("\n")[2] if text.startswith("%YAML") else text
-    try:
-        storage = cv2.FileStorage(f"{_HEADER}\n{body}", cv2.FileStorage_READ | cv2.FileStorage_MEMORY)
-    except (cv2.error, SystemError) as error:
-        raise ConfigError(
-            f"calibration {path} cannot be read as OpenCV's YAML: {' '.join(str(error).split())}"
-        ) from error
+    storage = opencv_storage(path, text)
     try:
         return _content(storage, path)
     finally:
         storage.release()
+
+
+def opencv_storage(path: Path, text: str) -> cv2.FileStorage:
+    """Return OpenCV's YAML as it parses it, whichever form its header has; raises ConfigError."""
+    body = text.partition("\n")[2] if text.startswith("%YAML") else text
+    try:
+        return cv2.FileStorage(f"{_HEADER}\n{body}", cv2.FileStorage_READ | cv2.FileStorage_MEMORY)
+    except (cv2.error, SystemError) as error:
+        raise ConfigError(
+            f"calibration {path} cannot be read as OpenCV's YAML: {' '.join(str(error).split())}"
+        ) from error
 
 
 def _content(storage: cv2.FileStorage, path: Path) -> dict[str, Any]:
@@ -89,21 +94,23 @@ def _pinhole(storage: cv2.FileStorage, path: Path) -> tuple[list[float] | None, 
         if fx is not None and fy is not None and cx is not None and cy is not None:
             lens = [_number(storage, (prefix + name,)) or 0.0 for name in _COEFFICIENTS]
             return [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0], lens
-    K, D = _matrix(storage, path, _MATRICES), _matrix(storage, path, _LENSES)
+    K, D = matrix_at(storage, path, _MATRICES), matrix_at(storage, path, _LENSES)
     return (None if K is None or K.shape != (3, 3) else K.ravel().tolist()), ([] if D is None else D.ravel().tolist())
 
 
-def _matrix(storage: cv2.FileStorage, path: Path, names: tuple[str, ...]) -> np.ndarray[Any, np.dtype[Any]] | None:
-    """Return the first matrix of these names, None without one.
+def matrix_at(
+    node: cv2.FileStorage | cv2.FileNode, path: Path, names: tuple[str, ...]
+) -> np.ndarray[Any, np.dtype[Any]] | None:
+    """Return the first matrix of these names below a node, None without one.
 
     It need not be tagged as OpenCV's, as ROS's keys in such a file are not. Raises ConfigError where it is none.
     """
-    found = next(((name, node) for name in names if (node := storage.getNode(name)).isMap()), None)
+    found = next(((name, at) for name in names if (at := node.getNode(name)).isMap()), None)
     if found is None:
         return None
-    name, node = found
-    rows, cols = (int(node.getNode(side).real()) for side in ("rows", "cols"))
-    data = node.getNode("data")
+    name, at = found
+    rows, cols = (int(at.getNode(side).real()) for side in ("rows", "cols"))
+    data = at.getNode("data")
     numbers = [item.real() for k in range(data.size()) if (item := data.at(k)).isReal() or item.isInt()]
     if not data.isSeq() or rows < 0 or not len(numbers) == data.size() == rows * cols:
         raise ConfigError(f"calibration {path}: {name} is no matrix of as many numbers as its rows and cols say")

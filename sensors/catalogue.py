@@ -10,6 +10,7 @@ from odom.errors import ConfigError
 from sensors.folder_layouts import is_image_folder
 from sensors.source import Source, SourceOptions
 from sensors.source_options import read_options
+from sensors.unread_layouts import unread_layout
 
 _PLAYED = {"start", "end", "realtime", "rate", "loop"}
 _SENT = {"color", "depth"}
@@ -137,7 +138,8 @@ def _kind(spec: str) -> str:
 def no_source(path: Path) -> ConfigError:
     """Return what is said of a file or folder that is there and holds nothing that can be read."""
     return ConfigError(
-        f"{path} is neither an .mcap recording, a ROS bag (.bag, .db3, or a folder of .db3 files or with "
+        unread_layout(path)
+        or f"{path} is neither an .mcap recording, a ROS bag (.bag, .db3, or a folder of .db3 files or with "
         "metadata.yaml) nor a folder of images: TUM's (with rgb.txt and depth.txt), 7-Scenes', ScanNet's, "
         "Replica's or ICL-NUIM's, or colour and depth in folders of their own (color/ or rgb/, and depth/) or told "
         "apart by the names of the images (rgb_0001.png, depth_0001.png)"

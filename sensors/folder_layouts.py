@@ -66,11 +66,12 @@ def _replica(path: Path) -> FolderLayout:
     images = path / "results"
     file = path / "traj.txt"
     camera, scale = _replica_camera(path)
+    color = by_stamp(path, images_in(images, "frame*"))
     return FolderLayout(
         "results/",
-        by_stamp(path, images_in(images, "frame*")),
+        color,
         by_stamp(path, images.glob("depth*.png")),
-        pose_of_each_line(file) if file.is_file() else [],
+        pose_of_each_line(file, color) if file.is_file() else [],
         camera,
         scale,
     )

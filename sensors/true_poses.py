@@ -43,10 +43,11 @@ def true_pose(stamp: Stamp, T_world_camera: Array) -> list[TumEntry]:
     return [TumEntry(stamp, tuple(map(str, (*T_world_camera[:3, 3].tolist(), *rotation.tolist()))))]
 
 
-def pose_of_each_line(file: Path) -> list[TumEntry]:
-    """Return the poses of a file with the 16 numbers of one a line, line after line those of the frames from 0 on.
+def pose_of_each_line(file: Path, images: Sequence[TumEntry]) -> list[TumEntry]:
+    """Return the poses of a file with the 16 numbers of one a line.
 
-    Lines that are no pose are left out, counted and told; each stands for its frame all the same. Blank lines and
+    As many as there are images are theirs, in order; else line after line is that of the frames from 0 on. Lines that
+    are no pose are left out, counted and told; each stands for its frame all the same. Blank lines and
     comments stand for none. A file that cannot be read is told and done without.
     """
     try:
@@ -55,7 +56,9 @@ def pose_of_each_line(file: Path) -> list[TumEntry]:
         log.warning("%s cannot be read: %s; it goes on without truth", file, error)
         return []
     lines = [(number, words) for number, words in lines if words and not words[0].startswith("#")]
-    poses = [_pose_of_frame(frame, words) for frame, (_, words) in enumerate(lines)]
+    one_each = len(lines) == len(images)
+    stamps = [image.stamp for image in images] if one_each else [stamp_of_frame(k) for k in range(len(lines))]
+    poses = [_pose_of_words(stamp, words) for stamp, (_, words) in zip(stamps, lines, strict=True)]
     if wrong := [number for (number, _), pose in zip(lines, poses, strict=True) if not pose]:
         log.warning(
             "%s: %d of its %d poses are left out, as line %d: give the 16 numbers of a matrix T_world_camera a line",
@@ -64,9 +67,9 @@ def pose_of_each_line(file: Path) -> list[TumEntry]:
     return [entry for pose in poses for entry in pose]
 
 
-def _pose_of_frame(frame: int, words: Sequence[str]) -> list[TumEntry]:
+def _pose_of_words(stamp: Stamp, words: Sequence[str]) -> list[TumEntry]:
     try:
-        return true_pose(stamp_of_frame(frame), np.array(words, dtype=float).reshape(4, 4))
+        return true_pose(stamp, np.array(words, dtype=float).reshape(4, 4))
     except ValueError:
         return []
 

@@ -96,3 +96,20 @@ def test_calibrations_of_the_images_that_are_not_one_are_told_with_the_option_fo
     assert layout_of(tmp_path).camera is None
     assert f"--camera {files[0]}" in caplog.text
     assert str(files[2]) in caplog.text or damaged
+
+
+@pytest.mark.parametrize("name", ["{}0", "1{}"])
+def test_as_many_true_poses_as_images_of_replica_are_theirs_whatever_their_numbers(tmp_path: Path, name: str) -> None:
+    images(tmp_path, f"results/frame{name}.png", f"results/depth{name}.png")
+    (tmp_path / "traj.txt").write_text("\n".join(replica_line(i) if i != 1 else "lost" for i in range(FRAMES)))
+    found = layout_of(tmp_path)
+    stamps = [entry.stamp for entry in found.color]
+    assert [(entry.stamp, pose_of(entry)[0, 3]) for entry in found.truth] == [(stamps[i], i) for i in (0, 2, 3)]
+
+
+def test_a_true_pose_of_each_frame_is_found_by_the_numbers_of_the_images_that_were_kept(tmp_path: Path) -> None:
+    images(tmp_path, "results/frame{}0.png", "results/depth{}0.png")
+    (tmp_path / "traj.txt").write_text("\n".join(replica_line(i) for i in range(10 * FRAMES)))
+    found = layout_of(tmp_path)
+    at = {entry.stamp: pose_of(entry)[0, 3] for entry in found.truth}
+    assert [at[entry.stamp] for entry in found.color] == [0, 10, 20, 30]

@@ -12,7 +12,7 @@ from sensors.default_camera import first_size
 from sensors.image_lists import FolderLayout
 from sensors.image_names import COLOR_WORDS, DEPTH_WORDS, alike, by_stamp, images_in, visible
 from sensors.intrinsic_files import camera_beside, sens_cameras
-from sensors.true_poses import THE_CAMERAS_OWN, pose_in, poses_of_images
+from sensors.true_poses import THE_CAMERAS_OWN, poses_in, poses_of_images
 
 log = logging.getLogger(__name__)
 
@@ -58,7 +58,7 @@ def mixed_folder(path: Path) -> FolderLayout:
         f"{path.name}/",
         color,
         depth,
-        [pose for entry in poses for pose in pose_in(path, entry, T_depth_color)] or poses_of_images(path, color),
+        poses_in(path, poses, T_depth_color) or poses_of_images(path, color),
         camera,
         scale,
         _NO_DEPTH,

@@ -22,13 +22,26 @@ _HEAD, _MATRIX, _ROWS = 3, 16, 12
 lacks the last row."""
 
 
-def pose_in(folder: Path, entry: TumEntry, T_body_camera: Array = THE_CAMERAS_OWN) -> list[TumEntry]:
-    """Return the camera's pose from a file with its body's pose, none where that was lost (infinities in ScanNet)."""
-    try:
-        T_world_body = np.loadtxt(folder / entry.values[0]).reshape(4, 4)
-    except (OSError, ValueError):
-        return []
-    return true_pose(entry.stamp, T_world_body @ T_body_camera) if np.isfinite(T_world_body).all() else []
+def poses_in(folder: Path, files: Sequence[TumEntry], T_body_camera: Array = THE_CAMERAS_OWN) -> list[TumEntry]:
+    """Return the camera's poses from files with one of its body each, without those that were lost (infinities).
+
+    Files that hold no matrix of 4 x 4 numbers are left out, counted and told.
+    """
+    poses, wrong = list[TumEntry](), list[Path]()
+    for entry in files:
+        try:
+            T_world_body = np.loadtxt(folder / entry.values[0]).reshape(4, 4)
+        except (OSError, ValueError):
+            wrong.append(folder / entry.values[0])
+            continue
+        if np.isfinite(T_world_body).all():
+            poses += true_pose(entry.stamp, T_world_body @ T_body_camera)
+    if wrong:
+        log.warning(
+            "%s: %d of %d true poses are left out, as %s: give a matrix T_world_camera of 4 x 4 numbers a file",
+            folder, len(wrong), len(files), wrong[0],
+        )  # fmt: skip
+    return poses
 
 
 def true_pose(stamp: Stamp, T_world_camera: Array) -> list[TumEntry]:

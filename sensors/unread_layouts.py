@@ -33,7 +33,8 @@ _KNOWN: tuple[tuple[Callable[[Path], bool], str], ...] = (
     (
         _is_record3d,
         "is Record3D's, whose depth is compressed by Apple's LZFSE: convert it, and write rgb/NUMBER.jpg, and "
-        "depth/NUMBER.png with millimetres in 16 bits (or depth/NUMBER.npy with metres), beside each other",
+        "depth/NUMBER.png with millimetres in 16 bits (or depth/NUMBER.npy with metres), beside each other, "
+        "with K of its metadata as camera.yaml",
     ),
 )
 

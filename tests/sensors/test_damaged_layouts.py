@@ -113,3 +113,22 @@ def test_a_true_pose_of_each_frame_is_found_by_the_numbers_of_the_images_that_we
     found = layout_of(tmp_path)
     at = {entry.stamp: pose_of(entry)[0, 3] for entry in found.truth}
     assert [at[entry.stamp] for entry in found.color] == [0, 10, 20, 30]
+
+
+@pytest.mark.parametrize(
+    "names", [("color/{}.png", "depth/{}.png", "pose/{}.txt"), ("{}.color.png", "{}.depth.png", "{}.pose.txt")]
+)
+def test_files_of_true_poses_that_are_no_matrix_are_counted_and_told_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, names: tuple[str, str, str]
+) -> None:
+    images(tmp_path, *names[:2])
+    contents = ["1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", "1 0 0 0\n0 1 0 0\n0 0 1 0\n", "no pose", "-inf " * 16]
+    for i, content in enumerate(contents):
+        file = tmp_path / names[2].format(i)
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(content)
+    assert [entry.stamp for entry in layout_of(tmp_path).truth] == [stamp_of_frame(0)]
+    told = [record.getMessage() for record in caplog.records if "true poses" in record.getMessage()]
+    assert len(told) == 1
+    assert "2 of 4" in told[0]
+    assert str(tmp_path / names[2].format(1)) in told[0]

@@ -1,7 +1,7 @@
 """Folders whose lists say which image or pose has which stamp: TUM's, ETH3D's and ICL-NUIM's."""
 
 import logging
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from odom.errors import ConfigError, SourceError
 from odom.frame import Camera, stamp_of
@@ -24,7 +24,7 @@ def tum(path: Path) -> FolderLayout:
     The camera is that of a file that `camera_beside` finds, as for `associated`.
     """
     color, depth = read_list(path / "rgb.txt", 1), read_list(path / "depth.txt", 1)
-    truth = _truth(path / "groundtruth.txt")
+    truth, camera = _truth_and_camera(path, color)
     if _counts_frames(color, depth):
         log.warning(
             "%s: the stamps of rgb.txt and depth.txt are whole numbers: they are taken for numbers of frames, 30 a "
@@ -33,27 +33,40 @@ def tum(path: Path) -> FolderLayout:
         )
         color, depth = _as_frames(color), _as_frames(depth)
         truth = _as_frames(truth) if _counts_frames(truth) else truth
-    return FolderLayout("rgb.txt or depth.txt", color, depth, truth, _camera(path, first_size(path, color)))
+    return FolderLayout("rgb.txt or depth.txt", color, depth, truth, camera)
 
 
 def associated(path: Path) -> FolderLayout:
     """ICL-NUIM's: one list with stamp and file of both images a line, and the trajectory in `*.gt.freiburg`.
 
-    That trajectory is of a camera and a world whose y axis points up: fy is -480 there.
+    That trajectory, here and beside TUM's lists, is of a camera and a world whose y axis points up: fy is -480 there.
     """
     file = next(path / name for name in ASSOCIATIONS if (path / name).is_file())
     pairs = read_list(file, 3)
     first = [TumEntry(entry.stamp, entry.values[:1]) for entry in pairs]
     second = sorted((_second(file, entry) for entry in pairs), key=lambda entry: entry.stamp)
-    drawn = next(iter(sorted(visible(path, "*.gt.freiburg"))), None)
-    truth = _truth(path / "groundtruth.txt") if drawn is None else [_mirrored(entry) for entry in _truth(drawn)]
-    if _counts_frames(first, second):
-        first, second = _as_frames(first), _as_frames(second)
+    color, depth = (second, first) if pairs and _is_depth(pairs[0].values[0]) else (first, second)
+    truth, camera = _truth_and_camera(path, color)
+    if _counts_frames(color, depth):
+        color, depth = _as_frames(color), _as_frames(depth)
         truth = _as_frames(truth) if _counts_frames(truth) else truth
-    color, depth = (second, first) if pairs and "depth" in pairs[0].values[0] else (first, second)
+    return FolderLayout(file.name, color, depth, truth, camera)
+
+
+def _is_depth(name: str) -> bool:
+    """Return whether an image is of depth by its name and its folder's, whatever those above are called."""
+    return any("depth" in part.lower() for part in PurePath(name).parts[-2:])
+
+
+def _truth_and_camera(path: Path, color: list[TumEntry]) -> tuple[list[TumEntry], Camera | None]:
+    """Return the true poses of a folder, and its camera where its files or its true poses, if ICL-NUIM's, say it."""
     size = first_size(path, color)
-    published = ICL_NUIM if drawn is not None and size == (ICL_NUIM.width, ICL_NUIM.height) else None
-    return FolderLayout(file.name, color, depth, truth, _camera(path, size) or published)
+    camera = _camera(path, size)
+    drawn = next(iter(sorted(visible(path, "*.gt.freiburg"))), None)
+    if drawn is None:
+        return _truth(path / "groundtruth.txt"), camera
+    published = ICL_NUIM if size == (ICL_NUIM.width, ICL_NUIM.height) else None
+    return [_mirrored(entry) for entry in _truth(drawn)], camera or published
 
 
 def _counts_frames(*lists: list[TumEntry]) -> bool:

@@ -74,3 +74,25 @@ def test_a_matrix_of_icl_nuims_own_axes_leaves_its_published_camera(
     (tmp_path / "intrinsics.txt").write_text("481.2 0 319.5\n0 -480 239.5\n0 0 1")
     assert layout_of(tmp_path).camera == ICL_NUIM
     assert "-480" in caplog.text
+
+
+@pytest.mark.parametrize("write", [pairs, two_lists])
+def test_icl_nuims_truth_and_camera_do_not_hang_on_which_list_names_the_images(
+    tmp_path: Path, write: Callable[[Path], None]
+) -> None:
+    write(tmp_path)
+    images(tmp_path, "rgb/{}.png", "depth/{}.png", (640, 480))
+    (tmp_path / "livingRoom0.gt.freiburg").write_text("100.1 1 2 3 0 0 0 1")
+    found = layout_of(tmp_path)
+    assert found.camera == ICL_NUIM
+    assert [entry.values[:3] for entry in found.truth] == [("1", "-2", "3")]
+
+
+def test_which_of_a_pair_is_depth_is_told_by_its_own_folder_and_not_one_above(tmp_path: Path) -> None:
+    folder = tmp_path / "depth_set"
+    folder.mkdir()
+    pairs(folder)
+    lines = [f"100.{i} {folder}/rgb/{i}.png 100.{i} {folder}/depth/{i}.png" for i in range(FRAMES)]
+    (folder / "associations.txt").write_text("\n".join(lines))
+    found = layout_of(folder)
+    assert [entry.values[0] for entry in found.color] == [f"{folder}/rgb/{i}.png" for i in range(FRAMES)]

@@ -17,7 +17,7 @@ from sensors.listed_folders import ASSOCIATIONS, associated, tum
 from sensors.mixed_folder import is_mixed_folder, mixed_folder
 from sensors.openloris import is_openloris, openloris
 from sensors.paired_folders import is_pair_of_folders, pair_of_folders
-from sensors.true_poses import pose_of_each_line, poses_in
+from sensors.true_poses import pose_of_each_line, poses_in, poses_of_images
 
 _REPLICA = Camera(1200, 680, 600.0, 600.0, 599.5, 339.5)
 """The camera of Replica's rooms as they were drawn for NICE-SLAM, with 6553.5 units of depth a metre."""
@@ -55,7 +55,7 @@ def _scannet(path: Path) -> FolderLayout:
         "color/ or depth/",
         color,
         depth,
-        poses_in(path, poses),
+        poses_in(path, poses) or poses_of_images(path, color),
         camera,
         depth_scale=1000.0,
         depth_camera=None if camera is None else _intrinsics(path, "depth", depth),

@@ -23,6 +23,8 @@ READ_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".ppm", ".pgm
 IMAGE_SUFFIXES = (*READ_SUFFIXES, ".exr", ".npy", ".npz")
 """What names of images end with, numpy's files of depth and those that cannot be read included."""
 _QUOTES = "\"'"
+_MOST_FRAMES = 10_000_000
+"""Whole numbers below this are numbers of frames (four days of them), above they are seconds since 1970."""
 _RATE_HZ = 30
 """Frames a second assumed where a folder has no stamps: a Kinect's. It scales velocities, not the trajectory."""
 
@@ -132,3 +134,19 @@ def pose_of(entry: TumEntry) -> Array:
 def stamp_of_frame(frame: int) -> Stamp:
     """Return the stamp of a frame that has a number alone."""
     return Stamp(round(frame * SECOND / _RATE_HZ))
+
+
+def is_of_frame(stamp: Stamp) -> bool:
+    """Return whether a stamp is that of a frame that has a number alone, and no time since 1970."""
+    return stamp * _RATE_HZ < _MOST_FRAMES * SECOND and stamp == stamp_of_frame(round(stamp * _RATE_HZ / SECOND))
+
+
+def counts_frames(*lists: list[TumEntry]) -> bool:
+    """Return whether the stamps are numbers of frames: whole, from the beginning, and not all the same."""
+    stamps = [entry.stamp for entries in lists for entry in entries]
+    return len(set(stamps)) > 1 and all(stamp % SECOND == 0 and stamp < _MOST_FRAMES * SECOND for stamp in stamps)
+
+
+def as_frames(entries: list[TumEntry]) -> list[TumEntry]:
+    """Return a list whose stamps, in seconds, are numbers of frames."""
+    return [TumEntry(stamp_of_frame(entry.stamp // SECOND), entry.values) for entry in entries]

@@ -6,16 +6,15 @@ from pathlib import Path, PurePath
 from odom.errors import ConfigError, SourceError
 from odom.frame import Camera, stamp_of
 from sensors.default_camera import ICL_NUIM, first_size
-from sensors.image_lists import SECOND, FolderLayout, TumEntry, read_list, stamp_of_frame
+from sensors.image_lists import FolderLayout, TumEntry, as_frames, counts_frames, read_list
 from sensors.image_names import visible
 from sensors.intrinsic_files import camera_beside
+from sensors.true_poses import trajectory_in
 
 log = logging.getLogger(__name__)
 
 ASSOCIATIONS = ("associations.txt", "associate.txt", "association.txt", "associated.txt", "assoc.txt")
 """Names of lists of pairs of images."""
-_MOST_FRAMES = 10_000_000
-"""Whole numbers below this are numbers of frames (four days of them), above they are seconds since 1970."""
 
 
 def tum(path: Path) -> FolderLayout:
@@ -25,14 +24,14 @@ def tum(path: Path) -> FolderLayout:
     """
     color, depth = read_list(path / "rgb.txt", 1), read_list(path / "depth.txt", 1)
     truth, camera = _truth_and_camera(path, color)
-    if _counts_frames(color, depth):
+    if counts_frames(color, depth):
         log.warning(
             "%s: the stamps of rgb.txt and depth.txt are whole numbers: they are taken for numbers of frames, 30 a "
             "second; for another rate, write seconds there: the number divided by the rate",
             path,
         )
-        color, depth = _as_frames(color), _as_frames(depth)
-        truth = _as_frames(truth) if _counts_frames(truth) else truth
+        color, depth = as_frames(color), as_frames(depth)
+        truth = as_frames(truth) if counts_frames(truth) else truth
     return FolderLayout("rgb.txt or depth.txt", color, depth, truth, camera)
 
 
@@ -47,9 +46,9 @@ def associated(path: Path) -> FolderLayout:
     second = sorted((_second(file, entry) for entry in pairs), key=lambda entry: entry.stamp)
     color, depth = (second, first) if pairs and _is_depth(pairs[0].values[0]) else (first, second)
     truth, camera = _truth_and_camera(path, color)
-    if _counts_frames(color, depth):
-        color, depth = _as_frames(color), _as_frames(depth)
-        truth = _as_frames(truth) if _counts_frames(truth) else truth
+    if counts_frames(color, depth):
+        color, depth = as_frames(color), as_frames(depth)
+        truth = as_frames(truth) if counts_frames(truth) else truth
     return FolderLayout(file.name, color, depth, truth, camera)
 
 
@@ -64,20 +63,9 @@ def _truth_and_camera(path: Path, color: list[TumEntry]) -> tuple[list[TumEntry]
     camera = _camera(path, size)
     drawn = next(iter(sorted(visible(path, "*.gt.freiburg"))), None)
     if drawn is None:
-        return _truth(path / "groundtruth.txt"), camera
+        return trajectory_in(path / "groundtruth.txt"), camera
     published = ICL_NUIM if size == (ICL_NUIM.width, ICL_NUIM.height) else None
-    return [_mirrored(entry) for entry in _truth(drawn)], camera or published
-
-
-def _counts_frames(*lists: list[TumEntry]) -> bool:
-    """Return whether the stamps are numbers of frames: whole, from the beginning, and not all the same."""
-    stamps = [entry.stamp for entries in lists for entry in entries]
-    return len(set(stamps)) > 1 and all(stamp % SECOND == 0 and stamp < _MOST_FRAMES * SECOND for stamp in stamps)
-
-
-def _as_frames(entries: list[TumEntry]) -> list[TumEntry]:
-    """Return a list whose stamps, in seconds, are numbers of frames."""
-    return [TumEntry(stamp_of_frame(entry.stamp // SECOND), entry.values) for entry in entries]
+    return [_mirrored(entry) for entry in trajectory_in(drawn)], camera or published
 
 
 def _second(file: Path, pair: TumEntry) -> TumEntry:
@@ -96,15 +84,6 @@ def _mirrored(entry: TumEntry) -> TumEntry:
 
 def _negative(number: str) -> str:
     return number[1:] if number.startswith("-") else f"-{number}"
-
-
-def _truth(file: Path) -> list[TumEntry]:
-    """Return the poses of a trajectory, none where it is not there; one that cannot be read is told."""
-    try:
-        return read_list(file, 7) if file.is_file() else []
-    except SourceError as error:
-        log.warning("%s; it goes on without truth", error)
-        return []
 
 
 def _camera(path: Path, size: tuple[int, int] | None) -> Camera | None:

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from odom.errors import InputError
+from odom.errors import InputError, SourceError
 from odom.frame import Stamp
 from odom.geometry.arrays import Array
 from odom.geometry.quaternion import quaternion_from_rotation
-from sensors.image_lists import TumEntry, stamp_of_frame
+from sensors.image_lists import TumEntry, as_frames, counts_frames, is_of_frame, read_list, stamp_of_frame
 from sensors.image_names import visible
 
 log = logging.getLogger(__name__)
@@ -91,10 +91,11 @@ def poses_of_images(path: Path, images: Sequence[TumEntry]) -> list[TumEntry]:
     """Return the poses of `*traj*.log` (Open3D's) or the last of `extrinsics/*.txt` (SUN3D's), one an image in order.
 
     A file with another number of poses than there are images is told and left aside: whose they are is not known.
+    Without such files they are those of `groundtruth.txt`, by its stamps.
     """
     files = [*sorted(visible(path, "*traj*.log")), *sorted(visible(path / "extrinsics", "*.txt"), reverse=True)]
     if not files:
-        return []
+        return _by_their_stamps(path / "groundtruth.txt", images)
     size = _HEAD + _MATRIX if files[0].suffix == ".log" else _ROWS
     try:
         numbers = np.array(files[0].read_text().split(), dtype=float)
@@ -108,3 +109,27 @@ def poses_of_images(path: Path, images: Sequence[TumEntry]) -> list[TumEntry]:
     T_world_camera = np.tile(np.eye(4), (len(images), 1, 1))
     T_world_camera[:, : rows.shape[1] // 4] = rows.reshape(len(images), -1, 4)
     return [pose for image, T in zip(images, T_world_camera, strict=True) for pose in true_pose(image.stamp, T)]
+
+
+def trajectory_in(file: Path) -> list[TumEntry]:
+    """Return the poses of a trajectory in TUM's format, none where it is not there; one that is damaged is told."""
+    try:
+        return read_list(file, 7) if file.is_file() else []
+    except SourceError as error:
+        log.warning("%s; it goes on without truth", error)
+        return []
+
+
+def _by_their_stamps(file: Path, images: Sequence[TumEntry]) -> list[TumEntry]:
+    """Return the poses of a trajectory whose stamps are of the images' kind: times, or both numbers of frames."""
+    poses = trajectory_in(file)
+    if not poses or not all(is_of_frame(image.stamp) for image in images):
+        return poses
+    if counts_frames(poses):
+        return as_frames(poses)
+    log.warning(
+        "%s is left aside, it has stamps in seconds and the images have numbers alone: list the images with their "
+        "stamps in rgb.txt and depth.txt; it goes on without truth",
+        file,
+    )
+    return []

@@ -27,6 +27,12 @@ def test_the_carrier_is_found_whole_and_little_more(share: float, is_grey: bool)
     assert (found.mask & ~true).mean() < 0.08
 
 
+def test_images_of_another_size_in_between_do_not_matter() -> None:
+    images = [carried(frame, 0.25).color for frame in WALK]
+    images[10:12] = [image[:200, :300] for image in images[10:12]]
+    assert fixed_parts(images).share == pytest.approx(0.25, abs=0.08)
+
+
 def test_nothing_of_a_scene_stays_the_same() -> None:
     found = fixed_parts([frame.color for frame in WALK])
     assert found.are_known

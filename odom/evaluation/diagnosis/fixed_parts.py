@@ -83,14 +83,15 @@ class FixedParts:
 def fixed_parts(images: Sequence[Image], known: Mask | None = None) -> FixedParts:
     """Return which part of a camera's images (H x W or H x W x 3, by time; at least one) stays while it moves.
 
-    What is `known` (H x W) to stay is left out.
+    What is `known` (H x W) to stay is left out, as are images of another size than the first.
     """
     looks: list[Array] = []
+    shape = images[0].shape[:2]
+    images = [image for image in images if image.shape[:2] == shape]
     for k in np.unique(np.linspace(0, len(images) - 1, _IMAGES).round().astype(int)):
         texture = _texture(images[k])
         if not looks or _is_another_look(looks[-1], texture):
             looks.append(texture)
-    shape = images[0].shape[:2]
     if len(looks) < _LEAST_LOOKS:
         return FixedParts(np.zeros(shape, dtype=np.bool_), len(looks))
     n = len(looks)

@@ -10,6 +10,7 @@ import numpy as np
 
 from odom.errors import SourceError
 from odom.frame import Camera, Stamp, stamp_of
+from odom.frame.stamp import is_number
 from odom.geometry.arrays import Array
 from odom.geometry.quaternion import rotation_from_quaternion
 from odom.wire.pairing import follows
@@ -103,18 +104,10 @@ def _names_joined(words: list[str]) -> list[str]:
     rest = words
     while rest:
         ends = (k for k, word in enumerate(rest, start=1) if word.strip(_QUOTES).lower().endswith(IMAGE_SUFFIXES))
-        count = 1 if not found or _is_number(rest[0]) else next(ends, 1)
+        count = 1 if not found or is_number(rest[0]) else next(ends, 1)
         name, rest = " ".join(rest[:count]), rest[count:]
         found.append(name.strip(_QUOTES).replace("\\", "/"))
     return found
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def steady(entries: Sequence[TumEntry]) -> TumEntry | None:

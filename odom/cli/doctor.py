@@ -52,17 +52,15 @@ def doctor(
     Example: odom doctor kinect
     """
     from dataclasses import replace
-    from itertools import takewhile
 
     import cv2
 
     from odom.calibration.examine import examine_calibration
     from odom.evaluation.diagnosis import Verdict, examine
     from odom.service.mask_file import masked_by, read_mask
-    from odom.service.progress import counting
-    from odom.service.source_sample import collect
+    from odom.service.source_sample import look_at
     from sensors.catalogue import open_source
-    from sensors.source import SourceOptions, refused_images
+    from sensors.source import SourceOptions
 
     cv2.setNumThreads(1)
     check_files(json_file)
@@ -72,14 +70,7 @@ def doctor(
         camera=camera, start=start, topics_from=pairs("--topic", topic), sensor=kind, seed=seed,
         extra=pairs("--option", option),
     )  # fmt: skip
-    opened = open_source(source, options)
-    try:
-        with counting("looking", round(30 * seconds)) as progress:
-            messages = takewhile(lambda _: not stop.is_set(), opened.messages())
-            recording = collect(messages, options.topics, seconds, progress, opened.lossless)
-        recording = replace(recording, mask=given, refused={**recording.refused, **refused_images(opened)})
-    finally:
-        opened.close()
+    recording = replace(look_at(open_source(source, options), options.topics, seconds, stop.is_set), mask=given)
     findings = examine(recording.as_corrected())
     if recording.camera and recording.frames:
         findings += judge_odometry(recording.frames, recording.camera, masked_by(mask, recording.camera))

@@ -27,13 +27,10 @@ def mask(
 
     Example: odom mask walk.mcap --out mask.png
     """
-    from itertools import takewhile
-
     from odom.errors import ConfigError, InputError
     from odom.evaluation.diagnosis.fixed_parts import NOT_SHOWN, fixed_parts
     from odom.service.mask_file import write_mask
-    from odom.service.progress import counting
-    from odom.service.source_sample import collect
+    from odom.service.source_sample import look_at
     from sensors.catalogue import open_source
     from sensors.source import SourceOptions
 
@@ -43,13 +40,7 @@ def mask(
     options = SourceOptions(
         camera=camera, start=start, topics_from=pairs("--topic", topic), extra=pairs("--option", option)
     )
-    opened = open_source(source, options)
-    try:
-        with counting("looking", round(30 * seconds)) as progress:
-            messages = takewhile(lambda _: not stop.is_set(), opened.messages())
-            recording = collect(messages, options.topics, seconds, progress, opened.lossless)
-    finally:
-        opened.close()
+    recording = look_at(open_source(source, options), options.topics, seconds, stop.is_set)
     if not recording.frames:
         raise InputError(f"{source}: no frame came: look at it with odom doctor")
     found = fixed_parts([frame.color for frame in recording.frames])

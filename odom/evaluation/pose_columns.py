@@ -7,6 +7,8 @@ import re
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 
+from odom.frame.stamp import is_number
+
 _WANTED = ("stamp", "x", "y", "z", "qx", "qy", "qz", "qw")
 """The columns of a pose, in TUM's order."""
 _STAMPS = ("stamp", "timestamp", "timestamps", "time", "ts", "t")
@@ -49,7 +51,7 @@ def pose_columns(text: str) -> PoseColumns | None:
         words = line.strip(" \t,;")
         if not words:
             continue
-        if _is_number(re.split(r"[\s,;]", words)[0]):
+        if is_number(re.split(r"[\s,;]", words)[0]):
             return None
         names = _fields(re.sub(r"\s*[\[(](.*?)[\])]", _unit_behind, line.lstrip("#% \t")))
         found = _places(names)
@@ -112,11 +114,3 @@ def _unit_behind(found: re.Match[str]) -> str:
     """Return `_ns` of ` [ns]`, nothing of any other unit: a stamp is in none of these."""
     unit = found[1].strip().lower()
     return f"_{unit}" if unit in _FINER else ""
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True

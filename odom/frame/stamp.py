@@ -55,6 +55,15 @@ def stamp_of(text: str) -> tuple[Stamp, str]:
     return from_seconds(text), "seconds"
 
 
+def is_number(text: str) -> bool:
+    """Return whether a text is a number, as a stamp and the numbers of a pose are, and a name is not."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def to_seconds(stamp: Stamp) -> float:
     """Return the stamp in seconds (float64: about .2 microseconds of resolution today)."""
     return stamp * 1e-9

@@ -2,7 +2,9 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable
-from itertools import islice
+from contextlib import closing
+from dataclasses import replace
+from itertools import islice, takewhile
 from typing import Any
 
 import numpy as np
@@ -12,17 +14,32 @@ from odom.errors import WireError
 from odom.evaluation.diagnosis import Recording
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import RgbdFrame, Stamp
+from odom.service.progress import counting
 from odom.wire import Message, Topics
 from odom.wire.assembler import FrameAssembler
 from odom.wire.codec import decode_color, decode_depth, decode_pose
 from odom.wire.image_counts import STAMP_REASONS
 from odom.wire.malformed_counter import MalformedCounter
 from odom.wire.pairing import LEAP_NS, follows
+from sensors.source import Source, refused_images
 
 _MOST_FRAMES = 900
 """Frames kept in memory, 0.9 MB each: 30 s at 30 Hz, the longest that may be asked for."""
+_RATE_HZ = 30
+"""Frames a second of the usual sensor."""
 _SEARCHED, _ENOUGH_STAMPS = 20_000, 30
 """Messages, some minutes of them, in which a stream that is missing so far is searched, and stamps that suffice."""
+
+
+def look_at(opened: Source, topics: Topics, seconds: float, is_stopped: Callable[[], bool]) -> Recording:
+    """Return the first `seconds` of a source that was opened, or what came until it is stopped, and close it.
+
+    Shows how far it is. Images that the source itself refused are counted.
+    """
+    with closing(opened), counting("looking", round(_RATE_HZ * seconds)) as progress:
+        messages = takewhile(lambda _: not is_stopped(), opened.messages())
+        recording = collect(messages, topics, seconds, progress, opened.lossless)
+    return replace(recording, refused={**recording.refused, **refused_images(opened)})
 
 
 def collect(

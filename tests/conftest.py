@@ -19,7 +19,7 @@ from hypothesis import settings
 from odom.cli import ONE_THREAD
 from odom.geometry.compiled import compiled_before
 
-settings.register_profile("shared-machine", deadline=None, derandomize=True, max_examples=25)
+settings.register_profile("shared-machine", deadline=None, derandomize=True, max_examples=10)
 settings.register_profile("thorough", settings.get_profile("shared-machine"), max_examples=100)  # as .ci/run's
 settings.load_profile("shared-machine")
 

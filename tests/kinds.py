@@ -39,8 +39,19 @@ LONG_MODULES = (
     "test_bench_pipeline",
     "test_first_keyframe",
     "test_timing_becomes_known",
+    "test_doctor",
+    "test_doctor_causes",
+    "test_mask",
+    "test_nothing_tracked",
+    "test_unjoined_parts",
+    "test_first_start",
+    "test_viewer_process",
+    "test_image_sizes",
+    "test_wide_steps",
+    "test_moving_bodies",
+    "test_change_of_lens",
 )
-"""Modules each of whose tests works through a long walk or several runs."""
+"""Modules whose tests work through long walks, several runs or several starts; those that are fast remain so."""
 LONG_PARAMETERS = ("desk",)
 """Parameters by which tests of whole runs are done once more, on a real recording."""
 
@@ -64,7 +75,8 @@ def mark(item: pytest.Item) -> None:
     if item.get_closest_marker("alone") or (folder in REAL_TIME_FOLDERS and item.get_closest_marker("process")):
         item.add_marker("wallclock")
     parameters = item.callspec.params.values() if hasattr(item, "callspec") else ()
-    if item.path.stem in LONG_MODULES or any(p in LONG_PARAMETERS for p in parameters if isinstance(p, str)):
+    works = item.get_closest_marker("process") or item.get_closest_marker("rendered")
+    if (works and item.path.stem in LONG_MODULES) or any(p in LONG_PARAMETERS for p in parameters if isinstance(p, str)):
         item.add_marker("long")
     if not any(item.get_closest_marker(kind) for kind in KINDS):
         item.add_marker("fast")

@@ -76,7 +76,9 @@ def mark(item: pytest.Item) -> None:
         item.add_marker("wallclock")
     parameters = item.callspec.params.values() if hasattr(item, "callspec") else ()
     works = item.get_closest_marker("process") or item.get_closest_marker("rendered")
-    if (works and item.path.stem in LONG_MODULES) or any(p in LONG_PARAMETERS for p in parameters if isinstance(p, str)):
+    if (works and item.path.stem in LONG_MODULES) or any(
+        p in LONG_PARAMETERS for p in parameters if isinstance(p, str)
+    ):
         item.add_marker("long")
     if not any(item.get_closest_marker(kind) for kind in KINDS):
         item.add_marker("fast")

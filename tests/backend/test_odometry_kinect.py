@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from running import check_sanity, run
 
 from odom.backend import OdometrySettings, State
@@ -42,6 +43,24 @@ def test_rows_that_are_read_upwards_are_as_good_where_it_is_said(desk, desk_ran)
     assert upwards.judged(truth).ate_m < 1.15 * desk_ran.judged(truth).ate_m
     expected = desk_ran.timing.vector * (-1.0, 1.0, -1.0)
     np.testing.assert_array_less(np.abs(1e3 * (upwards.timing.vector - expected)), (1.0, 2.0, 4.0))
+
+
+@pytest.mark.parametrize("pattern", ["one of twenty", "every fourth both ways"])
+def test_depth_of_few_pixels_is_as_good_as_all_of_it(desk, desk_ran, pattern):
+    camera, frames, truth = desk
+    measured = np.random.default_rng(1).random(frames[0].depth_mm.shape) < 0.05
+    if pattern != "one of twenty":
+        measured[:] = False
+        measured[3::4, 3::4] = True
+    ran = run(camera, [replace(f, depth_mm=f.depth_mm * measured) for f in frames[:100]])
+    check_sanity(ran)
+    assert set(ran.states) == {State.TRACKING}
+    whole = [e.T_odom_camera for e in desk_ran.estimates[:100]]
+    apart = [
+        np.linalg.norm((np.linalg.inv(a) @ e.T_odom_camera)[:3, 3]) for a, e in zip(whole, ran.estimates, strict=True)
+    ]
+    assert max(apart) < 0.02
+    assert ran.judged(truth).ate_m < 0.0125  # as of the whole depth
 
 
 def test_a_place_is_known_again_while_the_camera_turns_fast(turning):

@@ -11,6 +11,7 @@ import yaml
 
 from odom.cli.doctor import judge_odometry
 from odom.evaluation.diagnosis import Recording, Verdict, examine
+from odom.evaluation.diagnosis.depth import judge_valid
 from odom.evaluation.diagnosis.depth_unit import steps_scale
 from odom.evaluation.diagnosis.scale import ScaleFit, judge_scale
 from odom.frame import RgbdFrame
@@ -230,3 +231,14 @@ def test_a_ratio_that_says_nothing_gives_no_advice_to_multiply(ratio: float) -> 
     found = judge_scale(ScaleFit(ratio, 0.3 * abs(ratio), 0.2), "camera")
     assert found.verdict is Verdict.UNKNOWN
     assert "multiply" not in found.advice
+
+
+@pytest.mark.parametrize("every", [1, 4])
+def test_depth_whose_pixels_lie_apart_is_enough(every: int) -> None:
+    depth_mm = np.zeros((240, 320), dtype=np.uint16)
+    depth_mm[3::every, 3::every] = 1500
+    frame = RgbdFrame(sequence=0, stamp=0, color=np.zeros((240, 320), np.uint8), depth_stamp=0, depth_mm=depth_mm)
+    found = judge_valid([frame])
+    assert found.verdict is Verdict.GOOD
+    assert "1.5 .. 1.5 m" in found.value
+    assert ("6% are measured" in found.value) == (every > 1)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from odom.evaluation.diagnosis.finding import Finding, Verdict
 from odom.frame import RgbdFrame
+from odom.frontend.features.sparse_depth import without_gaps
 from odom.geometry.arrays import Array
 from odom.geometry.normal_distribution import NORMAL_MAD
 from odom.registration.noise_models import KinectV1
@@ -41,9 +42,12 @@ def sparse_depths(depths_mm: Iterable[NDArray[np.uint16]], every: int = 8) -> ND
 
 
 def judge_valid(frames: Sequence[RgbdFrame]) -> Finding:
-    """Judge the share of pixels with depth and how far away they are."""
-    shares = np.array([np.count_nonzero(frame.depth_mm) / frame.depth_mm.size for frame in frames])
-    some = sparse_depths(frame.depth_mm for frame in frames) * 1e-3
+    """Judge the share of pixels with depth, once gaps between them are filled as for tracking, and how far they are."""
+    used = [without_gaps(frame.depth_mm) for frame in frames]
+    measured, shares = (
+        np.array([np.count_nonzero(d) / d.size for d in m]) for m in ((f.depth_mm for f in frames), used)
+    )
+    some = sparse_depths(used) * 1e-3
     if not len(some):
         advice = "the depth stream is empty: is the infrared projector covered, too near (< 0.5 m) or in sunlight?"
         return Finding("valid depth", "no pixel has depth", Verdict.BAD, advice)
@@ -52,6 +56,8 @@ def judge_valid(frames: Sequence[RgbdFrame]) -> Finding:
         f"{np.median(shares):.0%} of the pixels (worst frame {shares.min():.0%}), "
         f"{low:.1f} .. {high:.1f} m, half of it within {middle:.1f} m"
     )
+    if np.median(measured) < np.median(shares):
+        value += f"; {np.median(measured):.0%} are measured, and the gaps between them filled"
     advice = "too little depth: stay 0.6 .. 4 m from surfaces, out of sunlight, and away from glass and black cloth"
     return Finding.judged("valid depth", value, bool(np.median(shares) < _LEAST_VALID), advice)
 

@@ -80,21 +80,23 @@ def scaled_image(image: Image, scale: float) -> Image:
     return np.asarray(cv2.resize(whole, (width, height), interpolation=how), dtype=np.uint8)
 
 
-def scaled_depth(depth_mm: NDArray[np.uint16], scale: float) -> NDArray[np.uint16]:
+def scaled_depth(depth_mm: NDArray[np.uint16], scale: float, whole_blocks: bool = False) -> NDArray[np.uint16]:
     """Return a depth image (H x W, 0: none) enlarged by repeating its pixels, or reduced by one value for each block.
 
-    That is the nearest of the four pixels around the block's middle, averaged with those of the four that lie on the
-    same surface: a mean of two surfaces would lie between them, where there is nothing.
+    That is the nearest of the four pixels around the block's middle, or of all its pixels (`whole_blocks`), averaged
+    with those of them that lie on the same surface: a mean of two surfaces would lie between them, where there is
+    nothing.
     """
     if scale >= 1.0:
         return depth_mm if scale == 1.0 else _repeated(depth_mm, scale)
     by, (height, width) = round(1.0 / scale), _scaled_shape(depth_mm.shape, scale)
-    rows, columns = ([slice(by // 2 - 1 + k, n * by, by) for k in (0, 1)] for n in (height, width))
-    four = [depth_mm[row, column] for row in rows for column in columns]
-    nearest = np.minimum.reduce([each - np.uint16(1) for each in four]) + np.uint16(1)  # no depth comes last: 0 - 1
+    used = range(by) if whole_blocks else (by // 2 - 1, by // 2)
+    rows, columns = ([slice(k, n * by, by) for k in used] for n in (height, width))
+    looked_at = [depth_mm[row, column] for row in rows for column in columns]
+    nearest = np.minimum.reduce([each - np.uint16(1) for each in looked_at]) + np.uint16(1)  # none comes last: 0 - 1
     farthest = nearest.astype(np.uint32) + nearest // _SAME_SURFACE
     total, count = np.zeros((height, width), np.uint32), np.zeros((height, width), np.uint32)
-    for each in four:
+    for each in looked_at:
         is_same = (each >= nearest) & (each <= farthest)
         total += each * is_same
         count += is_same

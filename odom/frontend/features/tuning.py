@@ -39,6 +39,18 @@ class Tuning:
         source="a Kinect close to a wall still shows some per cent",
         effect="An image with less has no depth. Smaller: noise counts as depth; larger: a view into the distance "
         "counts as blind.")
+    # sparse_depth
+    depth_sparse_share: float = tuned(0.6, unit="share of measured pixels",
+        source="`fr1_xyz` with every second pixel left out at random is tracked, with two of three it is not",
+        effect="Where fewer have a measured neighbour at their side, gaps are filled. Smaller: planes are fitted to "
+        "too little or not at all; larger: dense images with many holes lose edges.")
+    depth_fill_spacings: float = tuned(1.1, unit="1 / sqrt(share of measured pixels)",
+        source="of pixels that are measured at random, 2 % lie farther from the next, of a grid none",
+        effect="A gap is filled to this distance. Smaller: gaps are left; larger: surfaces grow beyond their edges.")
+    depth_fill_px: float = tuned(8.0, unit="px",
+        source="`fr1_rpy_part` by lines 8 to 32 px apart, and by 1 % of its pixels",
+        effect="Gaps are filled no farther. Smaller: very sparse depth is not used; larger: planes are fitted to "
+        "single pixels.")
     # images: taken in the dark
     image_contrast: float = tuned(30.0, unit="grey levels (standard deviation)",
         source="below that of every recording in the light (38 to 100); `odom bench robustness --axis darkness`",

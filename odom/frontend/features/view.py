@@ -11,8 +11,9 @@ from odom.frame import UNKNOWN_DEPTH_MM, RgbdFrame, Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.stamp_clock import StampClock, SteadyStamp
 from odom.frontend.features.depth_plane import has_depth
-from odom.frontend.features.image_scale import scaled_depth, scaled_mask
+from odom.frontend.features.image_scale import scaled_mask
 from odom.frontend.features.images import FrameImages
+from odom.frontend.features.sparse_depth import dense_depth
 from odom.geometry.arrays import Array, Mask, uniform
 
 
@@ -40,7 +41,7 @@ class View:
         `may_move` is of the frame's own size. The view keeps none of the frame's arrays.
         """
         _, seen_mm = cv2.threshold(np.ascontiguousarray(frame.depth_mm), UNKNOWN_DEPTH_MM - 1, 0, cv2.THRESH_TOZERO_INV)
-        depth_mm = uniform(scaled_depth(np.asarray(seen_mm, dtype=np.uint16), images.scale))
+        depth_mm = uniform(dense_depth(np.asarray(seen_mm, dtype=np.uint16), images.scale))
         may_move = None if may_move is None else scaled_mask(may_move, images.scale)
         return cls(frame.sequence, frame.stamp, clock.steady, images, frame.depth_stamp, depth_mm, may_move)
 

@@ -24,6 +24,7 @@ from odom.wire.codec import (
     encode_depth,
     encode_pose,
 )
+from odom.wire.codec.deep_images import in_eight_bits
 from odom.wire.codec.image_files import OtherFormatError
 from sensors.calibration_file import Calibration
 from sensors.depth_images import NotDepthError, NotMetresError, depth_table, millimetres
@@ -126,7 +127,8 @@ class TumSource:
         try:
             return encode_color_file(topics.color_compressed, entry.stamp, file, topics.frame_camera)
         except OtherFormatError:
-            color = read_image(np.frombuffer(file, dtype=np.uint8), cv2.IMREAD_COLOR_RGB)
+            color = read_image(np.frombuffer(file, dtype=np.uint8), cv2.IMREAD_COLOR_RGB | cv2.IMREAD_ANYDEPTH)
+            color = in_eight_bits(color) if color.dtype == np.uint16 else color
             return encode_color(topics.color, entry.stamp, color, topics.frame_camera)
 
     def _depth_image(self, entry: TumEntry) -> Message:

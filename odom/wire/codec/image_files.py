@@ -85,15 +85,15 @@ def decode_file(data: NDArray[np.uint8], flags: int) -> NDArray[Any]:
     return _decode(data, file_size(data.data), flags)
 
 
-def decode_file_small(data: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
+def decode_file_small(data: NDArray[np.uint8], width: int) -> NDArray[Any]:
     """Return H x W x 3 BGR at the smallest of full, 1/2, 1/4 or 1/8 size that is at least `width` wide.
 
-    Raises WireError as `decode_file` does.
+    It is of 16 bits a sample where the file is. Raises WireError as `decode_file` does.
     """
     size = file_size(data.data)
     reduction = next((by for by in _REDUCED if size[0] // by >= width), 1)
     reduced = -(-size[0] // reduction), -(-size[1] // reduction)
-    return np.asarray(_decode(data, reduced, _REDUCED.get(reduction, cv2.IMREAD_COLOR)), dtype=np.uint8)
+    return _decode(data, reduced, _REDUCED.get(reduction, cv2.IMREAD_COLOR) | cv2.IMREAD_ANYDEPTH)
 
 
 def _decode(data: NDArray[np.uint8], size: tuple[int, int], flags: int) -> NDArray[Any]:

@@ -16,6 +16,7 @@ from odom.frame import Stamp
 from odom.geometry.arrays import Image
 from odom.wire.codec import cdr
 from odom.wire.codec.compressed_depth import Depth, decode_compressed_depth, encode_compressed_depth
+from odom.wire.codec.deep_images import in_eight_bits
 from odom.wire.codec.image_files import MAX_PIXELS, OtherFormatError, decode_file, decode_file_small
 from odom.wire.codec.image_layout import compressed_bytes, image_bytes
 from odom.wire.message import Message
@@ -102,19 +103,22 @@ def encode_depth_compressed(
 def decode_color(message: Message, grey: bool = False) -> Image:
     """Return H x W x 3 RGB, or H x W grey if asked for (cheaper for JPEG) or if the image has no colour.
 
-    Takes sensor_msgs/Image of every common 8-bit encoding and of mono16 (its upper eight bits), and CompressedImage of
-    JPEG or PNG files. Raises WireError for anything else, cut or malformed.
+    Takes sensor_msgs/Image of every common 8-bit encoding and of mono16, and CompressedImage of JPEG or PNG files; of
+    16 bits a sample the upper eight in use (see `in_eight_bits`). Raises WireError for anything else, cut or malformed.
     """
     if message.type_name == cdr.COMPRESSED_IMAGE:
         decoded = cdr.deserialise(message, cdr.COMPRESSED_IMAGE)
-        image = decode_file(decoded.data, cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_COLOR_RGB)
+        how = cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_COLOR_RGB
+        image = decode_file(decoded.data, how | cv2.IMREAD_ANYDEPTH)
+        if image.dtype == np.uint16:
+            return in_eight_bits(image)
         if image.dtype != np.uint8:
             raise WireError(f"{message.topic}: colour of type {image.dtype}")
         return np.asarray(image, dtype=np.uint8)
     decoded = cdr.deserialise(message, cdr.IMAGE)
     if decoded.encoding == "mono16":
-        high_byte = 0 if decoded.is_bigendian else 1
-        return np.ascontiguousarray(_pixels(message.topic, decoded, 2)[..., high_byte])
+        order = ">" if decoded.is_bigendian else "<"
+        return in_eight_bits(_pixels(message.topic, decoded, 2).view(order + "u2")[..., 0])
     if decoded.encoding not in _COLOR_ENCODINGS:
         raise WireError(f"{message.topic}: colour encoding {decoded.encoding!r} is not known")
     pixel_bytes, to_rgb = _COLOR_ENCODINGS[decoded.encoding]
@@ -131,7 +135,8 @@ def decode_color_small(message: Message, width: int) -> Image:
     if message.type_name != cdr.COMPRESSED_IMAGE:
         return decode_color(message)
     image = decode_file_small(cdr.deserialise(message, cdr.COMPRESSED_IMAGE).data, width)
-    return _convert(message.topic, image, cv2.COLOR_BGR2RGB)
+    small = in_eight_bits(image) if image.dtype == np.uint16 else np.asarray(image, dtype=np.uint8)
+    return _convert(message.topic, small, cv2.COLOR_BGR2RGB)
 
 
 def decode_depth(message: Message) -> Depth:

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -161,19 +162,37 @@ def test_a_bag_of_ros_1_is_read_alike(tmp_path: Path) -> None:
         open_source(str(path), SourceOptions())
 
 
+def mono16(topic: str, stamp: Stamp, color: np.ndarray, big: int = 0) -> Message:
+    grey = color[..., 0].astype(np.uint16) * 256 + 17
+    pixels = grey.astype(">u2" if big else "<u2").view(np.uint8)
+    return cdr.encode(
+        topic, cdr.IMAGE, stamp, "camera", height=grey.shape[0], width=grey.shape[1], encoding="mono16",
+        is_bigendian=big, step=pixels.strides[0], data=pixels.reshape(-1),
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize("big", [0, 1])
 def test_colour_in_16_bits_of_grey_is_colour_by_its_name(tmp_path: Path, big: int) -> None:
-    def mono16(topic: str, stamp: Stamp, color: np.ndarray) -> Message:
-        grey = color[..., 0].astype(np.uint16) * 256 + 17
-        pixels = grey.astype(">u2" if big else "<u2").view(np.uint8)
-        return cdr.encode(
-            topic, cdr.IMAGE, stamp, "camera", height=grey.shape[0], width=grey.shape[1], encoding="mono16",
-            is_bigendian=big, step=pixels.strides[0], data=pixels.reshape(-1),
-        )  # fmt: skip
-
-    frames, _ = frames_of(record(tmp_path / "bag", realsense(mono16)))
+    frames, _ = frames_of(record(tmp_path / "bag", realsense(partial(mono16, big=big))))
     assert len(frames) == FRAMES
     assert np.array_equal(frames[3][0], textured(seed=3)[..., 0])
+
+
+@pytest.mark.parametrize("has_color", [False, True])
+def test_infrared_images_in_16_bits_stand_in_for_colour_where_there_is_none(tmp_path: Path, has_color: bool) -> None:
+    messages = []
+    for i in range(FRAMES):
+        stamp = Stamp(BEGIN + i * PERIOD_NS)
+        messages += [
+            mono16("ir/image_raw", stamp, textured(seed=100 + i)),
+            encode_camera_info("ir/camera_info", stamp, CAMERA),
+            encode_depth("depth/image_raw", stamp, kinect_depth(seed=i)),
+            *([bgr("rgb/image_raw", stamp, textured(seed=i))] if has_color else []),
+        ]
+    frames, _ = frames_of(record(tmp_path / "bag", messages))
+    assert len(frames) == FRAMES
+    assert np.array_equal(frames[3][0], textured(seed=3) if has_color else textured(seed=103)[..., 0])
+    assert np.array_equal(frames[3][1], kinect_depth(seed=3))
 
 
 def plain_png(topic: str, stamp: Stamp, image: np.ndarray) -> Message:

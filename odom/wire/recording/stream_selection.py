@@ -18,11 +18,11 @@ STREAM_ROLES = ("color", "depth", "camera_info")
 
 _DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
 _COLOR_WORDS, _OTHER_WORDS = ("color", "colour", "rgb"), ("ir", "infra", "depth", "thermal", "mask", "fisheye")
-_DEPTH_WORDS = ("depth",)
-_NOT_DEPTH_WORDS = ("ir", "infra", "infrared", "confidence", "disparity", "thermal", "mask", "amplitude", "intensity")
+_DEPTH_WORDS, _INFRARED_WORDS = ("depth",), ("ir", "infra", "infrared")
+_NOT_DEPTH_WORDS = (*_INFRARED_WORDS, "confidence", "disparity", "thermal", "mask", "amplitude", "intensity")
 _REGISTERED_WORDS = ("aligned", "registered", "depth_to_color", "depth_to_rgb", "depth_to_colour")
-"""Words that drivers put into the names of topics: for colour, for what is not colour, for depth, for images of 16 bits
-that are none, for depth registered to colour."""
+"""Words that drivers put into the names of topics: for colour, for what is not colour, for depth, for infrared images
+(which stand in for colour), for images of 16 bits that are no depth, for depth registered to colour."""
 
 _MOST_APART = 0.05
 """Share of colour's width by which pixels of depth's own calibration may lie beside colour's: 32 of 640. A driver
@@ -174,16 +174,23 @@ def _image_kind(stream: RecordedStream) -> str | None:
     try:
         if stream.type_name == cdr.IMAGE:
             encoding = cdr.deserialise(stream.first, cdr.IMAGE).encoding
-            is_grey = encoding == "mono16" and _says(stream, _COLOR_WORDS)
+            is_grey = encoding == "mono16" and _is_seen(stream)
             return "depth" if encoding in _DEPTH_ENCODINGS and not is_grey else "color"
         if stream.type_name == cdr.COMPRESSED_IMAGE:
             image = cdr.deserialise(stream.first, cdr.COMPRESSED_IMAGE)
             deep = "compresseddepth" in image.format.lower() or image.format.split(";")[0] in _DEPTH_ENCODINGS
-            deep |= is_deep_grey_png(image.data) and not _says(stream, _COLOR_WORDS)
+            deep |= is_deep_grey_png(image.data) and not _is_seen(stream)
             return "depth" if deep else "color"
     except WireError:
         return None
     return None
+
+
+def _is_seen(stream: RecordedStream) -> bool:
+    """Return whether images in 16 bits of grey are by their name not depth, but what a camera sees, infrared too."""
+    return _says(stream, _COLOR_WORDS) or (
+        _says(stream, _numbered(_INFRARED_WORDS)) and not _says(stream, _DEPTH_WORDS)
+    )
 
 
 def _says(stream: RecordedStream, words: Iterable[str]) -> bool:

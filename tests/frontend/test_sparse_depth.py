@@ -87,3 +87,11 @@ def test_all_pixels_of_large_images_are_used_and_small_ones_are_filled_before_th
     enlarged = dense_depth(WALL_MM * every(4, 4), 2.0)
     assert enlarged.shape == (480, 640)
     np.testing.assert_array_equal(enlarged[::2, ::2], without_gaps(WALL_MM * every(4, 4)))
+
+
+@pytest.mark.parametrize("share", [0.005, 0.01, 0.05, 0.2, 0.5])
+def test_a_sensors_noise_is_taken_for_no_surface(share):
+    depths = np.random.default_rng(3).integers(500, 4000, WALL_MM.shape).astype(np.uint16)
+    depth_mm = depths * at_random(share)
+    assert is_sparse(depth_mm)
+    assert without_gaps(depth_mm) is depth_mm

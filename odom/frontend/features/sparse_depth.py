@@ -54,19 +54,31 @@ def _filled(depth_mm: NDArray[np.uint16]) -> NDArray[np.uint16]:
     """Return a sparse depth image (H x W, 0: none) whose gaps have the depth of the nearest measured pixel.
 
     As far as half of the usual distance between measured pixels and a little more, and no farther than
-    `depth_fill_px`: holes that are wider than the gaps stay.
+    `depth_fill_px`: holes that are wider than the gaps stay. Where most measured pixels do not agree with the next one,
+    they are a sensor's noise and not a scene's surfaces: the image is returned as it is.
     """
     is_measured = depth_mm > 0
     measured = np.flatnonzero(is_measured)
     if not len(measured):
         return depth_mm
     around = cv2.blur(is_measured.astype(np.float32), (_NEIGHBOURHOOD_PX, _NEIGHBOURHOOD_PX))
-    share = float(np.median(around.ravel()[measured[::_COUNTED_EVERY]]))
-    reach_px = min(TUNING.depth_fill_spacings / np.sqrt(share), TUNING.depth_fill_px)
+    spacing_px = 1.0 / np.sqrt(float(np.median(around.ravel()[measured[::_COUNTED_EVERY]])))
     gaps = np.asarray(~is_measured, dtype=np.uint8)
-    away_px, nearest = cv2.distanceTransformWithLabels(
+    away_px, labels = cv2.distanceTransformWithLabels(
         gaps, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
     )
+    nearest = np.asarray(labels, dtype=np.intp)
     depth_of = np.zeros(len(measured) + 1, dtype=np.uint16)  # labels count from 1
     depth_of[nearest.ravel()[measured]] = depth_mm.ravel()[measured]
-    return np.asarray(depth_of.take(np.asarray(nearest, dtype=np.intp)) * (away_px <= reach_px), dtype=np.uint16)
+    everywhere = depth_of.take(nearest)
+    if not _agree(depth_mm, everywhere, round(spacing_px)):
+        return depth_mm
+    reach_px = min(TUNING.depth_fill_spacings * spacing_px, TUNING.depth_fill_px)
+    return np.asarray(everywhere * (away_px <= reach_px), dtype=np.uint16)
+
+
+def _agree(depth_mm: NDArray[np.uint16], everywhere: NDArray[np.uint16], step_px: int) -> bool:
+    """Return whether most measured pixels are about as far away as what is nearest to `step_px` to their right."""
+    here = depth_mm[:, :-step_px].astype(np.float32)
+    apart = np.abs(here - everywhere[:, step_px:])[here > 0]
+    return bool(np.count_nonzero(apart > TUNING.depth_fill_apart * here[here > 0]) <= 0.5 * len(apart))

@@ -51,6 +51,10 @@ class Tuning:
         source="`fr1_rpy_part` by lines 8 to 32 px apart, and by 1 % of its pixels",
         effect="Gaps are filled no farther. Smaller: very sparse depth is not used; larger: planes are fitted to "
         "single pixels.")
+    depth_fill_apart: float = tuned(0.05, unit="share of the depth",
+        source="of random depths a ninth is as near, of `fr1_rpy_part` by 1 % of its pixels nine tenths",
+        effect="Gaps are filled where half of the pixels are as near to the next one in depth. Smaller: slanted "
+        "surfaces count as noise; larger: a sensor's noise counts as surfaces.")
     # images: taken in the dark
     image_contrast: float = tuned(30.0, unit="grey levels (standard deviation)",
         source="below that of every recording in the light (38 to 100); `odom bench robustness --axis darkness`",

@@ -23,7 +23,8 @@ KINDS = {
 FOLDERS = {"arena": "rendered"}
 """The kind of all tests of a folder."""
 REAL_TIME_FOLDERS = ("field",)
-"""Of these, whatever starts processes or plays a device is `wallclock`."""
+REAL_TIME_MODULES = ("test_viewer_process",)
+"""Of these, whatever starts processes or plays a device is `wallclock`: beside others a viewer drops what it shows."""
 
 LONG_MODULES = (
     "test_losses",
@@ -45,7 +46,6 @@ LONG_MODULES = (
     "test_nothing_tracked",
     "test_unjoined_parts",
     "test_first_start",
-    "test_viewer_process",
     "test_image_sizes",
     "test_wide_steps",
     "test_moving_bodies",
@@ -72,7 +72,8 @@ def mark(item: pytest.Item) -> None:
     folder = item.path.parent.name
     if folder in FOLDERS:
         item.add_marker(FOLDERS[folder])
-    if item.get_closest_marker("alone") or (folder in REAL_TIME_FOLDERS and item.get_closest_marker("process")):
+    is_in_real_time = folder in REAL_TIME_FOLDERS or item.path.stem in REAL_TIME_MODULES
+    if item.get_closest_marker("alone") or (is_in_real_time and item.get_closest_marker("process")):
         item.add_marker("wallclock")
     parameters = item.callspec.params.values() if hasattr(item, "callspec") else ()
     works = item.get_closest_marker("process") or item.get_closest_marker("rendered")

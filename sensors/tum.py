@@ -128,8 +128,7 @@ class TumSource:
             return encode_color_file(topics.color_compressed, entry.stamp, file, topics.frame_camera)
         except OtherFormatError:
             color = read_image(np.frombuffer(file, dtype=np.uint8), cv2.IMREAD_COLOR_RGB | cv2.IMREAD_ANYDEPTH)
-            color = in_eight_bits(color) if color.dtype == np.uint16 else color
-            return encode_color(topics.color, entry.stamp, color, topics.frame_camera)
+            return encode_color(topics.color, entry.stamp, in_eight_bits(color), topics.frame_camera)
 
     def _depth_image(self, entry: TumEntry) -> Message:
         mm = self._millimetres(np.fromfile(self._folder / entry.values[0], dtype=np.uint8))

@@ -17,8 +17,11 @@ def in_eight_bits(image: NDArray[Any]) -> Image:
     """Return an image (H x W or H x W x 3 uint16, any byte order) as uint8: the upper eight of the bits in use.
 
     A sensor of ten or twelve bits leaves the upper ones empty; cut to the upper eight of sixteen, its images would be
-    black. Whole bits are cut, so that brightness does not tremble; what is brighter than the bits in use is white.
+    black. Whole bits are cut, so that brightness does not tremble; what is brighter than the bits in use is white. An
+    image that is uint8 is returned as it is.
     """
+    if image.dtype == np.uint8:
+        return np.asarray(image, dtype=np.uint8)
     sample = image[::_SAMPLED_EVERY, ::_SAMPLED_EVERY]
     bits = int(np.quantile(sample, _BRIGHT)).bit_length() if sample.size else 0
     return np.asarray(np.minimum(image >> max(bits - 8, 0), 255), dtype=np.uint8)

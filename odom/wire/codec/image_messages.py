@@ -110,11 +110,9 @@ def decode_color(message: Message, grey: bool = False) -> Image:
         decoded = cdr.deserialise(message, cdr.COMPRESSED_IMAGE)
         how = cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_COLOR_RGB
         image = decode_file(decoded.data, how | cv2.IMREAD_ANYDEPTH)
-        if image.dtype == np.uint16:
-            return in_eight_bits(image)
-        if image.dtype != np.uint8:
+        if image.dtype not in (np.uint8, np.uint16):
             raise WireError(f"{message.topic}: colour of type {image.dtype}")
-        return np.asarray(image, dtype=np.uint8)
+        return in_eight_bits(image)
     decoded = cdr.deserialise(message, cdr.IMAGE)
     if decoded.encoding == "mono16":
         order = ">" if decoded.is_bigendian else "<"
@@ -135,8 +133,7 @@ def decode_color_small(message: Message, width: int) -> Image:
     if message.type_name != cdr.COMPRESSED_IMAGE:
         return decode_color(message)
     image = decode_file_small(cdr.deserialise(message, cdr.COMPRESSED_IMAGE).data, width)
-    small = in_eight_bits(image) if image.dtype == np.uint16 else np.asarray(image, dtype=np.uint8)
-    return _convert(message.topic, small, cv2.COLOR_BGR2RGB)
+    return _convert(message.topic, in_eight_bits(image), cv2.COLOR_BGR2RGB)
 
 
 def decode_depth(message: Message) -> Depth:

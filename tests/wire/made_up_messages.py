@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 
 from odom.frame import Camera, Stamp
 from odom.wire import Message, Topics, truth
-from odom.wire.codec import encode_camera_info, encode_color_jpeg, encode_depth, encode_pose
+from odom.wire.codec import cdr, encode_camera_info, encode_color_jpeg, encode_depth, encode_pose
+from odom.wire.codec import image_messages as images
 
 PERIOD_NS = 33_333_333
 BEGIN = 1_700_000_000_000_000_000
@@ -24,6 +25,21 @@ def kinect_depth(height: int = 48, width: int = 64, seed: int = 0) -> NDArray[np
     depth = 1500 + 3 * rows + 2 * columns + rng.integers(-5, 6, (height, width))
     depth[rng.random((height, width)) < 0.2] = 0
     return depth.astype(np.uint16)
+
+
+def mono16(topic: str, stamp: Stamp, grey: NDArray[np.uint16], big: int = 0) -> Message:
+    """An image message of 16 bits of grey (H x W), its upper byte first where `big` is 1."""
+    pixels = grey.astype(">u2" if big else "<u2").view(np.uint8)
+    return cdr.encode(
+        topic, cdr.IMAGE, stamp, "camera", height=grey.shape[0], width=grey.shape[1], encoding="mono16",
+        is_bigendian=big, step=pixels.strides[0], data=pixels.reshape(-1),
+    )  # fmt: skip
+
+
+def plain_png(topic: str, stamp: Stamp, image: NDArray[np.uint8] | NDArray[np.uint16]) -> Message:
+    """A PNG file in a message whose format says nothing else."""
+    bgr = image[..., ::-1] if image.ndim == 3 else image
+    return images._encode_compressed(topic, stamp, "png", cv2.imencode(".png", bgr)[1].tobytes(), "camera")
 
 
 def session_messages(frames: int, topics: Topics | None = None, height: int = 48, width: int = 64) -> list[Message]:

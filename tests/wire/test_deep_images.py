@@ -1,14 +1,15 @@
 """Images of more than 8 bits a sample, as of infrared cameras, are seen by the bits that they use."""
 
-import cv2
 import numpy as np
 import pytest
+from made_up_messages import mono16, plain_png
 
-from odom.wire.codec import cdr, decode_color
+from odom.frame import Stamp
+from odom.wire.codec import decode_color
 from odom.wire.codec.deep_images import in_eight_bits
-from odom.wire.codec.image_messages import _encode_compressed, decode_color_small
-from odom.wire.message import Message
+from odom.wire.codec.image_messages import decode_color_small
 
+STAMP = Stamp(1)
 GREY = np.random.default_rng(5).integers(0, 256, (120, 160)).astype(np.uint8)
 
 
@@ -16,28 +17,15 @@ def of_bits(bits: int) -> np.ndarray:
     return GREY.astype(np.uint16) << (bits - 8)
 
 
-def raw(image: np.ndarray, big: int) -> Message:
-    pixels = image.astype(">u2" if big else "<u2").view(np.uint8)
-    height, width = image.shape
-    return cdr.encode(
-        "color", cdr.IMAGE, 1, "camera", height=height, width=width, encoding="mono16", is_bigendian=big,
-        step=2 * width, data=pixels.reshape(-1),
-    )  # fmt: skip
-
-
-def png(image: np.ndarray) -> Message:
-    return _encode_compressed("color", 1, "png", cv2.imencode(".png", image)[1].tobytes(), "camera")
-
-
 @pytest.mark.parametrize("bits", range(8, 17))
 def test_an_image_is_the_same_whatever_bits_its_sensor_has(bits):
     deep = of_bits(bits)
     for big in (0, 1):
-        np.testing.assert_array_equal(decode_color(raw(deep, big)), GREY)
-    np.testing.assert_array_equal(decode_color(png(deep), grey=True), GREY)
-    np.testing.assert_array_equal(decode_color(png(deep)), np.dstack([GREY] * 3))
-    np.testing.assert_array_equal(decode_color_small(png(deep), 160), np.dstack([GREY] * 3))
-    np.testing.assert_array_equal(decode_color(png(np.dstack([deep] * 3))), np.dstack([GREY] * 3))
+        np.testing.assert_array_equal(decode_color(mono16("color", STAMP, deep, big)), GREY)
+    np.testing.assert_array_equal(decode_color(plain_png("color", STAMP, deep), grey=True), GREY)
+    np.testing.assert_array_equal(decode_color(plain_png("color", STAMP, deep)), np.dstack([GREY] * 3))
+    np.testing.assert_array_equal(decode_color_small(plain_png("color", STAMP, deep), 160), np.dstack([GREY] * 3))
+    np.testing.assert_array_equal(decode_color(plain_png("color", STAMP, np.dstack([deep] * 3))), np.dstack([GREY] * 3))
 
 
 def test_a_reflex_leaves_the_rest_as_bright_as_it_is():

@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from made_up_messages import BEGIN, PERIOD_NS, kinect_depth, textured
+from made_up_messages import BEGIN, PERIOD_NS, kinect_depth, mono16, plain_png, textured
 from mcap.writer import Writer as McapWriter
 from rosbags.convert.converter import migrate_bytes
 from rosbags.rosbag1 import Writer as Ros1Writer
@@ -162,18 +162,13 @@ def test_a_bag_of_ros_1_is_read_alike(tmp_path: Path) -> None:
         open_source(str(path), SourceOptions())
 
 
-def mono16(topic: str, stamp: Stamp, color: np.ndarray, big: int = 0) -> Message:
-    grey = color[..., 0].astype(np.uint16) * 256 + 17
-    pixels = grey.astype(">u2" if big else "<u2").view(np.uint8)
-    return cdr.encode(
-        topic, cdr.IMAGE, stamp, "camera", height=grey.shape[0], width=grey.shape[1], encoding="mono16",
-        is_bigendian=big, step=pixels.strides[0], data=pixels.reshape(-1),
-    )  # fmt: skip
+def grey_16(topic: str, stamp: Stamp, color: np.ndarray, big: int = 0) -> Message:
+    return mono16(topic, stamp, color[..., 0].astype(np.uint16) * 256 + 17, big)
 
 
 @pytest.mark.parametrize("big", [0, 1])
 def test_colour_in_16_bits_of_grey_is_colour_by_its_name(tmp_path: Path, big: int) -> None:
-    frames, _ = frames_of(record(tmp_path / "bag", realsense(partial(mono16, big=big))))
+    frames, _ = frames_of(record(tmp_path / "bag", realsense(partial(grey_16, big=big))))
     assert len(frames) == FRAMES
     assert np.array_equal(frames[3][0], textured(seed=3)[..., 0])
 
@@ -184,7 +179,7 @@ def test_infrared_images_in_16_bits_stand_in_for_colour_where_there_is_none(tmp_
     for i in range(FRAMES):
         stamp = Stamp(BEGIN + i * PERIOD_NS)
         messages += [
-            mono16("ir/image_raw", stamp, textured(seed=100 + i)),
+            grey_16("ir/image_raw", stamp, textured(seed=100 + i)),
             encode_camera_info("ir/camera_info", stamp, CAMERA),
             encode_depth("depth/image_raw", stamp, kinect_depth(seed=i)),
             *([bgr("rgb/image_raw", stamp, textured(seed=i))] if has_color else []),
@@ -193,12 +188,6 @@ def test_infrared_images_in_16_bits_stand_in_for_colour_where_there_is_none(tmp_
     assert len(frames) == FRAMES
     assert np.array_equal(frames[3][0], textured(seed=3) if has_color else textured(seed=103)[..., 0])
     assert np.array_equal(frames[3][1], kinect_depth(seed=3))
-
-
-def plain_png(topic: str, stamp: Stamp, image: np.ndarray) -> Message:
-    """A PNG file in a message whose format says nothing else."""
-    bgr = image[..., ::-1] if image.ndim == 3 else image
-    return images._encode_compressed(topic, stamp, "png", cv2.imencode(".png", bgr)[1].tobytes(), "camera")
 
 
 def test_depth_whose_format_is_just_png_is_known_by_its_bits(tmp_path: Path) -> None:

@@ -35,19 +35,18 @@ _TOO_NOISY = 3.0
 """Scatter on smooth surfaces over the sensor model's sigma."""
 
 
-def sparse_depths(depths_mm: Iterable[NDArray[np.uint16]], every: int = 8) -> NDArray[np.uint16]:
+def sampled_depths(depths_mm: Iterable[NDArray[np.uint16]], every: int = 8) -> NDArray[np.uint16]:
     """Return the depths (mm) of depth images at every eighth pixel (or `every`-th) both ways, where there are any."""
-    sparse = (depth_mm[::every, ::every] for depth_mm in depths_mm)
-    return np.concatenate([np.zeros(0, np.uint16), *(depth_mm[depth_mm > 0] for depth_mm in sparse)])
+    samples = (depth_mm[::every, ::every] for depth_mm in depths_mm)
+    return np.concatenate([np.zeros(0, np.uint16), *(sample[sample > 0] for sample in samples)])
 
 
 def judge_valid(frames: Sequence[RgbdFrame]) -> Finding:
     """Judge the share of pixels with depth, once gaps between them are filled as for tracking, and how far they are."""
-    used = [without_gaps(frame.depth_mm) for frame in frames]
-    measured, shares = (
-        np.array([np.count_nonzero(d) / d.size for d in m]) for m in ((f.depth_mm for f in frames), used)
-    )
-    some = sparse_depths(used) * 1e-3
+    measured = [frame.depth_mm for frame in frames]
+    used = [without_gaps(depth_mm) for depth_mm in measured]
+    shares, measured_shares = (np.array([np.count_nonzero(d) / d.size for d in each]) for each in (used, measured))
+    some = sampled_depths(used) * 1e-3
     if not len(some):
         advice = "the depth stream is empty: is the infrared projector covered, too near (< 0.5 m) or in sunlight?"
         return Finding("valid depth", "no pixel has depth", Verdict.BAD, advice)
@@ -56,8 +55,8 @@ def judge_valid(frames: Sequence[RgbdFrame]) -> Finding:
         f"{np.median(shares):.0%} of the pixels (worst frame {shares.min():.0%}), "
         f"{low:.1f} .. {high:.1f} m, half of it within {middle:.1f} m"
     )
-    if np.median(measured) < np.median(shares):
-        value += f"; {np.median(measured):.0%} are measured, and the gaps between them filled"
+    if np.median(measured_shares) < np.median(shares):
+        value += f"; {np.median(measured_shares):.0%} are measured, and the gaps between them filled"
     advice = "too little depth: stay 0.6 .. 4 m from surfaces, out of sunlight, and away from glass and black cloth"
     return Finding.judged("valid depth", value, bool(np.median(shares) < _LEAST_VALID), advice)
 
@@ -104,7 +103,7 @@ def judge_noise(frames: Sequence[RgbdFrame]) -> Finding:
     if len(ratios) < _LEAST_PATCHES:
         return Finding("depth noise", "too few smooth surfaces", Verdict.UNKNOWN, "look at a wall or a table once")
     typical = float(np.quantile(ratios, _SMOOTHEST))
-    middle = float(np.median(sparse_depths(frame.depth_mm for frame in frames))) * 1e-3
+    middle = float(np.median(sampled_depths(frame.depth_mm for frame in frames))) * 1e-3
     step = step_at(frames, middle)
     steps = f"steps of {1e3 * step:.0f} mm" if np.isfinite(step) else "no steps"
     value = f"{typical:.1f} times the Kinect model on smooth surfaces, {steps} at {middle:.1f} m"

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from odom.evaluation.diagnosis.depth import sparse_depths, step_at
+from odom.evaluation.diagnosis.depth import sampled_depths, step_at
 from odom.evaluation.diagnosis.finding import Finding, Verdict
 from odom.frame import RgbdFrame
 from odom.frame.depth_model import LIKELY_MEDIAN_M
@@ -28,7 +28,7 @@ _UNIT_SHARE = 0.12
 
 def steps_scale(frames: Sequence[RgbdFrame]) -> float | None:
     """Return measured over true depth by the steps of a Kinect v1, None when the steps are not of such a sensor."""
-    some = sparse_depths((frame.depth_mm for frame in frames), every=4) * 1e-3
+    some = sampled_depths((frame.depth_mm for frame in frames), every=4) * 1e-3
     if not len(some):
         return None
     nearest, farthest = np.quantile(some, [0.05, 0.95])
@@ -46,7 +46,7 @@ def steps_scale(frames: Sequence[RgbdFrame]) -> float | None:
 def judge_unit(frames: Sequence[RgbdFrame]) -> Finding:
     """Judge the depth scale by the sensor alone; only an error of more than a tenth can be told."""
     key = "depth scale"
-    some = sparse_depths(frame.depth_mm for frame in frames) * 1e-3
+    some = sampled_depths(frame.depth_mm for frame in frames) * 1e-3
     ratio = steps_scale(frames)
     if ratio is not None:
         value = f"{ratio:.2f} of a Kinect v1's by the steps between depth values"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.errors import InputError
-from odom.evaluation.diagnosis.depth import sparse_depths
+from odom.evaluation.diagnosis.depth import sampled_depths
 from odom.evaluation.diagnosis.finding import Finding, Verdict
 from odom.frontend.camera.noise_monitor import FeatureNoise
 from odom.geometry.arrays import Array
@@ -47,7 +47,7 @@ def judge_levels(depths_mm: Sequence[NDArray[np.uint16]], noise: FeatureNoise) -
         model = ZLevels(levels_m)
     except InputError:
         return Finding(key, f"only {len(levels_m)} depths occur", Verdict.UNKNOWN, "look at surfaces at several depths")
-    z = np.quantile(sparse_depths(depths_mm) * 1e-3, _DEPTHS)
+    z = np.quantile(sampled_depths(depths_mm) * 1e-3, _DEPTHS)
     by_levels = model.sigmas(z)[1]
     knots, sigma = noise.inverse_depth_sigma
     in_use = z**2 * np.interp(1.0 / z, knots, sigma)

@@ -79,6 +79,6 @@ def _filled(depth_mm: NDArray[np.uint16]) -> NDArray[np.uint16]:
 
 def _agree(depth_mm: NDArray[np.uint16], everywhere: NDArray[np.uint16], step_px: int) -> bool:
     """Return whether most measured pixels are about as far away as what is nearest to `step_px` to their right."""
-    here = depth_mm[:, :-step_px].astype(np.float32)
-    apart = np.abs(here - everywhere[:, step_px:])[here > 0]
-    return bool(np.count_nonzero(apart > TUNING.depth_fill_apart * here[here > 0]) <= 0.5 * len(apart))
+    is_measured = depth_mm[:, :-step_px] > 0
+    here, beside = (each[is_measured].astype(np.float32) for each in (depth_mm[:, :-step_px], everywhere[:, step_px:]))
+    return bool(np.count_nonzero(np.abs(here - beside) > TUNING.depth_fill_apart * here) <= 0.5 * len(here))

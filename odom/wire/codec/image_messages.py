@@ -115,8 +115,7 @@ def decode_color(message: Message, grey: bool = False) -> Image:
         return in_eight_bits(image)
     decoded = cdr.deserialise(message, cdr.IMAGE)
     if decoded.encoding == "mono16":
-        order = ">" if decoded.is_bigendian else "<"
-        return in_eight_bits(_pixels(message.topic, decoded, 2).view(order + "u2")[..., 0])
+        return in_eight_bits(_numbers(message.topic, decoded, "u2"))
     if decoded.encoding not in _COLOR_ENCODINGS:
         raise WireError(f"{message.topic}: colour encoding {decoded.encoding!r} is not known")
     pixel_bytes, to_rgb = _COLOR_ENCODINGS[decoded.encoding]
@@ -147,12 +146,10 @@ def decode_depth(message: Message) -> Depth:
         decoded = cdr.deserialise(message, cdr.COMPRESSED_IMAGE)
         return decode_compressed_depth(decoded.format, decoded.data)
     decoded = cdr.deserialise(message, cdr.IMAGE)
-    order = ">" if decoded.is_bigendian else "<"
     if decoded.encoding in ("16UC1", "mono16"):
-        image = _pixels(message.topic, decoded, 2).view(order + "u2")[..., 0]
-        return np.asarray(image, dtype=np.uint16)
+        return np.asarray(_numbers(message.topic, decoded, "u2"), dtype=np.uint16)
     if decoded.encoding == "32FC1":
-        return metres_to_mm(_pixels(message.topic, decoded, 4).view(order + "f4")[..., 0])
+        return metres_to_mm(_numbers(message.topic, decoded, "f4"))
     raise WireError(f"{message.topic}: depth encoding {decoded.encoding!r} is not known")
 
 
@@ -199,6 +196,12 @@ def _encode_compressed(topic: str, stamp: Stamp, image_format: str, data: bytes,
 def _check_depth(depth_mm: Depth) -> None:
     if depth_mm.dtype != np.uint16 or depth_mm.ndim != 2:
         raise WireError(f"depth is {depth_mm.dtype} of shape {depth_mm.shape}: give uint16, H x W")
+
+
+def _numbers(topic: str, decoded: Any, kind: str) -> NDArray[Any]:
+    """Return the H x W view of an image message's data as numbers of numpy's `kind`, in the message's byte order."""
+    order = ">" if decoded.is_bigendian else "<"
+    return _pixels(topic, decoded, np.dtype(kind).itemsize).view(order + kind)[..., 0]
 
 
 def _pixels(topic: str, decoded: Any, pixel_bytes: int) -> NDArray[np.uint8]:

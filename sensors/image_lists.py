@@ -100,6 +100,8 @@ def read_list(path: Path, columns: int) -> list[TumEntry]:
 
 def _names_joined(words: list[str]) -> list[str]:
     """Return the words of a line with those put together that are parts of one image's name."""
+    if all(map(is_number, words)):  # a pose, as most lines are
+        return words
     found: list[str] = []
     rest = words
     while rest:

@@ -25,14 +25,10 @@ def from_seconds(seconds: float | str) -> Stamp:
 
     Raises ValueError for what is not a finite number of seconds, or beyond the year 2255.
     """
-    try:
-        value = Decimal(seconds.strip()) if isinstance(seconds, str) else Decimal(float(seconds))
-    except InvalidOperation:
-        raise ValueError(f"{seconds!r} is not a number of seconds") from None
-    if not value.is_finite() or abs(value) > _LATEST_S:
-        raise ValueError(f"{seconds!r} seconds are no time stamp: give seconds since 1970")
     if isinstance(seconds, str):
-        return Stamp(int((value * 1_000_000_000).to_integral_value()))
+        return _exact(_decimal(seconds), seconds)
+    if not abs(seconds) <= _LATEST_S:
+        raise ValueError(f"{seconds!r} seconds are no time stamp: give seconds since 1970")
     return Stamp(round(float(seconds) * 1e9))
 
 
@@ -44,15 +40,26 @@ def stamp_of(text: str) -> tuple[Stamp, str]:
 
     Raises ValueError for what is no number, or no time in that unit before the year 2255.
     """
-    try:
-        value = Decimal(text.strip())
-    except InvalidOperation:
-        raise ValueError(f"{text!r} is not a number of seconds") from None
+    value = _decimal(text)
     digits = value.adjusted() + 1 if value.is_finite() else 0
     for least, unit, finer in _UNITS:
         if digits >= least:
-            return from_seconds(str(value.scaleb(-finer))), unit
-    return from_seconds(text), "seconds"
+            return _exact(value.scaleb(-finer), text), unit
+    return _exact(value, text), "seconds"
+
+
+def _decimal(text: str) -> Decimal:
+    try:
+        return Decimal(text.strip())
+    except InvalidOperation:
+        raise ValueError(f"{text!r} is not a number of seconds") from None
+
+
+def _exact(seconds: Decimal, given: str) -> Stamp:
+    """Return the stamp of so many seconds, refused as the text `given` for them."""
+    if not seconds.is_finite() or abs(seconds) > _LATEST_S:
+        raise ValueError(f"{given!r} seconds are no time stamp: give seconds since 1970")
+    return Stamp(int((seconds * 1_000_000_000).to_integral_value()))
 
 
 def is_number(text: str) -> bool:

@@ -18,6 +18,7 @@ from odom.evaluation import Trajectory
 from odom.evaluation.diagnosis import Recording, Verdict, examine
 from odom.evaluation.diagnosis.stamps import judge_rhythm, rhythm
 from odom.frame import RgbdFrame
+from odom.geometry import se3
 from odom.service.source_sample import collect
 from odom.wire import Topics
 from sensors.catalogue import open_source
@@ -93,6 +94,11 @@ def truth_with_the_real_part_first(recording: Recording) -> Recording:
     return replace(recording, truth={"camera": replace(truth, T_world_body=T)})
 
 
+def inverted_truth(recording: Recording) -> Recording:
+    truth = recording.truth["camera"]
+    return replace(recording, truth={"camera": replace(truth, T_world_body=se3.inverses(truth.T_world_body))})
+
+
 FAULTS = [
     (unspoiled, set()),
     (depth_shifted, {"depth registration"}),
@@ -103,8 +109,9 @@ FAULTS = [
     (both_focals_wrong, {"focal length"}),
     (scale_wrong, {"depth scale"}),
     (truth_with_the_real_part_first, {"truth"}),
+    (inverted_truth, {"truth"}),
 ]
-RARE = (half_missing, every_second_missing, both_focals_wrong, truth_with_the_real_part_first)
+RARE = (half_missing, every_second_missing, both_focals_wrong, truth_with_the_real_part_first, inverted_truth)
 """Variants that the real recording is enough for."""
 
 

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import logging
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from odom.cli import app
 from odom.cli.trajectories import read_truth
 from odom.evaluation import Trajectory
 from odom.evaluation.files import read_kitti, read_tum
+from odom.geometry import se3
 
 START_S = 1.7e9
 
@@ -189,6 +191,26 @@ def test_an_estimate_whose_quaternions_begin_with_w_is_told(tmp_path, walk, of_e
     assert [line.split("'s")[0] for line in done.output.splitlines() if "w x y z" in line] == (
         [f"note: {whose}"] if whose else []
     )
+
+
+OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+CAMERA_LINK = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])  # its axes in the optical frame
+
+
+def rewritten(walk: Trajectory, convention: str) -> Trajectory:
+    T = walk.T_world_body
+    poses = {"as is": T, "T_camera_world": se3.inverses(T), "OpenGL": T @ OPENGL, "camera_link": T @ CAMERA_LINK}
+    return replace(walk, T_world_body=poses[convention])
+
+
+@pytest.mark.parametrize("is_estimate", [True, False], ids=["estimate", "truth"])
+@pytest.mark.parametrize("convention", ["as is", "T_camera_world", "OpenGL", "camera_link"])
+def test_poses_of_another_frame_are_told(tmp_path, walk, convention, is_estimate):
+    files = [written(tmp_path / f"{k}.txt", walk if k else rewritten(walk, convention), in_seconds) for k in (0, 1)]
+    done = evaluated(*(files if is_estimate else reversed(files)))
+    assert done.exit_code == 0
+    told = [name for name in ("T_camera_world", "OpenGL", "camera_link", "w x y z") if name in done.output]
+    assert told == ([] if convention == "as is" else [convention]), done.output
 
 
 def test_figures_that_cannot_be_had_are_null_in_the_file_and_not_a_word_that_is_no_json(tmp_path, walk):

@@ -20,8 +20,8 @@ from odom.evaluation.diagnosis.recording import Recording
 from odom.evaluation.diagnosis.scale import BodyTruth, body_truth, chain, fit_scale, judge_scale
 from odom.evaluation.diagnosis.stamps import judge_pairs, judge_rhythm
 from odom.evaluation.diagnosis.tracks import Tracks, follow
-from odom.evaluation.quaternion_order import order_notes
-from odom.evaluation.report import evaluate
+from odom.evaluation.pose_conventions import frame_notes, order_notes
+from odom.evaluation.report import Report, evaluate
 from odom.evaluation.run_report import CAMERA
 from odom.evaluation.trajectory import Stamps, Trajectory
 from odom.frame import Camera, RgbdFrame
@@ -127,21 +127,26 @@ def _judge_by_truth(
     if CAMERA not in truth:
         name = max(truth, key=lambda body: len(truth[body]))
         found = body_truth(chain(tracks, stamps, focal_px), truth[name])
-    elif wrong_order := _judge_order(chain(tracks, stamps, focal_px), truth[CAMERA]):
-        return [unit, *wrong_order]
+    elif written_otherwise := _judge_convention(chain(tracks, stamps, focal_px), truth[CAMERA]):
+        return [unit, *written_otherwise]
     else:
         name, found = CAMERA, BodyTruth(truth[CAMERA], np.eye(3), True)
     scale = judge_scale(fit_scale(motions, stamps, found) if found else None, name)
     return [unit if scale.verdict is Verdict.UNKNOWN else scale]
 
 
-def _judge_order(poses: Trajectory, truth: Trajectory) -> list[Finding]:
-    """Return the fault that the camera's truth has quaternions in another order, nothing where it has not."""
+def _judge_convention(poses: Trajectory, truth: Trajectory) -> list[Finding]:
+    """Return the fault that the camera's truth is written by another convention, nothing where it is not."""
+
+    def judge(other: Trajectory) -> Report:
+        return evaluate(poses, other)
+
     try:
-        notes = order_notes(truth, evaluate(poses, truth), lambda other: evaluate(poses, other))
+        found = judge(truth)
     except InputError:
         return []
-    return [Finding("truth", "other rotations than the images show", Verdict.BAD, note) for note in notes]
+    notes = order_notes(truth, found, judge) or frame_notes(truth, found, judge)
+    return [Finding("truth", "other motions than the images show", Verdict.BAD, note) for note in notes]
 
 
 def _edge_shift(frames: Sequence[RgbdFrame], tracks: list[Tracks], stamps: Stamps, camera: Camera) -> EdgeShift | None:

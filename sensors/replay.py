@@ -5,10 +5,19 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from odom.errors import RecordingError, WireError
+from odom.errors import ConfigError, RecordingError, WireError
 from odom.frame import Stamp, from_seconds
 from odom.wire import Message
-from odom.wire.codec import cdr, decode_camera_info, decode_depth_model, encode_calibration, encode_camera_info, restamp
+from odom.wire.codec import (
+    cdr,
+    decode_camera_info,
+    decode_depth,
+    decode_depth_model,
+    encode_calibration,
+    encode_camera_info,
+    encode_depth,
+    restamp,
+)
 from odom.wire.recording import (
     RecordedStream,
     RecordingReader,
@@ -19,6 +28,7 @@ from odom.wire.recording import (
     unregistered,
 )
 from sensors.calibration_file import load_calibration
+from sensors.recorded_depth import recorded_registration
 from sensors.recorded_truth import TRUTH_ROLE, TruthReader, could_be_truth, true_poses
 from sensors.source import SourceOptions
 
@@ -38,8 +48,9 @@ class ReplaySource:
     """Colour, depth, calibration and truth of a recording in the order of their stamps.
 
     The options' `start` and `end` are seconds from the first image whose stamp others follow; a whole recording is
-    played with the truth before it too. `taken` says in words which topics are played, `doubts` what speaks against
-    depth and calibration being colour's, `could_be_truth` which poses could be truth where none are. `length` is the
+    played with the truth before it too. `registration` brings depth into colour's view, None where it is there already.
+    `taken` says in words which topics are played, `doubts` what speaks against depth and calibration being colour's,
+    `could_be_truth` which poses could be truth where none are. `length` is the
     number of colour images, None when only a part is played or they were not counted.
     """
 
@@ -48,7 +59,7 @@ class ReplaySource:
     def __init__(
         self, reader: RecordingReader, streams: list[RecordedStream], counts: Mapping[str, int], options: SourceOptions
     ) -> None:
-        topics = options.topics
+        topics = self._topics = options.topics
         named = dict(options.topics_from)
         truths = true_poses(streams, counts, named.pop(TRUTH_ROLE, None))
         camera = None if options.camera is None else load_calibration(options.camera).camera
@@ -80,14 +91,17 @@ class ReplaySource:
                 self._as_calibration(info.first),
             )
         used = camera or self._roles.camera()
+        assert used is not None
+        self.registration = recorded_registration(reader, self._roles, streams, used, options.camera)
         doubts = (
-            None if used is None else unregistered(self._roles, streams, used),
+            None if self.registration else unregistered(self._roles, streams, used),
             None if camera is not None else of_another_camera(self._roles),
         )
         self.doubts = [doubt for doubt in doubts if doubt is not None]
         calibration = f"/{self._info_topic}" if self._info_topic else str(options.camera)
+        depth = f"{self._roles.depth.topic}{' (registered here)' if self.registration else ''}"
         self.taken = (
-            f"colour /{self._roles.color.topic}, depth /{self._roles.depth.topic}, calibration {calibration}, truth "
+            f"colour /{self._roles.color.topic}, depth /{depth}, calibration {calibration}, truth "
             f"{', '.join(f'/{topic}' for topic in truths) or 'none'}"
         )
         self.could_be_truth = None if truths else could_be_truth(streams, self._roles.color.topic)
@@ -107,7 +121,7 @@ class ReplaySource:
                 if (pose := self._read_truth(message)) is not None:
                     yield pose
             else:
-                yield replace(message, topic=self._keys[message.topic])
+                yield self._registered(replace(message, topic=self._keys[message.topic]))
         self._read_truth.tell(self._reader.path)
         if self._reader.behind > _MOST_BEHIND:
             log.warning(
@@ -140,6 +154,16 @@ class ReplaySource:
     def close(self) -> None:
         """End `messages` at the next message."""
         self._closed = True
+
+    def _registered(self, image: Message) -> Message:
+        """Return a depth image as colour's camera sees it; what is none, or of another size, is refused later on."""
+        if self.registration is None or image.topic not in (self._topics.depth, self._topics.depth_compressed):
+            return image
+        try:
+            depth_mm = self.registration(decode_depth(image))
+        except (ConfigError, WireError):
+            return image
+        return encode_depth(self._topics.depth, image.stamp, depth_mm, self._topics.frame_camera)
 
     def _as_calibration(self, message: Message) -> Message:
         """Return the calibration of the images as they are: a rectified image has the new matrix, no distortion."""

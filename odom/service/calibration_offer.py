@@ -9,6 +9,7 @@ from odom.errors import ConfigError, OdomError
 from odom.service.unlogged import unlogged
 from sensors.calibration_file import Calibration, calibration_text
 from sensors.remembered import remember
+from sensors.source import SourceOptions
 
 if TYPE_CHECKING:
     from odom.calibration.self_calibration import SelfCalibration
@@ -33,15 +34,19 @@ def offer_calibration(calibration: "SelfCalibration", folder: Path) -> None:
 def keep_depth_images(folder: Path, source: str, camera: Path | None) -> None:
     """Give a calibration that was offered the unit of the source's depth images, and how they are registered.
 
-    Raises OSError, and ConfigError where the calibration given has vanished.
+    Raises OSError, and ConfigError or SourceError where the calibration given or the source has vanished.
     """
+    from odom.wire.recording import is_recording
     from sensors.depth_registration import registration_text
     from sensors.folder_camera import depth_images_of
+    from sensors.replay import open_recording
 
     path = folder / CALIBRATION_FILE
     if path.is_file():
-        with unlogged():  # the sensor has logged what it made of the folder
+        with unlogged():  # the sensor has logged what it made of the source
             scale, registration = depth_images_of(source, camera)
+            if is_recording(Path(source)):
+                registration = open_recording(Path(source), SourceOptions(camera=camera)).registration
         text = re.sub(r"(?m)^depth_scale: .*$", f"depth_scale: {scale!r}", path.read_text(encoding="utf-8"))
         path.write_text(text + ("" if registration is None else registration_text(registration)), encoding="utf-8")
 

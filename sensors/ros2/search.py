@@ -18,7 +18,7 @@ from odom.wire.ros2.static_frames import TF_STATIC
 from sensors.ros2.image_topics import image_topics, info_topics
 from sensors.ros2.selection import CameraTopics, camera_topics
 from sensors.ros2.settings import Ros2Settings
-from sensors.ros2.static_transforms import StaticTransforms
+from sensors.static_transforms import StaticTransforms
 
 _LOG = logging.getLogger(__name__)
 _SETTLING_S = 1.0

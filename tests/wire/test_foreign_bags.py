@@ -465,12 +465,6 @@ def test_bodies_of_any_name_have_a_key_that_can_be_published(tmp_path: Path) -> 
     }
 
 
-def test_depth_of_another_size_is_refused_with_advice(tmp_path: Path) -> None:
-    bag = record(tmp_path / "bag", realsense())
-    with pytest.raises(RecordingError, match="registered"):
-        open_source(str(bag), SourceOptions(topics_from=(("depth", "/camera/depth/image_rect_raw"),)))
-
-
 @pytest.mark.parametrize(
     ("folder", "name", "info", "own", "is_told"),
     [

@@ -10,7 +10,7 @@ from typing import Any
 
 from odom.errors import RecordingError, WireError
 from odom.frame import Stamp
-from odom.wire.codec import stamp_of
+from odom.wire.codec import cdr, stamp_of
 from odom.wire.codec.cdr import typestore
 from odom.wire.message import Message
 from odom.wire.recording.reader import RecordingReader
@@ -115,15 +115,18 @@ def _cdr_of_ros1(type_name: str, raw: bytes) -> bytes:
         raise WireError(f"{type_name} of ROS 1 cannot be read: {error}") from error
 
 
+_TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"
 _MIGRATIONS: dict[str, object] = {}
 """What `rosbags` keeps between messages: how the fields of each type are moved."""
 
 
 @lru_cache(maxsize=1)
 def _ros1() -> Any:
-    from rosbags.typesys import Stores, get_typestore
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    return get_typestore(Stores.ROS1_NOETIC)
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(get_types_from_msg(_TRANSFORMS, cdr.TRANSFORMS))  # which `rosbags` does not count as ROS 1's own
+    return store
 
 
 def _number(part: Path) -> tuple[int, str]:

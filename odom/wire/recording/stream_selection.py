@@ -39,6 +39,10 @@ class SelectedStreams:
     camera_info: RecordedStream | None
     rectified: bool
 
+    def has_depth_in_colors_size(self) -> bool:
+        """Return whether depth has as many pixels as colour; raises RecordingError where one cannot be decoded."""
+        return _size(self.color, decode_color) == _size(self.depth, decode_depth)
+
     def camera(self) -> Camera | None:
         """Return the recorded calibration, None without one.
 
@@ -110,14 +114,12 @@ def select_streams(
     streams: Sequence[RecordedStream],
     named: Mapping[str, str],
     need_calibration: bool = True,
-    takes_other_size: bool = False,
 ) -> SelectedStreams:
     """Choose the streams; `named` (role to topic) decides where the types leave a choice.
 
     Among several, colour prefers names that say so, depth the one registered to colour, and both the one with the
-    most messages. Raises ConfigError for a name that is not there, RecordingError when a stream is missing, when the
-    calibration cannot be used, or when depth has another size than colour and so cannot be registered to it, unless
-    the caller `takes_other_size`.
+    most messages. Raises ConfigError for a name that is not there, RecordingError when a stream is missing, an
+    image cannot be decoded or the calibration cannot be used.
     """
     unknown = set(named) - set(STREAM_ROLES)
     if unknown:
@@ -129,13 +131,7 @@ def select_streams(
     if color is None or depth is None:
         missing = "colour" if color is None else "depth"
         raise RecordingError(f"no {missing} images; the recording holds {_listing(streams)}; name a topic with --topic")
-    size, depth_size = _size(color, decode_color), _size(depth, decode_depth)
-    if size != depth_size and not takes_other_size:
-        raise RecordingError(
-            f"depth /{depth.topic} is {depth_size[1]} x {depth_size[0]} and colour /{color.topic} is "
-            f"{size[1]} x {size[0]}: depth must be registered to colour; record a registered "
-            "topic, or name one with --topic depth=/name"
-        )
+    size, _ = _size(color, decode_color), _size(depth, decode_depth)
 
     def fits(stream: RecordedStream) -> bool:
         return stream.type_name == cdr.CAMERA_INFO and _info_size(stream) in (size, None)

@@ -1,0 +1,59 @@
+"""Depth of a recording that is not in colour's view: registered by the calibration file, or by tf_static."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from odom.errors import RecordingError, WireError
+from odom.frame import Camera
+from odom.wire.codec import StampedPose, decode_tf
+from odom.wire.recording import RecordedStream, RecordingReader, SelectedStreams
+from sensors.depth_registration import DepthRegistration, load_depth_registration
+from sensors.static_transforms import StaticTransforms
+from sensors.stream_registration import is_registered, registration_of
+
+_LOOKED_AT_IMAGES = 60
+"""Colour images, two seconds of them, beside which transforms are read: those that are constant are recorded first, and
+again and again where each message holds all frames. Fewer: a late one may be missed; more only delay the start."""
+
+
+def recorded_registration(
+    reader: RecordingReader,
+    chosen: SelectedStreams,
+    streams: Sequence[RecordedStream],
+    color_camera: Camera,
+    calibration: Path | None,
+) -> DepthRegistration | None:
+    """Return what brings the depth of a recording into colour's view: its `calibration` file, else the recording.
+
+    None where depth is there already; also where it has colour's size and the recording does not say how they lie to
+    each other. Raises RecordingError for depth of another size of which nothing says it.
+    """
+    if is_registered(chosen):
+        return None
+    given = None if calibration is None else load_depth_registration(calibration, color_camera)
+    if given is not None:
+        return given
+    try:
+        return registration_of(chosen, streams, color_camera, _transforms(reader, chosen.color.topic))
+    except RecordingError as error:
+        if chosen.has_depth_in_colors_size():
+            return None
+        raise RecordingError(f"{error}; or give depth_camera and T_color_depth in --camera camera.yaml") from error
+
+
+def _transforms(reader: RecordingReader, color: str) -> StaticTransforms:
+    """Return the frames of `/tf_static`, and of `/tf`, where bags of ROS 1 have constant ones too, what it lacks."""
+    found: dict[str, list[StampedPose]] = {"tf": [], "tf_static": []}
+    images = 0
+    for message in reader.messages({*found, color}):
+        images += message.topic == color
+        if images > _LOOKED_AT_IMAGES:
+            break
+        with suppress(WireError):
+            if message.topic in found:
+                found[message.topic] += decode_tf(message)
+    transforms = StaticTransforms()
+    for frames in found.values():
+        transforms.take(tuple(frames))
+    return transforms

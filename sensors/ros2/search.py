@@ -15,6 +15,7 @@ from odom.wire.ros2.graph import RosGraph, several, strange_type
 from odom.wire.ros2.inbox import Inbox
 from odom.wire.ros2.names import Endpoint
 from odom.wire.ros2.static_frames import TF_STATIC
+from sensors.depth_registration import DepthRegistration
 from sensors.ros2.image_topics import image_topics, info_topics
 from sensors.ros2.selection import CameraTopics, camera_topics
 from sensors.ros2.settings import Ros2Settings
@@ -34,8 +35,9 @@ _TF_STATIC = f"/{TF_STATIC}"
 
 @dataclass
 class Search:
-    """What has been found below `prefix` so far; `named` (role to topic) and `camera` are what the user said.
+    """What has been found below `prefix` so far.
 
+    `named` (role to topic), `camera` and the `registration` of depth are what the user said.
     `_joined` and `_spoke` are when the last topic was joined, and when the first message came (monotonic seconds).
     """
 
@@ -45,6 +47,7 @@ class Search:
     settings: Ros2Settings
     named: dict[str, str]
     camera: Camera | None
+    registration: DepthRegistration | None
     first: dict[str, Message] = field(default_factory=dict)
     transforms: StaticTransforms = field(default_factory=StaticTransforms)
     _joined: float = 0.0
@@ -61,7 +64,7 @@ class Search:
             if not self._is_settled():
                 continue
             try:
-                found = camera_topics(self.first, self.named, self.camera, self.transforms)
+                found = camera_topics(self.first, self.named, self.camera, self.registration, self.transforms)
             except (RecordingError, WireError) as error:
                 missing = str(error)
                 continue

@@ -27,10 +27,12 @@ def camera_topics(
     first: Mapping[str, Message],
     named: Mapping[str, str],
     camera: Camera | None,
+    given: DepthRegistration | None,
     transforms: StaticTransforms,
 ) -> CameraTopics:
-    """Choose by the first messages of some topics; `named` and `camera` are what the user said.
+    """Choose by the first messages of some topics.
 
+    `named`, `camera` and the registration of depth that is `given` are what the user said.
     Raises RecordingError while something is missing, ConfigError for names that are not there.
     """
     streams = [RecordedStream(m.topic, m.type_name, m, m.stamp, m.stamp, 1) for m in map(_plain, first.values())]
@@ -38,8 +40,9 @@ def camera_topics(
     color_camera = camera or chosen.camera()
     if color_camera is None:
         raise RecordingError("no camera_info of colour")
-    registered = is_registered(chosen)
-    return CameraTopics(chosen, None if registered else registration_of(chosen, streams, color_camera, transforms))
+    if is_registered(chosen):
+        return CameraTopics(chosen, None)
+    return CameraTopics(chosen, given or registration_of(chosen, streams, color_camera, transforms))
 
 
 def _plain(message: Message) -> Message:

@@ -15,6 +15,7 @@ from odom.wire.ros2.names import NodeName
 from odom.wire.ros2.node import Ros2Node, ros2_wire
 from odom.wire.session import open_session
 from sensors.calibration_file import load_calibration
+from sensors.depth_registration import load_depth_registration
 from sensors.encoder import ImageEncoder
 from sensors.ros2.catching_up import AT_START, CatchingUp
 from sensors.ros2.search import Search
@@ -41,7 +42,10 @@ class Ros2Source:
         self._settings, self._options = settings, options
         self._stack = ExitStack()
         self._closed = False
-        camera = None if options.camera is None else load_calibration(options.camera).camera
+        camera = registration = None
+        if options.camera is not None:
+            camera = load_calibration(options.camera).camera
+            registration = load_depth_registration(options.camera, camera)
         wire = WireSettings(ros2_domain=settings.domain, ros2_router=settings.router)
         try:
             session = self._stack.enter_context(open_session(ros2_wire(wire)))
@@ -51,7 +55,8 @@ class Ros2Source:
             self._graph = RosGraph(session, settings.domain)
             self._inbox = Inbox(node, AT_START)
             session.at_close(self._inbox.close)
-            search = Search(self._graph, self._inbox, prefix, settings, dict(options.topics_from), camera)
+            named = dict(options.topics_from)
+            search = Search(self._graph, self._inbox, prefix, settings, named, camera, registration)
             self._topics = search.run()
         except OdomError:
             self._stack.close()
@@ -61,7 +66,7 @@ class Ros2Source:
         self._color, self._depth = f"/{chosen.color.topic}", f"/{chosen.depth.topic}"
         self._info = None if camera is not None or chosen.camera_info is None else f"/{chosen.camera_info.topic}"
         self._camera = camera
-        registered = "by its driver" if self._topics.registration is None else "here, by /tf_static"
+        registered = "by its driver" if self._topics.registration is None else "here"
         _LOG.info("colour %s, depth %s registered %s", self._color, self._depth, registered)
 
     @property

@@ -40,7 +40,9 @@ from odom.wire.ros2 import Ros2Node, check_no_loop
 from odom.wire.ros2.inbox import Inbox
 from odom.wire.ros2.names import Endpoint, NodeName
 from odom.wire.ros2.qos import Qos
+from sensors.calibration_file import Calibration, calibration_text
 from sensors.catalogue import check_source, open_source
+from sensors.depth_registration import DepthRegistration, registration_text
 from sensors.ros2.catching_up import CatchingUp
 from sensors.source import Source, SourceOptions
 
@@ -169,7 +171,7 @@ def test_aligned_depth_is_taken_before_the_sensors_own_and_other_cameras_are_lef
     assert (decode_depth(of(messages, KEYS.depth)) == 1500).all()
 
 
-def test_depth_of_its_own_camera_is_registered_by_tf_static() -> None:
+def test_depth_of_its_own_camera_is_registered_by_tf_static_or_a_file(tmp_path: Path) -> None:
     small = Camera(32, 24, 25.0, 25.0, 15.5, 11.5)
     T = np.eye(4)
     T[0, 3] = 0.15  # 5 px of 50 px focal length at 1.5 m
@@ -179,12 +181,22 @@ def test_depth_of_its_own_camera_is_registered_by_tf_static() -> None:
     depth_info = encode_camera_info("camera/depth/camera_info", AT, small, "camera_depth_optical_frame")
     middle = ("camera_link", OPTICAL, np.eye(4)), ("camera_link", "camera_depth_optical_frame", T)
     tf = encode_tf(AT, middle, topic="tf_static")
-    messages, untold, unsized = at_once(
+    file = tmp_path / "camera.yaml"
+    camera = decode_camera_info(INFO)
+    file.write_text(calibration_text(Calibration(camera)) + registration_text(DepthRegistration(small, camera, T)))
+
+    def by_file(port: int) -> list[Message]:
+        with driver(port, [INFO, COLOR, depth]):
+            return some(open_source("ros2:/camera", replace(options(port), camera=file)))
+
+    messages, by_the_file, untold, unsized = at_once(
         read(INFO, COLOR, depth, depth_info, tf),
+        by_file,
         refused(INFO, COLOR, depth, depth_info),
         refused(INFO, COLOR, depth, tf),
     )
     registered = decode_depth(of(messages, KEYS.depth))
+    assert np.array_equal(decode_depth(of(by_the_file, KEYS.depth)), registered)
     assert registered.shape == (48, 64)
     first = np.flatnonzero(registered[24])[0]
     assert 36 <= first <= 38

@@ -57,7 +57,7 @@ class _Convention:
             return ()
         if not other < min(error / _TIMES_SMALLER, self.error.least):
             return ()
-        was = "could not be judged" if found is None else self.error.words.format(error)
+        was = "nothing could be judged" if found is None else self.error.words.format(error)
         return (f"{whose} {self.name}: read so, {self.error.words.format(other)}, as it is, {was}; {self.remedy}",)
 
 

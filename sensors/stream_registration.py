@@ -8,11 +8,9 @@ from odom.frame import Camera
 from odom.wire import Message
 from odom.wire.codec import cdr, decode_camera_info, decode_depth
 from odom.wire.recording import RecordedStream, SelectedStreams
+from odom.wire.recording.stream_selection import REGISTERED_WORDS
 from sensors.depth_registration import DepthRegistration
 from sensors.static_transforms import StaticTransforms
-
-_REGISTERED_WORDS = ("aligned", "registered", "depth_to_color", "depth_to_rgb", "depth_to_colour")
-"""Words in the name of a depth topic that its driver has registered to colour."""
 
 
 def is_registered(chosen: SelectedStreams) -> bool:
@@ -20,7 +18,7 @@ def is_registered(chosen: SelectedStreams) -> bool:
     depth = chosen.depth
     return chosen.has_depth_in_colors_size() and (
         frame_of(depth.first) == frame_of(chosen.color.first)
-        or any(word in depth.topic.lower() for word in _REGISTERED_WORDS)
+        or any(word in depth.topic.lower() for word in REGISTERED_WORDS)
     )
 
 

@@ -20,7 +20,7 @@ _DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
 _COLOR_WORDS, _OTHER_WORDS = ("color", "colour", "rgb"), ("ir", "infra", "depth", "thermal", "mask", "fisheye")
 _DEPTH_WORDS, _INFRARED_WORDS = ("depth",), ("ir", "infra", "infrared")
 _NOT_DEPTH_WORDS = (*_INFRARED_WORDS, "confidence", "disparity", "thermal", "mask", "amplitude", "intensity")
-_REGISTERED_WORDS = ("aligned", "registered", "depth_to_color", "depth_to_rgb", "depth_to_colour")
+REGISTERED_WORDS = ("aligned", "registered", "depth_to_color", "depth_to_rgb", "depth_to_colour")
 """Words that drivers put into the names of topics: for colour, for what is not colour, for depth, for infrared images
 (which stand in for colour), for images of 16 bits that are no depth, for depth registered to colour."""
 
@@ -69,7 +69,7 @@ def unregistered(selected: SelectedStreams, streams: Iterable[RecordedStream], c
     Its driver then publishes a calibration of depth's own beside it, by which the same pixel looks elsewhere.
     """
     depth, color = selected.depth, selected.color
-    if any(word in depth.topic.lower() for word in _REGISTERED_WORDS):
+    if any(word in depth.topic.lower() for word in REGISTERED_WORDS):
         return None
     for stream in streams:
         is_depths = _shared_folders(stream, depth) > _shared_folders(stream, color)
@@ -96,7 +96,7 @@ def of_another_camera(selected: SelectedStreams) -> str | None:
     others = _numbered(_OTHER_WORDS)
     if info is None or not _says(info, others) or _says(color, others):
         return None
-    if any(word in info.topic.lower() for word in _REGISTERED_WORDS):
+    if any(word in info.topic.lower() for word in REGISTERED_WORDS):
         return None
     return (
         f"calibration /{info.topic} is by its name not that of colour /{color.topic}: if it is another camera's, poses "
@@ -208,7 +208,7 @@ def _depth_rank(stream: RecordedStream, color: RecordedStream | None) -> tuple[i
     """Rank a depth stream: one whose name says depth, that is registered, and of colour's own camera comes first."""
     name = stream.topic.lower()
     says = _says(stream, _DEPTH_WORDS) - _says(stream, _numbered(_NOT_DEPTH_WORDS))
-    is_registered = any(word in name for word in _REGISTERED_WORDS)
+    is_registered = any(word in name for word in REGISTERED_WORDS)
     shared = 0 if color is None else _shared_folders(stream, color)
     return (says, is_registered, shared, stream.count, stream.type_name == cdr.IMAGE)
 

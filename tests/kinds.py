@@ -50,6 +50,8 @@ LONG_MODULES = (
     "test_wide_steps",
     "test_moving_bodies",
     "test_change_of_lens",
+    "test_opened_map",
+    "test_repeated_image",
 )
 """Modules whose tests work through long walks, several runs or several starts; those that are fast remain so."""
 LONG_PARAMETERS = ("desk",)

@@ -8,7 +8,6 @@ import typer
 from odom.errors import ConfigError
 
 if TYPE_CHECKING:
-    from odom.evaluation import Report, Trajectory
     from odom.evaluation.mocap_calibration import CalibrationOptions
 
 AUTO, OFF = "auto", "off"
@@ -67,7 +66,7 @@ def evaluate(
     from odom.cli.trajectories import read_claims, read_estimate, read_truth
     from odom.evaluation import EvaluationOptions
     from odom.evaluation.judgement import judge as judged_by
-    from odom.evaluation.pose_conventions import frame_notes, order_notes
+    from odom.evaluation.pose_conventions import notes_of_both
     from odom.evaluation.relative import read_relative, relative_nees
     from odom.evaluation.run_report import error_fields, mocap_calibration_fields, remarks
     from odom.evaluation.trajectory_plot import plot as draw
@@ -105,20 +104,8 @@ def evaluate(
         fields[f"nees_{path.stem}"] = {"mean": values.mean, "inside_95": values.inside_95}
     if calibration:
         _print_calibration(mocap_calibration_fields(calibration, body or "body"), calibration.correlation)
-
-    def with_truth(other: "Trajectory") -> "Report":
-        return judge(estimated, other).report
-
-    def with_estimate(other: "Trajectory") -> "Report":
-        return judge(other, as_read).report
-
     notes = [
-        *order_notes(as_read, report, with_truth),
-        *order_notes(estimated, report, with_estimate, "the estimate's"),
-        *(
-            frame_notes(as_read, report, with_truth, "truth's, or else the estimate's,")
-            or frame_notes(estimated, report, with_estimate, "the estimate's")
-        ),
+        *notes_of_both(estimated, as_read, report, lambda one, other: judge(one, other).report),
         *judged.notes,
     ]
     for note in notes:

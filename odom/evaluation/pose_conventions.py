@@ -4,7 +4,7 @@ Files say nothing about it. Read by the right convention, the errors against ano
 become many times smaller, which no other fault of a trajectory brings about.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -97,20 +97,39 @@ _OTHER_FRAMES = (
 )
 
 
-def order_notes(written: Trajectory, found: Report | None, judge: Judge, whose: str = "truth's") -> tuple[str, ...]:
-    """Return the hint that the quaternions of a trajectory are in another order, w x y z, else nothing.
+def convention_notes(written: Trajectory, found: Report | None, judge: Judge) -> tuple[str, ...]:
+    """Return the hint that truth is written by another convention than the estimate, which is right, else nothing.
 
-    `found` is the report with the trajectory as it was read, None where there could be none; `judge` makes one with
-    another in its place, or raises InputError; `whose` names it.
+    `found` is the report with truth as it was read, None where there could be none; `judge` makes one with another in
+    its place, or raises InputError.
     """
-    return _W_FIRST.note(written, found, judge, whose)
+    return _first_note((_W_FIRST, *_OTHER_FRAMES), written, found, judge, "truth's")
 
 
-def frame_notes(written: Trajectory, found: Report | None, judge: Judge, whose: str = "truth's") -> tuple[str, ...]:
-    """Return the hint that poses are inverted or of a camera frame with other axes, else nothing.
+def notes_of_both(
+    estimate: Trajectory, truth: Trajectory, found: Report, judge: Callable[[Trajectory, Trajectory], Report]
+) -> tuple[str, ...]:
+    """Return the hint that one of two trajectories is written by another convention than the other, else nothing.
 
-    Arguments are as for `order_notes`. Where two trajectories differ by an inversion, or by half a turn of the camera,
-    that does not show which of them is wrong: `whose` names both unless one is known to be right.
+    Where they differ by an inversion, or by half a turn of the camera, that does not show which of them is wrong.
     """
-    tried = (convention.note(written, found, judge, whose) for convention in _OTHER_FRAMES)
-    return next((note for note in tried if note), ())
+
+    def with_truth(other: Trajectory) -> Report:
+        return judge(estimate, other)
+
+    def with_estimate(other: Trajectory) -> Report:
+        return judge(other, truth)
+
+    return (
+        _first_note((_W_FIRST,), truth, found, with_truth, "truth's")
+        or _first_note((_W_FIRST,), estimate, found, with_estimate, "the estimate's")
+        or _first_note(_OTHER_FRAMES, truth, found, with_truth, "truth's, or else the estimate's,")
+        or _first_note(_OTHER_FRAMES, estimate, found, with_estimate, "the estimate's")
+    )
+
+
+def _first_note(
+    tried: Sequence[_Convention], written: Trajectory, found: Report | None, judge: Judge, whose: str
+) -> tuple[str, ...]:
+    notes = (convention.note(written, found, judge, whose) for convention in tried)
+    return next((note for note in notes if note), ())

@@ -11,7 +11,7 @@ from odom.evaluation.chain_report import chain_fields, trajectory_fields
 from odom.evaluation.files import read_run, read_tum
 from odom.evaluation.judgement import judge
 from odom.evaluation.mocap_calibration import Calibration, CalibrationOptions, calibrate
-from odom.evaluation.pose_conventions import frame_notes, order_notes
+from odom.evaluation.pose_conventions import convention_notes
 from odom.evaluation.relative import RelativePoses, read_relative, relative_errors_of, relative_nees
 from odom.evaluation.report import EvaluationOptions, Report, evaluate
 from odom.evaluation.trajectory import Trajectory
@@ -60,7 +60,7 @@ def report_with_truth(
     try:
         judged = judge(estimate, read, options, mocap)
     except InputError as error:
-        notes = [str(error), *order_notes(read, None, report_by)]
+        notes = [str(error), *convention_notes(read, None, report_by)]
         nothing = dict.fromkeys(_ERRORS + _NEES + _CALIBRATION)
         return {**nothing, "matched": 0, "total": max(total_frames or 0, len(estimate)), "truth_notes": notes}
     truth, final, calibration = judged.truth, judged.report, judged.calibration
@@ -76,7 +76,7 @@ def report_with_truth(
         **mocap_calibration_fields(calibration, body),
         "chain": chain_fields(out_dir, truth, options),
         "chain_closed": trajectory_fields(out_dir / "chain_closed.txt", truth, options),
-        "truth_notes": [*order_notes(read, final, report_by), *frame_notes(read, final, report_by), *judged.notes],
+        "truth_notes": [*convention_notes(read, final, report_by), *judged.notes],
     }
     return {key: _finite(value) for key, value in fields.items()}
 

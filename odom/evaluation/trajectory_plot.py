@@ -35,6 +35,7 @@ _COMPRESSION = 2
 """Of a .png: more takes longer than the drawing itself and saves a fifth of the file."""
 
 _STYLE: dict[Any, Any] = {
+    "figure.constrained_layout.use": False, "figure.autolayout": False,  # whatever else has set them: see _SHEET
     "font.family": "DejaVu Sans", "font.size": 9.5,
     "axes.titlesize": 10.5, "axes.titleweight": "bold", "axes.titlelocation": "left",
     "axes.titley": 1.0,  # a fixed place: searching for the best one would choose the same

@@ -20,7 +20,7 @@ from odom.evaluation.diagnosis.recording import Recording
 from odom.evaluation.diagnosis.scale import BodyTruth, body_truth, chain, fit_scale, judge_scale
 from odom.evaluation.diagnosis.stamps import judge_pairs, judge_rhythm
 from odom.evaluation.diagnosis.tracks import Tracks, follow
-from odom.evaluation.pose_conventions import frame_notes, order_notes
+from odom.evaluation.pose_conventions import convention_notes
 from odom.evaluation.report import Report, evaluate
 from odom.evaluation.run_report import CAMERA
 from odom.evaluation.trajectory import Stamps, Trajectory
@@ -145,7 +145,7 @@ def _judge_convention(poses: Trajectory, truth: Trajectory) -> list[Finding]:
         found = judge(truth)
     except InputError:
         return []
-    notes = order_notes(truth, found, judge) or frame_notes(truth, found, judge)
+    notes = convention_notes(truth, found, judge)
     return [Finding("truth", "other motions than the images show", Verdict.BAD, note) for note in notes]
 
 

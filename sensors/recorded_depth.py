@@ -37,7 +37,7 @@ def recorded_registration(
     try:
         return registration_of(chosen, streams, color_camera, _transforms(reader, chosen.color.topic))
     except RecordingError as error:
-        if chosen.has_depth_in_colors_size():
+        if chosen.depth_size == chosen.color_size:
             return None
         raise RecordingError(f"{error}; or give depth_camera and T_color_depth in --camera camera.yaml") from error
 

@@ -9,12 +9,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from made_up_bags import ROS2, frames_in, record, record_ros_1
 from made_up_messages import BEGIN, PERIOD_NS, kinect_depth, mono16, plain_png, textured
 from mcap.writer import Writer as McapWriter
-from rosbags.convert.converter import migrate_bytes
-from rosbags.rosbag1 import Writer as Ros1Writer
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.rosbag2 import StoragePlugin
 
 from odom.cli.info import info
 from odom.errors import ConfigError, RecordingError
@@ -43,7 +41,6 @@ from sensors.source import SourceOptions
 CAMERA = Camera(64, 48, 50.0, 51.0, 31.0, 23.0, (0.1, 0.0, 0.0, 0.0, 0.0))
 FRAMES = 6
 OTHER = Path("camera") / "infra1" / "image_rect_raw"
-ROS2 = get_typestore(Stores.ROS2_HUMBLE)
 
 Encode = Callable[[str, Stamp, np.ndarray], Message]
 
@@ -69,19 +66,6 @@ def jpeg(topic: str, stamp: Stamp, color: np.ndarray) -> Message:
     return encode_color_jpeg(topic, stamp, color, quality=100)
 
 
-def record(folder: Path, messages: list[Message], plugin: StoragePlugin = StoragePlugin.MCAP) -> Path:
-    """Write the messages with rosbags, logged 80 ms after capture as a driver would."""
-    with Writer(folder, version=9, storage_plugin=plugin) as writer:
-        connections = {}
-        for message in messages:
-            if message.topic not in connections:
-                connections[message.topic] = writer.add_connection(
-                    f"/{message.topic}", message.type_name, typestore=ROS2
-                )
-            writer.write(connections[message.topic], message.stamp + 80_000_000, message.payload)
-    return folder
-
-
 def realsense(color: Encode = bgr, depth: Encode = encode_depth) -> list[Message]:
     """The topics of a well-known driver, with what else it publishes."""
     messages = []
@@ -103,10 +87,8 @@ def realsense(color: Encode = bgr, depth: Encode = encode_depth) -> list[Message
 def frames_of(
     spec: Path, options: SourceOptions | None = None
 ) -> tuple[list[tuple[np.ndarray, np.ndarray]], FrameAssembler]:
-    options = options or SourceOptions()
-    assembler = FrameAssembler(options.topics)
-    frames = [frame for message in open_source(str(spec), options).messages() for frame in assembler.feed(message)]
-    return [(frame.color, frame.depth_mm) for frame in [*frames, *assembler.finish()]], assembler
+    frames, assembler = frames_in(spec, options)
+    return [(frame.color, frame.depth_mm) for frame in frames], assembler
 
 
 @pytest.mark.parametrize("depth", [encode_depth, metres, png, rvl])
@@ -140,16 +122,7 @@ def test_a_database_is_read_without_its_metadata_and_as_a_file(tmp_path: Path) -
 
 
 def test_a_bag_of_ros_1_is_read_alike(tmp_path: Path) -> None:
-    ros1 = get_typestore(Stores.ROS1_NOETIC)
-    path = tmp_path / "take.bag"
-    with Ros1Writer(path) as writer:
-        connections = {}
-        for message in realsense():
-            name = message.type_name
-            if message.topic not in connections:
-                connections[message.topic] = writer.add_connection(f"/{message.topic}", name, typestore=ros1)
-            raw = migrate_bytes(ROS2, ros1, name, name, {}, message.payload, src_is2=True, dst_is2=False)
-            writer.write(connections[message.topic], message.stamp + 80_000_000, raw)
+    path = record_ros_1(tmp_path / "take.bag", realsense())
     frames, assembler = frames_of(path)
     assert assembler.camera == CAMERA
     assert len(frames) == FRAMES

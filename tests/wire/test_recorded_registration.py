@@ -6,12 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_up_bags import frames_in, record, record_ros_1
 from made_up_messages import BEGIN, PERIOD_NS, kinect_depth, textured
 from numpy.typing import NDArray
-from rosbags.convert.converter import migrate_bytes
-from rosbags.rosbag1 import Writer as Ros1Writer
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.rosbag2 import StoragePlugin
 from scipy.spatial.transform import Rotation
 
 from odom.errors import RecordingError
@@ -27,8 +25,6 @@ from sensors.source import SourceOptions
 
 COLOR, DEPTH = Camera(64, 48, 50.0, 51.0, 31.0, 23.0), Camera(80, 48, 45.0, 45.0, 40.0, 24.0)
 FRAMES = 4
-ROS2, ROS1 = get_typestore(Stores.ROS2_HUMBLE), get_typestore(Stores.ROS1_NOETIC)
-ROS1.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
 
 
 def motion(rotvec: tuple[float, float, float], position: tuple[float, float, float]) -> NDArray[np.float64]:
@@ -62,35 +58,9 @@ def transforms(topic: str = "tf_static") -> Iterator[Message]:
         yield encode_tf(Stamp(BEGIN), part, topic)
 
 
-def bag(folder: Path, messages: Iterator[Message], plugin: StoragePlugin = StoragePlugin.MCAP) -> Path:
-    with Writer(folder, version=9, storage_plugin=plugin) as writer:
-        connections = {}
-        for message in messages:
-            if message.topic not in connections:
-                connections[message.topic] = writer.add_connection(
-                    f"/{message.topic}", message.type_name, typestore=ROS2
-                )
-            writer.write(connections[message.topic], message.stamp, message.payload)
-    return folder
-
-
-def bag_of_ros_1(path: Path, messages: Iterator[Message]) -> Path:
-    with Ros1Writer(path) as writer:
-        connections = {}
-        for message in messages:
-            name = message.type_name
-            if message.topic not in connections:
-                connections[message.topic] = writer.add_connection(f"/{message.topic}", name, typestore=ROS1)
-            raw = migrate_bytes(ROS2, ROS1, name, name, {}, message.payload, src_is2=True, dst_is2=False)
-            writer.write(connections[message.topic], message.stamp, raw)
-    return path
-
-
 def depths(recording: Path, options: SourceOptions | None = None) -> tuple[list[NDArray[np.uint16]], FrameAssembler]:
-    options = options or SourceOptions()
-    assembler = FrameAssembler(options.topics)
-    frames = [frame for message in open_source(str(recording), options).messages() for frame in assembler.feed(message)]
-    return [frame.depth_mm for frame in [*frames, *assembler.finish()]], assembler
+    frames, assembler = frames_in(recording, options)
+    return [frame.depth_mm for frame in frames], assembler
 
 
 def assert_registered(found: list[NDArray[np.uint16]], depth_camera: Camera = DEPTH) -> None:
@@ -103,10 +73,10 @@ def assert_registered(found: list[NDArray[np.uint16]], depth_camera: Camera = DE
 @pytest.mark.parametrize("kind", ["mcap", "database", "ros 1"])
 def test_depth_is_registered_by_the_frames_of_the_recording(tmp_path, caplog, kind):
     if kind == "ros 1":  # static_transform_publisher repeats them on /tf
-        recording = bag_of_ros_1(tmp_path / "take.bag", (*transforms("tf"), *images()))
+        recording = record_ros_1(tmp_path / "take.bag", (*transforms("tf"), *images()))
     else:
         plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
-        recording = bag(tmp_path / "bag", (*transforms(), *images()), plugin)
+        recording = record(tmp_path / "bag", (*transforms(), *images()), plugin)
     with caplog.at_level("INFO"):
         found, assembler = depths(recording)
     assert_registered(found)
@@ -117,30 +87,30 @@ def test_depth_is_registered_by_the_frames_of_the_recording(tmp_path, caplog, ki
 
 def test_depth_in_a_frame_of_its_own_is_registered_though_it_has_colours_size(tmp_path):
     depth_camera = replace(DEPTH, width=64, cx=32.0)
-    found, _ = depths(bag(tmp_path / "bag", (*transforms(), *images(depth_camera))))
+    found, _ = depths(record(tmp_path / "bag", (*transforms(), *images(depth_camera))))
     assert_registered(found, depth_camera)
 
 
 def test_depth_of_another_size_that_nothing_registers_is_refused_with_what_to_do(tmp_path):
     with pytest.raises(RecordingError, match=r"/tf_static does not say .*T_color_depth in --camera"):
-        open_source(str(bag(tmp_path / "bag", images())), SourceOptions())
+        open_source(str(record(tmp_path / "bag", images())), SourceOptions())
 
 
 def test_a_calibration_file_that_says_how_the_cameras_lie_to_each_other_registers_depth(tmp_path):
     file = tmp_path / "camera.yaml"
     text = calibration_text(Calibration(COLOR)) + registration_text(DepthRegistration(DEPTH, COLOR, T_COLOR_DEPTH))
     file.write_text(text)
-    found, _ = depths(bag(tmp_path / "bag", images()), SourceOptions(camera=file))
+    found, _ = depths(record(tmp_path / "bag", images()), SourceOptions(camera=file))
     assert_registered(found)
     as_color = (replace(m, payload=encode_depth(m.topic, m.stamp, kinect_depth(), "color_optical").payload)
                 for m in images() if m.topic == "camera/depth/image_rect_raw")  # fmt: skip
     others = (m for m in images() if m.topic.startswith("camera/color"))
-    found, _ = depths(bag(tmp_path / "registered", (*others, *as_color)), SourceOptions(camera=file))
+    found, _ = depths(record(tmp_path / "registered", (*others, *as_color)), SourceOptions(camera=file))
     assert all(np.array_equal(depth_mm, kinect_depth()) for depth_mm in found), "registered once more"
 
 
 def test_a_calibration_that_a_run_found_keeps_how_depth_was_registered(tmp_path):
-    recording = bag(tmp_path / "bag", (*transforms(), *images()))
+    recording = record(tmp_path / "bag", (*transforms(), *images()))
     offered = tmp_path / CALIBRATION_FILE
     offered.write_text(calibration_text(Calibration(replace(COLOR, fx=52.0))))
     keep_depth_images(tmp_path, str(recording), None)
@@ -157,7 +127,7 @@ def test_depth_that_its_driver_has_registered_is_preferred(tmp_path):
         )
         for i in range(FRAMES)
     )
-    found, _ = depths(bag(tmp_path / "bag", (*transforms(), *images(), *aligned)))
+    found, _ = depths(record(tmp_path / "bag", (*transforms(), *images(), *aligned)))
     assert len(found) == FRAMES
     assert all(np.array_equal(depth_mm, kinect_depth()) for depth_mm in found)
 
@@ -166,6 +136,6 @@ def test_a_depth_image_that_is_none_is_counted_and_the_others_are_registered(tmp
     messages = [*transforms(), *images()]
     last = max(k for k, message in enumerate(messages) if message.topic == "camera/depth/image_rect_raw")
     messages[last] = replace(messages[last], payload=messages[last].payload[:-100])
-    found, assembler = depths(bag(tmp_path / "bag", iter(messages)))
+    found, assembler = depths(record(tmp_path / "bag", iter(messages)))
     assert sum(depth_mm.any() for depth_mm in found if depth_mm is not None) == FRAMES - 1
     assert assembler.malformed.counts.total() == 1

@@ -11,7 +11,6 @@ from typing import Any
 from odom.errors import RecordingError, WireError
 from odom.frame import Stamp
 from odom.wire.codec import cdr, stamp_of
-from odom.wire.codec.cdr import typestore
 from odom.wire.message import Message
 from odom.wire.recording.reader import RecordingReader
 
@@ -109,7 +108,7 @@ def _cdr_of_ros1(type_name: str, raw: bytes) -> bytes:
     from rosbags.convert.converter import migrate_bytes
 
     try:
-        ros1, ros2 = _ros1(), typestore(type_name)
+        ros1, ros2 = _ros1(), cdr.typestore(type_name)
         return bytes(migrate_bytes(ros1, ros2, type_name, type_name, _MIGRATIONS, raw, src_is2=False, dst_is2=True))
     except Exception as error:  # the generated code meets arbitrary bytes and types
         raise WireError(f"{type_name} of ROS 1 cannot be read: {error}") from error

@@ -20,7 +20,7 @@ _DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
 _COLOR_WORDS, _OTHER_WORDS = ("color", "colour", "rgb"), ("ir", "infra", "depth", "thermal", "mask", "fisheye")
 _DEPTH_WORDS, _INFRARED_WORDS = ("depth",), ("ir", "infra", "infrared")
 _NOT_DEPTH_WORDS = (*_INFRARED_WORDS, "confidence", "disparity", "thermal", "mask", "amplitude", "intensity")
-REGISTERED_WORDS = ("aligned", "registered", "depth_to_color", "depth_to_rgb", "depth_to_colour")
+_REGISTERED_WORDS = ("aligned", "registered", "depth_to_color", "depth_to_rgb", "depth_to_colour")
 """Words that drivers put into the names of topics: for colour, for what is not colour, for depth, for infrared images
 (which stand in for colour), for images of 16 bits that are no depth, for depth registered to colour."""
 
@@ -32,16 +32,14 @@ lie 100 and more apart. Chosen by hand."""
 
 @dataclass(frozen=True)
 class SelectedStreams:
-    """The topics that are colour, depth and calibration; `rectified` when colour has been undistorted."""
+    """Topics of colour, depth and calibration, the images' sizes (height, width), and whether colour is `rectified`."""
 
     color: RecordedStream
     depth: RecordedStream
     camera_info: RecordedStream | None
     rectified: bool
-
-    def has_depth_in_colors_size(self) -> bool:
-        """Return whether depth has as many pixels as colour; raises RecordingError where one cannot be decoded."""
-        return _size(self.color, decode_color) == _size(self.depth, decode_depth)
+    color_size: tuple[int, int]
+    depth_size: tuple[int, int]
 
     def camera(self) -> Camera | None:
         """Return the recorded calibration, None without one.
@@ -54,7 +52,7 @@ class SelectedStreams:
             camera = decode_camera_info(self.camera_info.first, self.rectified)
         except WireError as error:
             raise RecordingError(f"no usable calibration: {error}; or give --camera camera.yaml") from error
-        height, width = _size(self.color, decode_color)
+        height, width = self.color_size
         if (camera.height, camera.width) != (height, width):
             raise RecordingError(
                 f"camera_info /{self.camera_info.topic} is of {camera.width} x {camera.height} pixels and colour "
@@ -69,10 +67,10 @@ def unregistered(selected: SelectedStreams, streams: Iterable[RecordedStream], c
     Its driver then publishes a calibration of depth's own beside it, by which the same pixel looks elsewhere.
     """
     depth, color = selected.depth, selected.color
-    if any(word in depth.topic.lower() for word in REGISTERED_WORDS):
+    if says_registered(depth):
         return None
     for stream in streams:
-        is_depths = _shared_folders(stream, depth) > _shared_folders(stream, color)
+        is_depths = shared_folders(stream, depth) > shared_folders(stream, color)
         if stream.type_name != cdr.CAMERA_INFO or not is_depths:
             continue
         try:
@@ -96,7 +94,7 @@ def of_another_camera(selected: SelectedStreams) -> str | None:
     others = _numbered(_OTHER_WORDS)
     if info is None or not _says(info, others) or _says(color, others):
         return None
-    if any(word in info.topic.lower() for word in REGISTERED_WORDS):
+    if says_registered(info):
         return None
     return (
         f"calibration /{info.topic} is by its name not that of colour /{color.topic}: if it is another camera's, poses "
@@ -131,10 +129,10 @@ def select_streams(
     if color is None or depth is None:
         missing = "colour" if color is None else "depth"
         raise RecordingError(f"no {missing} images; the recording holds {_listing(streams)}; name a topic with --topic")
-    size, _ = _size(color, decode_color), _size(depth, decode_depth)
+    size, depth_size = _size(color, decode_color), _size(depth, decode_depth)
 
     def fits(stream: RecordedStream) -> bool:
-        return stream.type_name == cdr.CAMERA_INFO and _info_size(stream) in (size, None)
+        return stream.type_name == cdr.CAMERA_INFO and info_size(stream) in (size, None)
 
     info = _choose("camera_info", streams, named, fits, lambda stream: _info_rank(stream, color))
     if info is None and need_calibration:
@@ -142,7 +140,7 @@ def select_streams(
             f"no camera_info of {size[1]} x {size[0]} pixels; the recording holds {_listing(streams)}: "
             "give --camera camera.yaml"
         )
-    selected = SelectedStreams(color, depth, info, "image_rect" in color.topic)
+    selected = SelectedStreams(color, depth, info, "image_rect" in color.topic, size, depth_size)
     if info is not None and need_calibration:
         selected.camera()
     return selected
@@ -189,6 +187,11 @@ def _is_seen(stream: RecordedStream) -> bool:
     )
 
 
+def says_registered(stream: RecordedStream) -> bool:
+    """Return whether a topic's name says that it is depth's, registered to colour."""
+    return any(word in stream.topic.lower() for word in _REGISTERED_WORDS)
+
+
 def _says(stream: RecordedStream, words: Iterable[str]) -> bool:
     """Return whether one of the words is a word of the topic's name."""
     return not set(stream.topic.lower().replace("/", "_").split("_")).isdisjoint(words)
@@ -206,26 +209,25 @@ def _color_rank(stream: RecordedStream) -> tuple[int, ...]:
 
 def _depth_rank(stream: RecordedStream, color: RecordedStream | None) -> tuple[int, ...]:
     """Rank a depth stream: one whose name says depth, that is registered, and of colour's own camera comes first."""
-    name = stream.topic.lower()
     says = _says(stream, _DEPTH_WORDS) - _says(stream, _numbered(_NOT_DEPTH_WORDS))
-    is_registered = any(word in name for word in REGISTERED_WORDS)
-    shared = 0 if color is None else _shared_folders(stream, color)
-    return (says, is_registered, shared, stream.count, stream.type_name == cdr.IMAGE)
+    shared = 0 if color is None else shared_folders(stream, color)
+    return (says, says_registered(stream), shared, stream.count, stream.type_name == cdr.IMAGE)
 
 
 def _info_rank(stream: RecordedStream, color: RecordedStream) -> tuple[int, ...]:
     """Rank a calibration by how much of its path is colour's: one in the same folder or above comes first."""
-    own, shared = stream.topic.count("/"), _shared_folders(stream, color)
+    own, shared = stream.topic.count("/"), shared_folders(stream, color)
     return (shared - own if shared < own else 1, shared, *_color_rank(stream))
 
 
-def _shared_folders(stream: RecordedStream, color: RecordedStream) -> int:
-    """Return how many parts of a topic's path, without its last one, are those of colour's."""
-    own, other = stream.topic.split("/")[:-1], color.topic.split("/")
+def shared_folders(stream: RecordedStream, image: RecordedStream) -> int:
+    """Return how many parts of a topic's path, without its last one, are those of an image's."""
+    own, other = stream.topic.split("/")[:-1], image.topic.split("/")
     return len(list(takewhile(lambda pair: pair[0] == pair[1], zip(own, other, strict=False))))
 
 
-def _info_size(stream: RecordedStream) -> tuple[int, int] | None:
+def info_size(stream: RecordedStream) -> tuple[int, int] | None:
+    """Return height and width of the camera that a stream's first message is the calibration of, None if it is none."""
     try:
         camera = decode_camera_info(stream.first)
     except WireError:

@@ -38,7 +38,8 @@ class Search:
     """What has been found below `prefix` so far.
 
     `named` (role to topic), `camera` and the `registration` of depth are what the user said.
-    `_joined` and `_spoke` are when the last topic was joined, and when the first message came (monotonic seconds).
+    `_joined` and `_spoke` are when the last topic was joined, and when the first message came (monotonic seconds);
+    `_wanted` are the topics to choose among: none of an image that has appeared in a better form since.
     """
 
     graph: RosGraph
@@ -52,6 +53,7 @@ class Search:
     transforms: StaticTransforms = field(default_factory=StaticTransforms)
     _joined: float = 0.0
     _spoke: float = 0.0
+    _wanted: tuple[str, ...] = ()
 
     def run(self) -> CameraTopics:
         """Return the topics once they are clear, and listen to no others; raises ConfigError with what is missing."""
@@ -64,7 +66,8 @@ class Search:
             if not self._is_settled():
                 continue
             try:
-                found = camera_topics(self.first, self.named, self.camera, self.registration, self.transforms)
+                first = {topic: message for topic, message in self.first.items() if topic in self._wanted}
+                found = camera_topics(first, self.named, self.camera, self.registration, self.transforms)
             except (RecordingError, WireError) as error:
                 missing = str(error)
                 continue
@@ -81,9 +84,9 @@ class Search:
         topics = self.graph.endpoints(self.prefix)
         named = {topic: ends for topic, ends in self.graph.endpoints().items() if topic in self._named}
         images = image_topics(topics, self.settings.transport == "compressed")
-        wanted = [*named, *images, *info_topics(topics)]
+        self._wanted = (*named, *images, *info_topics(topics))[:_MOST_TOPICS]
         everything = topics | named | {_TF_STATIC: self.graph.endpoints().get(_TF_STATIC, [])}
-        for topic in (_TF_STATIC, *wanted[:_MOST_TOPICS]):
+        for topic in (_TF_STATIC, *self._wanted):
             if everything[topic] and topic not in self.inbox.topics:
                 self.inbox.subscribe(_known(everything[topic]))
                 self._joined = time.monotonic()

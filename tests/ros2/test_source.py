@@ -163,6 +163,16 @@ def test_what_is_offered_compressed_only_is_read_so_and_raw_is_taken_of_both() -
     assert of(compressed, KEYS.color, KEYS.color_compressed).topic == KEYS.color_compressed
 
 
+def test_a_compressed_topic_that_comes_after_the_raw_one_is_taken_where_it_was_asked_for(port: int) -> None:
+    jpeg = encode_color_jpeg("camera/color/image_raw/compressed", AT, SMOOTH, OPTICAL)
+    with ThreadPoolExecutor(1) as pool, driver(port, [INFO, COLOR, ALIGNED]):
+        opening = pool.submit(open_source, "ros2:/camera", options(port, transport="compressed"))
+        time.sleep(0.6)
+        with driver(port, [jpeg], "late_transport"):
+            messages = some(opening.result(), 80)
+    assert of(messages, KEYS.color, KEYS.color_compressed).topic == KEYS.color_compressed
+
+
 def test_aligned_depth_is_taken_before_the_sensors_own_and_other_cameras_are_left_alone(port: int) -> None:
     own = encode_depth("camera/depth/image_rect_raw", AT, DEPTH + 7, "camera_depth_optical_frame")
     infra = image("camera/infra1/image_rect_raw", "mono8", GREY)

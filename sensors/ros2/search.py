@@ -84,9 +84,9 @@ class Search:
         topics = self.graph.endpoints(self.prefix)
         named = {topic: ends for topic, ends in self.graph.endpoints().items() if topic in self._named}
         images = image_topics(topics, self.settings.transport == "compressed")
-        self._wanted = (*named, *images, *info_topics(topics))[:_MOST_TOPICS]
+        self._wanted = (*named, *images, *info_topics(topics))
         everything = topics | named | {_TF_STATIC: self.graph.endpoints().get(_TF_STATIC, [])}
-        for topic in (_TF_STATIC, *self._wanted):
+        for topic in (_TF_STATIC, *self._wanted[:_MOST_TOPICS]):
             if everything[topic] and topic not in self.inbox.topics:
                 self.inbox.subscribe(_known(everything[topic]))
                 self._joined = time.monotonic()

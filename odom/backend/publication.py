@@ -1,11 +1,11 @@
 """A pose as published, never changed later, with the motions since earlier ones."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from odom.backend.doubt import Doubt
-from odom.backend.estimate import RelativePose
+from odom.backend.estimate import Estimate, RelativePose
 from odom.backend.map.frame_log import LoggedFrame
 from odom.geometry.arrays import Array
 
@@ -28,3 +28,8 @@ class Publication:
     step: RelativePose | None = None
     second: RelativePose | None = None
     doubt: Doubt = field(default_factory=Doubt)
+
+    def in_estimate(self, estimate: Estimate) -> Estimate:
+        """Return a frame's estimate with its pose and motions."""
+        T_odom_camera, covariance, step, second = self.T_odom_camera, self.covariance, self.step, self.second
+        return replace(estimate, T_odom_camera=T_odom_camera, covariance=covariance, step=step, second=second)

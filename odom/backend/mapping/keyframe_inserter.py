@@ -67,17 +67,28 @@ class KeyframeInserter:
             corners = corners.take(standing_since(view, corners, scene, sensor))
         return corners if len(corners.uv) >= TUNING.least_begun else None
 
-    def begin_segment(
-        self, view: View, corners: Corners, T_camera_map: Array, sensor: SensorModel, in_doubt: bool
+    def is_bare(self, view: View, sensor: SensorModel) -> bool:
+        """Return whether a view has too few corners for anything to be found by them."""
+        return self.first_corners(view, sensor) is None
+
+    def begin(
+        self,
+        view: View,
+        corners: Corners,
+        T_camera_map: Array,
+        sensor: SensorModel,
+        in_doubt: bool,
+        against: tuple[int, Array] | None = None,
     ) -> Keyframe:
         """Begin a segment with a frame and its `first_corners`; `remeasure` it once its motion is known.
 
-        `in_doubt`: most of the view moves.
+        `in_doubt`: most of the view moves. Where the pose is known `against` the key frame of that number, with a
+        covariance (6 x 6), its segment goes on instead.
         """
         self.take_corners(None, sensor)
         self.recent.forget()
-        nothing = MeasuredLandmarks.nothing()
-        keyframe = self._map.add_keyframe(view, T_camera_map, nothing, sensor.timing, None, _CERTAIN)
+        nothing, (reference, covariance) = MeasuredLandmarks.nothing(), against or (None, _CERTAIN)
+        keyframe = self._map.add_keyframe(view, T_camera_map, nothing, sensor.timing, reference, covariance)
         self._map.add_corners(keyframe, view.images, corners, sensor.depth_tilt.angles)
         self._queue_for_description(KeyframeView(keyframe.number, view, AT_REST, corners.uv if in_doubt else None))
         self._newest = self._coverage_at_keyframe = None

@@ -93,6 +93,13 @@ def _oldest_connected(observations: Observations, frames: int) -> Index:
         oldest = reached
 
 
+def _with_parts_held(adjustment: Adjustment) -> Adjustment:
+    """Return the adjustment with the oldest frame held of each part that common landmarks connect."""
+    frames = len(adjustment.is_fixed)
+    is_oldest = _oldest_connected(adjustment.observations, frames) == np.arange(frames)
+    return replace(adjustment, is_fixed=adjustment.is_fixed | is_oldest)
+
+
 def newest(map_: Map, window: int, sensor: SensorModel, credit: float) -> Adjustment:
     """Return the adjustment of the `window` newest key frames, held by older ones that measured the same landmarks.
 
@@ -109,7 +116,7 @@ def newest(map_: Map, window: int, sensor: SensorModel, credit: float) -> Adjust
     ]
     best = sorted(((n, k) for n, k in shared if n >= TUNING.adjust_shared), reverse=True)[: TUNING.adjust_fixed]
     fixed = [map_.keyframes[k] for _, k in sorted(best, key=lambda pair: pair[1])]
-    return _snapshot(map_, fixed, free, [], sensor, credit, TUNING.adjust_iterations)
+    return _with_parts_held(_snapshot(map_, fixed, free, [], sensor, credit, TUNING.adjust_iterations))
 
 
 def everything(
@@ -122,7 +129,8 @@ def everything(
 ) -> Adjustment:
     """Return the adjustment of all remembered key frames of a segment, and of intermediate frames.
 
-    The oldest key frame is held; where forgotten key frames had connected the others, the oldest of each part is.
+    The oldest key frame is held; where forgotten key frames had connected the others, or nothing but surfaces had led
+    from one to the next, the oldest of each part is.
     So are those of earlier sessions, and those next to key frames that are away: the map must not tear there. With a
     `change` of lens, what frames measured is converted to the new one; the landmarks are not.
     """
@@ -130,11 +138,9 @@ def everything(
     between = intermediate.among(keyframes)
     iterations = TUNING.finish_iterations
     whole = _snapshot(map_, keyframes[:1], keyframes[1:], between, sensor, credit, iterations, change)
-    frames = len(whole.is_fixed)
-    is_oldest = _oldest_connected(whole.observations, frames) == np.arange(frames)
-    is_held = np.zeros(frames, dtype=np.bool_)
+    is_held = np.zeros(len(whole.is_fixed), dtype=np.bool_)
     is_held[: len(keyframes)] = [k.number < map_.earlier or bool(map_.links[k.number] & map_.away) for k in keyframes]
-    return replace(whole, is_fixed=whole.is_fixed | is_oldest | is_held)
+    return _with_parts_held(replace(whole, is_fixed=whole.is_fixed | is_held))
 
 
 def everything_through(

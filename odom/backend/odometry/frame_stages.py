@@ -1,4 +1,4 @@
-"""The stages of one frame: predict, track, judge, publish, map; if it is not tracked: bridge, LOST, or new segment."""
+"""The stages of one frame: predict, track, judge, publish, map; else follow by surfaces, bridge, LOST, or begin."""
 
 from dataclasses import replace
 
@@ -19,6 +19,7 @@ from odom.backend.odometry.lost_camera import LostCamera
 from odom.backend.odometry.moving_view import MovingView
 from odom.backend.odometry.published_trajectory import PublishedTrajectory
 from odom.backend.odometry.repeated_image import ShownDepth, is_repeated
+from odom.backend.odometry.surface_following import SurfaceFollowing
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.odometry.visibility import Visibility
 from odom.backend.publication import Publication
@@ -69,7 +70,8 @@ class FrameStages:
         is_blind = self._visibility.is_blind(view.stamp, longest_blind_s)
         is_followable = not (self.published.is_lost or is_blind)
         if self.state is not None and is_repeated(view, self.state, self.sensor):
-            return self._predict(view, is_followable, IMAGE_AGAIN) or self._lose(view, IMAGE_AGAIN)
+            predicted = self._predict(view, is_followable, IMAGE_AGAIN)
+            return predicted or self._lose(view, IMAGE_AGAIN, self._follow_surfaces(view, is_followable, True))
         tracked = self._track(view, T_predicted, watch) if is_followable else None
         if tracked is not None:
             judged = self._judge(view, tracked, is_recovered=False)
@@ -89,8 +91,9 @@ class FrameStages:
         predicted = self._predict(view, is_followable, "not tracked")
         if predicted is not None:
             return predicted
+        following = self._follow_surfaces(view, is_followable, False)
         has_corners = len(place.points) >= TUNING.least_corners
-        return self._lose_or_begin(view) if has_corners else self._lose(view, TOO_LITTLE)
+        return self._lose_or_begin(view, following) if has_corners else self._lose(view, TOO_LITTLE, following)
 
     def _track(self, view: View, T_predicted: Array | None, watch: Stopwatch) -> Tracked | None:
         """Predict and track the frame from the newest one with a pose; None where that fails."""
@@ -129,8 +132,7 @@ class FrameStages:
         twist = -step / since_previous_s if is_near else tracked.twist
         self.mapper.inserter.remeasure_newest(twist if is_near else None, self.sensor)
         note_sightings(self.map.landmarks, tracked, since_previous_s)
-        is_one_period = abs(since_previous_s - clock.period_s) < TUNING.steady_share * clock.period_s
-        noise_step = step if since_previous_s and is_one_period else None
+        noise_step = step if abs(since_previous_s - clock.period_s) < TUNING.steady_share * clock.period_s else None
         number, width = self.published.log.count, view.images.full.shape[1]
         noise = noise_after(self.sensor.noise, self.map, tracked, noise_step, number, width)
         self.sensor = self.sensor.with_noise(noise)
@@ -195,34 +197,45 @@ class FrameStages:
         estimate = self._describe(view, State.UNCERTAIN, f"{why}: the motion is predicted", published)
         return replace(estimate, is_predicted=True)
 
-    def _lose_or_begin(self, view: View) -> Estimate:
-        """Report a frame with enough to see as LOST, or begin a segment once known places were looked for long enough.
+    def _follow_surfaces(self, view: View, is_followable: bool, is_repeated: bool) -> SurfaceFollowing | None:
+        """Return where surfaces led the camera; None where they don't, or where colour is no reason to follow them."""
+        may_begin = is_followable and self._is_predictable(view) and not self.moving.is_doubtful
+        placed = self.state if may_begin and (is_repeated or self.mapper.inserter.is_bare(view, self.sensor)) else None
+        return self._lost_camera.follow_surfaces(view, placed, self.published.log.last, self.sensor)
 
-        Time in which there is nothing to see does not count as looking.
-        """
+    def _lose_or_begin(self, view: View, following: SurfaceFollowing | None = None) -> Estimate:
+        """Report a frame that shows no known place, or begin; time with nothing to see does not count as looking."""
         self._visibility = self._visibility.with_search(self.published.since_last_s(view.stamp))
         in_doubt, searching_s = self.moving.is_doubtful, self._visibility.searching_s
         corners = self._lost_camera.first_corners(self.state, view, self.sensor, in_doubt, searching_s)
-        return self._lose(view, NO_PLACE) if corners is None else self._begin_segment(view, corners)
+        return self._lose(view, NO_PLACE, following) if corners is None else self._begin(view, corners, following)
 
-    def _lose(self, view: View, reason: str) -> Estimate:
-        """Report the frame as LOST."""
-        self.published.lose(view.stamp, self._segment)
+    def _lose(self, view: View, reason: str, following: SurfaceFollowing | None = None) -> Estimate:
+        """Report the frame as LOST, or as UNCERTAIN where surfaces led."""
+        state, published = State.LOST, None
+        if following is None or self.state is None:
+            self.published.lose(view.stamp, self._segment)
+        else:
+            published = self.published.follow(view, self.state, following, self.sensor)
+            state, reason = State.UNCERTAIN, f"{reason}: followed by surfaces alone"
         self.mapper.start_background(self.published.log.count, self.sensor)
-        return self._describe(view, State.LOST, reason, None)
+        return self._describe(view, state, reason, published)
 
-    def _begin_segment(self, view: View, corners: Corners) -> Estimate:
-        """Begin a new segment of the map at the last known pose."""
-        is_first, in_doubt = self.state is None, self.moving.is_doubtful
+    def _begin(self, view: View, corners: Corners, following: SurfaceFollowing | None) -> Estimate:
+        """Begin a new segment of the map at the last known pose, or go on with the last one where surfaces led."""
+        is_first, in_doubt, against = self.state is None, self.moving.is_doubtful, None
         T_camera_map = np.eye(4) if self.state is None else self.state.T_camera_map
-        keyframe = self.mapper.inserter.begin_segment(view, corners, T_camera_map, self.sensor, in_doubt)
+        if following is not None and self.state is not None:
+            T_camera_map, against = following.pose_after(self.state)
+        keyframe = self.mapper.inserter.begin(view, corners, T_camera_map, self.sensor, in_doubt, against)
         self._visibility, self.moving = self._visibility.with_new_segment(view.stamp), self.moving.after_loss(0)
         published = self.published.begin(view.stamp, keyframe.segment, keyframe.number, self.sensor)
         chain = self.chain.extend(ChainFrame(view, NamedFeatures.nothing(), AT_REST, published), None, self.sensor)
         number, rows = keyframe.number, keyframe.rows
         self.chain.close(self.map, True, number, self.sensor)
         self.state = FrameState(view, None, T_camera_map, AT_REST, number, rows, keyframe.uv, is_bent=True)
-        why = (State.TRACKING, "") if is_first else (State.RECOVERED, "new segment: no known place recognised")
+        begun = "new segment" if against is None else "gone on where surfaces led"
+        why = (State.TRACKING, "") if is_first else (State.RECOVERED, f"{begun}: {NO_PLACE}")
         return replace(self._describe(view, *why, published), matches=len(rows), is_keyframe=True, chain=chain)
 
     @property
@@ -231,9 +244,6 @@ class FrameStages:
 
     def _describe(self, view: View, state: State, reason: str, published: Publication | None) -> Estimate:
         """Return the estimate for a frame as it was published, without a pose where None."""
-        segment = self._segment if published is None else published.frame.segment
-        frame = view.sequence, view.stamp, state, reason, max(segment, 0), self.published.T_map_odom
-        if published is None:
-            return Estimate(*frame)
-        pose = published.T_odom_camera, published.covariance
-        return Estimate(*frame, *pose, step=published.step, second=published.second)
+        segment = max(self._segment, 0) if published is None else published.frame.segment
+        estimate = Estimate(view.sequence, view.stamp, state, reason, segment, self.published.T_map_odom)
+        return estimate if published is None else published.in_estimate(estimate)

@@ -1,9 +1,14 @@
-"""A camera that could not be followed: it is looked for at known places, and after a while a segment begins instead."""
+"""A camera that could not be tracked: it is looked for at known places, and after a while a segment begins instead.
 
+Where colour shows nothing to track it by, it is followed by surfaces meanwhile.
+"""
+
+from odom.backend.map.frame_log import LoggedFrame
 from odom.backend.map.map import Corners, Map
 from odom.backend.mapping.keyframe_inserter import KeyframeInserter
 from odom.backend.mapping.wide_step import follow_wide_step
 from odom.backend.odometry.lost_views import LostViews
+from odom.backend.odometry.surface_following import SurfaceFollowing
 from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.confirmation import Confirmation
 from odom.backend.tracking.frame_state import FrameState, Tracked
@@ -15,7 +20,7 @@ from odom.frontend.features.view import View
 
 
 class LostCamera:
-    """Looks for the camera in `map_`, and remembers the newest views in which it was not found."""
+    """Looks for the camera in `map_`; remembers the newest views in which it was not found, and where surfaces led."""
 
     def __init__(
         self, map_: Map, tracker: FrameTracker, inserter: KeyframeInserter, settings: OdometrySettings
@@ -23,6 +28,7 @@ class LostCamera:
         self._map, self._tracker, self._inserter, self._settings = map_, tracker, inserter, settings
         self._views = LostViews()
         self._confirmation = Confirmation(map_)
+        self._following: SurfaceFollowing | None = None
 
     def find(
         self, state: FrameState | None, view: View, place: Place, sensor: SensorModel, in_doubt: bool
@@ -37,6 +43,20 @@ class LostCamera:
             return state, tracked, True
         tracked = relocalise(self._map, self._tracker, state, view, place, sensor)
         return state, self._confirmation.of(tracked, view.steady_stamp), False
+
+    def follow_surfaces(
+        self, view: View, placed: FrameState | None, last: LoggedFrame | None, sensor: SensorModel
+    ) -> SurfaceFollowing | None:
+        """Return where surfaces have led the camera by `view`; None where they don't.
+
+        They lead on from the `last` frame where they led to that, or else from the one that landmarks `placed`, if it
+        is given.
+        """
+        following = self._following
+        if following is None or last is None or following.stamp != last.stamp:
+            following = None if placed is None else SurfaceFollowing.begun(placed, sensor)
+        self._following = None if following is None else following.after(view, sensor, self._settings.bridge_s)
+        return self._following
 
     def first_corners(
         self, state: FrameState | None, view: View, sensor: SensorModel, in_doubt: bool, searching_s: float

@@ -1,6 +1,5 @@
 """The causal trajectory: what is published of each frame, at once and for good, with covariances of its motions."""
 
-from collections import deque
 from dataclasses import replace
 
 import numpy as np
@@ -11,8 +10,11 @@ from odom.backend.map.frame_log import FrameLog, LoggedFrame
 from odom.backend.map.map import Map
 from odom.backend.map.pose_covariance import covariance_since_start, relative_covariance
 from odom.backend.odometry.judged_frame import JudgedFrame
+from odom.backend.odometry.recent_publications import RecentPublications
+from odom.backend.odometry.surface_following import SurfaceFollowing
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.publication import Publication
+from odom.backend.tracking.frame_state import FrameState
 from odom.backend.tracking.motion_model import Agility, Motion, MotionFilter
 from odom.frame import Stamp
 from odom.frontend.camera.sensor_model import SensorModel
@@ -20,8 +22,6 @@ from odom.frontend.features.view import View
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 
-_SECOND_S = 1.0
-"""Time of the longer one of the two motions that are published: RPE and NEES are judged by it."""
 _TINY = 1e-12
 """Keeps a division by the size of no motion finite (m, rad)."""
 _BRIDGE_SIGMA = np.repeat([TUNING.bridge_sigma_m_s, TUNING.bridge_sigma_rad_s], 3)
@@ -39,7 +39,7 @@ class PublishedTrajectory:
         self.log = FrameLog()
         self.T_map_odom = np.eye(4)
         self._map = map_
-        self._recent: deque[Publication] = deque(maxlen=TUNING.recent)
+        self._recent = RecentPublications()
         self._T_map_odom_wanted: Array | None = None
         self._newest: Publication | None = None
         self._corrected: Publication | None = None
@@ -110,7 +110,7 @@ class PublishedTrajectory:
         T_reference_middle = reference.T_camera_map @ judged.tracked.T_map_camera
         middle = LoggedFrame(view.stamp, reference.segment, delay_s, reference.number, T_reference_middle)
         self.log.append(replace(middle, covariance=judged.covariance, twist=judged.twist))
-        last = self._recent[-1].frame.keyframe if self._recent else None
+        last = None if self._recent.last is None else self._recent.last.frame.keyframe
         if last is not None and self._map.keyframes[last].segment != middle.segment:
             self._recent.clear()
         T_odom_middle = self._taken_back(judged.tracked.T_map_camera)
@@ -146,16 +146,18 @@ class PublishedTrajectory:
     def _with_motions(self, current: Publication, judged: JudgedFrame, sensor: SensorModel) -> Publication:
         """Return a publication with the motions since the frame before and over a second, None where not known."""
         inliers, step, second = judged.tracked.inlier_count, None, None
-        if self._recent and judged.since_previous_s:
-            step = self._motion_since(self._recent[-1], current, inliers, sensor)
-        then = self._a_second_before(current.frame.stamp)
-        if then is not None and _from_a_second(then, current.frame.stamp) < TUNING.near_a_second_s:
+        last = self._recent.last
+        if last is not None and judged.since_previous_s:
+            step = self._motion_since(last, current, inliers, sensor)
+        then = self._recent.a_second_before(current.frame.stamp)
+        if then is not None:
             second = self._motion_since(then, current, inliers, sensor)
         return replace(current, step=step, second=second)
 
     def bridge(self, stamp: Stamp, twist: Array, sensor: SensorModel) -> Publication:
         """Publish what the motion `twist` (6, SI, camera frame) predicts for a frame that could not be tracked."""
-        last = self._recent[-1]
+        last = self._recent.last
+        assert last is not None
         assert last.frame.T_keyframe_camera is not None
         assert last.frame.covariance is not None
         dt = (stamp - last.frame.stamp) * 1e-9
@@ -168,6 +170,22 @@ class PublishedTrajectory:
         )
         self.log.append(frame)
         T_odom_camera, doubt = last.T_odom_camera @ step, last.doubt.after(step, None, dt)
+        since_start = self._since_start(frame, T_odom_camera, doubt, sensor)
+        return self._keep(Publication(frame, T_odom_camera, since_start, doubt=doubt))
+
+    def follow(self, view: View, placed: FrameState, following: SurfaceFollowing, sensor: SensorModel) -> Publication:
+        """Publish where surfaces have led the camera since the frame of `placed`, the last that landmarks placed."""
+        reference = self._map.keyframes[placed.reference]
+        T_map_camera = placed.T_map_camera @ following.T_placed_after(view.since_middle_s(sensor.timing))
+        T_reference_camera = reference.T_camera_map @ T_map_camera
+        frame = LoggedFrame(view.stamp, reference.segment, 0.0, reference.number, T_reference_camera)
+        frame = replace(frame, covariance=following.covariance)
+        self.log.append(frame)
+        last, T_odom_camera = self._newest, se3.inverse(self.T_map_odom) @ T_map_camera
+        doubt = Doubt()
+        if last is not None:
+            since_s = (view.stamp - last.frame.stamp) * 1e-9
+            doubt = last.doubt.after(se3.inverse(last.T_odom_camera) @ T_odom_camera, None, since_s)
         since_start = self._since_start(frame, T_odom_camera, doubt, sensor)
         return self._keep(Publication(frame, T_odom_camera, since_start, doubt=doubt))
 
@@ -192,15 +210,6 @@ class PublishedTrajectory:
         T_earlier_current = se3.inverse(earlier.T_odom_camera) @ current.T_odom_camera
         covariance = covariance + current.doubt.since(earlier.doubt, T_earlier_current)
         return RelativePose(earlier.frame.stamp, T_earlier_current, covariance, inliers)
-
-    def _a_second_before(self, stamp: Stamp) -> Publication | None:
-        """Return the publication nearest to a second before `stamp`; stamps ascend, so that few are looked at."""
-        nearest = None
-        for earlier in reversed(self._recent):
-            if nearest is not None and _from_a_second(earlier, stamp) > _from_a_second(nearest, stamp):
-                break
-            nearest = earlier
-        return nearest
 
     def _doubt(self, T_odom_camera: Array, judged: JudgedFrame) -> Doubt:
         """Return how far the camera may have gone astray, at a judged frame's pose: nothing where it is known again.
@@ -231,8 +240,3 @@ class PublishedTrajectory:
 
 def _size(motion: Array) -> float:
     return float(np.linalg.norm(motion[:3]) + np.linalg.norm(motion[3:]))
-
-
-def _from_a_second(earlier: Publication, stamp: Stamp) -> float:
-    """Return how far from a second the time between a publication and `stamp` is, in seconds."""
-    return abs((stamp - earlier.frame.stamp) * 1e-9 - _SECOND_S)

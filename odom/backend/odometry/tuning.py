@@ -116,6 +116,17 @@ class Tuning:
         effect="The covariance of a predicted pose grows by this velocity. Smaller: the pose is too sure; larger: it "
         "is too unsure.")
     bridge_sigma_rad_s: float = tuned(1.0, unit="rad/s", source="as bridge_sigma_m_s", effect="as bridge_sigma_m_s")
+    surface_agility_m_s2: float = tuned(4.0, unit="m/s^2", source="fr1 and arena, 2 s without colour",
+        effect="The acceleration of a camera that is followed by surfaces, a root mean square. Smaller: it is not "
+        "followed in quick turns; larger: it slides along surfaces with little shape.")
+    surface_agility_rad_s2: float = tuned(24.0, unit="rad/s^2", source="as surface_agility_m_s2",
+        effect="as surface_agility_m_s2")
+    surface_least_overlap: float = tuned(0.3, unit="share of points", source="as surface_enough_overlap",
+        effect="A view of which fewer points lie on the surfaces of an earlier one is not aligned with it. Smaller: "
+        "other surfaces are taken for them; larger: the camera is LOST behind a body that hides them.")
+    surface_enough_overlap: float = tuned(0.6, unit="share of points", source="fr1 and arena, 2 s without colour",
+        effect="With fewer, later views are aligned with this one. Smaller: with what little is left of an old view; "
+        "larger: the errors of more alignments add up.")
     repeated_px: float = tuned(0.5, unit="px", source="hands that hold a camera still move it by .2 to .5 px a frame",
         effect="The same image again is no standstill where the camera should have moved it further. Smaller: a drawn "
         "camera that comes to rest seems to repeat its image; larger: slow motion stands still in every second frame.")

@@ -39,6 +39,10 @@ class Tuning:
         source="a Kinect close to a wall still shows some per cent",
         effect="An image with less has no depth. Smaller: noise counts as depth; larger: a view into the distance "
         "counts as blind.")
+    # surface
+    surface_columns: int = tuned(80, unit="cells", source="a plane is fitted to 7 x 7 px, a cell of 640 px has 8 x 8",
+        effect="Surfaces are sampled in so many cells over the width of an image. Fewer: small shapes are not seen; "
+        "more: following them costs more, and neighbours share the noise that counts as independent.")
     # sparse_depth
     depth_sparse_share: float = tuned(0.6, unit="share of measured pixels",
         source="`fr1_xyz` with every second pixel left out at random is tracked, with two of three it is not",

@@ -100,6 +100,29 @@ class Tuning:
     place_bucket: int = tuned(24, unit="places", source=SWEEP,
         effect="For each feature so many count, the newest ones. Fewer: old places are forgotten; more: it costs "
         "more.")
+    # surface_alignment
+    surface_iterations: int = tuned(15, unit="1", source="twice what depth images of fr1 take",
+        effect="Surfaces are aligned in at most so many steps. Fewer: quick motions are not followed to their end; "
+        "more: it costs more where nothing fits.")
+    surface_gate_share: float = tuned(0.1, unit="share of the inverse depth", source="10 cm at a metre, 3 m/s at 30 Hz",
+        effect="A point this far from a plane may still lie on it, before the first step. Smaller: quick motions are "
+        "not followed; larger: surfaces are mixed up.")
+    surface_gate_shrinks: float = tuned(0.6, unit="1", source="as surface_iterations",
+        effect="The gate of each step is so much smaller than the one before. Smaller: it closes before the surfaces "
+        "are aligned; larger: other surfaces count for longer.")
+    surface_least_gate_share: float = tuned(0.01, unit="share of the inverse depth", source="1 cm at a metre",
+        effect="The gate of the last steps. Smaller: a poor lens leaves no points; larger: what moves counts.")
+    surface_gate_sigmas: float = tuned(3.0, unit="sigma", source="normal distribution, 99.7 %",
+        effect="The noise's part of the gate. Smaller: good points are left out; larger: as surface_least_gate_share.")
+    surface_huber_sigmas: float = tuned(1.5, unit="sigma", source="P. Huber, 1964",
+        effect="Points farther off count less. Smaller: noise is not averaged as well; larger: what moves pulls more.")
+    surface_least_shape: float = tuned(0.003, unit="mean squared share of a step",
+        source="the arena's walls at .002 let the camera slide by a metre",
+        effect="In directions in which surfaces have less shape they say nothing. Smaller: noise moves the camera "
+        "along walls; larger: it is LOST where shapes would tell.")
+    surface_shared_noise: float = tuned(1000.0, unit="1", source="fr1 and arena against their trajectories",
+        effect="The variance of a motion found by surfaces is so much larger than independent noise would make it. "
+        "Smaller: it is believed too much; larger: too little.")
 # fmt: on
 
 

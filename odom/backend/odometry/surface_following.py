@@ -1,0 +1,105 @@
+"""A camera followed by the surfaces of its depth images, where colour shows too little to track it by."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from odom.backend.odometry.tuning import TUNING
+from odom.backend.tracking.frame_state import FrameState
+from odom.backend.tracking.motion_model import ANY_VELOCITY, Agility, Motion, Velocity, is_plausible_motion
+from odom.frame import Stamp
+from odom.frontend.camera.sensor_model import SensorModel
+from odom.frontend.camera.stamp_clock import SteadyStamp
+from odom.frontend.features.surface import Surfaces
+from odom.frontend.features.view import View
+from odom.frontend.matching.surface_alignment import align_surfaces
+from odom.geometry import se3
+from odom.geometry.arrays import Array
+
+_AGILITY = Agility(TUNING.surface_agility_m_s2, TUNING.surface_agility_rad_s2)
+_VELOCITY_SIGMA = np.repeat([_AGILITY.linear, _AGILITY.angular], 3) * _AGILITY.steady_s
+"""One sigma of a velocity (6, m/s and rad/s) that is the mean over the last frame."""
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceFollowing:
+    """Where the camera went after the last frame that landmarks placed.
+
+    Views are aligned with the surfaces of an `anchor`: of that frame, then of newer ones where too little of it is left
+    in view. `T_placed_anchor` leads there, and `covariance_anchor` (6 x 6) is that of the anchor's pose in the map.
+    `motion` is the camera's in the anchor's frame at the middle row of the frame of `stamp`, which is really from
+    `steady_stamp`; at `held_stamp`, surfaces held it in all directions for the last time.
+    """
+
+    anchor: Surfaces
+    T_placed_anchor: Array
+    covariance_anchor: Array
+    motion: Motion
+    stamp: Stamp
+    steady_stamp: SteadyStamp
+    held_stamp: SteadyStamp
+
+    @classmethod
+    def begun(cls, placed: FrameState, sensor: SensorModel) -> "SurfaceFollowing":
+        """Return what is known at a frame that landmarks `placed`."""
+        anchor = Surfaces.of(placed.view, sensor, placed.twist)
+        covariance, velocity = np.zeros((6, 6)), ANY_VELOCITY
+        if placed.tracked is not None:
+            covariance = placed.tracked.covariance * sensor.noise.covariance_scale
+            velocity = Velocity(placed.twist, np.diag(_VELOCITY_SIGMA**2))
+        motion, view = Motion.of(np.eye(4), np.zeros((6, 6)), velocity), placed.view
+        return cls(anchor, np.eye(4), covariance, motion, view.stamp, view.steady_stamp, view.steady_stamp)
+
+    def after(self, view: View, sensor: SensorModel, longest_s: float) -> "SurfaceFollowing | None":
+        """Return where the camera went until `view`.
+
+        None where surfaces have not held it in all directions for longer than `longest_s` (till then, its motion is
+        predicted in those that have no shape), or where no camera moves so.
+        """
+        since_s = (view.steady_stamp - self.steady_stamp) * 1e-9
+        if since_s <= 0.0:
+            return None
+        predicted = self.motion.after(since_s, _AGILITY)
+        surfaces = Surfaces.of(view, sensor, predicted.twist)
+        aligned = align_surfaces(surfaces, self.anchor, predicted.T_fixed_camera, predicted.covariance)
+        is_seen = aligned.overlap >= TUNING.surface_least_overlap
+        motion = predicted.corrected(aligned.T_target_source, aligned.covariance) if is_seen else predicted
+        held_stamp = view.steady_stamp if is_seen and aligned.has_shape else self.held_stamp
+        if (view.steady_stamp - held_stamp) * 1e-9 > longest_s or not is_plausible_motion(motion.twist):
+            return None
+        steady = view.steady_stamp
+        moved = replace(self, motion=motion, stamp=view.stamp, steady_stamp=steady, held_stamp=held_stamp)
+        is_worn = held_stamp == view.steady_stamp and aligned.overlap < TUNING.surface_enough_overlap
+        return moved._anchored(surfaces) if is_worn else moved
+
+    def _anchored(self, surfaces: Surfaces) -> "SurfaceFollowing":
+        """Return the same with the newest view, which shows `surfaces`, as the anchor."""
+        velocity = Velocity(self.motion.twist, self.motion.P[6:, 6:])
+        return replace(
+            self,
+            anchor=surfaces,
+            T_placed_anchor=self.T_placed_camera,
+            covariance_anchor=self.covariance,
+            motion=Motion.of(np.eye(4), np.zeros((6, 6)), velocity),
+        )
+
+    def pose_after(self, placed: FrameState) -> tuple[Array, tuple[int, Array]]:
+        """Return T_camera_map by that of the frame that landmarks `placed`, and what it is known against.
+
+        That is a key frame's number, with the pose's 6 x 6 covariance (`se3`, camera frame) against it.
+        """
+        return se3.inverse(self.T_placed_camera) @ placed.T_camera_map, (placed.reference, self.covariance)
+
+    @property
+    def T_placed_camera(self) -> Array:
+        """The motion since the frame that landmarks placed."""
+        return np.asarray(self.T_placed_anchor @ self.motion.T_fixed_camera)
+
+    @property
+    def covariance(self) -> Array:
+        """The 6 x 6 covariance (`se3`, camera frame) of the pose in the map."""
+        return se3.compose_covariance(self.covariance_anchor, self.motion.T_fixed_camera, self.motion.covariance)
+
+    def T_placed_after(self, delay_s: float) -> Array:
+        """Return the motion from the frame that landmarks placed to `delay_s` seconds after this one."""
+        return np.asarray(self.T_placed_camera @ se3.exp(self.motion.twist * delay_s))

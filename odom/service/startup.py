@@ -19,7 +19,7 @@ from odom.backend.mapping import bundle_adjustment
 from odom.backend.tracking import consensus
 from odom.calibration import warm_up as calibration
 from odom.frame import Camera, RgbdFrame, Stamp
-from odom.frontend.matching import moving_surfaces
+from odom.frontend.matching import moving_surfaces, surface_alignment
 from odom.geometry.compiled import compiled_before, note_all_compiled
 from odom.geometry.neighbours import nearest
 from odom.registration import gated_registration as registration
@@ -190,7 +190,7 @@ def _warm_up_frames(settings: OdometrySettings, topics: Topics) -> None:
 
 
 def _warm_up_background() -> None:
-    """Register made-up pairs, adjust a bundle, choose between poses, code depth, and adjust a small pose graph.
+    """Register made-up pairs, adjust a bundle, choose between poses, code depth, align surfaces, adjust a pose graph.
 
     It begins with what frames need soonest.
     """
@@ -200,6 +200,7 @@ def _warm_up_background() -> None:
     small = np.zeros((48, 64), dtype=np.uint16)
     codec.decode_depth(codec.encode_depth_compressed("depth", Stamp(0), small, codec="rvl"))
     moving_surfaces.warm_up()
+    surface_alignment.warm_up()
     still = np.tile(np.eye(4), (2, 1, 1))
     optimise(still, np.array([True, False]), EdgeArrays.of([Edge(0, 1, np.eye(4), np.eye(6), True)]))
     nearest(np.zeros((1, 3)), np.zeros((1, 3)), 1)

@@ -43,6 +43,7 @@ from odom.wire.ros2.qos import Qos
 from sensors.calibration_file import Calibration, calibration_text
 from sensors.catalogue import check_source, open_source
 from sensors.depth_registration import DepthRegistration, registration_text
+from sensors.ros2 import search
 from sensors.ros2.catching_up import CatchingUp
 from sensors.source import Source, SourceOptions
 
@@ -163,10 +164,13 @@ def test_what_is_offered_compressed_only_is_read_so_and_raw_is_taken_of_both() -
     assert of(compressed, KEYS.color, KEYS.color_compressed).topic == KEYS.color_compressed
 
 
-def test_a_compressed_topic_that_comes_after_the_raw_one_is_taken_where_it_was_asked_for(port: int) -> None:
+def test_a_compressed_topic_that_comes_after_the_raw_one_is_taken_where_it_was_asked_for(
+    port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(search, "_SETTLING_S", 5.0)  # a slow machine starts the second driver in time, too
     jpeg = encode_color_jpeg("camera/color/image_raw/compressed", AT, SMOOTH, OPTICAL)
     with ThreadPoolExecutor(1) as pool, driver(port, [INFO, COLOR, ALIGNED]):
-        opening = pool.submit(open_source, "ros2:/camera", options(port, transport="compressed"))
+        opening = pool.submit(open_source, "ros2:/camera", options(port, transport="compressed", start_s="30"))
         time.sleep(0.6)
         with driver(port, [jpeg], "late_transport"):
             messages = some(opening.result(), 80)

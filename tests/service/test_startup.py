@@ -47,18 +47,23 @@ warm_up(OdometrySettings(), Topics())
 before = compiled()
 options = ArenaOptions()
 odometry = Odometry(options.camera)
-states = []
+states, reasons = [], []
 for i in [*range(45), *range(60, 75), *range(900, 945)]:
     shot = frame(options, i).rgbd()
-    if 20 <= i < 30:
+    if 12 <= i < 30:
         shot = replace(shot, color=np.zeros_like(shot.color))
-    states.append(odometry.process(shot).state.name)
+    if 21 <= i < 30:
+        shot = replace(shot, depth_mm=np.zeros_like(shot.depth_mm))
+    estimate = odometry.process(shot)
+    states.append(estimate.state.name)
+    reasons.append(estimate.reason)
 odometry.finish()
 odometry.closing_test()
 rng = np.random.default_rng(3)
 points, small = rng.uniform(-1.0, 1.0, (40, 3)), np.tile(1e-6 * np.eye(3), (40, 1, 1))
 register(Pairs(points, rng.permuted(points), small, small))  # a place that only looks alike
 assert "RECOVERED" in states and "LOST" in states, states
+assert any("surfaces" in reason for reason in reasons), reasons
 assert before
 print(sorted(compiled() - before))
 """

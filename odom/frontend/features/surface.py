@@ -40,7 +40,6 @@ class Surfaces:
         slope = measured.slope * sensor.lens.intrinsics[:2]
         ahead = rays[:, 2] - np.einsum("ij,ij->i", rays[:, :2], slope)
         planes = np.column_stack([slope, ahead])
-        shape = rows, columns
-        return cls(
-            rays.reshape(*shape, 3), planes.reshape(*shape, 3), measured.covariance[:, 3].reshape(shape), sensor.lens
-        )
+        variance = np.ascontiguousarray(measured.covariance[:, 3])
+        grid = rows, columns
+        return cls(rays.reshape(*grid, 3), planes.reshape(*grid, 3), variance.reshape(grid), sensor.lens)

@@ -73,6 +73,14 @@ def align_surfaces(source: Surfaces, target: Surfaces, T_target_source: Array, c
     return SurfaceAlignment(T_found, C + W @ W.T, bool(is_held.all()), agreeing / len(points))
 
 
+def warm_up() -> None:
+    """Compile or load what is needed as soon as colour shows nothing, before the first frame."""
+    image = np.ones(4), np.zeros(18), 1.0
+    _normal_equations(
+        np.zeros((1, 3)), np.ones(1), np.ones((1, 1, 3)), np.ones((1, 1)), np.eye(4), image, (0.1, *_GATES)
+    )
+
+
 @compiled
 def _normal_equations(
     points: Array,

@@ -1,0 +1,97 @@
+"""Depth images aligned by their surfaces: right where these have shape, and honest where they have none."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from painted_room import SMALL, START, PaintedRoom
+from sensor_models import sensor_model, view_of
+
+from odom.frame import RgbdFrame
+from odom.frontend.features.surface import Surfaces
+from odom.frontend.matching.surface_alignment import SurfaceAlignment, align_surfaces
+from odom.geometry import se3
+from odom.geometry.arrays import Array
+
+SENSOR, AT_REST = sensor_model(SMALL), np.zeros(6)
+ROOM = PaintedRoom(half_size=(0.8, 0.7, 1.3))
+"""A small one, so that a view shows several walls."""
+CORNER = se3.exp(np.array([0.1, 0.05, 0.2, 0.5, 0.6, 0.2]))
+"""T_room_camera of a camera that looks into one."""
+ABOUT_STILL = np.diag([0.05**2] * 3 + [0.1**2] * 3)
+
+
+def surfaces(depth_mm: Array) -> Surfaces:
+    grey = np.full(depth_mm.shape, 120, np.uint8)
+    frame = RgbdFrame(0, START, grey, START, depth_mm.astype(np.uint16))
+    return Surfaces.of(view_of(frame), SENSOR, AT_REST)
+
+
+def seen_from(T_room_camera: Array) -> Surfaces:
+    return surfaces(ROOM.render(SMALL, T_room_camera)[1])
+
+
+def moved(xi: Array) -> tuple[SurfaceAlignment, Array]:
+    """The alignment of two views of the corner that lie `xi` apart, expected at rest, and its error (6)."""
+    T = se3.exp(xi)
+    aligned = align_surfaces(seen_from(CORNER @ T), seen_from(CORNER), np.eye(4), ABOUT_STILL)
+    return aligned, se3.log(se3.inverse(aligned.T_target_source) @ T)
+
+
+@settings(max_examples=15, deadline=None)
+@given(xi=st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6))
+def test_a_motion_in_a_corner_is_found_to_a_few_millimetres(xi: list[float]) -> None:
+    aligned, error = moved(np.array(xi) * np.repeat([0.03, 0.05], 3))
+    assert aligned.has_shape
+    assert aligned.overlap > 0.6
+    assert np.linalg.norm(error[:3]) < 0.004
+    assert np.linalg.norm(error[3:]) < 0.004
+    assert error @ np.linalg.solve(aligned.covariance, error) < 6.0
+
+
+@pytest.mark.parametrize("xi", [(0.02, 0, 0, 0, 0, 0), (0, 0.03, 0, 0, 0, 0), (0, 0, 0, 0, 0, 0.05)])
+def test_along_a_wall_and_about_its_normal_the_motion_stays_as_expected(xi: tuple[float, ...]) -> None:
+    wall = np.full((SMALL.height, SMALL.width), 1000)
+    aligned = align_surfaces(surfaces(wall), surfaces(wall), se3.exp(np.array(xi)), ABOUT_STILL)
+    assert not aligned.has_shape
+    kept = np.array(xi) != 0.0
+    np.testing.assert_allclose(se3.log(aligned.T_target_source), xi, atol=1e-6)
+    sigma = np.sqrt(np.diag(aligned.covariance))
+    assert (sigma[kept] > 0.5).all()
+    assert sigma[2] < 0.02
+
+
+def test_towards_a_wall_the_motion_is_found_all_the_same() -> None:
+    far, near = (surfaces(np.full((SMALL.height, SMALL.width), mm)) for mm in (1000, 960))
+    aligned = align_surfaces(near, far, np.eye(4), ABOUT_STILL)
+    assert not aligned.has_shape
+    np.testing.assert_allclose(se3.log(aligned.T_target_source), [0, 0, 0.04, 0, 0, 0], atol=0.002)
+
+
+@pytest.mark.parametrize("depth_mm", [0, 65535])
+def test_depth_that_shows_nothing_says_nothing(depth_mm: int) -> None:
+    blind = surfaces(np.full((SMALL.height, SMALL.width), depth_mm))
+    for source, target in ((blind, seen_from(CORNER)), (seen_from(CORNER), blind), (blind, blind)):
+        aligned = align_surfaces(source, target, np.eye(4), ABOUT_STILL)
+        assert not aligned.has_shape
+        assert aligned.overlap == 0.0
+        np.testing.assert_allclose(aligned.T_target_source, np.eye(4), atol=1e-12)
+        assert np.linalg.eigvalsh(aligned.covariance)[0] > 0.01
+
+
+def test_a_body_before_the_corner_hardly_moves_the_camera() -> None:
+    """It fills a fifth of the view and goes 20 cm aside."""
+    depth = ROOM.render(SMALL, CORNER)[1].astype(np.int64)
+    first, second = depth.copy(), depth.copy()
+    first[60:180, 40:168], second[60:180, 100:228] = 700, 700
+    aligned = align_surfaces(surfaces(second), surfaces(first), np.eye(4), ABOUT_STILL)
+    assert np.linalg.norm(se3.log(aligned.T_target_source)) < 0.02
+
+
+def test_every_point_of_a_plane_is_at_one_on_its_vector() -> None:
+    seen = seen_from(CORNER)
+    known = np.isfinite(seen.planes[..., 2]) & (seen.rays[..., 2] > 0.0)
+    rays, planes = seen.rays[known], seen.planes[known]
+    ahead = np.column_stack([rays[:, :2], np.ones(len(rays))])
+    assert known.mean() > 0.7
+    np.testing.assert_allclose(np.einsum("ij,ij->i", ahead, planes), rays[:, 2], atol=1e-9)

@@ -144,7 +144,7 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
     if len(frames) < _LEAST_FRAMES or not len(start.rows):
         raise InputError(f"{len(frames)} frames are linked by common landmarks, too few: walk on for longer")
     seen, frame, landmark, is_displaced = _gathered(frames, odometry, start.rows)
-    stamps = [keyframe.stamp for keyframe in keyframes] + [odometry.frames.stamp_of(s.number) for s in others]
+    stamps = [keyframe.stamp for keyframe in keyframes] + [odometry.frames[s.number].stamp for s in others]
     seen = replace(seen, slope=seen.slope * scale_of(camera))  # per pixel of the camera's own image
     R_own_rays = odometry.sensor.lens.R_own_rays
     if camera is not odometry.camera:

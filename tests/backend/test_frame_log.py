@@ -1,8 +1,10 @@
 """The frames' places: given back exactly, at a known price, and no more of them than the bound."""
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
+import pytest
 from made_up_scene import bare_keyframe
 
 from odom.backend.map.frame_log import FrameLog, LoggedFrame
@@ -39,6 +41,20 @@ def test_frames_come_back_exactly_as_they_were_given():
     for kept, frame in zip(frames, given, strict=True):
         assert_same(kept, frame)
     assert frames.dropped == 0
+
+
+def test_a_frame_that_is_moved_keeps_all_but_its_pose_and_no_other_moves():
+    given = [placed(k) for k in range(50)]
+    frames = FrameLog(block=8, most=32)
+    for frame in given:
+        frames.append(frame)
+    T = se3.exp(np.arange(6.0) / 10)
+    frames.move(30, T)
+    for number in range(frames.dropped, 50):
+        assert_same(frames[number], replace(given[number], T_keyframe_camera=T) if number == 30 else given[number])
+    for gone in (frames.dropped - 1, 50):
+        with pytest.raises(IndexError, match=f"frame {gone} is not among"):
+            frames[gone]
 
 
 def test_of_a_covariance_the_mean_variance_of_the_position_is_kept():

@@ -70,6 +70,19 @@ def test_where_colour_shows_nothing_the_camera_is_followed_by_surfaces(spoilt):
     assert ran.states[-10:] == [State.TRACKING] * 10
 
 
+def test_once_the_camera_is_found_the_trajectory_behind_leads_there():
+    """Depth that is too long by a hundredth while it is dark leads surfaces astray."""
+    frames = grey(walk())
+    frames[DARK] = [replace(f, depth_mm=np.rint(1.01 * f.depth_mm).astype(np.uint16)) for f in frames[DARK]]
+    ran, last = run(SMALL, frames, EXACT), DARK.stop - 1
+    check_sanity(ran)
+    astray = np.linalg.norm(errors(ran, DARK.start - 1, last)[0])
+    T_placed_last = se3.inverse(ran.final[DARK.start - 1].T_map_camera) @ ran.final[last].T_map_camera
+    left = np.linalg.norm(se3.log(se3.inverse(T_placed_last) @ se3.inverse(pose(DARK.start - 1)) @ pose(last)))
+    assert astray > 0.005
+    assert left < 0.3 * astray
+
+
 def test_the_covariance_grows_while_only_surfaces_lead():
     ran = run(SMALL, grey(walk()))
     sigma = [np.sqrt(np.trace(ran.estimates[k].covariance[:3, :3])) for k in (DARK.start - 1, 30, DARK.stop - 1)]

@@ -74,11 +74,16 @@ class FrameLog:
         for i in range(len(self)):
             yield self._read(i)
 
-    def stamp_of(self, number: int) -> Stamp:
-        """Return the stamp of frame `number`, counted from the first; raises IndexError for one that is gone."""
+    def __getitem__(self, number: int) -> LoggedFrame:
+        """Return frame `number`, counted from the first; raises IndexError for one that is gone."""
         if not self.dropped <= number < self.count:
             raise IndexError(f"frame {number} is not among {self.dropped} to {self.count - 1}")
-        return self._read(number - self.dropped).stamp
+        return self._read(number - self.dropped)
+
+    def move(self, number: int, T_keyframe_camera: Array) -> None:
+        """Give frame `number`, which has a pose, another one relative to its key frame, now that it is known better."""
+        index = number - self.dropped
+        self._blocks[index // self._size][index % self._size]["T_keyframe_camera"] = T_keyframe_camera[:3]
 
     def append(self, frame: LoggedFrame) -> None:
         """Keep one more frame."""

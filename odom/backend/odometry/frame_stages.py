@@ -57,7 +57,7 @@ class FrameStages:
         self.moving = MovingView()
         self._visibility = Visibility()
         self._shown_depth: ShownDepth | None = None
-        self._lost_camera = LostCamera(self.map, self.tracker, self.mapper.inserter, settings)
+        self._lost_camera = LostCamera(self.map, self.published.log, self.tracker, self.mapper.inserter, settings)
 
     def estimate(self, view: View, T_predicted: Array | None, watch: Stopwatch, on_pose: OnPose) -> Estimate:
         """Return the estimate for the next frame; `T_predicted` is T_camera_map where it was predicted already."""
@@ -201,7 +201,7 @@ class FrameStages:
         """Return where surfaces led the camera; None where they don't, or where colour is no reason to follow them."""
         may_begin = is_followable and self._is_predictable(view) and not self.moving.is_doubtful
         placed = self.state if may_begin and (is_repeated or self.mapper.inserter.is_bare(view, self.sensor)) else None
-        return self._lost_camera.follow_surfaces(view, placed, self.published.log.last, self.sensor)
+        return self._lost_camera.follow_surfaces(view, placed, self.sensor)
 
     def _lose_or_begin(self, view: View, following: SurfaceFollowing | None = None) -> Estimate:
         """Report a frame that shows no known place, or begin; time with nothing to see does not count as looking."""

@@ -3,12 +3,12 @@
 Where colour shows nothing to track it by, it is followed by surfaces meanwhile.
 """
 
-from odom.backend.map.frame_log import LoggedFrame
+from odom.backend.map.frame_log import FrameLog
 from odom.backend.map.map import Corners, Map
 from odom.backend.mapping.keyframe_inserter import KeyframeInserter
 from odom.backend.mapping.wide_step import follow_wide_step
 from odom.backend.odometry.lost_views import LostViews
-from odom.backend.odometry.surface_following import SurfaceFollowing
+from odom.backend.odometry.surface_following import SurfaceFollowing, meet
 from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.confirmation import Confirmation
 from odom.backend.tracking.frame_state import FrameState, Tracked
@@ -20,12 +20,15 @@ from odom.frontend.features.view import View
 
 
 class LostCamera:
-    """Looks for the camera in `map_`; remembers the newest views in which it was not found, and where surfaces led."""
+    """Looks for the camera in `map_`, and remembers the newest views in which it was not found, and where surfaces led.
+
+    Where they had led is moved in the `log` once the camera is found.
+    """
 
     def __init__(
-        self, map_: Map, tracker: FrameTracker, inserter: KeyframeInserter, settings: OdometrySettings
+        self, map_: Map, log: FrameLog, tracker: FrameTracker, inserter: KeyframeInserter, settings: OdometrySettings
     ) -> None:
-        self._map, self._tracker, self._inserter, self._settings = map_, tracker, inserter, settings
+        self._map, self._log, self._tracker, self._inserter, self._settings = map_, log, tracker, inserter, settings
         self._views = LostViews()
         self._confirmation = Confirmation(map_)
         self._following: SurfaceFollowing | None = None
@@ -38,25 +41,34 @@ class LostCamera:
         Returns that frame's state afterwards; the tracked view, None where the camera is not found; and whether it was
         found near that frame.
         """
+        placed = state
         state, tracked = follow_wide_step(self._tracker, self._inserter, state, view, place, sensor, in_doubt)
-        if tracked is not None:
-            return state, tracked, True
-        tracked = relocalise(self._map, self._tracker, state, view, place, sensor)
-        return state, self._confirmation.of(tracked, view.steady_stamp), False
+        is_near = tracked is not None
+        if tracked is None:
+            tracked = relocalise(self._map, self._tracker, state, view, place, sensor)
+            tracked = self._confirmation.of(tracked, view.steady_stamp)
+        following = self._followed_last
+        if tracked is not None and following is not None and placed is not None:
+            meet(self._log, self._map, following, placed, view, tracked)
+        return state, tracked, is_near
 
-    def follow_surfaces(
-        self, view: View, placed: FrameState | None, last: LoggedFrame | None, sensor: SensorModel
-    ) -> SurfaceFollowing | None:
+    def follow_surfaces(self, view: View, placed: FrameState | None, sensor: SensorModel) -> SurfaceFollowing | None:
         """Return where surfaces have led the camera by `view`; None where they don't.
 
-        They lead on from the `last` frame where they led to that, or else from the one that landmarks `placed`, if it
-        is given.
+        They lead on from the last frame where they led to that, or else from the one that landmarks `placed`, if it is
+        given.
         """
-        following = self._following
-        if following is None or last is None or following.stamp != last.stamp:
-            following = None if placed is None else SurfaceFollowing.begun(placed, sensor)
+        following = self._followed_last
+        if following is None and placed is not None:
+            following = SurfaceFollowing.begun(placed, sensor, self._log.count)
         self._following = None if following is None else following.after(view, sensor, self._settings.bridge_s)
         return self._following
+
+    @property
+    def _followed_last(self) -> SurfaceFollowing | None:
+        """Where surfaces have led, if it is to the last frame."""
+        following, last = self._following, self._log.last
+        return following if following is not None and last is not None and following.stamp == last.stamp else None
 
     def first_corners(
         self, state: FrameState | None, view: View, sensor: SensorModel, in_doubt: bool, searching_s: float

@@ -4,8 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from odom.backend.map.frame_log import FrameLog
+from odom.backend.map.map import Map
 from odom.backend.odometry.tuning import TUNING
-from odom.backend.tracking.frame_state import FrameState
+from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.backend.tracking.motion_model import ANY_VELOCITY, Agility, Motion, Velocity, is_plausible_motion
 from odom.frame import Stamp
 from odom.frontend.camera.sensor_model import SensorModel
@@ -28,7 +30,8 @@ class SurfaceFollowing:
     Views are aligned with the surfaces of an `anchor`: of that frame, then of newer ones where too little of it is left
     in view. `T_placed_anchor` leads there, and `covariance_anchor` (6 x 6) is that of the anchor's pose in the map.
     `motion` is the camera's in the anchor's frame at the middle row of the frame of `stamp`, which is really from
-    `steady_stamp`; at `held_stamp`, surfaces held it in all directions for the last time.
+    `steady_stamp`; at `held_stamp`, surfaces held it in all directions for the last time. The frames followed are those
+    in the log from number `first` on.
     """
 
     anchor: Surfaces
@@ -38,17 +41,18 @@ class SurfaceFollowing:
     stamp: Stamp
     steady_stamp: SteadyStamp
     held_stamp: SteadyStamp
+    first: int
 
     @classmethod
-    def begun(cls, placed: FrameState, sensor: SensorModel) -> "SurfaceFollowing":
-        """Return what is known at a frame that landmarks `placed`."""
+    def begun(cls, placed: FrameState, sensor: SensorModel, first: int) -> "SurfaceFollowing":
+        """Return what is known at a frame that landmarks `placed`; frame number `first` will be followed from there."""
         anchor = Surfaces.of(placed.view, sensor, placed.twist)
         covariance, velocity = np.zeros((6, 6)), ANY_VELOCITY
         if placed.tracked is not None:
             covariance = placed.tracked.covariance * sensor.noise.covariance_scale
             velocity = Velocity(placed.twist, np.diag(_VELOCITY_SIGMA**2))
         motion, view = Motion.of(np.eye(4), np.zeros((6, 6)), velocity), placed.view
-        return cls(anchor, np.eye(4), covariance, motion, view.stamp, view.steady_stamp, view.steady_stamp)
+        return cls(anchor, np.eye(4), covariance, motion, view.stamp, view.steady_stamp, view.steady_stamp, first)
 
     def after(self, view: View, sensor: SensorModel, longest_s: float) -> "SurfaceFollowing | None":
         """Return where the camera went until `view`.
@@ -103,3 +107,23 @@ class SurfaceFollowing:
     def T_placed_after(self, delay_s: float) -> Array:
         """Return the motion from the frame that landmarks placed to `delay_s` seconds after this one."""
         return np.asarray(self.T_placed_camera @ se3.exp(self.motion.twist * delay_s))
+
+
+def meet(log: FrameLog, map_: Map, following: SurfaceFollowing, placed: FrameState, view: View, found: Tracked) -> None:
+    """Move the followed frames in the `log` so that they lead to where landmarks have `found` the camera at `view`.
+
+    The error that shows there has grown evenly since the frame that landmarks had `placed`. Where the two are in
+    different segments, nothing is known of it.
+    """
+    if map_.keyframes[placed.reference].segment != map_.keyframes[found.reference].segment:
+        return
+    T_placed_led = following.T_placed_after((view.steady_stamp - following.steady_stamp) * 1e-9)
+    error = se3.log(placed.T_camera_map @ found.T_map_camera @ se3.inverse(T_placed_led))
+    for number in range(max(following.first, log.dropped), log.count):
+        frame = log[number]
+        if frame.keyframe is None or frame.T_keyframe_camera is None:
+            continue
+        share = (frame.stamp - placed.view.stamp) / (view.stamp - placed.view.stamp)
+        T_placed_keyframe = placed.T_camera_map @ se3.inverse(map_.keyframes[frame.keyframe].T_camera_map)
+        T_keyframe_moved = se3.inverse(T_placed_keyframe) @ se3.exp(share * error) @ T_placed_keyframe
+        log.move(number, T_keyframe_moved @ frame.T_keyframe_camera)

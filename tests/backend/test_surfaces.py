@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from painted_room import PERIOD, SMALL, START, PaintedRoom, stroll
-from running import check_sanity, numbers, read_tum_frames, run
+from running import Ran, check_sanity, numbers, read_tum_frames, run
 
-from odom.backend import OdometrySettings, State
+from odom.backend import Odometry, OdometrySettings, State
 from odom.frame import Stamp
 from odom.geometry import se3
 
@@ -141,6 +141,26 @@ def test_a_gap_in_the_stream_longer_than_any_prediction_ends_it():
     ran = run(SMALL, [*frames[:40], *late])
     check_sanity(ran)
     assert ran.states[40] is State.LOST
+
+
+def test_a_step_back_in_time_ends_it_and_moves_no_frame_behind():
+    frames = grey(walk())
+    again = [replace(f, stamp=Stamp(f.stamp - 10**10), depth_stamp=Stamp(f.stamp - 10**10)) for f in walk()[5:15]]
+    ran = run(SMALL, [*frames[:40], *again], EXACT)
+    check_sanity(ran)
+    assert ran.states[40] in (State.LOST, State.RECOVERED)
+    T_placed_last = se3.inverse(ran.final[DARK.start - 1].T_map_camera) @ ran.final[39].T_map_camera
+    true = se3.inverse(pose(DARK.start - 1)) @ pose(39)
+    assert np.linalg.norm(se3.log(se3.inverse(T_placed_last) @ true)) < 0.01
+
+
+def test_images_prepared_ahead_change_nothing():
+    frames, odometry = grey(walk()), Odometry(SMALL, EXACT)
+    estimates = []
+    for frame in frames:
+        odometry.anticipate(frame.stamp, frame.color)
+        estimates.append(odometry.process(frame))
+    assert numbers(Ran(tuple(estimates), odometry.finish(), odometry.timing)) == numbers(run(SMALL, frames, EXACT))
 
 
 def test_two_runs_give_the_same_bytes():

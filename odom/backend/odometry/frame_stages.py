@@ -17,6 +17,7 @@ from odom.backend.mapping.presence import note_sightings
 from odom.backend.odometry.judged_frame import JudgedFrame
 from odom.backend.odometry.lost_camera import LostCamera
 from odom.backend.odometry.moving_view import MovingView
+from odom.backend.odometry.next_frame import is_next
 from odom.backend.odometry.published_trajectory import PublishedTrajectory
 from odom.backend.odometry.repeated_image import ShownDepth, is_repeated
 from odom.backend.odometry.surface_following import SurfaceFollowing
@@ -117,8 +118,7 @@ class FrameStages:
 
     def _is_predictable(self, view: View) -> bool:
         """Return whether the newest frame with a pose is so recent that this one can be predicted by its motion."""
-        longest_s = max(TUNING.longest_gap_s, TUNING.longest_gap_periods * self.sensor.clock.period_s)
-        return self.state is not None and 0.0 < self.state.since_s(view.steady_stamp) < longest_s
+        return self.state is not None and is_next(self.state.since_s(view.steady_stamp), self.sensor.clock.period_s)
 
     def _judge(self, view: View, tracked: Tracked, is_recovered: bool) -> JudgedFrame:
         """Learn from a tracked frame what it shows of noise, landmarks and bodies; return how far to trust its pose.

@@ -8,6 +8,7 @@ from odom.backend.map.map import Corners, Map
 from odom.backend.mapping.keyframe_inserter import KeyframeInserter
 from odom.backend.mapping.wide_step import follow_wide_step
 from odom.backend.odometry.lost_views import LostViews
+from odom.backend.odometry.next_frame import is_next
 from odom.backend.odometry.surface_following import SurfaceFollowing, meet
 from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.confirmation import Confirmation
@@ -47,7 +48,7 @@ class LostCamera:
         if tracked is None:
             tracked = relocalise(self._map, self._tracker, state, view, place, sensor)
             tracked = self._confirmation.of(tracked, view.steady_stamp)
-        following = self._followed_last
+        following = self._leading_to(view, sensor)
         if tracked is not None and following is not None and placed is not None:
             meet(self._log, self._map, following, placed, view, tracked)
         return state, tracked, is_near
@@ -58,17 +59,18 @@ class LostCamera:
         They lead on from the last frame where they led to that, or else from the one that landmarks `placed`, if it is
         given.
         """
-        following = self._followed_last
+        following = self._leading_to(view, sensor)
         if following is None and placed is not None:
             following = SurfaceFollowing.begun(placed, sensor, self._log.count)
         self._following = None if following is None else following.after(view, sensor, self._settings.bridge_s)
         return self._following
 
-    @property
-    def _followed_last(self) -> SurfaceFollowing | None:
-        """Where surfaces have led, if it is to the last frame."""
+    def _leading_to(self, view: View, sensor: SensorModel) -> SurfaceFollowing | None:
+        """Return where surfaces have led to the last frame, None unless they did and `view` follows that soon."""
         following, last = self._following, self._log.last
-        return following if following is not None and last is not None and following.stamp == last.stamp else None
+        if following is None or last is None or following.stamp != last.stamp:
+            return None
+        return following if is_next(following.since_s(view), sensor.clock.period_s) else None
 
     def first_corners(
         self, state: FrameState | None, view: View, sensor: SensorModel, in_doubt: bool, searching_s: float

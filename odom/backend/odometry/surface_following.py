@@ -60,10 +60,7 @@ class SurfaceFollowing:
         None where surfaces have not held it in all directions for longer than `longest_s` (till then, its motion is
         predicted in those that have no shape), or where no camera moves so.
         """
-        since_s = (view.steady_stamp - self.steady_stamp) * 1e-9
-        if since_s <= 0.0:
-            return None
-        predicted = self.motion.after(since_s, _AGILITY)
+        predicted = self.motion.after(self.since_s(view), _AGILITY)
         surfaces = Surfaces.of(view, sensor, predicted.twist)
         aligned = align_surfaces(surfaces, self.anchor, predicted.T_fixed_camera, predicted.covariance)
         is_seen = aligned.overlap >= TUNING.surface_least_overlap
@@ -75,6 +72,10 @@ class SurfaceFollowing:
         moved = replace(self, motion=motion, stamp=view.stamp, steady_stamp=steady, held_stamp=held_stamp)
         is_worn = held_stamp == view.steady_stamp and aligned.overlap < TUNING.surface_enough_overlap
         return moved._anchored(surfaces) if is_worn else moved
+
+    def since_s(self, view: View) -> float:
+        """Return how much later `view` is, in seconds."""
+        return (view.steady_stamp - self.steady_stamp) * 1e-9
 
     def _anchored(self, surfaces: Surfaces) -> "SurfaceFollowing":
         """Return the same with the newest view, which shows `surfaces`, as the anchor."""
@@ -117,7 +118,7 @@ def meet(log: FrameLog, map_: Map, following: SurfaceFollowing, placed: FrameSta
     """
     if map_.keyframes[placed.reference].segment != map_.keyframes[found.reference].segment:
         return
-    T_placed_led = following.T_placed_after((view.steady_stamp - following.steady_stamp) * 1e-9)
+    T_placed_led = following.T_placed_after(following.since_s(view))
     error = se3.log(placed.T_camera_map @ found.T_map_camera @ se3.inverse(T_placed_led))
     for number in range(max(following.first, log.dropped), log.count):
         frame = log[number]

@@ -14,6 +14,9 @@ from odom.registration.pairs import Prior, Registration, Verdict, degenerate
 from odom.registration.solution import Solution
 from odom.registration.tuning import TUNING
 
+_SINGULAR = Geometry(False, 0.0, 0.0, 0.0)
+"""The geometry of pairs that do not determine the motion."""
+
 
 class NoiseScale(NamedTuple):
     """The noise against the stated one: factor of the covariance, observed `Registration.variance_factor`, details."""
@@ -29,7 +32,7 @@ def registration_of(arrays: Arrays, prior: Prior | None, solution: Solution, noi
     inliers: Mask = solution.weights > 0.0
     used = int(solution.sums[0]) if solution.determined else int(np.count_nonzero(inliers))
     is_prior_evidence = prior is not None and prior.covariance is not None
-    covariance, geometry = np.empty((6, 6)), Geometry(False, 0.0, 0.0, 0.0)
+    covariance, geometry = np.empty((6, 6)), _SINGULAR
     if solution.determined and (used >= 3 or is_prior_evidence):
         geometry = assess(arrays.q, solution.W, solution.weights, solution.H, covariance)
     reason = ""

@@ -63,7 +63,8 @@ def solve(
     status = recurse(arrays, prior_information(prior), alpha, bound, rounds, motion, weights, found)
     if status > 0:
         raise bad_covariance(status - 1)
-    return Solution(T=motion, weights=weights, determined=status == 0, **found._asdict())
+    W, Y, y, H, chi2, sums = found
+    return Solution(motion, H, Y, y, W, weights, chi2, sums, status == 0)
 
 
 def prior_information(prior: Prior | None) -> tuple[Array, Array]:

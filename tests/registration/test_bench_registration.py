@@ -36,6 +36,7 @@ def test_bench_refuses_no_clouds():
     assert subprocess.run(command, capture_output=True, timeout=60, check=False).returncode == 2
 
 
+@pytest.mark.alone
 def test_cost_is_within_its_bars():
     found = {cost.what: cost for cost in costs()}
     assert found["RF, diagonal covariances of the target"].ratio_to_horn <= 1.0

@@ -43,7 +43,7 @@ def robust(
         used, halvings = discount(solution.Y, solution.y, solution.H, int(solution.sums[0]), theta)
         gamma = 1.0 / used if used > 0.0 else math.inf
         details |= {**noise.details, "theta": used, "gamma": gamma, "halvings": float(halvings)}
-        noise = noise._replace(details=details)
+        noise = NoiseScale(noise.inflation, noise.variance_factor, details)
     return registration_of(arrays, prior, solution, noise)
 
 
@@ -72,7 +72,7 @@ def _learnt(
                 best = corrected, again._replace(H=bias_information(again, bias)), noise_again
     arrays, solution, noise = best
     grown = misfit / 6.0 if misfit > _MISFIT * noise.inflation else noise.inflation
-    return arrays, solution, noise._replace(inflation=grown, details={**noise.details, "misfit": misfit})
+    return arrays, solution, NoiseScale(grown, noise.variance_factor, {**noise.details, "misfit": misfit})
 
 
 def _noise_learnt(

@@ -1,4 +1,4 @@
-"""The stages of one frame: predict, track, judge, publish, map; else follow by surfaces, bridge, LOST, or begin."""
+"""The stages of one frame: predict, track, judge, publish, map; else bridge, follow by surfaces, LOST, or begin."""
 
 from dataclasses import replace
 

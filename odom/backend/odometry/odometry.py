@@ -18,6 +18,7 @@ from odom.backend.odometry.camera_pixels import in_camera_pixels
 from odom.backend.odometry.final_trajectory import trajectory
 from odom.backend.odometry.frame_order import FrameOrder
 from odom.backend.odometry.frame_stages import FrameStages
+from odom.backend.odometry.next_frame import is_next
 from odom.backend.odometry.prepared import Prepared
 from odom.backend.odometry.recalibration import Calibrator, Recalibration
 from odom.backend.odometry.segmentation import Segmentation, Segmenter
@@ -120,8 +121,10 @@ class Odometry:
         stages, state = self._stages, self._stages.state
         if state is None or stages.published.is_lost or color.shape[:2] != (self.camera.height, self.camera.width):
             return
-        watch = Stopwatch()
-        images, sensor = FrameImages.of(color), stages.sensor.with_stamp(stamp)
+        watch, sensor = Stopwatch(), stages.sensor.with_stamp(stamp)
+        if not is_next(state.since_s(sensor.clock.steady), sensor.clock.period_s):
+            return
+        images = FrameImages.of(color)
         watch.lap("images")
         T_predicted = stages.tracker.predict(state, images, sensor.clock.steady, sensor)
         watch.lap("predict")

@@ -168,24 +168,23 @@ class PublishedTrajectory:
             T_keyframe_camera=last.frame.T_keyframe_camera @ step,
             covariance=last.frame.covariance + np.diag((_BRIDGE_SIGMA * dt) ** 2),
         )
-        self.log.append(frame)
-        T_odom_camera, doubt = last.T_odom_camera @ step, last.doubt.after(step, None, dt)
-        since_start = self._since_start(frame, T_odom_camera, doubt, sensor)
-        return self._keep(Publication(frame, T_odom_camera, since_start, doubt=doubt))
+        return self._publish(frame, last.T_odom_camera @ step, last.doubt.after(step, None, dt), sensor)
 
     def follow(self, view: View, placed: FrameState, following: SurfaceFollowing, sensor: SensorModel) -> Publication:
         """Publish where surfaces have led the camera since the frame of `placed`, the last that landmarks placed."""
         reference = self._map.keyframes[placed.reference]
         T_map_camera = placed.T_map_camera @ following.T_placed_after(view.since_middle_s(sensor.timing))
         T_reference_camera = reference.T_camera_map @ T_map_camera
-        frame = LoggedFrame(view.stamp, reference.segment, 0.0, reference.number, T_reference_camera)
-        frame = replace(frame, covariance=following.covariance)
-        self.log.append(frame)
+        pose = reference.number, T_reference_camera, following.covariance
+        frame = LoggedFrame(view.stamp, reference.segment, 0.0, *pose)
         last, T_odom_camera = self._newest, se3.inverse(self.T_map_odom) @ T_map_camera
-        doubt = Doubt()
-        if last is not None:
-            since_s = (view.stamp - last.frame.stamp) * 1e-9
-            doubt = last.doubt.after(se3.inverse(last.T_odom_camera) @ T_odom_camera, None, since_s)
+        assert last is not None
+        dt, step = (view.stamp - last.frame.stamp) * 1e-9, se3.inverse(last.T_odom_camera) @ T_odom_camera
+        return self._publish(frame, T_odom_camera, last.doubt.after(step, None, dt), sensor)
+
+    def _publish(self, frame: LoggedFrame, T_odom_camera: Array, doubt: Doubt, sensor: SensorModel) -> Publication:
+        """Log and publish a frame that landmarks did not place; no motions are published to it."""
+        self.log.append(frame)
         since_start = self._since_start(frame, T_odom_camera, doubt, sensor)
         return self._keep(Publication(frame, T_odom_camera, since_start, doubt=doubt))
 

@@ -19,6 +19,7 @@ from odom.geometry import se3
 from odom.geometry.arrays import Array
 
 _AGILITY = Agility(TUNING.surface_agility_m_s2, TUNING.surface_agility_rad_s2)
+"""How quickly the velocity of a camera changes that surfaces follow."""
 _VELOCITY_SIGMA = np.repeat([_AGILITY.linear, _AGILITY.angular], 3) * _AGILITY.steady_s
 """One sigma of a velocity (6, m/s and rad/s) that is the mean over the last frame."""
 

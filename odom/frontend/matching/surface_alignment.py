@@ -20,6 +20,7 @@ from odom.geometry.compiled import compiled
 _CONVERGED = 1e-4
 """m and rad; a smaller step ends the search."""
 _GATES = TUNING.surface_gate_sigmas, TUNING.surface_huber_sigmas, TUNING.surface_shared_noise
+"""What `_normal_equations` is told beside the share of the inverse depth, which shrinks."""
 _UNKNOWN_M = 1.0
 """One sigma of the motion in a direction of which surfaces say nothing."""
 

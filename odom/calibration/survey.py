@@ -154,10 +154,10 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
     at, points, focal_px = T_camera_map[frame], start.bundle.landmarks[landmark], np.array([camera.fx, camera.fy])
     half_readout = np.array([each.timing.half_readout for each in frames])[frame]
     seen = steadied(seen, at[:, :3, :3], landmark, half_readout, focal_px)
-    late = np.array([each.timing.change_to(odometry.timing) for each in frames])
-    seen = seen.retimed(late[frame])
+    seen = seen.by_one_timing([each.timing for each in frames], frame, odometry.timing)
     if is_carried_anew:
-        twist = (twists_at(stamps, odometry.frames, map_.keyframes).reshape(-1, 3) @ R_own_rays.T).reshape(-1, 6)
+        of_rays = twists_at(stamps, odometry.frames, map_.keyframes, odometry.timing)
+        twist = (of_rays.reshape(-1, 3) @ R_own_rays.T).reshape(-1, 6)
         seen = carried_anew(seen, camera, twist[frame], at, points, odometry.timing.readout_s)
     vector, S, (fx, fy) = vector_of(camera), seen.covariance, focal_px
     uv, by_direction = project(seen.values[:, :2], vector[LENS])

@@ -167,3 +167,17 @@ def test_the_covariance_of_points_is_that_of_sampled_measurements():
     claimed = points_of(m)[1][0]
     np.testing.assert_allclose(np.cov(points.T), claimed, atol=0.05 * claimed.max())
     assert len(truth)
+
+
+@pytest.mark.parametrize("readouts_s", [(0.016, 0.021), (0.016, -0.021), (-0.016, 0.021)])
+def test_a_timing_is_changed_by_what_leads_there(readouts_s):
+    before, after = ShutterTiming(readouts_s[0], -0.010, 0.005), ShutterTiming(readouts_s[1], -0.004, 0.018)
+    np.testing.assert_allclose(before.changed(before.change_to(after)).vector, after.vector, atol=1e-15)
+
+
+@pytest.mark.parametrize("readouts_s", [(0.016, 0.021), (0.016, -0.021)])
+def test_derivatives_by_one_timing_are_those_by_changes_of_another(readouts_s):
+    before, after = ShutterTiming(readouts_s[0], -0.010, 0.005), ShutterTiming(readouts_s[1], -0.004, 0.018)
+    small = np.array([1e-4, -2e-4, 3e-4])
+    further = before.change_to(after.changed(small)) - before.change_to(after)
+    np.testing.assert_allclose(before.by_change_of(after) @ small, further, atol=1e-12)

@@ -39,6 +39,10 @@ class Adjustment:
         """Return the adjusted bundle."""
         return adjust(self.bundle, self.is_fixed, self.observations, self.sensor_information, self.iterations)
 
+    def started_at(self, timing_change: Array) -> "Adjustment":
+        """Return the same adjustment that starts with another change of the bundle's timing (5)."""
+        return replace(self, bundle=replace(self.bundle, timing_change=timing_change))
+
     def poses_between(self, bundle: Bundle) -> dict[int, Array]:
         """Return T_camera_map of the intermediate frames in an adjusted `bundle`, by their numbers."""
         return dict(zip(self.between.tolist(), bundle.T_camera_map[len(self.numbers) :], strict=True))

@@ -188,17 +188,17 @@ class Mapper:
 
         Returns the sensor with timing and tilt adjusted, and T_camera_map of the intermediate frames that were adjusted
         too, by their numbers. The prior of timing and tilt is what was known before the run: what the run has shown
-        since was measured by the same frames, which would count twice.
+        since was measured by the same frames, which would count twice. It is only where the adjustment starts.
         """
         adjusted: dict[int, Array] = {}
-        sensor = sensor.as_known_before(self._beforehand)
+        known, sensor = sensor, sensor.as_known_before(self._beforehand)
         mine = [n for n in self._map.remembered if n >= self._map.earlier]
         for segment in sorted({self._map.keyframes[n].segment for n in mine}):
             if len(self._map.members(segment)) >= 2:
                 credit = 1.0 / sensor.noise.covariance_scale
                 adjustment = map_adjustment.everything(self._map, self.intermediate, segment, sensor, credit)
-                bundle = adjustment.run()
-                sensor = self._take_over(adjustment, bundle, sensor, credit)
+                bundle = adjustment.started_at(sensor.change_to(known)).run()
+                known = sensor = self._take_over(adjustment, bundle, sensor, credit)
                 adjusted |= adjustment.poses_between(bundle)
         self._map.journal.note_new_details([*mine, *self._map.journal.with_fewer_landmarks])
         return sensor, adjusted

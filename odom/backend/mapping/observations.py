@@ -50,7 +50,6 @@ def gather_observations(
     seen = Measurements(*(np.concatenate([getattr(m, f.name) for m in measured])[keep] for f in fields(Measurements)))
     half_readout, focal_px = np.array([f.timing.half_readout for f in frames]), sensor.lens.intrinsics[:2]
     seen = steadied(seen, T_camera_map[frame_number, :3, :3], landmark, half_readout[frame_number], focal_px)
-    late = np.array([frame.timing.change_to(sensor.timing) for frame in frames])
-    values = seen.retimed(late[frame_number]).values
-    observations = Observations(frame_number, landmark, values, seen.jacobian_timing, seen.covariance)
+    seen = seen.by_one_timing([f.timing for f in frames], frame_number, sensor.timing)
+    observations = Observations(frame_number, landmark, seen.values, seen.jacobian_timing, seen.covariance)
     return observations, unique[is_shared]

@@ -25,7 +25,7 @@ def go_on_through_lens(
     The pose in odom stays what it was.
     """
     change = LensChange(before.lens, stages.sensor.lens)
-    timing_change = stages.sensor.timing.vector - before.timing.vector
+    timing_change = before.timing.change_to(stages.sensor.timing)
     stages.closer.drop_waiting()
     stages.chain.see_through(change)
     moved = state.moved_with(stages.map, T_reference_camera)

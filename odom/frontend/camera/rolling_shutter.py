@@ -6,7 +6,7 @@ its bottom; at walking speed the floor's depth is a centimetre older than the wa
 a device; the back-end estimates them from the stream itself.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -53,13 +53,28 @@ class ShutterTiming:
         for it.
         """
         change = other.vector - self.vector
-        if other.half_readout != self.half_readout:
-            change[1] += other.since_middle_s - self.since_middle_s - self.half_readout * change[0]
+        change[1] += self._bend(other)
         return change
 
     def changed(self, change: Array) -> "ShutterTiming":
-        """Return the timing with `change` (3, s) added to its vector."""
-        return ShutterTiming(*(self.vector + change).tolist())
+        """Return the timing to which `change` (3, s) leads: `change_to` the other way round."""
+        other = ShutterTiming(*(self.vector + change).tolist())
+        return replace(other, depth_lag_s=other.depth_lag_s - self._bend(other))
+
+    def by_change_of(self, other: "ShutterTiming") -> Array:
+        """Return the derivative (3 x 3) of a change of this timing by a change of the `other` one.
+
+        Where both read their rows the same way round, they are the same change.
+        """
+        derivative = np.eye(3)
+        derivative[1, 0] = other.half_readout - self.half_readout
+        return derivative
+
+    def _bend(self, other: "ShutterTiming") -> float:
+        """Return by how much `since_middle_s` grows more to the `other` timing than its derivative here says."""
+        if other.half_readout == self.half_readout:
+            return 0.0
+        return other.since_middle_s - self.since_middle_s - self.half_readout * (other.readout_s - self.readout_s)
 
 
 @compiled

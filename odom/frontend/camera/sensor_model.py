@@ -29,6 +29,11 @@ class SensorModel:
     depth_tilt: DepthTilt = field(default_factory=DepthTilt)
 
     @property
+    def since_middle_variance(self) -> float:
+        """The variance (s^2) of the timing's `since_middle_s`."""
+        return 0.25 * float(np.linalg.inv(self.timing_information)[0, 0])
+
+    @property
     def adjusted_information(self) -> Array:
         """The information (5 x 5) of all that adjustments change: the timing, then the tilt."""
         timings = len(self.timing_information)
@@ -58,6 +63,11 @@ class SensorModel:
         share = credit * self.noise.covariance_scale  # a tilt itself makes the halves of an image disagree
         return replace(known, depth_tilt=self.depth_tilt.with_evidence(pull[timings:], of_tilt, share))
 
+    def change_to(self, other: "SensorModel") -> Array:
+        """Return the change (5) of timing and tilt to those of `other`, as adjustments count it."""
+        tilted = other.depth_tilt.angles - self.depth_tilt.angles
+        return np.concatenate([self.timing.change_to(other.timing), tilted])
+
     def as_known_before(self, before: "SensorModel") -> "SensorModel":
         """Return the model with timing and tilt, which adjustments change, as they were `before`.
 
@@ -80,7 +90,9 @@ class SensorModel:
         known = self.timing_information
         if information is not None:
             known = TUNING.timing_memory * known + credit * information
-        return replace(self, timing=self.timing.changed(change), timing_information=known)
+        timing = self.timing.changed(change)
+        before_after = self.timing.by_change_of(timing)
+        return replace(self, timing=timing, timing_information=before_after.T @ known @ before_after)
 
     def with_stamp(self, stamp: Stamp) -> "SensorModel":
         """Return the model after one more colour image, stamped `stamp`."""

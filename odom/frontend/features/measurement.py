@@ -3,6 +3,7 @@
 Inverse depth is what a Kinect measures (disparity): there its noise is nearly Gaussian and independent of the pixel's.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from odom.frame.depth_model import aside_px
 from odom.frontend.camera.depth_tilt import without_tilt
+from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.depth_plane import PLANE_LIMITS, read_planes
 from odom.frontend.features.shutter_compensation import carried, depth_errors, flow_and_places
@@ -73,6 +75,15 @@ class Measurements:
     def retimed(self, change: Array) -> "Measurements":
         """Return them by a timing whose vector has changed by `change` (3 or n x 3, s)."""
         return replace(self, values=self.values + (self.jacobian_timing @ change[..., None])[..., 0])
+
+    def by_one_timing(self, timings: Sequence[ShutterTiming], frame: Index, timing: ShutterTiming) -> "Measurements":
+        """Return what frames measured by `timings` (K) of their own as measured by one; `frame` (n) counts the frames.
+
+        The derivatives are by changes of that `timing`.
+        """
+        retimed = self.retimed(np.array([own.change_to(timing) for own in timings])[frame])
+        by_change = np.array([own.by_change_of(timing) for own in timings])[frame]
+        return replace(retimed, jacobian_timing=self.jacobian_timing @ by_change)
 
 
 def points_of(measurements: Measurements, share_of_ray: float = 1.0) -> tuple[Array, Array]:

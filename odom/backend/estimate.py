@@ -153,7 +153,8 @@ class Estimate:
     """The causal estimate for one frame, as published.
 
     `T_odom_camera` is continuous within a segment and None when LOST; `covariance` (6 x 6, `se3` convention, camera
-    frame) is that of `T_odom_camera` since the segment began. `T_map_odom` holds the corrections by loop closures.
+    frame) is that of `T_odom_camera` since the segment began. `T_map_odom` holds the corrections by loop closures;
+    odom begins where the camera was at the stamp of a segment's first frame.
     `step` is the published pose relative to the previous frame's, `second` relative to the one about a second earlier,
     both with the covariance that the published trajectory claims for them; `pairwise` is the paper's independent
     registration of (C_i, C_i+1), and `chain` the pose that follows from these alone. `moving` says which part of the

@@ -17,6 +17,7 @@ from odom.calibration.parameters import LENS, vector_of
 from odom.calibration.projection import project
 from odom.calibration.tuning import TUNING
 from odom.frame import Camera, Stamp
+from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.features.measurement import Measurements
 from odom.geometry import se3
 from odom.geometry.arrays import Array
@@ -25,7 +26,9 @@ _LONGEST_DELAY_S = 0.1
 """More than passes between an image's middle row and its stamp."""
 
 
-def twists_at(stamps: Sequence[Stamp], frames: Iterable[LoggedFrame], keyframes: Sequence[Keyframe]) -> Array:
+def twists_at(
+    stamps: Sequence[Stamp], frames: Iterable[LoggedFrame], keyframes: Sequence[Keyframe], timing: ShutterTiming
+) -> Array:
     """Return the camera's velocity (K x 6, m/s and rad/s, its own frame) in K of the `frames`, by their `stamps`.
 
     It is the slope of a straight line through the poses of the frames within `motion_window_s` to both sides; NaN where
@@ -40,7 +43,7 @@ def twists_at(stamps: Sequence[Stamp], frames: Iterable[LoggedFrame], keyframes:
     if not near:
         return twists
     first, window = near[0][0], TUNING.motion_window_s
-    seconds = np.array([frame.since_s(first) for frame, _, _ in near])
+    seconds = np.array([frame.since_s(first, timing) for frame, _, _ in near])
     T_map_camera = [se3.inverse(keyframe.T_camera_map) @ T for _, T, keyframe in near]
     segment = np.array([keyframe.segment for _, _, keyframe in near])
     place = {frame.stamp: k for k, (frame, _, _) in enumerate(near)}

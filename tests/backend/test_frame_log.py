@@ -10,6 +10,7 @@ from made_up_scene import bare_keyframe
 from odom.backend.map.frame_log import FrameLog, LoggedFrame
 from odom.backend.odometry.final_trajectory import at_stamps
 from odom.frame import Stamp
+from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.geometry import se3
 
 BYTES_A_FRAME = 150
@@ -18,12 +19,13 @@ BYTES_A_FRAME = 150
 def placed(k, lost=False):
     stamp, rng = Stamp(1_700_000_000_000_000_000 + 33_333_333 * k), np.random.default_rng(k)
     if lost:
-        return LoggedFrame(stamp, k % 5 - 1, 0.0)
-    return LoggedFrame(stamp, k % 5, float(rng.normal()), int(rng.integers(1 << 20)), se3.exp(rng.normal(size=6)))
+        return LoggedFrame(stamp, k % 5 - 1)
+    late_s = float(rng.normal()) if k % 3 else None
+    return LoggedFrame(stamp, k % 5, late_s, int(rng.integers(1 << 20)), se3.exp(rng.normal(size=6)))
 
 
 def assert_same(a, b):
-    assert (a.stamp, a.segment, a.delay_s, a.keyframe) == (b.stamp, b.segment, b.delay_s, b.keyframe)
+    assert (a.stamp, a.segment, a.late_s, a.keyframe) == (b.stamp, b.segment, b.late_s, b.keyframe)
     assert type(a.stamp) is type(b.stamp) is int
     assert (a.T_keyframe_camera is None) == (b.T_keyframe_camera is None)
     if a.T_keyframe_camera is not None:
@@ -102,12 +104,12 @@ def test_the_twist_is_kept_to_single_precision():
 
 
 def test_the_trajectory_goes_on_from_what_is_left():
-    keyframes = [bare_keyframe(0, np.eye(4))]
+    keyframes, timing = [bare_keyframe(0, np.eye(4))], ShutterTiming(readout_s=0.02)
     given = [LoggedFrame(Stamp(k * 33_333_333), 0, 0.004, 0, se3.exp(np.full(6, 0.01 * k))) for k in range(40)]
     frames = FrameLog(block=8, most=16)
     for frame in given:
         frames.append(frame)
-    whole, left = at_stamps(given, keyframes), at_stamps(frames, keyframes)
+    whole, left = at_stamps(given, keyframes, timing), at_stamps(frames, keyframes, timing)
     assert [p.stamp for p in left] == [p.stamp for p in whole[frames.dropped :]]
     for a, b in zip(left, whole[frames.dropped :], strict=True):
         assert a.T_map_camera.tobytes() == b.T_map_camera.tobytes()

@@ -17,6 +17,7 @@ from odom.backend.map.pose_graph import Edge, EdgeArrays, optimise, optimise_wit
 from odom.backend.map.registrations import Registrations
 from odom.backend.odometry.final_trajectory import trajectory
 from odom.frame import Stamp
+from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.geometry import se3
 
 SMALL = np.diag([1e-4] * 3 + [1e-5] * 3) ** 1.0 * 0.01
@@ -330,7 +331,9 @@ def test_no_covariance_is_claimed_across_a_loss_or_between_segments():
 
 
 def test_the_trajectory_carries_every_pose_to_its_stamp():
-    twist, delay_s, period = np.array([0.3, -0.2, 0.1, 0.5, 0.8, -0.4]), 0.009, 33_333_333
+    """The delay is by what is known of the shutter now, whatever was known when the frame was taken."""
+    twist, period, timing = np.array([0.3, -0.2, 0.1, 0.5, 0.8, -0.4]), 33_333_333, ShutterTiming(readout_s=0.014)
+    late_s, delay_s = 0.002, 0.009
     keyframes = [bare_keyframe(0, se3.exp(np.full(6, 0.2)))]
     T_map_keyframe = se3.inverse(keyframes[0].T_camera_map)
 
@@ -338,26 +341,34 @@ def test_the_trajectory_carries_every_pose_to_its_stamp():
         return T_map_keyframe @ se3.exp(twist * seconds)
 
     frames = [
-        LoggedFrame(Stamp(i * period), 0, delay_s, 0, se3.inverse(T_map_keyframe) @ at(i * period * 1e-9 - delay_s))
+        LoggedFrame(Stamp(i * period), 0, late_s, 0, se3.inverse(T_map_keyframe) @ at(i * period * 1e-9 - delay_s))
         for i in range(8)
     ]
-    lost = LoggedFrame(Stamp(8 * period), 0, 0.0)
-    poses = trajectory([*frames, lost], keyframes)
+    lost = LoggedFrame(Stamp(8 * period), 0)
+    poses = trajectory([*frames, lost], keyframes, timing)
     assert poses[8].T_map_camera is None
     for i, pose in enumerate(poses[:8]):
         assert pose.stamp == i * period
         np.testing.assert_allclose(pose.T_map_camera, at(i * period * 1e-9), atol=1e-9)
 
 
+def test_a_pose_of_the_stamp_itself_is_left_there():
+    frames = [LoggedFrame(Stamp(i * 33_333_333), 0, None, 0, se3.exp(np.full(6, 0.01 * i))) for i in range(3)]
+    poses = trajectory(frames, [bare_keyframe(0, np.eye(4))], ShutterTiming(readout_s=0.03))
+    for frame, pose in zip(frames, poses, strict=True):
+        np.testing.assert_array_equal(pose.T_map_camera, frame.T_keyframe_camera)
+
+
 def test_frames_far_apart_are_carried_to_their_stamps_by_their_own_velocities():
-    delay_s, period, keyframes = 0.0135, 267_000_000, [bare_keyframe(0, np.eye(4))]
+    timing, delay_s = ShutterTiming(readout_s=-0.027), 0.0135
+    period, keyframes = 267_000_000, [bare_keyframe(0, np.eye(4))]
     twists = np.random.default_rng(1).uniform(-0.3, 0.3, (8, 6))
     poses = [se3.exp(np.full(6, 0.05 * i)) for i in range(8)]
     frames = [
-        LoggedFrame(Stamp(i * period), 0, delay_s, 0, T, twist=None if i == 3 else twist)
+        LoggedFrame(Stamp(i * period), 0, 0.0, 0, T, twist=None if i == 3 else twist)
         for i, (T, twist) in enumerate(zip(poses, twists, strict=True))
     ]
-    for i, (pose, T) in enumerate(zip(trajectory(frames, keyframes), poses, strict=True)):
+    for i, (pose, T) in enumerate(zip(trajectory(frames, keyframes, timing), poses, strict=True)):
         wanted = T if i == 3 else T @ se3.exp(delay_s * twists[i])
         np.testing.assert_allclose(pose.T_map_camera, wanted, atol=1e-12)
 

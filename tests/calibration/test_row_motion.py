@@ -9,12 +9,13 @@ from odom.calibration.parameters import LENS, vector_of
 from odom.calibration.projection import project
 from odom.calibration.row_motion import carried_anew, flow, twists_at
 from odom.frame import Camera, Stamp
-from odom.frontend.camera.rolling_shutter import point_flow
+from odom.frontend.camera.rolling_shutter import ShutterTiming, point_flow
 from odom.frontend.features.measurement import Measurements
 from odom.geometry import se3
 
 CAMERA = Camera(640, 480, 525.0, 520.0, 319.5, 239.5, (0.1, -0.2, 0.001, 0.0, 0.0))
 READOUT_S, PERIOD_S = 0.027, 1.0 / 30.0
+TIMING = ShutterTiming(READOUT_S)
 TWIST = np.array([0.3, -0.1, 0.4, 0.2, -0.5, 0.3])
 
 
@@ -33,10 +34,10 @@ def logged(keyframes, hidden=(), frames=30):
     for k in range(frames):
         stamp, delay_s = Stamp(round(k * PERIOD_S * 1e9)), READOUT_S / 2
         if k in hidden:
-            log.append(LoggedFrame(stamp, 0, delay_s))
+            log.append(LoggedFrame(stamp, 0))
         else:
             number = int(k >= frames // 2)
-            log.append(LoggedFrame(stamp, 0, delay_s, number, swinging(stamp * 1e-9 - delay_s)))
+            log.append(LoggedFrame(stamp, 0, 0.0, number, swinging(stamp * 1e-9 - delay_s)))
     return log
 
 
@@ -48,9 +49,9 @@ def velocity(seconds):
 def test_the_velocity_is_that_of_the_moment_and_not_of_the_frame_before():
     keyframes = [keyframe(0, 0), keyframe(1, 0)]
     log = logged(keyframes)
-    found = twists_at([frame.stamp for frame in log[3:-3]], log, keyframes)
-    true = np.array([velocity(frame.stamp * 1e-9 - frame.delay_s) for frame in log[3:-3]])
-    middles = [swinging(frame.stamp * 1e-9 - frame.delay_s) for frame in log]
+    found = twists_at([frame.stamp for frame in log[3:-3]], log, keyframes, TIMING)
+    true = np.array([velocity(frame.stamp * 1e-9 - frame.delay_s(TIMING)) for frame in log[3:-3]])
+    middles = [swinging(frame.stamp * 1e-9 - frame.delay_s(TIMING)) for frame in log]
     before = np.array([se3.log(se3.inverse(middles[k - 1]) @ middles[k]) / PERIOD_S for k in range(3, len(log) - 3)])
     late, off = (np.sqrt(((one - true) ** 2).mean()) for one in (before, found))
     assert off < 0.5 * late
@@ -59,11 +60,11 @@ def test_the_velocity_is_that_of_the_moment_and_not_of_the_frame_before():
 def test_where_nothing_is_known_on_one_side_there_is_none():
     keyframes = [keyframe(0, 0), keyframe(1, 1)]
     log = logged(keyframes, hidden=(5, 6, 7))
-    found = np.isfinite(twists_at([frame.stamp for frame in log], log, keyframes)).all(axis=1)
+    found = np.isfinite(twists_at([frame.stamp for frame in log], log, keyframes, TIMING)).all(axis=1)
     ends = {0, 4, 5, 6, 7, 8, 14, 15, 29}  # of the walk, of what was lost, and of the segments
     assert set(np.flatnonzero(~found)) == ends
-    assert not np.isfinite(twists_at([Stamp(7)], log, keyframes)).any()
-    assert not np.isfinite(twists_at([Stamp(7)], [], keyframes)).any()
+    assert not np.isfinite(twists_at([Stamp(7)], log, keyframes, TIMING)).any()
+    assert not np.isfinite(twists_at([Stamp(7)], [], keyframes, TIMING)).any()
 
 
 def test_flow_is_that_of_the_frontend():

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.frame import Stamp
+from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.geometry.arrays import Array
 
 _BLOCK = 4096
@@ -19,7 +20,7 @@ _LOST = -1
 _ROW = np.dtype(
     [
         ("stamp", np.int64),
-        ("delay_s", np.float64),
+        ("late_s", np.float64),
         ("segment", np.int32),
         ("keyframe", np.int32),
         ("T_keyframe_camera", np.float64, (3, 4)),
@@ -33,7 +34,8 @@ _ROW = np.dtype(
 class LoggedFrame:
     """One frame: `T_keyframe_camera` and its 6 x 6 covariance (`se3`, camera frame); `keyframe` is None when LOST.
 
-    The pose belongs to `stamp - delay_s`, the middle row's time. `segment` counts only while the frame is LOST:
+    The pose is that at the middle row's time of an image whose stamp came `late_s` seconds late, by the clock of all
+    stamps; None: that at the stamp itself. `segment` counts only while the frame is LOST:
     otherwise its key frame's does, which may have been merged with another since. `position_variance` (m^2, mean of
     three axes) is what a log keeps of the covariance, NaN where it is not known. `twist` (6, SI, camera frame) is how
     the camera moved then, as far as that is known.
@@ -41,16 +43,20 @@ class LoggedFrame:
 
     stamp: Stamp
     segment: int
-    delay_s: float
+    late_s: float | None = None
     keyframe: int | None = None
     T_keyframe_camera: Array | None = None
     covariance: Array | None = None
     position_variance: float = np.nan
     twist: Array | None = None
 
-    def since_s(self, other: "LoggedFrame") -> float:
-        """Return the seconds from the `other` frame's middle row to this one's."""
-        return (self.stamp - other.stamp) * 1e-9 - self.delay_s + other.delay_s
+    def delay_s(self, timing: ShutterTiming) -> float:
+        """Return how much later the stamp is than the time of the pose, by a shutter of that `timing`, in seconds."""
+        return 0.0 if self.late_s is None else self.late_s + timing.since_middle_s
+
+    def since_s(self, other: "LoggedFrame", timing: ShutterTiming) -> float:
+        """Return the seconds from the time of the `other` frame's pose to that of this one's."""
+        return (self.stamp - other.stamp) * 1e-9 - self.delay_s(timing) + other.delay_s(timing)
 
 
 class FrameLog:
@@ -93,7 +99,8 @@ class FrameLog:
                 self.dropped += self._size
             self._blocks.append(np.zeros(self._size, dtype=_ROW))
         row = self._blocks[-1][len(self) % self._size]
-        row["stamp"], row["delay_s"], row["segment"] = frame.stamp, frame.delay_s, frame.segment
+        row["stamp"], row["segment"] = frame.stamp, frame.segment
+        row["late_s"] = np.nan if frame.late_s is None else frame.late_s
         row["keyframe"], row["position_variance"] = _LOST, np.nan
         row["twist"] = np.nan if frame.twist is None else frame.twist
         if frame.keyframe is not None and frame.T_keyframe_camera is not None:
@@ -105,11 +112,12 @@ class FrameLog:
 
     def _read(self, index: int) -> LoggedFrame:
         row = self._blocks[index // self._size][index % self._size]
-        stamp, segment, delay_s = Stamp(int(row["stamp"])), int(row["segment"]), float(row["delay_s"])
+        stamp, segment, late_s = Stamp(int(row["stamp"])), int(row["segment"]), float(row["late_s"])
+        late = None if np.isnan(late_s) else late_s
         if row["keyframe"] == _LOST:
-            return LoggedFrame(stamp, segment, delay_s)
+            return LoggedFrame(stamp, segment, late)
         T = np.eye(4)
         T[:3] = row["T_keyframe_camera"]
         variance, twist = float(row["position_variance"]), row["twist"].astype(np.float64)
         known = None if np.isnan(twist[0]) else twist
-        return LoggedFrame(stamp, segment, delay_s, int(row["keyframe"]), T, position_variance=variance, twist=known)
+        return LoggedFrame(stamp, segment, late, int(row["keyframe"]), T, position_variance=variance, twist=known)

@@ -11,6 +11,7 @@ from odom.backend.map.frame_log import LoggedFrame
 from odom.backend.map.keyframe import Keyframe
 from odom.backend.odometry.smoothing import smoothed
 from odom.backend.odometry.tuning import TUNING
+from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 
@@ -31,8 +32,10 @@ class _Middle:
         return cls(frame, se3.inverse(keyframe.T_camera_map) @ frame.T_keyframe_camera, keyframe.segment)
 
 
-def trajectory(frames: Iterable[LoggedFrame], keyframes: list[Keyframe]) -> tuple[TrajectoryPose, ...]:
-    """Return every frame's pose at its stamp, with smoothed positions."""
+def trajectory(
+    frames: Iterable[LoggedFrame], keyframes: list[Keyframe], timing: ShutterTiming
+) -> tuple[TrajectoryPose, ...]:
+    """Return every frame's pose at its stamp, as a shutter of that `timing` has it, with smoothed positions."""
     variances: list[float] = []
 
     def noted() -> Iterator[LoggedFrame]:
@@ -40,11 +43,13 @@ def trajectory(frames: Iterable[LoggedFrame], keyframes: list[Keyframe]) -> tupl
             variances.append(frame.position_variance)
             yield frame
 
-    poses = at_stamps(noted(), keyframes)
+    poses = at_stamps(noted(), keyframes, timing)
     return smoothed(poses, np.array(variances))
 
 
-def at_stamps(frames: Iterable[LoggedFrame], keyframes: list[Keyframe]) -> tuple[TrajectoryPose, ...]:
+def at_stamps(
+    frames: Iterable[LoggedFrame], keyframes: list[Keyframe], timing: ShutterTiming
+) -> tuple[TrajectoryPose, ...]:
     """Return every frame's pose at its stamp: carried from the middle row's time along the motion to the next frame.
 
     Where there is no next one, it is carried by the motion from the frame before; where both are so far apart that the
@@ -52,20 +57,21 @@ def at_stamps(frames: Iterable[LoggedFrame], keyframes: list[Keyframe]) -> tuple
     """
     middles = chain([None], (_Middle.of(frame, keyframes) for frame in frames), [None])
     around = pairwise(pairwise(middles))
-    return tuple(_at_stamp(here, before, after) for (before, here), (_, after) in around if here is not None)
+    return tuple(_at_stamp(here, before, after, timing) for (before, here), (_, after) in around if here is not None)
 
 
-def _at_stamp(here: _Middle, before: _Middle | None, after: _Middle | None) -> TrajectoryPose:
+def _at_stamp(here: _Middle, before: _Middle | None, after: _Middle | None, timing: ShutterTiming) -> TrajectoryPose:
     frame, T = here.frame, here.T_map_camera
-    if T is None or not frame.delay_s:
+    delay_s = frame.delay_s(timing)
+    if T is None or not delay_s:
         return TrajectoryPose(frame.stamp, T, here.segment)
     twist = frame.twist
     for there, sign in ((after, 1.0), (before, -1.0)):
         if there is None or there.T_map_camera is None or there.segment != here.segment:
             continue
-        apart_s = abs(there.frame.since_s(frame))
+        apart_s = abs(there.frame.since_s(frame, timing))
         if 0.0 < apart_s < TUNING.interpolation_gap_s:
             twist = sign / apart_s * se3.log(se3.inverse(T) @ there.T_map_camera)
             break
-    T_stamp = T if twist is None else T @ se3.exp(frame.delay_s * twist)
+    T_stamp = T if twist is None else T @ se3.exp(delay_s * twist)
     return TrajectoryPose(frame.stamp, T_stamp, here.segment)

@@ -224,12 +224,12 @@ class FrameStages:
     def _begin(self, view: View, corners: Corners, following: SurfaceFollowing | None) -> Estimate:
         """Begin a new segment of the map at the last known pose, or go on with the last one where surfaces led."""
         is_first, in_doubt, against = self.state is None, self.moving.is_doubtful, None
-        T_camera_map = np.eye(4) if self.state is None else self.state.T_camera_map
+        T_camera_map, twist = np.eye(4) if self.state is None else self.state.T_camera_map, None
         if following is not None and self.state is not None:
-            T_camera_map, against = following.pose_after(self.state)
+            (T_camera_map, against), twist = following.pose_after(self.state), following.motion.twist
         keyframe = self.mapper.inserter.begin(view, corners, T_camera_map, self.sensor, in_doubt, against)
         self._visibility, self.moving = self._visibility.with_new_segment(view.stamp), self.moving.after_loss(0)
-        published = self.published.begin(view.stamp, keyframe.segment, keyframe.number, self.sensor)
+        published = self.published.begin(view, keyframe, self.sensor, twist)
         chain = self.chain.extend(ChainFrame(view, NamedFeatures.nothing(), AT_REST, published), None, self.sensor)
         number, rows = keyframe.number, keyframe.rows
         self.chain.close(self.map, True, number, self.sensor)

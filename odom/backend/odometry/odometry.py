@@ -75,6 +75,7 @@ class Odometry:
         self._order = FrameOrder()
         self._path = ShownPath()
         self._adjusted: dict[int, Array] = {}
+        self._last_timing: ShutterTiming | None = None
         self.late_loops: tuple[LoopCandidate, ...] = ()
         """The loop candidates that the last `finish` judged, after the last frame."""
 
@@ -204,6 +205,7 @@ class Odometry:
         self.late_loops = (*loops, *self._take_background(None)[0])
         state = stages.state
         T_reference_camera = state.T_reference_camera(stages.map)
+        self._last_timing = self.timing
         stages.sensor, self._adjusted = stages.mapper.finish(stages.sensor)
         stages.state = state.moved_with(stages.map, T_reference_camera)
         if newest in self._adjusted:
@@ -215,11 +217,13 @@ class Odometry:
         """Return the trajectory of `finish` once the map is finished, with other poses if they are given.
 
         They are the T_camera_map of some key frames and of frames `between` them, keyed by number, of the key frame or
-        the frame; other frames move along, the map stays as it is.
+        the frame; other frames move along, the map stays as it is. The delays of stamps are those that the last frames
+        have shown: what the first ones had measured by a guess of the timing pulls the adjustment's back to that.
         """
+        timing = self._last_timing or self.timing
         map_, adjusted = self._stages.map, {**self._adjusted, **between}
         moved = [replace(k, T_camera_map=keyframes[k.number]) if k.number in keyframes else k for k in map_.keyframes]
-        return trajectory(corrected(self._stages.published.log, moved, adjusted, map_.earlier), moved)
+        return trajectory(corrected(self._stages.published.log, moved, adjusted, map_.earlier), moved, timing)
 
     def closing_test(self) -> ClosingTest | None:
         """Return the paper's test of a closed walk after `finish`, None where it can't be made (see `closing_test`)."""

@@ -7,23 +7,23 @@ import numpy as np
 from odom.backend.doubt import Doubt
 from odom.backend.estimate import RelativePose
 from odom.backend.map.frame_log import FrameLog, LoggedFrame
+from odom.backend.map.keyframe import Keyframe
 from odom.backend.map.map import Map
-from odom.backend.map.pose_covariance import covariance_since_start, relative_covariance
 from odom.backend.odometry.judged_frame import JudgedFrame
+from odom.backend.odometry.motion_covariance import covariance_of_motion, covariance_of_pose
+from odom.backend.odometry.odom_frame import OdomFrame, Origin
 from odom.backend.odometry.recent_publications import RecentPublications
 from odom.backend.odometry.surface_following import SurfaceFollowing
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.publication import Publication
 from odom.backend.tracking.frame_state import FrameState
-from odom.backend.tracking.motion_model import Agility, Motion, MotionFilter
+from odom.backend.tracking.motion_model import Agility, Motion, MotionFilter, Velocity
 from odom.frame import Stamp
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.view import View
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 
-_TINY = 1e-12
-"""Keeps a division by the size of no motion finite (m, rad)."""
 _BRIDGE_SIGMA = np.repeat([TUNING.bridge_sigma_m_s, TUNING.bridge_sigma_rad_s], 3)
 """How fast a predicted pose gets worse (6, m/s and rad/s)."""
 
@@ -37,10 +37,9 @@ class PublishedTrajectory:
 
     def __init__(self, map_: Map) -> None:
         self.log = FrameLog()
-        self.T_map_odom = np.eye(4)
+        self._odom = OdomFrame()
         self._map = map_
         self._recent = RecentPublications()
-        self._T_map_odom_wanted: Array | None = None
         self._newest: Publication | None = None
         self._corrected: Publication | None = None
         self._agility = Agility()
@@ -57,48 +56,39 @@ class PublishedTrajectory:
         last = self.log.last
         return np.inf if last is None else (stamp - last.stamp) * 1e-9
 
+    @property
+    def T_map_odom(self) -> Array:
+        """Where odom lies in the map."""
+        return self._odom.T_map_odom
+
     def correct(self, T_new_old: Array) -> None:
         """Keep odom continuous: a closure has moved the map around the camera by `T_new_old`."""
-        self.T_map_odom = T_new_old @ self.T_map_odom
-        if self._T_map_odom_wanted is not None:
-            self._T_map_odom_wanted = T_new_old @ self._T_map_odom_wanted
+        self._odom.correct(T_new_old)
         self._corrected = self._newest
 
     def change_lens(self, T_new_old: Array) -> None:
-        """Keep odom continuous where a better lens has moved the map around the camera by `T_new_old`.
+        """Keep odom continuous where a better lens has moved the map around the camera by `T_new_old`."""
+        self._odom.change_lens(T_new_old)
+        self._corrected = self._newest
 
-        What the poor lens had displaced is undone little by little as the camera moves (see `_taken_back`).
+    def begin(self, view: View, keyframe: Keyframe, sensor: SensorModel, twist: Array | None = None) -> Publication:
+        """Publish the first frame of a segment, which became `keyframe`.
+
+        Where its `twist` (6, SI, camera frame) is not known yet, its pose begins odom anew (see `Origin`).
         """
-        wanted = self.T_map_odom if self._T_map_odom_wanted is None else self._T_map_odom_wanted
-        self.correct(T_new_old)
-        self._T_map_odom_wanted = wanted
-
-    def _taken_back(self, T_map_camera: Array) -> Array:
-        """Return T_odom_camera of the newest pose in the map, a step nearer to where the better lens would have had it.
-
-        The step is a small share of the motion since the last pose: a calibration errs by as much anyway. Metres and
-        radians count alike: at a depth of a metre, both move a feature about as far.
-        """
-        T_odom_camera = np.asarray(se3.inverse(self.T_map_odom) @ T_map_camera)
-        wanted = self._T_map_odom_wanted
-        if wanted is None or self._newest is None:
-            return T_odom_camera
-        left = se3.log(se3.inverse(T_odom_camera) @ se3.inverse(wanted) @ T_map_camera)
-        moved = TUNING.taken_back * _size(se3.log(se3.inverse(self._newest.T_odom_camera) @ T_odom_camera))
-        if moved >= _size(left):
-            self._T_map_odom_wanted, moved = None, _size(left)
-        T_odom_camera = se3.orthonormal(T_odom_camera @ se3.exp(moved / max(_size(left), _TINY) * left))
-        self.T_map_odom = T_map_camera @ se3.inverse(T_odom_camera)
-        return T_odom_camera
-
-    def begin(self, stamp: Stamp, segment: int, keyframe: int, sensor: SensorModel) -> Publication:
-        """Publish the first pose of a segment, which is its key frame's by definition."""
-        frame = LoggedFrame(stamp, segment, 0.0, keyframe, np.eye(4), np.zeros((6, 6)))
-        self.log.append(frame)
-        self._filter = None
+        pose = keyframe.number, np.eye(4), np.zeros((6, 6))
+        self.log.append(LoggedFrame(view.stamp, keyframe.segment, view.late_s, *pose))
         self._recent.clear()
-        T_odom_camera = se3.inverse(self.T_map_odom) @ se3.inverse(self._map.keyframes[keyframe].T_camera_map)
-        return self._keep(Publication(frame, T_odom_camera, self._since_start(frame, T_odom_camera, Doubt(), sensor)))
+        T_middle_stamp, T_odom_camera = np.eye(4), self._odom.pose(se3.inverse(keyframe.T_camera_map))
+        self._filter = MotionFilter.begun(T_odom_camera, pose[2], self._agility)
+        if twist is None:
+            self._odom.origin = Origin(keyframe.segment, T_odom_camera, view.late_s)
+        else:
+            T_middle_stamp = se3.exp(view.since_middle_s(sensor.timing) * twist)
+            T_odom_camera, self._odom.origin = T_odom_camera @ T_middle_stamp, None
+        frame = LoggedFrame(view.stamp, keyframe.segment, None, keyframe.number, T_middle_stamp, pose[2], twist=twist)
+        since_start = self._since_start(frame, T_odom_camera, Doubt(), sensor)
+        return self._keep(Publication(frame, T_odom_camera, since_start, T_middle_stamp))
 
     def advance(self, view: View, judged: JudgedFrame, sensor: SensorModel) -> Publication:
         """Publish a judged frame, whose pose is that at its middle row's time.
@@ -108,27 +98,32 @@ class PublishedTrajectory:
         """
         reference, delay_s = self._map.keyframes[judged.tracked.reference], view.since_middle_s(sensor.timing)
         T_reference_middle = reference.T_camera_map @ judged.tracked.T_map_camera
-        middle = LoggedFrame(view.stamp, reference.segment, delay_s, reference.number, T_reference_middle)
+        middle = LoggedFrame(view.stamp, reference.segment, view.late_s, reference.number, T_reference_middle)
         self.log.append(replace(middle, covariance=judged.covariance, twist=judged.twist))
         last = None if self._recent.last is None else self._recent.last.frame.keyframe
         if last is not None and self._map.keyframes[last].segment != middle.segment:
             self._recent.clear()
-        T_odom_middle = self._taken_back(judged.tracked.T_map_camera)
+        T_odom_last = None if self._newest is None else self._newest.T_odom_camera
+        T_odom_middle = self._odom.next_pose(judged.tracked.T_map_camera, T_odom_last)
         motion = self._filtered(T_odom_middle, judged)
+        T_fitted_filtered = se3.inverse(T_odom_middle) @ motion.T_fixed_camera
+        motion = self._set_out(motion, judged, sensor)
         carried = motion.after(delay_s, self._agility)
         T_odom_stamp = carried.T_fixed_camera
+        T_middle_stamp = se3.inverse(motion.T_fixed_camera) @ T_odom_stamp
         frame = replace(
             middle,
-            T_keyframe_camera=T_reference_middle @ se3.inverse(T_odom_middle) @ T_odom_stamp,
+            T_keyframe_camera=T_reference_middle @ T_fitted_filtered @ T_middle_stamp,
             covariance=carried.covariance + motion.twist[:, None] * motion.twist * sensor.clock.sigma_s**2,
-            delay_s=0.0,
+            late_s=None,
+            twist=motion.twist,
         )
         doubt = self._doubt(T_odom_stamp, judged)
         current = Publication(
             frame=frame,
             T_odom_camera=T_odom_stamp,
             covariance=self._since_start(frame, T_odom_stamp, doubt, sensor),
-            T_middle_stamp=se3.inverse(motion.T_fixed_camera) @ T_odom_stamp,
+            T_middle_stamp=T_middle_stamp,
             covariance_middle_stamp=motion.covariance_of_going(delay_s),
             doubt=doubt,
         )
@@ -141,6 +136,24 @@ class PublishedTrajectory:
         else:
             self._filter = MotionFilter.begun(T_odom_middle, judged.covariance, self._agility)
         self._agility = self._filter.agility
+        return self._filter.motion
+
+    def _set_out(self, motion: Motion, judged: JudgedFrame, sensor: SensorModel) -> Motion:
+        """Put the origin of odom where it is known to be now, by a segment's second frame or by a new timing.
+
+        Returns the filtered `motion` in odom as it is then.
+        """
+        odom, reference = self._odom, self._map.keyframes[judged.tracked.reference]
+        origin = odom.origin
+        if origin is None or self._filter is None or origin.segment != reference.segment:
+            return motion
+        if origin.velocity is None and not judged.since_previous_s:
+            odom.origin = None
+            return motion
+        velocity = origin.velocity or Velocity(motion.twist, motion.P[6:, 6:])
+        moving = origin.moving(velocity, sensor.timing)
+        if moving.delay_s != origin.delay_s:
+            self._filter = self._filter.moved(odom.move_origin(moving))
         return self._filter.motion
 
     def _with_motions(self, current: Publication, judged: JudgedFrame, sensor: SensorModel) -> Publication:
@@ -176,8 +189,8 @@ class PublishedTrajectory:
         T_map_camera = placed.T_map_camera @ following.T_placed_after(view.since_middle_s(sensor.timing))
         T_reference_camera = reference.T_camera_map @ T_map_camera
         pose = reference.number, T_reference_camera, following.covariance
-        frame = LoggedFrame(view.stamp, reference.segment, 0.0, *pose)
-        last, T_odom_camera = self._newest, se3.inverse(self.T_map_odom) @ T_map_camera
+        frame = LoggedFrame(view.stamp, reference.segment, None, *pose)
+        last, T_odom_camera = self._newest, self._odom.pose(T_map_camera)
         assert last is not None
         dt, step = (view.stamp - last.frame.stamp) * 1e-9, se3.inverse(last.T_odom_camera) @ T_odom_camera
         return self._publish(frame, T_odom_camera, last.doubt.after(step, None, dt), sensor)
@@ -190,7 +203,7 @@ class PublishedTrajectory:
 
     def lose(self, stamp: Stamp, segment: int) -> None:
         """Log a frame without a pose; no motion is published over it."""
-        self.log.append(LoggedFrame(stamp, segment, 0.0))
+        self.log.append(LoggedFrame(stamp, segment))
         self._recent.clear()
         self._filter = None
 
@@ -202,12 +215,11 @@ class PublishedTrajectory:
     def _motion_since(
         self, earlier: Publication, current: Publication, inliers: int, sensor: SensorModel
     ) -> RelativePose | None:
-        error = sensor.noise.calibration_error
-        covariance = relative_covariance(self._map, earlier.frame, current.frame, error)
+        T_earlier_current = se3.inverse(earlier.T_odom_camera) @ current.T_odom_camera
+        now = current.frame, T_earlier_current, current.doubt
+        covariance = covariance_of_motion(self._map, earlier, *now, sensor)
         if covariance is None:
             return None
-        T_earlier_current = se3.inverse(earlier.T_odom_camera) @ current.T_odom_camera
-        covariance = covariance + current.doubt.since(earlier.doubt, T_earlier_current)
         return RelativePose(earlier.frame.stamp, T_earlier_current, covariance, inliers)
 
     def _doubt(self, T_odom_camera: Array, judged: JudgedFrame) -> Doubt:
@@ -226,16 +238,5 @@ class PublishedTrajectory:
 
     def _since_start(self, frame: LoggedFrame, T_odom_camera: Array, doubt: Doubt, sensor: SensorModel) -> Array | None:
         """Return the 6 x 6 covariance of a pose in odom since its segment began."""
-        since, error = self._corrected, sensor.noise.calibration_error
-        if since is not None and since.covariance is not None:
-            moved = relative_covariance(self._map, since.frame, frame, error)
-            if moved is not None:
-                T_since_camera = se3.inverse(since.T_odom_camera) @ T_odom_camera
-                moved = moved + doubt.since(since.doubt, T_since_camera)
-                return se3.compose_covariance(since.covariance, T_since_camera, moved)
-        covariance = covariance_since_start(self._map.keyframes, frame, error)
-        return covariance if covariance is None else covariance + doubt.since(Doubt(), np.eye(4))
-
-
-def _size(motion: Array) -> float:
-    return float(np.linalg.norm(motion[:3]) + np.linalg.norm(motion[3:]))
+        then = self._corrected, self._odom.origin
+        return covariance_of_pose(self._map, *then, frame, T_odom_camera, doubt, sensor)

@@ -5,7 +5,7 @@ image's stamp; where the fits are much better than the motion is predictable, it
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -133,6 +133,11 @@ class MotionFilter:
             agility = agility.after((twist - self.twist) / (0.5 * (dt + self.dt)), dt)
         motion = self.motion.after(dt, agility).corrected(T_fixed_camera, covariance)
         return MotionFilter(motion, agility, T_fixed_camera, twist, dt)
+
+    def moved(self, T_new_old: Array) -> "MotionFilter":
+        """Return the filter of the same camera in a frame that was moved by `T_new_old`."""
+        motion = replace(self.motion, T_fixed_camera=T_new_old @ self.motion.T_fixed_camera)
+        return replace(self, motion=motion, T_fitted=T_new_old @ self.T_fitted)
 
 
 @compiled

@@ -1,0 +1,75 @@
+"""Shutters that are not what was expected: global ones, and rolling ones that are read upwards."""
+
+import numpy as np
+import pytest
+from painted_room import PERIOD, SMALL, PaintedRoom, stroll
+from running import check_sanity, run
+
+from odom.backend import OdometrySettings
+from odom.geometry import se3
+
+ROOM = PaintedRoom(half_size=(0.9, 0.7, 1.3))
+READOUT_S = 0.024
+KNOWN = OdometrySettings(
+    readout_prior_s=READOUT_S,
+    readout_prior_sigma_s=1e-4,
+    depth_lag_prior_s=-READOUT_S / 2,
+    depth_lag_prior_sigma_s=1e-4,
+    depth_readout_prior_s=READOUT_S,
+    depth_readout_prior_sigma_s=1e-4,
+)
+
+
+def pose(t):
+    """T_room_camera `t` seconds after the stamp of frame 0, in a walk of half a metre and half a radian a second."""
+    return stroll(1.5 * t)
+
+
+def rolled(frames, readout_s):
+    """The first frames of a camera whose rows are read one after the other, complete at their stamps."""
+    start_s = abs(readout_s) / 2.0
+    return [ROOM.rolled_frame(SMALL, k, lambda t: pose(t - start_s), readout_s) for k in range(frames)]
+
+
+@pytest.fixture(scope="module")
+def global_ran():
+    return run(SMALL, [ROOM.frame(SMALL, k, pose(k * PERIOD * 1e-9)) for k in range(110)])
+
+
+def error(poses, first, last):
+    """The error (6) of the motion between two of the T_fixed_camera `poses`."""
+    truth = se3.inverse(pose(first * PERIOD * 1e-9)) @ pose(last * PERIOD * 1e-9)
+    return se3.log(se3.inverse(se3.inverse(poses[first]) @ poses[last]) @ truth)
+
+
+def test_published_poses_begin_where_the_camera_was_at_the_first_stamp():
+    ran = run(SMALL, rolled(20, READOUT_S), KNOWN)
+    check_sanity(ran)
+    published = [e.T_odom_camera for e in ran.estimates]
+    since_middle_row = np.linalg.norm(se3.log(se3.inverse(pose(0.0)) @ pose(READOUT_S / 2.0)))
+    assert since_middle_row > 0.006
+    for last in (1, 2, 5, 19):
+        assert np.linalg.norm(error(published, 0, last)) < 0.15 * since_middle_row
+
+
+def test_the_final_poses_of_a_global_shutter_are_as_good_before_that_was_known(global_ran):
+    check_sanity(global_ran)
+    final = [p.T_map_camera for p in global_ran.final]
+    assert max(np.linalg.norm(error(final, first, 100)[:3]) for first in range(0, 30, 3)) < 0.001
+
+
+def test_the_covariance_since_the_start_allows_for_a_shutter_that_is_not_known(global_ran):
+    published = [e.T_odom_camera for e in global_ran.estimates]
+    chi2 = [
+        (off := error(published, 0, k)) @ np.linalg.solve(global_ran.estimates[k].covariance, off)
+        for k in range(2, 110, 3)
+    ]
+    assert np.median(chi2) < 12.6  # chi-squared with 6 degrees of freedom, 95 %
+
+
+def test_the_final_adjustment_finds_rows_that_are_read_upwards():
+    ran = run(SMALL, rolled(110, -READOUT_S))
+    check_sanity(ran)
+    np.testing.assert_array_less(np.abs(1e3 * ran.timing.vector - (-24.0, -12.0, -24.0)), (6.0, 5.0, 8.0))
+    final = [p.T_map_camera for p in ran.final]
+    assert max(np.linalg.norm(error(final, first, 100)[:3]) for first in range(0, 110, 3)) < 0.004

@@ -8,11 +8,11 @@ import numpy as np
 from odom.backend import Odometry
 from odom.backend.map.keyframe import FrameObservations
 from odom.backend.mapping.map_adjustment import Adjustment, everything
+from odom.backend.mapping.row_motion import carried_anew, rays_as_seen, twists_at
 from odom.backend.mapping.steady_slopes import steadied, steady_rise
 from odom.calibration.observation_terms import SeenArrays
 from odom.calibration.parameters import LENS, OFFSET, SCALE, vector_of
 from odom.calibration.projection import project
-from odom.calibration.row_motion import carried_anew, twists_at
 from odom.errors import InputError
 from odom.frame import Camera
 from odom.frame.depth_model import field_terms
@@ -158,7 +158,9 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
     if is_carried_anew:
         of_rays = twists_at(stamps, odometry.frames, map_.keyframes, odometry.timing)
         twist = (of_rays.reshape(-1, 3) @ R_own_rays.T).reshape(-1, 6)
-        seen = carried_anew(seen, camera, twist[frame], at, points, odometry.timing.readout_s)
+        readout_s, depth_m = odometry.timing.readout_s, np.einsum("ni,ni->n", at[:, 2, :3], points) + at[:, 2, 3]
+        v = project(rays_as_seen(seen, readout_s), vector_of(camera)[LENS])[0][:, 1]
+        seen = carried_anew(seen, v / camera.height - 0.5, 1.0 / depth_m, twist[frame], readout_s)
     vector, S, (fx, fy) = vector_of(camera), seen.covariance, focal_px
     uv, by_direction = project(seen.values[:, :2], vector[LENS])
     terms = field_terms(uv, camera.width, camera.height)

@@ -49,10 +49,6 @@ class Tuning:
         "found to be off: 3.5, 3.1 and 0 %",
         effect="How far the unit of depth may be off. Smaller: an error that motion capture shows is corrected too "
         "little; larger: the unit follows a walk that hardly shows it.")
-    # survey
-    motion_window_s: float = tuned(0.07, unit="s", source="velocities against the arena's truth, .035 to .27 s",
-        effect="Velocities are read from the trajectory over this time before and after. Smaller: they are noisier; "
-        "larger: quick turns are smoothed away.")
     # adjustment
     fit_steps: int = tuned(12, unit="steps", source=_WALKS,
         effect="The fit makes at most so many. Fewer: it does not reach a calibration that is far off in one go; "

@@ -143,8 +143,9 @@ def test_a_tilt_is_found_on_the_way_and_none_where_there_is_none(walked):
 @pytest.mark.long
 def test_a_walk_with_tilted_depth_is_as_exact_in_the_end_and_better_at_once(walked):
     (_, *straight_m), (_, *tilted_m), (_, *unknown_m) = walked
-    assert tilted_m[0] < min(1.3 * straight_m[0], 0.7 * unknown_m[0])
-    assert tilted_m[1] < min(2.2 * straight_m[1], 0.7 * unknown_m[1])
+    assert straight_m[0] < 0.0003
+    assert tilted_m[0] < min(0.0005, 0.2 * unknown_m[0])
+    assert tilted_m[1] < min(0.002, 0.5 * unknown_m[1])
     assert tilted_m[2] < min(1.3 * straight_m[2], 0.7 * unknown_m[2])
 
 
@@ -152,5 +153,6 @@ def test_a_walk_with_tilted_depth_is_as_exact_in_the_end_and_better_at_once(walk
 def test_a_tilt_is_found_by_enlarged_images_too_though_later():
     (_, *straight_m), (sensor, *tilted_m), (_, *unknown_m) = walks(180)
     assert sensor.depth_tilt.is_shown
-    assert tilted_m[0] < min(1.3 * straight_m[0], 0.7 * unknown_m[0])
+    assert straight_m[0] < 0.0003
+    assert tilted_m[0] < min(0.0006, 0.2 * unknown_m[0])
     assert tilted_m[1] < 0.7 * unknown_m[1]

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from odom.backend.map.frame_log import FrameLog
 from odom.backend.map.lens_of_map import see_through
 from odom.backend.map.map import Map
 from odom.backend.map.memory import expect_around, farthest_beyond, recall_near, set_aside
@@ -15,6 +16,7 @@ from odom.backend.mapping.described import DescribedKeyframe, PlaceSearch
 from odom.backend.mapping.intermediate_frames import IntermediateFrames
 from odom.backend.mapping.keyframe_inserter import KeyframeInserter
 from odom.backend.mapping.newer_keyframes import carry_newer, refit_newer
+from odom.backend.mapping.row_motion import carry_misjudged
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.frame_state import FrameState, Tracked
@@ -183,14 +185,15 @@ class Mapper:
         """Keep what the tracked frame `number` measured, for `finish`."""
         self.intermediate.add(number, tracked, self._map.keyframes, self._map.landmarks, sensor.timing)
 
-    def finish(self, sensor: SensorModel) -> tuple[SensorModel, dict[int, Array]]:
-        """Adjust each segment as a whole, as far as it is remembered.
+    def finish(self, sensor: SensorModel, log: FrameLog) -> tuple[SensorModel, dict[int, Array]]:
+        """Adjust each segment as a whole, as far as it is remembered; `log` holds all frames.
 
         Returns the sensor with timing and tilt adjusted, and T_camera_map of the intermediate frames that were adjusted
         too, by their numbers. The prior of timing and tilt is what was known before the run: what the run has shown
         since was measured by the same frames, which would count twice. It is only where the adjustment starts.
         """
         adjusted: dict[int, Array] = {}
+        self._carry_misjudged(sensor, log)
         known, sensor = sensor, sensor.as_known_before(self._beforehand)
         mine = [n for n in self._map.remembered if n >= self._map.earlier]
         for segment in sorted({self._map.keyframes[n].segment for n in mine}):
@@ -202,6 +205,15 @@ class Mapper:
                 adjusted |= adjustment.poses_between(bundle)
         self._map.journal.note_new_details([*mine, *self._map.journal.with_fewer_landmarks])
         return sensor, adjusted
+
+    def _carry_misjudged(self, sensor: SensorModel, log: FrameLog) -> None:
+        """Carry anew what frames measured by a readout that was far off (see `row_motion`)."""
+        keyframes = [self._map.keyframes[n] for n in self._map.remembered if n >= self._map.earlier]
+        between = [one for one in self.intermediate.kept if one.number >= log.dropped]
+        of_keyframes = [one.T_camera_keyframe @ self._map.keyframes[one.keyframe].T_camera_map for one in between]
+        stamps = [k.stamp for k in keyframes] + [log[one.number].stamp for one in between]
+        poses = np.array([k.T_camera_map for k in keyframes] + of_keyframes)
+        carry_misjudged([*keyframes, *between], stamps, poses, self._map, log, sensor)
 
     def _note_measured(self, described: list[int]) -> None:
         """Note in the journal which key frames have their places now, and which will not be adjusted any more."""

@@ -151,6 +151,13 @@ class Tuning:
         effect="Steps of the adjustment of the newest key frames. Fewer: it is not finished; more: it costs more.")
     finish_iterations: int = tuned(15, unit="1", source=SWEEP,
         effect="Steps of the final adjustment, as adjust_iterations.")
+    # row_motion
+    motion_window_s: float = tuned(0.07, unit="s", source="velocities against the arena's truth, .035 to .27 s",
+        effect="Velocities are read from the trajectory over this time before and after. Smaller: they are noisier; "
+        "larger: quick turns are smoothed away.")
+    misjudged_readout_s: float = tuned(0.002, unit="s", source="ten walks of the arena, also turned by 180 degrees",
+        effect="Frames measured by a readout that was farther off are carried anew at the end. Smaller: frames that "
+        "were carried well by their own rows lose by it; larger: the first seconds of other shutters stay bent.")
     # intermediate_frames
     intermediate_s: float = tuned(0.2, unit="s", source="fr1_xyz, fr1_rpy, arena, hololens_part, at 2 to 30 Hz",
         effect="The time from one kept frame to the next. Smaller: the final adjustment costs more; larger: frames "

@@ -206,7 +206,7 @@ class Odometry:
         state = stages.state
         T_reference_camera = state.T_reference_camera(stages.map)
         self._last_timing = self.timing
-        stages.sensor, self._adjusted = stages.mapper.finish(stages.sensor)
+        stages.sensor, self._adjusted = stages.mapper.finish(stages.sensor, log)
         stages.state = state.moved_with(stages.map, T_reference_camera)
         if newest in self._adjusted:
             stages.state = replace(stages.state, T_camera_map=self._adjusted[newest])

@@ -3,7 +3,8 @@
 A frame is measured before the next one is seen, by a motion that is late or smoothed where the camera speeds up or
 turns. So the rows of a rolling shutter end up some hundredths of a pixel off, in the same way in all frames of a steady
 walk: the focal length would come out .2 % too short, and the image's centre some pixels too high. This is for the
-camera's parameters, which average over a walk; for single poses that shake, what their own rows showed is better.
+camera's parameters, which average over a walk, and for frames by whose rows a wrong readout was believed; for single
+poses that shake, what their own rows showed is better.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -11,13 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from odom.backend.map.frame_log import LoggedFrame
-from odom.backend.map.keyframe import Keyframe
-from odom.calibration.parameters import LENS, vector_of
-from odom.calibration.projection import project
-from odom.calibration.tuning import TUNING
-from odom.frame import Camera, Stamp
+from odom.backend.map.frame_log import FrameLog, LoggedFrame
+from odom.backend.map.keyframe import FrameObservations, Keyframe
+from odom.backend.map.map import Map
+from odom.backend.mapping.tuning import TUNING
+from odom.frame import Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
+from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.measurement import Measurements
 from odom.geometry import se3
 from odom.geometry.arrays import Array
@@ -64,28 +65,57 @@ def _near(stamps: Sequence[Stamp], frames: Iterable[LoggedFrame]) -> Iterator[Lo
     wanted = np.sort(np.array(stamps, dtype=np.int64))
     near_ns = 1e9 * (TUNING.motion_window_s + _LONGEST_DELAY_S)
     for frame in frames:
+        if not len(wanted) or frame.stamp > wanted[-1] + near_ns:
+            break
         at = int(np.searchsorted(wanted, frame.stamp))
         if (np.abs(wanted[max(at - 1, 0) : at + 1] - frame.stamp) < near_ns).any():
             yield frame
 
 
-def carried_anew(
-    seen: Measurements, camera: Camera, twist: Array, T_camera_map: Array, points: Array, readout_s: float
-) -> Measurements:
+def rays_as_seen(seen: Measurements, readout_s: float) -> Array:
+    """Return the rays (N x 2, x/z and y/z) of measurements at the times of their own rows."""
+    return seen.values[:, :2] - seen.jacobian_timing[:, :2, 0] * readout_s
+
+
+def carried_anew(seen: Measurements, row: Array, inverse_depth: Array, twist: Array, readout_s: float) -> Measurements:
     """Return measurements whose rays are carried to the middle row's time by the camera's velocity `twist` (N x 6).
 
-    Each is of a point (N x 3, map frame) seen at `T_camera_map` (N x 4 x 4) by `camera`. Those whose velocity is NaN
-    stay as they were.
+    Each lies in the `row` (N, from the middle one, as a share of the image's height) at an `inverse_depth` (N, 1/m);
+    the image was read within `readout_s`. Those of which any of that is NaN stay as they were.
     """
-    is_known = np.isfinite(twist[:, 0])
-    depth_m = np.einsum("ni,ni->n", T_camera_map[:, 2, :3], points) + T_camera_map[:, 2, 3]
-    jacobian, values = seen.jacobian_timing.copy(), seen.values.copy()
-    raw = values[:, :2] - jacobian[:, :2, 0] * readout_s
-    row = project(raw, vector_of(camera)[LENS])[0][:, 1] / camera.height - 0.5
-    by_readout = -flow(raw, 1.0 / depth_m, twist) * row[:, None]
+    jacobian, values, rays = seen.jacobian_timing.copy(), seen.values.copy(), rays_as_seen(seen, readout_s)
+    by_readout = -flow(rays, inverse_depth, twist) * row[:, None]
+    is_known = np.isfinite(by_readout).all(axis=1)
     jacobian[is_known, :2, 0] = by_readout[is_known]
-    values[is_known, :2] = (raw + by_readout * readout_s)[is_known]
+    values[is_known, :2] = (rays + by_readout * readout_s)[is_known]
     return replace(seen, values=values, jacobian_timing=jacobian)
+
+
+def carry_misjudged(
+    frames: Sequence[FrameObservations],
+    stamps: Sequence[Stamp],
+    poses: Array,
+    map_: Map,
+    log: FrameLog,
+    sensor: SensorModel,
+) -> None:
+    """Carry anew what those of K `frames` measured whose readout was believed to be far from the one known by now.
+
+    Until the readout is known, rows show a wrong velocity, by which a frame's measurements were carried, and would be
+    carried to another readout. `stamps` (K) and `poses` (K x 4 x 4, T_camera_map) are those of the frames.
+    """
+    known, L = sensor.timing.readout_s, map_.landmarks
+    misjudged = [k for k, f in enumerate(frames) if abs(f.timing.readout_s - known) > TUNING.misjudged_readout_s]
+    twists = twists_at([stamps[k] for k in misjudged], log, map_.keyframes, sensor.timing)
+    for k, twist in zip(misjudged, twists, strict=True):
+        frame, seen = frames[k], frames[k].measurements
+        rays = rays_as_seen(seen, frame.timing.readout_s)
+        v = sensor.lens.project(np.column_stack([rays, np.ones(len(rays))]), np.eye(4))[:, 1]
+        row = v / sensor.lens.rays.shape[0] - 0.5
+        depth_m = se3.apply(poses[k], L.position[frame.rows])[:, 2]
+        inverse_depth = np.where(frame.current(L) & (depth_m > 0.0), 1.0 / depth_m, np.nan)
+        twist = np.tile(twist, (len(rays), 1))
+        frame.measurements = carried_anew(seen, row, inverse_depth, twist, frame.timing.readout_s)
 
 
 def flow(rays: Array, inverse_depth: Array, twist: Array) -> Array:

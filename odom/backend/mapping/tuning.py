@@ -158,6 +158,16 @@ class Tuning:
     misjudged_readout_s: float = tuned(0.002, unit="s", source="ten walks of the arena, also turned by 180 degrees",
         effect="Frames measured by a readout that was farther off are carried anew at the end. Smaller: frames that "
         "were carried well by their own rows lose by it; larger: the first seconds of other shutters stay bent.")
+    # shutter_kind
+    readout_in_doubt: float = tuned(0.1, unit="share of the readout", source="the default is .3, of a known device .05",
+        effect="Other kinds of shutters are tried where one sigma of the expected readout is larger. Smaller: also "
+        "where it was said; larger: never.")
+    shutter_believed_chi2: float = tuned(30.0, unit="1", source="ten parts of fr1, four of the arena, both ways up",
+        effect="Another kind is believed that explains the first key frames so much better. Smaller: noise decides; "
+        "larger: more frames are measured by a wrong one.")
+    shutter_refuted_chi2: float = tuned(100.0, unit="1", source="ten parts of fr1, four of the arena, both ways up",
+        effect="A kind that explains them so much worse is not tried again. Smaller: noise decides; larger: trials "
+        "cost more.")
     # intermediate_frames
     intermediate_s: float = tuned(0.2, unit="s", source="fr1_xyz, fr1_rpy, arena, hololens_part, at 2 to 30 Hz",
         effect="The time from one kept frame to the next. Smaller: the final adjustment costs more; larger: frames "

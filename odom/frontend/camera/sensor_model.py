@@ -74,12 +74,12 @@ class SensorModel:
         Whether there is a tilt is kept.
         """
         is_new = self.depth_tilt.is_shown and not before.depth_tilt.is_shown
-        return replace(
-            self,
-            timing=before.timing,
-            timing_information=before.timing_information,
-            depth_tilt=DepthTilt(is_shown=True) if is_new else before.depth_tilt,
-        )
+        tilt = DepthTilt(is_shown=True) if is_new else before.depth_tilt
+        return replace(self.with_timing_of(before), depth_tilt=tilt)
+
+    def with_timing_of(self, other: "SensorModel") -> "SensorModel":
+        """Return the model with the timing as it is known of the `other`."""
+        return replace(self, timing=other.timing, timing_information=other.timing_information)
 
     def with_timing_change(self, change: Array, information: Array | None, credit: float) -> "SensorModel":
         """Return the model after an adjustment has moved the timing by `change` (3, s).

@@ -60,6 +60,6 @@ class ShutterKind:
 
 
 def _is_in_doubt(sensor: SensorModel, readout_s: float) -> bool:
-    """Return whether the readout is known to less than a small share of `readout_s`."""
+    """Return whether one sigma of the readout is more than a small share of `readout_s`."""
     variance = float(np.linalg.inv(sensor.timing_information)[0, 0])
     return variance > (TUNING.readout_in_doubt * readout_s) ** 2

@@ -42,13 +42,24 @@ def common_covariance(T_earlier_current: Array, calibration_error: float) -> Arr
     return calibration_covariance(T_earlier_current, calibration_error) + unit_covariance(T_earlier_current)
 
 
+def delay_covariance(A_current_earlier: Array, earlier: Array, current: Array, delay_variance: float) -> Array:
+    """Return the 6 x 6 covariance (current camera frame) of a motion between stamps whose delays err alike.
+
+    The delay is that from the middle row's time to the stamp, known with `delay_variance` (s^2); meanwhile the camera
+    moves with the twists `earlier` and `current` (6, SI, camera frame) at the two. `A_current_earlier` (6 x 6) is the
+    adjoint of the motion between them.
+    """
+    moved = current - A_current_earlier @ earlier
+    return np.asarray(delay_variance * moved[:, None] * moved)
+
+
 def relative_covariance(
-    map_: Map, earlier: LoggedFrame, current: LoggedFrame, calibration_error: float
+    map_: Map, earlier: LoggedFrame, current: LoggedFrame, calibration_error: float, delay_variance: float = 0.0
 ) -> Array | None:
     """Return the 6 x 6 covariance (`se3`, current camera frame) of T_earlier_current.
 
     None where a frame is LOST or the two are in different segments. Each frame's own error is white; the errors that
-    frames share fade exponentially with time (Ornstein-Uhlenbeck).
+    frames share fade exponentially with time (Ornstein-Uhlenbeck). `delay_variance` as in `delay_covariance`.
     """
     if earlier.keyframe is None or earlier.T_keyframe_camera is None or earlier.covariance is None:
         return None
@@ -65,6 +76,8 @@ def relative_covariance(
     inflation = 1.0 + TUNING.shared_error * (1.0 - np.exp(-apart_s / TUNING.shared_error_s))
     ends = current.covariance + A_earlier @ earlier.covariance @ A_earlier.T
     common = common_covariance(se3.inverse(T_current_earlier), calibration_error)
+    if earlier.twist is not None and current.twist is not None:
+        common += delay_covariance(A_earlier, earlier.twist, current.twist, delay_variance)
     return np.asarray(inflation * ends + A_b @ between @ A_b.T + common)
 
 

@@ -6,7 +6,7 @@ from odom.backend.doubt import Doubt
 from odom.backend.map.frame_log import LoggedFrame
 from odom.backend.map.map import Map
 from odom.backend.map.pose_covariance import covariance_since_start, relative_covariance
-from odom.backend.odometry.odom_frame import Origin, delay_covariance
+from odom.backend.odometry.odom_frame import Origin
 from odom.backend.publication import Publication
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.geometry import se3
@@ -20,14 +20,9 @@ def covariance_of_motion(
 
     None where it is not known. `doubt` is the one at that frame.
     """
-    covariance = relative_covariance(map_, earlier.frame, frame, sensor.noise.calibration_error)
-    if covariance is None:
-        return None
-    covariance = covariance + doubt.since(earlier.doubt, T_earlier_current)
-    if earlier.frame.twist is None or frame.twist is None:
-        return covariance
-    twists = earlier.frame.twist, frame.twist
-    return covariance + delay_covariance(T_earlier_current, *twists, sensor.since_middle_variance)
+    shared = sensor.noise.calibration_error, sensor.since_middle_variance
+    covariance = relative_covariance(map_, earlier.frame, frame, *shared)
+    return None if covariance is None else covariance + doubt.since(earlier.doubt, T_earlier_current)
 
 
 def covariance_of_pose(

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from odom.backend.map.pose_covariance import delay_covariance
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.tracking.motion_model import Velocity
 from odom.frontend.camera.rolling_shutter import ShutterTiming
@@ -54,20 +55,9 @@ class Origin:
         """
         if self.velocity is None:
             return np.zeros((6, 6))
-        T_begun_camera = se3.inverse(self.T_odom_camera) @ T_odom_camera
-        A = se3.adjoint(se3.inverse(T_begun_camera))
+        A = se3.adjoint(se3.inverse(T_odom_camera) @ self.T_odom_camera)
         of_velocity = self.delay_s * self.delay_s * (A @ self.velocity.covariance @ A.T)
-        return np.asarray(of_velocity + delay_covariance(T_begun_camera, self.velocity.twist, twist, delay_variance))
-
-
-def delay_covariance(T_earlier_current: Array, earlier: Array, current: Array, delay_variance: float) -> Array:
-    """Return the 6 x 6 covariance (current camera frame) of a motion between stamps whose delays err alike.
-
-    The delay is that from the middle row's time to the stamp, known with `delay_variance` (s^2); meanwhile the camera
-    moves with the twists `earlier` and `current` (6, SI, camera frame) at the two.
-    """
-    moved = current - se3.adjoint(se3.inverse(T_earlier_current)) @ earlier
-    return np.asarray(delay_variance * moved[:, None] * moved)
+        return np.asarray(of_velocity + delay_covariance(A, self.velocity.twist, twist, delay_variance))
 
 
 class OdomFrame:

@@ -1,6 +1,7 @@
 """All that is known of the camera, in one value: lens, timing of its shutters, clock of its stamps, and noise."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -28,7 +29,7 @@ class SensorModel:
     noise: NoiseMonitor
     depth_tilt: DepthTilt = field(default_factory=DepthTilt)
 
-    @property
+    @cached_property
     def since_middle_variance(self) -> float:
         """The variance (s^2) of the timing's `since_middle_s`."""
         return 0.25 * float(np.linalg.inv(self.timing_information)[0, 0])

@@ -8,6 +8,7 @@ import drawn
 import numpy as np
 from numpy.typing import NDArray
 
+from odom.backend import OdometrySettings
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.camera.lens import Lens
 from odom.geometry import se3
@@ -17,6 +18,8 @@ from odom.geometry.compiled import compiled
 SMALL = Camera(320, 240, 262.5, 262.5, 159.5, 119.5)
 START = Stamp(1_700_000_000_000_000_000)
 PERIOD = 33_333_333
+AT_ONCE = OdometrySettings(readout_prior_s=0.0, depth_lag_prior_s=0.0, depth_readout_prior_s=0.0)
+"""What the odometry expects where it is told that images are taken all at once, as `PaintedRoom.frame` takes them."""
 _BANDS = 80
 """Into so many bands of rows a rolling shutter's image is cut, each drawn at once. Of 3 rows, within which a turn of
 3 rad/s moves what is seen by .1 px to both sides; edges of bands of 10 rows are off by .8 px, which tears patches."""
@@ -137,6 +140,18 @@ class PaintedRoom:
         grey, depth_mm = self._kept(camera, poses)
         stamp = Stamp(START + number * PERIOD + round(readout_s / 2.0 * 1e9))
         return RgbdFrame(number, stamp, grey, stamp, depth_mm)
+
+
+def known_readout(readout_s: float) -> OdometrySettings:
+    """Return what the odometry expects where it is told how `PaintedRoom.rolled_frame` takes images, precisely."""
+    return OdometrySettings(
+        readout_prior_s=readout_s,
+        readout_prior_sigma_s=1e-5,
+        depth_lag_prior_s=-readout_s / 2.0,
+        depth_lag_prior_sigma_s=1e-5,
+        depth_readout_prior_s=readout_s,
+        depth_readout_prior_sigma_s=1e-5,
+    )
 
 
 def stroll(t: float) -> Array:

@@ -1,5 +1,6 @@
 """Walks that several tests run the odometry over; rendered or read once a session."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -9,6 +10,7 @@ from drawn import frame
 from painted_room import SMALL, PaintedRoom, stroll
 from running import Ran, read_tum_frames, run
 
+from odom.backend import OdometrySettings
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera, RgbdFrame
 from sensors.arena import ArenaFrame, ArenaOptions
@@ -59,6 +61,24 @@ def desk(shared_data: Path) -> tuple[Camera, list[RgbdFrame], Trajectory]:
 @pytest.fixture(scope="session")
 def desk_ran(desk) -> Ran:
     return run(desk[0], desk[1])
+
+
+@pytest.fixture(scope="session")
+def hanging_desk(desk) -> tuple[Camera, list[RgbdFrame], Trajectory]:
+    """The same as if the camera hung upside down, and its driver turned the images: the lowest row is read first."""
+    camera, frames, truth = desk
+    k1, k2, p1, p2, *others = camera.distortion
+    centre = {"cx": camera.width - 1 - camera.cx, "cy": camera.height - 1 - camera.cy}
+    hanging = replace(camera, **centre, distortion=(k1, k2, -p1, -p2, *others))
+    turned = [replace(f, color=f.color[::-1, ::-1].copy(), depth_mm=f.depth_mm[::-1, ::-1].copy()) for f in frames]
+    return hanging, turned, truth
+
+
+@pytest.fixture(scope="session")
+def hanging_desk_ran(hanging_desk) -> Ran:
+    """What came out where that was said."""
+    said = OdometrySettings(readout_prior_s=-0.024, depth_readout_prior_s=-0.012)
+    return run(hanging_desk[0], hanging_desk[1], said)
 
 
 @pytest.fixture(scope="session")

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from made_up_scene import made_up_bundle
-from painted_room import SMALL, PaintedRoom, stroll, tilted
+from painted_room import AT_ONCE, SMALL, PaintedRoom, stroll, tilted
 from running import Ran
 
-from odom.backend import Odometry, OdometrySettings
+from odom.backend import Odometry
 from odom.backend.mapping.bundle_adjustment import adjust
 from odom.evaluation.report import evaluate
 from odom.evaluation.trajectory import Trajectory
@@ -20,8 +20,6 @@ from odom.geometry import se3
 
 TILT = np.array([0.03, -0.02])
 ANGLE = st.floats(-0.04, 0.04)
-AT_ONCE = OdometrySettings(readout_prior_s=0.0, depth_lag_prior_s=0.0, depth_readout_prior_s=0.0)
-"""The room's images are taken all at once, so that only the tilt is to be found."""
 
 
 @given(ANGLE, ANGLE, st.integers(0, 1000))

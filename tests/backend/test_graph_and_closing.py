@@ -325,9 +325,11 @@ def test_no_covariance_is_claimed_across_a_loss_or_between_segments():
     map_ = Map(keyframes=[bare_keyframe(0, np.eye(4)), bare_keyframe(1, np.eye(4), segment=1)])
     here = LoggedFrame(Stamp(0), 0, 0.0, 0, np.eye(4), np.eye(6))
     there = LoggedFrame(Stamp(10), 1, 0.0, 1, np.eye(4), np.eye(6))
-    assert relative_covariance(map_, here, there, 0.0) is None
-    assert relative_covariance(map_, here, LoggedFrame(Stamp(10), 0, 0.0), 0.0) is None
-    assert relative_covariance(map_, here, LoggedFrame(Stamp(10), 0, 0.0, 0, np.eye(4), np.eye(6)), 0.0) is not None
+    assert relative_covariance(map_, here, there, 0.0, 0.0) is None
+    assert relative_covariance(map_, here, LoggedFrame(Stamp(10), 0, 0.0), 0.0, 0.0) is None
+    assert (
+        relative_covariance(map_, here, LoggedFrame(Stamp(10), 0, 0.0, 0, np.eye(4), np.eye(6)), 0.0, 0.0) is not None
+    )
 
 
 def test_the_trajectory_carries_every_pose_to_its_stamp():

@@ -2,20 +2,12 @@
 
 import numpy as np
 import pytest
-from painted_room import PERIOD, SMALL, PaintedRoom
+from painted_room import PERIOD, SMALL, PaintedRoom, known_readout
 
-from odom.backend import Odometry, OdometrySettings
+from odom.backend import Odometry
 from odom.geometry import se3
 
 READOUT_S = 0.024
-KNOWN = OdometrySettings(
-    readout_prior_s=READOUT_S,
-    readout_prior_sigma_s=1e-5,
-    depth_lag_prior_s=-READOUT_S / 2.0,
-    depth_lag_prior_sigma_s=1e-5,
-    depth_readout_prior_s=READOUT_S,
-    depth_readout_prior_sigma_s=1e-5,
-)
 TURNS = [(1.5, 0.0, 0.0), (0.0, 3.0, 0.0), (0.0, 0.0, 1.5), (1.0, 1.0, 1.0)]
 
 
@@ -24,7 +16,7 @@ def turned(request):
     """The estimates of a camera that is in a quick turn from the first frame on, and its motion."""
     twist, room = np.array([0.1, 0.0, 0.0, *request.param]), PaintedRoom()
     frames = [room.rolled_frame(SMALL, k, lambda t: se3.exp(twist * t), READOUT_S) for k in range(7)]
-    odometry = Odometry(SMALL, KNOWN)
+    odometry = Odometry(SMALL, known_readout(READOUT_S))
     return [odometry.process(frame) for frame in frames], twist
 
 

@@ -4,16 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from painted_room import PERIOD, SMALL, START, PaintedRoom, stroll
+from painted_room import AT_ONCE, PERIOD, SMALL, START, PaintedRoom, stroll
 from running import Ran, check_sanity, numbers, read_tum_frames, run
 
-from odom.backend import Odometry, OdometrySettings, State
+from odom.backend import Odometry, State
 from odom.frame import Stamp
 from odom.geometry import se3
 
 ROOM, REPAINTED = (PaintedRoom(seed, half_size=(0.9, 0.7, 1.3)) for seed in (0, 7))
-EXACT = OdometrySettings(readout_prior_s=0.0, depth_lag_prior_s=0.0, depth_readout_prior_s=0.0)
-"""The room's images are taken all at once, which is not known otherwise after so few frames."""
 CORNER = se3.exp(np.array([0, 0, 0, 0, 0.65, 0])) @ se3.exp(np.array([0, 0, 0, -0.45, 0, 0]))
 """T_room_camera of a camera that looks into a corner: three walls are in view."""
 DARK = slice(20, 60)
@@ -57,7 +55,7 @@ def hanging(frames):
 
 @pytest.mark.parametrize("spoilt", [grey, noisy, hanging])
 def test_where_colour_shows_nothing_the_camera_is_followed_by_surfaces(spoilt):
-    ran = run(SMALL, spoilt(walk()), EXACT)
+    ran = run(SMALL, spoilt(walk()), AT_ONCE)
     check_sanity(ran)
     dark = ran.estimates[DARK]
     assert {e.state for e in dark} == {State.UNCERTAIN}
@@ -74,7 +72,7 @@ def test_once_the_camera_is_found_the_trajectory_behind_leads_there():
     """Depth that is too long by a hundredth while it is dark leads surfaces astray."""
     frames = grey(walk())
     frames[DARK] = [replace(f, depth_mm=np.rint(1.01 * f.depth_mm).astype(np.uint16)) for f in frames[DARK]]
-    ran, last = run(SMALL, frames, EXACT), DARK.stop - 1
+    ran, last = run(SMALL, frames, AT_ONCE), DARK.stop - 1
     check_sanity(ran)
     astray = np.linalg.norm(errors(ran, DARK.start - 1, last)[0])
     T_placed_last = se3.inverse(ran.final[DARK.start - 1].T_map_camera) @ ran.final[last].T_map_camera
@@ -92,7 +90,7 @@ def test_the_covariance_grows_while_only_surfaces_lead():
 def test_where_what_returns_is_not_known_the_same_segment_goes_on():
     """The walls are painted anew while it is dark."""
     anew = [REPAINTED.frame(SMALL, k, pose(k)) for k in range(DARK.stop, 110)]
-    ran = run(SMALL, [*grey(walk())[: DARK.stop], *anew], EXACT)
+    ran = run(SMALL, [*grey(walk())[: DARK.stop], *anew], AT_ONCE)
     check_sanity(ran)
     assert State.LOST not in ran.states
     assert {e.segment for e in ran.estimates} == {0}
@@ -146,7 +144,7 @@ def test_a_gap_in_the_stream_longer_than_any_prediction_ends_it():
 def test_a_step_back_in_time_ends_it_and_moves_no_frame_behind():
     frames = grey(walk())
     again = [replace(f, stamp=Stamp(f.stamp - 10**10), depth_stamp=Stamp(f.stamp - 10**10)) for f in walk()[5:15]]
-    ran = run(SMALL, [*frames[:40], *again], EXACT)
+    ran = run(SMALL, [*frames[:40], *again], AT_ONCE)
     check_sanity(ran)
     assert ran.states[40] in (State.LOST, State.RECOVERED)
     T_placed_last = se3.inverse(ran.final[DARK.start - 1].T_map_camera) @ ran.final[39].T_map_camera
@@ -155,12 +153,12 @@ def test_a_step_back_in_time_ends_it_and_moves_no_frame_behind():
 
 
 def test_images_prepared_ahead_change_nothing():
-    frames, odometry = grey(walk()), Odometry(SMALL, EXACT)
+    frames, odometry = grey(walk()), Odometry(SMALL, AT_ONCE)
     estimates = []
     for frame in frames:
         odometry.anticipate(frame.stamp, frame.color)
         estimates.append(odometry.process(frame))
-    assert numbers(Ran(tuple(estimates), odometry.finish(), odometry.timing)) == numbers(run(SMALL, frames, EXACT))
+    assert numbers(Ran(tuple(estimates), odometry.finish(), odometry.timing)) == numbers(run(SMALL, frames, AT_ONCE))
 
 
 def test_two_runs_give_the_same_bytes():

@@ -35,10 +35,10 @@ class LoggedFrame:
     """One frame: `T_keyframe_camera` and its 6 x 6 covariance (`se3`, camera frame); `keyframe` is None when LOST.
 
     The pose is that at the middle row's time of an image whose stamp came `late_s` seconds late, by the clock of all
-    stamps; None: that at the stamp itself. `segment` counts only while the frame is LOST:
-    otherwise its key frame's does, which may have been merged with another since. `position_variance` (m^2, mean of
-    three axes) is what a log keeps of the covariance, NaN where it is not known. `twist` (6, SI, camera frame) is how
-    the camera moved then, as far as that is known.
+    stamps; None: that at the stamp itself. `segment` counts only while the frame is LOST: otherwise its key frame's
+    does, which may have been merged with another since. `position_variance` (m^2, mean of three axes) is what a log
+    keeps of the covariance, NaN where it is not known. `twist` (6, SI, camera frame) is how the camera moved then, as
+    far as that is known.
     """
 
     stamp: Stamp

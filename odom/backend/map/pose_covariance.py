@@ -54,7 +54,7 @@ def delay_covariance(A_current_earlier: Array, earlier: Array, current: Array, d
 
 
 def relative_covariance(
-    map_: Map, earlier: LoggedFrame, current: LoggedFrame, calibration_error: float, delay_variance: float = 0.0
+    map_: Map, earlier: LoggedFrame, current: LoggedFrame, calibration_error: float, delay_variance: float
 ) -> Array | None:
     """Return the 6 x 6 covariance (`se3`, current camera frame) of T_earlier_current.
 

@@ -31,7 +31,7 @@ class Bundle:
 
     By the observations alone, without the prior, the timing has the information `information_timing` (t x t), and would
     still move by its inverse times `pull_timing` (t). `covariances` (L x 3 x 3, m^2) are the landmarks' given the
-    poses, `chi2` is the robust cost with the prior. All are None before the first adjustment.
+    poses. All are None before the first adjustment. `chi2` is the robust cost with the prior.
     """
 
     T_camera_map: Array
@@ -40,7 +40,7 @@ class Bundle:
     information_timing: Array | None = None
     pull_timing: Array | None = None
     covariances: Array | None = None
-    chi2: float | None = None
+    chi2: float = np.inf
 
 
 class _System(NamedTuple):
@@ -126,8 +126,13 @@ def _with_information(bundle: Bundle, system: _System, poses: int) -> Bundle:
     of_poses = np.linalg.solve(S_poses, np.column_stack([S_across, rhs[:poses]]))
     information = S[poses:, poses:] - S_across.T @ of_poses[:, :-1]
     pull = rhs[poses:] - S_across.T @ of_poses[:, -1]
-    known = {"information_timing": information, "pull_timing": pull, "covariances": system.V_inverse}
-    return replace(bundle, **known, chi2=system.cost)
+    return replace(
+        bundle,
+        information_timing=information,
+        pull_timing=pull,
+        covariances=system.V_inverse,
+        chi2=system.cost,
+    )
 
 
 def warm_up() -> None:

@@ -29,6 +29,10 @@ class IntermediateFrame(FrameObservations):
     keyframe: int
     T_camera_keyframe: Array
 
+    def pose(self, keyframes: list[Keyframe]) -> Array:
+        """Return T_camera_map, as its key frame among all `keyframes` lies now."""
+        return np.asarray(self.T_camera_keyframe @ keyframes[self.keyframe].T_camera_map)
+
 
 class IntermediateFrames:
     """Five tracked frames a second; beyond 240 (7 MB) every other one is dropped, and half as many are kept later."""

@@ -62,8 +62,7 @@ def _snapshot(
     seen: list[FrameObservations] = [*keyframes, *between]
     if change is not None:
         seen = [replace(frame, measurements=change.measured(frame.measurements)) for frame in seen]
-    between_poses = [s.T_camera_keyframe @ map_.keyframes[s.keyframe].T_camera_map for s in between]
-    T_camera_map = np.array([k.T_camera_map for k in keyframes] + between_poses)
+    T_camera_map = np.array([k.T_camera_map for k in keyframes] + [s.pose(map_.keyframes) for s in between])
     observations, rows = gather_observations(seen, T_camera_map, map_.landmarks, sensor)
     straight = without_tilt(observations.values, sensor.depth_tilt.angles)
     jacobian = np.concatenate([observations.jacobian_timing, by_tilt(observations.values)], axis=2)

@@ -132,7 +132,7 @@ class Mapper:
         trials = [] if is_whole else shutter.trials(self._map, window, sensor)
 
         def work() -> _Done:
-            tried = [trial.run().chi2 or 0.0 for trial in trials]
+            tried = [trial.run().chi2 for trial in trials]
             bundle = adjustment.run()
             described = [search.run(index, sensor) for search in searches]
             expect_around(self._map, [r.candidate for one in described for r in one.recognitions if not r.refusal])
@@ -219,9 +219,8 @@ class Mapper:
         """Carry anew what frames measured by a readout that was far off (see `row_motion`)."""
         keyframes = [self._map.keyframes[n] for n in self._map.remembered if n >= self._map.earlier]
         between = [one for one in self.intermediate.kept if one.number >= log.dropped]
-        of_keyframes = [one.T_camera_keyframe @ self._map.keyframes[one.keyframe].T_camera_map for one in between]
         stamps = [k.stamp for k in keyframes] + [log[one.number].stamp for one in between]
-        poses = np.array([k.T_camera_map for k in keyframes] + of_keyframes)
+        poses = np.array([k.T_camera_map for k in keyframes] + [one.pose(self._map.keyframes) for one in between])
         carry_misjudged([*keyframes, *between], stamps, poses, self._map, log, sensor)
 
     def _note_measured(self, described: list[int]) -> None:

@@ -61,5 +61,4 @@ class ShutterKind:
 
 def _is_in_doubt(sensor: SensorModel, readout_s: float) -> bool:
     """Return whether one sigma of the readout is more than a small share of `readout_s`."""
-    variance = float(np.linalg.inv(sensor.timing_information)[0, 0])
-    return variance > (TUNING.readout_in_doubt * readout_s) ** 2
+    return sensor.readout_variance > (TUNING.readout_in_doubt * readout_s) ** 2

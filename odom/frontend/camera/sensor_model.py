@@ -30,9 +30,14 @@ class SensorModel:
     depth_tilt: DepthTilt = field(default_factory=DepthTilt)
 
     @cached_property
+    def readout_variance(self) -> float:
+        """The variance (s^2) of the timing's `readout_s`."""
+        return float(np.linalg.inv(self.timing_information)[0, 0])
+
+    @property
     def since_middle_variance(self) -> float:
-        """The variance (s^2) of the timing's `since_middle_s`."""
-        return 0.25 * float(np.linalg.inv(self.timing_information)[0, 0])
+        """The variance (s^2) of the timing's `since_middle_s`, half of the readout."""
+        return 0.25 * self.readout_variance
 
     @property
     def adjusted_information(self) -> Array:

@@ -44,6 +44,7 @@ AT_ZERO = {
     "black-outs": lambda f: color.black_out(f, 0.0, BEGIN, 1),
     "dropped": lambda f: timing.one_in(f, 1),
     "holes": lambda f: depth.holes(f, 0.0, 1),
+    "range": lambda f: depth.out_of_range(f, 4.0),
     "depth-noise": lambda f: depth.noise(f, 1.0, 1),
 }
 

@@ -80,6 +80,10 @@ def _holes(scene: Scene, share: float) -> Spoiler:
     return Spoiler(frame=lambda frame: depth.holes(frame, share, scene.seed))
 
 
+def _range(scene: Scene, times: float) -> Spoiler:
+    return Spoiler(frame=lambda frame: depth.out_of_range(frame, times * scene.near_m))
+
+
 def _depth_noise(scene: Scene, factor: float) -> Spoiler:
     return Spoiler(frame=lambda frame: depth.noise(frame, factor, scene.seed))
 
@@ -119,6 +123,7 @@ AXES = (
     Axis("jitter", "stamp jitter, ms", _numbers(2, 5, 10, 20, scale=1e-3), _jitter),
     Axis("lag", "depth older than its stamp, ms", _numbers(10, 20, 40, 80, scale=1e-3), _lag),
     Axis("holes", "share of the depth missing", _numbers(0.25, 0.5, 0.75, 0.9), _holes),
+    Axis("range", "range of depth, times what is near", _numbers(2, 1.5, 1.2, 1.1), _range),
     Axis("depth-noise", "depth noise, times a Kinect's", _numbers(2, 4, 8, 16), _depth_noise),
     Axis("focal", "focal length too long, %", _numbers(1, 2, 5, 10), _focal),
 )

@@ -1,4 +1,4 @@
-"""Degrades depth images: holes, noise and coarse steps. Shape, type and stamps stay; 0 stays "not measured"."""
+"""Degrades depth images: holes, little range, noise, coarse steps. Shape, type and stamps stay, and 0 for "nothing"."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -28,6 +28,11 @@ def holes(frame: RgbdFrame, share: float, seed: int) -> RgbdFrame:
     field = cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
     is_hole = field <= np.quantile(field[::8, ::8], share)
     return replace(frame, depth_mm=np.where(is_hole, np.uint16(0), frame.depth_mm))
+
+
+def out_of_range(frame: RgbdFrame, range_m: float) -> RgbdFrame:
+    """Take away depth beyond `range_m`, as in halls, or with cameras of little range."""
+    return replace(frame, depth_mm=np.where(frame.depth_mm > 1e3 * range_m, np.uint16(0), frame.depth_mm))
 
 
 def noise(frame: RgbdFrame, factor: float, seed: int) -> RgbdFrame:

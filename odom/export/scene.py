@@ -87,11 +87,12 @@ def scene_of(camera: Camera, timing: ShutterTiming, poses: Iterable[TrajectoryPo
     members = map_.members(segment)
     place = {keyframe.number: i for i, keyframe in enumerate(members)}
     rows = np.flatnonzero(map_.landmarks.alive)
+    rows = rows[~map_.landmarks.is_vague(rows)]
     point_of = np.full(len(map_.landmarks.alive), -1)
     point_of[rows] = np.arange(len(rows))
     keyframes = []
     for keyframe in members:
-        is_current = keyframe.current(map_.landmarks)
+        is_current = keyframe.current(map_.landmarks) & (point_of[keyframe.rows] >= 0)
         keyframes.append(
             SceneKeyframe(
                 keyframe.stamp,

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from odom.backend.map.corners import Corners
 from odom.backend.map.keyframe import Keyframe, MeasuredLandmarks
-from odom.backend.map.map import Corners, Map
+from odom.backend.map.map import Map
 from odom.backend.mapping.bundle_adjustment import Bundle
 from odom.backend.mapping.observations import Observations
 from odom.backend.tracking.tuning import TUNING
@@ -79,7 +80,7 @@ def chain_of_keyframes(poses, covariance, begins=(0,)):
             None if number in begins else number - 1,
             np.zeros((6, 6)) if number in begins else covariance,
         )
-        map_.add_corners(keyframe, images, Corners(np.full((20, 2), 30.0), measured), np.zeros(2))
+        map_.add_corners(keyframe, view, Corners(np.full((20, 2), 30.0), measured), np.zeros(2))
     return map_
 
 

@@ -4,8 +4,9 @@ import numpy as np
 from made_up_scene import NO_DEPTH, points_ahead, project
 from test_newer_keyframes import exact
 
+from odom.backend.map.corners import Corners
 from odom.backend.map.keyframe import MeasuredLandmarks
-from odom.backend.map.map import Corners, Map
+from odom.backend.map.map import Map
 from odom.frame import Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.stamp_clock import SteadyStamp
@@ -29,5 +30,5 @@ def test_key_frames_that_see_few_landmarks_do_not_cut_the_camera_off_from_them()
         keyframe = map_.add_keyframe(view, np.eye(4), known, ShutterTiming(), against, 1e-6 * np.eye(6))
         if not number:
             corners = exact(project(np.eye(4), points_ahead(rng, 60)))
-            map_.add_corners(keyframe, images, Corners(np.full((60, 2), 30.0), corners), np.zeros(2))
+            map_.add_corners(keyframe, view, Corners(np.full((60, 2), 30.0), corners), np.zeros(2))
     assert 0 in map_.around(7, 10)

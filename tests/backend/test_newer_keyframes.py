@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from made_up_scene import DEPTH_SIGMA, NO_DEPTH, RAY_SIGMA, points_ahead, project
 
+from odom.backend.map.corners import Corners
 from odom.backend.map.keyframe import MeasuredLandmarks
-from odom.backend.map.map import Corners, Map
+from odom.backend.map.map import Map
 from odom.backend.mapping.newer_keyframes import carry_newer, refit_newer
 from odom.frame import Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
@@ -50,7 +51,7 @@ def walk(shared, tilt=NO_TILT):
         uv = np.full((len(corners), 2), 30.0)
         against = number - 1 if number else None
         keyframe = map_.add_keyframe(view, se3.inverse(T), known, ShutterTiming(), against, 1e-6 * np.eye(6))
-        map_.add_corners(keyframe, images, Corners(uv, corners), np.zeros(2))
+        map_.add_corners(keyframe, view, Corners(uv, corners), np.zeros(2))
     return map_, np.array([se3.inverse(T) for T in T_map_camera])
 
 

@@ -22,19 +22,17 @@ ARENA_ATE_M = 0.006
 
 
 def disturbed(frames, kind):
-    """The frames with a second of black images, no depth or nothing at all."""
+    """The frames with a second of black images or none at all."""
     out = []
     for k, f in enumerate(f.rgbd() for f in frames):
         if k not in DARK:
             out.append(f)
         elif kind == "black":
             out.append(replace(f, color=np.zeros_like(f.color)))
-        elif kind == "no depth":
-            out.append(replace(f, depth_mm=np.zeros_like(f.depth_mm)))
     return out
 
 
-@pytest.fixture(scope="module", params=["black", "missing", "no depth"])
+@pytest.fixture(scope="module", params=["black", "missing"])
 def blacked_out(request, arena):
     return run(arena[0], disturbed(arena[1], request.param)), arena[1]
 
@@ -119,8 +117,7 @@ def test_a_blackout_is_said_soon_and_sight_is_used_soon(blacked_out, request):
         assert {(e.state, e.reason) for e in later} == followed
     else:
         assert {e.state for e in later} <= {State.LOST}
-    if request.node.callspec.params["blacked_out"] != "no depth":
-        assert all(e.is_predicted for e in soon if e.state is not State.LOST and (e.state, e.reason) not in followed)
+    assert all(e.is_predicted for e in soon if e.state is not State.LOST and (e.state, e.reason) not in followed)
     back = ran.first(State.RECOVERED, light)
     assert back.stamp - light < 1_000_000_000
     assert back.segment == 0
@@ -138,6 +135,19 @@ def test_a_few_frames_without_depth_are_tracked_by_known_landmarks(arena):
     frames[30:33] = [replace(f, depth_mm=np.zeros_like(f.depth_mm)) for f in frames[30:33]]
     ran = run(arena[0], frames)
     assert set(ran.states) == {State.TRACKING}
+
+
+def test_a_second_without_depth_is_tracked_by_known_landmarks_and_said(arena, arena_truth, arena_ran):
+    frames = [f.rgbd() for f in arena[1]]
+    dark = frames[DARK.start : DARK.stop]
+    frames[DARK.start : DARK.stop] = [replace(f, depth_mm=np.zeros_like(f.depth_mm)) for f in dark]
+    ran = run(arena[0], frames)
+    check_sanity(ran)
+    assert {(e.state, e.reason) for e in ran.estimates[DARK.start + 6 : DARK.stop]} == {
+        (State.UNCERTAIN, "hardly any depth: tracked by known landmarks alone")
+    }
+    assert ran.states[DARK.stop + 1 :] == [State.TRACKING] * (len(frames) - DARK.stop - 1)
+    assert ran.judged(arena_truth).ate_m < 1.5 * arena_ran.judged(arena_truth).ate_m + 0.001
 
 
 def test_a_slow_cameras_frame_without_depth_is_no_blackout(arena):

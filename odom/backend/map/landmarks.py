@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from odom.backend.map.tuning import TUNING
 from odom.frontend.features.patches import RADIUS
-from odom.geometry.arrays import Array, Index
+from odom.geometry.arrays import Array, Index, Mask
 
 _SIDE = 2 * RADIUS + 1
 """Pixels across a stored patch."""
@@ -20,9 +21,9 @@ class Landmarks:
     Rows: `position` (3, m, map frame), `covariance` (3 x 3, m^2, map frame, given its key frame's pose), `keyframe`
     (number of the key frame it was first seen in), `uv` (2, px) and `plane` (inverse depth and its slope per pixel)
     there, `patch_full`, `patch_half`; `tried` and `seen` count the tracked frames in which it was looked for and
-    found, `gone_s` for how long depth has looked through its place; `alive` is False for a row that may be used
-    again; `identity` is never used again, so that an old observation of a row can be told from one of the new landmark
-    there; `next_identity` is the first unused one.
+    found, `gone_s` for how long depth has looked through its place; `assumed` is True where no depth was measured at
+    first; `alive` is False for a row that may be used again; `identity` is never used again, so that an old observation
+    of a row can be told from one of the new landmark there; `next_identity` is the first unused one.
     """
 
     def __init__(self) -> None:
@@ -37,6 +38,7 @@ class Landmarks:
             "seen": np.zeros(0, dtype=np.int64),
             "tried": np.zeros(0, dtype=np.int64),
             "gone_s": np.zeros(0),
+            "assumed": np.zeros(0, dtype=np.bool_),
             "alive": np.zeros(0, dtype=np.bool_),
             "identity": np.zeros(0, dtype=np.int64),
         }
@@ -54,6 +56,7 @@ class Landmarks:
         self.seen: Index = self._fields["seen"]
         self.tried: Index = self._fields["tried"]
         self.gone_s: Array = self._fields["gone_s"]
+        self.assumed: NDArray[np.bool_] = self._fields["assumed"]
         self.alive: NDArray[np.bool_] = self._fields["alive"]
         self.identity: Index = self._fields["identity"]
 
@@ -85,12 +88,29 @@ class Landmarks:
         self.patch_full[rows], self.patch_half[rows] = patch_full, patch_half
         self.seen[rows] = self.tried[rows] = 1
         self.gone_s[rows] = 0.0
+        self.assumed[rows] = False
         self.alive[rows] = True
         if identity is None:
             identity = self.next_identity + np.arange(n)
             self.next_identity += n
         self.identity[rows] = identity
         return rows
+
+    def is_vague(self, rows: Index) -> Mask:
+        """Return of which landmarks (n) the depth is hardly known: it was assumed, and no parallax has shown it yet."""
+        is_vague = self.assumed.take(rows)
+        if is_vague.any():
+            variance_m2 = np.trace(self.covariance.take(rows, 0), axis1=1, axis2=2)
+            is_vague &= variance_m2 * self.plane[rows, 0] ** 2 > TUNING.vague_depth**2
+        return is_vague
+
+    def those_that_count(self, rows: Index, enough: int) -> Mask:
+        """Return which of n landmarks a pose is fitted to: where `enough` have a known depth, not the vague ones.
+
+        What has no depth may be a body before the camera as well as a far wall.
+        """
+        known = ~self.is_vague(rows)
+        return known if np.count_nonzero(known) >= enough else np.ones(len(rows), dtype=np.bool_)
 
     def cull(self, rows: Index) -> None:
         """Remove landmarks; their rows may be used again."""

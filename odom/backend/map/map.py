@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from odom.backend.map.corners import Corners
 from odom.backend.map.journal import Journal
 from odom.backend.map.keyframe import Keyframe, MeasuredLandmarks, pose_distances
 from odom.backend.map.landmarks import Landmarks
@@ -15,25 +16,13 @@ from odom.backend.map.saved import Details
 from odom.backend.map.tuning import TUNING
 from odom.frontend.camera.depth_tilt import without_tilt
 from odom.frontend.camera.rolling_shutter import ShutterTiming
-from odom.frontend.features.images import FrameImages
+from odom.frontend.features.assumed_depth import with_assumed_depth
 from odom.frontend.features.measurement import Measurements, points_of
 from odom.frontend.features.patches import cut_patches
 from odom.frontend.features.view import View
 from odom.frontend.matching.place_recognition import PlaceIndex
 from odom.geometry import se3
-from odom.geometry.arrays import Array, Index, Mask
-
-
-@dataclass(frozen=True, eq=False)
-class Corners:
-    """New corners of a key frame, at `uv` (n x 2 px), with what was measured of them."""
-
-    uv: Array
-    measurements: Measurements
-
-    def take(self, chosen: Mask) -> "Corners":
-        """Return the chosen ones."""
-        return Corners(self.uv[chosen], self.measurements.take(chosen))
+from odom.geometry.arrays import Array, Index
 
 
 @dataclass(eq=False)
@@ -107,9 +96,9 @@ class Map:
             self.register(Edge(against, number, T_against_keyframe, covariance))
         return keyframe
 
-    def add_corners(self, keyframe: Keyframe, images: FrameImages, corners: Corners, tilt: Array) -> None:
-        """Make landmarks of new `corners` that a key frame shows in its `images`, whose depth has a `tilt` (2)."""
-        rows = self._add_landmarks(keyframe.number, keyframe.T_camera_map, images, corners, tilt)
+    def add_corners(self, keyframe: Keyframe, view: View, corners: Corners, tilt: Array) -> None:
+        """Make landmarks of new `corners` that a key frame shows in its `view`, whose depth has a `tilt` (2)."""
+        rows = self._add_landmarks(keyframe.number, keyframe.T_camera_map, view, corners, tilt)
         keyframe.rows = np.concatenate([keyframe.rows, rows])
         keyframe.identities = np.concatenate([keyframe.identities, self.landmarks.identity[rows]])
         keyframe.uv = np.concatenate([keyframe.uv, corners.uv])
@@ -133,28 +122,29 @@ class Map:
             self.keyframes[edge.a].covariance_since_start, edge.T_a_b, edge.covariance
         )
 
-    def _add_landmarks(
-        self, keyframe: int, T_camera_map: Array, images: FrameImages, corners: Corners, tilt: Array
-    ) -> Index:
+    def _add_landmarks(self, keyframe: int, T_camera_map: Array, view: View, corners: Corners, tilt: Array) -> Index:
         """Make landmarks of the `corners` that a key frame measured; return their rows (n)."""
-        measured = corners.measurements.straight(tilt)
+        measured = with_assumed_depth(corners.measurements.straight(tilt), view.depth_mm)
         points, covariances = points_of(measured, TUNING.anchor_share)
         T_map_camera = se3.inverse(T_camera_map)
         R = T_map_camera[:3, :3]
-        return self.landmarks.add(
+        rows = self.landmarks.add(
             se3.apply(T_map_camera, points),
             R @ covariances @ R.T,
             keyframe,
             corners.uv,
             np.column_stack([measured.values[:, 2], measured.slope]),
-            cut_patches(images.full, corners.uv),
-            cut_patches(images.half, corners.uv / 2.0),
+            cut_patches(view.images.full, corners.uv),
+            cut_patches(view.images.half, corners.uv / 2.0),
         )
+        self.landmarks.assumed[rows] = ~corners.has_depth
+        return rows
 
     def remeasure(self, keyframe: Keyframe, measured: Measurements, timing: ShutterTiming, tilt: Array) -> None:
         """Replace a key frame's measurements (n, in the order of its rows), and move the landmarks it made.
 
-        Their depth has a `tilt` (2). Where depth is missing now or was before, the old values stay, as covariances do.
+        Their depth has a `tilt` (2). Where depth is missing now or was before, the old values stay, as covariances do;
+        a landmark without depth stays as far away as it was.
         """
         self.journal.note_new_details([keyframe.number])
         before = keyframe.measurements
@@ -164,6 +154,7 @@ class Map:
         L = self.landmarks
         own = keyframe.current(L) & (L.keyframe[keyframe.rows] == keyframe.number)
         rows, (x, y, w) = keyframe.rows[own], without_tilt(values[own], tilt).T
+        w = np.where(np.isnan(w), L.plane[rows, 0], w)
         L.position[rows] = se3.apply(
             se3.inverse(keyframe.T_camera_map), np.column_stack([x, y, np.ones_like(x)]) / w[:, None]
         )

@@ -54,9 +54,10 @@ def open_map(saved: SavedMap) -> Map:
 
 
 def details_of(map_: Map, number: int) -> SavedDetails:
-    """Return what is to be saved of a key frame that is in memory."""
+    """Return what is to be saved of a key frame that is in memory; landmarks of vague depth are not."""
     keyframe, L = map_.keyframes[number], map_.landmarks
     rows = np.flatnonzero(L.alive & (L.keyframe == number))
+    rows = rows[~L.is_vague(rows)]
     T, R = keyframe.T_camera_map, keyframe.T_camera_map[:3, :3]
     landmarks = SavedLandmarks(
         L.identity[rows],

@@ -60,6 +60,10 @@ class ShownPath:
 
 
 def cloud_of(map_: Map) -> Array:
-    """Return landmarks (n x 3, m, map frame) that were seen more than once, thinned evenly to at most 20,000."""
+    """Return landmarks (n x 3, m, map frame) that were seen more than once, thinned evenly to at most 20,000.
+
+    Those whose depth is not known yet are left out.
+    """
     rows = np.flatnonzero(map_.landmarks.alive & (map_.landmarks.seen > 1))
+    rows = rows[~map_.landmarks.is_vague(rows)]
     return np.asarray(map_.landmarks.position[rows[:: 1 + len(rows) // _MOST_CLOUD_POINTS]])

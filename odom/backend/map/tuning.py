@@ -13,6 +13,10 @@ class Tuning:
     anchor_share: float = tuned(0.1, unit="share of a ray's variance", source=SWEEP,
         effect="Only this share counts across the ray of a new landmark, since its patch is cut where it was "
         "measured. Smaller: NEES rises; larger: it falls.")
+    vague_depth: float = tuned(0.03, unit="share of the depth (sigma)",
+        source="three walks of the arena and fr1, depth cut off at 1 to 2.4 m",
+        effect="An assumed depth is vague until it is known so well. Smaller: landmarks count for little for longer; "
+        "larger: what they err by alike is taken for a step of the camera.")
     link_landmarks: int = tuned(15, unit="landmarks", source=SWEEP,
         effect="Key frames are linked by so many in common. Fewer: landmarks of distant key frames are searched in "
         "vain; more: those of near ones are missed.")

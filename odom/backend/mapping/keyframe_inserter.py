@@ -4,8 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from odom.backend.map.corners import Corners
 from odom.backend.map.keyframe import FrameObservations, Keyframe, MeasuredLandmarks
-from odom.backend.map.map import Corners, Map
+from odom.backend.map.map import Map
 from odom.backend.mapping.coverage import Coverage
 from odom.backend.mapping.new_corners import CornerSearch, FoundCorners, NewCorners
 from odom.backend.mapping.presence import retire
@@ -58,14 +59,15 @@ class KeyframeInserter:
         self._new_corners = NewCorners(settings)
 
     def first_corners(self, view: View, sensor: SensorModel, scene: EarlierView | None = None) -> Corners | None:
-        """Return a frame's corners with depth, measured as if at rest; None: too few to find the next frame by them.
+        """Return a frame's corners, measured as if at rest; None: too few with depth to find the next frame by them.
 
         Where an earlier view shows the `scene`, only those that stand in it.
         """
         corners = self._new_corners.first(view, np.zeros((0, 2)), AT_REST, sensor)
         if scene is not None:
-            corners = corners.take(standing_since(view, corners, scene, sensor))
-        return corners if len(corners.uv) >= TUNING.least_begun else None
+            deep = corners.take(corners.has_depth)
+            corners = deep.take(standing_since(view, deep, scene, sensor))
+        return corners if np.count_nonzero(corners.has_depth) >= TUNING.least_begun else None
 
     def is_bare(self, view: View, sensor: SensorModel) -> bool:
         """Return whether a view has too few corners for anything to be found by them."""
@@ -87,9 +89,10 @@ class KeyframeInserter:
         """
         self.take_corners(None, sensor)
         self.recent.forget()
+        corners = corners.take(corners.has_depth) if in_doubt else corners
         nothing, (reference, covariance) = MeasuredLandmarks.nothing(), against or (None, _CERTAIN)
         keyframe = self._map.add_keyframe(view, T_camera_map, nothing, sensor.timing, reference, covariance)
-        self._map.add_corners(keyframe, view.images, corners, sensor.depth_tilt.angles)
+        self._map.add_corners(keyframe, view, corners, sensor.depth_tilt.angles)
         self._queue_for_description(KeyframeView(keyframe.number, view, AT_REST, corners.uv if in_doubt else None))
         self._newest = self._coverage_at_keyframe = None
         return keyframe
@@ -128,7 +131,7 @@ class KeyframeInserter:
         if found is not None:
             search = found.search
             keyframe, view = self._map.keyframes[search.keyframe], search.compared.view
-            self._map.add_corners(keyframe, view.images, found.corners, sensor.depth_tilt.angles)
+            self._map.add_corners(keyframe, view, found.corners, sensor.depth_tilt.angles)
             self._map.cull(self._map.neighbours(keyframe.number, keyframe.T_camera_map, self._settings.local_keyframes))
             if search.in_doubt:
                 self._queue_for_description(KeyframeView(keyframe.number, view, search.twist, keyframe.uv))
@@ -162,7 +165,6 @@ class KeyframeInserter:
         """Return whether too little is left in a view of what the last key frame saw, and the camera has moved.
 
         A segment's only key frame is followed by another after a while in any case: nothing is adjusted until then.
-
         Where moving bodies leave its pose `in_doubt`, the view must show enough that has been known for a while.
         """
         if self._new_corners.are_coming or (in_doubt and not self._is_long_known(view, tracked)):

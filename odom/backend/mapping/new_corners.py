@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass, replace
 
-from odom.backend.map.map import Corners
+import numpy as np
+
+from odom.backend.map.corners import Corners
 from odom.backend.mapping.background import Background
 from odom.backend.mapping.standing import ComparedView
 from odom.backend.mapping.tuning import TUNING
@@ -53,12 +55,18 @@ class NewCorners:
         return self._search is not None
 
     def first(self, view: View, uv_known: Array, twist: Array, sensor: SensorModel) -> Corners:
-        """Return corners with depth away from the landmarks at `uv_known` (m x 2 px), whether they move or not."""
+        """Return corners away from the landmarks at `uv_known` (m x 2 px), whether they move or not.
+
+        Those without depth are left out unless the others are few.
+        """
         images, cell_px = view.images, self._settings.cell_px
         uv = detect_corners(images.full, uv_known, cell_px, images.enlarged_from)
         if len(uv_known) + len(uv) < TUNING.corners_enough:
             uv = detect_corners(images.full, uv_known, cell_px // 2, images.enlarged_from)
-        return _with_depth(view, uv[view.stands(uv)], twist, sensor)
+        corners = _measured(view, uv[view.stands(uv)], twist, sensor)
+        has_depth = corners.has_depth
+        are_few = len(uv_known) + np.count_nonzero(has_depth) < TUNING.corners_enough
+        return corners if are_few else corners.take(has_depth)
 
     def look_for(self, search: CornerSearch, count: int) -> None:
         """Begin to look for the corners of a key frame, which was frame number `count`."""
@@ -95,10 +103,11 @@ class NewCorners:
             return None
         self._search = None
         uv, moved_share = found
-        return FoundCorners(search, _with_depth(search.compared.view, uv, search.twist, search.sensor), moved_share)
+        return FoundCorners(search, _measured(search.compared.view, uv, search.twist, search.sensor), moved_share)
 
 
-def _with_depth(view: View, uv: Array, twist: Array, sensor: SensorModel) -> Corners:
-    """Return those of the corners at `uv` (n x 2 px) that have depth."""
+def _measured(view: View, uv: Array, twist: Array, sensor: SensorModel) -> Corners:
+    """Return the corners at `uv` (n x 2 px) as measured, without a depth where it tells too little."""
     measured = measure_exactly(view, sensor, uv, twist)
-    return Corners(uv, measured).take(measured.values[:, 2] > 1.0 / TUNING.farthest_m)
+    measured.values[~(measured.values[:, 2] > 1.0 / TUNING.farthest_m), 2] = np.nan
+    return Corners(uv, measured)

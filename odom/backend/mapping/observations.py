@@ -33,7 +33,8 @@ def gather_observations(
     """Return what `frames` measured of the landmarks that at least two of them share, and those landmarks' rows.
 
     Numbers of frames and landmarks in the result count from 0 in the order given and returned; the values are
-    carried to the timing of `sensor`. `T_camera_map` (K x 4 x 4) are the frames' poses, roughly.
+    carried to the timing of `sensor`. `T_camera_map` (K x 4 x 4) are the frames' poses, roughly. Landmarks of vague
+    depth keep about the one they have: rays alone, nearly parallel ones, would let them run away.
     """
     frame_numbers, rows, measured = [], [], []
     for number, frame in enumerate(frames):
@@ -51,5 +52,20 @@ def gather_observations(
     half_readout, focal_px = np.array([f.timing.half_readout for f in frames]), sensor.lens.intrinsics[:2]
     seen = steadied(seen, T_camera_map[frame_number, :3, :3], landmark, half_readout[frame_number], focal_px)
     seen = seen.by_one_timing([f.timing for f in frames], frame_number, sensor.timing)
-    observations = Observations(frame_number, landmark, seen.values, seen.jacobian_timing, seen.covariance)
-    return observations, unique[is_shared]
+    kept = unique[is_shared]
+    _keep_vague_depths(seen, landmarks, kept, landmark, T_camera_map[frame_number])
+    return Observations(frame_number, landmark, seen.values, seen.jacobian_timing, seen.covariance), kept
+
+
+def _keep_vague_depths(seen: Measurements, landmarks: Landmarks, rows: Index, landmark: Index, T: Array) -> None:
+    """Fill in the inverse depth of vague landmarks where each was `seen` first, with one sigma of as much.
+
+    `rows` (L) are those of the landmarks, `landmark` (N) and `T` (N x 4 x 4, T_camera_map) are of what was `seen`.
+    """
+    first = np.unique(landmark, return_index=True)[1]
+    chosen = np.flatnonzero(landmarks.is_vague(rows) & np.isnan(seen.values[first, 2]))
+    at, points = first[chosen], landmarks.position[rows[chosen]]
+    depth_m = (T[at, 2, :3] * points).sum(axis=1) + T[at, 2, 3]
+    is_ahead = depth_m > 0.0
+    seen.values[at[is_ahead], 2] = 1.0 / depth_m[is_ahead]
+    seen.covariance[at[is_ahead], 3] = 1.0 / depth_m[is_ahead] ** 2

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odom.backend.map.map import Corners, Map
+from odom.backend.map.corners import Corners
+from odom.backend.map.map import Map
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.backend.tracking.other_motions import WhatElseMoves, what_else_moves
@@ -108,7 +109,8 @@ class ComparedView:
     def standing(self, corners: Corners, sensor: SensorModel, in_doubt: bool) -> tuple[Mask, float]:
         """Return which `corners` (n) of the view may become landmarks, and in how much of the view most moved.
 
-        See `standing_score` and `moved_share`; landmarks found where the pose puts them count as standing. Corners are
+        See `standing_score` and `moved_share`. Without depth, a corner cannot be looked for in other views: it stands
+        unless there is a crowd. Landmarks found where the pose puts them count as standing. Corners are
         measured again with the velocity that the rows of the image show: the mean velocity would shear a quick turn.
         While the pose is `in_doubt`, corners that no view can judge are refused, and those that stood for a frame or
         two only: a body that turns round does that, too, and in doubt its landmarks would not be outvoted.
@@ -128,6 +130,8 @@ class ComparedView:
         moving = self.moving(sensor)
         if in_doubt or (moving is not None and moving.share > TUNING.moving_crowd):
             stands[known[~judged]] = False
+        else:
+            stands[~corners.has_depth] = True
         return stands if moving is None else stands & ~moving.at(corners.uv), moved
 
     def moving(self, sensor: SensorModel) -> MovingCells | None:

@@ -124,6 +124,11 @@ class Tuning:
     gone_around: float = tuned(0.15, unit="share of the distance", source="as `departing_within` of tracking",
         effect="The neighbours of a removed landmark within this distance are examined, too. Smaller: what lies on a "
         "thing that was carried away stays longer; larger: it costs more.")
+    # depth_filter
+    parallax_variance: float = tuned(9.0, unit="variances of a ray",
+        source="six walks of the arena, depth cut off at 1.9 and 2.1 m; 4 to 25",
+        effect="What a frame's ray tells of a landmark's depth counts as if it were so much less certain, since frames "
+        "share errors. Smaller: depths seem surer than they are; larger: landmarks are found late.")
     # background
     background_s: float = tuned(0.15, unit="s", source="three times what a task takes",
         effect="After so long a result of the background is taken although fewer frames came than it may wait. "

@@ -9,9 +9,11 @@ from odom.backend.chain.chain_frame import ChainFrame
 from odom.backend.chain.named_features import NamedFeatures
 from odom.backend.estimate import IMAGE_AGAIN, NO_DEPTH, NO_PLACE, TOO_LITTLE, Estimate, Features, OnPose, State
 from odom.backend.loop_closure.loop_closure import LoopCloser
-from odom.backend.map.map import Corners, Map
+from odom.backend.map.corners import Corners
+from odom.backend.map.map import Map
 from odom.backend.map.memory import open_map
 from odom.backend.map.saved import SavedMap
+from odom.backend.mapping.depth_filter import refine_depths
 from odom.backend.mapping.mapper import Mapper
 from odom.backend.mapping.presence import note_sightings
 from odom.backend.odometry.judged_frame import JudgedFrame
@@ -67,9 +69,7 @@ class FrameStages:
         self._shown_depth = ShownDepth.of(view, self._shown_depth)
         if self._shown_depth.is_stale(self.state, self.sensor):
             view = view.without_depth()
-        longest_blind_s = max(self._settings.bridge_s, TUNING.longest_blind_periods * self.sensor.clock.period_s)
-        is_blind = self._visibility.is_blind(view.stamp, longest_blind_s)
-        is_followable = not (self.published.is_lost or is_blind)
+        is_followable = not self.published.is_lost
         if self.state is not None and is_repeated(view, self.state, self.sensor):
             predicted = self._predict(view, is_followable, IMAGE_AGAIN)
             return predicted or self._lose(view, IMAGE_AGAIN, self._follow_surfaces(view, is_followable, True))
@@ -80,7 +80,7 @@ class FrameStages:
                 return self._advance(view, judged, watch, on_pose)
             self.mapper.inserter.drop(self._segment, judged.moving.witnesses.unproven_identity, self.sensor)
             return self._lose_or_begin(view)
-        if is_blind:
+        if self._visibility.is_blind(view.stamp, self._settings.bridge_s, self.sensor.clock.period_s):
             return self._lose(view, NO_DEPTH)
         place = describe_place(view, self.sensor, AT_REST)
         in_doubt = self.moving.is_doubtful
@@ -137,11 +137,12 @@ class FrameStages:
         noise = noise_after(self.sensor.noise, self.map, tracked, noise_step, number, width)
         self.sensor = self.sensor.with_noise(noise)
         covariance = tracked.covariance * noise.covariance_scale
+        vague = refine_depths(self.map, tracked.inlier_landmarks, tracked.T_camera_map, covariance)
         moving = self.moving.after_loss(self.map.landmarks.next_identity) if is_recovered else self.moving
         self.moving = moving.after(view, tracked, self.mapper.inserter.recent, self.map.landmarks, self.sensor)
         self._visibility = self._visibility.with_tracked(view.stamp, tracked.chi2[tracked.inliers, 1])
         lacks_depth = self._visibility.lacks_depth(view.stamp)
-        state, reason = judge_pose(tracked, covariance, is_recovered, lacks_depth, self.moving.doubt)
+        state, reason = judge_pose(tracked, vague, covariance, is_recovered, lacks_depth, self.moving.doubt)
         return JudgedFrame(tracked, since_previous_s, twist, covariance, state, reason, self.moving)
 
     def _advance(self, view: View, judged: JudgedFrame, watch: Stopwatch, on_pose: OnPose) -> Estimate:

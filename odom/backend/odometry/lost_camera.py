@@ -3,8 +3,9 @@
 Where colour shows nothing to track it by, it is followed by surfaces meanwhile.
 """
 
+from odom.backend.map.corners import Corners
 from odom.backend.map.frame_log import FrameLog
-from odom.backend.map.map import Corners, Map
+from odom.backend.map.map import Map
 from odom.backend.mapping.keyframe_inserter import KeyframeInserter
 from odom.backend.mapping.wide_step import follow_wide_step
 from odom.backend.odometry.lost_views import LostViews

@@ -16,8 +16,8 @@ class Tuning:
     longest_gap_periods: float = tuned(2.5, unit="periods", source=SWEEP,
         effect="As longest_gap_s, in a slow stream: so many periods count where they are longer.")
     longest_blind_periods: float = tuned(1.5, unit="periods", source="one lost depth image",
-        effect="A longer time without depth makes the camera LOST. Smaller: so does a single lost depth image; larger: "
-        "frames without depth are searched in vain.")
+        effect="After a longer time without depth, a frame that cannot be followed is LOST at once. Smaller: so is one "
+        "behind a single lost depth image; larger: known places are looked for in vain.")
     least_corners: int = tuned(50, unit="features with depth", source=SWEEP,
         effect="A segment begins at a view that shows at least so many. Fewer: it begins at a bare wall; more: the "
         "camera is LOST for longer in poor scenes.")

@@ -43,9 +43,9 @@ class Visibility:
         """
         return replace(self, searching_s=self.searching_s + min(max(since_last_s, 0.0), TUNING.new_time_s))
 
-    def is_blind(self, stamp: Stamp, longest_s: float) -> bool:
-        """Return whether, at `stamp`, no depth image has shown anything for longer than `longest_s`."""
-        return (stamp - self.depth_stamp) * 1e-9 > longest_s
+    def is_blind(self, stamp: Stamp, bridge_s: float, period_s: float) -> bool:
+        """Return whether, at `stamp`, no depth image has shown anything for longer than `bridge_s` or some periods."""
+        return (stamp - self.depth_stamp) * 1e-9 > max(bridge_s, TUNING.longest_blind_periods * period_s)
 
     def lacks_depth(self, stamp: Stamp) -> bool:
         """Return whether, at `stamp`, frames have been placed without measured depth for too long to be sure."""

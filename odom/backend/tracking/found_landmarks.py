@@ -41,12 +41,15 @@ class FoundLandmarks:
 
     @classmethod
     def of(cls, view: View, sensor: SensorModel, found: LandmarkMatches, landmarks: Landmarks) -> "FoundLandmarks":
-        """Return the landmarks that were `found` in a view, all standing."""
+        """Return the landmarks that were `found` in a view; of vague depth, they stand only where others are few."""
         rows = found.rows
         seen = landmarks.seen.take(rows)
         found_before = np.minimum((seen + 1.0) / (landmarks.tried.take(rows) + 1.0), 1.0)
-        standing = np.ones(len(rows), dtype=np.bool_)
         position, covariance = landmarks.position.take(rows, 0), landmarks.covariance.take(rows, 0)
+        vague = landmarks.is_vague(rows)
+        if vague.any():
+            covariance[vague] = _counted_as_one(covariance[vague])
+        standing = landmarks.those_that_count(rows, TUNING.known_enough)
         return cls(view, sensor, found, position, covariance, seen, found_before, standing)
 
     def measured(self, twist: Array) -> Measurements:
@@ -106,3 +109,13 @@ class FoundLandmarks:
             found_before=self.found_before.take(rows),
             standing=standing.take(rows),
         )
+
+
+def _counted_as_one(covariances: Array) -> Array:
+    """Return covariances (n x 3 x 3, m^2) of vague landmarks with n times the variance along their rays.
+
+    Assumed depths err alike, all too near or all too far: as independent ones, many of them would make a sure but wrong
+    step of the camera. Along the ray lies nearly all of the variance: C C / tr(C) is that share of it.
+    """
+    trace = np.trace(covariances, axis1=1, axis2=2)[:, None, None]
+    return np.asarray(covariances + (len(covariances) - 1) * (covariances @ covariances) / trace)

@@ -154,6 +154,9 @@ def _followed_before(landmarks: Landmarks, state: FrameState) -> tuple[Index, Ar
     """Return the rows (n) of landmarks that the frame of `state` saw, as many as are followed, and where (n x 2 px)."""
     alive = landmarks.alive[state.rows]
     rows, uv = state.rows[alive], state.uv[alive]
+    counts = landmarks.those_that_count(rows, TUNING.known_enough)
+    if not counts.all():
+        rows, uv = rows[counts], uv[counts]
     if len(rows) > TUNING.followed:
         chosen = np.linspace(0, len(rows) - 1, TUNING.followed).astype(np.int64)
         rows, uv = rows.take(chosen), uv.take(chosen, 0)

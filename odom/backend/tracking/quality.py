@@ -28,18 +28,21 @@ def is_known_place(tracked: Tracked, must_agree_with_chain: bool = False) -> boo
 
 
 def judge_pose(
-    tracked: Tracked, covariance: Array, is_recovered: bool, lacks_depth: bool, doubt: str
+    tracked: Tracked, vague: int, covariance: Array, is_recovered: bool, lacks_depth: bool, doubt: str
 ) -> tuple[State, str]:
     """Return the state of a tracked frame, and the reason where it is not TRACKING.
 
-    `covariance` (6 x 6, `se3`) is the pose's; `is_recovered`: it was LOST before; `lacks_depth`: no landmark's depth
-    has been measured for a while; `doubt`: what else speaks against the pose, empty where nothing does.
+    Of so many of its landmarks, `vague`, the depth is hardly known: they tell how the camera turned, not how far it
+    went. `covariance` (6 x 6, `se3`) is the pose's; `is_recovered`: it was LOST before; `lacks_depth`: no landmark's
+    depth has been measured for a while; `doubt`: what else speaks against the pose, empty where nothing does.
     """
     inliers = tracked.inlier_count
     if is_recovered:
         return State.RECOVERED, f"place recognised: {inliers} landmarks found again"
     if inliers < TUNING.sure_inliers:
         return State.UNCERTAIN, f"only {inliers} landmarks found again"
+    if inliers - vague < TUNING.sure_inliers:
+        return State.UNCERTAIN, f"only {inliers - vague} landmarks of known depth"
     both = covariance[:3, :3], covariance[3:, 3:]
     if both[0].trace() > TUNING.unsure_m**2 or both[1].trace() > TUNING.unsure_rad**2:  # else no axis is unsure
         sigma_m, sigma_rad = (float(np.sqrt(np.linalg.eigvalsh(C)[-1])) for C in both)

@@ -15,7 +15,7 @@ import numpy as np
 
 from odom.backend import Odometry, OdometrySettings
 from odom.backend.map.pose_graph import Edge, EdgeArrays, optimise
-from odom.backend.mapping import bundle_adjustment
+from odom.backend.mapping import bundle_adjustment, depth_filter
 from odom.backend.tracking import consensus
 from odom.calibration import warm_up as calibration
 from odom.frame import Camera, RgbdFrame, Stamp
@@ -190,13 +190,14 @@ def _warm_up_frames(settings: OdometrySettings, topics: Topics) -> None:
 
 
 def _warm_up_background() -> None:
-    """Register made-up pairs, adjust a bundle, choose between poses, code depth, align surfaces, adjust a pose graph.
+    """Register made-up pairs, adjust a bundle and a pose graph, choose between poses, and so on, once.
 
     It begins with what frames need soonest.
     """
     registration.warm_up()
     bundle_adjustment.warm_up()
     consensus.warm_up()
+    depth_filter.warm_up()
     small = np.zeros((48, 64), dtype=np.uint16)
     codec.decode_depth(codec.encode_depth_compressed("depth", Stamp(0), small, codec="rvl"))
     moving_surfaces.warm_up()

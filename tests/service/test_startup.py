@@ -59,6 +59,10 @@ for i in [*range(45), *range(60, 75), *range(900, 945)]:
     reasons.append(estimate.reason)
 odometry.finish()
 odometry.closing_test()
+aside = Odometry(options.camera)
+for shot in (frame(options, i).rgbd() for i in range(4)):
+    aside.process(replace(shot, depth_mm=np.where(np.arange(640) < 180, shot.depth_mm, 0).astype(np.uint16)))
+assert aside.map.landmarks.assumed.any()
 rng = np.random.default_rng(3)
 points, small = rng.uniform(-1.0, 1.0, (40, 3)), np.tile(1e-6 * np.eye(3), (40, 1, 1))
 register(Pairs(points, rng.permuted(points), small, small))  # a place that only looks alike

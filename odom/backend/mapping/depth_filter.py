@@ -42,6 +42,12 @@ def refine_depths(map_: Map, seen: MeasuredLandmarks, T_camera_map: Array, covar
     return len(vague)
 
 
+def warm_up() -> None:
+    """Compile what `refine_depths` needs, or load it: where depth is everywhere it is not called."""
+    points, pose = np.array([[0.0, 0.0, 1.0]]), np.eye(4)
+    _refined(points, np.eye(3)[None], pose[None], pose, np.eye(6), points, np.array([[1.0, 0.0, 1.0, 1.0]]))
+
+
 @compiled
 def _refined(
     position: Array,

@@ -93,8 +93,8 @@ class FrameStages:
         if predicted is not None:
             return predicted
         following = self._follow_surfaces(view, is_followable, False)
-        has_corners = len(place.points) >= TUNING.least_corners
-        return self._lose_or_begin(view, following) if has_corners else self._lose(view, TOO_LITTLE, following)
+        sees_enough = self._lost_camera.sees_enough(view, place, self.sensor)
+        return self._lose_or_begin(view, following) if sees_enough else self._lose(view, TOO_LITTLE, following)
 
     def _track(self, view: View, T_predicted: Array | None, watch: Stopwatch) -> Tracked | None:
         """Predict and track the frame from the newest one with a pose; None where that fails."""

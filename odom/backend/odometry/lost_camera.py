@@ -3,19 +3,24 @@
 Where colour shows nothing to track it by, it is followed by surfaces meanwhile.
 """
 
+import numpy as np
+
 from odom.backend.map.corners import Corners
 from odom.backend.map.frame_log import FrameLog
 from odom.backend.map.map import Map
 from odom.backend.mapping.keyframe_inserter import KeyframeInserter
+from odom.backend.mapping.tuning import TUNING as MAPPING
 from odom.backend.mapping.wide_step import follow_wide_step
 from odom.backend.odometry.lost_views import LostViews
 from odom.backend.odometry.next_frame import is_next
 from odom.backend.odometry.surface_following import SurfaceFollowing, meet
+from odom.backend.odometry.tuning import TUNING
 from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.confirmation import Confirmation
 from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.backend.tracking.frame_tracker import FrameTracker
 from odom.backend.tracking.relocalisation import relocalise
+from odom.backend.tracking.tuning import TUNING as TRACKING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.place_descriptor import Place
 from odom.frontend.features.view import View
@@ -72,6 +77,18 @@ class LostCamera:
         if following is None or last is None or following.stamp != last.stamp:
             return None
         return following if is_next(following.since_s(view), sensor.clock.period_s) else None
+
+    def sees_enough(self, view: View, place: Place, sensor: SensorModel) -> bool:
+        """Return whether a view shows enough for a segment to begin: many features with depth, or many corners.
+
+        As `place`, those with depth were described. Of the corners, so many must have depth as make a pose sure.
+        """
+        if len(place.points) >= TUNING.least_corners:
+            return True
+        corners = self._inserter.first_corners(view, sensor)
+        if corners is None or len(corners.uv) < MAPPING.corners_enough:
+            return False
+        return bool(np.count_nonzero(corners.has_depth) >= TRACKING.sure_inliers)
 
     def first_corners(
         self, state: FrameState | None, view: View, sensor: SensorModel, in_doubt: bool, searching_s: float

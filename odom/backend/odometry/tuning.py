@@ -19,8 +19,8 @@ class Tuning:
         effect="After a longer time without depth, a frame that cannot be followed is LOST at once. Smaller: so is one "
         "behind a single lost depth image; larger: known places are looked for in vain.")
     least_corners: int = tuned(50, unit="features with depth", source=SWEEP,
-        effect="A segment begins at a view that shows at least so many. Fewer: it begins at a bare wall; more: the "
-        "camera is LOST for longer in poor scenes.")
+        effect="A segment begins at a view that shows at least so many, or is full of corners. Fewer: it begins at a "
+        "bare wall; more: the camera is LOST for longer in poor scenes.")
     least_deep: float = tuned(0.05, unit="share of landmarks", source=SWEEP,
         effect="A frame lacks depth where a smaller share of its landmarks has some. Smaller: a frame with hardly any "
         "counts as one with depth; larger: far scenes count as without.")

@@ -25,8 +25,8 @@ class Tuning:
         effect="A frame lacks depth where a smaller share of its landmarks has some. Smaller: a frame with hardly any "
         "counts as one with depth; larger: far scenes count as without.")
     longest_shallow_s: float = tuned(0.15, unit="s", source="four frames at 30 Hz",
-        effect="After a longer time without depth at the landmarks the pose is UNCERTAIN. Smaller: after two frames; "
-        "larger: it is called sure by landmarks of the map alone.")
+        effect="After a longer time without depth at the landmarks a pose by few of them is UNCERTAIN. Smaller: after "
+        "two frames; larger: it is called sure by landmarks of the map alone.")
     new_time_s: float = tuned(1.0, unit="s", source="no stream delays frames by so much",
         effect="Stamps that step back further begin a new time. Smaller: a late frame begins one; larger: a recording "
         "that is played in a loop is refused.")

@@ -41,8 +41,9 @@ def judge_pose(
         return State.RECOVERED, f"place recognised: {inliers} landmarks found again"
     if inliers < TUNING.sure_inliers:
         return State.UNCERTAIN, f"only {inliers} landmarks found again"
-    if inliers - vague < TUNING.sure_inliers:
-        return State.UNCERTAIN, f"only {inliers - vague} landmarks of known depth"
+    known = inliers - vague
+    if known < TUNING.sure_inliers:
+        return State.UNCERTAIN, f"only {known} landmarks of known depth"
     both = covariance[:3, :3], covariance[3:, 3:]
     if both[0].trace() > TUNING.unsure_m**2 or both[1].trace() > TUNING.unsure_rad**2:  # else no axis is unsure
         sigma_m, sigma_rad = (float(np.sqrt(np.linalg.eigvalsh(C)[-1])) for C in both)
@@ -50,6 +51,6 @@ def judge_pose(
             return State.UNCERTAIN, f"known to {100.0 * sigma_m:.0f} cm and {np.rad2deg(sigma_rad):.1f} deg only"
     if doubt:
         return State.UNCERTAIN, doubt
-    if lacks_depth:
+    if lacks_depth and known < TUNING.known_enough:
         return State.UNCERTAIN, "hardly any depth: tracked by known landmarks alone"
     return State.TRACKING, ""

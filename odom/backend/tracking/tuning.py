@@ -159,8 +159,9 @@ class Tuning:
     least_inliers: int = tuned(15, unit="landmarks", source=SWEEP,
         effect="A pose needs so many. Fewer: there are poses by chance; more: the camera is LOST in poor scenes.")
     known_enough: int = tuned(60, unit="landmarks", source="fr1 and the arena, depth cut off at .8 to 2.4 m; 30 and 60",
-        effect="With so many of known depth, a pose is not fitted to those of vague depth. Fewer: where depth is seen "
-        "in one part of the image only, rotations are known less well; more: bodies without depth are followed.")
+        effect="With so many of known depth, a pose is not fitted to those of vague depth, and needs no depth of its "
+        "own frame. Fewer: where depth is seen in one part of the image only, rotations are known less well; more: "
+        "bodies without depth are followed, and good poses are UNCERTAIN.")
     sure_inliers: int = tuned(30, unit="landmarks", source=SWEEP,
         effect="TRACKING needs so many. Fewer: it is said of poses with little support; more: poor scenes are "
         "UNCERTAIN.")

@@ -47,10 +47,10 @@ class Fed:
         if self.chain.link is not None:
             self.links.append((frame.view.stamp, self.chain.link))
 
-    def figures(self, map_, noise, truth):
+    def figures(self, map_, sensor, truth):
         """ATE of chain and closed chain (m), drift of the chain over 1 s (m), NEES of a link, holes."""
         stamps = np.array(sorted(self.poses))
-        closed = close_chain(self.chain, map_, noise)
+        closed = close_chain(self.chain, map_, sensor)
         chained = Trajectory(stamps, np.array([self.poses[stamp] for stamp in stamps]))
         met = Trajectory(stamps, np.array([closed.moved(stamp, self.poses[stamp]) for stamp in stamps]))
         report, links = evaluate(chained, truth), RelativePoses.of(self.links)
@@ -88,7 +88,7 @@ def swept(camera, frames, truth, monkeypatch):
         for frame in frames:
             odometry.process(frame)
     stages = odometry._stages
-    return {name: one.figures(stages.map, stages.sensor.noise, truth) for name, one in fed.items()}
+    return {name: one.figures(stages.map, stages.sensor, truth) for name, one in fed.items()}
 
 
 @pytest.mark.slow

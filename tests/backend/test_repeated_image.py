@@ -9,6 +9,7 @@ import pytest
 from odom.backend import Odometry, State
 from odom.evaluation.report import evaluate
 from odom.evaluation.trajectory import Trajectory
+from odom.geometry import se3
 from sensors.arena import ArenaOptions
 
 OPTIONS = ArenaOptions(seed=1)
@@ -48,18 +49,26 @@ def test_a_driver_that_hangs_is_never_a_camera_at_rest_and_costs_nothing_behind_
 
 
 def depths(shown):
-    """Track frames whose depth image is that of the frame `shown(i)`, with their own stamps; return the estimates."""
-    frames = [drawn.frame(OPTIONS, FIRST + i).rgbd() for i in range(FRAMES)]
-    odometry = Odometry(OPTIONS.camera)
-    return [odometry.process(replace(f, depth_mm=frames[shown(i)].depth_mm)) for i, f in enumerate(frames)]
+    """Track frames whose depth image is that of the frame `shown(i)`, with their own stamps.
+
+    Returns the estimates, and how far each is off (m) since the first frame.
+    """
+    drawn_frames = [drawn.frame(OPTIONS, FIRST + i) for i in range(FRAMES)]
+    frames, odometry = [f.rgbd() for f in drawn_frames], Odometry(OPTIONS.camera)
+    estimates = [odometry.process(replace(f, depth_mm=frames[shown(i)].depth_mm)) for i, f in enumerate(frames)]
+    T_first_world = se3.inverse(drawn_frames[0].T_world_camera)
+    moved = [T_first_world @ f.T_world_camera for f in drawn_frames]
+    off = [se3.inverse(estimates[0].T_odom_camera) @ e.T_odom_camera for e in estimates]
+    return estimates, np.array([np.linalg.norm(a[:3, 3] - b[:3, 3]) for a, b in zip(off, moved, strict=True)])
 
 
 def test_depth_that_hangs_under_new_stamps_is_no_depth():
     """Taken for new depth it makes key frames that agree with themselves: .49 m off after nine seconds."""
-    estimates = depths(lambda i: min(i, 10))
+    estimates, off_m = depths(lambda i: min(i, 10))
     assert not any(e.is_keyframe for e in estimates[12:])
-    assert {e.state for e in estimates[20:]} == {State.UNCERTAIN}
-    estimates = depths(lambda i: 10 if 10 <= i < 16 else i)
+    assert {e.state for e in estimates[20:]} == {State.TRACKING}
+    assert off_m.max() < 0.01
+    estimates, _ = depths(lambda i: 10 if 10 <= i < 16 else i)
     assert {e.state for e in estimates[18:]} == {State.TRACKING}
 
 

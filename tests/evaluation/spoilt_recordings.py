@@ -137,6 +137,13 @@ def empty(r: Recording, rng: Rng) -> Recording:
     return _depth(r, lambda depth: np.where(gone, 0, depth).astype(np.uint16))
 
 
+def clipped(r: Recording, rng: Rng) -> Recording:
+    """What is farther than three fifths of the depths is said to be there, as by simulators."""
+    some = np.concatenate([f.depth_mm[::8, ::8].ravel() for f in r.paired])
+    end = np.uint16(np.quantile(some[some > 0], 0.6))
+    return _depth(r, lambda depth: np.minimum(depth, end))
+
+
 def stuck(r: Recording, rng: Rng) -> Recording:
     """Each depth image comes three times."""
     frames = r.frames
@@ -175,6 +182,7 @@ FAULTS: dict[str, Fault] = {
     "depth constant": Fault(
         lambda r, rng: _depth(r, lambda d: np.full_like(d, 1500)), frozenset({"depth images"}), "test image"
     ),
+    "depth clipped": Fault(clipped, frozenset({"depth images"}), "write 0"),
     "depth stuck": Fault(stuck, frozenset({"depth images"}), "repeats"),
     "colour stuck": Fault(color_stuck, frozenset({"colour images"}), "repeats"),
     "depth noisy": Fault(noisy, frozenset({"depth noise"}), "noisier"),

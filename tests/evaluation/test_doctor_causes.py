@@ -55,6 +55,14 @@ def test_images_of_which_every_fifth_came_twice_are_named(good: Recording) -> No
     assert f"{len(frames) // 5} of {len(frames) - 1} are the same as the one before" in found.value
 
 
+@pytest.mark.parametrize("clip_mm", [800, 1200])
+def test_depth_that_is_set_to_the_end_of_its_range_where_all_is_farther_is_named(good: Recording, clip_mm: int) -> None:
+    frames = tuple(replace(f, depth_mm=np.minimum(f.depth_mm, np.uint16(clip_mm))) for f in good.paired)
+    (found,) = [f for f in examine(replace(good, frames=frames)) if f.verdict is Verdict.BAD]
+    assert found.key == "depth images"
+    assert f"at {clip_mm} mm" in found.value
+
+
 @pytest.fixture(scope="module")
 def good(shared_data) -> Recording:
     return look(shared_data / "tum_fr1_xyz")

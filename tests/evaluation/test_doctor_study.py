@@ -1,4 +1,4 @@
-"""The doctor over 20 good recordings and 66 spoilt in 22 ways: each fault named with its remedy, none invented.
+"""The doctor over 20 good recordings and 69 spoilt in 23 ways: each fault named with its remedy, none invented.
 
 `python -m pytest -m slow -s tests/evaluation/test_doctor_study.py` prints the table; it takes some minutes.
 """

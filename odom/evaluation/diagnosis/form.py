@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from odom.evaluation.diagnosis.finding import Finding, Verdict
 from odom.evaluation.diagnosis.recording import NO_FILE, NOT_DEPTH, NOT_METRES, OTHER_FORMAT, Recording
-from odom.frame import Camera, RgbdFrame
+from odom.frame import UNKNOWN_DEPTH_MM, Camera, RgbdFrame
 
 _REFUSED_SHARE = 0.03
 """Share of a stream's images that may be unusable: single damaged files do not spoil a recording."""
@@ -18,6 +18,11 @@ _REPEATED_SHARE = 0.1
 """Share of images equal to the one before from which a stream counts as stuck: noise changes every true image."""
 _ONE_VALUE_SHARE = 0.9
 """Share of a depth image's pixels of the same value: a sensor's noise spreads even a wall over several."""
+_CLIPPED_SHARE, _BEFORE_CLIP = 0.02, 0.9
+"""Depth is clipped where this share of the pixels has the greatest value, and fewer lie between this share of it and
+it: of a true wall, noise leaves few at any one millimetre."""
+_SAME_SHARE = 0.9
+"""Share of the images that have the same greatest depth if it is clipped."""
 _ROUND_TRIP_PX, _BENT_SHARE, _FARTHEST_SHIFT = 1.0, 0.02, 0.35
 """A lens's formula must lead back to the pixel it came from, but for a share of the image; and may shift a pixel by
 this share of the image's width. The lenses of Kinects shift by 3 %, wide ones by 20 %."""
@@ -63,13 +68,16 @@ def advice_on_refused(why: str) -> str:
 
 
 def judge_change(frames: Sequence[RgbdFrame]) -> list[Finding]:
-    """Return which streams repeat the same image, or show the same depth everywhere."""
+    """Return which streams repeat the same image, or show the same depth everywhere, or up to the same depth."""
     found = []
     depth_mm = [frame.depth_mm[::8, ::8] for frame in frames]
     if value_mm := _one_value(depth_mm):
         advice = "no sensor measures that: it is a test image, or the conversion lost the values"
         found.append(Finding("depth images", f"every pixel has {value_mm} mm", Verdict.BAD, advice))
         depth_mm = []
+    elif clip_mm := _clip(depth_mm):
+        advice = "write 0 where nothing is measured: as it is, what lies farther away is taken for a wall there"
+        found.append(Finding("depth images", f"all that is farther is said to be at {clip_mm} mm", Verdict.BAD, advice))
     for name, repeats in (("colour", _repeats([f.color[::8, ::8] for f in frames])), ("depth", _repeats(depth_mm))):
         if repeats.any() and float(repeats.mean()) > _REPEATED_SHARE:
             value = f"{repeats.sum()} of {len(repeats)} are the same as the one before"
@@ -87,6 +95,19 @@ def _one_value(depths_mm: Sequence[NDArray[np.uint16]]) -> int:
     """Return the depth that nearly every pixel of the usual image has, 0 without one."""
     shares = [float(np.bincount(depth.ravel()).max()) / depth.size for depth in depths_mm]
     return int(np.median(np.concatenate(depths_mm))) if float(np.median(shares)) > _ONE_VALUE_SHARE else 0
+
+
+def _clip(depths_mm: Sequence[NDArray[np.uint16]]) -> int:
+    """Return the depth at which images are clipped, to which all that is farther was set; 0 where they are not."""
+    seen_mm = [depth[(depth > 0) & (depth < UNKNOWN_DEPTH_MM)] for depth in depths_mm]
+    greatest = [int(depth.max(initial=0)) for depth in seen_mm]
+    clip_mm, every = int(np.median(greatest)), np.concatenate(seen_mm)
+    if np.mean(np.array(greatest) == clip_mm) < _SAME_SHARE:
+        return 0
+    clipped = np.count_nonzero(every == clip_mm)
+    before = np.count_nonzero((every > _BEFORE_CLIP * clip_mm) & (every < clip_mm))
+    pixels = sum(depth.size for depth in depths_mm)
+    return clip_mm if clipped > before and clipped > _CLIPPED_SHARE * pixels else 0
 
 
 def judge_lens(camera: Camera) -> Finding:

@@ -75,6 +75,12 @@ def inverse_depths(map_, n):
     return w, w**2 * np.sqrt(map_.landmarks.covariance[:n, 2, 2])
 
 
+def walk_aside():
+    """Poses (T_room_camera) and frames of four seconds along the nearer wall."""
+    room, poses = PaintedRoom(), [ASIDE @ stroll(3.0 * k / 30.0) for k in range(120)]
+    return poses, [room.frame(SMALL, k, T) for k, T in enumerate(poses)]
+
+
 @pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.3, 0.2, 1.0)])
 def test_their_depth_becomes_known_as_the_camera_moves_as_well_as_is_said(direction):
     rng, none = np.random.default_rng(0), np.zeros(300, dtype=bool)
@@ -191,8 +197,7 @@ def test_a_pose_by_few_landmarks_of_known_depth_is_uncertain():
 @pytest.mark.parametrize("range_m", [1.2, 1.4, 0.1])
 def test_a_camera_that_loses_its_depth_goes_on_by_what_it_knows(range_m):
     """From the tenth frame on, little of the room is in range, or nothing: two thirds were LOST."""
-    room, poses = PaintedRoom(), [ASIDE @ stroll(3.0 * k / 30.0) for k in range(120)]
-    frames = [room.frame(SMALL, k, T) for k, T in enumerate(poses)]
+    poses, frames = walk_aside()
     ran = run(SMALL, [*frames[:10], *(out_of_range(f, range_m) for f in frames[10:])], AT_ONCE)
     check_sanity(ran)
     assert State.LOST not in ran.states
@@ -204,8 +209,7 @@ def test_a_camera_that_loses_its_depth_goes_on_by_what_it_knows(range_m):
 
 @pytest.mark.parametrize("range_m", [1.25, 1.5])
 def test_a_walk_with_depth_in_a_tenth_of_the_view_begins_at_once_and_is_accurate(range_m):
-    room, poses = PaintedRoom(), [ASIDE @ stroll(3.0 * k / 30.0) for k in range(120)]
-    frames = [room.frame(SMALL, k, T) for k, T in enumerate(poses)]
+    poses, frames = walk_aside()
     ran = run(SMALL, [out_of_range(f, range_m) for f in frames], AT_ONCE)
     check_sanity(ran)
     assert ran.states.count(State.LOST) <= 12

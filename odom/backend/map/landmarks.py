@@ -104,14 +104,6 @@ class Landmarks:
             is_vague &= variance_m2 * self.plane[rows, 0] ** 2 > TUNING.vague_depth**2
         return is_vague
 
-    def those_that_count(self, rows: Index, enough: int) -> Mask:
-        """Return which of n landmarks a pose is fitted to: where `enough` have a known depth, not the vague ones.
-
-        What has no depth may be a body before the camera as well as a far wall.
-        """
-        known = ~self.is_vague(rows)
-        return known if np.count_nonzero(known) >= enough else np.ones(len(rows), dtype=np.bool_)
-
     def cull(self, rows: Index) -> None:
         """Remove landmarks; their rows may be used again."""
         self.alive[rows] = False

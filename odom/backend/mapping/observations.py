@@ -53,19 +53,18 @@ def gather_observations(
     seen = steadied(seen, T_camera_map[frame_number, :3, :3], landmark, half_readout[frame_number], focal_px)
     seen = seen.by_one_timing([f.timing for f in frames], frame_number, sensor.timing)
     kept = unique[is_shared]
-    _keep_vague_depths(seen, landmarks, kept, landmark, T_camera_map[frame_number])
+    vague = np.flatnonzero(landmarks.is_vague(kept))
+    first = np.searchsorted(landmark, vague)
+    _keep_depths(seen, first, landmarks.position[kept[vague]], T_camera_map[frame_number[first]])
     return Observations(frame_number, landmark, seen.values, seen.jacobian_timing, seen.covariance), kept
 
 
-def _keep_vague_depths(seen: Measurements, landmarks: Landmarks, rows: Index, landmark: Index, T: Array) -> None:
-    """Fill in the inverse depth of vague landmarks where each was `seen` first, with one sigma of as much.
+def _keep_depths(seen: Measurements, first: Index, points: Array, T_camera_map: Array) -> None:
+    """Fill in the inverse depth of v landmarks where each was `seen` first (v), with one sigma of as much.
 
-    `rows` (L) are those of the landmarks, `landmark` (N) and `T` (N x 4 x 4, T_camera_map) are of what was `seen`.
+    They are at `points` (v x 3, m, map frame) before cameras at `T_camera_map` (v x 4 x 4). What was measured stays.
     """
-    first = np.unique(landmark, return_index=True)[1]
-    chosen = np.flatnonzero(landmarks.is_vague(rows) & np.isnan(seen.values[first, 2]))
-    at, points = first[chosen], landmarks.position[rows[chosen]]
-    depth_m = (T[at, 2, :3] * points).sum(axis=1) + T[at, 2, 3]
-    is_ahead = depth_m > 0.0
-    seen.values[at[is_ahead], 2] = 1.0 / depth_m[is_ahead]
-    seen.covariance[at[is_ahead], 3] = 1.0 / depth_m[is_ahead] ** 2
+    depth_m = (T_camera_map[:, 2, :3] * points).sum(axis=1) + T_camera_map[:, 2, 3]
+    lacks = np.isnan(seen.values[first, 2]) & (depth_m > 0.0)
+    seen.values[first[lacks], 2] = 1.0 / depth_m[lacks]
+    seen.covariance[first[lacks], 3] = 1.0 / depth_m[lacks] ** 2

@@ -49,7 +49,7 @@ class FoundLandmarks:
         vague = landmarks.is_vague(rows)
         if vague.any():
             covariance[vague] = _counted_as_one(covariance[vague])
-        standing = landmarks.those_that_count(rows, TUNING.known_enough)
+        standing = those_that_count(vague)
         return cls(view, sensor, found, position, covariance, seen, found_before, standing)
 
     def measured(self, twist: Array) -> Measurements:
@@ -109,6 +109,14 @@ class FoundLandmarks:
             found_before=self.found_before.take(rows),
             standing=standing.take(rows),
         )
+
+
+def those_that_count(vague: Mask) -> Mask:
+    """Return which of n landmarks a pose is fitted to: where enough have a known depth, not the `vague` ones (n).
+
+    What has no depth may be a body before the camera as well as a far wall.
+    """
+    return ~vague if np.count_nonzero(~vague) >= TUNING.known_enough else np.ones(len(vague), dtype=np.bool_)
 
 
 def _counted_as_one(covariances: Array) -> Array:

@@ -7,6 +7,7 @@ import numpy as np
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.map.map import Map
 from odom.backend.tracking.consensus import FollowedFeatures, consensus, is_contested, is_exact
+from odom.backend.tracking.found_landmarks import those_that_count
 from odom.backend.tracking.frame_state import FrameState
 from odom.backend.tracking.keyframe_poses import keyframe_poses
 from odom.backend.tracking.pose_solver import chi2_of, fit_pose
@@ -154,7 +155,7 @@ def _followed_before(landmarks: Landmarks, state: FrameState) -> tuple[Index, Ar
     """Return the rows (n) of landmarks that the frame of `state` saw, as many as are followed, and where (n x 2 px)."""
     alive = landmarks.alive[state.rows]
     rows, uv = state.rows[alive], state.uv[alive]
-    counts = landmarks.those_that_count(rows, TUNING.known_enough)
+    counts = those_that_count(landmarks.is_vague(rows))
     if not counts.all():
         rows, uv = rows[counts], uv[counts]
     if len(rows) > TUNING.followed:

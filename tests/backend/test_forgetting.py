@@ -57,7 +57,7 @@ def test_a_forgotten_key_frame_keeps_its_pose_and_nothing_that_it_measured():
     assert (np.bincount(L.keyframe[L.alive], minlength=6) == [20, 20, 0, 20, 20, 20]).all()
     forgotten = map_.keyframes[2]
     assert len(forgotten.rows) == len(forgotten.identities) == len(forgotten.uv) == len(forgotten.measurements) == 0
-    twice, _ = gather_observations(2 * map_.keyframes, np.array(2 * poses), L, sensor_model(SMALL))
+    twice, _ = gather_observations(2 * map_.keyframes, np.array(2 * poses), L, sensor_model(SMALL), least=1)
     assert (np.bincount(twice.keyframe, minlength=12) == 2 * [20, 20, 0, 20, 20, 20]).all()
     assert not map_.links[2]
     assert not any(2 in links for links in map_.links)

@@ -129,6 +129,10 @@ class Registrations:
             total = se3.compose_covariance(total, edge.T_a_b, edge.covariance)
         return total
 
+    def surest_of(self, number: int, others: Collection[int]) -> int | None:
+        """Return which of the `others` the surest path from key frame `number` leads to, None where none does."""
+        return next((at for at, _, _ in self._outward(number) if at in others), None)
+
     def covariances_from(self, a: int) -> dict[int, Array]:
         """Return the 6 x 6 covariances (`se3`, frame b) of T_a_b along the surest paths, by b, `a` itself included."""
         found = {a: np.zeros((6, 6))}

@@ -1,5 +1,6 @@
 """What is adjusted together: the newest key frames while the camera moves, and everything at the end."""
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from odom.backend.mapping.tuning import TUNING
 from odom.frontend.camera.depth_tilt import TILTS, by_tilt, without_tilt
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.lens_change import LensChange
+from odom.geometry import se3
 from odom.geometry.arrays import Array, Index, Mask
 
 
@@ -21,13 +23,15 @@ from odom.geometry.arrays import Array, Index, Mask
 class Adjustment:
     """A snapshot of what is to be adjusted; `run` needs nothing else, so that it can work in the background.
 
-    The key frames `numbers` come first, then the intermediate frames, by their numbers `between`. The bundle's timing
-    holds the shutter's (3) and the tilt of depth (2); `sensor_information` (5 x 5) is the prior on both.
+    The key frames `numbers` come first, then the intermediate frames, by their numbers `between`. Those that share too
+    few landmarks to be adjusted, `is_carried`, are held and move with others afterwards. The bundle's timing holds the
+    shutter's (3) and the tilt of depth (2); `sensor_information` (5 x 5) is the prior on both.
     """
 
     numbers: Index
     between: Index
     is_fixed: Mask
+    is_carried: Mask
     rows: Index
     identities: Index
     bundle: Bundle
@@ -44,8 +48,10 @@ class Adjustment:
         return replace(self, bundle=replace(self.bundle, timing_change=timing_change))
 
     def poses_between(self, bundle: Bundle) -> dict[int, Array]:
-        """Return T_camera_map of the intermediate frames in an adjusted `bundle`, by their numbers."""
-        return dict(zip(self.between.tolist(), bundle.T_camera_map[len(self.numbers) :], strict=True))
+        """Return T_camera_map of the intermediate frames in an adjusted `bundle`, by their numbers, if not carried."""
+        is_adjusted = ~self.is_carried[len(self.numbers) :]
+        T_camera_map = bundle.T_camera_map[len(self.numbers) :][is_adjusted]
+        return dict(zip(self.between[is_adjusted].tolist(), T_camera_map, strict=True))
 
 
 def _snapshot(
@@ -63,17 +69,19 @@ def _snapshot(
     if change is not None:
         seen = [replace(frame, measurements=change.measured(frame.measurements)) for frame in seen]
     T_camera_map = np.array([k.T_camera_map for k in keyframes] + [s.pose(map_.keyframes) for s in between])
-    observations, rows = gather_observations(seen, T_camera_map, map_.landmarks, sensor)
+    observations, rows = gather_observations(seen, T_camera_map, map_.landmarks, sensor, TUNING.adjust_shared)
     straight = without_tilt(observations.values, sensor.depth_tilt.angles)
     jacobian = np.concatenate([observations.jacobian_timing, by_tilt(observations.values)], axis=2)
     observations = replace(observations, values=straight, jacobian_timing=jacobian)
     nothing = np.zeros(len(sensor.timing.vector) + TILTS)
     is_fixed = np.zeros(len(T_camera_map), dtype=np.bool_)
     is_fixed[: max(1, len(fixed))] = True
+    is_seen = np.bincount(observations.keyframe, minlength=len(is_fixed)) > 0
     return Adjustment(
         numbers=np.array([k.number for k in keyframes]),
         between=np.array([s.number for s in between], dtype=np.int64),
-        is_fixed=is_fixed,
+        is_fixed=is_fixed | ~is_seen,
+        is_carried=~is_seen & ~is_fixed,
         rows=rows,
         identities=map_.landmarks.identity[rows].copy(),
         bundle=Bundle(T_camera_map, map_.landmarks.position[rows].copy(), nothing),
@@ -143,7 +151,8 @@ def everything(
     whole = _snapshot(map_, keyframes[:1], keyframes[1:], between, sensor, credit, iterations, change)
     is_held = np.zeros(len(whole.is_fixed), dtype=np.bool_)
     is_held[: len(keyframes)] = [k.number < map_.earlier or bool(map_.links[k.number] & map_.away) for k in keyframes]
-    return _with_parts_held(replace(whole, is_fixed=whole.is_fixed | is_held))
+    whole = replace(whole, is_fixed=whole.is_fixed | is_held, is_carried=whole.is_carried & ~is_held)
+    return _with_parts_held(whole)
 
 
 def everything_through(
@@ -168,7 +177,24 @@ def take_over(map_: Map, adjustment: Adjustment, result: Bundle) -> None:
     L.position[rows] = result.landmarks[valid]
     if result.covariances is not None:
         L.covariance[rows] = result.covariances[valid]
-    free = np.flatnonzero(~adjustment.is_fixed[: len(adjustment.numbers)])
-    numbers, T_camera_map = adjustment.numbers[free], result.T_camera_map[free]
-    map_.move_keyframes(numbers, T_camera_map, rows)
-    map_.registrations.adjust(numbers.tolist(), map_.keyframes)
+    keyframes = len(adjustment.numbers)
+    free = np.flatnonzero(~adjustment.is_fixed[:keyframes])
+    carried = adjustment.numbers[adjustment.is_carried[:keyframes]]
+    adjusted = dict(zip(adjustment.numbers[free].tolist(), result.T_camera_map[free], strict=True))
+    moved = adjusted | _carried(map_, carried.tolist(), adjusted)
+    map_.move_keyframes(np.array([*moved], dtype=np.int64), np.array([*moved.values()]).reshape(-1, 4, 4), rows)
+    map_.registrations.adjust(moved, map_.keyframes)
+
+
+def _carried(map_: Map, carried: Collection[int], adjusted: Mapping[int, Array]) -> dict[int, Array]:
+    """Return T_camera_map of key frames that are `carried`: each moves with the one whose place it is surest of.
+
+    By the two or three landmarks that a key frame may share, it would move anywhere.
+    """
+    kept, moved = set(map_.remembered).difference(carried), {}
+    for number in carried:
+        anchor = map_.registrations.surest_of(number, kept)
+        if anchor is not None and anchor in adjusted:
+            T_keyframe_anchor = map_.keyframes[number].T_camera_map @ se3.inverse(map_.keyframes[anchor].T_camera_map)
+            moved[number] = T_keyframe_anchor @ adjusted[anchor]
+    return moved

@@ -10,7 +10,7 @@ from odom.backend.map.landmarks import Landmarks
 from odom.backend.mapping.steady_slopes import steadied
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.measurement import Measurements
-from odom.geometry.arrays import Array, Index
+from odom.geometry.arrays import Array, Index, Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,13 +28,14 @@ class Observations:
 
 
 def gather_observations(
-    frames: Sequence[FrameObservations], T_camera_map: Array, landmarks: Landmarks, sensor: SensorModel
+    frames: Sequence[FrameObservations], T_camera_map: Array, landmarks: Landmarks, sensor: SensorModel, least: int
 ) -> tuple[Observations, Index]:
     """Return what `frames` measured of the landmarks that at least two of them share, and those landmarks' rows.
 
     Numbers of frames and landmarks in the result count from 0 in the order given and returned; the values are
-    carried to the timing of `sensor`. `T_camera_map` (K x 4 x 4) are the frames' poses, roughly. Landmarks of vague
-    depth keep about the one they have: rays alone, nearly parallel ones, would let them run away.
+    carried to the timing of `sensor`. `T_camera_map` (K x 4 x 4) are the frames' poses, roughly. Nothing is returned of
+    frames that share fewer than `least` landmarks. Landmarks of vague depth keep about the one they have: rays alone,
+    nearly parallel ones, would let them run away.
     """
     frame_numbers, rows, measured = [], [], []
     for number, frame in enumerate(frames):
@@ -42,21 +43,39 @@ def gather_observations(
         frame_numbers.append(np.full(int(valid.sum()), number))
         rows.append(frame.rows[valid])
         measured.append(frame.measurements.take(valid))
-    unique, index, count = np.unique(np.concatenate(rows), return_inverse=True, return_counts=True)
-    is_shared = count >= 2
-    number_of = np.cumsum(is_shared) - 1
-    keep = np.flatnonzero(is_shared[index])
+    unique, index = np.unique(np.concatenate(rows), return_inverse=True)
+    frame_number = np.concatenate(frame_numbers)
+    is_shared = _shared(frame_number, index, least)
+    is_kept = np.zeros(len(unique), dtype=np.bool_)
+    is_kept[index[is_shared]] = True
+    number_of = np.cumsum(is_kept) - 1
+    keep = np.flatnonzero(is_shared)
     keep = keep[np.argsort(number_of[index[keep]], kind="stable")]
-    frame_number, landmark = np.concatenate(frame_numbers)[keep], number_of[index[keep]]
+    frame_number, landmark = frame_number[keep], number_of[index[keep]]
     seen = Measurements(*(np.concatenate([getattr(m, f.name) for m in measured])[keep] for f in fields(Measurements)))
     half_readout, focal_px = np.array([f.timing.half_readout for f in frames]), sensor.lens.intrinsics[:2]
     seen = steadied(seen, T_camera_map[frame_number, :3, :3], landmark, half_readout[frame_number], focal_px)
     seen = seen.by_one_timing([f.timing for f in frames], frame_number, sensor.timing)
-    kept = unique[is_shared]
+    kept = unique[is_kept]
     vague = np.flatnonzero(landmarks.is_vague(kept))
     first = np.searchsorted(landmark, vague)
     _keep_depths(seen, first, landmarks.position[kept[vague]], T_camera_map[frame_number[first]])
     return Observations(frame_number, landmark, seen.values, seen.jacobian_timing, seen.covariance), kept
+
+
+def _shared(frame: Index, landmark: Index, least: int) -> Mask:
+    """Return which of N observations, of numbered frames and landmarks (N each), are of landmarks that others share.
+
+    Frames that have fewer than `least` of them are left out, and so do not count for the others.
+    """
+    is_shared = np.ones(len(frame), dtype=np.bool_)
+    while True:
+        seen_by = np.bincount(landmark[is_shared], minlength=int(landmark.max(initial=-1)) + 1)
+        is_still = is_shared & (seen_by[landmark] >= 2)
+        is_still &= (np.bincount(frame[is_still], minlength=int(frame.max(initial=-1)) + 1) >= least)[frame]
+        if np.array_equal(is_still, is_shared):
+            return is_shared
+        is_shared = is_still
 
 
 def _keep_depths(seen: Measurements, first: Index, points: Array, T_camera_map: Array) -> None:

@@ -147,8 +147,8 @@ class Tuning:
     adjust_fixed: int = tuned(10, unit="key frames", source=SWEEP,
         effect="So many older ones hold the newest ones in place. Fewer: the map drifts; more: adjustments cost more.")
     adjust_shared: int = tuned(15, unit="landmarks", source=SWEEP,
-        effect="An older key frame holds if it shares so many. Fewer: badly connected ones hold, too; more: the map "
-        "drifts.")
+        effect="A frame is adjusted, and an older one holds others, if it shares so many. Fewer: badly connected ones "
+        "run away; more: the map drifts.")
     adjust_look_back: int = tuned(60, unit="key frames", source=SWEEP,
         effect="So many older ones are examined for that. Fewer: places to which the camera comes back are not used; "
         "more: it costs more.")

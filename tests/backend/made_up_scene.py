@@ -41,6 +41,13 @@ def noisy(rng, values):
     return values + rng.normal(size=(n, 3)) * [RAY_SIGMA, RAY_SIGMA, DEPTH_SIGMA], variances
 
 
+def exact(T_camera_map, points):
+    """What a still camera measures of points (n x 3), without noise."""
+    n = len(points)
+    variances = np.tile([1e-6, 0.0, 1e-6, 1e-6], (n, 1))
+    return Measurements(project(T_camera_map, points), np.zeros((n, 3, 3)), variances, np.zeros((n, 2)))
+
+
 def bare_keyframe(number, T_map_camera, segment=0):
     """A key frame that measured nothing."""
     none = np.zeros(0, dtype=np.int64)
@@ -68,9 +75,7 @@ def chain_of_keyframes(poses, covariance, begins=(0,)):
     map_, rng = Map(), np.random.default_rng(0)
     images = FrameImages.of(np.zeros((48, 64), np.uint8))
     for number, T_map_camera in enumerate(poses):
-        points = points_ahead(rng, 20)
-        values = project(np.eye(4), points)
-        measured = Measurements(values, np.zeros((20, 3, 3)), np.full((20, 4), 1e-6), np.zeros((20, 2)))
+        measured = exact(np.eye(4), points_ahead(rng, 20))
         view = View(number, Stamp(1_000_000_000 * number), SteadyStamp(0), images, Stamp(0), NO_DEPTH)
         keyframe = map_.add_keyframe(
             view,

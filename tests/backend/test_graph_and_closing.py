@@ -325,11 +325,33 @@ def test_no_covariance_is_claimed_across_a_loss_or_between_segments():
     map_ = Map(keyframes=[bare_keyframe(0, np.eye(4)), bare_keyframe(1, np.eye(4), segment=1)])
     here = LoggedFrame(Stamp(0), 0, 0.0, 0, np.eye(4), np.eye(6))
     there = LoggedFrame(Stamp(10), 1, 0.0, 1, np.eye(4), np.eye(6))
-    assert relative_covariance(map_, here, there, 0.0, 0.0) is None
-    assert relative_covariance(map_, here, LoggedFrame(Stamp(10), 0, 0.0), 0.0, 0.0) is None
-    assert (
-        relative_covariance(map_, here, LoggedFrame(Stamp(10), 0, 0.0, 0, np.eye(4), np.eye(6)), 0.0, 0.0) is not None
-    )
+    lost, again = LoggedFrame(Stamp(10), 0, 0.0), LoggedFrame(Stamp(10), 0, 0.0, 0, np.eye(4), np.eye(6))
+    assert relative_covariance(map_, here, there, np.eye(4), 0.0, 0.0) is None
+    assert relative_covariance(map_, here, lost, np.eye(4), 0.0, 0.0) is None
+    assert relative_covariance(map_, here, again, np.eye(4), 0.0, 0.0) is not None
+
+
+def test_a_motion_is_as_unsure_as_the_map_has_moved_since_it_began():
+    rng = np.random.default_rng(2)
+    poses = [np.eye(4), se3.exp(0.2 * rng.normal(size=6))]
+    map_ = chain_of_keyframes(poses, 1e-6 * np.eye(6))
+    frames = [
+        LoggedFrame(Stamp(k * 1_000_000_000), 0, 0.0, k, se3.exp(0.1 * rng.normal(size=6)), 1e-6 * np.eye(6))
+        for k in range(2)
+    ]
+
+    def T_map_camera(k):
+        return se3.inverse(map_.keyframes[k].T_camera_map) @ frames[k].T_keyframe_camera
+
+    T_then = T_map_camera(0)
+    sure = relative_covariance(map_, *frames, se3.inverse(T_then) @ T_map_camera(1), 0.0, 0.0)
+    moved = se3.exp(0.03 * rng.normal(size=6))
+    map_.move_keyframes(np.array([0]), (map_.keyframes[0].T_camera_map @ moved)[None])
+    published = se3.inverse(T_then) @ T_map_camera(1)
+    unsure = relative_covariance(map_, *frames, published, 0.0, 0.0)
+    error = se3.log(se3.inverse(se3.inverse(T_map_camera(0)) @ T_map_camera(1)) @ published)
+    assert error @ np.linalg.solve(sure, error) > 100.0
+    assert error @ np.linalg.solve(unsure, error) < 1.0
 
 
 def test_the_trajectory_carries_every_pose_to_its_stamp():

@@ -54,12 +54,18 @@ def delay_covariance(A_current_earlier: Array, earlier: Array, current: Array, d
 
 
 def relative_covariance(
-    map_: Map, earlier: LoggedFrame, current: LoggedFrame, calibration_error: float, delay_variance: float
+    map_: Map,
+    earlier: LoggedFrame,
+    current: LoggedFrame,
+    T_earlier_current: Array,
+    calibration_error: float,
+    delay_variance: float,
 ) -> Array | None:
-    """Return the 6 x 6 covariance (`se3`, current camera frame) of T_earlier_current.
+    """Return the 6 x 6 covariance (`se3`, current camera frame) of the motion `T_earlier_current` as it was published.
 
     None where a frame is LOST or the two are in different segments. Each frame's own error is white; the errors that
-    frames share fade exponentially with time (Ornstein-Uhlenbeck). `delay_variance` as in `delay_covariance`.
+    frames share fade exponentially with time (Ornstein-Uhlenbeck). What the map has moved by since the earlier frame
+    was published is an error that the motion is known to have. `delay_variance` as in `delay_covariance`.
     """
     if earlier.keyframe is None or earlier.T_keyframe_camera is None or earlier.covariance is None:
         return None
@@ -78,6 +84,8 @@ def relative_covariance(
     common = common_covariance(se3.inverse(T_current_earlier), calibration_error)
     if earlier.twist is not None and current.twist is not None:
         common += delay_covariance(A_earlier, earlier.twist, current.twist, delay_variance)
+    known_error = se3.log(T_current_earlier @ T_earlier_current)
+    common += known_error[:, None] * known_error
     return np.asarray(inflation * ends + A_b @ between @ A_b.T + common)
 
 

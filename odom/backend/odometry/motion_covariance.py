@@ -21,7 +21,7 @@ def covariance_of_motion(
     None where it is not known. `doubt` is the one at that frame.
     """
     shared = sensor.noise.calibration_error, sensor.since_middle_variance
-    covariance = relative_covariance(map_, earlier.frame, frame, *shared)
+    covariance = relative_covariance(map_, earlier.frame, frame, T_earlier_current, *shared)
     return None if covariance is None else covariance + doubt.since(earlier.doubt, T_earlier_current)
 
 

@@ -59,11 +59,12 @@ def _weighed(recognised: Sequence[Edge]) -> list[Edge]:
     """Return the recognitions with covariances enlarged by how many share each key frame.
 
     A key frame's features err alike in all recognitions in which it takes part: together these say no more than one.
+    Those of key frames around it, which see the same things, say little more (`join_alike`).
     """
     parts = Counter(chain.from_iterable((edge.a, edge.b) for edge in recognised))
+    times = [0.5 * TUNING.join_alike * (parts[e.a] + parts[e.b]) for e in recognised]
     return [
-        replace(e, covariance=0.5 * (parts[e.a] + parts[e.b]) * independent_covariance(e.covariance))
-        for e in recognised
+        replace(e, covariance=n * independent_covariance(e.covariance)) for n, e in zip(times, recognised, strict=True)
     ]
 
 

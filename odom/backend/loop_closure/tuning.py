@@ -64,6 +64,14 @@ class Tuning:
         "of a moved thing; more: it costs more.",
         source="visits of the arena, where one of 30 recognitions between two maps is of a moved thing",
     )
+    join_alike: float = tuned(
+        4.0,
+        unit="1",
+        effect="Recognitions of key frames that see the same things err alike: their covariances grow by this factor. "
+        "Smaller: they bend maps that are surer than they are; larger: maps do not fit each other.",
+        source="sweep over five visits of the arena, and fr1_xyz in three parts with fr1_rpy: of 1/4 to 64, the least "
+        "error of each visit, and of all together",
+    )
     join_near: float = tuned(
         2.0,
         unit="of the median distance of the recognised",

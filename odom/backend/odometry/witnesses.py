@@ -62,8 +62,8 @@ class Witnesses:
 
     @property
     def unproven_identity(self) -> int:
-        """Landmarks from this identity on may lie on the body that the camera follows."""
-        return max(self.proven_identity, self.fresh_identity)
+        """Landmarks from this identity on may lie on the body that the camera follows: not those that deny it."""
+        return max(self.trusted_identity if self.is_denied else self.proven_identity, self.fresh_identity)
 
     @property
     def is_denied(self) -> bool:

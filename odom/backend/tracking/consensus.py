@@ -120,7 +120,7 @@ def is_exact(fitted: FollowedFeatures, T_fitted: Array, rays_predicted: Array, T
 def consensus(features: FollowedFeatures, T_camera_map: Array, expected: ExpectedPose) -> Array | None:
     """Return a pose that clearly more of the features agree with than with `T_camera_map`; None if there is none."""
     off_px_before = features.off_px(T_camera_map)
-    if np.count_nonzero(off_px_before > TUNING.differs_px) < TUNING.contested_least:
+    if np.count_nonzero(off_px_before > TUNING.agrees_px) < TUNING.contested_least:
         return None
     votes = features.votes
     voting = np.ascontiguousarray(features.points), np.ascontiguousarray(features.rays), votes
@@ -130,8 +130,8 @@ def consensus(features: FollowedFeatures, T_camera_map: Array, expected: Expecte
     tried = triples_needed(TUNING.consensus_gain * first / float(votes.sum()))
     triples = np.random.default_rng(0).choice(len(votes), (tried, 3), p=votes / votes.sum())
     T, gain = _best_pose(voting, sigma, T_start, first, triples, reach)
-    off_px = features.off_px(T)
-    won = np.count_nonzero((off_px < TUNING.agrees_px) & (off_px_before > TUNING.differs_px))
+    differs_px = TUNING.agrees_px if gain > TUNING.consensus_clear else TUNING.differs_px
+    won = np.count_nonzero((features.off_px(T) < TUNING.agrees_px) & (off_px_before > differs_px))
     return se3.orthonormal(T) if gain > TUNING.consensus_gain and won >= TUNING.contested_least else None
 
 

@@ -77,6 +77,10 @@ class Tuning:
     consensus_gain: float = tuned(1.1, unit="ratio of votes", source=BODIES,
         effect="Another pose is taken where it has so many times the votes. Smaller: poses change for nothing; larger: "
         "passers-by are followed.")
+    consensus_clear: float = tuned(2.0, unit="ratio of votes", source=BODIES,
+        effect="With so many times the votes, features speak for another pose that were off by more than agrees_px "
+        "from the fitted one, not only by more than differs_px. Smaller: poses change for nothing; larger: a slow "
+        "body in view at the start is followed.")
     exact_px: float = tuned(0.5, unit="px", source="a box that is snatched from a desk",
         effect="A feature so near to where a pose puts it fits that pose exactly. Smaller: blurred views count for "
         "nothing; larger: a camera that shifts and turns explains a box that moves.")
@@ -86,8 +90,8 @@ class Tuning:
         effect="A feature so near to where another pose puts it speaks for that. Smaller: blurred scenes lose; larger: "
         "poses change in vain.")
     differs_px: float = tuned(3.0, unit="px", source=BODIES,
-        effect="It speaks for another pose only if it was off by more from the fitted one. Smaller: poses change for "
-        "nothing; larger: slow bodies pull.")
+        effect="It speaks for another pose only if it was off by more from the fitted one (but see consensus_clear). "
+        "Smaller: poses change for nothing; larger: slow bodies pull.")
     jerk_m_s2: float = tuned(8.0, unit="m/s^2", source="accelerations of hand-held cameras, fr1",
         effect="A change of velocity at this rate halves a pose's votes. Smaller: knocks are missed; larger: bodies "
         "are followed.")

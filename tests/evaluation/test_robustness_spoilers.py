@@ -90,7 +90,9 @@ def test_equal_frames_are_spoilt_equally_in_any_order(axis):
         assert one is other is None or equal(one, other)
 
 
-@pytest.mark.parametrize("name", ["blur", "darkness", "torn", "holes", "depth-noise", "black-outs", "passers-by"])
+@pytest.mark.parametrize(
+    "name", ["blur", "darkness", "torn", "holes", "depth-noise", "black-outs", "passers-by", "blurred-people"]
+)
 def test_another_seed_spoils_otherwise(name):
     axis = next(axis for axis in AXES if axis.name == name)
     given = frame(after_s=2.1)

@@ -98,13 +98,24 @@ def longer(camera: Camera, percent: float) -> Camera:
     return replace(camera, fx=factor * camera.fx, fy=factor * camera.fy)
 
 
-def _passers_by(scene: Scene, share: float, count: float) -> Spoiler:
-    bodies = passers_by(scene.camera, scene.near_m, count=int(count), share=share, seed=scene.seed)
+def _painter(scene: Scene, share: float, count: int) -> Painter:
+    bodies = passers_by(scene.camera, scene.near_m, count=count, share=share, seed=scene.seed)
     anchor, lens = anchor_in_world(scene.path), Lens.of(scene.camera)
-    painter = Painter(scene.camera, bodies, scene.begin, anchor, lens, scene.seed)
+    return Painter(scene.camera, bodies, scene.begin, anchor, lens, scene.seed)
+
+
+def _passers_by(scene: Scene, share: float, count: float) -> Spoiler:
+    painter = _painter(scene, share, int(count))
     return Spoiler(frame=lambda frame: painter.paint(frame)[0])
 
 
+def _blurred_people(scene: Scene, length_px: float) -> Spoiler:
+    painter = _painter(scene, _SLIM, 1)
+    return Spoiler(frame=lambda frame: color.motion_blur(painter.paint(frame)[0], length_px, scene.seed))
+
+
+_SLIM = 0.15
+"""The share of the width that one body has where it is blurred with the scene: alone, it hardly costs anything."""
 _BODIES = (
     Level(".15", (0.15, 1)), Level(".33", (0.33, 1)), Level(".5", (0.5, 1)), Level("three of .33", (0.33, 3)),
 )  # fmt: skip
@@ -119,6 +130,7 @@ AXES = (
     Axis("torn", "share of rows torn", _numbers(0.1, 0.25, 0.5, 0.75), _torn),
     Axis("black-outs", "black-outs every 8 s, s", _numbers(0.2, 0.5, 1, 2, 4), _black_outs),
     Axis("passers-by", "passers-by, share of the width", _BODIES, _passers_by),
+    Axis("blurred-people", "blur with a passer-by, px", _numbers(5, 10, 20), _blurred_people),
     Axis("dropped", "frames that are left", _LEFT, _dropped),
     Axis("jitter", "stamp jitter, ms", _numbers(2, 5, 10, 20, scale=1e-3), _jitter),
     Axis("lag", "depth older than its stamp, ms", _numbers(10, 20, 40, 80, scale=1e-3), _lag),

@@ -9,7 +9,7 @@ import numpy as np
 
 from odom.backend.odometry.moving_view import MovingView
 from odom.backend.odometry.tuning import TUNING
-from odom.backend.odometry.witnesses import Agreement
+from odom.backend.odometry.witnesses import Agreement, Witnesses
 from odom.backend.tracking.other_motions import WhatElseMoves
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.matching.line_of_sight import LineOfSight
@@ -323,3 +323,12 @@ def test_landmarks_that_nobody_could_find_do_not_contradict_a_pose():
     for sight in (LineOfSight(everything, nothing, nothing), LineOfSight(nothing, nothing, everything)):
         tracked.sight = sight
         assert not Agreement.of(tracked, landmarks, 1).contradicts()
+
+
+def test_landmarks_that_deny_a_pose_do_not_lie_on_the_body_that_it_follows() -> None:
+    witnesses = Witnesses(proven_identity=10, known_identity=50)
+    assert witnesses.unproven_identity == 10
+    denied = witnesses.with_testimony(Agreement(found=0, missed=100), is_after_doubt=True)
+    assert denied.is_denied
+    assert denied.unproven_identity == 50
+    assert Witnesses(known_identity=50, fresh_identity=80, denying_looks=9).unproven_identity == 80

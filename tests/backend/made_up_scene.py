@@ -37,15 +37,24 @@ def project(T_camera_map, points):
 def noisy(rng, values):
     """The values with noise, and its variances as in `Measurements`."""
     n = len(values)
-    variances = np.tile([RAY_SIGMA**2, 0.0, RAY_SIGMA**2, DEPTH_SIGMA**2], (n, 1))
-    return values + rng.normal(size=(n, 3)) * [RAY_SIGMA, RAY_SIGMA, DEPTH_SIGMA], variances
+    return values + rng.normal(size=(n, 3)) * [RAY_SIGMA, RAY_SIGMA, DEPTH_SIGMA], _variances(n)
 
 
-def exact(T_camera_map, points):
-    """What a still camera measures of points (n x 3), without noise."""
-    n = len(points)
-    variances = np.tile([1e-6, 0.0, 1e-6, 1e-6], (n, 1))
-    return Measurements(project(T_camera_map, points), np.zeros((n, 3, 3)), variances, np.zeros((n, 2)))
+def exact(values):
+    """Measurements of a still camera that are as unsure as noisy ones, but true."""
+    n = len(values)
+    return Measurements(values, np.zeros((n, 3, 3)), _variances(n), np.zeros((n, 2)))
+
+
+def _variances(n):
+    """The variances of n measurements, as in `Measurements`."""
+    return np.tile([RAY_SIGMA**2, 0.0, RAY_SIGMA**2, DEPTH_SIGMA**2], (n, 1))
+
+
+def blank_view(number):
+    """A frame that shows nothing; one comes a second."""
+    images = FrameImages.of(np.zeros((48, 64), np.uint8))
+    return View(number, Stamp(1_000_000_000 * number), SteadyStamp(0), images, Stamp(0), NO_DEPTH)
 
 
 def bare_keyframe(number, T_map_camera, segment=0):
@@ -73,10 +82,9 @@ def chain_of_keyframes(poses, covariance, begins=(0,)):
     A segment begins at each of the numbers `begins`.
     """
     map_, rng = Map(), np.random.default_rng(0)
-    images = FrameImages.of(np.zeros((48, 64), np.uint8))
     for number, T_map_camera in enumerate(poses):
-        measured = exact(np.eye(4), points_ahead(rng, 20))
-        view = View(number, Stamp(1_000_000_000 * number), SteadyStamp(0), images, Stamp(0), NO_DEPTH)
+        measured = exact(project(np.eye(4), points_ahead(rng, 20)))
+        view = blank_view(number)
         keyframe = map_.add_keyframe(
             view,
             se3.inverse(T_map_camera),

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from made_up_scene import NO_DEPTH, noisy, points_ahead, project
+from made_up_scene import blank_view, noisy, points_ahead, project
 from painted_room import AT_ONCE, SMALL, PaintedRoom, stroll
 from running import Ran, check_sanity, run
 from sensor_models import sensor_model
@@ -22,13 +22,9 @@ from odom.backend.tracking.pose_solver import fit_pose
 from odom.backend.tracking.quality import judge_pose
 from odom.evaluation.robustness.depth import out_of_range
 from odom.evaluation.robustness.verdict import verdict
-from odom.frame import Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
-from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.assumed_depth import with_assumed_depth
-from odom.frontend.features.images import FrameImages
 from odom.frontend.features.measurement import Measurements
-from odom.frontend.features.view import View
 from odom.frontend.matching.landmark_search import LandmarkMatches
 from odom.geometry import se3
 
@@ -45,11 +41,6 @@ def measured(rng, points, T_camera_map, has_depth):
     return Measurements(values, np.zeros((n, 3, 3)), variances, np.zeros((n, 2)))
 
 
-def view(number):
-    images = FrameImages.of(np.zeros((48, 64), np.uint8))
-    return View(number, Stamp(10**9 * number), SteadyStamp(0), images, Stamp(0), NO_DEPTH)
-
-
 def uv_of(points):
     return np.full((len(points), 2), 30.0)
 
@@ -57,10 +48,10 @@ def uv_of(points):
 def map_of(rng, points, has_depth):
     """A map whose first key frame, at the origin, shows the points."""
     map_ = Map()
-    keyframe = map_.add_keyframe(view(0), np.eye(4), MeasuredLandmarks.nothing(), ShutterTiming(), None, EXACT)
+    keyframe = map_.add_keyframe(blank_view(0), np.eye(4), MeasuredLandmarks.nothing(), ShutterTiming(), None, EXACT)
     seen = measured(rng, points, np.eye(4), has_depth)
     seen.values[:, :2] = project(np.eye(4), points)[:, :2]  # there patches are cut: where they are is where they lie
-    map_.add_corners(keyframe, view(0), Corners(uv_of(points), seen), np.zeros(2))
+    map_.add_corners(keyframe, blank_view(0), Corners(uv_of(points), seen), np.zeros(2))
     return map_
 
 
@@ -131,7 +122,7 @@ def test_many_of_them_do_not_make_a_step_sure_that_a_wrong_assumption_makes():
     T = se3.exp(np.array([0.1, 0, 0, 0, 0, 0]))
     rows, seen = np.arange(300), measured(rng, points, T, none)
     matches = LandmarkMatches(rows, uv_of(points), np.zeros((300, 3)), np.full(300, 0.25), rows)
-    found = FoundLandmarks.of(view(1), SENSOR, matches, map_.landmarks)
+    found = FoundLandmarks.of(blank_view(1), SENSOR, matches, map_.landmarks)
     fit = fit_pose(found.points, found.covariances, seen.values, seen.covariance, T)
     error = se3.log(fit.T_camera_map @ se3.inverse(T))
     assert abs(error[0]) > 0.04
@@ -143,7 +134,9 @@ def test_where_enough_have_known_depth_the_others_do_not_decide_on_the_pose():
     map_ = map_of(rng, points_ahead(rng, 300), deep)
     for rows, counting in ((np.arange(300), deep), (np.arange(70, 300), np.ones(230, dtype=bool))):
         matches = LandmarkMatches(rows, np.zeros((len(rows), 2)), np.zeros((len(rows), 3)), np.ones(len(rows)), rows)
-        np.testing.assert_array_equal(FoundLandmarks.of(view(1), SENSOR, matches, map_.landmarks).standing, counting)
+        np.testing.assert_array_equal(
+            FoundLandmarks.of(blank_view(1), SENSOR, matches, map_.landmarks).standing, counting
+        )
 
 
 def test_adjustment_of_nearly_parallel_rays_leaves_them_where_they_can_be():
@@ -152,7 +145,7 @@ def test_adjustment_of_nearly_parallel_rays_leaves_them_where_they_can_be():
     points = points_ahead(rng, 200)
     points[60:] *= 20.0 / points[60:, 2:]
     map_, T = map_of(rng, points, deep), se3.exp(np.array([0.02, 0, 0, 0, 0, 0]))
-    map_.add_keyframe(view(1), T, seen_from(rng, points, T, deep), ShutterTiming(), 0, 1e-6 * np.eye(6))
+    map_.add_keyframe(blank_view(1), T, seen_from(rng, points, T, deep), ShutterTiming(), 0, 1e-6 * np.eye(6))
     adjustment = map_adjustment.newest(map_, 2, SENSOR, 1.0)
     bundle = adjustment.run()
     map_adjustment.take_over(map_, adjustment, bundle)

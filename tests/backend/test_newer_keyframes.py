@@ -2,18 +2,13 @@
 
 import numpy as np
 import pytest
-from made_up_scene import DEPTH_SIGMA, NO_DEPTH, RAY_SIGMA, points_ahead, project
+from made_up_scene import blank_view, exact, points_ahead, project
 
 from odom.backend.map.corners import Corners
 from odom.backend.map.keyframe import MeasuredLandmarks
 from odom.backend.map.map import Map
 from odom.backend.mapping.newer_keyframes import carry_newer, refit_newer
-from odom.frame import Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
-from odom.frontend.camera.stamp_clock import SteadyStamp
-from odom.frontend.features.images import FrameImages
-from odom.frontend.features.measurement import Measurements
-from odom.frontend.features.view import View
 from odom.geometry import se3
 
 OWN = 20
@@ -24,23 +19,16 @@ NO_TILT = np.zeros(2)
 TILT = np.array([0.02, -0.01])
 
 
-def exact(values):
-    n = len(values)
-    variances = np.tile([RAY_SIGMA**2, 0.0, RAY_SIGMA**2, DEPTH_SIGMA**2], (n, 1))
-    return Measurements(values, np.zeros((n, 3, 3)), variances, np.zeros((n, 2)))
-
-
 def walk(shared, tilt=NO_TILT):
     """A map of three key frames a `STEP` apart with landmarks of their own, each with `shared` ones of the first.
 
     Depth is measured with a `tilt`.
     """
     rng, map_ = np.random.default_rng(0), Map()
-    images = FrameImages.of(np.zeros((48, 64), np.uint8))
     T_map_camera = [np.eye(4), STEP, STEP @ STEP]
     first = points_ahead(rng, 80)
     for number, T in enumerate(T_map_camera):
-        view = View(number, Stamp(1_000_000_000 * number), SteadyStamp(0), images, Stamp(0), NO_DEPTH)
+        view = blank_view(number)
         corners = exact(project(np.eye(4), points_ahead(rng, OWN) if number else first))
         known = MeasuredLandmarks.nothing()
         if number:

@@ -2,18 +2,15 @@
 
 import numpy as np
 import pytest
-from made_up_scene import NO_DEPTH, chain_of_keyframes, exact
+from made_up_scene import blank_view, chain_of_keyframes, exact, project
 from sensor_models import sensor_model
 
 from odom.backend.map.keyframe import MeasuredLandmarks
 from odom.backend.mapping.intermediate_frames import IntermediateFrames
 from odom.backend.mapping.map_adjustment import everything, newest, take_over
 from odom.backend.mapping.tuning import TUNING
-from odom.frame import Camera, Stamp
+from odom.frame import Camera
 from odom.frontend.camera.rolling_shutter import ShutterTiming
-from odom.frontend.camera.stamp_clock import SteadyStamp
-from odom.frontend.features.images import FrameImages
-from odom.frontend.features.view import View
 from odom.geometry import se3
 
 SMALL = Camera(64, 48, 50.0, 50.0, 32.0, 24.0)
@@ -23,11 +20,10 @@ STEP = se3.exp(np.array([0.05, 0.0, 0.02, 0.0, 0.04, 0.0]))
 
 def looks_back(map_, T_camera_map, T_said, rows):
     """Add a key frame that is said to be at `T_said`, and measures the landmarks `rows` from `T_camera_map`."""
-    measured = exact(T_camera_map, map_.landmarks.position[rows])
-    number, images = len(map_.keyframes), FrameImages.of(np.zeros((48, 64), np.uint8))
-    view = View(number, Stamp(1_000_000_000 * number), SteadyStamp(0), images, Stamp(0), NO_DEPTH)
+    measured = exact(project(T_camera_map, map_.landmarks.position[rows]))
+    number = len(map_.keyframes)
     seen = MeasuredLandmarks(np.asarray(rows), np.full((len(rows), 2), 30.0), measured)
-    map_.add_keyframe(view, T_said, seen, ShutterTiming(), number - 1, COVARIANCE)
+    map_.add_keyframe(blank_view(number), T_said, seen, ShutterTiming(), number - 1, COVARIANCE)
 
 
 def a_map(shared):

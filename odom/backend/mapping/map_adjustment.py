@@ -80,7 +80,7 @@ def _snapshot(
     return Adjustment(
         numbers=np.array([k.number for k in keyframes]),
         between=np.array([s.number for s in between], dtype=np.int64),
-        is_fixed=is_fixed | ~is_seen,
+        is_fixed=is_fixed,
         is_carried=~is_seen & ~is_fixed,
         rows=rows,
         identities=map_.landmarks.identity[rows].copy(),

@@ -37,26 +37,22 @@ def gather_observations(
     frames that share fewer than `least` landmarks. Landmarks of vague depth keep about the one they have: rays alone,
     nearly parallel ones, would let them run away.
     """
-    frame_numbers, rows, measured = [], [], []
+    frame_numbers, frame_rows, measured = [], [], []
     for number, frame in enumerate(frames):
         valid = frame.current(landmarks)
         frame_numbers.append(np.full(int(valid.sum()), number))
-        rows.append(frame.rows[valid])
+        frame_rows.append(frame.rows[valid])
         measured.append(frame.measurements.take(valid))
-    unique, index = np.unique(np.concatenate(rows), return_inverse=True)
-    frame_number = np.concatenate(frame_numbers)
-    is_shared = _shared(frame_number, index, least)
-    is_kept = np.zeros(len(unique), dtype=np.bool_)
-    is_kept[index[is_shared]] = True
-    number_of = np.cumsum(is_kept) - 1
-    keep = np.flatnonzero(is_shared)
-    keep = keep[np.argsort(number_of[index[keep]], kind="stable")]
-    frame_number, landmark = frame_number[keep], number_of[index[keep]]
+    frame_number, rows = np.concatenate(frame_numbers), np.concatenate(frame_rows)
+    shared = np.flatnonzero(_shared(frame_number, rows, least))
+    kept, landmark = np.unique(rows[shared], return_inverse=True)
+    by_landmark = np.argsort(landmark, kind="stable")
+    keep, landmark = shared[by_landmark], landmark[by_landmark]
+    frame_number = frame_number[keep]
     seen = Measurements(*(np.concatenate([getattr(m, f.name) for m in measured])[keep] for f in fields(Measurements)))
     half_readout, focal_px = np.array([f.timing.half_readout for f in frames]), sensor.lens.intrinsics[:2]
     seen = steadied(seen, T_camera_map[frame_number, :3, :3], landmark, half_readout[frame_number], focal_px)
     seen = seen.by_one_timing([f.timing for f in frames], frame_number, sensor.timing)
-    kept = unique[is_kept]
     vague = np.flatnonzero(landmarks.is_vague(kept))
     first = np.searchsorted(landmark, vague)
     _keep_depths(seen, first, landmarks.position[kept[vague]], T_camera_map[frame_number[first]])

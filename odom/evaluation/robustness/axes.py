@@ -9,6 +9,9 @@ from odom.evaluation.robustness.spoiler import Scene, Spoiler
 from odom.frame import Camera
 from odom.frontend.camera.lens import Lens
 
+_SLIM = 0.15
+"""The share of the width that one body has where it is blurred with the scene: alone, it hardly costs anything."""
+
 
 @dataclass(frozen=True)
 class Level:
@@ -114,8 +117,6 @@ def _blurred_people(scene: Scene, length_px: float) -> Spoiler:
     return Spoiler(frame=lambda frame: color.motion_blur(painter.paint(frame)[0], length_px, scene.seed))
 
 
-_SLIM = 0.15
-"""The share of the width that one body has where it is blurred with the scene: alone, it hardly costs anything."""
 _BODIES = (
     Level(".15", (0.15, 1)), Level(".33", (0.33, 1)), Level(".5", (0.5, 1)), Level("three of .33", (0.33, 3)),
 )  # fmt: skip

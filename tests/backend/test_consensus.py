@@ -4,13 +4,8 @@ import numpy as np
 import pytest
 from made_up_scene import points_ahead, project
 
-from odom.backend.tracking.consensus import (
-    ExpectedPose,
-    FollowedFeatures,
-    consensus,
-    is_contested,
-    triples_needed,
-)
+from odom.backend.tracking.consensus import FollowedFeatures, consensus, is_contested, triples_needed
+from odom.backend.tracking.expected_pose import ExpectedPose
 from odom.backend.tracking.tuning import TUNING
 from odom.geometry import se3
 

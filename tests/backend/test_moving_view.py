@@ -21,13 +21,14 @@ class Shown:
     """Recent views before which a given share of the view moves; None: they cannot tell.
 
     Of its features, `as_one` follow one other motion, which may be that of the scene. Or else the camera's own is
-    confirmed to be that.
+    confirmed to be that. The share `behind` is the other motion's where that is of what lies behind.
     """
 
     share: float | None
     as_one: float
     has_scene: bool = False
     is_confirmed: bool = False
+    behind: float = 0.0
 
     def moving(self, *_: object) -> MovingCells | None:
         return None if self.share is None else MovingCells(np.zeros((2, 2), bool), self.share, (8, 8))
@@ -35,7 +36,7 @@ class Shown:
     def what_else_moves(self, *_: object) -> WhatElseMoves | None:
         if self.share is None:
             return None
-        return WhatElseMoves(self.as_one, self.share * np.eye(6), self.has_scene, self.is_confirmed)
+        return WhatElseMoves(self.as_one, self.share * np.eye(6), self.has_scene, self.is_confirmed, self.behind)
 
 
 def tracked_by(found: int, missed: int) -> tuple[Any, Any]:
@@ -59,12 +60,13 @@ def told(
     as_one: Callable[[int], float] = lambda look: 0.2,
     scene_moves: Collection[int] = (),
     confirmed: Collection[int] = (),
+    behind: Callable[[int], float] = lambda look: 0.0,
 ) -> list[MovingView]:
     """What is known after each look, `period_s` apart (see `tracked_by`).
 
     Looks that became `keyframes` had corners that moved in such a share of their view; before those in `lost` the view
     was lost. A share `as_one` of a look's features follows another motion; in `scene_moves` that is the scene's, in
-    `confirmed` the camera's own is.
+    `confirmed` the camera's own is. A share `behind` follows another motion behind what moves with the camera.
     """
     tracked, landmarks = tracked_by(found, missed)
     moving, every = MovingView(), []
@@ -74,7 +76,7 @@ def told(
         moving = (moving.after_loss(0) if i in lost else moving).after(
             view,
             tracked,
-            cast(Any, Shown(share, as_one(i), i in scene_moves, i in confirmed)),
+            cast(Any, Shown(share, as_one(i), i in scene_moves, i in confirmed, behind(i))),
             landmarks,
             cast(Any, None),
         )
@@ -179,6 +181,12 @@ def test_a_body_that_fills_the_view_from_the_start_leaves_doubt_as_long_as_the_r
     assert not any(moving.is_doubtful for moving in told(STILL, as_one=lambda look: 0.5 * (look == 4)))  # a quick turn
     late = told([*STILL, 0.0, 0.0], as_one=lambda look: 0.5 * (look >= len(STILL)))
     assert not late[-1].is_doubtful  # a quick turn of a camera that knows the scene
+
+
+def test_a_smaller_motion_leaves_doubt_from_the_start_only_where_it_is_of_what_lies_behind() -> None:
+    assert not any(moving.is_doubtful for moving in told(STILL, as_one=lambda look: 0.3))
+    shown = told(STILL, as_one=lambda look: 0.3, behind=lambda look: 0.3)
+    assert all(moving.is_doubtful for moving in shown[1:])
 
 
 def test_after_a_loss_a_third_of_the_view_is_enough_again() -> None:

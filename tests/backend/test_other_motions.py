@@ -1,10 +1,17 @@
 """How unsure the camera's velocity is by what else moves in its view."""
 
 import numpy as np
+from made_up_scene import exact, project
 from painted_room import PERIOD, SMALL, START, PaintedRoom, stroll
 from sensor_models import sensor_model, view_of
 
-from odom.backend.tracking.other_motions import WhatElseMoves, what_else_moves
+from odom.backend.tracking.other_motions import (
+    FollowedCorners,
+    OtherMotion,
+    WhatElseMoves,
+    other_motions,
+    what_else_moves,
+)
 from odom.evaluation.passers_by import Painter, anchor_before_camera, passers_by
 from odom.frame import RgbdFrame
 from odom.frontend.camera.lens import Lens
@@ -74,3 +81,50 @@ def test_a_camera_that_follows_a_body_sees_the_scene_move_and_one_that_follows_t
     assert (followed.has_scene, followed.is_confirmed) == (True, False)
     assert stood is not None
     assert (stood.has_scene, stood.is_confirmed) == (False, True)
+
+
+def followed_corners(
+    rng: np.random.Generator, parts: list[tuple[int, float, tuple[float, float], Array]]
+) -> FollowedCorners:
+    """Corners followed in parts of the image: how many, how far away (m), from which column to which, and how moved."""
+    points, seen = [], []
+    for count, depth_m, columns, T_now_earlier in parts:
+        rays = rng.uniform((columns[0], -0.4), (columns[1], 0.4), (count, 2))
+        points.append(np.column_stack([rays, np.ones(count)]) * rng.uniform(0.95, 1.05, (count, 1)) * depth_m)
+        seen.append(project(T_now_earlier, points[-1]))
+    values, pixel = np.concatenate(seen), 1.0 / 525.0
+    covariances = np.tile(np.eye(3) * 1e-6, (len(values), 1, 1))
+    uv = values[:, :2] / pixel + (320.0, 240.0)
+    return FollowedCorners(np.concatenate(points), covariances, uv, exact(values), pixel)
+
+
+def only_other_motion(body: int, near: int, T_true: Array) -> OtherMotion:
+    """The motion that a camera sees which follows a body and a far wall: that of a desk, and as well of the wall."""
+    T_followed = np.eye(4)
+    parts = [(body, 0.7, (-0.4, -0.2), T_followed), (near, 1.2, (-0.1, 0.5), T_true), (120, 40.0, (-0.5, 0.5), T_true)]
+    others = list(other_motions(followed_corners(np.random.default_rng(1), parts), T_followed, 0.1))
+    assert len(others) == 1
+    return others[0]
+
+
+def test_a_wall_so_far_that_it_agrees_with_both_motions_says_nothing_for_the_one_that_is_followed() -> None:
+    aside = se3.exp(np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    other = only_other_motion(body=20, near=40, T_true=aside)
+    assert other.is_behind
+    assert other.share > 0.5
+    assert other.is_scene
+
+
+def test_a_body_that_passes_before_scene_and_wall_is_not_the_scene_however_many_features_it_has() -> None:
+    aside = se3.exp(np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    parts = [(80, 0.7, (-0.4, -0.2), aside), (20, 1.2, (-0.1, 0.5), np.eye(4)), (120, 40.0, (-0.5, 0.5), np.eye(4))]
+    others = list(other_motions(followed_corners(np.random.default_rng(1), parts), np.eye(4), 0.1))
+    assert others
+    assert not any(one.is_behind or one.is_scene for one in others)
+
+
+def test_a_motion_that_hardly_differs_from_the_cameras_is_not_the_scenes() -> None:
+    bent = se3.exp(np.array([0.011, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    other = only_other_motion(body=20, near=40, T_true=bent)
+    assert not other.is_scene
+    assert other.share < 0.3

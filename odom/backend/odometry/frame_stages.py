@@ -184,7 +184,8 @@ class FrameStages:
             keyframe = mapper.inserter.insert(view, tracked, judged.twist, judged.covariance, sensor, count, in_doubt)
             keyframe.T_middle_stamp = published.T_middle_stamp
             reference, rows, uv, is_keyframe = keyframe.number, keyframe.rows, keyframe.uv, True
-        self.state = FrameState(view, tracked, tracked.T_camera_map, judged.twist, reference, rows, uv)
+        begun = None if self.state is None else self.state.begun_stamp
+        self.state = FrameState(view, tracked, tracked.T_camera_map, judged.twist, reference, rows, uv, begun)
         mapper.inserter.recent.remember(self.state)
         return is_keyframe
 
@@ -232,12 +233,11 @@ class FrameStages:
         self._visibility, self.moving = self._visibility.with_new_segment(view.stamp), self.moving.after_loss(0)
         published = self.published.begin(view, keyframe, self.sensor, twist)
         chain = self.chain.extend(ChainFrame(view, NamedFeatures.nothing(), AT_REST, published), None, self.sensor)
-        number, rows = keyframe.number, keyframe.rows
-        self.chain.close(self.map, True, number, self.sensor)
-        self.state = FrameState(view, None, T_camera_map, AT_REST, number, rows, keyframe.uv, is_bent=True)
+        self.chain.close(self.map, True, keyframe.number, self.sensor)
+        self.state = FrameState.at_beginning(view, T_camera_map, keyframe)
         begun = "new segment" if against is None else "gone on where surfaces led"
         why = (State.TRACKING, "") if is_first else (State.RECOVERED, f"{begun}: {NO_PLACE}")
-        return replace(self._describe(view, *why, published), matches=len(rows), is_keyframe=True, chain=chain)
+        return replace(self._describe(view, *why, published), matches=len(keyframe.rows), is_keyframe=True, chain=chain)
 
     @property
     def _segment(self) -> int:

@@ -36,7 +36,8 @@ class RivalMotions:
         self, stamp: SteadyStamp, others: WhatElseMoves, witnesses: Witnesses, is_suspicious: bool
     ) -> "RivalMotions":
         """Return what is known after a look at `stamp` that showed which `others` there are; `spread` stays."""
-        is_seen, is_large = is_suspicious and others.share > TUNING.moved_as_one, others.share > TUNING.moved_rival
+        is_seen = is_suspicious and others.share > TUNING.moved_as_one
+        is_large = others.share > TUNING.moved_rival or others.behind > TUNING.moved_behind
         is_second = is_within(TUNING.moved_as_one_s, self.large_stamp, stamp)
         is_rival = is_large and (witnesses.denying_looks > 0 or (is_second and witnesses.trusted_identity == 0))
         is_scene = others.has_scene or (is_large and witnesses.is_denied)

@@ -63,6 +63,8 @@ class Tuning:
         effect="Another motion with more, in two looks within moved_as_one_s, puts the pose in doubt before any view "
         "was calm. Smaller: who walks by leaves sure poses in doubt; larger: a body that fills the view from the start "
         "is followed and called sure.")
+    moved_behind: float = tuned(0.25, unit="share of the votes", source=BODIES,
+        effect="As moved_rival, for a motion of what lies behind what moves with the camera.")
     moved_as_one_s: float = tuned(1.0, unit="s", source="as moved_as_one",
         effect="Another motion that was seen counts for so long. Smaller: the pose is sure between two looks that show "
         "the body; larger: it is UNCERTAIN for longer.")

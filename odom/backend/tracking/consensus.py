@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from odom.backend.tracking.expected_pose import ExpectedPose
 from odom.backend.tracking.pose_solver import projected
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.rolling_shutter import interaction_matrix
@@ -34,29 +35,6 @@ _LARGEST_STEP = 1.0
 """With a step (m, rad) beyond this, a fit counts as diverged."""
 _MISSED, _CLEAN = 1e-3, 0.5
 """Allowed probability to miss a pose that would win, and the share of its own features' triples that lead to it."""
-
-
-@dataclass(frozen=True, eq=False)
-class ExpectedPose:
-    """Where a frame's pose `T_camera_map` is expected, and how far a jerk may take it away: `free` (m, rad)."""
-
-    T_camera_map: Array
-    free: Array
-
-    @classmethod
-    def after(cls, T_camera_map: Array, since_s: float) -> "ExpectedPose":
-        """Return the pose predicted by constant velocity over `since_s` seconds."""
-        return cls(T_camera_map, np.array([TUNING.jerk_m_s2, TUNING.jerk_rad_s2]) * since_s**2)
-
-    @classmethod
-    def at_unknown_velocity(cls, T_camera_map: Array, since_s: float) -> "ExpectedPose":
-        """Return what is expected of a camera that was at a pose `since_s` seconds ago, its velocity unknown."""
-        return cls(T_camera_map, np.array([TUNING.velocity_sigma_m_s, TUNING.velocity_sigma_rad_s]) * since_s)
-
-    def is_within_reach(self, T_camera_map: Array) -> bool:
-        """Return whether a hand-held camera could have reached a pose without being knocked."""
-        away = np.linalg.norm(se3.log(T_camera_map @ se3.inverse(self.T_camera_map)).reshape(2, 3), axis=1)
-        return bool(np.linalg.norm(away / self.free) < TUNING.reach_in_doubt)
 
 
 @dataclass(frozen=True, eq=False)

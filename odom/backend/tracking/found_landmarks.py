@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from odom.backend.map.landmarks import Landmarks
-from odom.backend.tracking.consensus import ExpectedPose, FollowedFeatures, consensus
+from odom.backend.tracking.consensus import FollowedFeatures, consensus
 from odom.backend.tracking.departing import departing
+from odom.backend.tracking.expected_pose import ExpectedPose
 from odom.backend.tracking.frame_state import MotionPrior
 from odom.backend.tracking.motion_model import Agility, Velocity
 from odom.backend.tracking.pose_solver import PoseFit, chi2_of, fit_pose

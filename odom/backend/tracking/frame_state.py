@@ -5,14 +5,14 @@ from functools import cached_property
 
 import numpy as np
 
-from odom.backend.map.keyframe import MeasuredLandmarks
+from odom.backend.map.keyframe import Keyframe, MeasuredLandmarks
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.map.map import Map
-from odom.backend.tracking.consensus import ExpectedPose
+from odom.backend.tracking.expected_pose import ExpectedPose
 from odom.backend.tracking.motion_model import AT_REST, Motion, Velocity, is_plausible_motion
 from odom.backend.tracking.pose_solver import fit_pose
 from odom.backend.tracking.tuning import TUNING
-from odom.frontend.camera.stamp_clock import SteadyStamp
+from odom.frontend.camera.stamp_clock import SteadyStamp, is_within
 from odom.frontend.features.lens_change import LensChange
 from odom.frontend.features.measurement import Measurements
 from odom.frontend.features.view import View
@@ -112,7 +112,8 @@ class FrameState:
     `T_camera_map` and `twist` (6, SI, camera frame) are those of its middle row, near key frame `reference`. The next
     frame is followed from the landmarks `rows` (n), which this one showed at `uv` (n x 2 px). `is_bridged`: frames
     since could not be tracked, and a prediction stood in for them. `is_bent`: what it saw was measured as if at rest,
-    since its motion was not known; the rolling shutter has bent it.
+    since its motion was not known; the rolling shutter has bent it. `begun_stamp`: when its segment began, None where
+    that was before the odometry did.
     """
 
     view: View
@@ -122,8 +123,15 @@ class FrameState:
     reference: int
     rows: Index
     uv: Array
+    begun_stamp: SteadyStamp | None = None
     is_bridged: bool = False
     is_bent: bool = False
+
+    @classmethod
+    def at_beginning(cls, view: View, T_camera_map: Array, keyframe: Keyframe) -> "FrameState":
+        """Return the state of the frame that began a segment as its first `keyframe`."""
+        number, rows, uv = keyframe.number, keyframe.rows, keyframe.uv
+        return cls(view, None, T_camera_map, AT_REST, number, rows, uv, view.steady_stamp, is_bent=True)
 
     def since_s(self, stamp: SteadyStamp) -> float:
         """Return the time from this frame to `stamp`, in seconds."""
@@ -159,10 +167,16 @@ class FrameState:
         return np.asarray(se3.exp(-self.twist * since_s) @ self.T_camera_map)
 
     def expected_after(self, since_s: float) -> ExpectedPose:
-        """Return where the camera is expected `since_s` seconds later."""
+        """Return where the camera is expected `since_s` seconds later.
+
+        Shortly after its segment began, it may have followed a body ever since: its pose is as unsure as its velocity.
+        """
         if self.tracked is None:
             return ExpectedPose.at_unknown_velocity(self.T_camera_map, since_s)
-        return ExpectedPose.after(self.predicted_after(since_s), since_s)
+        expected = ExpectedPose.after(self.predicted_after(since_s), since_s)
+        if self.begun_stamp is None or not is_within(TUNING.young_s, self.begun_stamp, self.view.steady_stamp):
+            return expected
+        return expected.with_unknown_velocity(-self.since_s(self.begun_stamp))
 
     def motion_prior(self, since_s: float, scale: float) -> MotionPrior:
         """Return the camera's motion here, `since_s` seconds ago; `scale` is the sensor's covariance scale."""

@@ -12,7 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from odom.backend.tracking.consensus import ExpectedPose, FollowedFeatures, consensus
+from odom.backend.tracking.consensus import FollowedFeatures, consensus
+from odom.backend.tracking.expected_pose import ExpectedPose
 from odom.backend.tracking.pose_solver import PoseFit, fit_pose
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
@@ -82,30 +83,37 @@ class FollowedCorners:
 class OtherMotion:
     """A motion with a `share` of the votes; the camera's differs from it by `off` (6, `se3`, later camera's frame).
 
-    If its features stood still, `off` would be the camera's error, with 6 x 6 `covariance`. `is_scene`: they do.
+    Corners that agree with both motions, as far ones may, have no vote. If those of this motion alone stood still,
+    `off` would be the camera's error, with 6 x 6 `covariance`. `is_behind`: they lie behind those of the camera's.
     """
 
     share: float
     off: Array
     covariance: Array
-    is_scene: bool
+    is_behind: bool
+
+    @property
+    def is_scene(self) -> bool:
+        """Whether it is rather the scene's motion than the camera's own is: most of the votes, and behind."""
+        return self.is_behind and self.share > TUNING.scene_share
 
 
-def is_scene(followed: FollowedCorners, agrees: Mask) -> bool:
-    """Return whether corners that agree with a motion (n) show the scene: most of the votes, and behind the rest.
+def _is_behind(followed: FollowedCorners, chosen: Mask, others: Mask) -> bool:
+    """Return whether the `chosen` corners (n) lie behind the `others` (n): people walk before a scene, not behind it.
 
-    People walk before a scene, not behind it. Where a body hides much, a few of the rest may lie far away.
+    Where a body hides much, a few of the others may lie far away.
     """
-    votes, depth = followed.features.votes, followed.points[:, 2]
-    if len(depth) < TUNING.scene_least or votes[agrees].sum() < TUNING.scene_share * votes.sum() or agrees.all():
+    depth = followed.points[:, 2]
+    if len(depth) < TUNING.scene_least or not chosen.any() or not others.any():
         return False
-    rest = np.quantile(depth[~agrees], TUNING.scene_rest)
-    return bool(np.median(depth[agrees]) > TUNING.scene_behind * rest)
+    return bool(np.median(depth[chosen]) > TUNING.scene_behind * np.quantile(depth[others], TUNING.scene_rest))
 
 
 def shows_scene(followed: FollowedCorners, agrees: Mask, view: View) -> bool:
-    """Return whether corners that agree with a motion (n) show the scene: behind the rest, or nearly alone."""
-    return is_scene(followed, agrees) or _reaches_far(followed, agrees, view)
+    """Return whether corners that agree with a motion (n) show the scene: most, and behind the rest or nearly alone."""
+    votes = followed.features.votes
+    is_most = votes[agrees].sum() >= TUNING.scene_share * votes.sum()
+    return (is_most and _is_behind(followed, agrees, ~agrees)) or _reaches_far(followed, agrees, view)
 
 
 def _reaches_far(followed: FollowedCorners, agrees: Mask, view: View) -> bool:
@@ -124,28 +132,33 @@ def _reaches_far(followed: FollowedCorners, agrees: Mask, view: View) -> bool:
 
 def other_motions(followed: FollowedCorners, T_view_earlier: Array, since_s: float) -> Iterator[OtherMotion]:
     """Yield the motions of corners that do not follow the camera's own, which is T_view_earlier over `since_s`."""
-    is_left = followed.features.off_px(T_view_earlier) > TUNING.differs_px
-    votes = followed.features.votes / followed.features.votes.sum()
+    features = followed.features
+    is_own = features.off_px(T_view_earlier) <= TUNING.differs_px
+    is_left, votes = ~is_own, features.votes
     expected = ExpectedPose.at_unknown_velocity(T_view_earlier, since_s)
     for _ in range(_MOST_MOTIONS):
         left = followed.take(is_left)
         T = consensus(left.features, T_view_earlier, expected)
         if T is None:
             return
-        agrees = left.features.off_px(T) < TUNING.differs_px
-        fit = left.fit(T, agrees)
+        fit = left.fit(T, left.features.off_px(T) < TUNING.differs_px)
+        agrees = features.off_px(fit.T_camera_map) < TUNING.differs_px
+        theirs, ours = agrees & ~is_own, is_own & ~agrees
+        if not theirs.any():
+            return
+        is_clear = bool(np.median(features.off_px(T_view_earlier)[theirs]) > TUNING.differs_clearly_px)
+        share = float(votes[theirs].sum() / (votes[theirs | ours] if is_clear else votes).sum())
         off = se3.log(T_view_earlier @ se3.inverse(fit.T_camera_map))
-        members = np.zeros_like(is_left)
-        members[np.flatnonzero(is_left)[agrees]] = True
-        share, covariance = float(votes[members].sum()), np.asarray(np.linalg.inv(fit.information))
-        yield OtherMotion(share, off, covariance, is_scene(followed, members))
-        is_left &= ~members
+        is_behind = is_clear and _is_behind(followed, theirs, ours)
+        yield OtherMotion(share, off, np.asarray(np.linalg.inv(fit.information)), is_behind)
+        is_left &= ~agrees
 
 
 @dataclass(frozen=True, eq=False)
 class WhatElseMoves:
     """The motions in a view beside the camera's: `share` is the largest share of the votes, 0 if there are none.
 
+    `behind` is the largest of those that lie behind what moves with the camera.
     `spread` is the 6 x 6 covariance ((m/s, rad/s)^2, camera frame) of the camera's velocity by all of them.
     `has_scene`: one of them is the scene's. `is_confirmed`: the camera's own motion is.
     """
@@ -154,6 +167,7 @@ class WhatElseMoves:
     spread: Array
     has_scene: bool = False
     is_confirmed: bool = False
+    behind: float = 0.0
 
 
 def what_else_moves(earlier: EarlierView, view: View, twist: Array, sensor: SensorModel) -> WhatElseMoves | None:
@@ -170,4 +184,5 @@ def what_else_moves(earlier: EarlierView, view: View, twist: Array, sensor: Sens
     is_confirmed = shows_scene(followed, agrees, view)
     spread = sum((one.share * (np.outer(one.off, one.off) + one.covariance) for one in others), np.zeros((6, 6)))
     share, has_scene = max((one.share for one in others), default=0.0), any(one.is_scene for one in others)
-    return WhatElseMoves(share, np.asarray(spread / since_s**2), has_scene, is_confirmed)
+    behind = max((one.share for one in others if one.is_behind), default=0.0)
+    return WhatElseMoves(share, np.asarray(spread / since_s**2), has_scene, is_confirmed, behind)

@@ -6,7 +6,8 @@ it hides nearly all.
 
 import numpy as np
 
-from odom.backend.tracking.consensus import ExpectedPose, consensus
+from odom.backend.tracking.consensus import consensus
+from odom.backend.tracking.expected_pose import ExpectedPose
 from odom.backend.tracking.motion_model import AT_REST
 from odom.backend.tracking.other_motions import FollowedCorners, shows_scene
 from odom.backend.tracking.tuning import TUNING

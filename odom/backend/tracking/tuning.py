@@ -99,7 +99,14 @@ class Tuning:
     reach_in_doubt: float = tuned(2.0, unit="times jerk_m_s2 and jerk_rad_s2", source=BODIES,
         effect="A pose in doubt that needs a stronger jerk is refused. Smaller: quick turns among people are LOST; "
         "larger: a body that comes to be followed passes for a jerk.")
+    young_s: float = tuned(0.35, unit="s", source=BODIES,
+        effect="For so long after a segment began, a pose is as unsure as if the velocity had not been known. "
+        "Smaller: a body in view from the start is followed; larger: quick turns are taken for other motions.")
     # other_motions
+    differs_clearly_px: float = tuned(6.0, unit="px", source=BODIES,
+        effect="Where another motion's features lie no farther (median) from where the camera's puts them, it counts "
+        "by its share of all votes, and never as the scene's. Smaller: the camera is LOST in quick turns that bend "
+        "and blur images; larger: slow bodies are followed.")
     other_cell_px: int = tuned(24, unit="px", source=BODIES,
         effect="One corner is followed in each square of this side. Smaller: it costs more; larger: motions go unseen.")
     other_back_px: float = tuned(0.5, unit="px of the half-size image", source="as look_back_return_px of the search",

@@ -1,0 +1,39 @@
+"""Where the newest frame's state expects the next pose."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+from made_up_scene import bare_keyframe, blank_view
+
+from odom.backend.tracking.frame_state import FrameState
+from odom.backend.tracking.tuning import TUNING
+from odom.frontend.camera.stamp_clock import SteadyStamp
+from odom.geometry import se3
+
+PERIOD_S = 0.03
+ASIDE = se3.exp(np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0]))
+BEGINNING = FrameState.at_beginning(blank_view(0), np.eye(4), bare_keyframe(0, np.eye(4)))
+
+
+def state_after(seconds: float) -> FrameState:
+    """The state of a camera at rest, so many seconds after its segment began."""
+    view = replace(blank_view(1), steady_stamp=SteadyStamp(round(1e9 * seconds)))
+    return replace(BEGINNING, view=view, tracked=cast(Any, SimpleNamespace()), is_bent=False)
+
+
+def test_after_a_segments_first_frame_the_camera_may_be_as_far_as_a_hand_moves_it() -> None:
+    expected = BEGINNING.expected_after(PERIOD_S)
+    assert expected.free[0] == TUNING.velocity_sigma_m_s * PERIOD_S
+    assert not expected.is_within_reach(ASIDE)
+
+
+def test_shortly_after_a_segment_began_its_pose_is_as_unsure_as_if_the_velocity_had_not_been_known() -> None:
+    assert state_after(0.2).expected_after(PERIOD_S).is_within_reach(ASIDE)
+
+
+def test_later_only_a_jerk_takes_the_camera_from_where_it_is_expected() -> None:
+    expected = state_after(TUNING.young_s + PERIOD_S).expected_after(PERIOD_S)
+    assert expected.free[0] == TUNING.jerk_m_s2 * PERIOD_S**2
+    assert not expected.is_within_reach(ASIDE)

@@ -26,11 +26,12 @@ def steady_errors_s(true_s, stamped_s):
     return errors - errors[60:].mean()
 
 
+@pytest.mark.parametrize("jitter_periods", [0.05, 0.15])
 @pytest.mark.parametrize("rate_hz", [10.0, 29.97, 60.0])
-def test_steady_times_are_several_times_nearer_to_the_truth_than_jittering_stamps(rate_hz):
+def test_steady_times_are_several_times_nearer_to_the_truth_than_jittering_stamps(rate_hz, jitter_periods):
     rng = np.random.default_rng(1)
     true_s = np.arange(400) / rate_hz
-    stamped_s = true_s + 0.05 / rate_hz * rng.normal(size=400)
+    stamped_s = true_s + jitter_periods / rate_hz * rng.normal(size=400)
     errors = steady_errors_s(true_s, stamped_s)
     assert np.std(errors[60:]) < 0.45 * np.std(stamped_s - true_s)
 
@@ -90,6 +91,16 @@ def test_the_jitter_is_known_and_remembered_over_a_gap(jitter_s):
     after_gap = clock.after(Stamp(clock.stamps[-1] + 5_000_000_000))
     assert after_gap.late_s == 0.0
     assert after_gap.sigma_s == clock.jitter_s
+
+
+def test_how_unsure_steady_times_are_is_known_where_stamps_jitter_by_a_quarter_of_a_period():
+    rng = np.random.default_rng(6)
+    true_s = np.arange(600) / 30.0
+    stamps = stamps_of(np.maximum.accumulate(true_s + 0.007 * rng.normal(size=600) + 1e-6 * np.arange(600)))
+    clocks = list(clocks_of(stamps))[60:]
+    errors = np.array([clock.steady - START_NS for clock in clocks]) * 1e-9 - true_s[60:]
+    nees = (errors / [clock.sigma_s for clock in clocks]) ** 2
+    assert nees.mean() < 3.0
 
 
 @given(st.lists(st.integers(-(10**10), 10**10), max_size=60))

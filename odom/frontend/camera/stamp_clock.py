@@ -35,8 +35,8 @@ class StampClock:
 
     The newest stamp is `late_s` later than its steady time, known with one sigma of `sigma_s`; `period_s` is the
     stream's period and `jitter_s` one sigma of a single stamp, 0 where unknown. Where stamps are not multiples of a
-    period apart they are used as they are. After a stamp that is off by more than a host's delay the clock begins anew:
-    in a stream that was thinned out, a missing frame shifts the later ones by a part of a period.
+    period apart they are used as they are. After a stamp that is off by more than a host's delay and its jitter the
+    clock begins anew: in a stream that was thinned out, a missing frame shifts the later ones by a part of a period.
     """
 
     stamps: tuple[Stamp, ...] = ()
@@ -68,10 +68,13 @@ class StampClock:
         if len(stamps) < TUNING.clock_least:
             jitter = self.jitter_s or TUNING.clock_unknown * period
             return StampClock(stamps, 0.0, jitter, period, jitter)
-        late, jitter, period = _fit_line(seconds, period, TUNING.clock_gain, TUNING.clock_outlier)
-        if jitter > TUNING.clock_most_unsteady * period:
+        every, periods = np.arange(float(len(seconds))), _periods(seconds, period, TUNING.clock_gain)
+        is_whole = _unevenness(every, seconds) <= _unevenness(periods, seconds)
+        most_unsteady = TUNING.clock_most_unsteady_whole if is_whole else TUNING.clock_most_unsteady
+        late, jitter, period = _fit_line(every if is_whole else periods, seconds, TUNING.clock_outlier)
+        if jitter > most_unsteady * period:
             return StampClock(stamps, 0.0, 0.0, period, 0.0)
-        if abs(late) > TUNING.clock_most_late_s:
+        if abs(late) > max(TUNING.clock_most_late_s, TUNING.clock_outlier * jitter):
             return self._begun_anew(stamp)
         return StampClock(stamps, late, jitter * 2.0 / np.sqrt(len(stamps)), period, jitter)
 
@@ -81,20 +84,36 @@ class StampClock:
 
 
 @compiled
-def _fit_line(seconds: Array, period: float, gain: float, outlier: float) -> tuple[float, float, float]:
-    """Return how far the last of `seconds` (n) lies above a line over whole periods, the line's noise and slope (s).
+def _periods(seconds: Array, period: float, gain: float) -> Array:
+    """Return how many whole periods each of `seconds` (n) comes after the first, where frames may be missing.
 
-    `gain` is the share of a stamp's error taken over while periods are counted; stamps more than `outlier` sigmas off a
-    first line are left out of the second one.
+    `gain` is the share of a stamp's error taken over to the next expected stamp.
     """
-    n = len(seconds)
-    counts = np.zeros(n)
+    counts = np.zeros(len(seconds))
     expected = seconds[0]
-    for k in range(1, n):
+    for k in range(1, len(seconds)):
         periods = max(1, round((seconds[k] - expected) / period))
         expected += periods * period
         expected += gain * (seconds[k] - expected)
         counts[k] = counts[k - 1] + periods
+    return counts
+
+
+@compiled
+def _unevenness(counts: Array, seconds: Array) -> float:
+    """Return the mean square distance of `seconds` (n) from a line over the `counts` of periods, in periods^2."""
+    count, second = counts.mean(), seconds.mean()
+    slope = ((counts - count) * (seconds - second)).sum() / ((counts - count) ** 2).sum()
+    return float((((seconds - second) / slope - (counts - count)) ** 2).mean())
+
+
+@compiled
+def _fit_line(counts: Array, seconds: Array, outlier: float) -> tuple[float, float, float]:
+    """Return how far the last of `seconds` (n) lies above a line over the `counts`, the line's noise and slope (s).
+
+    Stamps more than `outlier` sigmas off a first line are left out of the second one.
+    """
+    n = len(seconds)
     weight, residual, in_order = np.ones(n), np.zeros(n), np.zeros(n)
     slope = variance = 0.0
     for _ in range(2):

@@ -33,6 +33,8 @@ class Tuning:
     clock_most_unsteady: float = tuned(0.25, unit="share of a period", source=_KINECT,
         effect="Stamps that jitter more are taken as they are. Smaller: jittery clocks are not smoothed; larger: a "
         "line is drawn through stamps that have no period.")
+    clock_most_unsteady_whole: float = tuned(0.4, unit="share of a period", source="stamps made up with all jitters",
+        effect="As clock_most_unsteady, where no frame seems to be missing: then stamps without a period stray far.")
     clock_most_late_s: float = tuned(0.02, unit="s", source="recordings at 30 Hz that were thinned: 33 ms and more",
         effect="The line begins anew after a stamp that is off it by more. Smaller: late stamps of streams below 25 "
         "Hz are believed; larger: a frame missing before a slow stream was thinned out shifts the poses after it.")

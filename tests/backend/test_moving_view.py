@@ -21,7 +21,8 @@ class Shown:
     """Recent views before which a given share of the view moves; None: they cannot tell.
 
     Of its features, `as_one` follow one other motion, which may be that of the scene. Or else the camera's own is
-    confirmed to be that. The share `behind` is the other motion's where that is of what lies behind.
+    confirmed to be that. The share `behind` is the other motion's where that is of what lies behind. `is_denied`: what
+    has no depth denies the camera's.
     """
 
     share: float | None
@@ -29,6 +30,7 @@ class Shown:
     has_scene: bool = False
     is_confirmed: bool = False
     behind: float = 0.0
+    is_denied: bool = False
 
     def moving(self, *_: object) -> MovingCells | None:
         return None if self.share is None else MovingCells(np.zeros((2, 2), bool), self.share, (8, 8))
@@ -36,7 +38,9 @@ class Shown:
     def what_else_moves(self, *_: object) -> WhatElseMoves | None:
         if self.share is None:
             return None
-        return WhatElseMoves(self.as_one, self.share * np.eye(6), self.has_scene, self.is_confirmed, self.behind)
+        return WhatElseMoves(
+            self.as_one, self.share * np.eye(6), self.has_scene, self.is_confirmed, self.behind, self.is_denied
+        )
 
 
 def tracked_by(found: int, missed: int) -> tuple[Any, Any]:
@@ -61,12 +65,14 @@ def told(
     scene_moves: Collection[int] = (),
     confirmed: Collection[int] = (),
     behind: Callable[[int], float] = lambda look: 0.0,
+    denied: Collection[int] = (),
 ) -> list[MovingView]:
     """What is known after each look, `period_s` apart (see `tracked_by`).
 
     Looks that became `keyframes` had corners that moved in such a share of their view; before those in `lost` the view
     was lost. A share `as_one` of a look's features follows another motion; in `scene_moves` that is the scene's, in
-    `confirmed` the camera's own is. A share `behind` follows another motion behind what moves with the camera.
+    `confirmed` the camera's own is. A share `behind` follows another motion behind what moves with the camera, which
+    is `denied` in some looks by what has no depth.
     """
     tracked, landmarks = tracked_by(found, missed)
     moving, every = MovingView(), []
@@ -76,7 +82,7 @@ def told(
         moving = (moving.after_loss(0) if i in lost else moving).after(
             view,
             tracked,
-            cast(Any, Shown(share, as_one(i), i in scene_moves, i in confirmed, behind(i))),
+            cast(Any, Shown(share, as_one(i), i in scene_moves, i in confirmed, behind(i), i in denied)),
             landmarks,
             cast(Any, None),
         )
@@ -187,6 +193,12 @@ def test_a_smaller_motion_leaves_doubt_from_the_start_only_where_it_is_of_what_l
     assert not any(moving.is_doubtful for moving in told(STILL, as_one=lambda look: 0.3))
     shown = told(STILL, as_one=lambda look: 0.3, behind=lambda look: 0.3)
     assert all(moving.is_doubtful for moving in shown[1:])
+
+
+def test_what_has_no_depth_shows_by_two_looks_that_the_scene_is_left_behind() -> None:
+    looks = told([0.0, 0.0], behind=lambda look: 0.9, denied=[0, 1])
+    assert [moving.rivals.is_left_behind for moving in looks] == [False, True]
+    assert not told([0.0, 0.0], behind=lambda look: 0.9)[-1].rivals.is_left_behind
 
 
 def test_after_a_loss_a_third_of_the_view_is_enough_again() -> None:

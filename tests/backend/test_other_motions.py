@@ -1,17 +1,14 @@
 """How unsure the camera's velocity is by what else moves in its view."""
 
+from dataclasses import replace
+
 import numpy as np
 from made_up_scene import exact, project
 from painted_room import PERIOD, SMALL, START, PaintedRoom, stroll
 from sensor_models import sensor_model, view_of
 
-from odom.backend.tracking.other_motions import (
-    FollowedCorners,
-    OtherMotion,
-    WhatElseMoves,
-    other_motions,
-    what_else_moves,
-)
+from odom.backend.tracking.followed_corners import DepthlessCorners, FollowedCorners
+from odom.backend.tracking.other_motions import OtherMotion, WhatElseMoves, other_motions, what_else_moves
 from odom.evaluation.passers_by import Painter, anchor_before_camera, passers_by
 from odom.frame import RgbdFrame
 from odom.frontend.camera.lens import Lens
@@ -95,7 +92,8 @@ def followed_corners(
     values, pixel = np.concatenate(seen), 1.0 / 525.0
     covariances = np.tile(np.eye(3) * 1e-6, (len(values), 1, 1))
     uv = values[:, :2] / pixel + (320.0, 240.0)
-    return FollowedCorners(np.concatenate(points), covariances, uv, exact(values), pixel)
+    depthless = DepthlessCorners(*np.zeros((2, 0, 2)))
+    return FollowedCorners(np.concatenate(points), covariances, uv, exact(values), pixel, depthless)
 
 
 def only_other_motion(body: int, near: int, T_true: Array) -> OtherMotion:
@@ -128,3 +126,48 @@ def test_a_motion_that_hardly_differs_from_the_cameras_is_not_the_scenes() -> No
     other = only_other_motion(body=20, near=40, T_true=bent)
     assert not other.is_scene
     assert other.share < 0.3
+
+
+def depthless(T_now_earlier: Array, nearest_m: float) -> DepthlessCorners:
+    """Corners without depth in a scene that the camera moves through."""
+    rng = np.random.default_rng(2)
+    rays = rng.uniform((-0.5, -0.4), (0.5, 0.4), (60, 2))
+    points = np.column_stack([rays, np.ones(60)]) / rng.uniform(0.0, 1.0 / nearest_m, (60, 1))
+    followed = project(T_now_earlier, points)[:, :2]
+    return DepthlessCorners(rays, followed)
+
+
+def test_corners_without_depth_agree_with_the_motion_of_a_camera_before_a_scene_at_rest() -> None:
+    T_now = se3.exp(np.array([0.04, -0.02, 0.05, 0.02, -0.03, 0.04]))
+    assert depthless(T_now, nearest_m=0.6).off_line(T_now).max() < 1e-9
+
+
+def test_corners_without_depth_deny_the_motion_of_a_camera_that_follows_a_body() -> None:
+    T_now, T_followed = se3.exp(np.array([0.0, 0.02, 0, 0, 0.01, 0.02])), se3.exp(np.array([0.05, 0, 0.01, 0, 0.04, 0]))
+    few = followed_corners(np.random.default_rng(1), [(40, 0.7, (-0.4, 0.0), T_followed)])
+    corners = replace(few, depthless=depthless(T_now, nearest_m=1.0))
+    assert corners.against(T_followed) > 0.9
+    assert corners.against(T_now) == 0.0
+    assert few.against(T_followed) == 0.0
+
+
+def test_a_motion_that_near_and_far_corners_agree_with_is_not_denied_by_those_without_depth() -> None:
+    T_now, T_body = np.eye(4), se3.exp(np.array([0.05, 0, 0.01, 0, 0.04, 0]))
+    desk_and_wall = [(40, 0.8, (-0.4, 0.0), T_now), (40, 2.0, (0.0, 0.4), T_now)]
+    corners = followed_corners(np.random.default_rng(1), desk_and_wall)
+    assert replace(corners, depthless=depthless(T_body, nearest_m=1.0)).against(T_now) == 0.0
+
+
+def test_a_camera_that_follows_a_body_which_alone_has_depth_is_denied_and_one_that_follows_the_room_is_not() -> None:
+    (now, T_body), (earlier, T_body_before) = seen_with_a_body(33), seen_with_a_body(30)
+
+    def near_only(frame: RgbdFrame) -> RgbdFrame:
+        return replace(frame, depth_mm=np.where(frame.depth_mm < 1300, frame.depth_mm, 0).astype(np.uint16))
+
+    followed = seen(near_only(now), near_only(earlier), T_body_before @ se3.inverse(T_body))
+    assert followed is not None
+    assert followed.is_denied
+    assert followed.behind > 0.5
+    stood = seen(now, earlier, HERE)
+    assert stood is not None
+    assert not stood.is_denied

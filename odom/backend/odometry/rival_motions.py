@@ -40,7 +40,7 @@ class RivalMotions:
         is_large = others.share > TUNING.moved_rival or others.behind > TUNING.moved_behind
         is_second = is_within(TUNING.moved_as_one_s, self.large_stamp, stamp)
         is_rival = is_large and (witnesses.denying_looks > 0 or (is_second and witnesses.trusted_identity == 0))
-        is_scene = others.has_scene or (is_large and witnesses.is_denied)
+        is_scene = others.has_scene or (is_large and witnesses.is_denied) or (is_rival and others.is_denied)
         seen = replace(self, seen_stamp=stamp) if is_seen else self
         seen = replace(seen, large_stamp=stamp) if is_large else seen
         seen = replace(seen, rival_stamp=stamp) if is_rival else seen

@@ -5,78 +5,23 @@ measured as well as the one that is followed. Each motion is a hypothesis, worth
 second moment of such a mixture is the covariance of the camera's velocity, and no speeds of bodies need be assumed.
 """
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from odom.backend.tracking.consensus import FollowedFeatures, consensus
+from odom.backend.tracking.consensus import consensus
 from odom.backend.tracking.expected_pose import ExpectedPose
-from odom.backend.tracking.pose_solver import PoseFit, fit_pose
+from odom.backend.tracking.followed_corners import FollowedCorners
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
-from odom.frontend.features.corners import detect_corners
-from odom.frontend.features.measurement import Measurements, measure, measure_exactly, points_of
 from odom.frontend.features.view import View
 from odom.frontend.matching.look_back import EarlierView
-from odom.frontend.matching.optical_flow import follow_there_and_back
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
 
 _MOST_MOTIONS = 3
 """Motions beside the camera's that are looked for: what has fewer votes than these hardly changes the covariance."""
-
-
-@dataclass(frozen=True, eq=False)
-class FollowedCorners:
-    """n corners of an earlier view, followed into a later one.
-
-    They are at `points` (n x 3, m) with `covariances` (n x 3 x 3, m^2) in the earlier camera's frame, and in the later
-    view at `uv` (n x 2 px), where they are `measured` (n). `pixel` is the width of a pixel in the rays' unit.
-    """
-
-    points: Array
-    covariances: Array
-    uv: Array
-    measured: Measurements
-    pixel: float
-
-    @classmethod
-    def between(cls, earlier: EarlierView, view: View, twist: Array, sensor: SensorModel) -> "FollowedCorners":
-        """Return the corners with depth that can be followed to a `view`, in motion with `twist` (6, SI), and back."""
-        images = earlier.view.images.half, view.images.half
-        uv = 2.0 * detect_corners(images[0], np.zeros((0, 2)), TUNING.other_cell_px // 2)
-        uv = uv[earlier.view.stands(uv)]
-        seen = measure_exactly(earlier.view, sensor, uv, earlier.twist)
-        deep = seen.values[:, 2] > 0.0
-        uv, (points, covariances) = uv[deep], points_of(seen.take(deep))
-        expected = sensor.lens.project(points, se3.inverse(earlier.T_view_corners))
-        rows = np.flatnonzero(expected[:, 2] > 0.0)
-        begin, guess, scale = uv[rows] / 2.0, expected[rows, :2] / 2.0, view.images.scale
-        here, found = follow_there_and_back(*images, begin, guess, TUNING.other_back_px, scale)
-        rows, uv = rows[found], 2.0 * here[found]
-        exact = np.tile([TUNING.found_sigma_px**2, 0.0, TUNING.found_sigma_px**2], (len(rows), 1))
-        measured, pixel = measure(view, sensor, uv, exact, twist), 1.0 / sensor.lens.intrinsics[0]
-        return cls(points[rows], covariances[rows], uv, measured, pixel)
-
-    def take(self, rows: Mask) -> "FollowedCorners":
-        """Return the chosen corners."""
-        measured = self.measured.take(rows)
-        return FollowedCorners(self.points[rows], self.covariances[rows], self.uv[rows], measured, self.pixel)
-
-    @cached_property
-    def features(self) -> FollowedFeatures:
-        """The corners as features, all of them proven alike."""
-        rays, alike = self.measured.values[:, :2], np.full(len(self.uv), math.ceil(TUNING.proven_frames))
-        sigma_px = TUNING.followed_sigma_px
-        return FollowedFeatures(self.points, np.zeros(3), rays, self.uv, alike, sigma_px, self.pixel)
-
-    def fit(self, T_start: Array, used: Mask) -> PoseFit:
-        """Return the pose of the view in the earlier camera's frame by those `used`, from the start `T_start`."""
-        values, variances = self.measured.values, self.measured.covariance
-        return fit_pose(self.points, self.covariances, values, variances, T_start, used)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,9 +103,10 @@ def other_motions(followed: FollowedCorners, T_view_earlier: Array, since_s: flo
 class WhatElseMoves:
     """The motions in a view beside the camera's: `share` is the largest share of the votes, 0 if there are none.
 
-    `behind` is the largest of those that lie behind what moves with the camera.
+    `behind` is the largest of those that lie behind what moves with the camera, as what has no depth is taken to do.
+    `is_denied`: most of what has no depth denies the camera's motion.
     `spread` is the 6 x 6 covariance ((m/s, rad/s)^2, camera frame) of the camera's velocity by all of them.
-    `has_scene`: one of them is the scene's. `is_confirmed`: the camera's own motion is.
+    `has_scene`: one of them is the scene's. `is_confirmed`: the camera's own motion is; then it is not denied.
     """
 
     share: float
@@ -168,6 +114,7 @@ class WhatElseMoves:
     has_scene: bool = False
     is_confirmed: bool = False
     behind: float = 0.0
+    is_denied: bool = False
 
 
 def what_else_moves(earlier: EarlierView, view: View, twist: Array, sensor: SensorModel) -> WhatElseMoves | None:
@@ -185,4 +132,7 @@ def what_else_moves(earlier: EarlierView, view: View, twist: Array, sensor: Sens
     spread = sum((one.share * (np.outer(one.off, one.off) + one.covariance) for one in others), np.zeros((6, 6)))
     share, has_scene = max((one.share for one in others), default=0.0), any(one.is_scene for one in others)
     behind = max((one.share for one in others if one.is_behind), default=0.0)
-    return WhatElseMoves(share, np.asarray(spread / since_s**2), has_scene, is_confirmed, behind)
+    against = 0.0 if is_confirmed else followed.against(T_view_earlier)
+    is_denied = against > TUNING.scene_share
+    behind = max(behind, against) if is_denied else behind
+    return WhatElseMoves(share, np.asarray(spread / since_s**2), has_scene, is_confirmed, behind, is_denied)

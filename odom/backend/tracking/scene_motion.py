@@ -8,8 +8,9 @@ import numpy as np
 
 from odom.backend.tracking.consensus import consensus
 from odom.backend.tracking.expected_pose import ExpectedPose
+from odom.backend.tracking.followed_corners import FollowedCorners
 from odom.backend.tracking.motion_model import AT_REST
-from odom.backend.tracking.other_motions import FollowedCorners, shows_scene
+from odom.backend.tracking.other_motions import shows_scene
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.view import View

@@ -112,6 +112,12 @@ class Tuning:
     other_back_px: float = tuned(0.5, unit="px of the half-size image", source="as look_back_return_px of the search",
         effect="A corner that is followed there and back must return so near. Smaller: bodies are not found again; "
         "larger: chance matches count.")
+    depthless_nearest_m: float = tuned(0.5, unit="m", source="no Kinect measures depth nearer than this",
+        effect="What has no depth counts as at least so far away. Smaller: more motions are possible, and a body that "
+        "alone has depth is followed; larger: what is near and dark denies the camera's motion.")
+    body_deep: float = tuned(1.4, unit="ratio of depths", source="a person an arm's length away",
+        effect="Nine tenths of a body's features are no farther than so many times its nearest tenth. Smaller: a body "
+        "that alone has depth is followed; larger: somebody too near to be measured makes the camera LOST.")
     scene_least: int = tuned(30, unit="features", source=BODIES,
         effect="So many must be followed between two views before their motion counts as the camera's. Fewer: it "
         "counts by chance; more: the camera is LOST for longer in poor scenes.")

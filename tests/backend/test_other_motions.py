@@ -7,7 +7,7 @@ from made_up_scene import exact, project
 from painted_room import PERIOD, SMALL, START, PaintedRoom, stroll
 from sensor_models import sensor_model, view_of
 
-from odom.backend.tracking.followed_corners import DepthlessCorners, FollowedCorners
+from odom.backend.tracking.corner_flow import DepthlessCorners, FollowedCorners
 from odom.backend.tracking.other_motions import OtherMotion, WhatElseMoves, other_motions, what_else_moves
 from odom.evaluation.passers_by import Painter, anchor_before_camera, passers_by
 from odom.frame import RgbdFrame

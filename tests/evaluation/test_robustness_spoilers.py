@@ -91,7 +91,8 @@ def test_equal_frames_are_spoilt_equally_in_any_order(axis):
 
 
 @pytest.mark.parametrize(
-    "name", ["blur", "darkness", "torn", "holes", "depth-noise", "black-outs", "passers-by", "blurred-people"]
+    "name",
+    ["blur", "darkness", "torn", "holes", "depth-noise", "black-outs", "passers-by", "blurred-people", "people-near"],
 )
 def test_another_seed_spoils_otherwise(name):
     axis = next(axis for axis in AXES if axis.name == name)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.backend.tracking.consensus import consensus
+from odom.backend.tracking.corner_flow import FollowedCorners
 from odom.backend.tracking.expected_pose import ExpectedPose
-from odom.backend.tracking.followed_corners import FollowedCorners
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.view import View
@@ -28,8 +28,9 @@ _MOST_MOTIONS = 3
 class OtherMotion:
     """A motion with a `share` of the votes; the camera's differs from it by `off` (6, `se3`, later camera's frame).
 
-    Corners that agree with both motions, as far ones may, have no vote. If those of this motion alone stood still,
-    `off` would be the camera's error, with 6 x 6 `covariance`. `is_behind`: they lie behind those of the camera's.
+    Where the two differ clearly, corners that agree with both, as far ones may, have no vote. If those of this motion
+    alone stood still, `off` would be the camera's error, with 6 x 6 `covariance`. `is_behind`: they differ clearly, and
+    lie behind those of the camera's.
     """
 
     share: float

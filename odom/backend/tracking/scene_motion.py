@@ -7,8 +7,8 @@ it hides nearly all.
 import numpy as np
 
 from odom.backend.tracking.consensus import consensus
+from odom.backend.tracking.corner_flow import FollowedCorners
 from odom.backend.tracking.expected_pose import ExpectedPose
-from odom.backend.tracking.followed_corners import FollowedCorners
 from odom.backend.tracking.motion_model import AT_REST
 from odom.backend.tracking.other_motions import shows_scene
 from odom.backend.tracking.tuning import TUNING

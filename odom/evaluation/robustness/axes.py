@@ -10,7 +10,7 @@ from odom.frame import Camera
 from odom.frontend.camera.lens import Lens
 
 _SLIM = 0.15
-"""The share of the width that one body has where it is blurred with the scene: alone, it hardly costs anything."""
+"""The share of the width that one body has where something else is spoilt, too: alone, it hardly costs anything."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +117,11 @@ def _blurred_people(scene: Scene, length_px: float) -> Spoiler:
     return Spoiler(frame=lambda frame: color.motion_blur(painter.paint(frame)[0], length_px, scene.seed))
 
 
+def _people_near(scene: Scene, times: float) -> Spoiler:
+    painter = _painter(scene, _SLIM, 1)
+    return Spoiler(frame=lambda frame: depth.out_of_range(painter.paint(frame)[0], times * scene.near_m))
+
+
 _BODIES = (
     Level(".15", (0.15, 1)), Level(".33", (0.33, 1)), Level(".5", (0.5, 1)), Level("three of .33", (0.33, 3)),
 )  # fmt: skip
@@ -132,6 +137,7 @@ AXES = (
     Axis("black-outs", "black-outs every 8 s, s", _numbers(0.2, 0.5, 1, 2, 4), _black_outs),
     Axis("passers-by", "passers-by, share of the width", _BODIES, _passers_by),
     Axis("blurred-people", "blur with a passer-by, px", _numbers(5, 10, 20), _blurred_people),
+    Axis("people-near", "range of depth with a passer-by, times what is near", _numbers(2, 1.5, 1.2), _people_near),
     Axis("dropped", "frames that are left", _LEFT, _dropped),
     Axis("jitter", "stamp jitter, ms", _numbers(2, 5, 10, 20, scale=1e-3), _jitter),
     Axis("lag", "depth older than its stamp, ms", _numbers(10, 20, 40, 80, scale=1e-3), _lag),

@@ -20,6 +20,8 @@ from odom.geometry.arrays import Array, Index, Mask
 
 _FAR_M = 1e3
 """A corner without depth is looked for where it would be this far away."""
+_LEAST_DEPTH = 0.1
+"""A corner is projected as if the camera came no nearer to it than this share of the least distance that counts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +39,7 @@ class DepthlessCorners:
         """
         at_infinity = np.column_stack([self.rays, np.ones(len(self.rays))]) @ T_view_earlier[:3, :3].T
         near = at_infinity + T_view_earlier[:3, 3] / TUNING.depthless_nearest_m
-        begin, end = (each[:, :2] / np.maximum(each[:, 2:], TUNING.depthless_nearest_m) for each in (at_infinity, near))
+        begin, end = (each[:, :2] / np.maximum(each[:, 2:], _LEAST_DEPTH) for each in (at_infinity, near))
         along = end - begin
         length2 = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
         share = np.clip(((self.followed - begin) * along).sum(axis=1) / length2, 0.0, 1.0)

@@ -1,13 +1,18 @@
 """How unsure the camera's velocity is by what else moves in its view."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
-from made_up_scene import exact, project
+import pytest
+from made_up_scene import chain_of_keyframes, exact, project
 from painted_room import PERIOD, SMALL, START, PaintedRoom, stroll
 from sensor_models import sensor_model, view_of
 
+from odom.backend.mapping.standing import RecentViews
 from odom.backend.tracking.corner_flow import DepthlessCorners, FollowedCorners
+from odom.backend.tracking.frame_state import FrameState
 from odom.backend.tracking.other_motions import OtherMotion, WhatElseMoves, other_motions, what_else_moves
 from odom.evaluation.passers_by import Painter, anchor_before_camera, passers_by
 from odom.frame import RgbdFrame
@@ -171,3 +176,13 @@ def test_a_camera_that_follows_a_body_which_alone_has_depth_is_denied_and_one_th
     stood = seen(now, earlier, HERE)
     assert stood is not None
     assert not stood.is_denied
+
+
+@pytest.mark.parametrize(("apart", "is_told"), [(12, True), (30, False)])
+def test_in_a_slow_stream_it_is_still_told_what_else_moves_and_not_after_a_second(apart: int, is_told: bool) -> None:
+    views = [view_of(ROOM.frame(SMALL, number, HERE)) for number in (30, 30 + apart)]
+    tracked = cast(Any, SimpleNamespace(twist=AT_REST, T_map_camera=HERE))
+    map_ = chain_of_keyframes([HERE], np.eye(6))
+    recent, none = RecentViews(map_), np.zeros(0, dtype=np.int64)
+    recent.remember(FrameState(views[0], tracked, HERE, AT_REST, 0, none, np.zeros((0, 2))))
+    assert (recent.what_else_moves(views[1], tracked, SENSOR) is not None) == is_told

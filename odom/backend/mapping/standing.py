@@ -72,7 +72,7 @@ class RecentViews:
         """Return which other motions a tracked view shows (see `other_motions`); None where no view can tell."""
         stamp = view.steady_stamp
         for recent in reversed(self._views):
-            if TUNING.spread_least_s <= _since_s(recent, stamp) <= TUNING.newest_s:
+            if TUNING.spread_least_s <= _since_s(recent, stamp) <= TUNING.spread_most_s:
                 return what_else_moves(self._seen_from(recent, tracked), view, tracked.twist, sensor)
         return None
 

@@ -75,6 +75,9 @@ class Tuning:
     spread_least_s: float = tuned(0.06, unit="s", source=BODIES,
         effect="From this age on a view tells of what else moves. Smaller: velocities are noisy; larger: what moves "
         "quickly is not found again.")
+    spread_most_s: float = tuned(0.6, unit="s", source="bodies painted into fr1_rpy thinned to 4 Hz",
+        effect="Nor in one of longer ago. Smaller: in slow streams bodies are followed and called sure; larger: few "
+        "corners are followed so far.")
     recent_views: int = tuned(4, unit="views", source=BODIES,
         effect="Corners are looked for in so many. Fewer: they are missed by chance; more: key frames cost more.")
     moving_views: int = tuned(2, unit="views", source=BODIES,

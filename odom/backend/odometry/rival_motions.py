@@ -13,7 +13,8 @@ from odom.geometry.arrays import Array
 class RivalMotions:
     """When other motions were last seen: a scene that the camera leaves behind moves as one.
 
-    - `seen_stamp`: when any was, while the pose was suspicious. `large_stamp`: when one had much of the votes.
+    - `seen_stamp`: when any was, while the pose was suspicious. `large_stamp`: when one had much of the votes, of which
+      fewer are enough behind what moves with the camera.
     - `rival_stamp`: when one had them twice within a second while no landmarks could tell, or once against those that
       could: a body may have been taken for the scene.
     - `is_left_behind`: the scene shows another motion than the camera's, which therefore follows a body.

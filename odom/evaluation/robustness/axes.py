@@ -137,7 +137,7 @@ AXES = (
     Axis("black-outs", "black-outs every 8 s, s", _numbers(0.2, 0.5, 1, 2, 4), _black_outs),
     Axis("passers-by", "passers-by, share of the width", _BODIES, _passers_by),
     Axis("blurred-people", "blur with a passer-by, px", _numbers(5, 10, 20), _blurred_people),
-    Axis("people-near", "range of depth with a passer-by, times what is near", _numbers(2, 1.5, 1.2), _people_near),
+    Axis("people-near", "range with a passer-by, times near", _numbers(2, 1.5, 1.2), _people_near),
     Axis("dropped", "frames that are left", _LEFT, _dropped),
     Axis("jitter", "stamp jitter, ms", _numbers(2, 5, 10, 20, scale=1e-3), _jitter),
     Axis("lag", "depth older than its stamp, ms", _numbers(10, 20, 40, 80, scale=1e-3), _lag),

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import pytest
 from made_up_scene import bare_keyframe, blank_view
 
 from odom.backend.tracking.frame_state import FrameState
@@ -33,7 +34,10 @@ def test_shortly_after_a_segment_began_its_pose_is_as_unsure_as_if_the_velocity_
     assert state_after(0.2).expected_after(PERIOD_S).is_within_reach(ASIDE)
 
 
-def test_later_only_a_jerk_takes_the_camera_from_where_it_is_expected() -> None:
-    expected = state_after(TUNING.young_s + PERIOD_S).expected_after(PERIOD_S)
+@pytest.mark.parametrize("since_begun_s", [TUNING.young_s + PERIOD_S, -10.0])
+def test_later_and_where_time_went_back_only_a_jerk_takes_the_camera_from_where_it_is_expected(
+    since_begun_s: float,
+) -> None:
+    expected = state_after(since_begun_s).expected_after(PERIOD_S)
     assert expected.free[0] == TUNING.jerk_m_s2 * PERIOD_S**2
     assert not expected.is_within_reach(ASIDE)

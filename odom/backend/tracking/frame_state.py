@@ -1,5 +1,6 @@
 """The newest frame with a pose: where the camera was, how it moved, and what it saw."""
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,7 +13,7 @@ from odom.backend.tracking.expected_pose import ExpectedPose
 from odom.backend.tracking.motion_model import AT_REST, Motion, Velocity, is_plausible_motion
 from odom.backend.tracking.pose_solver import fit_pose
 from odom.backend.tracking.tuning import TUNING
-from odom.frontend.camera.stamp_clock import SteadyStamp, is_within
+from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.lens_change import LensChange
 from odom.frontend.features.measurement import Measurements
 from odom.frontend.features.view import View
@@ -174,9 +175,8 @@ class FrameState:
         if self.tracked is None:
             return ExpectedPose.at_unknown_velocity(self.T_camera_map, since_s)
         expected = ExpectedPose.after(self.predicted_after(since_s), since_s)
-        if self.begun_stamp is None or not is_within(TUNING.young_s, self.begun_stamp, self.view.steady_stamp):
-            return expected
-        return expected.with_unknown_velocity(-self.since_s(self.begun_stamp))
+        age_s = math.inf if self.begun_stamp is None else -self.since_s(self.begun_stamp)
+        return expected.with_unknown_velocity(age_s) if 0.0 <= age_s < TUNING.young_s else expected
 
     def motion_prior(self, since_s: float, scale: float) -> MotionPrior:
         """Return the camera's motion here, `since_s` seconds ago; `scale` is the sensor's covariance scale."""

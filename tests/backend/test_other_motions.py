@@ -21,6 +21,7 @@ from odom.frontend.matching.look_back import EarlierView
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 
+PIXEL = 1.0 / 525.0
 SENSOR, AT_REST, HERE = sensor_model(SMALL), np.zeros(6), np.eye(4)
 ROOM = PaintedRoom()
 SINCE_S = 3 * PERIOD * 1e-9
@@ -94,11 +95,10 @@ def followed_corners(
         rays = rng.uniform((columns[0], -0.4), (columns[1], 0.4), (count, 2))
         points.append(np.column_stack([rays, np.ones(count)]) * rng.uniform(0.95, 1.05, (count, 1)) * depth_m)
         seen.append(project(T_now_earlier, points[-1]))
-    values, pixel = np.concatenate(seen), 1.0 / 525.0
+    values = np.concatenate(seen)
     covariances = np.tile(np.eye(3) * 1e-6, (len(values), 1, 1))
-    uv = values[:, :2] / pixel + (320.0, 240.0)
-    depthless = DepthlessCorners(*np.zeros((2, 0, 2)))
-    return FollowedCorners(np.concatenate(points), covariances, uv, exact(values), pixel, depthless)
+    uv = values[:, :2] / PIXEL + (320.0, 240.0)
+    return FollowedCorners(np.concatenate(points), covariances, uv, exact(values), PIXEL)
 
 
 def only_other_motion(body: int, near: int, T_true: Array) -> OtherMotion:
@@ -149,18 +149,18 @@ def test_corners_without_depth_agree_with_the_motion_of_a_camera_before_a_scene_
 
 def test_corners_without_depth_deny_the_motion_of_a_camera_that_follows_a_body() -> None:
     T_now, T_followed = se3.exp(np.array([0.0, 0.02, 0, 0, 0.01, 0.02])), se3.exp(np.array([0.05, 0, 0.01, 0, 0.04, 0]))
-    few = followed_corners(np.random.default_rng(1), [(40, 0.7, (-0.4, 0.0), T_followed)])
-    corners = replace(few, depthless=depthless(T_now, nearest_m=1.0))
-    assert corners.against(T_followed) > 0.9
-    assert corners.against(T_now) == 0.0
-    assert few.against(T_followed) == 0.0
+    corners = depthless(T_now, nearest_m=1.0)
+    assert corners.against(T_followed, PIXEL) > 0.9
+    assert corners.against(T_now, PIXEL) == 0.0
+    assert DepthlessCorners(*np.zeros((2, 0, 2))).against(T_followed, PIXEL) == 0.0
 
 
-def test_a_motion_that_near_and_far_corners_agree_with_is_not_denied_by_those_without_depth() -> None:
-    T_now, T_body = np.eye(4), se3.exp(np.array([0.05, 0, 0.01, 0, 0.04, 0]))
-    desk_and_wall = [(40, 0.8, (-0.4, 0.0), T_now), (40, 2.0, (0.0, 0.4), T_now)]
-    corners = followed_corners(np.random.default_rng(1), desk_and_wall)
-    assert replace(corners, depthless=depthless(T_body, nearest_m=1.0)).against(T_now) == 0.0
+def test_near_and_far_corners_together_are_no_body() -> None:
+    body, desk_and_wall = [(40, 0.7, (-0.4, 0.0), HERE)], [(40, 0.8, (-0.4, 0.0), HERE), (40, 2.0, (0.0, 0.4), HERE)]
+    for parts, may_be in ((body, True), (desk_and_wall, False)):
+        corners = followed_corners(np.random.default_rng(1), parts)
+        assert corners.may_be_a_body(np.ones(len(corners.uv), dtype=np.bool_)) == may_be
+        assert not corners.may_be_a_body(np.zeros(len(corners.uv), dtype=np.bool_))
 
 
 def test_a_camera_that_follows_a_body_which_alone_has_depth_is_denied_and_one_that_follows_the_room_is_not() -> None:

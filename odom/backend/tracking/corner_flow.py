@@ -45,14 +45,19 @@ class DepthlessCorners:
         share = np.clip(((self.followed - begin) * along).sum(axis=1) / length2, 0.0, 1.0)
         return np.asarray(np.linalg.norm(self.followed - begin - share[:, None] * along, axis=1))
 
+    def against(self, T_view_earlier: Array, pixel: float) -> float:
+        """Return the share of them that deny a motion; 0 where they are too few. `pixel` is one's width, rays' unit."""
+        if len(self.rays) < TUNING.scene_least:
+            return 0.0
+        return float((self.off_line(T_view_earlier) > TUNING.differs_clearly_px * pixel).mean())
+
 
 @dataclass(frozen=True, eq=False)
 class FollowedCorners:
     """n corners of an earlier view, followed into a later one.
 
     They are at `points` (n x 3, m) with `covariances` (n x 3 x 3, m^2) in the earlier camera's frame, and in the later
-    view at `uv` (n x 2 px), where they are `measured` (n). `pixel` is the width of a pixel in the rays' unit. Beside
-    them there are those that are `depthless`.
+    view at `uv` (n x 2 px), where they are `measured` (n). `pixel` is the width of a pixel in the rays' unit.
     """
 
     points: Array
@@ -60,28 +65,11 @@ class FollowedCorners:
     uv: Array
     measured: Measurements
     pixel: float
-    depthless: DepthlessCorners
-
-    @classmethod
-    def between(cls, earlier: EarlierView, view: View, twist: Array, sensor: SensorModel) -> "FollowedCorners":
-        """Return the corners that can be followed to a `view`, in motion with `twist` (6, SI), and back."""
-        uv = 2.0 * detect_corners(earlier.view.images.half, np.zeros((0, 2)), TUNING.other_cell_px // 2)
-        uv = uv[earlier.view.stands(uv)]
-        seen = measure_exactly(earlier.view, sensor, uv, earlier.twist)
-        is_deep = seen.values[:, 2] > 0.0
-        points, covariances = points_of(seen.take(is_deep))
-        rows, uv_deep, measured = _followed(earlier, view, twist, sensor, uv[is_deep], points)
-        rays = seen.values[~is_deep, :2]
-        far = np.column_stack([rays, np.ones(len(rays))]) * _FAR_M
-        rows_far, _, measured_far = _followed(earlier, view, twist, sensor, uv[~is_deep], far)
-        depthless = DepthlessCorners(rays[rows_far], measured_far.values[:, :2])
-        pixel = 1.0 / sensor.lens.intrinsics[0]
-        return cls(points[rows], covariances[rows], uv_deep, measured, float(pixel), depthless)
 
     def take(self, rows: Mask) -> "FollowedCorners":
         """Return the chosen corners."""
-        points, covariances, measured = self.points[rows], self.covariances[rows], self.measured.take(rows)
-        return FollowedCorners(points, covariances, self.uv[rows], measured, self.pixel, self.depthless)
+        measured = self.measured.take(rows)
+        return FollowedCorners(self.points[rows], self.covariances[rows], self.uv[rows], measured, self.pixel)
 
     @cached_property
     def features(self) -> FollowedFeatures:
@@ -95,34 +83,66 @@ class FollowedCorners:
         values, variances = self.measured.values, self.measured.covariance
         return fit_pose(self.points, self.covariances, values, variances, T_start, used)
 
-    def against(self, T_view_earlier: Array) -> float:
-        """Return the share of corners without depth that deny a motion; 0 where these or the others cannot tell.
+    def may_be_a_body(self, chosen: Mask) -> bool:
+        """Return whether the `chosen` corners (n) are no farther apart in depth than a body is deep."""
+        if not chosen.any():
+            return False
+        near, far = np.quantile(self.points[chosen, 2], (0.1, 0.9))
+        return bool(far <= TUNING.body_deep * near)
 
-        Where only a body has depth, as in a hall or with a sensor of little range, these alone see the scene move. But
-        if those that agree with the motion are farther apart in depth than a body is deep, they lie on the scene, and
-        somebody too near to be measured moves before it.
+
+@dataclass(frozen=True, eq=False)
+class CornerFlow:
+    """The corners of an `earlier` view and where they are followed to, and back, in a `view` with `twist` (6, SI)."""
+
+    earlier: EarlierView
+    view: View
+    twist: Array
+    sensor: SensorModel
+
+    @cached_property
+    def _corners(self) -> tuple[Array, Measurements]:
+        """All corners of the earlier view (k x 2 px), as measured there."""
+        earlier = self.earlier
+        uv = 2.0 * detect_corners(earlier.view.images.half, np.zeros((0, 2)), TUNING.other_cell_px // 2)
+        uv = uv[earlier.view.stands(uv)]
+        return uv, measure_exactly(earlier.view, self.sensor, uv, earlier.twist)
+
+    @cached_property
+    def deep(self) -> FollowedCorners:
+        """Those with depth."""
+        uv, seen = self._corners
+        is_deep = seen.values[:, 2] > 0.0
+        points, covariances = points_of(seen.take(is_deep))
+        rows, uv_here, measured = self._followed(uv[is_deep], points)
+        return FollowedCorners(points[rows], covariances[rows], uv_here, measured, self.pixel)
+
+    @cached_property
+    def depthless(self) -> DepthlessCorners:
+        """Those without."""
+        uv, seen = self._corners
+        is_depthless = ~(seen.values[:, 2] > 0.0)
+        rays = seen.values[is_depthless, :2]
+        far = np.column_stack([rays, np.ones(len(rays))]) * _FAR_M
+        rows, _, measured = self._followed(uv[is_depthless], far)
+        return DepthlessCorners(rays[rows], measured.values[:, :2])
+
+    @property
+    def pixel(self) -> float:
+        """The width of a pixel in the rays' unit."""
+        return float(1.0 / self.sensor.lens.intrinsics[0])
+
+    def _followed(self, uv: Array, points: Array) -> tuple[Index, Array, Measurements]:
+        """Return which corners (n) at `uv` (n x 2 px) are followed, where to, and as what they are measured there.
+
+        They are looked for where a camera that moved as expected sees `points` (n x 3, m, the earlier camera's frame).
         """
-        agrees = self.features.off_px(T_view_earlier) < TUNING.differs_px
-        if len(self.depthless.rays) < TUNING.scene_least or not agrees.any():
-            return 0.0
-        near, far = np.quantile(self.points[agrees, 2], (0.1, 0.9))
-        if far > TUNING.body_deep * near:
-            return 0.0
-        return float((self.depthless.off_line(T_view_earlier) > TUNING.differs_clearly_px * self.pixel).mean())
-
-
-def _followed(
-    earlier: EarlierView, view: View, twist: Array, sensor: SensorModel, uv: Array, points: Array
-) -> tuple[Index, Array, Measurements]:
-    """Return which corners (n) at `uv` (n x 2 px) are followed, where to, and as what they are measured there.
-
-    They are looked for where a camera that moved as expected sees `points` (n x 3, m, the earlier camera's frame).
-    """
-    expected = sensor.lens.project(points, se3.inverse(earlier.T_view_corners))
-    rows = np.flatnonzero(expected[:, 2] > 0.0)
-    images, scale = (earlier.view.images.half, view.images.half), view.images.scale
-    begin, guess = uv[rows] / 2.0, expected[rows, :2] / 2.0
-    here, found = follow_there_and_back(*images, begin, guess, TUNING.other_back_px, scale)
-    rows, uv_here = rows[found], 2.0 * here[found]
-    exact = np.tile([TUNING.found_sigma_px**2, 0.0, TUNING.found_sigma_px**2], (len(rows), 1))
-    return rows, uv_here, measure(view, sensor, uv_here, exact, twist)
+        earlier, view = self.earlier, self.view
+        expected = self.sensor.lens.project(points, se3.inverse(earlier.T_view_corners))
+        rows = np.flatnonzero(expected[:, 2] > 0.0)
+        images, scale = (earlier.view.images.half, view.images.half), view.images.scale
+        begin, guess = uv[rows] / 2.0, expected[rows, :2] / 2.0
+        here, found = follow_there_and_back(*images, begin, guess, TUNING.other_back_px, scale)
+        rows, uv_here = rows[found], 2.0 * here[found]
+        exact = np.tile([TUNING.found_sigma_px**2, 0.0, TUNING.found_sigma_px**2], (len(rows), 1))
+        return rows, uv_here, measure(view, self.sensor, uv_here, exact, self.twist)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.backend.tracking.consensus import consensus
-from odom.backend.tracking.corner_flow import FollowedCorners
+from odom.backend.tracking.corner_flow import CornerFlow, FollowedCorners
 from odom.backend.tracking.expected_pose import ExpectedPose
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
@@ -123,7 +123,8 @@ def what_else_moves(earlier: EarlierView, view: View, twist: Array, sensor: Sens
 
     None where too few corners can be followed to tell.
     """
-    followed = FollowedCorners.between(earlier, view, twist, sensor)
+    flow = CornerFlow(earlier, view, twist, sensor)
+    followed = flow.deep
     if len(followed.uv) < TUNING.contested_least:
         return None
     since_s, T_view_earlier = view.since_s(earlier.view), se3.inverse(earlier.T_view_corners)
@@ -133,7 +134,10 @@ def what_else_moves(earlier: EarlierView, view: View, twist: Array, sensor: Sens
     spread = sum((one.share * (np.outer(one.off, one.off) + one.covariance) for one in others), np.zeros((6, 6)))
     share, has_scene = max((one.share for one in others), default=0.0), any(one.is_scene for one in others)
     behind = max((one.share for one in others if one.is_behind), default=0.0)
-    against = 0.0 if is_confirmed else followed.against(T_view_earlier)
+    # In a hall, or with a sensor of little range, a body may alone have depth: then the rest sees the scene move. Where
+    # corners near and far agree, they are the scene, and somebody too near to be measured moves before it.
+    may_follow = not is_confirmed and followed.may_be_a_body(agrees)
+    against = flow.depthless.against(T_view_earlier, flow.pixel) if may_follow else 0.0
     is_denied = against > TUNING.scene_share
     behind = max(behind, against) if is_denied else behind
     return WhatElseMoves(share, np.asarray(spread / since_s**2), has_scene, is_confirmed, behind, is_denied)

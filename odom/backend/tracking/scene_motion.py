@@ -7,7 +7,7 @@ it hides nearly all.
 import numpy as np
 
 from odom.backend.tracking.consensus import consensus
-from odom.backend.tracking.corner_flow import FollowedCorners
+from odom.backend.tracking.corner_flow import CornerFlow
 from odom.backend.tracking.expected_pose import ExpectedPose
 from odom.backend.tracking.motion_model import AT_REST
 from odom.backend.tracking.other_motions import shows_scene
@@ -20,7 +20,7 @@ from odom.geometry.arrays import Array
 
 def scene_motion(earlier: View, view: View, sensor: SensorModel) -> Array | None:
     """Return T_view_earlier, by the scene that both views show; None where bodies cannot be told from the scene."""
-    followed = FollowedCorners.between(EarlierView(earlier, np.eye(4), AT_REST), view, AT_REST, sensor)
+    followed = CornerFlow(EarlierView(earlier, np.eye(4), AT_REST), view, AT_REST, sensor).deep
     features = followed.features
     if len(followed.uv) < TUNING.scene_least:
         return None

@@ -142,6 +142,13 @@ def test_a_crowds_doubt_ends_where_what_stood_still_before_agrees_again() -> Non
     assert not next_look(crowded, 60, 40, share=0.3).is_doubtful
 
 
+def test_a_scene_is_at_rest_again_a_while_after_a_body_without_doubt_has_left_the_view() -> None:
+    shown = told([*STILL, 0.3, *[0.0] * CALM], found=30)[len(STILL) - 1 :]
+    assert not any(moving.is_doubtful for moving in shown)
+    assert [moving.is_at_rest for moving in shown[:3]] == [True, False, False]
+    assert shown[-1].is_at_rest
+
+
 def test_views_that_cannot_tell_end_no_doubt() -> None:
     assert told([*STILL, 0.6, *[None] * 30])[-1].doubt == "most of the view moved"
 

@@ -116,6 +116,20 @@ def test_before_a_bare_wall_the_camera_is_lost():
     assert ran.states[-5:] == [State.TRACKING] * 5
 
 
+@pytest.mark.parametrize("begin", [DARK.start + 15, DARK.start - 10])
+def test_bodies_do_not_lead_the_camera_in_the_dark(begin):
+    """One comes while it is dark, or before: a box on a third of the view's width, which walks away to the side."""
+    frames = walk()
+    for k in range(begin, DARK.stop):
+        depth, left = frames[k].depth_mm.copy(), 60 + 2 * (k - begin)
+        depth[40:, left : left + SMALL.width // 3] = 450
+        frames[k] = replace(frames[k], depth_mm=depth)
+    ran = run(SMALL, grey(frames))
+    check_sanity(ran)
+    assert not any(e.reason.endswith(FOLLOWED) for e in ran.estimates[max(DARK.start, begin + 6) : DARK.stop])
+    assert State.LOST not in ran.states[-5:]
+
+
 def test_without_colour_and_depth_the_camera_is_lost_and_not_followed_when_depth_alone_returns():
     frames = grey(walk())
     blind = [replace(f, depth_mm=np.zeros_like(f.depth_mm)) for f in frames[25:45]]

@@ -88,6 +88,26 @@ def test_a_body_before_the_corner_hardly_moves_the_camera() -> None:
     assert np.linalg.norm(se3.log(aligned.T_target_source)) < 0.02
 
 
+def test_a_body_that_has_come_lies_before_what_was_seen_and_one_that_has_gone_does_not() -> None:
+    depth = ROOM.render(SMALL, CORNER)[1].astype(np.int64)
+    hidden = depth.copy()
+    hidden[60:180, 40:168] = 500
+    scene, with_body = surfaces(depth), surfaces(hidden)
+    body = 120 * 128 / depth.size
+    assert align_surfaces(with_body, scene, np.eye(4), ABOUT_STILL).in_front == pytest.approx(body, rel=0.2)
+    assert align_surfaces(scene, with_body, np.eye(4), ABOUT_STILL).in_front < 0.01
+    assert moved(np.array([0.02, 0.01, 0.0, 0.0, 0.02, 0.0]))[0].in_front < 0.01
+
+
+def test_surfaces_further_apart_than_noise_explains_do_not_fit_and_are_less_sure() -> None:
+    depth = ROOM.render(SMALL, CORNER)[1].astype(np.float64)
+    rough = depth * (1.0 + 0.02 * np.sin(np.arange(depth.shape[1]) / 4.0))
+    fits, apart = (align_surfaces(surfaces(d), surfaces(depth), np.eye(4), ABOUT_STILL) for d in (depth, rough))
+    assert fits.misfit < 1.0
+    assert apart.misfit > 2.0
+    assert np.trace(apart.covariance) > 2.0 * np.trace(fits.covariance)
+
+
 def test_every_point_of_a_plane_is_at_one_on_its_vector() -> None:
     seen = seen_from(CORNER)
     known = np.isfinite(seen.planes[..., 2]) & (seen.rays[..., 2] > 0.0)

@@ -12,6 +12,7 @@ class Crowd:
     """How much has moved in the looks at the view so far.
 
     - `is_crowded`: most of the view moves, or did until lately. `calm_stamp`: since when it does not.
+    - `moved_stamp`: when more than a little of it was last seen to move.
     - `first_stamp`: the first look since the last loss. `is_start_unsure`: a little moved soon after that, and since
       then no landmarks from before have agreed with the pose.
     - `is_recovery_unsure`: the camera was lost in doubt, and may have taken a body for the place where it was found.
@@ -20,6 +21,7 @@ class Crowd:
 
     is_crowded: bool = False
     calm_stamp: SteadyStamp | None = None
+    moved_stamp: SteadyStamp | None = None
     first_stamp: SteadyStamp | None = None
     is_start_unsure: bool = False
     is_recovery_unsure: bool = False
@@ -47,6 +49,7 @@ class Crowd:
         has_moved = is_within(TUNING.moved_parts_s, self.moved_keyframe_stamp, stamp)
         has_moved = has_moved and not proven.supports(TUNING.moved_support)
         seen = replace(self, first_stamp=first, calm_stamp=None if is_most else calm)
+        seen = replace(seen, moved_stamp=stamp if share > TUNING.moving_seen else self.moved_stamp)
         seen = replace(seen, moved_keyframe_stamp=self.moved_keyframe_stamp if has_moved else None)
         if is_backed:
             return replace(seen, is_crowded=False, is_start_unsure=False, is_recovery_unsure=False)

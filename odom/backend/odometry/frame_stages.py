@@ -201,7 +201,7 @@ class FrameStages:
 
     def _follow_surfaces(self, view: View, is_followable: bool, is_repeated: bool) -> SurfaceFollowing | None:
         """Return where surfaces led the camera; None where they don't, or where colour is no reason to follow them."""
-        may_begin = is_followable and self._is_predictable(view) and not self.moving.is_doubtful
+        may_begin = is_followable and self._is_predictable(view) and self.moving.is_at_rest
         placed = self.state if may_begin and (is_repeated or self.mapper.inserter.is_bare(view, self.sensor)) else None
         return self._lost_camera.follow_surfaces(view, placed, self.sensor)
 

@@ -108,6 +108,12 @@ class MovingView:
         return has_others and self.crowd.moved_keyframe_stamp is not None
 
     @property
+    def is_at_rest(self) -> bool:
+        """Whether nothing moves in the view, so that a camera that sees surfaces alone can follow them as the scene."""
+        has_moved = is_within(TUNING.moving_calm_s, self.crowd.moved_stamp, self.stamp)
+        return not (has_moved or self.is_doubtful)
+
+    @property
     def doubt(self) -> str:
         """Why the pose is in doubt, empty where it is not."""
         if not self.is_doubtful:

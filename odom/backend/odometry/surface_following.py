@@ -64,7 +64,8 @@ class SurfaceFollowing:
         predicted = self.motion.after(self.since_s(view), _AGILITY)
         surfaces = Surfaces.of(view, sensor, predicted.twist)
         aligned = align_surfaces(surfaces, self.anchor, predicted.T_fixed_camera, predicted.covariance)
-        is_seen = aligned.overlap >= TUNING.surface_least_overlap
+        is_seen = aligned.overlap >= TUNING.surface_least_overlap and aligned.misfit <= TUNING.surface_most_misfit
+        is_seen = is_seen and aligned.in_front <= TUNING.surface_most_in_front
         motion = predicted.corrected(aligned.T_target_source, aligned.covariance) if is_seen else predicted
         held_stamp = view.steady_stamp if is_seen and aligned.has_shape else self.held_stamp
         if (view.steady_stamp - held_stamp) * 1e-9 > longest_s or not is_plausible_motion(motion.twist):

@@ -41,6 +41,9 @@ class Tuning:
     moving_young_s: float = tuned(2.0, unit="s", source=BODIES,
         effect="For so long after the first look moving_little counts. Smaller: a crowd before the camera at its start "
         "is followed and called sure; larger: a person who comes early leaves sure poses in doubt.")
+    moving_seen: float = tuned(0.15, unit="share of the view", source="0 at rest, .1 with late depth; " + BODIES,
+        effect="Where a larger share moved within moving_calm_s, surfaces do not lead the camera in the dark. Smaller: "
+        "it is LOST for late or noisy depth; larger: surfaces of a body lead it.")
     moving_calm_s: float = tuned(1.5, unit="s", source=BODIES,
         effect="For so long no more than moving_most may move before the pose is sure again. Smaller: a body that "
         "fills the view counts as the scene; larger: the pose is UNCERTAIN for longer.")
@@ -126,6 +129,12 @@ class Tuning:
     surface_least_overlap: float = tuned(0.3, unit="share of points", source="as surface_enough_overlap",
         effect="A view of which fewer points lie on the surfaces of an earlier one is not aligned with it. Smaller: "
         "other surfaces are taken for them; larger: the camera is LOST behind a body that hides them.")
+    surface_most_misfit: float = tuned(2.0, unit="variances", source="as surface_least_overlap; " + BODIES,
+        effect="Surfaces that are further apart than noise explains do not lead the camera. Smaller: it is LOST where "
+        "the camera's calibration is off; larger: surfaces of a body, or of noise, lead it.")
+    surface_most_in_front: float = tuned(0.05, unit="share of points", source="as surface_most_misfit",
+        effect="More points before the surfaces of an earlier view are those of a body that has come. Smaller: noisy "
+        "depth does not lead the camera; larger: bodies lead it.")
     surface_enough_overlap: float = tuned(0.6, unit="share of points", source="fr1 and arena, 2 s without colour",
         effect="With fewer, later views are aligned with this one. Smaller: with what little is left of an old view; "
         "larger: the errors of more alignments add up.")

@@ -31,13 +31,16 @@ class SurfaceAlignment:
 
     The covariance is 6 x 6 (`se3`, source frame). `has_shape`: the surfaces hold the camera in all directions and about
     all axes; along a single wall it can slide. `overlap` is the share of the source's points that agree with planes of
-    the target.
+    the target, and `misfit` the mean square of their distances in sigmas: 1 where nothing but noise keeps them apart.
+    `in_front` is the share of the source's points that lie clearly before planes of the target, where it saw nothing.
     """
 
     T_target_source: Array
     covariance: Array
     has_shape: bool
     overlap: float
+    misfit: float
+    in_front: float
 
 
 def align_surfaces(source: Surfaces, target: Surfaces, T_target_source: Array, covariance: Array) -> SurfaceAlignment:
@@ -50,14 +53,16 @@ def align_surfaces(source: Surfaces, target: Surfaces, T_target_source: Array, c
     known = source.rays[..., 2] > 0.0
     rays, variance = source.rays[known], source.variance[known]
     if not len(rays):
-        return SurfaceAlignment(T_target_source, _UNKNOWN_M**2 * np.eye(6), False, 0.0)
+        return SurfaceAlignment(T_target_source, _UNKNOWN_M**2 * np.eye(6), False, 0.0, 0.0, 0.0)
     points = np.column_stack([rays[:, :2], np.ones(len(rays))]) / rays[:, 2:]
     lens, gate = target.lens, TUNING.surface_gate_share
     image = lens.intrinsics, lens.projection, lens.rays.shape[1] / target.planes.shape[1]
     expected, T = np.asarray(np.linalg.inv(covariance)), T_target_source
     for _ in range(TUNING.surface_iterations):
         gates = gate, *_GATES
-        H, S, g, agreeing = _normal_equations(points, variance, target.planes, target.variance, T, image, gates)
+        H, S, g, chi2, agreeing, in_front = _normal_equations(
+            points, variance, target.planes, target.variance, T, image, gates
+        )
         away = se3.log(se3.inverse(T) @ T_target_source)
         step = np.asarray(np.linalg.solve(H + expected, g + expected @ away))
         if gate == TUNING.surface_least_gate_share and np.linalg.norm(step) < _CONVERGED:
@@ -71,7 +76,9 @@ def align_surfaces(source: Surfaces, target: Surfaces, T_target_source: Array, c
     V, W = unit[:, None] * axes[:, is_held], _UNKNOWN_M * unit[:, None] * axes[:, ~is_held]
     C = np.asarray(V @ np.linalg.inv(V.T @ H @ V) @ V.T)
     T_found = se3.orthonormal(T @ se3.exp(C @ g))
-    return SurfaceAlignment(T_found, C + W @ W.T, bool(is_held.all()), agreeing / len(points))
+    overlap, misfit, has_shape = agreeing / len(points), chi2 / max(agreeing, 1), bool(is_held.all())
+    C = max(1.0, misfit) * C + W @ W.T
+    return SurfaceAlignment(T_found, C, has_shape, overlap, misfit, in_front / len(points))
 
 
 def warm_up() -> None:
@@ -91,18 +98,19 @@ def _normal_equations(
     T: Array,
     image: tuple[Array, Array, float],
     gates: tuple[float, float, float, float],
-) -> tuple[Array, Array, Array, int]:
-    """Return both sides `H` (6 x 6) and `g` of the normal equations at `T` (T_target_source), with two more values.
+) -> tuple[Array, Array, Array, float, int, int]:
+    """Return both sides `H` (6 x 6) and `g` of the normal equations at `T` (T_target_source), with four more values.
 
-    Those are the sum `S` (6 x 6) of the outer products of J / |m|, and how many points agree with their planes. A point
-    q = T p on the ray (x, y, 1) before the plane m has the residual r = 1 / z - m (x, y, 1). It changes by -J xi / z
-    with T exp(xi): J is (R' m, p x R' m), as only the step of q counts, not the ray on which it comes to lie.
+    Those are the sum `S` (6 x 6) of the outer products of J / |m|, the sum of the squared distances in sigmas, how many
+    points agree with their planes, and how many lie before them by more than two gates. A point q = T p on the ray
+    (x, y, 1) before the plane m has the residual r = 1 / z - m (x, y, 1). It changes by -J xi / z with T exp(xi): J is
+    (R' m, p x R' m), as only the step of q counts, not the ray on which it comes to lie.
     """
     intrinsics, projection, cell_px = image
     share, sigmas, huber, shared = gates
     rows, columns = planes.shape[0], planes.shape[1]
     H, S, g, J = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6), np.zeros(6)
-    agreeing = 0
+    chi2, agreeing, in_front = 0.0, 0, 0
     for k in range(len(points)):
         x, y, z = ahead(T, points, k)
         if z == 0.0:
@@ -116,9 +124,11 @@ def _normal_equations(
         m = planes[row, column]
         r = 1.0 / z - (m[0] * x + m[1] * y + m[2])
         sigma = math.sqrt(variance[k] + plane_variance[row, column])
-        if not abs(r) < share / z + sigmas * sigma:  # nor where there is no plane
+        gate = share / z + sigmas * sigma
+        if not abs(r) < gate:  # nor where there is no plane
+            in_front += r > 2.0 * gate
             continue
-        agreeing += 1
+        chi2, agreeing = chi2 + (r / sigma) ** 2, agreeing + 1
         a = T[0, 0] * m[0] + T[1, 0] * m[1] + T[2, 0] * m[2]
         b = T[0, 1] * m[0] + T[1, 1] * m[1] + T[2, 1] * m[2]
         c = T[0, 2] * m[0] + T[1, 2] * m[1] + T[2, 2] * m[2]
@@ -132,4 +142,4 @@ def _normal_equations(
             for j in range(6):
                 H[i, j] += weight * J[i] * J[j]
                 S[i, j] += J[i] * J[j] / (a * a + b * b + c * c)
-    return H / shared, S, g / shared, agreeing
+    return H / shared, S, g / shared, chi2, agreeing, in_front

@@ -192,7 +192,7 @@ def test_a_body_that_fills_the_view_from_the_start_leaves_doubt_as_long_as_the_r
     between = told(STILL, as_one=lambda look: 0.5 * (look % 4 == 0))  # most looks cannot tell the two apart
     assert all(moving.is_doubtful for moving in between[5:])
     assert not any(moving.is_doubtful for moving in told(STILL, as_one=lambda look: 0.5 * (look == 4)))  # a quick turn
-    late = told([*STILL, 0.0, 0.0], as_one=lambda look: 0.5 * (look >= len(STILL)))
+    late = told([*STILL, 0.0, 0.0], as_one=lambda look: 0.5 * (look >= len(STILL)), found=30)
     assert not late[-1].is_doubtful  # a quick turn of a camera that knows the scene
 
 
@@ -206,6 +206,16 @@ def test_what_has_no_depth_shows_by_two_looks_that_the_scene_is_left_behind() ->
     looks = told([0.0, 0.0], behind=lambda look: 0.9, denied=[0, 1])
     assert [moving.rivals.is_left_behind for moving in looks] == [False, True]
     assert not told([0.0, 0.0], behind=lambda look: 0.9)[-1].rivals.is_left_behind
+
+
+def test_landmarks_that_stood_in_another_segment_do_not_speak_for_a_pose() -> None:
+    n = len(STILL)
+    known, unseen = (
+        told([*STILL, 0.0, 0.0], behind=lambda i: 0.9 * (i >= n), denied=[n, n + 1], lost=[n], found=found)
+        for found in (30, 0)
+    )
+    assert not known[-1].rivals.is_left_behind
+    assert unseen[-1].rivals.is_left_behind
 
 
 def test_after_a_loss_a_third_of_the_view_is_enough_again() -> None:

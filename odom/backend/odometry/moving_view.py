@@ -45,12 +45,13 @@ class MovingView:
         is_suspicious = seen.is_suspicious
         witnesses = seen.witnesses.with_root(tracked, landmarks, is_suspicious)
         proven = Agreement.of(tracked, landmarks, witnesses.proven_identity)
-        is_unproven = witnesses.proven_identity == 0 or is_suspicious or proven.contradicts()
+        is_unproven = not proven.testifies() or is_suspicious or proven.contradicts()
         others = recent.what_else_moves(view, tracked, sensor) if is_unproven else None
         if others is None:
             rivals = replace(seen.rivals, is_left_behind=False)
         else:
-            rivals = seen.rivals.after(stamp, others, witnesses, is_suspicious)
+            trusted = Agreement.of(tracked, landmarks, witnesses.trusted_identity)
+            rivals = seen.rivals.after(stamp, others, witnesses, trusted, is_suspicious)
             is_disputed = others.has_scene or rivals.large_stamp == stamp
             witnesses = witnesses.with_confirmation(others.is_confirmed, is_disputed, landmarks.next_identity)
         seen = replace(seen, witnesses=witnesses, rivals=rivals)

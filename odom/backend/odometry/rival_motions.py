@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 from odom.backend.odometry.tuning import TUNING
-from odom.backend.odometry.witnesses import Witnesses
+from odom.backend.odometry.witnesses import Agreement, Witnesses
 from odom.backend.tracking.other_motions import WhatElseMoves
 from odom.frontend.camera.stamp_clock import SteadyStamp, is_within
 from odom.geometry.arrays import Array
@@ -34,13 +34,21 @@ class RivalMotions:
         return is_within(TUNING.moved_as_one_s, self.rival_stamp, stamp)
 
     def after(
-        self, stamp: SteadyStamp, others: WhatElseMoves, witnesses: Witnesses, is_suspicious: bool
+        self,
+        stamp: SteadyStamp,
+        others: WhatElseMoves,
+        witnesses: Witnesses,
+        trusted: Agreement,
+        is_suspicious: bool,
     ) -> "RivalMotions":
-        """Return what is known after a look at `stamp` that showed which `others` there are; `spread` stays."""
+        """Return what is known after a look at `stamp` that showed which `others` there are; `spread` stays.
+
+        Of the landmarks that can tell, the `trusted` ones are or should be in view.
+        """
         is_seen = is_suspicious and others.share > TUNING.moved_as_one
         is_large = others.share > TUNING.moved_rival or others.behind > TUNING.moved_behind
         is_second = is_within(TUNING.moved_as_one_s, self.large_stamp, stamp)
-        is_rival = is_large and (witnesses.denying_looks > 0 or (is_second and witnesses.trusted_identity == 0))
+        is_rival = is_large and (witnesses.denying_looks > 0 or (is_second and not trusted.testifies()))
         is_scene = others.has_scene or (is_large and witnesses.is_denied) or (is_rival and others.is_denied)
         seen = replace(self, seen_stamp=stamp) if is_seen else self
         seen = replace(seen, large_stamp=stamp) if is_large else seen

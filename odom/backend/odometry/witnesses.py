@@ -25,6 +25,10 @@ class Agreement:
         missed = np.count_nonzero((landmarks.identity[tracked.missed] < identity) & could_be_seen)
         return cls(int(found), int(missed))
 
+    def testifies(self) -> bool:
+        """Return whether enough of them should be seen to tell: of another place or segment, none are."""
+        return self.found + self.missed >= TRACKING.sure_inliers
+
     def supports(self, times: float = 1.0) -> bool:
         """Return whether the pose found enough of them, and at least `times` as many as it missed."""
         return self.found >= max(TRACKING.sure_inliers, times * self.missed)

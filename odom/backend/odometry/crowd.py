@@ -47,7 +47,7 @@ class Crowd:
         calm = stamp if self.calm_stamp is None else self.calm_stamp
         is_backed, is_most = trusted.supports(), share > TUNING.moving_most or is_denied
         has_moved = is_within(TUNING.moved_parts_s, self.moved_keyframe_stamp, stamp)
-        has_moved = has_moved and not proven.supports(TUNING.moved_support)
+        has_moved = has_moved and not trusted.supports(TUNING.moved_support)
         seen = replace(self, first_stamp=first, calm_stamp=None if is_most else calm)
         seen = replace(seen, moved_stamp=stamp if share > TUNING.moving_seen else self.moved_stamp)
         seen = replace(seen, moved_keyframe_stamp=self.moved_keyframe_stamp if has_moved else None)

@@ -90,8 +90,8 @@ class MovingView:
         self, stamp: SteadyStamp, moved_share: float, tracked: Tracked, landmarks: Landmarks
     ) -> "MovingView":
         """Return what is known after a key frame, of whose view a `moved_share` was seen to move by its corners."""
-        proven = Agreement.of(tracked, landmarks, self.witnesses.proven_identity)
-        has_moved = moved_share > TUNING.moved_parts and not proven.supports()
+        trusted = Agreement.of(tracked, landmarks, self.witnesses.trusted_identity)
+        has_moved = moved_share > TUNING.moved_parts and not trusted.supports()
         return replace(self, crowd=replace(self.crowd, moved_keyframe_stamp=stamp if has_moved else None))
 
     @property

@@ -1,5 +1,6 @@
 """A camera followed by the surfaces of its depth images, where colour shows too little to track it by."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,7 +33,7 @@ class SurfaceFollowing:
     in view. `T_placed_anchor` leads there, and `covariance_anchor` (6 x 6) is that of the anchor's pose in the map.
     `motion` is the camera's in the anchor's frame at the middle row of the frame of `stamp`, which is really from
     `steady_stamp`; at `held_stamp`, surfaces held it in all directions for the last time. The frames followed are those
-    in the log from number `first` on.
+    in the log from number `first` on. `best_misfit` is the smallest so far: how much noisier than known the sensor is.
     """
 
     anchor: Surfaces
@@ -43,6 +44,7 @@ class SurfaceFollowing:
     steady_stamp: SteadyStamp
     held_stamp: SteadyStamp
     first: int
+    best_misfit: float = math.inf
 
     @classmethod
     def begun(cls, placed: FrameState, sensor: SensorModel, first: int) -> "SurfaceFollowing":
@@ -64,14 +66,16 @@ class SurfaceFollowing:
         predicted = self.motion.after(self.since_s(view), _AGILITY)
         surfaces = Surfaces.of(view, sensor, predicted.twist)
         aligned = align_surfaces(surfaces, self.anchor, predicted.T_fixed_camera, predicted.covariance)
-        is_seen = aligned.overlap >= TUNING.surface_least_overlap and aligned.misfit <= TUNING.surface_most_misfit
-        is_seen = is_seen and aligned.in_front <= TUNING.surface_most_in_front
+        best_misfit = min(aligned.misfit, self.best_misfit)
+        is_seen = aligned.overlap >= TUNING.surface_least_overlap and aligned.in_front <= TUNING.surface_most_in_front
+        is_seen = is_seen and aligned.misfit <= TUNING.surface_most_misfit * max(1.0, best_misfit)
         motion = predicted.corrected(aligned.T_target_source, aligned.covariance) if is_seen else predicted
         held_stamp = view.steady_stamp if is_seen and aligned.has_shape else self.held_stamp
         if (view.steady_stamp - held_stamp) * 1e-9 > longest_s or not is_plausible_motion(motion.twist):
             return None
         steady = view.steady_stamp
         moved = replace(self, motion=motion, stamp=view.stamp, steady_stamp=steady, held_stamp=held_stamp)
+        moved = replace(moved, best_misfit=best_misfit)
         is_worn = held_stamp == view.steady_stamp and aligned.overlap < TUNING.surface_enough_overlap
         return moved._anchored(surfaces) if is_worn else moved
 

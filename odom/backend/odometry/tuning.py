@@ -129,9 +129,9 @@ class Tuning:
     surface_least_overlap: float = tuned(0.3, unit="share of points", source="as surface_enough_overlap",
         effect="A view of which fewer points lie on the surfaces of an earlier one is not aligned with it. Smaller: "
         "other surfaces are taken for them; larger: the camera is LOST behind a body that hides them.")
-    surface_most_misfit: float = tuned(2.0, unit="variances", source="as surface_least_overlap; " + BODIES,
-        effect="Surfaces that are further apart than noise explains do not lead the camera. Smaller: it is LOST where "
-        "the camera's calibration is off; larger: surfaces of a body, or of noise, lead it.")
+    surface_most_misfit: float = tuned(2.0, unit="times the best so far", source="as surface_least_overlap; " + BODIES,
+        effect="Surfaces that are further apart, in sigmas and of noise at least, do not lead the camera. Smaller: it "
+        "is LOST where the calibration is off; larger: surfaces of a body, or of noise, lead it.")
     surface_most_in_front: float = tuned(0.05, unit="share of points", source="as surface_most_misfit",
         effect="More points before the surfaces of an earlier view are those of a body that has come. Smaller: noisy "
         "depth does not lead the camera; larger: bodies lead it.")

@@ -60,7 +60,7 @@ def align_surfaces(source: Surfaces, target: Surfaces, T_target_source: Array, c
     expected, T = np.asarray(np.linalg.inv(covariance)), T_target_source
     for _ in range(TUNING.surface_iterations):
         gates = gate, *_GATES
-        H, S, g, chi2, agreeing, in_front = _normal_equations(
+        H, S, g, chi2, agreeing, before = _normal_equations(
             points, variance, target.planes, target.variance, T, image, gates
         )
         away = se3.log(se3.inverse(T) @ T_target_source)
@@ -76,9 +76,8 @@ def align_surfaces(source: Surfaces, target: Surfaces, T_target_source: Array, c
     V, W = unit[:, None] * axes[:, is_held], _UNKNOWN_M * unit[:, None] * axes[:, ~is_held]
     C = np.asarray(V @ np.linalg.inv(V.T @ H @ V) @ V.T)
     T_found = se3.orthonormal(T @ se3.exp(C @ g))
-    overlap, misfit, has_shape = agreeing / len(points), chi2 / max(agreeing, 1), bool(is_held.all())
-    C = max(1.0, misfit) * C + W @ W.T
-    return SurfaceAlignment(T_found, C, has_shape, overlap, misfit, in_front / len(points))
+    overlap, misfit = agreeing / len(points), chi2 / max(agreeing, 1)
+    return SurfaceAlignment(T_found, C + W @ W.T, bool(is_held.all()), overlap, misfit, before / len(points))
 
 
 def warm_up() -> None:
@@ -110,7 +109,7 @@ def _normal_equations(
     share, sigmas, huber, shared = gates
     rows, columns = planes.shape[0], planes.shape[1]
     H, S, g, J = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6), np.zeros(6)
-    chi2, agreeing, in_front = 0.0, 0, 0
+    chi2, agreeing, before = 0.0, 0, 0
     for k in range(len(points)):
         x, y, z = ahead(T, points, k)
         if z == 0.0:
@@ -126,7 +125,7 @@ def _normal_equations(
         sigma = math.sqrt(variance[k] + plane_variance[row, column])
         gate = share / z + sigmas * sigma
         if not abs(r) < gate:  # nor where there is no plane
-            in_front += r > 2.0 * gate
+            before += r > 2.0 * gate
             continue
         chi2, agreeing = chi2 + (r / sigma) ** 2, agreeing + 1
         a = T[0, 0] * m[0] + T[1, 0] * m[1] + T[2, 0] * m[2]
@@ -142,4 +141,4 @@ def _normal_equations(
             for j in range(6):
                 H[i, j] += weight * J[i] * J[j]
                 S[i, j] += J[i] * J[j] / (a * a + b * b + c * c)
-    return H / shared, S, g / shared, chi2, agreeing, in_front
+    return H / shared, S, g / shared, chi2, agreeing, before

@@ -77,9 +77,14 @@ class RecentViews:
         return None
 
     def _earlier_views(self, view: View, tracked: Tracked) -> list[EarlierView]:
-        """Return the views to look in, of the last while."""
+        """Return the views to look in, of the last while; none where even the newest is long ago.
+
+        After a wide step, what was not seen well cannot be told from what moved.
+        """
         stamp = view.steady_stamp
         recent = [one for one in self._views if 0.0 < _since_s(one, stamp) <= TUNING.recent_s]
+        if not recent or _since_s(recent[-1], stamp) > TUNING.newest_s:
+            return []
         return [self._seen_from(one, tracked) for one in recent]
 
     def _seen_from(self, recent: _RecentView, tracked: Tracked) -> EarlierView:

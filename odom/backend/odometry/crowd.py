@@ -36,12 +36,10 @@ class Crowd:
         """Return whether less than most of the view has moved for long enough, at `stamp`."""
         return self.calm_stamp is not None and not is_within(TUNING.moving_calm_s, self.calm_stamp, stamp)
 
-    def after(
-        self, stamp: SteadyStamp, share: float, proven: Agreement, trusted: Agreement, is_denied: bool
-    ) -> "Crowd":
+    def after(self, stamp: SteadyStamp, share: float, trusted: Agreement, is_denied: bool) -> "Crowd":
         """Return what is known after a look at `stamp` in which a `share` of the view moves.
 
-        `proven` and `trusted` landmarks testify to the pose; `is_denied`: it is in doubt by them (see `Witnesses`).
+        `trusted` landmarks testify to the pose; `is_denied`: it is in doubt by them (see `Witnesses`).
         """
         first = stamp if self.first_stamp is None else self.first_stamp
         calm = stamp if self.calm_stamp is None else self.calm_stamp

@@ -64,11 +64,10 @@ class MovingView:
         """Return what is known after a look at `stamp` that showed `cells` move."""
         if cells is None:
             return replace(self, stamp=stamp, cells=None)
-        proven = Agreement.of(tracked, landmarks, self.witnesses.proven_identity)
         trusted = Agreement.of(tracked, landmarks, self.witnesses.trusted_identity)
         is_after_doubt = is_within(TUNING.moved_parts_s, self.doubted_stamp, self.stamp)
         witnesses = self.witnesses.with_testimony(trusted, is_after_doubt)
-        crowd = self.crowd.after(stamp, cells.share, proven, trusted, witnesses.is_denied)
+        crowd = self.crowd.after(stamp, cells.share, trusted, witnesses.is_denied)
         seen = replace(self, stamp=stamp, cells=cells, crowd=crowd, witnesses=witnesses)
         if seen.is_suspicious or witnesses.denying_looks or not crowd.is_calm(stamp):
             return seen

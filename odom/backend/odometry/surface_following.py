@@ -66,8 +66,8 @@ class SurfaceFollowing:
         predicted = self.motion.after(self.since_s(view), _AGILITY)
         surfaces = Surfaces.of(view, sensor, predicted.twist)
         aligned = align_surfaces(surfaces, self.anchor, predicted.T_fixed_camera, predicted.covariance)
-        best_misfit = min(aligned.misfit, self.best_misfit)
         is_seen = aligned.overlap >= TUNING.surface_least_overlap and aligned.in_front <= TUNING.surface_most_in_front
+        best_misfit = min(aligned.misfit, self.best_misfit) if is_seen else self.best_misfit
         is_seen = is_seen and aligned.misfit <= TUNING.surface_most_misfit * max(1.0, best_misfit)
         motion = predicted.corrected(aligned.T_target_source, aligned.covariance) if is_seen else predicted
         held_stamp = view.steady_stamp if is_seen and aligned.has_shape else self.held_stamp

@@ -339,6 +339,13 @@ def test_in_a_crowd_that_never_thins_landmarks_tell_once_the_scene_has_confirmed
     assert told(crowd, found=60, missed=80, confirmed=range(enough))[-1].is_doubtful
 
 
+def test_what_the_scene_has_confirmed_ends_the_doubt_of_a_key_frame_whose_corners_do_not_stand() -> None:
+    crowd, confirmed = [0.6] * 20, range(TUNING.confirmed_looks)
+    assert told(crowd, found=60, keyframes={10: 0.7})[-1].crowd.moved_keyframe_stamp is not None
+    assert told(crowd, found=60, keyframes={10: 0.7}, confirmed=confirmed)[-1].crowd.moved_keyframe_stamp is None
+    assert not told(crowd, found=60, keyframes={10: 0.7}, confirmed=confirmed)[-1].is_doubtful
+
+
 def test_a_look_in_which_the_scene_or_much_else_moves_otherwise_takes_back_what_looks_before_confirmed() -> None:
     crowd, enough = [0.6] * 20, TUNING.confirmed_looks
     scene_moved = told(crowd, found=60, confirmed=range(1, enough + 1), scene_moves=[enough])

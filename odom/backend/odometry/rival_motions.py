@@ -43,7 +43,7 @@ class RivalMotions:
     ) -> "RivalMotions":
         """Return what is known after a look at `stamp` that showed which `others` there are; `spread` stays.
 
-        Of the landmarks that can tell, the `trusted` ones are or should be in view.
+        `trusted`: how the landmarks that can tell agree with the pose, if enough of them are in view to speak for it.
         """
         is_seen = is_suspicious and others.share > TUNING.moved_as_one
         is_large = others.share > TUNING.moved_rival or others.behind > TUNING.moved_behind

@@ -66,16 +66,21 @@ class SurfaceFollowing:
         predicted = self.motion.after(self.since_s(view), _AGILITY)
         surfaces = Surfaces.of(view, sensor, predicted.twist)
         aligned = align_surfaces(surfaces, self.anchor, predicted.T_fixed_camera, predicted.covariance)
-        is_seen = aligned.overlap >= TUNING.surface_least_overlap and aligned.in_front <= TUNING.surface_most_in_front
-        best_misfit = min(aligned.misfit, self.best_misfit) if is_seen else self.best_misfit
-        is_seen = is_seen and aligned.misfit <= TUNING.surface_most_misfit * max(1.0, best_misfit)
+        is_same = aligned.overlap >= TUNING.surface_least_overlap and aligned.in_front <= TUNING.surface_most_in_front
+        best_misfit = min(aligned.misfit, self.best_misfit) if is_same else self.best_misfit
+        is_seen = is_same and aligned.misfit <= TUNING.surface_most_misfit * max(1.0, best_misfit)
         motion = predicted.corrected(aligned.T_target_source, aligned.covariance) if is_seen else predicted
         held_stamp = view.steady_stamp if is_seen and aligned.has_shape else self.held_stamp
         if (view.steady_stamp - held_stamp) * 1e-9 > longest_s or not is_plausible_motion(motion.twist):
             return None
-        steady = view.steady_stamp
-        moved = replace(self, motion=motion, stamp=view.stamp, steady_stamp=steady, held_stamp=held_stamp)
-        moved = replace(moved, best_misfit=best_misfit)
+        moved = replace(
+            self,
+            motion=motion,
+            stamp=view.stamp,
+            steady_stamp=view.steady_stamp,
+            held_stamp=held_stamp,
+            best_misfit=best_misfit,
+        )
         is_worn = held_stamp == view.steady_stamp and aligned.overlap < TUNING.surface_enough_overlap
         return moved._anchored(surfaces) if is_worn else moved
 

@@ -63,8 +63,8 @@ class Tuning:
         effect="Another motion counts from this share on. Smaller: one that is found by chance counts; larger: a small "
         "body is not noticed.")
     moved_rival: float = tuned(0.4, unit="share of the votes", source=BODIES,
-        effect="Another motion with more, in two looks within moved_as_one_s, puts the pose in doubt before any view "
-        "was calm. Smaller: who walks by leaves sure poses in doubt; larger: a body that fills the view from the start "
+        effect="Another motion with more, in two looks within moved_as_one_s, puts the pose in doubt where no "
+        "landmarks tell. Smaller: who walks by leaves sure poses in doubt; larger: a body that fills the view from the start "
         "is followed and called sure.")
     moved_behind: float = tuned(0.25, unit="share of the votes", source=BODIES,
         effect="As moved_rival, for a motion of what lies behind what moves with the camera.")

@@ -64,8 +64,8 @@ class Tuning:
         "body is not noticed.")
     moved_rival: float = tuned(0.4, unit="share of the votes", source=BODIES,
         effect="Another motion with more, in two looks within moved_as_one_s, puts the pose in doubt where no "
-        "landmarks tell. Smaller: who walks by leaves sure poses in doubt; larger: a body that fills the view from the start "
-        "is followed and called sure.")
+        "landmarks tell. Smaller: who walks by leaves sure poses in doubt; larger: a body that fills the view from "
+        "the start is followed and called sure.")
     moved_behind: float = tuned(0.25, unit="share of the votes", source=BODIES,
         effect="As moved_rival, for a motion of what lies behind what moves with the camera.")
     moved_as_one_s: float = tuned(1.0, unit="s", source="as moved_as_one",

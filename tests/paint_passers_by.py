@@ -12,7 +12,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from odom import Camera, RgbdRecording, Trajectory, read_recording
-from odom.evaluation.passers_by import Painter, anchor_before_camera, anchor_in_world, nearer_than, passers_by
+from odom.evaluation.painter import Painter, anchor_before_camera, anchor_in_world
+from odom.evaluation.passers_by import nearer_than, passers_by
 from odom.frontend.camera.lens import Lens
 from sensors.calibration_file import TUM_DEPTH_SCALE
 

@@ -19,6 +19,7 @@ from odom.evaluation.robustness.spoiler import UNSPOILT, Scene
 from odom.evaluation.robustness.verdict import Verdict, verdict
 from odom.evaluation.run_report import CAMERA
 from odom.evaluation.trajectory import Trajectory
+from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.service.replayed import Replayed, frames_of, replay
 from odom.service.settings import load_settings
 from sensors.catalogue import open_source
@@ -27,12 +28,16 @@ from sensors.source import SourceOptions
 _LOOKS, _LOOK_EVERY = 40, 10
 """Frames at the beginning that tell how far away the scene is, of which every tenth is looked at."""
 
+_ESTIMATED, _TIMING = "estimated.txt", "timing.json"
+"""Files beside that of the truth."""
+
 
 @dataclass(frozen=True)
 class Task:
     """What one run is to do: an axis and the number of its level, or None for the unspoilt run.
 
-    The unspoilt run writes the camera's truth to the file `truth`; the others read it there.
+    The unspoilt run writes the camera's truth to the file `truth`, and what it estimated beside it; the others read
+    that.
     """
 
     source: str
@@ -69,6 +74,8 @@ def run(task: Task) -> Verdict:
     replayed = replay(open_source(task.source, options), options.topics, settings, spoiler)
     if task.axis is None:
         write_tum(file, camera_truth(replayed))
+        write_tum(file.with_name(_ESTIMATED), replayed.trajectory)
+        file.with_name(_TIMING).write_text(json.dumps(asdict(replayed.timing)))
     return verdict(replayed.estimates, replayed.trajectory, read_tum(file), spoiler.light_returns)
 
 
@@ -80,8 +87,9 @@ def look(task: Task, options: SourceOptions, truth: Trajectory) -> Scene:
     finally:
         source.close()
     camera, frame = first[0]
-    near_m = nearer_than([each for _, each in first[::_LOOK_EVERY]])
-    return Scene(task.seed, frame.stamp, camera, truth, near_m)
+    near_m, beside = nearer_than([each for _, each in first[::_LOOK_EVERY]]), Path(task.truth)
+    timing = ShutterTiming(**json.loads(beside.with_name(_TIMING).read_text()))
+    return Scene(task.seed, frame.stamp, camera, truth, near_m, read_tum(beside.with_name(_ESTIMATED)), timing)
 
 
 def camera_truth(replayed: Replayed) -> Trajectory:

@@ -8,6 +8,7 @@ from odom.errors import RecordingError
 from odom.evaluation.robustness.spoiler import UNSPOILT, Spoiler, Stream
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera, RgbdFrame, Stamp
+from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.geometry.arrays import Array
 from odom.wire import Message, Topics, truth_body
 from odom.wire.assembler import FrameAssembler
@@ -22,12 +23,13 @@ TruePoses = dict[str, dict[Stamp, Array]]
 class Replayed:
     """What a run gave: the estimates without what is for display, the final trajectory, and the truth of each body.
 
-    The body that was seen first comes first: it is the one that `odom run` judges by.
+    The body that was seen first comes first: it is the one that `odom run` judges by. `timing` is the shutter's.
     """
 
     estimates: list[Estimate]
     trajectory: Trajectory
     truth: dict[str, Trajectory]
+    timing: ShutterTiming
 
 
 def replay(source: Source, topics: Topics, settings: OdometrySettings, spoiler: Spoiler = UNSPOILT) -> Replayed:
@@ -48,7 +50,8 @@ def replay(source: Source, topics: Topics, settings: OdometrySettings, spoiler: 
     if odometry is None:
         raise RecordingError("no frame with a calibration")
     bodies = {body: Trajectory.by_stamp(poses) for body, poses in truth.items()}
-    return Replayed(estimates, Trajectory.of(odometry.finish()), bodies)
+    trajectory = Trajectory.of(odometry.finish())
+    return Replayed(estimates, trajectory, bodies, odometry.timing)
 
 
 def noting_truth(messages: Iterable[Message], truth: TruePoses) -> Iterator[Message]:

@@ -14,7 +14,8 @@ from odom import Odometry, read_recording
 from odom.backend import RelativePose
 from odom.backend.chain import chain as chain_module
 from odom.evaluation.metrics import nees, tangent_errors
-from odom.evaluation.passers_by import Painter, anchor_in_world, nearer_than, passers_by
+from odom.evaluation.painter import Painter, anchor_in_world
+from odom.evaluation.passers_by import nearer_than, passers_by
 from odom.evaluation.truth_noise import truth_noise
 from odom.frame import Stamp
 from odom.frontend.camera.lens import Lens

@@ -9,7 +9,8 @@ from drawn import frame
 from painted_room import SMALL, START, PaintedRoom, stroll
 
 from odom import Camera, Odometry, Trajectory, read_recording
-from odom.evaluation.passers_by import Painter, anchor_before_camera, passers_by
+from odom.evaluation.painter import Painter, anchor_before_camera
+from odom.evaluation.passers_by import passers_by
 from odom.evaluation.robustness.verdict import Verdict, verdict
 from odom.export.scene import scene_of
 from odom.frontend.camera.lens import Lens

@@ -12,7 +12,8 @@ from odom.backend.odometry.lost_views import LostViews
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.scene_motion import scene_motion
-from odom.evaluation.passers_by import Painter, PasserBy, anchor_before_camera, passers_by
+from odom.evaluation.painter import Painter, anchor_before_camera
+from odom.evaluation.passers_by import PasserBy, passers_by
 from odom.frame import RgbdFrame
 from odom.frontend.camera.lens import Lens
 from odom.frontend.features.image_scale import own_uv

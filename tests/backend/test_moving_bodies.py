@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from odom import Odometry, RgbdFrame, Trajectory, read_recording
-from odom.evaluation.passers_by import Painter, anchor_in_world, nearer_than, passers_by
+from odom.evaluation.painter import Painter, anchor_in_world
+from odom.evaluation.passers_by import nearer_than, passers_by
 from odom.evaluation.robustness.verdict import Verdict, verdict
 from odom.frontend.camera.lens import Lens
 from sensors.arena import ArenaOptions, render_walk

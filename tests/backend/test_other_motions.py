@@ -14,7 +14,8 @@ from odom.backend.mapping.standing import RecentViews
 from odom.backend.tracking.corner_flow import DepthlessCorners, FollowedCorners
 from odom.backend.tracking.frame_state import FrameState
 from odom.backend.tracking.other_motions import OtherMotion, WhatElseMoves, other_motions, what_else_moves
-from odom.evaluation.passers_by import Painter, anchor_before_camera, passers_by
+from odom.evaluation.painter import Painter, anchor_before_camera
+from odom.evaluation.passers_by import passers_by
 from odom.frame import RgbdFrame
 from odom.frontend.camera.lens import Lens
 from odom.frontend.matching.look_back import EarlierView

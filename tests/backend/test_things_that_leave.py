@@ -8,7 +8,8 @@ from painted_room import SMALL, START, PaintedRoom, stroll
 
 from odom import Odometry, OdometrySettings
 from odom.backend import Estimate
-from odom.evaluation.passers_by import Painter, PasserBy, passers_by
+from odom.evaluation.painter import Painter
+from odom.evaluation.passers_by import PasserBy, passers_by
 from odom.frontend.camera.lens import Lens
 from odom.geometry import se3
 from odom.geometry.arrays import Array

@@ -8,7 +8,8 @@ from painted_room import SMALL, PaintedRoom, stroll
 from odom import read_recording
 from odom.evaluation.diagnosis import Verdict
 from odom.evaluation.diagnosis.fixed_parts import fixed_parts, judge_fixed_parts
-from odom.evaluation.passers_by import Painter, anchor_before_camera, passers_by
+from odom.evaluation.painter import Painter, anchor_before_camera
+from odom.evaluation.passers_by import passers_by
 from odom.frontend.camera.lens import Lens
 
 ROOM = PaintedRoom(seed=4)

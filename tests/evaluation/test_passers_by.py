@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from odom import Camera, InputError, RgbdFrame, Trajectory
-from odom.evaluation.passers_by import Painter, anchor_before_camera, anchor_in_world, passers_by, seen
+from odom.evaluation.painter import Painter, anchor_at_rest, anchor_before_camera, anchor_in_world, seen
+from odom.evaluation.passers_by import passers_by
 from odom.frontend.camera.lens import Lens
+from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.geometry import se3
 
 CAMERA = Camera(160, 120, 131.0, 131.0, 79.5, 59.5)
@@ -62,6 +64,42 @@ def test_a_body_walks_on_one_line_at_the_speed_that_was_asked_for():
     assert speeds.max() < 1.2
 
 
+def test_a_body_that_rests_stands_still_at_first_and_time_and_again_and_walks_on_from_where_it_stood():
+    body, walker = passers_by(CAMERA, 1.2, rest=True)[0], passers_by(CAMERA, 1.2)[0]
+    (_, first_end), (second_begin, second_end) = body.rests[:2]
+    assert 1.0 <= first_end <= 5.0
+    for begin, end in ((0.0, first_end), (second_begin, second_end)):
+        np.testing.assert_allclose(body.T_anchor_body(begin + 0.1), body.T_anchor_body(end - 0.1), atol=1e-12)
+    for walked_s in (0.0, 0.2, 0.4):
+        np.testing.assert_allclose(body.T_anchor_body(first_end + walked_s), walker.T_anchor_body(walked_s), atol=1e-12)
+    assert body.rests[-1][1] > 590.0
+
+
+def test_rows_that_are_read_one_after_another_show_a_body_each_at_its_own_time():
+    bodies, frame = passers_by(CAMERA, 1.2, speed_m_s=3.0), wall(3000, 0.6)
+    rolling = Painter(CAMERA, bodies, BEGIN, anchor_before_camera, LENS, timing=ShutterTiming(0.024, -0.03, 0.036))
+    painted, mask = rolling.paint(frame)
+    late_s, height = 0.024 * (0.5 - 5.5 / 12), slice(50, 60)  # the sixth of twelve bands of ten rows
+    at_its_time = painter(speed_m_s=3.0).paint(wall(3000, 0.6 - 0.012 - late_s))
+    np.testing.assert_array_equal(mask[height], at_its_time[1][height])
+    assert (mask[:10] != at_its_time[1][:10]).any()
+    depth_late_s = -0.03 - 0.036 * (0.5 - 5.5 / 12)
+    of_depth = painter(speed_m_s=3.0).paint(wall(3000, 0.6, depth_late_s))[0].depth_mm
+    np.testing.assert_array_equal(painted.depth_mm[height] != 3000, of_depth[height] != 3000)
+
+
+def test_a_body_at_rest_in_the_world_moves_in_the_view_as_the_camera_does():
+    stamps = BEGIN + np.arange(0, 3 * 10**9, 10**8)
+    poses = np.tile(np.eye(4), (len(stamps), 1, 1))
+    poses[:, 0, 3] = np.linspace(0.0, 0.3, len(stamps))
+    T_camera_anchor = anchor_at_rest(Trajectory(stamps, poses))
+    first, last = T_camera_anchor(BEGIN), T_camera_anchor(int(stamps[-1]))
+    np.testing.assert_allclose(first[:3, 3] - last[:3, 3], [0.3, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_array_equal(T_camera_anchor(BEGIN - 10**9), first)
+    with pytest.raises(InputError, match="path is empty"):
+        anchor_at_rest(Trajectory(stamps[:0], poses[:0]))
+
+
 def test_a_point_of_the_body_keeps_its_print_and_its_depth_is_that_of_the_geometry():
     body = passers_by(CAMERA, 1.2, seed=5)[0]
     T_world_body = np.eye(4)
@@ -69,7 +107,7 @@ def test_a_point_of_the_body_keeps_its_print_and_its_depth_is_that_of_the_geomet
     T_camera_world = se3.exp(np.array([0.2, -0.1, 0.15, 0.05, -0.1, 0.2]))
     points = []
     for T in (T_world_body, T_camera_world @ T_world_body):
-        depth, x, y = seen(body, T, LENS)
+        depth, x, y = seen(body, T, LENS.rays)
         hit = np.isfinite(depth)
         rays = np.column_stack([LENS.rays[hit], np.ones(hit.sum())])
         in_body = se3.apply(se3.inverse(T), rays * depth[hit][:, None])

@@ -9,6 +9,7 @@ from odom import Camera, RgbdFrame, Trajectory
 from odom.evaluation.robustness import color, depth, timing
 from odom.evaluation.robustness.axes import AXES, longer
 from odom.evaluation.robustness.spoiler import Scene, Stream
+from odom.frontend.camera.rolling_shutter import ShutterTiming
 
 CAMERA = Camera(160, 120, 131.0, 131.0, 79.5, 59.5)
 BEGIN = 1_700_000_000_000_000_000
@@ -26,7 +27,7 @@ def frame(number: int = 3, is_grey: bool = True, after_s: float | None = None) -
 
 def scene(seed: int = 1) -> Scene:
     path = Trajectory(STAMPS.astype(np.int64), np.tile(np.eye(4), (len(STAMPS), 1, 1)))
-    return Scene(seed, BEGIN, CAMERA, path, 1.0)
+    return Scene(seed, BEGIN, CAMERA, path, 1.0, path, ShutterTiming(0.025, -0.03, 0.033))
 
 
 def equal(a: RgbdFrame, b: RgbdFrame) -> bool:

@@ -4,7 +4,8 @@ import numpy as np
 from painted_room import PERIOD, SMALL, START, PaintedRoom, stroll
 from sensor_models import sensor_model, view_of
 
-from odom.evaluation.passers_by import Painter, anchor_before_camera, passers_by
+from odom.evaluation.painter import Painter, anchor_before_camera
+from odom.evaluation.passers_by import passers_by
 from odom.frame import RgbdFrame
 from odom.frontend.camera.lens import Lens
 from odom.frontend.features.corners import detect_corners

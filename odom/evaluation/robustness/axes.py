@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from odom.evaluation.passers_by import Painter, anchor_in_world, passers_by
+from odom.evaluation.painter import Painter, anchor_at_rest, anchor_in_world
+from odom.evaluation.passers_by import passers_by
 from odom.evaluation.robustness import color, depth, timing
 from odom.evaluation.robustness.spoiler import Scene, Spoiler
 from odom.frame import Camera
@@ -112,6 +113,13 @@ def _passers_by(scene: Scene, share: float, count: float) -> Spoiler:
     return Spoiler(frame=lambda frame: painter.paint(frame)[0])
 
 
+def _people_who_rest(scene: Scene, share: float, count: float) -> Spoiler:
+    bodies = passers_by(scene.camera, scene.near_m, count=int(count), share=share, seed=scene.seed, rest=True)
+    anchor, lens = anchor_at_rest(scene.estimated), Lens.of(scene.camera)
+    painter = Painter(scene.camera, bodies, scene.begin, anchor, lens, scene.seed, scene.timing)
+    return Spoiler(frame=lambda frame: painter.paint(frame)[0])
+
+
 def _blurred_people(scene: Scene, length_px: float) -> Spoiler:
     painter = _painter(scene, _SLIM, 1)
     return Spoiler(frame=lambda frame: color.motion_blur(painter.paint(frame)[0], length_px, scene.seed))
@@ -136,6 +144,7 @@ AXES = (
     Axis("torn", "share of rows torn", _numbers(0.1, 0.25, 0.5, 0.75), _torn),
     Axis("black-outs", "black-outs every 8 s, s", _numbers(0.2, 0.5, 1, 2, 4), _black_outs),
     Axis("passers-by", "passers-by, share of the width", _BODIES, _passers_by),
+    Axis("people-who-rest", "people who rest and walk, share of the width", _BODIES, _people_who_rest),
     Axis("blurred-people", "blur with a passer-by, px", _numbers(5, 10, 20), _blurred_people),
     Axis("people-near", "range with a passer-by, times near", _numbers(2, 1.5, 1.2), _people_near),
     Axis("dropped", "frames that are left", _LEFT, _dropped),

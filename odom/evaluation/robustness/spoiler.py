@@ -8,6 +8,7 @@ import numpy as np
 
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera, RgbdFrame, Stamp
+from odom.frontend.camera.rolling_shutter import ShutterTiming
 
 
 @unique
@@ -39,7 +40,8 @@ UNSPOILT = Spoiler()
 class Scene:
     """What a spoiler may know of a recording: calibration, first stamp, and the camera's true path (for passers-by).
 
-    Most of what is seen lies beyond `near_m`. All random numbers come from `seed`.
+    Most of what is seen lies beyond `near_m`. All random numbers come from `seed`. The path that was `estimated`, with
+    the shutter's `timing`, is smoother than that of motion capture: what is painted by it stands still in the images.
     """
 
     seed: int
@@ -47,6 +49,8 @@ class Scene:
     camera: Camera
     path: Trajectory
     near_m: float
+    estimated: Trajectory
+    timing: ShutterTiming
 
 
 def chance(seed: int, stamp: Stamp, stream: Stream = Stream.COLOR) -> np.random.Generator:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_up_scene import points_ahead, project
 
-from odom.backend.tracking.consensus import FollowedFeatures, consensus, is_contested, triples_needed
+from odom.backend.tracking.consensus import FollowedFeatures, consensus, triples_needed
 from odom.backend.tracking.expected_pose import ExpectedPose
 from odom.backend.tracking.tuning import TUNING
 from odom.geometry import se3
@@ -82,10 +82,17 @@ def test_landmarks_that_are_new_count_less_than_old_ones() -> None:
 
 
 def test_a_pose_is_contested_by_many_that_disagree_not_by_a_few() -> None:
-    found = np.ones(200, dtype=bool)
-    assert is_contested(np.arange(200) < 60, found)
-    assert not is_contested(np.arange(200) < 20, found)
-    assert not is_contested(np.arange(40) < 10, found[:40])
+    features = two_motions(np.random.default_rng(1), scene=200, body=0)
+    assert features.is_pose_contested(np.arange(200) < 60)
+    assert not features.is_pose_contested(np.arange(200) < 20)
+    few = two_motions(np.random.default_rng(1), scene=40, body=0)
+    assert not few.is_pose_contested(np.arange(40) < 10)
+
+
+def test_a_scene_that_shows_in_few_features_contests_the_pose_of_a_small_body_rich_in_texture() -> None:
+    features = two_motions(np.random.default_rng(1), scene=30, body=200)
+    assert features.is_pose_contested(np.arange(230) < 30)
+    assert not features.is_pose_contested(np.arange(230) >= 200)
 
 
 def test_the_fewer_votes_are_to_be_beaten_the_more_triples_are_tried_up_to_a_bound() -> None:

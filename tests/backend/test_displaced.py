@@ -34,7 +34,7 @@ def tracked(chi2_of_rays: list[float]) -> Tracked:
     chi2 = np.column_stack([chi2_of_rays, np.zeros(n)])
     pose, found, seen = (np.eye(4), np.eye(6)), (np.arange(n), np.zeros((n, 2))), chi2[:, 0] < TUNING.inlier_chi2
     nothing = np.zeros(0, dtype=np.int64)
-    rest = (np.arange(n), nothing, SimpleNamespace(), 0, np.zeros(6), SimpleNamespace())
+    rest = (np.arange(n), nothing, nothing, SimpleNamespace(), 0, np.zeros(6), SimpleNamespace())
     return Tracked(*pose, *found, measured(n), chi2, seen, *rest)
 
 

@@ -11,6 +11,7 @@ from odom.backend.odometry.moving_view import MovingView
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.odometry.witnesses import Agreement, Witnesses
 from odom.backend.tracking.other_motions import WhatElseMoves
+from odom.backend.tracking.tuning import TUNING as TRACKING
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.matching.line_of_sight import LineOfSight
 from odom.frontend.matching.moving_surfaces import MovingCells
@@ -43,15 +44,20 @@ class Shown:
         )
 
 
-def tracked_by(found: int, missed: int) -> tuple[Any, Any]:
-    """A tracked frame and its landmarks, all of one age: old ones are `found` by the pose, others `missed`."""
+def tracked_by(found: int, missed: int, elsewhere: int = 0) -> tuple[Any, Any]:
+    """A tracked frame and its landmarks, all of one age: old ones are `found` by the pose, others `missed`.
+
+    So many are found `elsewhere`.
+    """
     tracked = SimpleNamespace(
         rows=np.arange(found),
         inliers=np.ones(found, dtype=np.bool_),
         missed=np.arange(missed),
+        elsewhere=np.arange(elsewhere),
         sight=LineOfSight(*np.zeros((3, missed), dtype=np.bool_)),
     )
-    return tracked, SimpleNamespace(identity=np.zeros(100, dtype=np.int64), next_identity=1)
+    identity, departed = np.zeros(100, dtype=np.int64), np.zeros(100, dtype=np.bool_)
+    return tracked, SimpleNamespace(identity=identity, departed=departed, next_identity=1)
 
 
 def told(
@@ -92,13 +98,21 @@ def told(
     return every
 
 
-def next_look(moving: MovingView, found: int, missed: int, as_one: float = 0.0, share: float = 0.0) -> MovingView:
-    """What is known after one more look in which a `share` of the view moves by its cells."""
+def next_look(
+    moving: MovingView,
+    found: int,
+    missed: int,
+    as_one: float = 0.0,
+    share: float = 0.0,
+    elsewhere: int = 0,
+    scene_moves: bool = False,
+) -> MovingView:
+    """What is known after one more look in which a `share` of the view moves by its cells (see `told`)."""
     assert moving.stamp is not None
-    tracked, landmarks = tracked_by(found, missed)
+    tracked, landmarks = tracked_by(found, missed, elsewhere)
     landmarks.next_identity = 50
     view = cast(Any, SimpleNamespace(steady_stamp=SteadyStamp(moving.stamp + 100_100_000)))
-    return moving.after(view, tracked, cast(Any, Shown(share, as_one)), landmarks, cast(Any, None))
+    return moving.after(view, tracked, cast(Any, Shown(share, as_one, scene_moves)), landmarks, cast(Any, None))
 
 
 YOUNG, CALM = round(TUNING.moving_young_s * 10) + 2, round(TUNING.moving_calm_s * 10) + 2
@@ -283,11 +297,18 @@ def test_a_pose_that_the_landmarks_from_before_contradict_is_looked_at_though_no
     contradicted = told([*STILL, 0.0], found=10, missed=90, scene_moves=[look])[look]
     assert contradicted.rivals.is_left_behind
     assert contradicted.is_doubtful
-    assert not told([*STILL, 0.0], found=30, missed=60, scene_moves=[look])[look].rivals.is_left_behind
+    assert not told([*STILL, 0.0], found=60, missed=30, scene_moves=[look])[look].rivals.is_left_behind
     assert not next_look(told(STILL)[-1], 10, 90).is_doubtful
 
 
 AFTER_A_CROWD = [*STILL, 0.6, *[0.0] * CALM]
+
+
+def test_where_the_scene_moves_away_landmarks_of_a_body_that_rested_and_sets_off_prove_nothing() -> None:
+    calm, doubted = told(STILL)[-1], told(AFTER_A_CROWD)[-1]
+    assert next_look(doubted, 60, 40, scene_moves=True).rivals.is_left_behind
+    assert next_look(calm, 60, 40, scene_moves=True, elsewhere=TRACKING.contested_least).rivals.is_left_behind
+    assert not next_look(calm, 60, 40, scene_moves=True).rivals.is_left_behind  # nobody looks
 
 
 def test_soon_after_a_doubt_landmarks_that_contradict_the_pose_time_and_again_put_it_in_doubt_again() -> None:
@@ -367,6 +388,13 @@ def test_landmarks_that_nobody_could_find_do_not_contradict_a_pose():
     for sight in (LineOfSight(everything, nothing, nothing), LineOfSight(nothing, nothing, everything)):
         tracked.sight = sight
         assert not Agreement.of(tracked, landmarks, 1).contradicts()
+
+
+def test_landmarks_that_have_departed_tell_nothing() -> None:
+    tracked, landmarks = tracked_by(found=80, missed=60)
+    assert Agreement.of(tracked, landmarks, 1) == Agreement(80, 60)
+    landmarks.departed[:50] = True
+    assert Agreement.of(tracked, landmarks, 1) == Agreement(30, 10)
 
 
 def test_landmarks_that_deny_a_pose_do_not_lie_on_the_body_that_it_follows() -> None:

@@ -21,9 +21,10 @@ class Landmarks:
     Rows: `position` (3, m, map frame), `covariance` (3 x 3, m^2, map frame, given its key frame's pose), `keyframe`
     (number of the key frame it was first seen in), `uv` (2, px) and `plane` (inverse depth and its slope per pixel)
     there, `patch_full`, `patch_half`; `tried` and `seen` count the tracked frames in which it was looked for and
-    found, `gone_s` for how long depth has looked through its place; `assumed` is True where no depth was measured at
-    first; `alive` is False for a row that may be used again; `identity` is never used again, so that an old observation
-    of a row can be told from one of the new landmark there; `next_identity` is the first unused one.
+    found, `gone_s` for how long depth has looked through its place; `departed` is True from when it was seen to move
+    until it is found where it was; `assumed` is True where no depth was measured at first; `alive` is False for a row
+    that may be used again; `identity` is never used again, so that an old observation of a row can be told from one of
+    the new landmark there; `next_identity` is the first unused one.
     """
 
     def __init__(self) -> None:
@@ -38,6 +39,7 @@ class Landmarks:
             "seen": np.zeros(0, dtype=np.int64),
             "tried": np.zeros(0, dtype=np.int64),
             "gone_s": np.zeros(0),
+            "departed": np.zeros(0, dtype=np.bool_),
             "assumed": np.zeros(0, dtype=np.bool_),
             "alive": np.zeros(0, dtype=np.bool_),
             "identity": np.zeros(0, dtype=np.int64),
@@ -56,6 +58,7 @@ class Landmarks:
         self.seen: Index = self._fields["seen"]
         self.tried: Index = self._fields["tried"]
         self.gone_s: Array = self._fields["gone_s"]
+        self.departed: NDArray[np.bool_] = self._fields["departed"]
         self.assumed: NDArray[np.bool_] = self._fields["assumed"]
         self.alive: NDArray[np.bool_] = self._fields["alive"]
         self.identity: Index = self._fields["identity"]
@@ -88,7 +91,7 @@ class Landmarks:
         self.patch_full[rows], self.patch_half[rows] = patch_full, patch_half
         self.seen[rows] = self.tried[rows] = 1
         self.gone_s[rows] = 0.0
-        self.assumed[rows] = False
+        self.departed[rows] = self.assumed[rows] = False
         self.alive[rows] = True
         if identity is None:
             identity = self.next_identity + np.arange(n)

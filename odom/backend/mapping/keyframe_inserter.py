@@ -155,10 +155,10 @@ class KeyframeInserter:
             self.take_corners(None, sensor)
         return replace(state, tracked=tracked, reference=keyframe.number, rows=keyframe.rows, uv=keyframe.uv)
 
-    def drop(self, segment: int, since: int, sensor: SensorModel) -> None:
-        """Remove a segment's landmarks from the identity `since` on, and forget the recent frames: they show a body."""
+    def drop(self, tracked: Tracked, since: int, sensor: SensorModel) -> None:
+        """Retire landmarks on the body that a frame was tracked by, and forget the recent frames: they show it."""
         self._new_corners.take(None, sensor)
-        retire(self._map, segment, since)
+        retire(self._map, tracked, since)
         self.recent.forget()
 
     def is_due(self, view: View, tracked: Tracked, in_doubt: bool) -> bool:

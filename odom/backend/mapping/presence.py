@@ -10,13 +10,17 @@ from odom.geometry.arrays import Array, Index
 from odom.geometry.neighbours import nearest
 
 
-def note_sightings(landmarks: Landmarks, tracked: Tracked, since_previous_s: float) -> None:
+def note_sightings(landmarks: Landmarks, tracked: Tracked, since_previous_s: float, in_doubt: bool) -> None:
     """Count what a tracked frame found and what it missed, and remove landmarks that have been gone for long enough.
 
+    While the pose is `in_doubt`, one that has departed and is found where it was has perhaps taken the camera along.
     A hidden landmark does not count as missed: behind a person who stops, the map stays as it was. All neighbours of a
     landmark that is removed are looked for in the next frames: they may have lain on the same thing.
     """
     found, missed, sight = tracked.inlier_landmarks.rows, tracked.missed, tracked.sight
+    landmarks.departed[tracked.elsewhere] = True
+    if not in_doubt:
+        landmarks.departed[found] = False
     landmarks.seen[found] += 1
     landmarks.tried[found] += 1
     landmarks.tried[missed[~sight.hidden]] += 1
@@ -31,13 +35,18 @@ def note_sightings(landmarks: Landmarks, tracked: Tracked, since_previous_s: flo
         landmarks.gone_s[near] = np.maximum(landmarks.gone_s[near], TUNING.gone_step_s)
 
 
-def retire(map_: Map, segment: int, since: int) -> None:
-    """Remove the landmarks of a segment that were made from the identity `since` on: they lie on what moves."""
+def retire(map_: Map, tracked: Tracked, since: int) -> None:
+    """Take back what was learnt from a body that a frame was tracked by: those landmarks have departed.
+
+    Landmarks of its segment that were made from the identity `since` on are removed.
+    """
+    segment = map_.keyframes[tracked.reference].segment
     landmarks = map_.landmarks
     is_member = np.array([keyframe.segment == segment for keyframe in map_.keyframes])
     rows = np.flatnonzero(landmarks.alive & (landmarks.identity >= since))
     rows = rows[is_member[landmarks.keyframe[rows]]]
     map_.journal.note_fewer_landmarks(landmarks.keyframe[rows].tolist())
+    landmarks.departed[tracked.inlier_landmarks.rows] = True
     landmarks.cull(rows)
 
 

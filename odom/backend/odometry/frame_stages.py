@@ -75,11 +75,7 @@ class FrameStages:
             return predicted or self._lose(view, IMAGE_AGAIN, self._follow_surfaces(view, is_followable, True))
         tracked = self._track(view, T_predicted, watch) if is_followable else None
         if tracked is not None:
-            judged = self._judge(view, tracked, is_recovered=False)
-            if not judged.moving.rivals.is_left_behind:
-                return self._advance(view, judged, watch, on_pose)
-            self.mapper.inserter.drop(self._segment, judged.moving.witnesses.unproven_identity, self.sensor)
-            return self._lose_or_begin(view)
+            return self._advance(view, self._judge(view, tracked, is_recovered=False), watch, on_pose)
         if self._visibility.is_blind(view.stamp, self._settings.bridge_s, self.sensor.clock.period_s):
             return self._lose(view, NO_DEPTH)
         place = describe_place(view, self.sensor, AT_REST)
@@ -131,7 +127,7 @@ class FrameStages:
         is_near = 0.0 < since_previous_s < TUNING.longest_gap_s
         twist = -step / since_previous_s if is_near else tracked.twist
         self.mapper.inserter.remeasure_newest(twist if is_near else None, self.sensor)
-        note_sightings(self.map.landmarks, tracked, since_previous_s)
+        note_sightings(self.map.landmarks, tracked, since_previous_s, self.moving.is_doubtful)
         noise_step = step if abs(since_previous_s - clock.period_s) < TUNING.steady_share * clock.period_s else None
         number, width = self.published.log.count, view.images.full.shape[1]
         noise = noise_after(self.sensor.noise, self.map, tracked, noise_step, number, width)
@@ -146,7 +142,10 @@ class FrameStages:
         return JudgedFrame(tracked, since_previous_s, twist, covariance, state, reason, self.moving)
 
     def _advance(self, view: View, judged: JudgedFrame, watch: Stopwatch, on_pose: OnPose) -> Estimate:
-        """Publish a judged frame, extend chain and map by it, and make it the newest one."""
+        """Publish a judged frame, extend chain and map by it, and make it the newest one, unless it followed a body."""
+        if judged.moving.rivals.is_left_behind:
+            self.mapper.inserter.drop(judged.tracked, judged.moving.witnesses.unproven_identity, self.sensor)
+            return self._lose_or_begin(view)
         watch.lap("judge")
         tracked, previous, published = judged.tracked, self.state, self.published.advance(view, judged, self.sensor)
         estimate = replace(

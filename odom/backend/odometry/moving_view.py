@@ -9,6 +9,7 @@ from odom.backend.odometry.rival_motions import RivalMotions
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.odometry.witnesses import Agreement, Witnesses
 from odom.backend.tracking.frame_state import Tracked
+from odom.backend.tracking.tuning import TUNING as TRACKING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp, is_within
 from odom.frontend.features.view import View
@@ -45,7 +46,9 @@ class MovingView:
         is_suspicious = seen.is_suspicious
         witnesses = seen.witnesses.with_root(tracked, landmarks, is_suspicious)
         proven = Agreement.of(tracked, landmarks, witnesses.proven_identity)
-        is_unproven = not proven.testifies() or is_suspicious or proven.contradicts()
+        is_after_doubt = is_within(TUNING.moved_parts_s, self.doubted_stamp, stamp)
+        is_contested = len(tracked.elsewhere) >= TRACKING.contested_least
+        is_unproven = is_suspicious or is_after_doubt or is_contested or not proven.supports()
         others = recent.what_else_moves(view, tracked, sensor) if is_unproven else None
         if others is None:
             rivals = replace(seen.rivals, is_left_behind=False)

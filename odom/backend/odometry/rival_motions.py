@@ -49,11 +49,11 @@ class RivalMotions:
         is_large = others.share > TUNING.moved_rival or others.behind > TUNING.moved_behind
         is_second = is_within(TUNING.moved_as_one_s, self.large_stamp, stamp)
         is_rival = is_large and (witnesses.denying_looks > 0 or (is_second and not trusted.testifies()))
-        is_scene = others.has_scene or (is_large and witnesses.is_denied) or (is_rival and others.is_denied)
+        is_denied = (is_large and witnesses.is_denied) or (is_rival and others.is_denied)
         seen = replace(self, seen_stamp=stamp) if is_seen else self
         seen = replace(seen, large_stamp=stamp) if is_large else seen
         seen = replace(seen, rival_stamp=stamp) if is_rival else seen
-        return replace(seen, is_left_behind=is_scene and not witnesses.is_rooted)
+        return replace(seen, is_left_behind=others.has_scene or (is_denied and not witnesses.is_rooted))
 
     def with_spread(self, others: WhatElseMoves | None, is_doubtful: bool) -> "RivalMotions":
         """Return the same with the `spread` after a look that showed `others` (None: it could not tell)."""

@@ -8,6 +8,7 @@ from odom.backend.map.landmarks import Landmarks
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.tracking.frame_state import Tracked
 from odom.backend.tracking.tuning import TUNING as TRACKING
+from odom.geometry.arrays import Index, Mask
 
 
 @dataclass(frozen=True)
@@ -19,11 +20,19 @@ class Agreement:
 
     @classmethod
     def of(cls, tracked: Tracked, landmarks: Landmarks, identity: int) -> "Agreement":
-        """Return how the landmarks with identities below `identity` agree with a `tracked` frame's pose."""
-        found = np.count_nonzero(landmarks.identity[tracked.rows[tracked.inliers]] < identity)
+        """Return how the landmarks with identities below `identity` agree with a `tracked` frame's pose.
+
+        Those that have departed do not tell.
+        """
+        found = cls._telling(landmarks, tracked.rows[tracked.inliers], identity)
         could_be_seen = ~(tracked.sight.hidden | tracked.sight.washed_out)
-        missed = np.count_nonzero((landmarks.identity[tracked.missed] < identity) & could_be_seen)
-        return cls(int(found), int(missed))
+        missed = cls._telling(landmarks, tracked.missed, identity) & could_be_seen
+        return cls(int(np.count_nonzero(found)), int(np.count_nonzero(missed)))
+
+    @staticmethod
+    def _telling(landmarks: Landmarks, rows: Index, identity: int) -> Mask:
+        """Return which landmarks (n) have an identity below `identity`, and have not departed."""
+        return (landmarks.identity.take(rows) < identity) & ~landmarks.departed.take(rows)
 
     def testifies(self) -> bool:
         """Return whether enough of them should be seen to tell: of another place or segment, none are."""

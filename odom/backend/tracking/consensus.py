@@ -71,16 +71,20 @@ class FollowedFeatures:
         of = self.points, self.rays if rays is None else rays, T_camera_map
         return np.asarray(_ray_errors(*(np.ascontiguousarray(each) for each in of)) / self.pixel)
 
+    def is_pose_contested(self, outliers: Mask) -> bool:
+        """Return whether so many of the features, the `outliers` (n), disagree with a pose that another may be right.
+
+        A small body rich in texture may have most features: so it is enough that the outliers have much of the votes.
+        """
+        count, share = np.count_nonzero(outliers), TUNING.contested_share
+        if count < TUNING.contested_least:
+            return False
+        return bool(count >= share * len(outliers) or self.votes[outliers].sum() >= share * self.votes.sum())
+
     def exact_votes(self, T_camera_map: Array, rays: Array | None = None) -> float:
         """Return the share of the votes of features that lie just where a pose puts them (see `off_px`)."""
         is_exact = self.off_px(T_camera_map, rays) < TUNING.exact_px
         return float(self.votes[is_exact].sum() / self.votes.sum())
-
-
-def is_contested(outliers: Mask, found: Mask) -> bool:
-    """Return whether so many of the features `found` (n) disagree with a pose that another one may be right."""
-    most = max(TUNING.contested_least, TUNING.contested_share * np.count_nonzero(found))
-    return bool(np.count_nonzero(outliers) >= most)
 
 
 def is_exact(fitted: FollowedFeatures, T_fitted: Array, rays_predicted: Array, T_predicted: Array) -> bool:

@@ -64,13 +64,20 @@ class FoundLandmarks:
         fit = fit_pose(self.points, self.covariances, values, variances, T_start, self.standing)
         return fit if self.standing.all() else replace(fit, chi2=self._chi2(measured, fit.T_camera_map))
 
-    def settled(
-        self, measured: Measurements, fit: PoseFit, expected: ExpectedPose
-    ) -> tuple["FoundLandmarks", Measurements, Array]:
-        """Return those that count where many disagree with a `fit`, as measured, and the pose that most agree with."""
+    def features(self, measured: Measurements, fit: PoseFit) -> FollowedFeatures:
+        """Return them as features that vote for a pose, as `measured` and seen from where a `fit` puts the camera."""
         eye, pixel = se3.inverse(fit.T_camera_map)[:3, 3], 1.0 / self.sensor.lens.intrinsics[0]
         rays, uv, sigma_px = measured.values[:, :2], self.found.uv, TUNING.found_sigma_px
-        features = FollowedFeatures(self.points, eye, rays, uv, self.seen, sigma_px, pixel)
+        return FollowedFeatures(self.points, eye, rays, uv, self.seen, sigma_px, pixel)
+
+    def settled(
+        self, measured: Measurements, fit: PoseFit, features: FollowedFeatures, expected: ExpectedPose
+    ) -> tuple["FoundLandmarks", Measurements, Array]:
+        """Return those that count where many disagree with a `fit`, as measured, and the pose that most agree with.
+
+        They vote for it as `features`.
+        """
+        eye = features.eye
         T = consensus(features, fit.T_camera_map, expected)
         T = fit.T_camera_map if T is None else T
         chi2 = self._chi2(measured, T)[:, 0]

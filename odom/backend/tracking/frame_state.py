@@ -28,8 +28,9 @@ class Tracked:
 
     `rows` (n) are the landmarks found, at `uv` (n x 2 px), with their `measurements`, `chi2` (n x 2: ray, depth) and
     `inliers` (n); `expected` are the rows of all that were looked for, `missed` those of them that are no inliers, with
-    the line of `sight` to each. `reference` is the key frame nearest in pose, `twist` (6, SI, camera frame) the
-    velocity that the measurements were carried with, `velocity` the one that the rows of the image showed.
+    the line of `sight` to each; those found `elsewhere` seem to have moved. `reference` is the key frame nearest in
+    pose, `twist` (6, SI, camera frame) the velocity that the measurements were carried with, `velocity` the one that
+    the rows of the image showed.
     """
 
     T_camera_map: Array
@@ -41,6 +42,7 @@ class Tracked:
     inliers: Mask
     expected: Index
     missed: Index
+    elsewhere: Index
     sight: LineOfSight
     reference: int
     twist: Array

@@ -6,7 +6,6 @@ import numpy as np
 
 from odom.backend.map.map import Map
 from odom.backend.settings import OdometrySettings
-from odom.backend.tracking.consensus import is_contested
 from odom.backend.tracking.found_landmarks import FoundLandmarks
 from odom.backend.tracking.frame_state import FrameState, MotionPrior, Tracked
 from odom.backend.tracking.keyframe_poses import keyframe_poses
@@ -74,19 +73,20 @@ class FrameTracker:
         rows, and the pose fitted once more to the features as that velocity carries them to the middle row: carried by
         the noisier `twist`, they would make the shutter seem faster than it is.
         """
-        L = self._map.landmarks
-        in_view = find_landmarks(
-            L, self._candidates(local, T_start), T_start, twist, view.images, sensor, self._settings.max_features
-        )
+        L, expected = self._map.landmarks, None if prior is None else prior.expected
+        candidates = self._candidates(local, T_start, is_recognition=expected is None)
+        in_view = find_landmarks(L, candidates, T_start, twist, view.images, sensor, self._settings.max_features)
         if view.may_move is not None:
             in_view = in_view.take(np.flatnonzero(view.stands(in_view.uv)))
         landmarks = FoundLandmarks.of(view, sensor, in_view, L)
         measured = landmarks.measured(twist)
         fit = landmarks.fit(measured, T_start)
-        expected = None if prior is None else prior.expected
-        outliers = fit.chi2[:, 0] >= TUNING.inlier_chi2
-        if expected is not None and is_contested(outliers, np.ones_like(outliers)):
-            landmarks, measured, T = landmarks.settled(measured, fit, expected)
+        outliers, elsewhere = fit.chi2[:, 0] >= TUNING.inlier_chi2, in_view.rows[:0]
+        features = landmarks.features(measured, fit)
+        if expected is not None and features.is_pose_contested(outliers):
+            found_rows = landmarks.found.rows
+            landmarks, measured, T = landmarks.settled(measured, fit, features, expected)
+            elsewhere = np.setdiff1d(found_rows, landmarks.found.rows, assume_unique=True)
             fit = landmarks.fit(measured, T)
         velocity = ANY_VELOCITY
         if prior is not None and not prior.are_bent:
@@ -107,6 +107,7 @@ class FrameTracker:
             inliers=inliers,
             expected=found.looked_for,
             missed=missed,
+            elsewhere=elsewhere,
             sight=LineOfSight.to(L.position[missed], L.covariance[missed], fit.T_camera_map, view, sensor),
             reference=int(local[0]),
             twist=twist,
@@ -123,10 +124,11 @@ class FrameTracker:
         T = self.track(view, sensor, T_start, twist, self.around(near, T_start), prior).T_camera_map
         return self.track(view, sensor, T, twist, self.around(near, T), prior)
 
-    def _candidates(self, local: Index, T_camera_map: Array) -> Candidates:
+    def _candidates(self, local: Index, T_camera_map: Array, is_recognition: bool) -> Candidates:
         """Return the landmarks of the key frames `local`, of which the first is the reference.
 
-        Those that may be gone are looked for in any case, whichever key frame of the segment has seen them.
+        Those that may be gone are looked for in any case, whichever key frame of the segment has seen them; those that
+        have departed are not, where a place is to be recognised.
         """
         L, all_keyframes = self._map.landmarks, self._map.keyframes
         is_local = np.zeros(len(all_keyframes), dtype=np.bool_)
@@ -139,6 +141,8 @@ class FrameTracker:
         is_near[[k for k in distinct(keyframe).tolist() if all_keyframes[k].segment == segment]] = True
         is_looked_for = L.alive & is_local.take(L.keyframe)
         is_looked_for[doubted[is_near.take(keyframe)]] = True
+        if is_recognition:
+            is_looked_for &= ~L.departed
         rows = np.flatnonzero(is_looked_for)
         keyframe, seen = L.keyframe.take(rows), L.seen.take(rows)
         keyframes = distinct(np.concatenate([local, keyframe]))

@@ -6,7 +6,7 @@ import numpy as np
 
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.map.map import Map
-from odom.backend.tracking.consensus import FollowedFeatures, consensus, is_contested, is_exact
+from odom.backend.tracking.consensus import FollowedFeatures, consensus, is_exact
 from odom.backend.tracking.found_landmarks import those_that_count
 from odom.backend.tracking.frame_state import FrameState
 from odom.backend.tracking.keyframe_poses import keyframe_poses
@@ -43,12 +43,13 @@ def predict_pose(map_: Map, state: FrameState, images: FrameImages, stamp: Stead
     followed = _search(map_, state, images, T_predicted, since_s, sensor)
     coarse = followed.fitted(T_predicted, followed.found, _GATES_PX[1:])
     least = max(TUNING.followed_least, TUNING.unsurprised_share * len(followed.rows))
-    if np.count_nonzero(coarse.agrees) < least or is_contested(followed.found & ~coarse.agrees, followed.found):
+    features = followed.features(landmarks, coarse.rays)
+    if np.count_nonzero(coarse.agrees) < least or features.is_pose_contested(~coarse.agrees[followed.found]):
         followed = _follow(landmarks, state, images, T_predicted, since_s, sensor)
         coarse = followed.fitted(T_predicted, followed.found, _GATES_PX)
-    features = followed.features(landmarks, coarse.rays)
+        features = followed.features(landmarks, coarse.rays)
     rival = None
-    if is_contested(followed.found & ~coarse.agrees, followed.found):
+    if features.is_pose_contested(~coarse.agrees[followed.found]):
         rival = consensus(features, coarse.T_camera_map, state.expected_after(since_s))
     elif is_exact(features, coarse.T_camera_map, coarse.rays_before[followed.found, :2], T_predicted):
         rival = T_predicted

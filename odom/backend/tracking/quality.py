@@ -16,9 +16,11 @@ def has_enough_inliers(tracked: Tracked) -> bool:
 def is_same_view(tracked: Tracked, previous: Tracked | None) -> bool:
     """Return whether enough is left of what the `previous` frame saw (None: it began a segment).
 
-    Landmarks do not vanish all at once: where few are left, the view has jumped.
+    Landmarks do not vanish all at once: where few are left, the view has jumped. Those on a body that sets off are
+    found elsewhere.
     """
-    return tracked.inlier_count >= TUNING.least_share_left * (0 if previous is None else previous.inlier_count)
+    left = tracked.inlier_count + len(tracked.elsewhere)
+    return left >= TUNING.least_share_left * (0 if previous is None else previous.inlier_count)
 
 
 def is_known_place(tracked: Tracked, must_agree_with_chain: bool = False) -> bool:

@@ -9,7 +9,6 @@ from odom.backend.odometry.rival_motions import RivalMotions
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.odometry.witnesses import Agreement, Witnesses
 from odom.backend.tracking.frame_state import Tracked
-from odom.backend.tracking.tuning import TUNING as TRACKING
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp, is_within
 from odom.frontend.features.view import View
@@ -47,8 +46,7 @@ class MovingView:
         witnesses = seen.witnesses.with_root(tracked, landmarks, is_suspicious)
         proven = Agreement.of(tracked, landmarks, witnesses.proven_identity)
         is_after_doubt = is_within(TUNING.moved_parts_s, self.doubted_stamp, stamp)
-        is_contested = len(tracked.elsewhere) >= TRACKING.contested_least
-        is_unproven = is_suspicious or is_after_doubt or is_contested or not proven.supports()
+        is_unproven = is_suspicious or is_after_doubt or tracked.is_contested or not proven.supports()
         others = recent.what_else_moves(view, tracked, sensor) if is_unproven else None
         if others is None:
             rivals = replace(seen.rivals, is_left_behind=False)

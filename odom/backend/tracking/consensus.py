@@ -76,10 +76,11 @@ class FollowedFeatures:
 
         A small body rich in texture may have most features: so it is enough that the outliers have much of the votes.
         """
-        count, share = np.count_nonzero(outliers), TUNING.contested_share
+        count = np.count_nonzero(outliers)
         if count < TUNING.contested_least:
             return False
-        return bool(count >= share * len(outliers) or self.votes[outliers].sum() >= share * self.votes.sum())
+        is_by_number = count >= TUNING.contested_share * len(outliers)
+        return bool(is_by_number or self.votes[outliers].sum() >= TUNING.contested_votes * self.votes.sum())
 
     def exact_votes(self, T_camera_map: Array, rays: Array | None = None) -> float:
         """Return the share of the votes of features that lie just where a pose puts them (see `off_px`)."""

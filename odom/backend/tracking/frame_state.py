@@ -59,6 +59,11 @@ class Tracked:
         return self._measured(self.inliers)
 
     @property
+    def is_contested(self) -> bool:
+        """Whether so many landmarks seem to have moved that they may be the scene's."""
+        return len(self.elsewhere) >= max(TUNING.contested_least, TUNING.contested_share * self.inlier_count)
+
+    @property
     def displaced(self) -> MeasuredLandmarks:
         """The landmarks found near where the pose predicts them, but not there."""
         return self._measured(~self.inliers & (self.chi2[:, 0] < TUNING.displaced_chi2))

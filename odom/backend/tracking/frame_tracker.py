@@ -84,9 +84,9 @@ class FrameTracker:
         outliers, elsewhere = fit.chi2[:, 0] >= TUNING.inlier_chi2, in_view.rows[:0]
         features = landmarks.features(measured, fit)
         if expected is not None and features.is_pose_contested(outliers):
-            found_rows = landmarks.found.rows
+            followed = landmarks.found.rows[~outliers]
             landmarks, measured, T = landmarks.settled(measured, fit, features, expected)
-            elsewhere = np.setdiff1d(found_rows, landmarks.found.rows, assume_unique=True)
+            elsewhere = np.setdiff1d(followed, landmarks.found.rows, assume_unique=True)
             fit = landmarks.fit(measured, T)
         velocity = ANY_VELOCITY
         if prior is not None and not prior.are_bent:

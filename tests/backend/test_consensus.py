@@ -83,16 +83,16 @@ def test_landmarks_that_are_new_count_less_than_old_ones() -> None:
 
 def test_a_pose_is_contested_by_many_that_disagree_not_by_a_few() -> None:
     features = two_motions(np.random.default_rng(1), scene=200, body=0)
-    assert features.is_pose_contested(np.arange(200) < 60)
-    assert not features.is_pose_contested(np.arange(200) < 20)
+    assert features.is_contested(CAMERA, np.arange(200) < 60)
+    assert not features.is_contested(CAMERA, np.arange(200) < 20)
     few = two_motions(np.random.default_rng(1), scene=40, body=0)
-    assert not few.is_pose_contested(np.arange(40) < 10)
+    assert not few.is_contested(CAMERA, np.arange(40) < 10)
 
 
 def test_a_scene_that_shows_in_few_features_contests_the_pose_of_a_small_body_rich_in_texture() -> None:
-    features = two_motions(np.random.default_rng(1), scene=30, body=200)
-    assert features.is_pose_contested(np.arange(230) < 30)
-    assert not features.is_pose_contested(np.arange(230) >= 200)
+    features, is_scene = two_motions(np.random.default_rng(1), scene=30, body=200), np.arange(230) < 30
+    assert features.is_contested(BODY, is_scene)
+    assert not features.is_contested(CAMERA, is_scene)  # it is hardly off
 
 
 def test_the_fewer_votes_are_to_be_beaten_the_more_triples_are_tried_up_to_a_bound() -> None:

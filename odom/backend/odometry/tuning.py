@@ -57,8 +57,8 @@ class Tuning:
         effect="So many end the doubt of moved_parts sooner. Smaller: as a smaller moved_parts_s; larger: as a larger "
         "one.")
     moved_contradicts: float = tuned(3.0, unit="landmarks from before missed for each one found", source=BODIES,
-        effect="From so many on, they deny the pose soon after a doubt (denied_looks). Smaller: it is UNCERTAIN in quick "
-        "turns; larger: a body that has just come is followed and called sure.")
+        effect="From so many on, they deny the pose soon after a doubt (denied_looks). Smaller: it is UNCERTAIN in "
+        "quick turns; larger: a body that has just come is followed and called sure.")
     moved_as_one: float = tuned(0.1, unit="share of the votes", source="torn, blurred, ill exposed images; " + BODIES,
         effect="Another motion counts from this share on. Smaller: one that is found by chance counts; larger: a small "
         "body is not noticed.")

@@ -71,16 +71,18 @@ class FollowedFeatures:
         of = self.points, self.rays if rays is None else rays, T_camera_map
         return np.asarray(_ray_errors(*(np.ascontiguousarray(each) for each in of)) / self.pixel)
 
-    def is_pose_contested(self, outliers: Mask) -> bool:
+    def is_contested(self, T_camera_map: Array, outliers: Mask) -> bool:
         """Return whether so many of the features, the `outliers` (n), disagree with a pose that another may be right.
 
-        A small body rich in texture may have most features: so it is enough that the outliers have much of the votes.
+        A small body rich in texture may have most features: it is enough that those clearly off have many votes.
         """
         count = np.count_nonzero(outliers)
         if count < TUNING.contested_least:
             return False
-        is_by_number = count >= TUNING.contested_share * len(outliers)
-        return bool(is_by_number or self.votes[outliers].sum() >= TUNING.contested_votes * self.votes.sum())
+        if count >= TUNING.contested_share * len(outliers):
+            return True
+        is_off = outliers & (self.off_px(T_camera_map) > TUNING.agrees_px)
+        return bool(self.votes[is_off].sum() >= TUNING.contested_votes * self.votes.sum())
 
     def exact_votes(self, T_camera_map: Array, rays: Array | None = None) -> float:
         """Return the share of the votes of features that lie just where a pose puts them (see `off_px`)."""

@@ -83,7 +83,7 @@ class FrameTracker:
         fit = landmarks.fit(measured, T_start)
         outliers, elsewhere = fit.chi2[:, 0] >= TUNING.inlier_chi2, in_view.rows[:0]
         features = landmarks.features(measured, fit)
-        if expected is not None and features.is_pose_contested(outliers):
+        if expected is not None and features.is_contested(fit.T_camera_map, outliers):
             followed = landmarks.found.rows[~outliers]
             landmarks, measured, T = landmarks.settled(measured, fit, features, expected)
             elsewhere = np.setdiff1d(followed, landmarks.found.rows, assume_unique=True)

@@ -55,8 +55,8 @@ class Tuning:
         effect="Another pose is looked for where a larger share disagrees. Smaller: it costs more; larger: passers-by "
         "are followed.")
     contested_votes: float = tuned(0.25, unit="share of the votes", source=BODIES,
-        effect="Or where they have a larger share of the votes. Smaller: it costs more in scenes at rest; larger: a "
-        "body rich in texture that sets off is followed.")
+        effect="Or where those off by more than agrees_px have a larger share of the votes. Smaller: it costs more in "
+        "scenes at rest; larger: a body rich in texture that sets off is followed.")
     triples: int = tuned(100, unit="at most", source=BODIES,
         effect="So many random triples of features are tried for another pose. Fewer: a scene that shows in few "
         "features is missed; more: it costs more where people are in view.")

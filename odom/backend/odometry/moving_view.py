@@ -46,13 +46,15 @@ class MovingView:
         witnesses = seen.witnesses.with_root(tracked, landmarks, is_suspicious)
         proven = Agreement.of(tracked, landmarks, witnesses.proven_identity)
         is_after_doubt = is_within(TUNING.moved_parts_s, self.doubted_stamp, stamp)
-        is_unproven = is_suspicious or is_after_doubt or tracked.is_contested or not proven.supports()
+        is_warned = is_suspicious or is_after_doubt or tracked.is_contested
+        is_warned = is_warned or not proven.testifies() or proven.contradicts()
+        is_unproven = is_warned or not proven.supports()
         others = recent.what_else_moves(view, tracked, sensor) if is_unproven else None
         if others is None:
             rivals = replace(seen.rivals, is_left_behind=False)
         else:
             trusted = Agreement.of(tracked, landmarks, witnesses.trusted_identity)
-            rivals = seen.rivals.after(stamp, others, witnesses, trusted, is_suspicious)
+            rivals = seen.rivals.after(stamp, others, witnesses, trusted, is_suspicious, is_warned)
             is_disputed = others.has_scene or rivals.large_stamp == stamp
             witnesses = witnesses.with_confirmation(others.is_confirmed, is_disputed, landmarks.next_identity)
         seen = replace(seen, witnesses=witnesses, rivals=rivals)

@@ -40,10 +40,12 @@ class RivalMotions:
         witnesses: Witnesses,
         trusted: Agreement,
         is_suspicious: bool,
+        is_warned: bool,
     ) -> "RivalMotions":
         """Return what is known after a look at `stamp` that showed which `others` there are; `spread` stays.
 
         `trusted`: how the landmarks that can tell agree with the pose, if enough of them are in view to speak for it.
+        Where nothing else warned (`is_warned`), the scene must be seen to move away twice.
         """
         is_seen = is_suspicious and others.share > TUNING.moved_as_one
         is_large = others.share > TUNING.moved_rival or others.behind > TUNING.moved_behind
@@ -53,7 +55,8 @@ class RivalMotions:
         seen = replace(self, seen_stamp=stamp) if is_seen else self
         seen = replace(seen, large_stamp=stamp) if is_large else seen
         seen = replace(seen, rival_stamp=stamp) if is_rival else seen
-        return replace(seen, is_left_behind=others.has_scene or (is_denied and not witnesses.is_rooted))
+        is_scene = others.has_scene and (is_warned or is_second)
+        return replace(seen, is_left_behind=is_scene or (is_denied and not witnesses.is_rooted))
 
     def with_spread(self, others: WhatElseMoves | None, is_doubtful: bool) -> "RivalMotions":
         """Return the same with the `spread` after a look that showed `others` (None: it could not tell)."""

@@ -24,7 +24,8 @@ class MovingView:
 
     A camera that follows a moving body sees the scene move instead: much that moves (`crowd`) and other motions
     (`rivals`) raise a doubt, and landmarks from before it (`witnesses`) can settle it. `cells` says what moves, None
-    where nothing could tell; `doubted_stamp`: when the pose was last in doubt.
+    where nothing could tell; `doubted_stamp`: when the pose was last in doubt; `missed_stamp`: when it last missed
+    clearly more proven landmarks than it found.
     """
 
     stamp: SteadyStamp | None = None
@@ -33,6 +34,7 @@ class MovingView:
     witnesses: Witnesses = field(default_factory=Witnesses)
     rivals: RivalMotions = field(default_factory=RivalMotions)
     doubted_stamp: SteadyStamp | None = None
+    missed_stamp: SteadyStamp | None = None
 
     def after(
         self, view: View, tracked: Tracked, recent: RecentViews, landmarks: Landmarks, sensor: SensorModel
@@ -48,7 +50,9 @@ class MovingView:
         is_after_doubt = is_within(TUNING.moved_parts_s, self.doubted_stamp, stamp)
         is_warned = is_suspicious or is_after_doubt or tracked.is_contested
         is_warned = is_warned or not proven.testifies() or proven.contradicts()
-        is_unproven = is_warned or not proven.supports()
+        seen = replace(seen, missed_stamp=stamp) if proven.contradicts(TUNING.moved_missed) else seen
+        is_after_miss = is_within(TUNING.moved_as_one_s, seen.missed_stamp, stamp)
+        is_unproven = is_warned or is_after_miss or not proven.supports()
         others = recent.what_else_moves(view, tracked, sensor) if is_unproven else None
         if others is None:
             rivals = replace(seen.rivals, is_left_behind=False)

@@ -157,10 +157,7 @@ def anchor_in_world(truth: Trajectory) -> Callable[[Stamp], Array]:
     anchor = Trajectory(grid, smoothed)
 
     def T_camera_anchor(stamp: Stamp) -> Array:
-        camera, slow = (
-            each.at(np.clip([stamp], each.stamps[0], each.stamps[-1]), np.inf)[0][0] for each in (truth, anchor)
-        )
-        return np.asarray(se3.inverse(camera) @ slow)
+        return np.asarray(se3.inverse(_pose_near(truth, stamp)) @ _pose_near(anchor, stamp))
 
     return T_camera_anchor
 
@@ -175,10 +172,14 @@ def anchor_at_rest(path: Trajectory) -> Callable[[Stamp], Array]:
     T_world_anchor = path.T_world_body[len(path) // 2]
 
     def T_camera_anchor(stamp: Stamp) -> Array:
-        (T_world_camera,) = path.at(np.clip([stamp], path.stamps[0], path.stamps[-1]), np.inf)[0]
-        return np.asarray(se3.inverse(T_world_camera) @ T_world_anchor)
+        return np.asarray(se3.inverse(_pose_near(path, stamp)) @ T_world_anchor)
 
     return T_camera_anchor
+
+
+def _pose_near(path: Trajectory, stamp: Stamp) -> Array:
+    """Return the pose (4 x 4) at a stamp, before the path's first pose that one, and after its last one that."""
+    return np.asarray(path.at(np.clip([stamp], path.stamps[0], path.stamps[-1]), np.inf)[0][0])
 
 
 def anchor_before_camera(stamp: Stamp) -> Array:

@@ -30,8 +30,9 @@ BODIES = passers_by(SMALL, 1.2, share=0.5, speed_m_s=0.6)
 PAINTER = Painter(SMALL, BODIES, START, anchor_before_camera, Lens.of(SMALL))
 
 
-def seen(now: RgbdFrame, earlier: RgbdFrame, T_earlier_now: Array) -> WhatElseMoves | None:
-    return what_else_moves(EarlierView(view_of(earlier), T_earlier_now, AT_REST), view_of(now), AT_REST, SENSOR)
+def seen(now: RgbdFrame, earlier: RgbdFrame, T_earlier_now: Array, is_warned: bool = True) -> WhatElseMoves | None:
+    earlier_view = EarlierView(view_of(earlier), T_earlier_now, AT_REST)
+    return what_else_moves(earlier_view, view_of(now), AT_REST, SENSOR, is_warned)
 
 
 def seen_with_a_body(number: int) -> tuple[RgbdFrame, Array]:
@@ -47,6 +48,23 @@ def test_in_a_room_at_rest_a_camera_that_walks_is_not_unsure() -> None:
     assert found.share == 0.0
     assert not found.has_scene
     assert not found.spread.any()
+
+
+def test_a_first_look_is_enough_in_a_room_at_rest_and_not_where_the_camera_follows_a_body() -> None:
+    T_now, T_earlier = stroll(1.1), stroll(1.0)
+    now, earlier = ROOM.frame(SMALL, 33, T_now), ROOM.frame(SMALL, 30, T_earlier)
+    assert seen(now, earlier, se3.inverse(T_earlier) @ T_now, is_warned=False) is None
+    (now, T_body), (earlier, T_body_before) = seen_with_a_body(33), seen_with_a_body(30)
+    followed = seen(now, earlier, T_body_before @ se3.inverse(T_body), is_warned=False)
+    assert followed is not None
+    assert followed.share > 0.2
+
+
+def test_a_first_look_that_shows_too_few_corners_is_followed_by_a_second() -> None:
+    frames = [ROOM.frame(SMALL, number, HERE) for number in (30, 33)]
+    for frame in frames:
+        frame.depth_mm[:, SMALL.width // 5 :] = 0
+    assert seen(frames[1], frames[0], HERE, is_warned=False) is not None
 
 
 def test_a_camera_that_follows_a_body_is_off_by_about_as_much_as_its_velocity_is_unsure() -> None:
@@ -186,4 +204,4 @@ def test_in_a_slow_stream_it_is_still_told_what_else_moves_and_not_after_a_secon
     map_ = chain_of_keyframes([HERE], np.eye(6))
     recent, none = RecentViews(map_), np.zeros(0, dtype=np.int64)
     recent.remember(FrameState(views[0], tracked, HERE, AT_REST, 0, none, np.zeros((0, 2))))
-    assert (recent.what_else_moves(views[1], tracked, SENSOR) is not None) == is_told
+    assert (recent.what_else_moves(views[1], tracked, SENSOR, True) is not None) == is_told

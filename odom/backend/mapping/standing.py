@@ -68,12 +68,17 @@ class RecentViews:
         self._looked = tracked, moving
         return moving
 
-    def what_else_moves(self, view: View, tracked: Tracked, sensor: SensorModel) -> WhatElseMoves | None:
-        """Return which other motions a tracked view shows (see `other_motions`); None where no view can tell."""
+    def what_else_moves(
+        self, view: View, tracked: Tracked, sensor: SensorModel, is_warned: bool
+    ) -> WhatElseMoves | None:
+        """Return which other motions a tracked view shows (see `other_motions`); None where no view can tell.
+
+        Where nothing else warned of the pose (`is_warned`), a first look at a few corners may be enough.
+        """
         stamp = view.steady_stamp
         for recent in reversed(self._views):
             if TUNING.spread_least_s <= _since_s(recent, stamp) <= TUNING.spread_most_s:
-                return what_else_moves(self._seen_from(recent, tracked), view, tracked.twist, sensor)
+                return what_else_moves(self._seen_from(recent, tracked), view, tracked.twist, sensor, is_warned)
         return None
 
     def _earlier_views(self, view: View, tracked: Tracked) -> list[EarlierView]:

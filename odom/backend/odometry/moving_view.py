@@ -53,7 +53,7 @@ class MovingView:
         seen = replace(seen, missed_stamp=stamp) if proven.contradicts(TUNING.moved_missed) else seen
         is_after_miss = is_within(TUNING.moved_as_one_s, seen.missed_stamp, stamp)
         is_unproven = is_warned or is_after_miss or not proven.supports()
-        others = recent.what_else_moves(view, tracked, sensor) if is_unproven else None
+        others = recent.what_else_moves(view, tracked, sensor, is_warned) if is_unproven else None
         if others is None:
             rivals = replace(seen.rivals, is_left_behind=False)
         else:

@@ -16,7 +16,7 @@ from odom.frontend.features.view import View
 from odom.frontend.matching.look_back import EarlierView
 from odom.frontend.matching.optical_flow import follow_there_and_back
 from odom.geometry import se3
-from odom.geometry.arrays import Array, Index, Mask
+from odom.geometry.arrays import Array, Image, Index, Mask
 
 _FAR_M = 1e3
 """A corner without depth is looked for where it would be this far away."""
@@ -101,21 +101,17 @@ class CornerFlow:
     sensor: SensorModel
 
     @cached_property
-    def _corners(self) -> tuple[Array, Measurements]:
-        """All corners of the earlier view (k x 2 px), as measured there."""
-        earlier = self.earlier
-        uv = 2.0 * detect_corners(earlier.view.images.half, np.zeros((0, 2)), TUNING.other_cell_px // 2)
-        uv = uv[earlier.view.stands(uv)]
-        return uv, measure_exactly(earlier.view, self.sensor, uv, earlier.twist)
+    def sample(self) -> FollowedCorners:
+        """A few of those with depth, all over the image, found where it is a quarter as wide: for a first look."""
+        import cv2
+
+        quarter = np.asarray(cv2.pyrDown(self.earlier.view.images.half), dtype=np.uint8)
+        return self._deep(*self._found(quarter, 4, TUNING.sample_cell_px))
 
     @cached_property
     def deep(self) -> FollowedCorners:
         """Those with depth."""
-        uv, seen = self._corners
-        is_deep = seen.values[:, 2] > 0.0
-        points, covariances = points_of(seen.take(is_deep))
-        rows, uv_here, measured = self._followed(uv[is_deep], points)
-        return FollowedCorners(points[rows], covariances[rows], uv_here, measured, self.pixel)
+        return self._deep(*self._corners)
 
     @cached_property
     def depthless(self) -> DepthlessCorners:
@@ -126,6 +122,25 @@ class CornerFlow:
         far = np.column_stack([rays, np.ones(len(rays))]) * _FAR_M
         rows, _, measured = self._followed(uv[is_depthless], far)
         return DepthlessCorners(rays[rows], measured.values[:, :2])
+
+    @cached_property
+    def _corners(self) -> tuple[Array, Measurements]:
+        """All corners of the earlier view (k x 2 px), as measured there."""
+        return self._found(self.earlier.view.images.half, 2, TUNING.other_cell_px)
+
+    def _found(self, image: Image, smaller: int, cell_px: int) -> tuple[Array, Measurements]:
+        """Return the corners (k x 2 px) found in the earlier view's image, so many times `smaller`, as measured."""
+        earlier = self.earlier
+        uv = float(smaller) * detect_corners(image, np.zeros((0, 2)), cell_px // smaller)
+        uv = uv[earlier.view.stands(uv)]
+        return uv, measure_exactly(earlier.view, self.sensor, uv, earlier.twist)
+
+    def _deep(self, uv: Array, seen: Measurements) -> FollowedCorners:
+        """Return those with depth of the corners at `uv` (k x 2 px), as `seen` in the earlier view, followed."""
+        is_deep = seen.values[:, 2] > 0.0
+        points, covariances = points_of(seen.take(is_deep))
+        rows, uv_here, measured = self._followed(uv[is_deep], points)
+        return FollowedCorners(points[rows], covariances[rows], uv_here, measured, self.pixel)
 
     @property
     def pixel(self) -> float:

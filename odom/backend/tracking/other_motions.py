@@ -100,6 +100,13 @@ def other_motions(followed: FollowedCorners, T_view_earlier: Array, since_s: flo
         is_left &= ~agrees
 
 
+def _moves_alone(sample: FollowedCorners, T_view_earlier: Array) -> bool:
+    """Return whether a `sample` of the corners is enough to tell, and shows hardly a motion beside the camera's."""
+    votes, off_px = sample.features.votes, sample.features.off_px(T_view_earlier)
+    against = votes[off_px > TUNING.differs_px].sum()
+    return len(votes) >= TUNING.contested_least and bool(against < TUNING.sample_against * votes.sum())
+
+
 @dataclass(frozen=True, eq=False)
 class WhatElseMoves:
     """The motions in a view beside the camera's: `share` is the largest share of the votes, 0 if there are none.
@@ -118,16 +125,21 @@ class WhatElseMoves:
     is_denied: bool = False
 
 
-def what_else_moves(earlier: EarlierView, view: View, twist: Array, sensor: SensorModel) -> WhatElseMoves | None:
+def what_else_moves(
+    earlier: EarlierView, view: View, twist: Array, sensor: SensorModel, is_warned: bool
+) -> WhatElseMoves | None:
     """Return what else moves between an `earlier` view and this one, where the camera moves with `twist` (6, SI).
 
-    None where too few corners can be followed to tell.
+    None where too few corners can be followed to tell, and where a few of them show the camera's motion alone, unless
+    the pose `is_warned` of: then all are looked at.
     """
     flow = CornerFlow(earlier, view, twist, sensor)
+    since_s, T_view_earlier = view.since_s(earlier.view), se3.inverse(earlier.T_view_corners)
+    if not is_warned and _moves_alone(flow.sample, T_view_earlier):
+        return None
     followed = flow.deep
     if len(followed.uv) < TUNING.contested_least:
         return None
-    since_s, T_view_earlier = view.since_s(earlier.view), se3.inverse(earlier.T_view_corners)
     others = list(other_motions(followed, T_view_earlier, since_s))
     agrees = followed.features.off_px(T_view_earlier) < TUNING.differs_px
     is_confirmed = shows_scene(followed, agrees, view)

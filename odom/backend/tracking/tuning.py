@@ -112,6 +112,12 @@ class Tuning:
         "and blur images; larger: slow bodies are followed.")
     other_cell_px: int = tuned(24, unit="px", source=BODIES,
         effect="One corner is followed in each square of this side. Smaller: it costs more; larger: motions go unseen.")
+    sample_cell_px: int = tuned(64, unit="px", source="a fifth of the corners of other_cell_px",
+        effect="A first look follows one corner in each square of this side. Smaller: it costs as much as the second; "
+        "larger: too few are followed to tell.")
+    sample_against: float = tuned(0.25, unit="share of the votes", source="half of scene_share",
+        effect="With less against the camera's motion, a first look is enough. Smaller: scenes at rest cost a second "
+        "one; larger: bodies that walk on are followed.")
     other_back_px: float = tuned(0.5, unit="px of the half-size image", source="as look_back_return_px of the search",
         effect="A corner that is followed there and back must return so near. Smaller: bodies are not found again; "
         "larger: chance matches count.")

@@ -66,7 +66,7 @@ def test_in_doubt_no_corner_that_nothing_can_judge_becomes_a_landmark(in_doubt: 
     corners = KeyframeInserter(map_, OdometrySettings()).first_corners(view, sensor)
     assert corners is not None
     nothing = SimpleNamespace(uv=np.zeros((0, 2)))
-    tracked = cast("Any", SimpleNamespace(twist=np.zeros(6), inlier_landmarks=nothing, inlier_count=0))
+    tracked = cast("Any", SimpleNamespace(twist=np.zeros(6), inlier_landmarks=nothing, inlier_count=0, reference=0))
     stands, _ = (
         RecentViews(map_).compared_with(view, tracked).standing(corners, sensor, in_doubt)
     )  # no view before this one

@@ -18,6 +18,7 @@ from odom.evaluation.painter import Painter, anchor_before_camera
 from odom.evaluation.passers_by import passers_by
 from odom.frame import RgbdFrame
 from odom.frontend.camera.lens import Lens
+from odom.frontend.features.view import View
 from odom.frontend.matching.look_back import EarlierView
 from odom.geometry import se3
 from odom.geometry.arrays import Array
@@ -197,11 +198,25 @@ def test_a_camera_that_follows_a_body_which_alone_has_depth_is_denied_and_one_th
     assert not stood.is_denied
 
 
-@pytest.mark.parametrize(("apart", "is_told"), [(12, True), (30, False)])
-def test_in_a_slow_stream_it_is_still_told_what_else_moves_and_not_after_a_second(apart: int, is_told: bool) -> None:
-    views = [view_of(ROOM.frame(SMALL, number, HERE)) for number in (30, 30 + apart)]
-    tracked = cast(Any, SimpleNamespace(twist=AT_REST, T_map_camera=HERE))
-    map_ = chain_of_keyframes([HERE], np.eye(6))
-    recent, none = RecentViews(map_), np.zeros(0, dtype=np.int64)
+def remembered(apart: int, begins: tuple[int, ...] = (0,)) -> tuple[RecentViews, View, Any]:
+    """A view of key frame 0 that is remembered, and another view so many frames later, tracked by key frame 1."""
+    views = [view_of(seen_with_a_body(number)[0]) for number in (30, 30 + apart)]
+    recent, none = RecentViews(chain_of_keyframes([HERE, HERE], np.eye(6), begins)), np.zeros(0, dtype=np.int64)
+    tracked = cast(Any, SimpleNamespace(twist=AT_REST, T_map_camera=HERE, reference=1))
     recent.remember(FrameState(views[0], tracked, HERE, AT_REST, 0, none, np.zeros((0, 2))))
-    assert (recent.what_else_moves(views[1], tracked, SENSOR, True) is not None) == is_told
+    return recent, views[1], tracked
+
+
+@pytest.mark.parametrize(("apart", "is_told"), [(12, True), (30, False)])
+def test_in_a_slow_stream_it_is_still_told_what_moves_and_not_after_a_second(apart: int, is_told: bool) -> None:
+    recent, view, tracked = remembered(apart)
+    assert (recent.what_else_moves(view, tracked, SENSOR, True) is not None) == is_told
+    moving = recent.moving(view, tracked, SENSOR)
+    assert (moving is not None) == is_told
+    assert moving is None or moving.share > 0.1
+
+
+def test_a_view_of_another_segment_does_not_tell_what_moves() -> None:
+    recent, view, tracked = remembered(12, begins=(0, 1))
+    assert recent.what_else_moves(view, tracked, SENSOR, True) is None
+    assert recent.moving(view, tracked, SENSOR) is None

@@ -76,21 +76,21 @@ class RecentViews:
         Where nothing else warned of the pose (`is_warned`), a first look at a few corners may be enough.
         """
         stamp = view.steady_stamp
-        for recent in reversed(self._views):
+        for recent in reversed(self._joined_views(tracked)):
             if TUNING.spread_least_s <= _since_s(recent, stamp) <= TUNING.spread_most_s:
                 return what_else_moves(self._seen_from(recent, tracked), view, tracked.twist, sensor, is_warned)
         return None
 
     def _earlier_views(self, view: View, tracked: Tracked) -> list[EarlierView]:
-        """Return the views to look in, of the last while; none where even the newest is long ago.
+        """Return the views to look in, of the last while."""
+        stamp, views = view.steady_stamp, self._joined_views(tracked)
+        return [self._seen_from(one, tracked) for one in views if 0.0 < _since_s(one, stamp) <= TUNING.recent_s]
 
-        After a wide step, what was not seen well cannot be told from what moved.
-        """
-        stamp = view.steady_stamp
-        recent = [one for one in self._views if 0.0 < _since_s(one, stamp) <= TUNING.recent_s]
-        if not recent or _since_s(recent[-1], stamp) > TUNING.newest_s:
-            return []
-        return [self._seen_from(one, tracked) for one in recent]
+    def _joined_views(self, tracked: Tracked) -> list[_RecentView]:
+        """Return the views of a tracked one's segment: between others, the camera's motion is not known."""
+        keyframes = self._map.keyframes
+        segment = keyframes[tracked.reference].segment
+        return [one for one in self._views if keyframes[one.reference].segment == segment]
 
     def _seen_from(self, recent: _RecentView, tracked: Tracked) -> EarlierView:
         keyframe = self._map.keyframes[recent.reference]

@@ -69,9 +69,6 @@ class Tuning:
     recent_turn_rad: float = tuned(0.35, unit="rad", source="half of a Kinect's field of view is .5 x .38",
         effect="Views from which the camera has turned further are left out. Smaller: slow bodies become landmarks in "
         "turns; larger: in quick turns the views hardly overlap, and who comes into view becomes a landmark.")
-    newest_s: float = tuned(0.25, unit="s", source="fr1_xyz thinned to 2 Hz",
-        effect="Where the newest view is older, none is looked in. Smaller: bodies in slow streams become landmarks; "
-        "larger: wide steps are LOST.")
     spread_least_s: float = tuned(0.06, unit="s", source=BODIES,
         effect="From this age on a view tells of what else moves. Smaller: velocities are noisy; larger: what moves "
         "quickly is not found again.")

@@ -20,7 +20,7 @@ _MOST_VIEWS = 8
 
 @dataclass(frozen=True, eq=False)
 class LostViews:
-    """The `views` of the last quarter second, oldest first.
+    """The newest `views` that may still show how the camera moved, oldest first.
 
     `latest` is an earlier view and where it lies from the newest one, if that look showed the scene's motion; `scene`
     is the same if the look before showed it, too. Known places are looked for `patience` times as long as elsewhere
@@ -36,7 +36,7 @@ class LostViews:
         """Return what is known after one more view without a pose: nothing unless moving bodies left it `in_doubt`."""
         if not in_doubt:
             return LostViews()
-        near = [one for one in self.views if 0.0 < view.since_s(one) <= TUNING.newest_s]
+        near = [one for one in self.views if 0.0 < view.since_s(one) <= TUNING.spread_most_s]
         apart = [one for one in near if view.since_s(one) >= TUNING.spread_least_s]
         kept = (*near, view)[-_MOST_VIEWS:]
         T_view_earlier = scene_motion(apart[-1], view, sensor) if apart else None

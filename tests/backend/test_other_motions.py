@@ -10,6 +10,7 @@ from made_up_scene import chain_of_keyframes, exact, project
 from painted_room import PERIOD, SMALL, START, PaintedRoom, stroll
 from sensor_models import sensor_model, view_of
 
+from odom.backend import Odometry
 from odom.backend.mapping.standing import RecentViews
 from odom.backend.tracking.corner_flow import DepthlessCorners, FollowedCorners
 from odom.backend.tracking.frame_state import FrameState
@@ -78,6 +79,15 @@ def test_a_camera_that_follows_a_body_is_off_by_about_as_much_as_its_velocity_is
     assert np.linalg.norm(error) > 0.3
     nees = error @ np.linalg.solve(found.spread + np.diag(np.repeat([0.03, 0.03], 3) ** 2), error)
     assert 1.0 < nees < 9.0
+
+
+@pytest.mark.parametrize("apart", [3, 8, 12])
+def test_a_camera_that_follows_a_body_sees_the_scene_move_in_wide_steps_too(apart: int) -> None:
+    (now, T_body), (earlier, T_body_before) = seen_with_a_body(30 + apart), seen_with_a_body(30)
+    found = seen(now, earlier, T_body_before @ se3.inverse(T_body))
+    assert found is not None
+    assert found.has_scene
+    assert not found.is_confirmed
 
 
 def test_a_camera_that_follows_the_room_is_as_unsure_along_the_bodys_way_and_no_other() -> None:
@@ -220,3 +230,12 @@ def test_a_view_of_another_segment_does_not_tell_what_moves() -> None:
     recent, view, tracked = remembered(12, begins=(0, 1))
     assert recent.what_else_moves(view, tracked, SENSOR, True) is None
     assert recent.moving(view, tracked, SENSOR) is None
+
+
+@pytest.mark.parametrize(("apart", "is_kept"), [(1, False), (8, True)])
+def test_in_a_slow_stream_the_view_that_began_a_segment_tells_what_moves_since(apart: int, is_kept: bool) -> None:
+    odometry = Odometry(SMALL)
+    for number in (0, apart):
+        odometry.process(ROOM.frame(SMALL, number, HERE))
+    kept = [one.view.sequence for one in odometry._stages.mapper.inserter.recent._views]
+    assert kept == ([0, apart] if is_kept else [apart])

@@ -46,9 +46,10 @@ class RecentViews:
     def remember(self, state: FrameState) -> None:
         """Keep a tracked frame, unless there is one of nearly the same time."""
         is_near = bool(self._views) and -state.since_s(self._views[-1].view.steady_stamp) < TUNING.recent_apart_s
-        if not is_near and state.tracked is not None:
+        if not is_near:
             T_reference_camera = state.T_reference_camera(self._map)
-            self._views.append(_RecentView(state.view, state.reference, T_reference_camera, state.tracked.twist))
+            twist = state.twist if state.tracked is None else state.tracked.twist
+            self._views.append(_RecentView(state.view, state.reference, T_reference_camera, twist))
 
     def forget(self) -> None:
         """Forget all: the next frame is of another segment."""

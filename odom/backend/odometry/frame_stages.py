@@ -57,8 +57,7 @@ class FrameStages:
         self.published = PublishedTrajectory(self.map)
         self.chain = Chain()
         self._settings = settings
-        self.moving = MovingView()
-        self._visibility = Visibility()
+        self.moving, self._visibility = MovingView(), Visibility()
         self._shown_depth: ShownDepth | None = None
         self._lost_camera = LostCamera(self.map, self.published.log, self.tracker, self.mapper.inserter, settings)
 
@@ -123,6 +122,8 @@ class FrameStages:
         """
         previous, clock = self.state, self.sensor.clock
         since_previous_s = 0.0 if is_recovered or previous is None else previous.since_s(view.steady_stamp)
+        if previous is not None and previous.is_bent and previous.since_s(view.steady_stamp) >= TUNING.longest_gap_s:
+            self.mapper.inserter.recent.remember(previous)  # over so long a step its bend hardly counts
         step = np.zeros(6) if previous is None else previous.step_to(tracked)
         is_near = 0.0 < since_previous_s < TUNING.longest_gap_s
         twist = -step / since_previous_s if is_near else tracked.twist
@@ -164,8 +165,8 @@ class FrameStages:
         watch.lap("map")
         self.chain.close(self.map, is_keyframe, tracked.reference, self.sensor)
         watch.lap("chain")
-        link, moving = self.chain.link, self.moving.cells
-        return replace(estimate, is_keyframe=is_keyframe, pairwise=link, chain=chained, moving=moving)
+        estimate = replace(estimate, is_keyframe=is_keyframe, moving=self.moving.cells)
+        return replace(estimate, pairwise=self.chain.link, chain=chained)
 
     def _grow_map(self, view: View, judged: JudgedFrame, published: Publication) -> bool:
         """Add to the map what it needs of a frame, and make that the newest; return whether it is a key frame."""

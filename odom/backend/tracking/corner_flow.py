@@ -150,7 +150,8 @@ class CornerFlow:
     def _followed(self, uv: Array, points: Array) -> tuple[Index, Array, Measurements]:
         """Return which corners (n) at `uv` (n x 2 px) are followed, where to, and as what they are measured there.
 
-        They are looked for where a camera that moved as expected sees `points` (n x 3, m, the earlier camera's frame).
+        They are looked for where a camera that moved as expected sees `points` (n x 3, m, the earlier camera's frame),
+        and, where that is far away, where they were: a wide step may be a body's.
         """
         earlier, view = self.earlier, self.view
         expected = self.sensor.lens.project(points, se3.inverse(earlier.T_view_corners))
@@ -158,6 +159,9 @@ class CornerFlow:
         images, scale = (earlier.view.images.half, view.images.half), view.images.scale
         begin, guess = uv[rows] / 2.0, expected[rows, :2] / 2.0
         here, found = follow_there_and_back(*images, begin, guess, TUNING.other_back_px, scale)
+        far = np.flatnonzero(~found & (np.linalg.norm(guess - begin, axis=1) > TUNING.other_far_px))
+        if len(far):
+            here[far], found[far] = follow_there_and_back(*images, begin[far], begin[far], TUNING.other_back_px, scale)
         rows, uv_here = rows[found], 2.0 * here[found]
         exact = np.tile([TUNING.found_sigma_px**2, 0.0, TUNING.found_sigma_px**2], (len(rows), 1))
         return rows, uv_here, measure(view, self.sensor, uv_here, exact, self.twist)

@@ -118,9 +118,11 @@ class Tuning:
     sample_against: float = tuned(0.25, unit="share of the votes", source="half of scene_share",
         effect="With less against the camera's motion, a first look is enough. Smaller: scenes at rest cost a second "
         "one; larger: bodies that walk on are followed.")
+    other_far_px: float = tuned(15.0, unit="px of the half-size image", source="the window of flow",
+        effect="A corner expected so far away, and not found there, is looked for where it was. Smaller: it costs "
+        "more; larger: in slow streams the scene is not seen beside a body that is followed.")
     other_back_px: float = tuned(0.5, unit="px of the half-size image", source="as look_back_return_px of the search",
-        effect="A corner that is followed there and back must return so near. Smaller: bodies are not found again; "
-        "larger: chance matches count.")
+        effect="A corner must lead back so near. Smaller: bodies are not found again; larger: chance matches count.")
     depthless_nearest_m: float = tuned(0.5, unit="m", source="no Kinect measures depth nearer than this",
         effect="What has no depth counts as at least so far away. Smaller: more motions are possible, and a body that "
         "alone has depth is followed; larger: what is near and dark denies the camera's motion.")

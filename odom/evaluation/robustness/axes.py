@@ -7,11 +7,11 @@ from odom.evaluation.painter import Painter, anchor_at_rest, anchor_in_world
 from odom.evaluation.passers_by import passers_by
 from odom.evaluation.robustness import color, depth, timing
 from odom.evaluation.robustness.spoiler import Scene, Spoiler
-from odom.frame import Camera
+from odom.frame import Camera, RgbdFrame
 from odom.frontend.camera.lens import Lens
 
-_SLIM = 0.15
-"""The share of the width that one body has where something else is spoilt, too: alone, it hardly costs anything."""
+_SLIM, _WIDE = 0.15, 0.33
+"""The share of the width that one body has where something else is spoilt, too: alone, it costs hardly anything."""
 
 
 @dataclass(frozen=True)
@@ -125,6 +125,16 @@ def _blurred_people(scene: Scene, length_px: float) -> Spoiler:
     return Spoiler(frame=lambda frame: color.motion_blur(painter.paint(frame)[0], length_px, scene.seed))
 
 
+def _people_thinned(scene: Scene, n: float) -> Spoiler:
+    painter = _painter(scene, _WIDE, 1)
+
+    def frame(frame: RgbdFrame) -> RgbdFrame | None:
+        left = timing.one_in(frame, int(n))
+        return None if left is None else painter.paint(left)[0]
+
+    return Spoiler(frame=frame)
+
+
 def _people_near(scene: Scene, times: float) -> Spoiler:
     painter = _painter(scene, _SLIM, 1)
     return Spoiler(frame=lambda frame: depth.out_of_range(painter.paint(frame)[0], times * scene.near_m))
@@ -147,6 +157,7 @@ AXES = (
     Axis("people-who-rest", "people who rest and walk, share of the width", _BODIES, _people_who_rest),
     Axis("blurred-people", "blur with a passer-by, px", _numbers(5, 10, 20), _blurred_people),
     Axis("people-near", "range with a passer-by, times near", _numbers(2, 1.5, 1.2), _people_near),
+    Axis("people-thinned", "frames that are left, with a passer-by", _LEFT, _people_thinned),
     Axis("dropped", "frames that are left", _LEFT, _dropped),
     Axis("jitter", "stamp jitter, ms", _numbers(2, 5, 10, 20, scale=1e-3), _jitter),
     Axis("lag", "depth older than its stamp, ms", _numbers(10, 20, 40, 80, scale=1e-3), _lag),

@@ -104,9 +104,7 @@ def track_place(
     One of another segment is tracked twice, as in `track_twice`: loops come again, while two segments may meet once.
     """
     known = map_.linked(seen.keyframe) - {candidate}
-    is_apart = map_.keyframes[candidate].segment != map_.keyframes[seen.keyframe].segment
-    tracked = tracker.track(seen.view, sensor, T_start, seen.twist, tracker.around(candidate, T_start, known))
-    if not is_apart:
-        return tracked
-    T = tracked.T_camera_map
+    T = T_start
+    if map_.keyframes[candidate].segment != map_.keyframes[seen.keyframe].segment:
+        T = tracker.track(seen.view, sensor, T, seen.twist, tracker.around(candidate, T, known)).T_camera_map
     return tracker.track(seen.view, sensor, T, seen.twist, tracker.around(candidate, T, known))

@@ -27,7 +27,7 @@ _MOST_VIEWS = 16
 
 @dataclass(frozen=True, eq=False)
 class _RecentView:
-    """A tracked frame; `T_reference_camera` is its pose in its reference key frame, with which it moves."""
+    """A frame with a pose; `T_reference_camera` is that in its reference key frame, with which it moves."""
 
     view: View
     reference: int
@@ -36,7 +36,7 @@ class _RecentView:
 
 
 class RecentViews:
-    """The newest tracked frames of the map `map_`, thinned, in which the corners of a new key frame are looked for."""
+    """The newest frames with a pose, thinned, in which the corners of a new key frame of `map_` are looked for."""
 
     def __init__(self, map_: Map) -> None:
         self._map = map_
@@ -44,7 +44,7 @@ class RecentViews:
         self._looked: tuple[Tracked, MovingCells | None] | None = None
 
     def remember(self, state: FrameState) -> None:
-        """Keep a tracked frame, unless there is one of nearly the same time."""
+        """Keep a frame with a pose, unless there is one of nearly the same time."""
         is_near = bool(self._views) and -state.since_s(self._views[-1].view.steady_stamp) < TUNING.recent_apart_s
         if not is_near:
             T_reference_camera = state.T_reference_camera(self._map)

@@ -47,9 +47,7 @@ class MovingView:
         is_suspicious = seen.is_suspicious
         witnesses = seen.witnesses.with_root(tracked, landmarks, is_suspicious)
         proven = Agreement.of(tracked, landmarks, witnesses.proven_identity)
-        is_after_doubt = is_within(TUNING.moved_parts_s, self.doubted_stamp, stamp)
-        is_warned = is_suspicious or is_after_doubt or tracked.is_contested
-        is_warned = is_warned or not proven.testifies() or proven.contradicts()
+        is_warned = seen._is_warned(stamp, tracked, proven)
         seen = replace(seen, missed_stamp=stamp) if proven.contradicts(TUNING.moved_missed) else seen
         is_after_miss = is_within(TUNING.moved_as_one_s, seen.missed_stamp, stamp)
         is_unproven = is_warned or is_after_miss or not proven.supports()
@@ -79,6 +77,12 @@ class MovingView:
         if seen.is_suspicious or witnesses.denying_looks or not crowd.is_calm(stamp):
             return seen
         return replace(seen, witnesses=replace(witnesses, proven_identity=landmarks.next_identity))
+
+    def _is_warned(self, stamp: SteadyStamp, tracked: Tracked, proven: Agreement) -> bool:
+        """Return whether a doubt, now or lately, or what `proven` landmarks say warns of the pose at `stamp`."""
+        is_after_doubt = is_within(TUNING.moved_parts_s, self.doubted_stamp, stamp)
+        is_doubted = self.is_suspicious or is_after_doubt or tracked.is_contested
+        return is_doubted or not proven.testifies() or proven.contradicts()
 
     def after_loss(self, fresh_identity: int) -> "MovingView":
         """Return what is known where a segment begins or the camera is found again: looks are counted anew.

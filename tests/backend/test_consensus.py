@@ -93,6 +93,7 @@ def test_a_scene_that_shows_in_few_features_contests_the_pose_of_a_small_body_ri
     features, is_scene = two_motions(np.random.default_rng(1), scene=30, body=200), np.arange(230) < 30
     assert features.is_contested(BODY, is_scene)
     assert not features.is_contested(CAMERA, is_scene)  # it is hardly off
+    assert not features.is_contested(CAMERA, np.arange(230) >= 200)
 
 
 def test_the_fewer_votes_are_to_be_beaten_the_more_triples_are_tried_up_to_a_bound() -> None:

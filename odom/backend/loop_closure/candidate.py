@@ -101,10 +101,9 @@ def track_place(
     """Return a key frame's view tracked against key frame `candidate` and those around it.
 
     Those that the key frame is linked with are left out: they saw its landmarks, or it saw theirs, in this very image.
-    One of another segment is tracked twice, as in `track_twice`: loops come again, while two segments may meet once.
+    One of another segment is tracked twice: loops come again, while two segments may meet once.
     """
     known = map_.linked(seen.keyframe) - {candidate}
-    T = T_start
     if map_.keyframes[candidate].segment != map_.keyframes[seen.keyframe].segment:
-        T = tracker.track(seen.view, sensor, T, seen.twist, tracker.around(candidate, T, known)).T_camera_map
-    return tracker.track(seen.view, sensor, T, seen.twist, tracker.around(candidate, T, known))
+        return tracker.track_twice(seen.view, sensor, T_start, seen.twist, candidate, but=known)
+    return tracker.track(seen.view, sensor, T_start, seen.twist, tracker.around(candidate, T_start, known))

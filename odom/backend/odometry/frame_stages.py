@@ -165,8 +165,8 @@ class FrameStages:
         watch.lap("map")
         self.chain.close(self.map, is_keyframe, tracked.reference, self.sensor)
         watch.lap("chain")
-        estimate = replace(estimate, is_keyframe=is_keyframe, moving=self.moving.cells)
-        return replace(estimate, pairwise=self.chain.link, chain=chained)
+        link, moving = self.chain.link, self.moving.cells
+        return replace(estimate, is_keyframe=is_keyframe, pairwise=link, chain=chained, moving=moving)
 
     def _grow_map(self, view: View, judged: JudgedFrame, published: Publication) -> bool:
         """Add to the map what it needs of a frame, and make that the newest; return whether it is a key frame."""

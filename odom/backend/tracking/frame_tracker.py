@@ -115,14 +115,21 @@ class FrameTracker:
         )
 
     def track_twice(
-        self, view: View, sensor: SensorModel, T_start: Array, twist: Array, near: int, prior: MotionPrior
+        self,
+        view: View,
+        sensor: SensorModel,
+        T_start: Array,
+        twist: Array,
+        near: int,
+        prior: MotionPrior | None = None,
+        but: Collection[int] = frozenset(),
     ) -> Tracked:
-        """Track a frame from a rough `T_start` near key frame `near`, and again from where that led.
+        """Track a frame from a rough `T_start` near key frame `near`, and again from there, without those in `but`.
 
         Descriptors give a pose to some degrees only: more pixels than patches can be moved by.
         """
-        T = self.track(view, sensor, T_start, twist, self.around(near, T_start), prior).T_camera_map
-        return self.track(view, sensor, T, twist, self.around(near, T), prior)
+        T = self.track(view, sensor, T_start, twist, self.around(near, T_start, but), prior).T_camera_map
+        return self.track(view, sensor, T, twist, self.around(near, T, but), prior)
 
     def _candidates(self, local: Index, T_camera_map: Array, is_recognition: bool) -> Candidates:
         """Return the landmarks of the key frames `local`, of which the first is the reference.

@@ -44,14 +44,14 @@ def predict_pose(map_: Map, state: FrameState, images: FrameImages, stamp: Stead
     coarse = followed.fitted(T_predicted, followed.found, _GATES_PX[1:])
     least = max(TUNING.followed_least, TUNING.unsurprised_share * len(followed.rows))
     features = followed.features(landmarks, coarse.rays)
-    if np.count_nonzero(coarse.agrees) < least or features.is_contested(
-        coarse.T_camera_map, ~coarse.agrees[followed.found]
-    ):
+    is_contested = features.is_contested(coarse.T_camera_map, ~coarse.agrees[followed.found])
+    if np.count_nonzero(coarse.agrees) < least or is_contested:
         followed = _follow(landmarks, state, images, T_predicted, since_s, sensor)
         coarse = followed.fitted(T_predicted, followed.found, _GATES_PX)
         features = followed.features(landmarks, coarse.rays)
+        is_contested = features.is_contested(coarse.T_camera_map, ~coarse.agrees[followed.found])
     rival = None
-    if features.is_contested(coarse.T_camera_map, ~coarse.agrees[followed.found]):
+    if is_contested:
         rival = consensus(features, coarse.T_camera_map, state.expected_after(since_s))
     elif is_exact(features, coarse.T_camera_map, coarse.rays_before[followed.found, :2], T_predicted):
         rival = T_predicted

@@ -31,7 +31,7 @@ class Moves:
 class SegmentGraph:
     """Key frames `numbers` (K, ascending) of a segment, each with its T_camera_map, and the `edges` among them.
 
-    The oldest is held fixed, or all that the map itself holds fixed. `edges` name their ends by row; the map had `size`
+    The oldest is held, or all those of a saved map that is fixed. `edges` name their ends by row; the map had `size`
     key frames.
     """
 
@@ -48,9 +48,7 @@ class SegmentGraph:
         members = members_of(map_, segment)
         held = members[:1]
         if map_.is_fixed:
-            free = [n for n in members if n >= map_.earlier]
-            held = sorted({edge.b for n in free for edge in map_.registrations.of(n)}.difference(free))
-            members = [*held, *free]
+            held = [n for n in members if n < map_.earlier]
         numbers = np.array(members, dtype=np.int64)
         row = np.full(len(map_.keyframes), -1, dtype=np.int64)
         row[numbers] = np.arange(len(numbers))

@@ -34,8 +34,8 @@ def contradiction(graph: SegmentGraph, closure: Edge, calibration_error: float) 
 def contradiction_from_start(a: Keyframe, b: Keyframe, closure: Edge, calibration_error: float) -> str:
     """Return how a `closure` of key frames `a` and `b` contradicts the chain by way of its first key frame.
 
-    Empty where it does not, or where they are of two chains. That path is never surer than the surest one: this refuses
-    nothing that `contradiction` would accept.
+    Empty where it does not, or where they are of two chains. That path is seldom surer than the surest one, which
+    `contradiction` takes: nearly all that is refused here would be refused there.
     """
     if a.first != b.first:
         return ""

@@ -15,6 +15,11 @@ from scipy.sparse.linalg import splu
 from odom.geometry.arrays import Array, Index, Mask
 from odom.geometry.compiled import compiled
 
+_LEAST_WEIGHT = 1e-9
+"""What the matrix of one number a block has on its diagonal beside a pose's number of blocks. So small that the factor
+keeps each of its numbers: those of a graph's Laplacian are of one sign, and fall with the number of poses. With a
+larger one they fall exponentially along a chain, some become 0, and scipy leaves them out of the pattern."""
+
 
 @dataclass(frozen=True, eq=False)
 class BlockPattern:
@@ -35,7 +40,7 @@ class BlockPattern:
     def of(cls, n: int, a: Index, b: Index) -> "BlockPattern":
         """Return the pattern of a matrix with blocks on the diagonal and in rows `a` (m), columns `b`, and (b, a)."""
         weight = -np.ones(len(a))
-        diagonal = np.bincount(a, minlength=n) + np.bincount(b, minlength=n) + 1.0
+        diagonal = np.bincount(a, minlength=n) + np.bincount(b, minlength=n) + _LEAST_WEIGHT
         entries = np.concatenate([weight, weight, diagonal])
         every = np.arange(n)
         at = np.concatenate([a, b, every]), np.concatenate([b, a, every])

@@ -156,7 +156,8 @@ def surveyed(odometry: Odometry, is_carried_anew: bool = False) -> tuple[Survey,
     seen = steadied(seen, at[:, :3, :3], landmark, half_readout, focal_px)
     seen = seen.by_one_timing([each.timing for each in frames], frame, odometry.timing)
     if is_carried_anew:
-        of_rays = twists_at(stamps, odometry.frames, map_.keyframes, odometry.timing)
+        numbers = [keyframe.frame for keyframe in keyframes] + [each.number for each in others]
+        of_rays = twists_at(numbers, odometry.frames, map_.keyframes, odometry.timing)
         twist = (of_rays.reshape(-1, 3) @ R_own_rays.T).reshape(-1, 6)
         readout_s, depth_m = odometry.timing.readout_s, np.einsum("ni,ni->n", at[:, 2, :3], points) + at[:, 2, 3]
         v = project(rays_as_seen(seen, readout_s), vector_of(camera)[LENS])[0][:, 1]

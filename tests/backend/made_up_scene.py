@@ -54,7 +54,7 @@ def _variances(n):
 def blank_view(number):
     """A frame that shows nothing; one comes a second."""
     images = FrameImages.of(np.zeros((48, 64), np.uint8))
-    return View(number, Stamp(1_000_000_000 * number), SteadyStamp(0), images, Stamp(0), NO_DEPTH)
+    return View(number, Stamp(1_000_000_000 * number), SteadyStamp(0), images, Stamp(0), NO_DEPTH, number=number)
 
 
 def bare_keyframe(number, T_map_camera, segment=0):
@@ -63,6 +63,7 @@ def bare_keyframe(number, T_map_camera, segment=0):
     stamp, T = Stamp(1_000_000_000 * number), se3.inverse(T_map_camera)
     return Keyframe(
         number=number,
+        frame=number,
         stamp=stamp,
         segment=segment,
         first=0,

@@ -1,5 +1,6 @@
 """Frames between key frames: kept evenly in bounded number, adjusted at the end; their neighbours move with them."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -98,7 +99,7 @@ def test_a_frame_between_two_intermediate_ones_moves_as_they_do():
 
 def test_frames_move_ever_more_until_the_next_key_frame_which_stands_where_it_was_adjusted():
     walk = a_walk(20)
-    next_one = bare_keyframe(1, se3.inverse(se3.exp(MOVED) @ walk[10]))
+    next_one = replace(bare_keyframe(1, se3.inverse(se3.exp(MOVED) @ walk[10])), frame=10)
     by = moves(walk, [0] * 11 + [1] * 9, [bare_keyframe(0, se3.inverse(walk[0])), next_one], {})
     np.testing.assert_allclose(by[:11], np.linspace(0.0, 1.0, 11)[:, None] * MOVED, atol=1e-12)
 
@@ -106,11 +107,12 @@ def test_frames_move_ever_more_until_the_next_key_frame_which_stands_where_it_wa
 def test_a_frame_at_the_time_of_a_saved_maps_key_frame_is_not_taken_for_it():
     """As where the recording that a map was made of is run again, in that map."""
     walk = a_walk(11)
-    saved = bare_keyframe(1, se3.inverse(se3.exp(MOVED) @ walk[10]))
+    T_saved = se3.exp(MOVED) @ walk[10]
+    saved = Keyframe.set_aside(1, Stamp(1_000_000_000), 0, T_saved, np.eye(4))
     frames = FrameLog()
     for number, T in enumerate(walk):
         frames.append(LoggedFrame(Stamp(100_000_000 * number), 0, 0.0, 0, walk[0] @ se3.inverse(T)))
-    found = corrected(frames, [bare_keyframe(0, se3.inverse(walk[0])), saved], {}, earlier=2)
+    found = corrected(frames, [bare_keyframe(0, se3.inverse(walk[0])), saved], {})
     for placed, given_ in zip(found, frames, strict=True):
         np.testing.assert_array_equal(placed.T_keyframe_camera, given_.T_keyframe_camera)
 

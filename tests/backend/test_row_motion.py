@@ -1,9 +1,11 @@
 """Rows are carried to the middle one's time by the velocity that the trajectory shows, not by the last step."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from odom.backend.map.frame_log import LoggedFrame
+from odom.backend.map.frame_log import FrameLog, LoggedFrame
 from odom.backend.map.keyframe import Keyframe
 from odom.backend.mapping.row_motion import carried_anew, flow, rays_as_seen, twists_at
 from odom.calibration.parameters import LENS, vector_of
@@ -30,7 +32,7 @@ def keyframe(number, segment):
 
 def logged(keyframes, hidden=(), frames=30):
     """The frames of a swinging camera, their middle rows some 13 ms before their stamps, told by key frame 0 or 1."""
-    log = []
+    log = FrameLog()
     for k in range(frames):
         stamp, delay_s = Stamp(round(k * PERIOD_S * 1e9)), READOUT_S / 2
         if k in hidden:
@@ -49,8 +51,8 @@ def velocity(seconds):
 def test_the_velocity_is_that_of_the_moment_and_not_of_the_frame_before():
     keyframes = [keyframe(0, 0), keyframe(1, 0)]
     log = logged(keyframes)
-    found = twists_at([frame.stamp for frame in log[3:-3]], log, keyframes, TIMING)
-    true = np.array([velocity(frame.stamp * 1e-9 - frame.delay_s(TIMING)) for frame in log[3:-3]])
+    found = twists_at(range(3, len(log) - 3), log, keyframes, TIMING)
+    true = np.array([velocity(frame.stamp * 1e-9 - frame.delay_s(TIMING)) for frame in list(log)[3:-3]])
     middles = [swinging(frame.stamp * 1e-9 - frame.delay_s(TIMING)) for frame in log]
     before = np.array([se3.log(se3.inverse(middles[k - 1]) @ middles[k]) / PERIOD_S for k in range(3, len(log) - 3)])
     late, off = (np.sqrt(((one - true) ** 2).mean()) for one in (before, found))
@@ -60,11 +62,21 @@ def test_the_velocity_is_that_of_the_moment_and_not_of_the_frame_before():
 def test_where_nothing_is_known_on_one_side_there_is_none():
     keyframes = [keyframe(0, 0), keyframe(1, 1)]
     log = logged(keyframes, hidden=(5, 6, 7))
-    found = np.isfinite(twists_at([frame.stamp for frame in log], log, keyframes, TIMING)).all(axis=1)
+    found = np.isfinite(twists_at(range(len(log)), log, keyframes, TIMING)).all(axis=1)
     ends = {0, 4, 5, 6, 7, 8, 14, 15, 29}  # of the walk, of what was lost, and of the segments
     assert set(np.flatnonzero(~found)) == ends
-    assert not np.isfinite(twists_at([Stamp(7)], log, keyframes, TIMING)).any()
-    assert not np.isfinite(twists_at([Stamp(7)], [], keyframes, TIMING)).any()
+    assert not np.isfinite(twists_at([-1, 30], log, keyframes, TIMING)).any()
+    assert not np.isfinite(twists_at([0], FrameLog(), keyframes, TIMING)).any()
+
+
+def test_frames_of_another_time_with_the_same_stamps_count_for_nothing():
+    keyframes = [keyframe(0, 0), keyframe(1, 0)]
+    once = logged(keyframes)
+    twice = logged(keyframes)
+    for frame in logged([keyframe(0, 0), keyframe(0, 0)]):
+        twice.append(replace(frame, T_keyframe_camera=np.eye(4)))
+    found = twists_at(range(30), twice, keyframes, TIMING)
+    np.testing.assert_array_equal(found, twists_at(range(30), once, keyframes, TIMING))
 
 
 def test_flow_is_that_of_the_frontend():

@@ -72,10 +72,12 @@ class Keyframe(FrameObservations):
 
     The pose is that of its middle row, and `T_middle_stamp` the motion from there to its stamp. `first` is the key
     frame that its segment began with, `covariance_since_start` (6 x 6, `se3`, camera frame) that of the motion since.
-    `session` counts the walks that made a saved map.
+    `session` counts the walks that made a saved map. It was the run's `frame` of that number; one of an earlier
+    session was none (-1).
     """
 
     number: int
+    frame: int
     stamp: Stamp
     segment: int
     first: int
@@ -96,6 +98,7 @@ class Keyframe(FrameObservations):
             measurements=_NOTHING_MEASURED,
             timing=_UNKNOWN_TIMING,
             number=number,
+            frame=-1,
             stamp=stamp,
             segment=segment,
             first=number,

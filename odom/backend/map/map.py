@@ -70,6 +70,7 @@ class Map:
         beginning = None if against is None else self.keyframes[against]
         keyframe = Keyframe(
             number=number,
+            frame=view.number,
             stamp=view.stamp,
             segment=self._next_segment() if beginning is None else beginning.segment,
             first=number if beginning is None else beginning.first,

@@ -95,19 +95,16 @@ class IntermediateFrames:
         return mine[:: -max(1, -(-len(mine) // room))][::-1] if room > 0 else []
 
 
-def corrected(
-    frames: FrameLog, keyframes: list[Keyframe], adjusted: Mapping[int, Array], earlier: int = 0
-) -> Iterator[LoggedFrame]:
+def corrected(frames: FrameLog, keyframes: list[Keyframe], adjusted: Mapping[int, Array]) -> Iterator[LoggedFrame]:
     """Yield `frames` corrected by those that were adjusted, of which `adjusted` holds T_camera_map by number.
 
-    The frames that became `keyframes` were adjusted, too; the first `earlier` key frames are those of a saved map, not
-    of these frames. Between adjusted frames the correction relative to the same key frame is interpolated; at that key
+    The frames that became `keyframes` were adjusted, too. Between adjusted frames the correction relative to the same key frame is interpolated; at that key
     frame it is zero.
     """
-    became = {keyframe.stamp: keyframe for keyframe in keyframes[earlier:]}
+    became = {keyframe.frame: keyframe for keyframe in keyframes if keyframe.frame >= 0}
     knots: dict[int, list[tuple[int, Array]]] = {}
     for number, frame in enumerate(frames, frames.dropped):
-        own = became.get(frame.stamp)
+        own = became.get(number)
         if own is not None:
             knots.setdefault(own.number, []).append((number, np.zeros(6)))
         if frame.keyframe is None or frame.T_keyframe_camera is None:

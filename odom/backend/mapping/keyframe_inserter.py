@@ -146,7 +146,7 @@ class KeyframeInserter:
         tracked, keyframe = state.tracked, self._map.keyframes[state.reference]
         if tracked is None or (in_doubt and not self._is_long_known(state.view, tracked)):
             return state
-        if keyframe.stamp != state.view.stamp:
+        if keyframe.frame != state.view.number:
             inliers = tracked.inliers & self._map.landmarks.alive[tracked.rows]
             tracked = replace(tracked, T_camera_map=state.T_camera_map, inliers=inliers, reference=state.reference)
             covariance = tracked.covariance * sensor.noise.covariance_scale

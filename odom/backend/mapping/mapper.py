@@ -219,9 +219,9 @@ class Mapper:
         """Carry anew what frames measured by a readout that was far off (see `row_motion`)."""
         keyframes = [self._map.keyframes[n] for n in self._map.remembered if n >= self._map.earlier]
         between = [one for one in self.intermediate.kept if one.number >= log.dropped]
-        stamps = [k.stamp for k in keyframes] + [log[one.number].stamp for one in between]
+        numbers = [k.frame for k in keyframes] + [one.number for one in between]
         poses = np.array([k.T_camera_map for k in keyframes] + [one.pose(self._map.keyframes) for one in between])
-        carry_misjudged([*keyframes, *between], stamps, poses, self._map, log, sensor)
+        carry_misjudged([*keyframes, *between], numbers, poses, self._map, log, sensor)
 
     def _note_measured(self, described: list[int]) -> None:
         """Note in the journal which key frames have their places now, and which will not be adjusted any more."""

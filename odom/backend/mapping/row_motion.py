@@ -7,8 +7,9 @@ camera's parameters, which average over a walk, and for frames by whose rows a w
 poses that shake, what their own rows showed is better.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +17,6 @@ from odom.backend.map.frame_log import FrameLog, LoggedFrame
 from odom.backend.map.keyframe import FrameObservations, Keyframe
 from odom.backend.map.map import Map
 from odom.backend.mapping.tuning import TUNING
-from odom.frame import Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.measurement import Measurements
@@ -27,49 +27,59 @@ _LONGEST_DELAY_S = 0.1
 """More than passes between an image's middle row and its stamp."""
 
 
-def twists_at(
-    stamps: Sequence[Stamp], frames: Iterable[LoggedFrame], keyframes: Sequence[Keyframe], timing: ShutterTiming
-) -> Array:
-    """Return the camera's velocity (K x 6, m/s and rad/s, its own frame) in K of the `frames`, by their `stamps`.
+def twists_at(numbers: Sequence[int], log: FrameLog, keyframes: Sequence[Keyframe], timing: ShutterTiming) -> Array:
+    """Return the camera's velocity (K x 6, m/s and rad/s, its own frame) in K frames of the `log`, by their `numbers`.
 
     It is the slope of a straight line through the poses of the frames within `motion_window_s` to both sides; NaN where
     one side has no pose of the same segment.
     """
-    twists = np.full((len(stamps), 6), np.nan)
-    near = [
-        (frame, T_keyframe_camera, keyframes[frame.keyframe])
-        for frame in _near(stamps, frames)
-        if frame.keyframe is not None and (T_keyframe_camera := frame.T_keyframe_camera) is not None
-    ]
-    if not near:
-        return twists
-    first, window = near[0][0], TUNING.motion_window_s
-    seconds = np.array([frame.since_s(first, timing) for frame, _, _ in near])
-    T_map_camera = [se3.inverse(keyframe.T_camera_map) @ T for _, T, keyframe in near]
-    segment = np.array([keyframe.segment for _, _, keyframe in near])
-    place = {frame.stamp: k for k, (frame, _, _) in enumerate(near)}
-    for row, stamp in enumerate(stamps):
-        if (k := place.get(stamp)) is None:
+    twists = np.full((len(numbers), 6), np.nan)
+    known: dict[int, _Placed | None] = {}
+    for row, number in enumerate(numbers):
+        here = _placed(number, log, keyframes, known)
+        if here is None:
             continue
-        around = np.flatnonzero((np.abs(seconds - seconds[k]) < window) & (segment == segment[k]))
-        since = seconds[around] - seconds[k]
-        if since.min() < 0.0 < since.max():
-            T_camera_map = se3.inverse(T_map_camera[k])
-            moved = np.array([se3.log(T_camera_map @ T_map_camera[other]) for other in around])
-            twists[row] = np.polynomial.polynomial.polyfit(since, moved, 1)[1]
+        near = [_placed(other, log, keyframes, known) for other in _around(number, log)]
+        around = [other for other in near if other is not None and other.segment == here.segment]
+        since = np.array([other.frame.since_s(here.frame, timing) for other in around])
+        is_near = np.abs(since) < TUNING.motion_window_s
+        if np.min(since, initial=0.0, where=is_near) < 0.0 < np.max(since, initial=0.0, where=is_near):
+            T_camera_map = se3.inverse(here.T_map_camera)
+            moved = np.array([se3.log(T_camera_map @ other.T_map_camera) for other in around])
+            twists[row] = np.polynomial.polynomial.polyfit(since[is_near], moved[is_near], 1)[1]
     return twists
 
 
-def _near(stamps: Sequence[Stamp], frames: Iterable[LoggedFrame]) -> Iterator[LoggedFrame]:
-    """Yield the `frames` that are near one of the `stamps`: hours of the others need not be held."""
-    wanted = np.sort(np.array(stamps, dtype=np.int64))
-    near_ns = 1e9 * (TUNING.motion_window_s + _LONGEST_DELAY_S)
-    for frame in frames:
-        if not len(wanted) or frame.stamp > wanted[-1] + near_ns:
-            break
-        at = int(np.searchsorted(wanted, frame.stamp))
-        if (np.abs(wanted[max(at - 1, 0) : at + 1] - frame.stamp) < near_ns).any():
-            yield frame
+class _Placed(NamedTuple):
+    """A frame with its pose, and the segment that this is in."""
+
+    frame: LoggedFrame
+    T_map_camera: Array
+    segment: int
+
+
+def _placed(
+    number: int, log: FrameLog, keyframes: Sequence[Keyframe], known: dict[int, _Placed | None]
+) -> _Placed | None:
+    """Return frame `number` with its pose, None where it has none or is gone; it is kept in `known`."""
+    if number not in known:
+        frame = log[number] if log.dropped <= number < log.count else None
+        known[number] = None
+        if frame is not None and frame.keyframe is not None and frame.T_keyframe_camera is not None:
+            keyframe = keyframes[frame.keyframe]
+            T_map_camera = se3.inverse(keyframe.T_camera_map) @ frame.T_keyframe_camera
+            known[number] = _Placed(frame, T_map_camera, keyframe.segment)
+    return known[number]
+
+
+def _around(number: int, log: FrameLog) -> Iterator[int]:
+    """Yield the numbers of frames stamped near frame `number`, itself included, and up to the first that is not."""
+    middle, near_ns = log[number].stamp, 1e9 * (TUNING.motion_window_s + _LONGEST_DELAY_S)
+    for numbers in (range(number, log.dropped - 1, -1), range(number + 1, log.count)):
+        for other in numbers:
+            if abs(log[other].stamp - middle) > near_ns:
+                break
+            yield other
 
 
 def rays_as_seen(seen: Measurements, readout_s: float) -> Array:
@@ -93,7 +103,7 @@ def carried_anew(seen: Measurements, row: Array, inverse_depth: Array, twist: Ar
 
 def carry_misjudged(
     frames: Sequence[FrameObservations],
-    stamps: Sequence[Stamp],
+    numbers: Sequence[int],
     poses: Array,
     map_: Map,
     log: FrameLog,
@@ -102,11 +112,11 @@ def carry_misjudged(
     """Carry anew what those of K `frames` measured whose readout was believed to be far from the one known by now.
 
     Until the readout is known, rows show a wrong velocity, by which a frame's measurements were carried, and would be
-    carried to another readout. `stamps` (K) and `poses` (K x 4 x 4, T_camera_map) are those of the frames.
+    carried to another readout. `numbers` (K) and `poses` (K x 4 x 4, T_camera_map) are those of the frames.
     """
     known, L = sensor.timing.readout_s, map_.landmarks
     misjudged = [k for k, f in enumerate(frames) if abs(f.timing.readout_s - known) > TUNING.misjudged_readout_s]
-    twists = twists_at([stamps[k] for k in misjudged], log, map_.keyframes, sensor.timing)
+    twists = twists_at([numbers[k] for k in misjudged], log, map_.keyframes, sensor.timing)
     for k, twist in zip(misjudged, twists, strict=True):
         frame, seen = frames[k], frames[k].measurements
         rays = rays_as_seen(seen, frame.timing.readout_s)

@@ -44,9 +44,11 @@ class RecentViews:
         self._looked: tuple[Tracked, MovingCells | None] | None = None
 
     def remember(self, state: FrameState) -> None:
-        """Keep a frame with a pose, unless there is one of nearly the same time."""
-        is_near = bool(self._views) and -state.since_s(self._views[-1].view.steady_stamp) < TUNING.recent_apart_s
-        if not is_near:
+        """Keep a frame with a pose, unless there is one of nearly the same time; those of a later time are dropped."""
+        since_s = state.view.since_s(self._views[-1].view) if self._views else np.inf
+        if since_s < 0.0:
+            self.forget()
+        if not 0.0 <= since_s < TUNING.recent_apart_s:
             T_reference_camera = state.T_reference_camera(self._map)
             twist = state.twist if state.tracked is None else state.tracked.twist
             self._views.append(_RecentView(state.view, state.reference, T_reference_camera, twist))

@@ -149,9 +149,10 @@ class Odometry:
             prepared = None
         watch = Stopwatch(None if prepared is None else prepared.laps_ms)
         images = FrameImages.of(frame.color) if prepared is None else prepared.images
-        view = View.of(frame, stages.sensor.clock, images, self.segmentation.mask(frame))
+        count = stages.published.log.count
+        view = View.of(frame, stages.sensor.clock, images, self.segmentation.mask(frame), count)
         watch.lap("images")
-        loops, map_moved = self._take_background(stages.published.log.count)
+        loops, map_moved = self._take_background(count)
         map_moved |= stages.mapper.prune(stages.state)
         watch.lap("background")
         T_predicted = None if prepared is None or map_moved else prepared.T_predicted
@@ -223,7 +224,7 @@ class Odometry:
         timing = self._last_timing or self.timing
         map_, adjusted = self._stages.map, {**self._adjusted, **between}
         moved = [replace(k, T_camera_map=keyframes[k.number]) if k.number in keyframes else k for k in map_.keyframes]
-        return trajectory(corrected(self._stages.published.log, moved, adjusted, map_.earlier), moved, timing)
+        return trajectory(corrected(self._stages.published.log, moved, adjusted), moved, timing)
 
     def closing_test(self) -> ClosingTest | None:
         """Return the paper's test of a closed walk after `finish`, None where it can't be made (see `closing_test`)."""

@@ -25,8 +25,8 @@ def later(stamp: SteadyStamp, by_s: float) -> SteadyStamp:
 
 
 def is_within(within_s: float, then: SteadyStamp | None, now: SteadyStamp | None) -> bool:
-    """Return whether `then` was less than `within_s` before `now`; False where either is None: never."""
-    return then is not None and now is not None and (now - then) * 1e-9 < within_s
+    """Return whether `then` was less than `within_s` away from `now`; False where either is None: never."""
+    return then is not None and now is not None and abs(now - then) * 1e-9 < within_s
 
 
 @dataclass(frozen=True)

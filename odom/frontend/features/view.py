@@ -23,7 +23,8 @@ class View:
 
     `images` are the colour image's, `depth_mm` (H x W uint16, mm, 0: none) is the depth image stamped `depth_stamp`.
     `may_move` (H x W) marks what no feature should lie on, None where nothing is known of that. All have the size
-    in which features are looked for (see `image_scale`).
+    in which features are looked for (see `image_scale`). `number` counts the run's frames; a stamp or sequence number
+    may come again where a recording is played in a loop.
     """
 
     sequence: int
@@ -33,9 +34,12 @@ class View:
     depth_stamp: Stamp
     depth_mm: NDArray[np.uint16]
     may_move: Mask | None = None
+    number: int = 0
 
     @classmethod
-    def of(cls, frame: RgbdFrame, clock: StampClock, images: FrameImages, may_move: Mask | None = None) -> "View":
+    def of(
+        cls, frame: RgbdFrame, clock: StampClock, images: FrameImages, may_move: Mask | None = None, number: int = 0
+    ) -> "View":
         """Return the view of a frame whose stamp is the newest of `clock`; `images` are those of its colour.
 
         `may_move` is of the frame's own size. The view keeps none of the frame's arrays.
@@ -43,7 +47,7 @@ class View:
         _, seen_mm = cv2.threshold(np.ascontiguousarray(frame.depth_mm), UNKNOWN_DEPTH_MM - 1, 0, cv2.THRESH_TOZERO_INV)
         depth_mm = uniform(dense_depth(np.asarray(seen_mm, dtype=np.uint16), images.scale))
         may_move = None if may_move is None else scaled_mask(may_move, images.scale)
-        return cls(frame.sequence, frame.stamp, clock.steady, images, frame.depth_stamp, depth_mm, may_move)
+        return cls(frame.sequence, frame.stamp, clock.steady, images, frame.depth_stamp, depth_mm, may_move, number)
 
     def without_depth(self) -> "View":
         """Return the view of a frame whose depth image says nothing."""

@@ -107,12 +107,12 @@ def test_frames_move_ever_more_until_the_next_key_frame_which_stands_where_it_wa
 def test_a_frame_at_the_time_of_a_saved_maps_key_frame_is_not_taken_for_it():
     """As where the recording that a map was made of is run again, in that map."""
     walk = a_walk(11)
-    T_saved = se3.exp(MOVED) @ walk[10]
-    saved = Keyframe.set_aside(1, Stamp(1_000_000_000), 0, T_saved, np.eye(4))
+    places = walk[0], se3.exp(MOVED) @ walk[10]
+    saved = [Keyframe.set_aside(k, Stamp(k * 1_000_000_000), 0, T, np.eye(4)) for k, T in enumerate(places)]
     frames = FrameLog()
     for number, T in enumerate(walk):
         frames.append(LoggedFrame(Stamp(100_000_000 * number), 0, 0.0, 0, walk[0] @ se3.inverse(T)))
-    found = corrected(frames, [bare_keyframe(0, se3.inverse(walk[0])), saved], {})
+    found = corrected(frames, saved, {})
     for placed, given_ in zip(found, frames, strict=True):
         np.testing.assert_array_equal(placed.T_keyframe_camera, given_.T_keyframe_camera)
 

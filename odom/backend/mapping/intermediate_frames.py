@@ -98,8 +98,8 @@ class IntermediateFrames:
 def corrected(frames: FrameLog, keyframes: list[Keyframe], adjusted: Mapping[int, Array]) -> Iterator[LoggedFrame]:
     """Yield `frames` corrected by those that were adjusted, of which `adjusted` holds T_camera_map by number.
 
-    The frames that became `keyframes` were adjusted, too. Between adjusted frames the correction relative to the same key frame is interpolated; at that key
-    frame it is zero.
+    The frames that became `keyframes` were adjusted, too. Between adjusted frames the correction relative to the same
+    key frame is interpolated; at that key frame it is zero.
     """
     became = {keyframe.frame: keyframe for keyframe in keyframes if keyframe.frame >= 0}
     knots: dict[int, list[tuple[int, Array]]] = {}

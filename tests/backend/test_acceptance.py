@@ -22,6 +22,10 @@ from odom.geometry import se3
 from sensors.arena import ArenaOptions, frame
 from sensors.arena.options import RATE_HZ
 
+SEEDS = (1, 2, 3)
+"""Of walks through the arena."""
+LEAST_INLIERS = 30
+"""Landmarks by fewer of which no pose is TRACKING."""
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 
 
@@ -96,11 +100,20 @@ def test_arena_default_walk(tmp_path):
     assert degrees <= 0.2
 
 
+@pytest.fixture(scope="module")
+def undisturbed_m(tmp_path_factory):
+    """The error of whole walks through the arena, one for each seed."""
+    return [arena(tmp_path_factory.mktemp("undisturbed"), seed=seed)["ate_m"] for seed in SEEDS]
+
+
 @pytest.mark.parametrize("kind", ["frames", "color", "depth"])
-def test_a_second_of_blackout_in_the_arena(tmp_path, kind):
-    undisturbed = arena(tmp_path / "undisturbed")
-    report = arena(tmp_path / "blackout", blackout=kind)
-    hold(report, ate_m=("<=", 1.5 * undisturbed["ate_m"]), segments_begun=("==", 1))
+def test_a_second_of_blackout_in_the_arena(tmp_path, undisturbed_m, kind):
+    """In the mean of some walks: what a second costs differs from one to the next by a millimetre, either way."""
+    reports = [arena(tmp_path / f"{seed}", blackout=kind, seed=seed) for seed in SEEDS]
+    for report, whole_m in zip(reports, undisturbed_m, strict=True):
+        print(f"{kind}: {report['ate_m']:.5f} m of {whole_m:.5f}")
+        hold(report, segments_begun=("==", 1))
+    assert np.mean([report["ate_m"] for report in reports]) <= 1.5 * np.mean(undisturbed_m)
 
 
 @pytest.fixture(scope="module")
@@ -118,18 +131,22 @@ def hidden(frame: RgbdFrame, kind: str) -> RgbdFrame | None:
 
 @pytest.mark.parametrize("kind", ["frames", "color", "depth"])
 def test_a_second_of_blackout_at_the_desk(desk_whole, kind):
-    camera, frames, truth, undisturbed_m = desk_whole
+    camera, frames, truth, whole_m = desk_whole
     dark = frames[len(frames) // 2].stamp
     light = dark + 1_000_000_000
     seen = [hidden(f, kind) if dark <= f.stamp < light else f for f in frames]
     ran = run_frames(camera, [f for f in seen if f is not None])
     ate_m = ran.judged(truth).ate_m
-    back = next(e for e in ran.estimates if e.stamp >= light and e.state is State.RECOVERED)
-    during = {e.state for e in ran.estimates if dark + 200_000_000 < e.stamp < light}
-    print(f"{kind}: {during}, back after {(back.stamp - light) * 1e-9:.3f} s, {ate_m:.4f} m of {undisturbed_m:.4f}")
-    assert ate_m <= 1.5 * undisturbed_m
+    back = next(e for e in ran.estimates if e.stamp >= light and e.state in (State.TRACKING, State.RECOVERED))
+    during = [e for e in ran.estimates if dark + 200_000_000 < e.stamp < light]
+    states = {e.state for e in during}
+    print(f"{kind}: {states}, back after {(back.stamp - light) * 1e-9:.3f} s, {ate_m:.4f} m of {whole_m:.4f}")
+    assert ate_m <= 1.5 * whole_m
     assert back.stamp - light < 1_000_000_000
-    assert during <= {State.LOST}
+    if kind == "color":  # surfaces may lead, but cannot tell well where the camera is
+        assert states <= {State.LOST, State.UNCERTAIN}
+    if kind == "depth":  # known landmarks lead, as long as enough of them are in view
+        assert all(e.inliers >= LEAST_INLIERS for e in during if e.state is State.TRACKING)
 
 
 def test_no_false_closure_past_identical_rooms(tmp_path):

@@ -28,7 +28,7 @@ from odom.frontend.features.measurement import Measurements
 from odom.frontend.matching.landmark_search import LandmarkMatches
 from odom.geometry import se3
 
-EXACT, SENSOR = 1e-10 * np.eye(6), sensor_model(SMALL)
+EXACT, SENSOR, UPRIGHT = 1e-10 * np.eye(6), sensor_model(SMALL), np.zeros(2)
 ASIDE = se3.exp(np.array([0.0, 0.0, 0.0, 0.0, 0.8, 0.0]))
 """T_room_camera of a camera that looks aside: one wall is nearer than the other."""
 
@@ -80,7 +80,7 @@ def test_their_depth_becomes_known_as_the_camera_moves_as_well_as_is_said(direct
     map_ = map_of(rng, points, none)
     for k in range(1, 31):
         T = se3.inverse(se3.exp(np.array([*(0.01 * k * np.array(direction)), 0.0, 0.003 * k, 0.0])))
-        refine_depths(map_, seen_from(rng, points, T, none), T, EXACT)
+        refine_depths(map_, seen_from(rng, points, T, none), T, EXACT, UPRIGHT)
     w, sigma = inverse_depths(map_, 300)
     squares = ((w - 1.0 / points[:, 2]) / sigma) ** 2
     assert squares[:200].mean() < 1.5
@@ -97,7 +97,7 @@ def test_a_pose_that_is_hardly_known_tells_nothing_of_their_depth():
     map_ = map_of(rng, points, none)
     before = inverse_depths(map_, 100)[1]
     T = se3.exp(np.array([0.01, 0, 0, 0, 0, 0]))
-    assert refine_depths(map_, seen_from(rng, points, T, none), T, 0.1**2 * np.eye(6)) == 100
+    assert refine_depths(map_, seen_from(rng, points, T, none), T, 0.1**2 * np.eye(6), UPRIGHT) == 100
     assert (inverse_depths(map_, 100)[1] > 0.9 * before).all()
 
 
@@ -107,10 +107,21 @@ def test_depth_that_is_measured_later_counts_at_once_and_measured_depth_is_never
     map_ = map_of(rng, points, deep)
     before = map_.landmarks.position[:50].copy()
     assert map_.landmarks.is_vague(np.arange(100)).tolist() == (~deep).tolist()
-    refine_depths(map_, seen_from(rng, points, np.eye(4), np.ones(100, dtype=bool)), np.eye(4), EXACT)
+    refine_depths(map_, seen_from(rng, points, np.eye(4), np.ones(100, dtype=bool)), np.eye(4), EXACT, UPRIGHT)
     np.testing.assert_array_equal(map_.landmarks.position[:50], before)
     assert np.abs(map_.landmarks.position[50:100, 2] / points[50:, 2] - 1.0).max() < 0.1
     assert not map_.landmarks.is_vague(np.arange(100)).any()
+
+
+def test_depth_along_a_tilted_axis_is_straightened_before_it_counts():
+    rng, tilt, every = np.random.default_rng(4), np.array([0.05, 0.0]), np.ones(200, dtype=bool)
+    points = points_ahead(rng, 200)
+    map_ = map_of(rng, points, ~every)
+    seen = seen_from(rng, points, np.eye(4), every)
+    seen.measurements.values[:, 2] /= 1.0 + seen.measurements.values[:, :2] @ tilt
+    refine_depths(map_, seen, np.eye(4), EXACT, tilt)
+    off, side = map_.landmarks.position[:200, 2] / points[:, 2] - 1.0, points[:, 0] / points[:, 2]
+    assert abs(np.median(off[side > 0.2]) - np.median(off[side < -0.2])) < 0.005
 
 
 def test_many_of_them_do_not_make_a_step_sure_that_a_wrong_assumption_makes():

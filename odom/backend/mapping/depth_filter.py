@@ -19,16 +19,17 @@ _LEAST_INVERSE_DEPTH = 0.01
 """1/m; a landmark farther than 100 m is put there: it has no parallax within a room."""
 
 
-def refine_depths(map_: Map, seen: MeasuredLandmarks, T_camera_map: Array, covariance: Array) -> int:
+def refine_depths(map_: Map, seen: MeasuredLandmarks, T_camera_map: Array, covariance: Array, tilt: Array) -> int:
     """Move the landmarks of vague depth that a frame has `seen` along the rays that first showed them.
 
-    The frame's pose has the `covariance` (6 x 6, `se3`, camera frame). Returns how many of them there are.
+    The frame's pose has the `covariance` (6 x 6, `se3`, camera frame); its depth has the `tilt` (2, rad). Returns how
+    many of them there are.
     """
     L = map_.landmarks
     vague = np.flatnonzero(L.is_vague(seen.rows))
     if not len(vague):
         return 0
-    rows, measured = seen.rows[vague], seen.measurements.take(vague)
+    rows, measured = seen.rows[vague], seen.measurements.take(vague).straight(tilt)
     T_first_map = np.array([map_.keyframes[k].T_camera_map for k in L.keyframe[rows].tolist()])
     L.position[rows], L.covariance[rows], L.plane[rows, 0] = _refined(
         L.position[rows],

@@ -133,8 +133,8 @@ class FrameStages:
         number, width = self.published.log.count, view.images.full.shape[1]
         noise = noise_after(self.sensor.noise, self.map, tracked, noise_step, number, width)
         self.sensor = self.sensor.with_noise(noise)
-        covariance = tracked.covariance * noise.covariance_scale
-        vague = refine_depths(self.map, tracked.inlier_landmarks, tracked.T_camera_map, covariance)
+        covariance, tilt = tracked.covariance * noise.covariance_scale, self.sensor.depth_tilt.angles
+        vague = refine_depths(self.map, tracked.inlier_landmarks, tracked.T_camera_map, covariance, tilt)
         moving = self.moving.after_loss(self.map.landmarks.next_identity) if is_recovered else self.moving
         self.moving = moving.after(view, tracked, self.mapper.inserter.recent, self.map.landmarks, self.sensor)
         self._visibility = self._visibility.with_tracked(view.stamp, tracked.chi2[tracked.inliers, 1])

@@ -63,15 +63,16 @@ class FrameStages:
 
     def estimate(self, view: View, T_predicted: Array | None, watch: Stopwatch, on_pose: OnPose) -> Estimate:
         """Return the estimate for the next frame; `T_predicted` is T_camera_map where it was predicted already."""
-        if view.shows_depth:
-            self._visibility = self._visibility.with_depth(view.stamp)
         self._shown_depth = ShownDepth.of(view, self._shown_depth)
         if self._shown_depth.is_stale(self.state, self.sensor):
             view = view.without_depth()
+        if view.shows_depth:
+            self._visibility = self._visibility.with_depth(view.stamp)
         is_followable = not self.published.is_lost
         if self.state is not None and is_repeated(view, self.state, self.sensor):
             predicted = self._predict(view, is_followable, IMAGE_AGAIN)
-            return predicted or self._lose(view, IMAGE_AGAIN, self._follow_surfaces(view, is_followable, True))
+            if predicted is not None or self.state.tracked is not None:
+                return predicted or self._lose(view, IMAGE_AGAIN, self._follow_surfaces(view, is_followable, True))
         tracked = self._track(view, T_predicted, watch) if is_followable else None
         if tracked is not None:
             return self._advance(view, self._judge(view, tracked, is_recovered=False), watch, on_pose)
@@ -84,8 +85,7 @@ class FrameStages:
         if tracked is not None:
             is_recovered = not is_near or self.published.is_lost or not self._is_predictable(view)
             return self._advance(view, self._judge(view, tracked, is_recovered), watch, on_pose)
-        predicted = self._predict(view, is_followable, "not tracked")
-        if predicted is not None:
+        if (predicted := self._predict(view, is_followable, "not tracked")) is not None:
             return predicted
         following = self._follow_surfaces(view, is_followable, False)
         sees_enough = self._lost_camera.sees_enough(view, place, self.sensor)

@@ -43,15 +43,15 @@ class ShownDepth:
 
 
 def is_repeated(view: View, state: FrameState, sensor: SensorModel) -> bool:
-    """Return whether the view holds the image of the newest frame with a pose once more, though the camera moves.
+    """Return whether the view holds the image of the newest frame with a pose once more, though the camera may move.
 
     It would say that the camera has stopped. Two images of a real camera differ, if only by their noise; drawn ones of
-    a camera at rest do not, and are no repetition.
+    a camera at rest do not, and are no repetition. How the camera moves is not known by a segment's first frame.
     """
     last, image = state.view.images.full, view.images.full
-    if state.tracked is None or last.shape != image.shape or not _are_equal(last, image):
+    if last.shape != image.shape or not _are_equal(last, image):
         return False
-    return _moved_px(state, state.since_s(view.steady_stamp), sensor) > TUNING.repeated_px
+    return state.tracked is None or _moved_px(state, state.since_s(view.steady_stamp), sensor) > TUNING.repeated_px
 
 
 def _moved_px(state: FrameState, since_s: float, sensor: SensorModel) -> float:

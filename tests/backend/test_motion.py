@@ -44,7 +44,7 @@ def followed(seed, poses, stride):
     return courses
 
 
-@pytest.mark.parametrize("hertz", [60, 30, 15, 8])
+@pytest.mark.parametrize("hertz", [120, 60, 30, 15, 8])
 @pytest.mark.parametrize("agility", [Agility(0.3, 0.8), Agility(1.2, 4.0)], ids=["calm", "brisk"])
 def test_what_is_predicted_errs_as_its_covariance_says_at_any_rate_and_agility(hertz, agility):
     poses = carried(1, agility)
@@ -75,6 +75,14 @@ def test_a_jerk_after_rest_is_believed_at_once():
     assert after.linear > 2.0 * before.linear
     lag = [np.linalg.norm(c.motion.T_fixed_camera[:3, 3] - (rest + jerked)[k][:3, 3]) for k, c in courses]
     assert max(lag) < 0.003
+
+
+def test_what_poses_err_by_is_no_acceleration_at_any_rate():
+    rest = [np.eye(4)] * 2400
+    learnt = {stride: followed(6, rest, stride)[-1][1] for stride in (8, 2, 1)}  # 30, 120 and 240 Hz
+    for stride in (2, 1):
+        assert learnt[stride].agility.linear < 3.0 * learnt[8].agility.linear
+        assert learnt[stride].motion.P[6, 6] < learnt[8].motion.P[6, 6]
 
 
 def test_agility_never_falls_to_nothing():

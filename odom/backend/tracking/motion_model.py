@@ -110,8 +110,8 @@ class Motion:
 class MotionFilter:
     """The filtered `motion` of a tracked camera, and its `agility`.
 
-    `T_fitted` is the last pose as measured, and `twist` the mean velocity (6, SI) over the `dt` seconds before that,
-    None where it is not known.
+    `T_fitted` is the pose as measured `since_s` seconds ago, where the next acceleration is seen from, and `twist` the
+    mean velocity (6, SI) over the `dt` seconds before that, None where it is not known.
     """
 
     motion: Motion
@@ -119,6 +119,7 @@ class MotionFilter:
     T_fitted: Array
     twist: Array | None = None
     dt: float = 0.0
+    since_s: float = 0.0
 
     @classmethod
     def begun(cls, T_fixed_camera: Array, covariance: Array, agility: Agility) -> "MotionFilter":
@@ -127,12 +128,15 @@ class MotionFilter:
 
     def tracked(self, T_fixed_camera: Array, covariance: Array, dt: float) -> "MotionFilter":
         """Return the filter after the pose was measured `dt` seconds later, with `covariance` (6 x 6)."""
-        twist = se3.log(se3.inverse(self.T_fitted) @ T_fixed_camera) / dt
-        agility = self.agility
+        agility, since_s = self.agility, self.since_s + dt
+        if since_s < TUNING.agility_least_s:
+            motion = self.motion.after(dt, agility).corrected(T_fixed_camera, covariance)
+            return replace(self, motion=motion, since_s=since_s)
+        twist = se3.log(se3.inverse(self.T_fitted) @ T_fixed_camera) / since_s
         if self.twist is not None:
-            agility = agility.after((twist - self.twist) / (0.5 * (dt + self.dt)), dt)
+            agility = agility.after((twist - self.twist) / (0.5 * (since_s + self.dt)), since_s)
         motion = self.motion.after(dt, agility).corrected(T_fixed_camera, covariance)
-        return MotionFilter(motion, agility, T_fixed_camera, twist, dt)
+        return MotionFilter(motion, agility, T_fixed_camera, twist, since_s)
 
     def moved(self, T_new_old: Array) -> "MotionFilter":
         """Return the filter of the same camera in a frame that was moved by `T_new_old`."""

@@ -79,10 +79,8 @@ def test_a_jerk_after_rest_is_believed_at_once():
 
 def test_what_poses_err_by_is_no_acceleration_at_any_rate():
     rest = [np.eye(4)] * 2400
-    learnt = {stride: followed(6, rest, stride)[-1][1] for stride in (8, 2, 1)}  # 30, 120 and 240 Hz
-    for stride in (2, 1):
-        assert learnt[stride].agility.linear < 3.0 * learnt[8].agility.linear
-        assert learnt[stride].motion.P[6, 6] < learnt[8].motion.P[6, 6]
+    learnt = {stride: followed(6, rest, stride)[-1][1].agility.linear for stride in (8, 2, 1)}  # 30, 120 and 240 Hz
+    assert max(learnt[2], learnt[1]) < 3.0 * learnt[8]
 
 
 def test_agility_never_falls_to_nothing():

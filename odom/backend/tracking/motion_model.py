@@ -57,6 +57,14 @@ class Agility:
         factors = (0.25 + unsteady) * dt**4, 0.5 * dt**3, dt**2
         return _carried(P, dt, factors, (self.linear**2, self.angular**2))
 
+    def in_steps_of(self, dt: float) -> "Agility":
+        """Return the agility by which steps of `dt` seconds add up to as much as longer ones.
+
+        `carried` takes the accelerations of different steps to be independent; through several short ones one lasts.
+        """
+        lasting = math.sqrt(max(1.0, TUNING.agility_least_s / dt))
+        return self if lasting == 1.0 else Agility(lasting * self.linear, lasting * self.angular, self.steady_s)
+
     def after(self, acceleration: Array, dt: float) -> "Agility":
         """Return the agility after `acceleration` (6, SI) was seen for `dt` seconds."""
         ax, ay, az, bx, by, bz = acceleration.tolist()
@@ -130,12 +138,12 @@ class MotionFilter:
         """Return the filter after the pose was measured `dt` seconds later, with `covariance` (6 x 6)."""
         agility, since_s = self.agility, self.since_s + dt
         if since_s < TUNING.agility_least_s:
-            motion = self.motion.after(dt, agility).corrected(T_fixed_camera, covariance)
+            motion = self.motion.after(dt, agility.in_steps_of(dt)).corrected(T_fixed_camera, covariance)
             return replace(self, motion=motion, since_s=since_s)
         twist = se3.log(se3.inverse(self.T_fitted) @ T_fixed_camera) / since_s
         if self.twist is not None:
             agility = agility.after((twist - self.twist) / (0.5 * (since_s + self.dt)), since_s)
-        motion = self.motion.after(dt, agility).corrected(T_fixed_camera, covariance)
+        motion = self.motion.after(dt, agility.in_steps_of(dt)).corrected(T_fixed_camera, covariance)
         return MotionFilter(motion, agility, T_fixed_camera, twist, since_s)
 
     def moved(self, T_new_old: Array) -> "MotionFilter":

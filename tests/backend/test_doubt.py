@@ -1,8 +1,17 @@
 """What the covariance of a motion allows for while the camera may follow a body."""
 
+from dataclasses import replace
+
 import numpy as np
+from made_up_scene import blank_view
+from sensor_models import sensor_model
 
 from odom.backend.doubt import Doubt
+from odom.backend.map.keyframe import MeasuredLandmarks
+from odom.backend.map.map import Map
+from odom.backend.odometry.published_trajectory import PublishedTrajectory
+from odom.frame import Camera
+from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.geometry import se3
 
 STILL = np.eye(4)
@@ -60,3 +69,20 @@ def test_a_second_doubt_is_none_of_the_first_however_long_it_lasts() -> None:
         second = second.after(STILL, SPREAD, 0.1)
     assert np.allclose(second.since(first, STILL), first.since(Doubt(), STILL) + SPREAD)
     assert (np.linalg.eigvalsh(second.since(first, STILL)) > -1e-12).all()
+
+
+def test_doubt_before_a_new_segment_never_makes_a_later_motion_surer() -> None:
+    """The camera was in doubt, lost, began a segment, found the first one again, and is in greater doubt there."""
+    map_, sensor = Map(), sensor_model(Camera(64, 48, 60.0, 60.0, 31.5, 23.5))
+    published = PublishedTrajectory(map_)
+
+    def begun(number: int) -> Doubt:
+        view = blank_view(number)
+        at = map_.add_keyframe(view, STILL, MeasuredLandmarks.nothing(), ShutterTiming(), None, np.zeros((6, 6)))
+        return published.begin(view, at, sensor).doubt
+
+    before = begun(0).after(STILL, 0.01 * SPREAD, 1.0).known_again()
+    published._newest = replace(published._newest, doubt=before)
+    after = begun(1).after(STILL, SPREAD, 5.0)
+    assert np.linalg.eigvalsh(after.since(before, STILL)).min() >= -1e-12
+    assert after.resolved > before.resolved

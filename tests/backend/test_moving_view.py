@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from odom.backend.odometry.moving_view import MovingView
+from odom.backend.odometry.moving_view import FOUND_IN_DOUBT, OTHER_MOTION, MovingView
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.odometry.witnesses import Agreement, Witnesses
 from odom.backend.tracking.other_motions import WhatElseMoves
@@ -169,7 +169,7 @@ BEGUN, LASTS = len(STILL), round(TUNING.moved_parts_s * 10)
 def test_a_pose_is_in_doubt_from_a_key_frame_whose_corners_do_not_stand_until_one_whose_corners_do() -> None:
     shown = told([0.0] * (BEGUN + LASTS + 2), keyframes={BEGUN: 0.7})
     assert not shown[BEGUN - 1].is_doubtful
-    assert all(moving.doubt == "most of the view moved" for moving in shown[BEGUN + 1 : BEGUN + LASTS - 2])
+    assert all(moving.doubt == OTHER_MOTION for moving in shown[BEGUN + 1 : BEGUN + LASTS - 2])
     assert not shown[-1].is_doubtful
     assert not told([0.0] * (BEGUN + 3), keyframes={BEGUN: 0.7, BEGUN + 2: 0.1})[-1].is_doubtful
     assert not told([0.0] * (BEGUN + 3), keyframes={BEGUN: 0.4})[-1].is_doubtful
@@ -236,7 +236,7 @@ def test_after_a_loss_a_third_of_the_view_is_enough_again() -> None:
 
 def test_a_view_lost_in_doubt_is_not_sure_again_soon_though_nothing_seems_to_move() -> None:
     shown = told([*[0.6] * 10, *[0.0] * (LASTS + 3)], lost=[10], keyframes={10 + CALM: 0.0})
-    assert all(moving.doubt == "most of the view moved" for moving in shown[10 : 10 + LASTS - 1])
+    assert all(moving.doubt == FOUND_IN_DOUBT for moving in shown[10 : 10 + LASTS - 1])
     assert not shown[-1].is_doubtful
 
 

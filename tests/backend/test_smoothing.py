@@ -151,3 +151,11 @@ def test_each_segment_is_smoothed_by_itself_and_lost_frames_and_orientations_sta
     assert max(np.abs(a[:3, 3] - b[:3, 3]).max() for a, b in moved) > 1e-4
     for a, b in moved:
         np.testing.assert_array_equal(a[:3, :3], b[:3, :3])
+
+
+def test_where_stamps_come_again_each_time_is_smoothed_by_itself():
+    once, again = poses_of(noisy(1)), poses_of(noisy(2))
+    found = smoothed((*once, *again), np.full(2 * COUNT, np.nan))
+    alone = [*smoothed(tuple(once), np.full(COUNT, np.nan)), *smoothed(tuple(again), np.full(COUNT, np.nan))]
+    for one, other in zip(found, alone, strict=True):
+        np.testing.assert_array_equal(one.T_map_camera, other.T_map_camera)

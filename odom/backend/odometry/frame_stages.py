@@ -56,8 +56,7 @@ class FrameStages:
         self.closer = LoopCloser(self.map, self.tracker)
         self.published = PublishedTrajectory(self.map)
         self.chain = Chain()
-        self._settings = settings
-        self.moving, self._visibility = MovingView(), Visibility()
+        self._settings, self.moving, self._visibility = settings, MovingView(), Visibility()
         self._shown_depth: ShownDepth | None = None
         self._lost_camera = LostCamera(self.map, self.published.log, self.tracker, self.mapper.inserter, settings)
 
@@ -208,9 +207,10 @@ class FrameStages:
     def _lose_or_begin(self, view: View, following: SurfaceFollowing | None = None) -> Estimate:
         """Report a frame that shows no known place, or begin; time with nothing to see does not count as looking."""
         self._visibility = self._visibility.with_search(self.published.since_last_s(view.stamp))
-        in_doubt, searching_s = self.moving.is_doubtful, self._visibility.searching_s
-        corners = self._lost_camera.first_corners(self.state, view, self.sensor, in_doubt, searching_s)
-        return self._lose(view, NO_PLACE, following) if corners is None else self._begin(view, corners, following)
+        lost_for = self.moving.is_doubtful, self._visibility.searching_s
+        corners = self._lost_camera.first_corners(self.state, view, self.sensor, *lost_for)
+        reason = NO_PLACE if self.map.keyframes else TOO_LITTLE
+        return self._lose(view, reason, following) if corners is None else self._begin(view, corners, following)
 
     def _lose(self, view: View, reason: str, following: SurfaceFollowing | None = None) -> Estimate:
         """Report the frame as LOST, or as UNCERTAIN where surfaces led."""
@@ -241,10 +241,10 @@ class FrameStages:
 
     @property
     def _segment(self) -> int:
-        return -1 if self.state is None else self.map.keyframes[self.state.reference].segment
+        return 0 if self.state is None else self.map.keyframes[self.state.reference].segment
 
     def _describe(self, view: View, state: State, reason: str, published: Publication | None) -> Estimate:
         """Return the estimate for a frame as it was published, without a pose where None."""
-        segment = max(self._segment, 0) if published is None else published.frame.segment
+        segment = self._segment if published is None else published.frame.segment
         estimate = Estimate(view.sequence, view.stamp, state, reason, segment, self.published.T_map_odom)
         return estimate if published is None else published.in_estimate(estimate)

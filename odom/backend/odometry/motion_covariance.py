@@ -47,6 +47,6 @@ def covariance_of_pose(
     if covariance is None:
         return None
     covariance = covariance + doubt.since(Doubt(), np.eye(4))
-    if origin is None or frame.twist is None:
+    if origin is None or frame.twist is None or origin.segment != frame.segment:
         return covariance
     return covariance + origin.covariance_to(T_odom_camera, frame.twist, sensor.since_middle_variance)

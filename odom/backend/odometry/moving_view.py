@@ -15,7 +15,11 @@ from odom.frontend.features.view import View
 from odom.frontend.matching.moving_surfaces import MovingCells
 
 VIEW_MOVED = "of the view moved"
-"""The end of a frame's reason where it is UNCERTAIN for this alone."""
+CONTRADICTED = "landmarks from before contradict the pose"
+FOUND_IN_DOUBT = "lost in doubt, and perhaps found again by what moves"
+OTHER_MOTION = "something else moves as one, and may be the scene"
+DOUBTS = VIEW_MOVED, CONTRADICTED, FOUND_IN_DOUBT, OTHER_MOTION
+"""With one of these ends the reason of a frame that is UNCERTAIN for what moves alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,6 +133,12 @@ class MovingView:
         """Why the pose is in doubt, empty where it is not."""
         if not self.is_doubtful:
             return ""
-        if self.cells is None or self.crowd.calm_stamp is not None:
-            return f"most {VIEW_MOVED}"
-        return f"{self.cells.share:.0%} {VIEW_MOVED}"
+        if self.cells is not None and self.cells.share > TUNING.moving_most:
+            return f"{self.cells.share:.0%} {VIEW_MOVED}"
+        if self.witnesses.is_denied:
+            return CONTRADICTED
+        if self.crowd.is_recovery_unsure:
+            return FOUND_IN_DOUBT
+        if self.crowd.is_crowded or self.crowd.is_start_unsure:
+            return f"most {VIEW_MOVED}" if self.crowd.is_crowded else f"some {VIEW_MOVED}"
+        return OTHER_MOTION

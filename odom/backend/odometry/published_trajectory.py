@@ -87,8 +87,9 @@ class PublishedTrajectory:
             T_middle_stamp = se3.exp(view.since_middle_s(sensor.timing) * twist)
             T_odom_camera, self._odom.origin = T_odom_camera @ T_middle_stamp, None
         frame = LoggedFrame(view.stamp, keyframe.segment, None, keyframe.number, T_middle_stamp, pose[2], twist=twist)
-        since_start = self._since_start(frame, T_odom_camera, Doubt(), sensor)
-        return self._keep(Publication(frame, T_odom_camera, since_start, T_middle_stamp))
+        doubt = Doubt() if self._newest is None else self._newest.doubt.known_again()
+        since_start = self._since_start(frame, T_odom_camera, doubt, sensor)
+        return self._keep(Publication(frame, T_odom_camera, since_start, T_middle_stamp, doubt=doubt))
 
     def advance(self, view: View, judged: JudgedFrame, sensor: SensorModel) -> Publication:
         """Publish a judged frame, whose pose is that at its middle row's time.
@@ -152,7 +153,7 @@ class PublishedTrajectory:
             return motion
         velocity = origin.velocity or Velocity(motion.twist, motion.P[6:, 6:])
         moving = origin.moving(velocity, sensor.timing)
-        if moving.delay_s != origin.delay_s:
+        if origin.velocity is None or moving.delay_s != origin.delay_s:
             self._filter = self._filter.moved(odom.move_origin(moving))
         return self._filter.motion
 

@@ -16,6 +16,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from odom.backend.estimate import TrajectoryPose
 from odom.backend.odometry.tuning import TUNING
+from odom.frame import Stamp
 from odom.geometry.arrays import Array
 
 _LEAST = 30
@@ -32,14 +33,12 @@ _NEAREST = 1e-3
 
 
 def smoothed(poses: tuple[TrajectoryPose, ...], variances: Array) -> tuple[TrajectoryPose, ...]:
-    """Return the poses, in order of their stamps, with the positions of each segment smoothed; LOST ones stay LOST.
+    """Return the poses, in order of their frames, with the positions of each segment smoothed; LOST ones stay LOST.
 
     `variances` (N, m^2; NaN: as most) say how sure the position of each of the N poses is against the others.
     """
     out = list(poses)
-    for segment in {pose.segment for pose in poses}:
-        mine = [(i, p.stamp, p.T_map_camera) for i, p in enumerate(poses) if p.segment == segment]
-        tracked = [(i, stamp, T) for i, stamp, T in mine if T is not None]
+    for tracked in _stretches(poses):
         if len(tracked) < _LEAST:
             continue
         seconds = (np.array([stamp for _, stamp, _ in tracked]) - tracked[0][1]) * 1e-9
@@ -56,6 +55,17 @@ def smoothed(poses: tuple[TrajectoryPose, ...], variances: Array) -> tuple[Traje
             moved[:3, 3] = position
             out[i] = replace(out[i], T_map_camera=moved)
     return tuple(out)
+
+
+def _stretches(poses: tuple[TrajectoryPose, ...]) -> list[list[tuple[int, Stamp, Array]]]:
+    """Return number, stamp and T_map_camera of the tracked poses of each segment; stamps ascend within each list."""
+    found: dict[tuple[int, int], list[tuple[int, Stamp, Array]]] = {}
+    times = 0
+    for i, pose in enumerate(poses):
+        times += i > 0 and pose.stamp <= poses[i - 1].stamp
+        if pose.T_map_camera is not None:
+            found.setdefault((pose.segment, times), []).append((i, pose.stamp, pose.T_map_camera))
+    return list(found.values())
 
 
 def _usual(variances: Array) -> float:

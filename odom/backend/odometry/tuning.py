@@ -115,7 +115,7 @@ class Tuning:
     patience_with_scene: float = tuned(0.25, unit="times the time after which a segment begins", source=BODIES,
         effect="As patience, where lost views show the scene by themselves. Smaller: segments begin that soon would "
         "have been found again; larger: the camera is LOST for longer.")
-    recent: int = tuned(64, unit="frames", source="two seconds at 30 Hz",
+    recent: int = tuned(256, unit="frames", source="a second at 240 Hz",
         effect="Among so many the frame of a second ago is searched. Fewer: there is none at high rates; more: memory.")
     near_a_second_s: float = tuned(0.075, unit="s", source="two periods at 30 Hz, rounded up",
         effect="The motion over a second may be off from a second by so much. Smaller: there is none after a lost "

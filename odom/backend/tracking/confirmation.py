@@ -12,6 +12,9 @@ from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 
+_NEXT_PERIODS = 1.5
+"""A frame within so many periods is the next one."""
+
 
 class Confirmation:
     """Remembers the last doubtful recognition in `map_`."""
@@ -20,15 +23,18 @@ class Confirmation:
         self._map = map_
         self._doubtful: tuple[SteadyStamp, int, Array] | None = None
 
-    def of(self, tracked: Tracked | None, stamp: SteadyStamp) -> Tracked | None:
-        """Return a frame recognised at `stamp` if it is sure or agrees with the doubtful one before, None otherwise."""
+    def of(self, tracked: Tracked | None, stamp: SteadyStamp, period_s: float) -> Tracked | None:
+        """Return a frame recognised at `stamp` if it is sure or agrees with the doubtful one before, None otherwise.
+
+        `period_s` is the stream's: of a slow one, the frame right before counts.
+        """
         before, self._doubtful = self._doubtful, None
         if tracked is None or not self._map.earlier or _is_sure(tracked):
             return tracked
         segment = self._map.keyframes[tracked.reference].segment
         if before is not None:
             since_s = (stamp - before[0]) * 1e-9
-            is_soon = 0.0 < since_s < TUNING.doubt_s and segment == before[1]
+            is_soon = 0.0 < since_s < max(TUNING.doubt_s, _NEXT_PERIODS * period_s) and segment == before[1]
             if is_soon and is_plausible_motion(-se3.log(tracked.T_camera_map @ se3.inverse(before[2])) / since_s):
                 return tracked
         self._doubtful = stamp, segment, tracked.T_camera_map

@@ -81,10 +81,10 @@ class FoundLandmarks:
         T = consensus(features, fit.T_camera_map, expected)
         T = fit.T_camera_map if T is None else T
         chi2 = self._chi2(measured, T)[:, 0]
-        standing = ~departing(self.points, eye, self.found_before, chi2 < TUNING.inlier_chi2)
+        standing = self.standing & ~departing(self.points, eye, self.found_before, chi2 < TUNING.inlier_chi2)
         members = chi2 < TUNING.member_chi2
         if np.count_nonzero(members & standing) < TUNING.sure_inliers:
-            standing[:] = True
+            standing = self.standing
         return self._take(members, standing), measured.take(members), T
 
     def velocity(self, measured: Measurements, T_camera_map: Array, twist: Array, prior: MotionPrior) -> Velocity:

@@ -93,3 +93,13 @@ def test_a_segment_begins_with_the_corners_of_the_room_only() -> None:
     assert on_body(everything.uv) > 0.1
     assert on_body(standing.uv) < 0.02
     assert len(standing.uv) > 0.5 * (1.0 - on_body(everything.uv)) * len(everything.uv)
+
+
+def test_in_a_quick_stream_an_earlier_view_is_always_long_enough_ago() -> None:
+    lost, step = LostViews(), PERIOD // 7
+    for number in range(7 * FIRST, 7 * FIRST + 60):
+        T = stroll(number * step * 1e-9)
+        frame = replace(ROOM.frame(SMALL, number, T), stamp=START + number * step, depth_stamp=START + number * step)
+        lost = lost.after(view_of(frame), SENSOR, True)
+    assert lost.scene is not None
+    assert len(lost.views) <= 8

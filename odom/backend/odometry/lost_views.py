@@ -15,7 +15,9 @@ from odom.frontend.matching.look_back import EarlierView
 from odom.geometry import se3
 
 _MOST_VIEWS = 8
-"""Views kept, some 1 MB each: quick streams look less far back."""
+"""Views kept, some 1 MB each."""
+_APART_S = TUNING.spread_least_s / 4
+"""Least time between two of them: of quick streams not every view is kept, so that one is always long enough ago."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +40,7 @@ class LostViews:
             return LostViews()
         near = [one for one in self.views if 0.0 < view.since_s(one) <= TUNING.spread_most_s]
         apart = [one for one in near if view.since_s(one) >= TUNING.spread_least_s]
-        kept = (*near, view)[-_MOST_VIEWS:]
+        kept = tuple(near) if near and view.since_s(near[-1]) < _APART_S else (*near, view)[-_MOST_VIEWS:]
         T_view_earlier = scene_motion(apart[-1], view, sensor) if apart else None
         if T_view_earlier is None:
             return LostViews(kept, patience=ODOMETRY.patience)

@@ -53,6 +53,15 @@ def test_the_period_of_a_slow_stream_is_learnt(period_s):
     assert slowed_down.period_s == pytest.approx(period_s, rel=1e-6)
 
 
+@pytest.mark.parametrize("jitter_s", [0.0, 0.0005])
+@pytest.mark.parametrize("of", [3, 4, 5])
+def test_steady_times_hold_where_one_frame_of_a_few_is_missing(of, jitter_s):
+    rng = np.random.default_rng(3)
+    true_s = np.delete(np.arange(600), np.arange(of - 1, 600, of)) / 30.0
+    errors = steady_errors_s(true_s, true_s + jitter_s * rng.normal(size=len(true_s)))
+    assert np.std(errors[60:]) < 0.5 * jitter_s + 1e-6
+
+
 def test_a_gap_is_not_a_period():
     *_, clock = clocks_of(stamps_of(np.concatenate([np.arange(40), 40 + 45 + np.arange(3)]) / 30.0))
     assert clock.period_s == pytest.approx(1 / 30, rel=1e-6)
@@ -72,7 +81,7 @@ def test_stamps_without_a_period_are_taken_for_true():
     assert np.mean(unsteadied) > 0.9
 
 
-@pytest.mark.parametrize("every", [3, 8])
+@pytest.mark.parametrize("every", [2, 3, 8])
 def test_where_a_frame_is_missing_before_every_nth_is_taken_no_later_one_is_moved_by_that(every):
     rng = np.random.default_rng(5)
     all_s = np.delete(np.arange(600) / 10.0, [301, 402])[::every]

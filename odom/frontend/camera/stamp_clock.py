@@ -70,6 +70,11 @@ class StampClock:
             return StampClock(stamps, 0.0, jitter, period, jitter)
         every, periods = np.arange(float(len(seconds))), _periods(seconds, period, TUNING.clock_gain)
         is_whole = _unevenness(every, seconds) <= _unevenness(periods, seconds)
+        shorter, longer = float(steps[len(steps) // 4]), float(steps[3 * len(steps) // 4])
+        if longer > TUNING.clock_uneven * shorter:  # many frames are missing, or stamps jitter a lot
+            short = _periods(seconds, shorter, TUNING.clock_gain)
+            if _unevenness(short, seconds) < TUNING.clock_even**2:
+                is_whole, periods = False, short
         most_unsteady = TUNING.clock_most_unsteady_whole if is_whole else TUNING.clock_most_unsteady
         late, jitter, period = _fit_line(every if is_whole else periods, seconds, TUNING.clock_outlier)
         if jitter > most_unsteady * period:

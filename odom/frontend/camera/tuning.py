@@ -30,6 +30,12 @@ class Tuning:
     clock_gain: float = tuned(0.2, unit="1", source=_KINECT,
         effect="While periods are counted, this share of a stamp's error is taken over. Smaller or larger: a period "
         "is miscounted.")
+    clock_uneven: float = tuned(1.5, unit="ratio of quartiles", source="of a stream without every third frame: 2",
+        effect="Where steps differ by more, the period may be the lower quartile. Smaller: it costs more; larger: "
+        "missing frames are taken for jitter.")
+    clock_even: float = tuned(0.1, unit="share of a period", source="jittering and thinned stamps, made up",
+        effect="The lower quartile is the period if stamps are off by less. Smaller: missing frames are taken for "
+        "jitter; larger: jitter is taken for missing frames.")
     clock_most_unsteady: float = tuned(0.25, unit="share of a period", source=_KINECT,
         effect="Stamps that jitter more are taken as they are. Smaller: jittery clocks are not smoothed; larger: a "
         "line is drawn through stamps that have no period.")

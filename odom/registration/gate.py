@@ -61,7 +61,7 @@ def gate(arrays: Arrays, T: Array, near: bool, bound: float = BOUND) -> Gated:
         if rounds < 0:
             raise bad_covariance(-1 - rounds)
         if probability < 0.0:
-            probability = chance(arrays.p, W, bound)
+            probability = chance(arrays.p, W, given, bound)
         weights = np.where(chi2 <= bound, given, 0.0)
         alarms = log_false_alarms(used, int(np.count_nonzero(weights)), probability)
         return Gated(weights, chi2.copy(), motion, rounds, alarms < math.log(TUNING.gate_false_alarms))

@@ -51,7 +51,7 @@ def gate(arrays: Arrays, T: Array, near: bool, bound: float = BOUND) -> Gated:
     """
     given = arrays.weights
     n, used = len(given), int(np.count_nonzero(given))
-    W, chi2 = np.empty((n, 8)), np.empty(n)
+    W, chi2 = np.empty((n, 8)), np.full(n, np.nan)
     probability = -1.0
 
     def attempt(mask: Array, start: Array, is_near: bool) -> Gated:

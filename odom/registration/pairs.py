@@ -160,10 +160,12 @@ class Registration:
     (translation, rotation) in `T_true = T_target_source @ exp(xi)`: metres and radians in the SOURCE frame. Both are
     NaN where the verdict is DEGENERATE, so that nothing can mistake them for a pose; `reason` then says why.
     `inliers` (n) marks the pairs used, `chi2` (n) is each pair's squared residual against its own covariance (3
-    degrees of freedom). `conditioning` is the reciprocal condition number of the information matrix with rotations
-    measured by the spread of the points (0 singular, 1 perfect). `variance_factor` is the observed mean of chi2
-    against its expectation (1: the noise model is true; 4: the noise is twice the modelled). `scale` is eq. (4)'s, 1
-    unless asked.
+    degrees of freedom; NaN where no motion was found). `conditioning` is the reciprocal condition number of the
+    information matrix with rotations measured by the spread of the points (0: singular, or points in one place; 1
+    perfect). `variance_factor` is the observed mean of chi2 against its expectation (1: the noise model is true; 4: the
+    noise is twice the modelled); of `horn`, and of `wicp` and `em_icp` without covariances, which know no noise, it is
+    the observed variance (m^2); of `RecursiveFilter`, which keeps no residuals, NaN. `scale` is eq. (4)'s, 1 unless
+    asked.
     """
 
     T_target_source: Array

@@ -6,6 +6,7 @@ different pairs add up to one that saw all. The H-infinity term `theta^2 L'L` of
 is asked, not before.
 """
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from odom.errors import InputError
 from odom.geometry.arrays import Array
 from odom.geometry.se3 import hat, so3_exp
 from odom.registration.checked_arrays import checked
+from odom.registration.conditioning import scaled_conditioning
 from odom.registration.linear_algebra import cholesky_solve
 from odom.registration.measurement_covariance import bad_covariance, precisions
 from odom.registration.pair_information import accumulate, information_matrix
@@ -109,7 +111,7 @@ class RecursiveFilter:
         )
 
     def estimate(self) -> Registration:
-        """Return the motion so far; `inliers` and `chi2` are empty, since pairs are not kept.
+        """Return the motion so far; `inliers` and `chi2` are empty and `variance_factor` NaN: pairs are not kept.
 
         `details`: count, theta and gamma as used (theta is halved until the filter exists), halvings, alpha.
         """
@@ -128,8 +130,7 @@ class RecursiveFilter:
         if (self.count < 3 and len(Y0) == 0) or not sigma < ENGINE.max_rotation_sigma_rad:
             reason = f"after {self.count} pairs the rotation is uncertain by {np.degrees(sigma):.0f} degrees"
             return degenerate(0, reason)
-        w = np.linalg.eigvalsh(H)
-        return self._result(T, covariance, float(w[0] / w[-1]), theta, halvings)
+        return self._result(T, covariance, H, np.zeros(3), theta, halvings)
 
     def _rotation(self, Y: Array, y: Array, G: Array, centroids: Centroids) -> Registration:
         """Return the nine-state estimate: the nearest rotation, and the translation by eq. (4).
@@ -154,14 +155,23 @@ class RecursiveFilter:
         common = J @ rotation @ B.T @ G  # d (rho, phi) / d (p' - R q'), the centroids' noise
         common[:3] -= R.T
         covariance = J @ rotation @ J.T + common @ self.summed_noise @ common.T / max(self.count, 1) ** 2
-        return self._result(T, np.asarray(covariance), float(w[0] / w[-1]), theta, halvings)
+        return self._result(T, np.asarray(covariance), np.linalg.inv(covariance), centroids.source, theta, halvings)
 
-    def _result(self, T: Array, covariance: Array, conditioning: float, theta: float, halvings: int) -> Registration:
+    def _result(
+        self, T: Array, covariance: Array, H: Array, origin: Array, theta: float, halvings: int
+    ) -> Registration:
+        """Return the result of a motion and its information; `origin` (3, m) is that of the source points summed."""
+        sums = self.A[0] + self.A[3] + self.A[5]  # of h h', weighted by the trace of inv(S_k)
+        mean, squares = sums[[3, 6, 8]] / sums[9], sums[[0, 4, 7]] / sums[9]
+        spread = float(np.sqrt(max(0.0, float((squares - mean**2).sum()))))
+        conditioning = scaled_conditioning(np.ascontiguousarray(H), mean + origin, spread)
         gamma = 1.0 / theta if theta > 0.0 else float("inf")
         details = {"count": float(self.count), "theta": theta, "gamma": gamma}
         details |= {"halvings": float(halvings), "alpha": self.alpha}
         none = np.zeros(0)
-        return Registration(T, covariance, none > 0.0, none, conditioning, Verdict.OK, details=details)
+        return Registration(
+            T, covariance, none > 0.0, none, conditioning, Verdict.OK, variance_factor=math.nan, details=details
+        )
 
     def _linearised_at(self) -> Array:
         """Return a copy of where S_k and the projection begin: the prior, else the estimate so far."""

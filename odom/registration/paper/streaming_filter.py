@@ -43,9 +43,10 @@ class RecursiveFilter:
     """A robust H-infinity filter for one rigid motion; a frozen value, `absorb` and `merge` return the next one.
 
     `prior` is a motion prediction: where S_k is linearised and, with a covariance, evidence. `centroids` makes it the
-    rotation-only filter of the paper's nine states. `theta` = 1 / gamma (0: Kalman), `alpha` > 0 the norm-bounded form
-    of the source's noise, else its second moment. Without a prior S_k is linearised at the estimate so far, so filters
-    to be merged should share a prior.
+    rotation-only filter of the paper's nine states, which takes no such evidence. `theta` = 1 / gamma (0: Kalman),
+    `alpha` > 0 the norm-bounded form of the source's noise, else its second moment. Without a prior S_k is linearised
+    at the estimate so far, so filters to be merged should share a prior. Raises InputError for settings that make no
+    filter.
     """
 
     prior: Prior | None = None
@@ -60,6 +61,8 @@ class RecursiveFilter:
     def __post_init__(self) -> None:
         if not (self.theta >= 0.0 and self.alpha >= 0.0 and np.isfinite(self.theta + self.alpha)):
             raise InputError(f"theta = {self.theta}, alpha = {self.alpha}: give finite values, not negative")
+        if self.centroids is not None and self.prior is not None and self.prior.covariance is not None:
+            raise InputError("centroids and a prior with covariance: give Prior(T_target_source), or no centroids")
 
     @property
     def information(self) -> Array:
@@ -91,8 +94,10 @@ class RecursiveFilter:
             raise bad_covariance(bad)
         A, y = self.A.copy(), self.y.copy()
         accumulate(q, p, W, arrays.weights, A, y)
-        noise = self.summed_noise + arrays.Sp.sum(axis=0) + R[:3, :3] @ arrays.Sq.sum(axis=0) @ R[:3, :3].T
-        return replace(self, A=A, y=y, summed_noise=noise, count=self.count + int(np.count_nonzero(arrays.weights)))
+        used = arrays.weights > 0.0
+        Sq, Sp = (S[used].sum(axis=0) if len(S) else np.zeros((3, 3)) for S in (arrays.Sq, arrays.Sp))
+        noise = self.summed_noise + Sp + R[:3, :3] @ Sq @ R[:3, :3].T
+        return replace(self, A=A, y=y, summed_noise=noise, count=self.count + int(np.count_nonzero(used)))
 
     def merge(self, other: "RecursiveFilter") -> "RecursiveFilter":
         """Return the filter that has seen what both have; the prior that they share counts once.

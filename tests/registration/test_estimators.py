@@ -95,6 +95,21 @@ def test_pairs_of_weight_zero_take_no_step_of_the_robust_filter(rng):
     np.testing.assert_allclose(kept.covariance, alone.covariance, rtol=1e-6, atol=1e-12)
 
 
+@pytest.mark.parametrize("setting", ["theta", "alpha"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -0.1])
+@pytest.mark.parametrize("n", [2, 30])
+def test_settings_that_make_no_robust_filter_are_refused(setting, value, n):
+    with pytest.raises(InputError, match=setting):
+        robust(exact(np.eye(4))[:n], **{setting: value})
+
+
+def test_theta_changes_the_covariance_and_not_the_pose(rng):
+    _, pairs = noisy_pairs(rng, 50)
+    plain, discounted = robust(pairs, theta=0.0), robust(pairs, theta=30.0)
+    assert plain.T_target_source.tobytes() == discounted.T_target_source.tobytes()
+    assert np.linalg.eigvalsh(discounted.covariance - plain.covariance)[0] > 0.0
+
+
 @filters
 def test_covariance_is_in_the_source_frame_translation_first(estimator):
     """A rotation that cannot be seen well is a rotation about the source's axis along which the points lie."""

@@ -20,7 +20,7 @@ from odom.registration.linear_algebra import cholesky_solve
 from odom.registration.measurement_covariance import bad_covariance, precisions
 from odom.registration.pair_information import accumulate, information_matrix
 from odom.registration.pairs import Pairs, Prior, Registration, Verdict, degenerate
-from odom.registration.paper.hinfinity import discount
+from odom.registration.paper.hinfinity import check_settings, discount
 from odom.registration.paper.tuning import TUNING
 from odom.registration.solution import prior_information
 from odom.registration.tuning import TUNING as ENGINE
@@ -59,8 +59,7 @@ class RecursiveFilter:
     summed_noise: Array = field(default_factory=lambda: np.zeros((3, 3)))
 
     def __post_init__(self) -> None:
-        if not (self.theta >= 0.0 and self.alpha >= 0.0 and np.isfinite(self.theta + self.alpha)):
-            raise InputError(f"theta = {self.theta}, alpha = {self.alpha}: give finite values, not negative")
+        check_settings(self.theta, self.alpha)
         if self.centroids is not None and self.prior is not None and self.prior.covariance is not None:
             raise InputError("centroids and a prior with covariance: give Prior(T_target_source), or no centroids")
 

@@ -272,6 +272,37 @@ def test_a_prior_that_is_no_motion_is_an_error(arguments):
         Prior(*arguments)
 
 
+MOVED = exp(np.array([0.1, -0.2, 0.3, 0.2, 0.1, -0.3]))
+
+
+def test_a_transposed_prior_is_told():
+    with pytest.raises(InputError, match="transposed"):
+        Prior(MOVED.T)
+
+
+@pytest.mark.parametrize(
+    "T",
+    [np.diag([1.0, 1.0, -1.0, 1.0]), -np.eye(4), np.diag([1.0, 1.0, 1.0, 2.0]), MOVED + 0.1 * np.eye(4)[[3, 2, 1, 0]]],
+    ids=["mirrored", "inverted", "scaled", "skewed"],
+)
+def test_a_prior_that_mirrors_or_has_another_last_row_is_an_error(T):
+    with pytest.raises(InputError, match="last row 0 0 0 1"):
+        Prior(T)
+
+
+def test_a_prior_that_is_off_by_rounding_is_taken():
+    T, P = np.linalg.inv(np.linalg.inv(MOVED)), np.diag([1e-4] * 6)
+    T[3, 0], P[0, 5] = 1e-12, 1e-12
+    assert Prior(T, P).covariance is not None
+
+
+def test_a_covariance_of_the_prior_that_is_not_symmetric_is_an_error():
+    P = 1e-4 * np.eye(6)
+    P[0, 5] = 5e-5
+    with pytest.raises(InputError, match="symmetric"):
+        Prior(np.eye(4), P)
+
+
 def test_inputs_are_left_as_they_were(rng):
     _, pairs = noisy_pairs(rng, 50)
     before = [a.copy() for a in (pairs.points_source, pairs.points_target, pairs.covariances_source)]

@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 from registration_clouds import noisy_pairs
 
 from odom.errors import InputError
-from odom.geometry.se3 import apply, exp, inverse, log
+from odom.geometry.se3 import adjoint, apply, exp, inverse, log
 from odom.registration import Pairs, Prior, Verdict, em_icp, horn, kalman, register, robust, wicp, with_scale
 
 ALL = {"horn": horn, "wicp": wicp, "em_icp": em_icp, "kalman": kalman, "robust": robust, "register": register}
@@ -228,6 +228,36 @@ def test_weights_that_are_not_positive_are_an_error(estimator, weight):
         estimator(
             Pairs(pairs.points_source, pairs.points_target, pairs.covariances_source, pairs.covariances_target, weights)
         )
+
+
+@filters
+@pytest.mark.parametrize(("source", "target"), [(5e6, 5e6), (5e6, 0.0), (0.0, -5e6)])
+def test_coordinates_that_cost_the_digits_of_the_noise_are_an_error(estimator, source, target, rng):
+    q, C = rng.uniform(-1.0, 1.0, (100, 3)), np.full((100, 3), 1e-4)
+    with pytest.raises(InputError, match="km from the origin"):
+        estimator(Pairs(q + source, q + target, C, C))
+
+
+@filters
+def test_the_covariance_is_true_ninety_kilometres_from_the_origin(estimator):
+    nees, offset = [], np.array([9e4, -9e4, 0.0])
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        q, C = rng.uniform(-1.0, 1.0, (100, 3)), np.full((100, 3), 1e-6)
+        noise = rng.normal(0.0, 1e-3, (2, 100, 3))
+        result = estimator(Pairs(q + noise[0] + offset, q + noise[1] + offset, C, C))
+        here = exp(np.concatenate([offset, np.zeros(3)]))  # the motion of the middle of the points
+        xi, A = log(inverse(here) @ inverse(result.T_target_source) @ here), adjoint(inverse(here))
+        nees.append(xi @ np.linalg.solve(A @ result.covariance @ A.T, xi))
+    assert 4.5 < np.mean(nees) < 7.5
+
+
+def test_one_pair_that_is_far_away_is_left_out_by_the_gate(rng):
+    _, pairs = noisy_pairs(rng, 50)
+    pairs.points_target[7] = 1e7
+    result = register(pairs)
+    assert result.ok
+    assert not result.inliers[7]
 
 
 @filters

@@ -179,6 +179,12 @@ def test_fewer_than_three_pairs_are_degenerate(estimator, n):
     assert np.isnan(result.T_target_source).all()
 
 
+def test_three_pairs_are_too_few_for_the_gate_and_enough_for_the_filters_without_it():
+    three = exact(np.eye(4))[:3]
+    assert not register(three).ok
+    assert kalman(three).ok
+
+
 @every
 @pytest.mark.parametrize("noise", [0.0, 1e-4, 1e-3])
 def test_points_on_a_line_are_degenerate(estimator, noise, rng):

@@ -23,8 +23,8 @@ def register(pairs: Pairs, prior: Prior | None = None, *, bound: float = BOUND) 
     gate drops pairs whose squared residual exceeds `bound` against their own covariance `S_k = Sp + R Sq R'`. The
     verdict is DEGENERATE for fewer than 4 pairs (3 agree on some motion by chance), points on a line, and a consensus
     that chance could give. The covariance is multiplied by `variance_factor` where that is significantly above 1.
-    Raises InputError for values that are not finite, clouds that are all 100 km from the origin, covariances that are
-    not positive definite or missing, and a bound that is not positive.
+    Raises InputError for values that are not finite, clouds 100 km or more from the origin, covariances that are not
+    positive definite or missing, and a bound that is not positive.
     """
     if not 0.0 < bound < math.inf:
         raise InputError(f"bound = {bound}: give a finite, positive number of squared sigmas, as {BOUND} is")

@@ -36,6 +36,13 @@ def test_points_that_determine_nothing_have_no_conditioning_whatever_a_prior_add
         assert result.conditioning == 0.0
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_streaming_filter_that_has_seen_its_prior_alone_has_no_conditioning():
+    result = RecursiveFilter(VAGUE).estimate()
+    assert result.ok
+    assert result.conditioning == 0.0
+
+
 @pytest.mark.parametrize("prior", [None, VAGUE])
 def test_the_streaming_filters_conditioning_is_that_of_the_estimators(prior, rng):
     q = rng.uniform(-1.0, 1.0, (200, 3)) * [1.0, 0.3, 0.2] + [0.0, 0.0, 5.0]

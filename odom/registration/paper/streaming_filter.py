@@ -166,7 +166,8 @@ class RecursiveFilter:
     ) -> Registration:
         """Return the result of a motion and its information; `origin` (3, m) is that of the source points summed."""
         sums = self.A[0] + self.A[3] + self.A[5]  # of h h', weighted by the trace of inv(S_k)
-        mean, squares = sums[[3, 6, 8]] / sums[9], sums[[0, 4, 7]] / sums[9]
+        total = max(float(sums[9]), 1e-300)  # 0 of a prior alone
+        mean, squares = sums[[3, 6, 8]] / total, sums[[0, 4, 7]] / total
         spread = float(np.sqrt(max(0.0, float((squares - mean**2).sum()))))
         conditioning = scaled_conditioning(np.ascontiguousarray(H), mean + origin, spread)
         gamma = 1.0 / theta if theta > 0.0 else float("inf")

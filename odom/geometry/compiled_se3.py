@@ -1,6 +1,6 @@
 """Rigid motions and their tangent space inside compiled loops; `se3` has the same in numpy.
 
-Where a function names a small angle, the first term of a series stands for it below, exact to nine digits or more.
+Where a function names a small angle, the first terms of a series stand for it below, exact to nine digits or more.
 """
 
 import math
@@ -71,11 +71,11 @@ def compose_tangent(T: Array, xi: Array) -> None:
 
 @compiled
 def relative_tangent(T: Array, T0: Array, xi: Array) -> None:
-    """Set `xi` to log(inverse(T0) T), but for terms of second order in the translation."""
+    """Set `xi` (6, m and rad) to log(inverse(T0) T), as `se3.log` has it but for digits beside a half turn."""
+    t = np.zeros(3)
     for k in range(3):
-        xi[k] = 0.0
         for i in range(3):
-            xi[k] += T0[i, k] * (T[i, 3] - T0[i, 3])
+            t[k] += T0[i, k] * (T[i, 3] - T0[i, 3])
     D = np.zeros((3, 3))
     for i in range(3):
         for j in range(3):
@@ -85,7 +85,51 @@ def relative_tangent(T: Array, T0: Array, xi: Array) -> None:
     s = 0.5 * np.sqrt(x * x + y * y + z * z)
     angle = np.arctan2(s, 0.5 * (D[0, 0] + D[1, 1] + D[2, 2] - 1.0))
     f = 0.5 * angle / s if s > 1e-9 else 0.5
-    xi[3], xi[4], xi[5] = f * x, f * y, f * z
+    x, y, z = f * x, f * y, f * z
+    # the inverse of the left Jacobian: rho = t - phi x t / 2 + d phi x (phi x t)
+    d = (1.0 - 0.5 * angle / math.tan(0.5 * angle)) / (angle * angle) if angle > 1e-4 else 1.0 / 12.0
+    u, v, w = y * t[2] - z * t[1], z * t[0] - x * t[2], x * t[1] - y * t[0]
+    xi[0] = t[0] - 0.5 * u + d * (y * w - z * v)
+    xi[1] = t[1] - 0.5 * v + d * (z * u - x * w)
+    xi[2] = t[2] - 0.5 * w + d * (x * v - y * u)
+    xi[3], xi[4], xi[5] = x, y, z
+
+
+@compiled
+def inverse_right_jacobian(xi: Array, J: Array) -> None:
+    """Set `J` (6 x 6) to d log(exp(xi) exp(d)) / d d at d = 0: how a tangent vector (6) grows by what comes after it.
+
+    With A = [hat(phi), hat(rho); 0, hat(phi)] it is `I + A / 2 + a A^2 + b A^4`, the Bernoulli series summed: J. Selig,
+    "Geometric Fundamentals of Robotics", 2005, chapter 4.
+    """
+    theta = math.sqrt(xi[3] * xi[3] + xi[4] * xi[4] + xi[5] * xi[5])
+    if theta < 0.03:
+        a, b = 1.0 / 12.0, -1.0 / 720.0
+    else:
+        sine, c = math.sin(theta), 4.0 * (math.cos(theta) - 1.0)
+        a = 2.0 / theta**2 + (theta + 3.0 * sine) / (theta * c)
+        b = 1.0 / theta**4 + (theta + sine) / (theta**3 * c)
+    A = np.zeros((6, 6))
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        A[j, i] = A[3 + j, 3 + i] = xi[3 + k]
+        A[i, j] = A[3 + i, 3 + j] = -xi[3 + k]
+        A[j, 3 + i], A[i, 3 + j] = xi[k], -xi[k]
+    A2, A4 = np.zeros((6, 6)), np.zeros((6, 6))
+    product(A, A, A2)
+    product(A2, A2, A4)
+    for i in range(6):
+        for j in range(6):
+            J[i, j] = (1.0 if i == j else 0.0) + 0.5 * A[i, j] + a * A2[i, j] + b * A4[i, j]
+
+
+@compiled
+def product(A: Array, B: Array, out: Array) -> None:
+    """Add `A B` to `out` (all n x n)."""
+    for i in range(len(A)):
+        for j in range(len(A)):
+            for k in range(len(A)):
+                out[i, j] += A[i, k] * B[k, j]
 
 
 @compiled

@@ -12,6 +12,10 @@ from odom.registration.pairs import Pairs
 NO_COVARIANCES = np.empty((0, 3, 3))
 """Points without noise."""
 
+_FARTHEST_M = 1e5
+"""m; all points of a cloud may be so far along an axis: with a noise of 1 mm NEES is 6 there, 7 at three times the
+distance, and hundreds at 5000 km with a noise of 1 cm. Sums of squares lose the digits of the noise."""
+
 
 class Arrays(NamedTuple):
     """The checked arrays of n pairs: points (n x 3, m), covariances (n x 3 x 3, or of length 0) and weights (n)."""
@@ -49,8 +53,17 @@ def finite(pairs: Pairs) -> Arrays:
 
 
 def checked(pairs: Pairs) -> Arrays:
-    """Return the arrays of `pairs` as `finite` does; raises InputError too when there are no covariances at all."""
+    """Return the arrays of `pairs` as `finite` does.
+
+    Raises InputError too when there are no covariances at all, and when a cloud lies so far from the origin that sums
+    of squares lose the digits of its noise.
+    """
     arrays = finite(pairs)
+    for side, points in (("source", arrays.q), ("target", arrays.p)):
+        nearest = np.abs(points).max(axis=1).min(initial=np.inf)
+        if _FARTHEST_M < nearest < np.inf:
+            what = f"the {side} points are {nearest / 1e3:.0f} km from the origin, too far to tell their noise"
+            raise InputError(f"{what}: subtract one point of each cloud from all its points")
     if pairs.covariances_source is None and pairs.covariances_target is None:
         raise InputError("the pairs have no covariances: give those of a noise model for at least one side")
     return arrays

@@ -13,8 +13,8 @@ class Geometry(NamedTuple):
     """How well pairs determine a motion; all 0 where H is singular.
 
     `conditioning` is the reciprocal condition number of H about the centroid with rotations scaled by the points'
-    spread; `scatter` the second eigenvalue of the points' scatter in units of their noise variance, `thickness` that
-    eigenvalue relative to the first.
+    spread (0 for points in one place); `scatter` the second eigenvalue of the points' scatter in units of their noise
+    variance, `thickness` that eigenvalue relative to the first.
     """
 
     is_regular: bool
@@ -77,6 +77,19 @@ def assess(q: Array, W: Array, g: Array, H: Array, covariance: Array) -> Geometr
     a, b, c = S[0, 0], S[1, 1], S[2, 2]
     largest = max(a, max(b, c))
     second = a + b + c - largest - min(a, min(b, c))
+    conditioning = scaled_conditioning(H, mean, spread)
+    return Geometry(True, conditioning, second / used, second / largest if largest > 0.0 else 0.0)
+
+
+@compiled
+def scaled_conditioning(H: Array, mean: Array, spread: float) -> float:
+    """Return the reciprocal condition number of `H` (6 x 6) about the points' `mean` (3), rotations by their `spread`.
+
+    `spread` (m) is the root of the mean squared distance of the points from their mean; 0 where it is not positive.
+    """
+    if not spread > 0.0:
+        return 0.0
+    m = H.shape[0]
     # C = B'H B: rotation about the centroid, arc length as the unit, xi = B xi', B = [I, hat(mean)/spread; 0, I/spread]
     B = np.eye(m)
     s = 1.0 / spread
@@ -85,7 +98,7 @@ def assess(q: Array, W: Array, g: Array, H: Array, covariance: Array) -> Geometr
     B[0, 4], B[0, 5] = -s * mean[2], s * mean[1]
     B[1, 3], B[1, 5] = s * mean[2], -s * mean[0]
     B[2, 3], B[2, 4] = -s * mean[1], s * mean[0]
-    C = np.zeros((m, m))
+    L, C = np.empty((m, m)), np.zeros((m, m))
     for i in range(m):
         for j in range(m):
             L[i, j] = 0.0
@@ -96,8 +109,8 @@ def assess(q: Array, W: Array, g: Array, H: Array, covariance: Array) -> Geometr
             for k in range(m):
                 C[i, j] += B[k, i] * L[k, j]
     # its extreme eigenvalues
-    jacobi(C, none)
+    jacobi(C, np.empty((0, 0)))
     low = high = C[0, 0]
     for i in range(m):
         low, high = min(low, C[i, i]), max(high, C[i, i])
-    return Geometry(True, max(low, 0.0) / high, second / used, second / largest if largest > 0.0 else 0.0)
+    return float(max(low, 0.0) / high)

@@ -51,7 +51,7 @@ def gate(arrays: Arrays, T: Array, near: bool, bound: float = BOUND) -> Gated:
     """
     given = arrays.weights
     n, used = len(given), int(np.count_nonzero(given))
-    W, chi2 = np.empty((n, 8)), np.empty(n)
+    W, chi2 = np.empty((n, 8)), np.full(n, np.nan)
     probability = -1.0
 
     def attempt(mask: Array, start: Array, is_near: bool) -> Gated:
@@ -61,7 +61,7 @@ def gate(arrays: Arrays, T: Array, near: bool, bound: float = BOUND) -> Gated:
         if rounds < 0:
             raise bad_covariance(-1 - rounds)
         if probability < 0.0:
-            probability = chance(arrays.p, W, bound)
+            probability = chance(arrays.p, W, given, bound)
         weights = np.where(chi2 <= bound, given, 0.0)
         alarms = log_false_alarms(used, int(np.count_nonzero(weights)), probability)
         return Gated(weights, chi2.copy(), motion, rounds, alarms < math.log(TUNING.gate_false_alarms))

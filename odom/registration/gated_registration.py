@@ -13,7 +13,7 @@ from odom.registration.solution import solve
 from odom.registration.tuning import TUNING
 
 _TRUNCATED_MEAN = 0.995
-"""Mean of chi-square (3) below the gate's .999 bound, relative to 3."""
+"""Mean of chi-square (3) below the gate's .999 bound, relative to 3; so near to 1 that the covariance leaves it out."""
 
 
 def register(pairs: Pairs, prior: Prior | None = None, *, bound: float = BOUND) -> Registration:
@@ -21,10 +21,13 @@ def register(pairs: Pairs, prior: Prior | None = None, *, bound: float = BOUND) 
 
     `prior` is where the search begins (a motion prediction) and, if it has a covariance, evidence that is fused. The
     gate drops pairs whose squared residual exceeds `bound` against their own covariance `S_k = Sp + R Sq R'`. The
-    verdict is DEGENERATE for fewer than 3 pairs, points on a line, and a consensus that chance could give. The
-    covariance is multiplied by `variance_factor` where that is significantly above 1. Raises InputError for values
-    that are not finite, covariances that are not positive definite, or missing covariances.
+    verdict is DEGENERATE for fewer than 4 pairs (3 agree on some motion by chance), points on a line, and a consensus
+    that chance could give. The covariance is multiplied by `variance_factor` where that is significantly above 1.
+    Raises InputError for values that are not finite, clouds 100 km or more from the origin, covariances that are not
+    positive definite or missing, and a bound that is not positive.
     """
+    if not 0.0 < bound < math.inf:
+        raise InputError(f"bound = {bound}: give a finite, positive number of squared sigmas, as {BOUND} is")
     arrays = checked(pairs)
     if not isinstance(prior, Prior | None):
         raise InputError(f"{type(prior).__name__} given as prior: give Prior(T_target_source), or None")
@@ -38,10 +41,24 @@ def register(pairs: Pairs, prior: Prior | None = None, *, bound: float = BOUND) 
         return degenerate(n, reason, passed.chi2, passed.weights > 0.0)
     solution = solve(arrays, prior, passed.T_target_source, passed.weights, bound)
     freedom = solution.freedom
-    factor = float(solution.sums[1]) / (freedom * _TRUNCATED_MEAN) if freedom > 0.0 else 1.0
+    stricter = truncated_mean(BOUND) / truncated_mean(bound)
+    factor = float(solution.sums[1]) / (freedom * _TRUNCATED_MEAN) * stricter if freedom > 0.0 else 1.0
     excessive = freedom > 0.0 and factor > 1.0 + TUNING.variance_factor_sigmas * math.sqrt(2.0 / freedom)
-    noise = NoiseScale(factor if excessive else 1.0, factor, {"rounds": float(passed.rounds)})
+    noise = NoiseScale((factor if excessive else 1.0) * stricter, factor, {"rounds": float(passed.rounds)})
     return registration_of(arrays, prior, solution, noise)
+
+
+def truncated_mean(bound: float) -> float:
+    """Return the mean of chi-square (3) below `bound` > 0, relative to 3: `F5(bound) / F3(bound)`.
+
+    That is how much smaller the residuals look of which the gate has cut off the tails; and the motion of the pairs
+    left is by as much less sure than their number says.
+    """
+    if bound < 1e-3:
+        return bound / 5.0  # the first term of the series, where the differences below lose their digits
+    density = math.sqrt(2.0 * bound / math.pi) * math.exp(-0.5 * bound)
+    below = math.erf(math.sqrt(0.5 * bound)) - density  # F3
+    return 1.0 - bound / 3.0 * density / below
 
 
 def warm_up() -> None:

@@ -106,25 +106,31 @@ class Pairs:
 
 @compiled
 def _is_rigid(T: Array) -> bool:
-    """Return whether `T` (4 x 4) is finite and its rotation orthonormal but for rounding."""
+    """Return whether `T` (4 x 4) is finite, its rotation a proper one, its last row 0 0 0 1, but for rounding."""
     for i in range(4):
         for j in range(4):
             if not np.isfinite(T[i, j]):
                 return False
+        if not abs(T[3, i] - (1.0 if i == 3 else 0.0)) <= _ROUNDING:
+            return False
     for i in range(3):
         for j in range(3):
             overlap = T[i, 0] * T[j, 0] + T[i, 1] * T[j, 1] + T[i, 2] * T[j, 2]
             if not abs(overlap - (1.0 if i == j else 0.0)) <= _ROUNDING:
                 return False
-    return True
+    x = T[1, 1] * T[2, 2] - T[1, 2] * T[2, 1]
+    y = T[1, 2] * T[2, 0] - T[1, 0] * T[2, 2]
+    z = T[1, 0] * T[2, 1] - T[1, 1] * T[2, 0]
+    return bool(T[0, 0] * x + T[0, 1] * y + T[0, 2] * z > 0.0)  # the determinant: not mirrored
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Prior:
     """What is believed before the pairs are seen: a motion prediction.
 
-    `covariance` (6 x 6, `se3` convention) makes it evidence of its own, fused with the pairs; without it the pose is
-    only where the search begins.
+    `T_target_source` is 4 x 4, its translation in metres. `covariance` (6 x 6, `se3` convention, m and rad) makes it
+    evidence of its own, fused with the pairs; without it the pose is only where the search begins. Raises InputError
+    for a matrix that is no rigid motion, and a covariance that is not symmetric and positive definite.
     """
 
     T_target_source: Array
@@ -135,12 +141,19 @@ class Prior:
     def __post_init__(self) -> None:
         T = np.ascontiguousarray(self.T_target_source, dtype=np.float64)
         if T.shape != (4, 4) or not _is_rigid(T):
-            raise InputError("the prior is not a rigid motion: give a finite 4 x 4 matrix with an orthonormal rotation")
+            if T.shape == (4, 4) and _is_rigid(T.T.copy()):
+                raise InputError("the prior is transposed: give the translation in its last column, the matrix's .T")
+            needs = "a finite 4 x 4 matrix with an orthonormal rotation that does not mirror and the last row 0 0 0 1"
+            raise InputError(f"the prior is not a rigid motion: give {needs}")
         object.__setattr__(self, "T_target_source", T)
         if self.covariance is not None:
             P = np.ascontiguousarray(self.covariance, dtype=np.float64)
             if P.shape != (6, 6) or not np.isfinite(P).all() or np.linalg.eigvalsh(P)[0] <= 0.0:
                 raise InputError("the prior's covariance is not a positive 6 x 6 matrix: give one, or None for a hint")
+            if not np.abs(P - P.T).max() <= _ROUNDING * np.abs(P).max():
+                raise InputError(
+                    "the prior's covariance is not symmetric: give the mean of it and its .T if that is meant"
+                )
             object.__setattr__(self, "covariance", P)
 
 
@@ -160,10 +173,12 @@ class Registration:
     (translation, rotation) in `T_true = T_target_source @ exp(xi)`: metres and radians in the SOURCE frame. Both are
     NaN where the verdict is DEGENERATE, so that nothing can mistake them for a pose; `reason` then says why.
     `inliers` (n) marks the pairs used, `chi2` (n) is each pair's squared residual against its own covariance (3
-    degrees of freedom). `conditioning` is the reciprocal condition number of the information matrix with rotations
-    measured by the spread of the points (0 singular, 1 perfect). `variance_factor` is the observed mean of chi2
-    against its expectation (1: the noise model is true; 4: the noise is twice the modelled). `scale` is eq. (4)'s, 1
-    unless asked.
+    degrees of freedom; NaN where no motion was found). `conditioning` is the reciprocal condition number of the
+    information matrix with rotations measured by the spread of the points (0: singular, or points in one place; 1
+    perfect). `variance_factor` is the observed mean of chi2 against its expectation (1: the noise model is true; 4: the
+    noise is twice the modelled); of `horn`, and of `wicp` and `em_icp` without covariances, which know no noise, it is
+    the observed variance (m^2); of `RecursiveFilter`, which keeps no residuals, NaN. `scale` is eq. (4)'s, 1 unless
+    asked.
     """
 
     T_target_source: Array

@@ -51,7 +51,8 @@ def rate(arrays: Arrays, tolerance: float, rating: Array) -> None:
 def rigid_set(arrays: Arrays, tolerance: float, partners: int, i: int, mask: Array) -> int:
     """Fill `mask` with the weights of the pairs compatible with pair i and its best partner; return their number.
 
-    The best partner is the pair with most compatible pairs among those compatible with i; `partners` of them are tried.
+    The best partner is the pair with most compatible pairs among those compatible with i. Of these all are tried, or
+    every second, third and so on, such that it is at least `partners` and fewer than twice as many.
     """
     n, given = len(arrays.q), arrays.weights
     member = np.empty(n, dtype=np.int64)

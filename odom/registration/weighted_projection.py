@@ -9,7 +9,7 @@ import numpy as np
 
 from odom.geometry.arrays import Array
 from odom.geometry.compiled import compiled
-from odom.geometry.compiled_se3 import compose_tangent, relative_tangent
+from odom.geometry.compiled_se3 import compose_tangent, inverse_right_jacobian, product, relative_tangent
 from odom.registration.linear_algebra import cholesky_solve
 
 
@@ -53,6 +53,24 @@ def normal_equations(Y: Array, y: Array, T: Array, H: Array, g: Array) -> None:
 
 
 @compiled
+def add_prior(Y0: Array, T0: Array, T: Array, H: Array, g: Array) -> None:
+    """Add to `H` and `g` one more measurement of the motion: xi = log(inv(T0) T) is 0 with information `Y0` (6 x 6).
+
+    With `J = d xi / d(rho, phi)` at `T @ exp(rho, phi)` these are `J'Y0 J` and `-J'Y0 xi`.
+    """
+    m = len(Y0)
+    xi, J, YJ = np.empty(m), np.empty((m, m)), np.zeros((m, m))
+    relative_tangent(T, T0, xi)
+    inverse_right_jacobian(xi, J)
+    product(Y0, J, YJ)
+    for i in range(m):
+        for k in range(m):
+            g[i] -= YJ[k, i] * xi[k]
+            for j in range(m):
+                H[i, j] += J[k, i] * YJ[k, j]
+
+
+@compiled
 def project_onto_se3(Y: Array, y: Array, Y0: Array, T0: Array, T: Array, H: Array) -> int:
     """Move `T` to the minimum over SE(3) of `x'Yx - 2 y'x`, plus a prior of information `Y0` (6 x 6 or empty).
 
@@ -67,11 +85,7 @@ def project_onto_se3(Y: Array, y: Array, Y0: Array, T0: Array, T: Array, H: Arra
     for step in range(1, 31):  # Gauss-Newton; three to six steps are the rule
         normal_equations(Y, y, T, H, g)
         if len(Y0) > 0:
-            relative_tangent(T, T0, xi)  # the prior is one more measurement of the motion, d = log(inv(T0) T)
-            for i in range(m):
-                for j in range(m):
-                    H[i, j] += Y0[i, j]
-                    g[i] -= Y0[i, j] * xi[j]
+            add_prior(Y0, T0, T, H, g)
         for i in range(m):
             for j in range(m):
                 L[i, j] = H[i, j]

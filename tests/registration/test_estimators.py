@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 from registration_clouds import noisy_pairs
 
 from odom.errors import InputError
-from odom.geometry.se3 import apply, exp, inverse, log
+from odom.geometry.se3 import adjoint, apply, exp, inverse, log
 from odom.registration import Pairs, Prior, Verdict, em_icp, horn, kalman, register, robust, wicp, with_scale
 
 ALL = {"horn": horn, "wicp": wicp, "em_icp": em_icp, "kalman": kalman, "robust": robust, "register": register}
@@ -95,6 +95,21 @@ def test_pairs_of_weight_zero_take_no_step_of_the_robust_filter(rng):
     np.testing.assert_allclose(kept.covariance, alone.covariance, rtol=1e-6, atol=1e-12)
 
 
+@pytest.mark.parametrize("setting", ["theta", "alpha"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -0.1])
+@pytest.mark.parametrize("n", [2, 30])
+def test_settings_that_make_no_robust_filter_are_refused(setting, value, n):
+    with pytest.raises(InputError, match=setting):
+        robust(exact(np.eye(4))[:n], **{setting: value})
+
+
+def test_theta_changes_the_covariance_and_not_the_pose(rng):
+    _, pairs = noisy_pairs(rng, 50)
+    plain, discounted = robust(pairs, theta=0.0), robust(pairs, theta=30.0)
+    assert plain.T_target_source.tobytes() == discounted.T_target_source.tobytes()
+    assert np.linalg.eigvalsh(discounted.covariance - plain.covariance)[0] > 0.0
+
+
 @filters
 def test_covariance_is_in_the_source_frame_translation_first(estimator):
     """A rotation that cannot be seen well is a rotation about the source's axis along which the points lie."""
@@ -164,6 +179,12 @@ def test_fewer_than_three_pairs_are_degenerate(estimator, n):
     assert np.isnan(result.T_target_source).all()
 
 
+def test_three_pairs_are_too_few_for_the_gate_and_enough_for_the_filters_without_it():
+    three = exact(np.eye(4))[:3]
+    assert not register(three).ok
+    assert kalman(three).ok
+
+
 @every
 @pytest.mark.parametrize("noise", [0.0, 1e-4, 1e-3])
 def test_points_on_a_line_are_degenerate(estimator, noise, rng):
@@ -216,6 +237,36 @@ def test_weights_that_are_not_positive_are_an_error(estimator, weight):
 
 
 @filters
+@pytest.mark.parametrize(("source", "target"), [(5e6, 5e6), (5e6, 0.0), (0.0, -5e6)])
+def test_coordinates_that_cost_the_digits_of_the_noise_are_an_error(estimator, source, target, rng):
+    q, C = rng.uniform(-1.0, 1.0, (100, 3)), np.full((100, 3), 1e-4)
+    with pytest.raises(InputError, match="km from the origin"):
+        estimator(Pairs(q + source, q + target, C, C))
+
+
+@filters
+def test_the_covariance_is_true_ninety_kilometres_from_the_origin(estimator):
+    nees, offset = [], np.array([9e4, -9e4, 0.0])
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        q, C = rng.uniform(-1.0, 1.0, (100, 3)), np.full((100, 3), 1e-6)
+        noise = rng.normal(0.0, 1e-3, (2, 100, 3))
+        result = estimator(Pairs(q + noise[0] + offset, q + noise[1] + offset, C, C))
+        here = exp(np.concatenate([offset, np.zeros(3)]))  # the motion of the middle of the points
+        xi, A = log(inverse(here) @ inverse(result.T_target_source) @ here), adjoint(inverse(here))
+        nees.append(xi @ np.linalg.solve(A @ result.covariance @ A.T, xi))
+    assert 4.5 < np.mean(nees) < 7.5
+
+
+def test_one_pair_that_is_far_away_is_left_out_by_the_gate(rng):
+    _, pairs = noisy_pairs(rng, 50)
+    pairs.points_target[7] = 1e7
+    result = register(pairs)
+    assert result.ok
+    assert not result.inliers[7]
+
+
+@filters
 @pytest.mark.parametrize("bad", [np.zeros((3, 3)), -np.eye(3), np.full((3, 3), np.nan), np.diag([1e-4, 1e-4, 0.0])])
 def test_a_covariance_that_is_not_positive_is_an_error(estimator, bad):
     pairs = exact(np.eye(4))
@@ -255,6 +306,37 @@ def test_wrong_shapes_are_an_error(arguments):
 def test_a_prior_that_is_no_motion_is_an_error(arguments):
     with pytest.raises(InputError, match="prior"):
         Prior(*arguments)
+
+
+MOVED = exp(np.array([0.1, -0.2, 0.3, 0.2, 0.1, -0.3]))
+
+
+def test_a_transposed_prior_is_told():
+    with pytest.raises(InputError, match="transposed"):
+        Prior(MOVED.T)
+
+
+@pytest.mark.parametrize(
+    "T",
+    [np.diag([1.0, 1.0, -1.0, 1.0]), -np.eye(4), np.diag([1.0, 1.0, 1.0, 2.0]), MOVED + 0.1 * np.eye(4)[[3, 2, 1, 0]]],
+    ids=["mirrored", "inverted", "scaled", "skewed"],
+)
+def test_a_prior_that_mirrors_or_has_another_last_row_is_an_error(T):
+    with pytest.raises(InputError, match="last row 0 0 0 1"):
+        Prior(T)
+
+
+def test_a_prior_that_is_off_by_rounding_is_taken():
+    T, P = np.linalg.inv(np.linalg.inv(MOVED)), np.diag([1e-4] * 6)
+    T[3, 0], P[0, 5] = 1e-12, 1e-12
+    assert Prior(T, P).covariance is not None
+
+
+def test_a_covariance_of_the_prior_that_is_not_symmetric_is_an_error():
+    P = 1e-4 * np.eye(6)
+    P[0, 5] = 5e-5
+    with pytest.raises(InputError, match="symmetric"):
+        Prior(np.eye(4), P)
 
 
 def test_inputs_are_left_as_they_were(rng):

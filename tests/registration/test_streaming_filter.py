@@ -8,7 +8,7 @@ from registration_clouds import noisy_pairs
 
 from odom.errors import InputError
 from odom.geometry.se3 import exp, inverse, log
-from odom.registration import Centroids, Prior, RecursiveFilter, kalman, robust
+from odom.registration import Centroids, Pairs, Prior, RecursiveFilter, kalman, robust
 
 
 def absorbed(start, pairs, blocks):
@@ -135,3 +135,23 @@ def test_filters_that_do_not_share_their_start_are_not_merged(rng):
 def test_settings_that_make_no_filter_are_refused(settings):
     with pytest.raises(InputError, match="theta"):
         RecursiveFilter(**settings)
+
+
+def test_the_rotation_only_filter_refuses_a_covariance_of_the_prior_that_it_could_not_use(rng):
+    T, pairs = noisy_pairs(rng, 20)
+    centroids = Centroids(pairs.points_source.mean(axis=0), pairs.points_target.mean(axis=0))
+    assert RecursiveFilter(Prior(T), centroids).absorb(pairs).estimate().ok
+    with pytest.raises(InputError, match="centroids"):
+        RecursiveFilter(Prior(T, 1e-4 * np.eye(6)), centroids)
+
+
+def test_the_noise_of_pairs_of_weight_zero_is_not_that_of_the_centroids(rng):
+    T, pairs = noisy_pairs(rng, 100, angle=0.2)
+    weights = np.ones(100)
+    weights[50:] = 0.0
+    alone = pairs[:50]
+    C_source, C_target = pairs.covariances_source.copy(), pairs.covariances_target.copy()
+    C_source[50:], C_target[50:] = 10.0 * np.eye(3), 10.0 * np.eye(3)
+    weighted = Pairs(pairs.points_source, pairs.points_target, C_source, C_target, weights)
+    start = RecursiveFilter(Prior(T), Centroids(alone.points_source.mean(axis=0), alone.points_target.mean(axis=0)))
+    same(start.absorb(weighted).estimate(), start.absorb(alone).estimate())

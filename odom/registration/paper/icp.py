@@ -9,8 +9,9 @@ from scipy.spatial import KDTree
 from odom.geometry.arrays import Array
 from odom.registration.checked_arrays import finite
 from odom.registration.gate import BOUND
+from odom.registration.measurement_covariance import bad_covariance
 from odom.registration.pairs import Pairs, Prior, Registration, degenerate
-from odom.registration.paper.closed_form import closed_form, least_squares_result
+from odom.registration.paper.closed_form import closed_form, least_squares_result, too_few
 from odom.registration.paper.tuning import TUNING
 
 _MAX_ROUNDS = 100
@@ -27,17 +28,29 @@ class _Clouds(NamedTuple):
     given: Array
 
 
-def _clouds(pairs: Pairs) -> _Clouds:
-    """Return the points with the mean variance of their axes; 0.5 where no side has covariances."""
+def _clouds(pairs: Pairs, matched: bool) -> _Clouds:
+    """Return the points with the mean variance of their axes; 0.5 where no side has covariances.
+
+    Raises InputError as `horn` does, and for a variance that is negative or not finite, or 0 on both sides of a pair,
+    or of points that could become one.
+    """
     arrays = finite(pairs)
 
     def variance(covariances: Array | None, other: Array | None) -> Array:
         if covariances is not None:
-            return np.asarray(np.einsum("nii->n", covariances) / 3.0)
+            axes = np.einsum("nii->ni", covariances)
+            return np.where((axes >= 0.0).all(axis=1), np.einsum("nii->n", covariances) / 3.0, np.nan)
         return np.full(len(pairs), 0.5 if other is None else 0.0)
 
     source, target = pairs.covariances_source, pairs.covariances_target
-    return _Clouds(arrays.q, arrays.p, variance(source, target), variance(target, source), arrays.weights)
+    of_q, of_p = variance(source, target), variance(target, source)
+    total = of_q + of_p
+    bad = np.flatnonzero(~(np.isfinite(total) & (total > 0.0)))
+    if len(bad) == 0 and len(pairs) > 0 and not matched:
+        bad = np.flatnonzero(of_q + of_p.min() <= 0.0)
+    if len(bad) > 0:
+        raise bad_covariance(int(bad[0]))
+    return _Clouds(arrays.q, arrays.p, of_q, of_p, arrays.weights)
 
 
 def wicp(pairs: Pairs, prior: Prior | None = None, *, matched: bool = True) -> Registration:
@@ -45,24 +58,23 @@ def wicp(pairs: Pairs, prior: Prior | None = None, *, matched: bool = True) -> R
 
     `matched`: pair k belongs together. Otherwise source and target are clouds in any order, each source point is
     paired with the nearest target anew in every round, from the prior or the identity; pairs beyond some times the
-    median distance are left out. Verdicts and errors as for `horn`.
+    median distance are left out. Verdicts and errors as for `horn`, and InputError for variances that are not positive.
     """
-    clouds = _clouds(pairs)
-    n = len(pairs)
-    if n < 3:
-        return degenerate(n, f"{n} pairs: at least 3 are needed")
+    clouds = _clouds(pairs, matched)
+    if (none := too_few(clouds.given)) is not None:
+        return none
     if matched:
         weights = clouds.given / (clouds.variance_q + clouds.variance_p)
         T = closed_form(clouds.q, clouds.p, weights)
         return least_squares_result(clouds.q, clouds.p, weights, T, {"rounds": 1.0})
     tree = KDTree(clouds.p)
     T = np.eye(4) if prior is None else prior.T_target_source
-    match = np.full(n, -1)
+    match = np.full(len(pairs), -1)
     rounds = 0
     while rounds < _MAX_ROUNDS:
         rounds += 1
         distance, nearest = _nearest(tree, clouds.q @ T[:3, :3].T + T[:3, 3], 1)
-        kept = distance <= TUNING.wicp_medians * np.median(distance) + 1e-12
+        kept = distance <= TUNING.wicp_medians * np.median(distance[clouds.given > 0.0]) + 1e-12
         weights = np.where(kept, clouds.given / (clouds.variance_q + clouds.variance_p[nearest]), 0.0)
         T = closed_form(clouds.q, clouds.p[nearest], weights)
         if (nearest == match).all():
@@ -77,12 +89,11 @@ def em_icp(pairs: Pairs, prior: Prior | None = None, *, matched: bool = True) ->
     E: the probability of each match under isotropic noise of the points' variances times a common factor; M: the
     closed form for the expected matches. `matched`: pair k belongs together or is wrong, an even density over the
     target's box. Otherwise each source point is shared among its nearest targets, the factor annealed from the size
-    of the clouds down to the noise; it starts at the prior or the identity. Verdicts and errors as for `horn`.
+    of the clouds down to the noise; it starts at the prior or the identity. Verdicts and errors as for `wicp`.
     """
-    clouds = _clouds(pairs)
-    n = len(pairs)
-    if n < 3:
-        return degenerate(n, f"{n} pairs: at least 3 are needed")
+    clouds = _clouds(pairs, matched)
+    if (none := too_few(clouds.given)) is not None:
+        return none
     return _em_matched(clouds) if matched else _em_clouds(clouds, prior)
 
 

@@ -16,7 +16,8 @@ def kalman(pairs: Pairs, prior: Prior | None = None) -> Registration:
     Corrected against the paper: H_k is built from q, not p; R_k holds variances, not standard deviations, and the
     source's noise (`S_k = Sp + R Sq R'`); the joint state needs no centroids; there is no P_0 = Q, which would be a
     strong prior on the identity; and the projection onto SE(3) is weighted by the information.
-    Errors and verdicts as for `register`.
+    The verdict is DEGENERATE for fewer than 3 pairs and points on a line, unless a prior with covariance makes up for
+    them. Errors as for `register`.
     """
     arrays = checked(pairs)
     n = len(arrays.q)

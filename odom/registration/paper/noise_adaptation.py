@@ -50,7 +50,7 @@ def judge_covariances(solution: Solution) -> CovarianceVerdict:
     """
     n, chi2, squares, *axes = solution.sums.tolist()
     freedom = 3.0 * n - 6.0
-    if freedom <= 0.0:
+    if freedom <= 0.0 or chi2 == 0.0:  # made-up pairs without any noise say nothing of it
         return CovarianceVerdict.HOLDS
     allowed = TUNING.contradiction_sigmas * math.sqrt(2.0 / freedom)
     spread = n * squares / chi2**2  # 15 / 9 for chi-square (3)

@@ -5,7 +5,7 @@ import math
 from odom.registration.checked_arrays import Arrays, checked
 from odom.registration.pairs import Pairs, Prior, Registration, degenerate
 from odom.registration.paper.axis_bias import bias_information, possible_biases, source_noise, unbiased
-from odom.registration.paper.hinfinity import affine_misfit, discount
+from odom.registration.paper.hinfinity import affine_misfit, check_settings, discount
 from odom.registration.paper.kalman_filter import solve_ungated
 from odom.registration.paper.noise_adaptation import CovarianceVerdict, adapt, judge_covariances
 from odom.registration.paper.tuning import TUNING
@@ -22,14 +22,16 @@ def robust(
     """Return the motion of `pairs` by the robust H-infinity filter (eqs. 22-28) on the joint state [R | t].
 
     The motion is constant and known to be: A_k = I, and dA_k of eq. (24) is 0. `theta` = 1 / gamma discounts the
-    information (`Y - n theta^2 I`), halved until the filter exists. The source's noise makes the measurement matrix
-    uncertain (eq. 25, corrected in `precisions`): by its exact second moment, `S_k = Sp + R Sq R'`, or with `alpha` > 0
-    by the norm-bounded `S_k = Sp + alpha tr(Sq) I` (eqs. 26-27). `adaptive`: where the residuals contradict the
-    covariances, what is wrong is learnt: a biased axis (see `axis_bias`), a common factor, other covariances (see
-    `noise_adaptation`); and the result's covariance grows where the twelve states are no rigid motion still. `details`
-    holds theta, gamma, alpha as used, halvings, the distance (misfit, chi-square 6) of the twelve states from the
-    motion, and what was learnt. Errors and verdicts as for `register`.
+    information (`Y - n theta^2 I`), halved until the filter exists; it changes the covariance, not the pose (see
+    `discount`). The source's noise makes the measurement matrix uncertain (eq. 25, corrected in `precisions`): by its
+    exact second moment, `S_k = Sp + R Sq R'`, or with `alpha` > 0 by the norm-bounded `S_k = Sp + alpha tr(Sq) I` (eqs.
+    26-27). `adaptive`: where the residuals contradict the covariances, what is wrong is learnt: a biased axis (see
+    `axis_bias`), a common factor, other covariances (see `noise_adaptation`); and the result's covariance grows where
+    the twelve states are no rigid motion still. `details` holds theta, gamma, alpha as used, halvings, the distance
+    (misfit, chi-square 6) of the twelve states from the motion, and what was learnt. Errors and verdicts as for
+    `kalman`, and InputError for theta or alpha that are negative or not finite.
     """
+    check_settings(theta, alpha)
     arrays = checked(pairs)
     n = len(arrays.q)
     if n < 3:

@@ -6,6 +6,7 @@ different pairs add up to one that saw all. The H-infinity term `theta^2 L'L` of
 is asked, not before.
 """
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,11 +15,12 @@ from odom.errors import InputError
 from odom.geometry.arrays import Array
 from odom.geometry.se3 import hat, so3_exp
 from odom.registration.checked_arrays import checked
+from odom.registration.conditioning import scaled_conditioning
 from odom.registration.linear_algebra import cholesky_solve
 from odom.registration.measurement_covariance import bad_covariance, precisions
 from odom.registration.pair_information import accumulate, information_matrix
 from odom.registration.pairs import Pairs, Prior, Registration, Verdict, degenerate
-from odom.registration.paper.hinfinity import discount
+from odom.registration.paper.hinfinity import check_settings, discount
 from odom.registration.paper.tuning import TUNING
 from odom.registration.solution import prior_information
 from odom.registration.tuning import TUNING as ENGINE
@@ -41,9 +43,10 @@ class RecursiveFilter:
     """A robust H-infinity filter for one rigid motion; a frozen value, `absorb` and `merge` return the next one.
 
     `prior` is a motion prediction: where S_k is linearised and, with a covariance, evidence. `centroids` makes it the
-    rotation-only filter of the paper's nine states. `theta` = 1 / gamma (0: Kalman), `alpha` > 0 the norm-bounded form
-    of the source's noise, else its second moment. Without a prior S_k is linearised at the estimate so far, so filters
-    to be merged should share a prior.
+    rotation-only filter of the paper's nine states, which takes no such evidence. `theta` = 1 / gamma (0: Kalman),
+    `alpha` > 0 the norm-bounded form of the source's noise, else its second moment. Without a prior S_k is linearised
+    at the estimate so far, so filters to be merged should share a prior. Raises InputError for settings that make no
+    filter.
     """
 
     prior: Prior | None = None
@@ -56,8 +59,9 @@ class RecursiveFilter:
     summed_noise: Array = field(default_factory=lambda: np.zeros((3, 3)))
 
     def __post_init__(self) -> None:
-        if not (self.theta >= 0.0 and self.alpha >= 0.0 and np.isfinite(self.theta + self.alpha)):
-            raise InputError(f"theta = {self.theta}, alpha = {self.alpha}: give finite values, not negative")
+        check_settings(self.theta, self.alpha)
+        if self.centroids is not None and self.prior is not None and self.prior.covariance is not None:
+            raise InputError("centroids and a prior with covariance: give Prior(T_target_source), or no centroids")
 
     @property
     def information(self) -> Array:
@@ -89,8 +93,10 @@ class RecursiveFilter:
             raise bad_covariance(bad)
         A, y = self.A.copy(), self.y.copy()
         accumulate(q, p, W, arrays.weights, A, y)
-        noise = self.summed_noise + arrays.Sp.sum(axis=0) + R[:3, :3] @ arrays.Sq.sum(axis=0) @ R[:3, :3].T
-        return replace(self, A=A, y=y, summed_noise=noise, count=self.count + int(np.count_nonzero(arrays.weights)))
+        used = arrays.weights > 0.0
+        Sq, Sp = (S[used].sum(axis=0) if len(S) else np.zeros((3, 3)) for S in (arrays.Sq, arrays.Sp))
+        noise = self.summed_noise + Sp + R[:3, :3] @ Sq @ R[:3, :3].T
+        return replace(self, A=A, y=y, summed_noise=noise, count=self.count + int(np.count_nonzero(used)))
 
     def merge(self, other: "RecursiveFilter") -> "RecursiveFilter":
         """Return the filter that has seen what both have; the prior that they share counts once.
@@ -109,7 +115,7 @@ class RecursiveFilter:
         )
 
     def estimate(self) -> Registration:
-        """Return the motion so far; `inliers` and `chi2` are empty, since pairs are not kept.
+        """Return the motion so far; `inliers` and `chi2` are empty and `variance_factor` NaN: pairs are not kept.
 
         `details`: count, theta and gamma as used (theta is halved until the filter exists), halvings, alpha.
         """
@@ -128,8 +134,7 @@ class RecursiveFilter:
         if (self.count < 3 and len(Y0) == 0) or not sigma < ENGINE.max_rotation_sigma_rad:
             reason = f"after {self.count} pairs the rotation is uncertain by {np.degrees(sigma):.0f} degrees"
             return degenerate(0, reason)
-        w = np.linalg.eigvalsh(H)
-        return self._result(T, covariance, float(w[0] / w[-1]), theta, halvings)
+        return self._result(T, covariance, H, np.zeros(3), theta, halvings)
 
     def _rotation(self, Y: Array, y: Array, G: Array, centroids: Centroids) -> Registration:
         """Return the nine-state estimate: the nearest rotation, and the translation by eq. (4).
@@ -154,14 +159,24 @@ class RecursiveFilter:
         common = J @ rotation @ B.T @ G  # d (rho, phi) / d (p' - R q'), the centroids' noise
         common[:3] -= R.T
         covariance = J @ rotation @ J.T + common @ self.summed_noise @ common.T / max(self.count, 1) ** 2
-        return self._result(T, np.asarray(covariance), float(w[0] / w[-1]), theta, halvings)
+        return self._result(T, np.asarray(covariance), np.linalg.inv(covariance), centroids.source, theta, halvings)
 
-    def _result(self, T: Array, covariance: Array, conditioning: float, theta: float, halvings: int) -> Registration:
+    def _result(
+        self, T: Array, covariance: Array, H: Array, origin: Array, theta: float, halvings: int
+    ) -> Registration:
+        """Return the result of a motion and its information; `origin` (3, m) is that of the source points summed."""
+        sums = self.A[0] + self.A[3] + self.A[5]  # of h h', weighted by the trace of inv(S_k)
+        total = max(float(sums[9]), 1e-300)  # 0 of a prior alone
+        mean, squares = sums[[3, 6, 8]] / total, sums[[0, 4, 7]] / total
+        spread = float(np.sqrt(max(0.0, float((squares - mean**2).sum()))))
+        conditioning = scaled_conditioning(np.ascontiguousarray(H), mean + origin, spread)
         gamma = 1.0 / theta if theta > 0.0 else float("inf")
         details = {"count": float(self.count), "theta": theta, "gamma": gamma}
         details |= {"halvings": float(halvings), "alpha": self.alpha}
         none = np.zeros(0)
-        return Registration(T, covariance, none > 0.0, none, conditioning, Verdict.OK, details=details)
+        return Registration(
+            T, covariance, none > 0.0, none, conditioning, Verdict.OK, variance_factor=math.nan, details=details
+        )
 
     def _linearised_at(self) -> Array:
         """Return a copy of where S_k and the projection begin: the prior, else the estimate so far."""

@@ -94,12 +94,15 @@ class MapFile:
                 found.update(content)
         return found.hexdigest()
 
-    def check_readable(self) -> None:
-        """Read what is read when a session begins, and close; raises MapError where that is damaged."""
+    def check_readable(self) -> int:
+        """Read what is read when a session begins, and close; return how many key frames there are.
+
+        Raises MapError where it is damaged.
+        """
         try:
             self.sessions()
-            self.keyframes()
             self.edges()
+            return len(self.keyframes())
         finally:
             self.close()
 

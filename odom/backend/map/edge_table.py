@@ -43,7 +43,8 @@ class EdgeTable:
     def among(self, is_member: NDArray[np.bool_]) -> EdgeArrays:
         """Return a copy of the registrations between any two of the key frames marked (by number)."""
         a, b = self._fields["a"], self._fields["b"]
-        rows = np.flatnonzero((a >= 0) & is_member[a] & is_member[b])
+        rows = np.flatnonzero(a >= 0)
+        rows = rows[is_member[a[rows]] & is_member[b[rows]]]
         return EdgeArrays(**{name: values[rows] for name, values in self._fields.items()})
 
 

@@ -35,8 +35,7 @@ class MapFile:
 
     def __init__(self, path: Path, is_written: bool) -> None:
         self.path, self.is_written = path, is_written
-        self.lost = 0
-        """Key frames of which nothing could be read."""
+        self._lost: set[int] = set()
         self._lock = threading.Lock()
         self._lock_file = lock(path) if is_written else None
         self._writer: MapWriter | None = None
@@ -166,12 +165,17 @@ class MapFile:
             self._count_lost(number, error)
             return None
 
+    @property
+    def lost(self) -> int:
+        """Key frames of which what they measured or the place they show could not be read."""
+        return len(self._lost)
+
     def _count_lost(self, number: int, error: Exception) -> None:
         if self._ahead.is_closed:  # the background of an odometry that was not finished may still ask
             return
-        if not self.lost:
+        if not self._lost:
             _LOG.warning("%s: key frame %d is left out (others are counted): %s", self.path, number, error)
-        self.lost += 1
+        self._lost.add(number)
 
     def put(self, changes: MapChanges) -> None:
         """Take over changes; they are on disk within a second, or a failure is logged and they are tried again."""

@@ -61,6 +61,8 @@ def track_candidate(
     candidate = LoopCandidate(keyframe.stamp, place.stamp, int(registration.inliers.sum()), False, "")
     T_start = se3.inverse(registration.T_target_source) @ place.T_camera_map
     recall_near(map_, place.number, T_start)
+    if place.number in map_.away:
+        return replace(candidate, reason="what was saved of it cannot be read")
     tracked = track_place(map_, tracker, seen, place.number, T_start, sensor)
     T_place_keyframe = place.T_camera_map @ tracked.T_map_camera
     candidate = replace(candidate, inliers=tracked.found_again, T_candidate_current=T_place_keyframe)

@@ -86,12 +86,16 @@ def _saved_place(map_: Map, number: int) -> Place | None:
 
 
 def recall(map_: Map, numbers: Iterable[int]) -> bool:
-    """Bring key frames that were set aside back into memory; return whether there were any."""
+    """Bring key frames that were set aside back into memory; return whether there were any.
+
+    Those that cannot be read are noted as `unreadable`, and not tried again by `recall_near`.
+    """
     L, details, recalled = map_.landmarks, map_.details, []
     for number in sorted(map_.away.intersection(numbers)):
         pending = map_.journal.set_aside.pop(number, None)
         found = pending or (details.fetch(number) if details is not None else None)
         if found is None:
+            map_.unreadable.add(number)
             continue
         if pending is not None:
             map_.journal.note_new_details([number])
@@ -122,11 +126,12 @@ def recall(map_: Map, numbers: Iterable[int]) -> bool:
 
 def recall_near(map_: Map, keyframe: int, T_camera_map: Array, at_once: int = TUNING.recalled) -> bool:
     """Bring back up to `at_once` of the key frames around `keyframe` that are nearest to a pose; return as `recall`."""
-    around = map_.around(keyframe, TUNING.recalled)
-    if map_.away.isdisjoint(around):
+    around = map_.around(keyframe, TUNING.recalled) - map_.unreadable
+    missing = map_.away & around
+    if not missing:
         return False
     nearest = map_.nearest(sorted(around), T_camera_map)[: TUNING.recalled]
-    wanted = [n for n in [keyframe, *nearest.tolist()] if n in map_.away]
+    wanted = [n for n in dict.fromkeys([keyframe, *nearest.tolist()]) if n in missing]
     if map_.details is not None:
         map_.details.expect(wanted[at_once:])
     return recall(map_, wanted[:at_once])
@@ -136,7 +141,8 @@ def expect_around(map_: Map, keyframes: Iterable[int]) -> None:
     """Begin to read from disk those set aside that were made right before and after the given key frames."""
     if map_.details is not None:
         half = TUNING.recalled // 2
-        map_.details.expect([n for k in keyframes for n in range(k - half, k + half + 1) if n in map_.away])
+        near = [n for k in keyframes for n in range(k - half, k + half + 1) if n in map_.away]
+        map_.details.expect([n for n in near if n not in map_.unreadable])
 
 
 def farthest_beyond(map_: Map, most: int, needed: Index, T_camera_map: Array | None) -> list[int]:

@@ -101,6 +101,7 @@ class MapFile:
         try:
             self.sessions()
             self.edges()
+            self.sensor()
             return len(self.keyframes())
         finally:
             self.close()
@@ -119,12 +120,13 @@ class MapFile:
                     f"{camera}; give that camera's calibration, or make a map of its own"
                 )
         keyframes, edges, counts = self.keyframes(), self.edges(), self.counts()
-        number = len(sessions)
+        made_by = [*(session.number for session in sessions), *(k.session for k in keyframes)]
+        number = 1 + max(made_by, default=-1)  # a mended map may lack some
         if self.is_written:
             self._write_session(Session(number, datetime.now(UTC).isoformat(timespec="seconds"), camera))
             self._writer = self._writer or MapWriter(self.path, counts)
         blocks = index.load(self._db, self._lock, self.path)
-        _LOG.info("%s: %d key frames of %d sessions", self.path, len(keyframes), number)
+        _LOG.info("%s: %d key frames of %d sessions", self.path, len(keyframes), len(sessions))
         identity, is_fixed, sensor = counts.next_identity, not self.is_written, self.sensor()
         return SavedMap(tuple(keyframes), tuple(edges), self, blocks, identity, number, is_fixed, sensor)
 

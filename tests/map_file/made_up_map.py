@@ -1,6 +1,7 @@
 """Changes of a map that no camera has seen: quick to make, in the sizes that real ones have."""
 
 import sqlite3
+from collections.abc import Iterable
 from contextlib import closing
 from pathlib import Path
 
@@ -69,3 +70,21 @@ def spoil(path: Path, table: str, where: str) -> None:
         damaged = bytearray(content)
         damaged[len(damaged) // 2] ^= 0xFF
         db.execute(f"UPDATE {table} SET content = ? WHERE {where}", (bytes(damaged),))
+
+
+class Counting:
+    """Details of a map that note what is fetched."""
+
+    def __init__(self, opened: MapFile) -> None:
+        self._opened = opened
+        self.fetched: list[int] = []
+
+    def expect(self, numbers: Iterable[int]) -> None:
+        """Read nothing ahead."""
+
+    def fetch(self, number: int) -> SavedDetails | None:
+        self.fetched.append(number)
+        return self._opened.fetch(number)
+
+    def fetch_place(self, number: int) -> Place | None:
+        return self._opened.fetch_place(number)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from made_up_map import CAMERA, make, spoil
+from made_up_map import CAMERA, Counting, make, spoil
 from painted_room import stroll
 from walks import HOUR, ROOM, shown, walk
 
@@ -23,23 +23,6 @@ def opened(tmp_path):
     file = MapFile(tmp_path / "a.map", is_written=False)
     yield file
     file.close()
-
-
-class Counting:
-    """Details of a map that note what is fetched."""
-
-    def __init__(self, opened):
-        self._opened, self.fetched = opened, []
-
-    def expect(self, numbers):
-        pass
-
-    def fetch(self, number):
-        self.fetched.append(number)
-        return self._opened.fetch(number)
-
-    def fetch_place(self, number):
-        return self._opened.fetch_place(number)
 
 
 def test_those_that_cannot_be_read_do_not_keep_others_away_and_are_read_and_counted_once(opened):

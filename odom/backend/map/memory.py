@@ -82,7 +82,7 @@ def details_of(map_: Map, number: int) -> SavedDetails:
 
 
 def _saved_place(map_: Map, number: int) -> Place | None:
-    return map_.details.fetch_place(number) if map_.details is not None and number < map_.earlier else None
+    return None if map_.details is None else map_.details.fetch_place(number)
 
 
 def recall(map_: Map, numbers: Iterable[int]) -> bool:
@@ -172,15 +172,19 @@ def _bind(map_: Map, numbers: set[int]) -> None:
 
 
 def set_aside(map_: Map, number: int) -> None:
-    """Drop from memory what a key frame measured; what was not saved of it goes to the journal."""
+    """Drop from memory what a key frame measured; what was not saved of it goes to the journal.
+
+    Its place is then still known, until the changes are taken (see `take_changes`).
+    """
     keyframe, L, journal = map_.keyframes[number], map_.landmarks, map_.journal
     if number in journal.with_new_details or number in journal.with_fewer_landmarks:
         journal.set_aside[number] = details_of(map_, number)
         journal.with_new_details.discard(number)
         journal.with_fewer_landmarks.discard(number)
+    else:
+        map_.places.set_aside(number)
     L.cull(np.flatnonzero(L.alive & (L.keyframe == number)))
     keyframe.forget()
-    map_.places.set_aside(number)
     map_.remembered.remove(number)
     map_.away.add(number)
 
@@ -198,6 +202,8 @@ def take_changes(map_: Map) -> MapChanges:
         map_.landmarks.next_identity,
         poses={n: map_.keyframes[n].T_camera_map for n in journal.moved_only - journal.new_or_moved},
     )
+    for number in journal.set_aside:
+        map_.places.set_aside(number)
     journal.clear()
     return changes
 

@@ -181,9 +181,9 @@ class MapFile:
 
     def put(self, changes: MapChanges) -> None:
         """Take over changes; they are on disk within a second, or a failure is logged and they are tried again."""
-        self._ahead.forget(changes.details)
         if self._writer is not None:
             self._writer.put(changes)
+        self._ahead.forget(changes.details)  # after that: what is read ahead from now on is new
 
     @property
     def unwritten(self) -> int:

@@ -1,6 +1,5 @@
 """Registrations as arrays, kept up to date beside the graph, so that all of them can be copied quickly."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,6 @@ _FIRST_ROWS = 256
 """Rows allocated at first, some .2 MB."""
 
 
-@dataclass(eq=False)
 class EdgeTable:
     """One row for each registration, by its two key frames; rows of those that are dropped are used again."""
 

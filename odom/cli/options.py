@@ -78,9 +78,13 @@ def check_map(path: Path | None, localize: bool) -> None:
 
     if localize or is_there(path):
         try:
-            MapFile(path, is_written=False).check_readable()
+            keyframes = MapFile(path, is_written=False).check_readable()
         except MapError as error:
             raise ConfigError(str(error)) from error
+        if localize and not keyframes:
+            raise ConfigError(
+                f"{path} holds no key frame, so no camera can be found in it: run without --localize to extend it"
+            )
 
 
 def with_mask(settings: "Settings", path: Path | None) -> "Settings":

@@ -40,7 +40,10 @@ def pack(arrays: Arrays) -> bytes:
 def unpack(content: bytes) -> dict[str, NDArray[Any]]:
     """Return the arrays that were packed; raises MapError for bytes that are not what was written."""
     try:
-        inside = zstandard.ZstdDecompressor().decompress(unchecked(content), max_output_size=_MOST_BYTES)
+        packed = unchecked(content)
+        if zstandard.frame_content_size(packed) > _MOST_BYTES:  # zstd takes as much memory as a value says it needs
+            raise MapError("it says that it is larger than any value of a map")
+        inside = zstandard.ZstdDecompressor().decompress(packed, max_output_size=_MOST_BYTES)
         (length,) = _NUMBER.unpack_from(inside)
         at = _NUMBER.size + length
         arrays: dict[str, NDArray[Any]] = {}

@@ -28,7 +28,7 @@ CREATE TABLE place_block (first INTEGER PRIMARY KEY, content BLOB NOT NULL);
 UNREADABLE = (sqlite3.DatabaseError, ValueError, TypeError, OverflowError)
 """What reading a damaged file can end in: rows that SQLite does not notice as damaged can be of any type."""
 _MIGRATIONS: dict[int, str] = {}
-"""By version: what brings the tables from it to the next one."""
+"""By version: what brings the tables from it to the next one, a statement in each line."""
 
 
 def is_there(path: Path) -> bool:
@@ -69,7 +69,10 @@ def connect(path: Path, is_written: bool) -> sqlite3.Connection:
 
 
 def _undo_half_a_change(path: Path) -> None:
-    """Bring a map back to what it was before a change that a killed process has left half done; readers must not."""
+    """Bring a map back to what it was before a change that a killed process has left half done.
+
+    A connection for reading alone must not write, so it cannot: it refuses to read the map until this was done.
+    """
     if path.with_name(f"{path.name}-journal").exists():
         with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", uri=True, timeout=10.0)) as db:
             db.execute("SELECT count(*) FROM sqlite_schema").fetchone()
@@ -82,8 +85,7 @@ def _prepare(path: Path, db: sqlite3.Connection, is_written: bool) -> None:
     if is_written and not tables and not application:
         db.execute(f"PRAGMA page_size = {_PAGE_BYTES}")
         with transaction(db):
-            for statement in _TABLES.strip().split("\n"):
-                db.execute(statement)
+            _execute(db, _TABLES)
             db.execute(f"PRAGMA application_id = {_APPLICATION}")
             db.execute(f"PRAGMA user_version = {VERSION}")
         version = VERSION
@@ -98,11 +100,17 @@ def _prepare(path: Path, db: sqlite3.Connection, is_written: bool) -> None:
         raise MapError(f"{path} is of an older format ({version}): `odom run SOURCE --map {path}` brings it up to date")
     for old in range(version, VERSION):
         with transaction(db):
-            db.executescript(_MIGRATIONS[old])
+            _execute(db, _MIGRATIONS[old])
             db.execute(f"PRAGMA user_version = {old + 1}")
     if is_written:
         db.execute("PRAGMA journal_mode = WAL")
         db.execute("PRAGMA synchronous = NORMAL")
+
+
+def _execute(db: sqlite3.Connection, statements: str) -> None:
+    """Execute statements, one in each line, within the open transaction, which `executescript` would commit."""
+    for statement in statements.strip().split("\n"):
+        db.execute(statement)
 
 
 def _statements(db: sqlite3.Connection) -> list[str]:

@@ -35,8 +35,7 @@ class MapFile:
 
     def __init__(self, path: Path, is_written: bool) -> None:
         self.path, self.is_written = path, is_written
-        self.lost = 0
-        """Key frames of which nothing could be read."""
+        self._lost: set[int] = set()
         self._lock = threading.Lock()
         self._lock_file = lock(path) if is_written else None
         self._writer: MapWriter | None = None
@@ -94,12 +93,16 @@ class MapFile:
                 found.update(content)
         return found.hexdigest()
 
-    def check_readable(self) -> None:
-        """Read what is read when a session begins, and close; raises MapError where that is damaged."""
+    def check_readable(self) -> int:
+        """Read what is read when a session begins, and close; return how many key frames there are.
+
+        Raises MapError where it is damaged.
+        """
         try:
             self.sessions()
-            self.keyframes()
             self.edges()
+            self.sensor()
+            return len(self.keyframes())
         finally:
             self.close()
 
@@ -117,12 +120,13 @@ class MapFile:
                     f"{camera}; give that camera's calibration, or make a map of its own"
                 )
         keyframes, edges, counts = self.keyframes(), self.edges(), self.counts()
-        number = len(sessions)
+        made_by = [*(session.number for session in sessions), *(k.session for k in keyframes)]
+        number = 1 + max(made_by, default=-1)  # a mended map may lack some
         if self.is_written:
             self._write_session(Session(number, datetime.now(UTC).isoformat(timespec="seconds"), camera))
             self._writer = self._writer or MapWriter(self.path, counts)
         blocks = index.load(self._db, self._lock, self.path)
-        _LOG.info("%s: %d key frames of %d sessions", self.path, len(keyframes), number)
+        _LOG.info("%s: %d key frames of %d sessions", self.path, len(keyframes), len(sessions))
         identity, is_fixed, sensor = counts.next_identity, not self.is_written, self.sensor()
         return SavedMap(tuple(keyframes), tuple(edges), self, blocks, identity, number, is_fixed, sensor)
 
@@ -163,18 +167,23 @@ class MapFile:
             self._count_lost(number, error)
             return None
 
+    @property
+    def lost(self) -> int:
+        """Key frames of which what they measured or the place they show could not be read."""
+        return len(self._lost)
+
     def _count_lost(self, number: int, error: Exception) -> None:
         if self._ahead.is_closed:  # the background of an odometry that was not finished may still ask
             return
-        if not self.lost:
+        if not self._lost:
             _LOG.warning("%s: key frame %d is left out (others are counted): %s", self.path, number, error)
-        self.lost += 1
+        self._lost.add(number)
 
     def put(self, changes: MapChanges) -> None:
         """Take over changes; they are on disk within a second, or a failure is logged and they are tried again."""
-        self._ahead.forget(changes.details)
         if self._writer is not None:
             self._writer.put(changes)
+        self._ahead.forget(changes.details)  # after that: what is read ahead from now on is new
 
     @property
     def unwritten(self) -> int:

@@ -153,7 +153,6 @@ def _noise(merged: SavedMap) -> NoiseMonitor | None:
 def _joined(merged: SavedMap, recognised: Sequence[Edge]) -> tuple[Joined, SavedMap]:
     noise = _noise(merged)
     map_ = open_map(merged)
-    map_.earlier = 0  # only the very first key frame is held fixed
     joined = join_parts(map_, recognised, 0.0 if noise is None else noise.calibration_error)
     numbers = range(len(merged.keyframes))
     edges = sorted(map_.registrations.among(numbers), key=lambda e: (min(e.a, e.b), max(e.a, e.b)))

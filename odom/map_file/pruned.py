@@ -49,4 +49,4 @@ def prune(opened: MapFile, out: Path, keyframes: int) -> int:
 def _linked(map_: Map) -> list[list[int]]:
     """Return the key frames that each is linked with, nearest first."""
     each = zip(map_.keyframes, map_.links, strict=True)
-    return [map_.nearest(sorted(linked), k.T_camera_map).tolist() if linked else [] for k, linked in each]
+    return [map_.nearest(sorted(linked), k.T_camera_map).tolist() for k, linked in each]

@@ -9,6 +9,7 @@ from typing import Any
 from odom.backend.map.pose_graph import Edge
 from odom.backend.map.saved import SavedKeyframe, SavedMap
 from odom.errors import MapError
+from odom.frontend.camera.sensor_memory import SensorMemory
 from odom.map_file import records
 from odom.map_file.counts import Counts
 from odom.map_file.database import UNREADABLE
@@ -30,6 +31,7 @@ class ReadableParts:
     details: set[int] = field(default_factory=set)
     places: set[int] = field(default_factory=set)
     next_identity: int = 1
+    sensor: SensorMemory | None = None
     damage: list[str] = field(default_factory=list)
 
 
@@ -41,10 +43,11 @@ def read_all_rows(db: sqlite3.Connection) -> ReadableParts:
     except UNREADABLE as error:
         found.damage.append(f"file: {error}")
     counts = _read(db, found, "meta", "name", "counts", Counts.of) or Counts()
+    found.sensor = _read(db, found, "meta", "name", "sensor", records.sensor_of)
     held = max(_highest(db, "keyframe") + 1, counts.keyframes)
     for number in range(_highest(db, "session") + 1):
-        session = _read(db, found, "session", "number", number, Session.of)
-        found.sessions |= {} if session is None else {number: session}
+        if _is_in(db, "session", number) and (session := _read(db, found, "session", "number", number, Session.of)):
+            found.sessions[number] = session
     found.next_identity = counts.next_identity
     for number in range(min(held, _MOST_KEYFRAMES)):
         keyframe = _read(db, found, "keyframe", "number", number, records.keyframe_of)
@@ -78,7 +81,7 @@ def write_rest(opened: MapFile, found: ReadableParts, path: Path) -> int:
     keyframes = tuple(renumbered(found.keyframes[old], new) for old in numbers)
     edges = tuple(replace(e, a=new[e.a], b=new[e.b]) for e in found.edges if e.a in new and e.b in new)
     details = Gathered([Origin(opened, old) for old in numbers], is_rest=True)
-    rest = SavedMap(keyframes, edges, details, next_identity=found.next_identity)
+    rest = SavedMap(keyframes, edges, details, next_identity=found.next_identity, sensor=found.sensor)
     write_new(path, [session for _, session in sorted(found.sessions.items())], rest)
     return len(numbers)
 

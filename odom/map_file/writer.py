@@ -38,7 +38,9 @@ class _Waiting:
         for keyframe in changes.keyframes:
             self.poses.pop(keyframe.number, None)
         self.edges |= {(min(e.a, e.b), max(e.a, e.b)): e for e in changes.edges}
-        self.details |= changes.details
+        for number, newer in changes.details.items():
+            older = self.details.get(number, newer)
+            self.details[number] = replace(newer, place=older.place if newer.place is None else newer.place)
         self.next_identity = max(self.next_identity, changes.next_identity)
         self.sensor = changes.sensor or self.sensor
 

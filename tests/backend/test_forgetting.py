@@ -12,6 +12,8 @@ from sensor_models import sensor_model
 
 from odom.backend import Odometry, OdometrySettings, State
 from odom.backend.loop_closure.closing import close_loops, merge_segment
+from odom.backend.loop_closure.graph import SegmentGraph
+from odom.backend.loop_closure.verification import contradiction
 from odom.backend.map.pose_graph import Edge
 from odom.backend.map.pruning import forget, oldest_beyond
 from odom.backend.mapping.map_adjustment import _oldest_connected
@@ -118,6 +120,24 @@ def test_the_forgotten_follow_what_is_nearest_and_the_past_stays_when_a_loop_is_
     np.testing.assert_allclose(relative(map_, heir, 7), before, atol=1e-9)
     for k in range(4):
         np.testing.assert_allclose(map_.keyframes[k].T_camera_map, past[k], atol=1e-5)
+
+
+def test_the_last_that_a_segment_has_left_is_forgotten_and_stays_where_it_is_with_what_followed_it():
+    map_ = chain_of_keyframes(way(6), COVARIANCE, begins=(0, 3))
+    poses = [k.T_camera_map.copy() for k in map_.keyframes]
+    for number in (0, 1, 2):
+        forget(map_, number)
+    assert map_.remembered == [3, 4, 5]
+    assert map_.followers == {}
+    for k, before in zip(map_.keyframes, poses, strict=True):
+        np.testing.assert_array_equal(k.T_camera_map, before)
+
+
+def test_a_loop_to_what_was_forgotten_is_refused_in_these_words():
+    map_ = chain_of_keyframes(way(6), COVARIANCE)
+    forget(map_, 2)
+    closure = Edge(2, 5, relative(map_, 2, 5), COVARIANCE, is_loop=True)
+    assert "no longer in this part" in contradiction(SegmentGraph.of(map_, 0), closure, 0.0)
 
 
 def test_a_segment_that_is_merged_takes_what_it_has_forgotten_with_it():

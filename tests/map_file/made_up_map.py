@@ -1,5 +1,8 @@
 """Changes of a map that no camera has seen: quick to make, in the sizes that real ones have."""
 
+import sqlite3
+from collections.abc import Iterable
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -58,3 +61,30 @@ def make(path: Path, keyframes: int, day: int = 0) -> None:
     for number in range(keyframes):
         opened.put(changes(number, day))
     opened.close()
+
+
+def spoil(path: Path, table: str, where: str) -> None:
+    """Flip a byte of a row, as a failing disk does."""
+    with closing(sqlite3.connect(path)) as db, db:
+        (content,) = db.execute(f"SELECT content FROM {table} WHERE {where}").fetchone()
+        damaged = bytearray(content)
+        damaged[len(damaged) // 2] ^= 0xFF
+        db.execute(f"UPDATE {table} SET content = ? WHERE {where}", (bytes(damaged),))
+
+
+class Counting:
+    """Details of a map that note what is fetched."""
+
+    def __init__(self, opened: MapFile) -> None:
+        self._opened = opened
+        self.fetched: list[int] = []
+
+    def expect(self, numbers: Iterable[int]) -> None:
+        """Read nothing ahead."""
+
+    def fetch(self, number: int) -> SavedDetails | None:
+        self.fetched.append(number)
+        return self._opened.fetch(number)
+
+    def fetch_place(self, number: int) -> Place | None:
+        return self._opened.fetch_place(number)

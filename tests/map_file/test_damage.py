@@ -7,13 +7,14 @@ from dataclasses import replace
 import made_up_map
 import numpy as np
 import pytest
+import zstandard
 from made_up_map import CAMERA
 from typer.testing import CliRunner
 
 from odom.cli import app
 from odom.errors import ConfigError, MapError, OdomError
-from odom.map_file import database
-from odom.map_file.arrays import pack, unpack
+from odom.map_file import arrays, database
+from odom.map_file.arrays import checked, pack, unchecked, unpack
 from odom.map_file.map_file import MapFile
 
 KEYFRAMES = 12
@@ -158,6 +159,18 @@ def test_a_map_of_another_camera_is_refused(whole):
 
 @pytest.mark.parametrize("content", [b"", b"abc", b"\0" * 40, pack({"a": np.arange(3)})[:-1]])
 def test_what_is_not_packed_is_not_unpacked(content):
+    with pytest.raises(MapError):
+        unpack(content)
+
+
+@pytest.mark.parametrize("states_its_size", [True, False])
+def test_what_would_unpack_to_more_than_any_value_has_is_refused(monkeypatch, states_its_size):
+    content = pack({"a": np.zeros(1000)})
+    if not states_its_size:
+        stream = zstandard.ZstdCompressor().compressobj()
+        content = checked(stream.compress(zstandard.decompress(unchecked(content))) + stream.flush())
+    assert len(unpack(content)["a"]) == 1000
+    monkeypatch.setattr(arrays, "_MOST_BYTES", 5000)
     with pytest.raises(MapError):
         unpack(content)
 

@@ -3,20 +3,13 @@
 import numpy as np
 import pytest
 from painted_room import SMALL, PaintedRoom, stroll
-from walks import HOUR, ROOM, away, rolled, shown, walk
+from walks import HOUR, ROOM, away, facing, rolled, shown, walk
 
 from odom.backend import Odometry, OdometrySettings, State
 from odom.backend.map.memory import details_of
 from odom.backend.tracking import confirmation
 from odom.geometry import se3
 from odom.map_file.map_file import MapFile
-
-
-def facing(angle, t):
-    """The pose at time `t` of a stroll, turned to the right by an angle."""
-    T = stroll(t)
-    T[:3, :3] = se3.so3_exp(np.array([0.0, angle, 0.0])) @ T[:3, :3]
-    return T
 
 
 def test_what_was_saved_comes_back(made):

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-from painted_room import PERIOD, SMALL, PaintedRoom
+from painted_room import PERIOD, SMALL, PaintedRoom, stroll
 
 from odom.backend import Estimate, Odometry, OdometrySettings
 from odom.frame import RgbdFrame
@@ -20,6 +20,13 @@ HOUR = 3600 * 1_000_000_000 // PERIOD
 def shown(poses: Iterable[Array], room: PaintedRoom, first: int = 0) -> list[RgbdFrame]:
     """Frames of a camera at `poses` (T_room_camera), every period, from number `first` on."""
     return [room.frame(SMALL, first + k, T) for k, T in enumerate(poses)]
+
+
+def facing(angle: float, t: float) -> Array:
+    """The pose at time `t` of a stroll, turned to the right by an angle."""
+    T = stroll(t)
+    T[:3, :3] = se3.so3_exp(np.array([0.0, angle, 0.0])) @ T[:3, :3]
+    return T
 
 
 def rolled(T: Array, degrees: float) -> Array:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from odom.backend.estimate import LoopCandidate
+from odom.backend.loop_closure.closing import joins_fixed_parts
 from odom.backend.loop_closure.verification import contradiction_from_start
 from odom.backend.map.keyframe import FrameObservations
 from odom.backend.map.map import Map
@@ -59,8 +60,12 @@ def track_candidate(
     registration = recognition.registration
     assert registration is not None
     candidate = LoopCandidate(keyframe.stamp, place.stamp, int(registration.inliers.sum()), False, "")
+    if joins_fixed_parts(map_, keyframe.segment, place.segment):
+        return replace(candidate, reason="joins two parts of a map that is only read")
     T_start = se3.inverse(registration.T_target_source) @ place.T_camera_map
     recall_near(map_, place.number, T_start)
+    if place.number in map_.away:
+        return replace(candidate, reason="what was saved of it cannot be read")
     tracked = track_place(map_, tracker, seen, place.number, T_start, sensor)
     T_place_keyframe = place.T_camera_map @ tracked.T_map_camera
     candidate = replace(candidate, inliers=tracked.found_again, T_candidate_current=T_place_keyframe)

@@ -19,11 +19,17 @@ def close_loops(map_: Map, closures: Sequence[Edge]) -> None:
         graph.take_over(map_, graph.optimised())
 
 
+def joins_fixed_parts(map_: Map, a: int, b: int) -> bool:
+    """Return whether merging segments `a` and `b` would move what a map that is fixed had saved."""
+    return map_.is_fixed and a != b and {a, b} <= {k.segment for k in map_.keyframes[: map_.earlier]}
+
+
 def merge_segment(map_: Map, edge: Edge) -> list[int]:
     """Merge the segments that an `edge` registers to each other: the one of the higher number moves.
 
-    So what earlier sessions mapped stays where it is. Returns the numbers of the key frames that moved; their
-    covariances then count from the start of the other segment, by way of the registration.
+    So what earlier sessions mapped stays where it is, unless that is two parts (see `joins_fixed_parts`). Returns the
+    numbers of the key frames that moved; their covariances then count from the start of the other segment, by way of
+    the registration.
     """
     edge = edge.seen_from(min(edge.a, edge.b, key=lambda number: map_.keyframes[number].segment))
     a, b = map_.keyframes[edge.a], map_.keyframes[edge.b]

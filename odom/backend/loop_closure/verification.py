@@ -24,7 +24,7 @@ def contradiction(graph: SegmentGraph, closure: Edge, calibration_error: float) 
     `calibration_error` is the share of a motion by which the chain may err as a whole.
     """
     if not graph.holds(closure):
-        return "forgotten meanwhile"
+        return "one of its key frames is no longer in this part of the map"
     chain = graph.covariance_between(closure.a, closure.b)
     if chain is None:
         return ""

@@ -1,6 +1,5 @@
 """Registrations as arrays, kept up to date beside the graph, so that all of them can be copied quickly."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,6 @@ _FIRST_ROWS = 256
 """Rows allocated at first, some .2 MB."""
 
 
-@dataclass(eq=False)
 class EdgeTable:
     """One row for each registration, by its two key frames; rows of those that are dropped are used again."""
 
@@ -43,7 +41,8 @@ class EdgeTable:
     def among(self, is_member: NDArray[np.bool_]) -> EdgeArrays:
         """Return a copy of the registrations between any two of the key frames marked (by number)."""
         a, b = self._fields["a"], self._fields["b"]
-        rows = np.flatnonzero((a >= 0) & is_member[a] & is_member[b])
+        rows = np.flatnonzero(a >= 0)
+        rows = rows[is_member[a[rows]] & is_member[b[rows]]]
         return EdgeArrays(**{name: values[rows] for name, values in self._fields.items()})
 
 

@@ -34,8 +34,9 @@ class Map:
     number. `places` is the index of what the remembered ones look like.
 
     In a saved map (see `memory`) those far from the camera are `away`, not in memory; `details` fetches what they
-    measured, and `journal` notes what changes. Key frames numbered below `earlier` were made before this `session`:
-    adjustments leave them where they are, and where the map `is_fixed`, closed loops do so too.
+    measured, unless that is `unreadable`, and `journal` notes what changes. Key frames numbered below `earlier` were
+    made before this `session`: adjustments leave them where they are, and where the map `is_fixed`, closed loops do so
+    too.
     """
 
     landmarks: Landmarks = field(default_factory=Landmarks)
@@ -47,6 +48,7 @@ class Map:
     places: PlaceIndex = field(default_factory=PlaceIndex)
     followers: dict[int, list[int]] = field(default_factory=dict)
     away: set[int] = field(default_factory=set)
+    unreadable: set[int] = field(default_factory=set)
     details: Details | None = None
     journal: Journal = field(default_factory=Journal)
     earlier: int = 0
@@ -196,8 +198,9 @@ class Map:
 
     def nearest(self, keyframes: list[int], T_camera_map: Array) -> Index:
         """Return `keyframes` ordered by how near they are to a pose (see `pose_distances`)."""
-        numbers = np.array(keyframes)
-        far = pose_distances(T_camera_map, np.array([self.keyframes[k].T_camera_map for k in numbers]))
+        numbers = np.array(keyframes, dtype=np.int64)
+        poses = np.array([self.keyframes[k].T_camera_map for k in keyframes]).reshape(-1, 4, 4)
+        far = pose_distances(T_camera_map, poses)
         return np.asarray(numbers[np.argsort(far, kind="stable")])
 
     def cull(self, keyframes: Index) -> None:

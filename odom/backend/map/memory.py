@@ -82,16 +82,20 @@ def details_of(map_: Map, number: int) -> SavedDetails:
 
 
 def _saved_place(map_: Map, number: int) -> Place | None:
-    return map_.details.fetch_place(number) if map_.details is not None and number < map_.earlier else None
+    return None if map_.details is None else map_.details.fetch_place(number)
 
 
 def recall(map_: Map, numbers: Iterable[int]) -> bool:
-    """Bring key frames that were set aside back into memory; return whether there were any."""
+    """Bring key frames that were set aside back into memory; return whether there were any.
+
+    Those that cannot be read are noted as `unreadable`, and not tried again by `recall_near`.
+    """
     L, details, recalled = map_.landmarks, map_.details, []
     for number in sorted(map_.away.intersection(numbers)):
         pending = map_.journal.set_aside.pop(number, None)
         found = pending or (details.fetch(number) if details is not None else None)
         if found is None:
+            map_.unreadable.add(number)
             continue
         if pending is not None:
             map_.journal.note_new_details([number])
@@ -122,11 +126,12 @@ def recall(map_: Map, numbers: Iterable[int]) -> bool:
 
 def recall_near(map_: Map, keyframe: int, T_camera_map: Array, at_once: int = TUNING.recalled) -> bool:
     """Bring back up to `at_once` of the key frames around `keyframe` that are nearest to a pose; return as `recall`."""
-    around = map_.around(keyframe, TUNING.recalled)
-    if map_.away.isdisjoint(around):
+    around = map_.around(keyframe, TUNING.recalled) - map_.unreadable
+    missing = map_.away & around
+    if not missing:
         return False
     nearest = map_.nearest(sorted(around), T_camera_map)[: TUNING.recalled]
-    wanted = [n for n in [keyframe, *nearest.tolist()] if n in map_.away]
+    wanted = [n for n in dict.fromkeys([keyframe, *nearest.tolist()]) if n in missing]
     if map_.details is not None:
         map_.details.expect(wanted[at_once:])
     return recall(map_, wanted[:at_once])
@@ -136,7 +141,8 @@ def expect_around(map_: Map, keyframes: Iterable[int]) -> None:
     """Begin to read from disk those set aside that were made right before and after the given key frames."""
     if map_.details is not None:
         half = TUNING.recalled // 2
-        map_.details.expect([n for k in keyframes for n in range(k - half, k + half + 1) if n in map_.away])
+        near = [n for k in keyframes for n in range(k - half, k + half + 1) if n in map_.away]
+        map_.details.expect([n for n in near if n not in map_.unreadable])
 
 
 def farthest_beyond(map_: Map, most: int, needed: Index, T_camera_map: Array | None) -> list[int]:
@@ -166,15 +172,19 @@ def _bind(map_: Map, numbers: set[int]) -> None:
 
 
 def set_aside(map_: Map, number: int) -> None:
-    """Drop from memory what a key frame measured; what was not saved of it goes to the journal."""
+    """Drop from memory what a key frame measured; what was not saved of it goes to the journal.
+
+    Its place is then still known, until the changes are taken (see `take_changes`).
+    """
     keyframe, L, journal = map_.keyframes[number], map_.landmarks, map_.journal
     if number in journal.with_new_details or number in journal.with_fewer_landmarks:
         journal.set_aside[number] = details_of(map_, number)
         journal.with_new_details.discard(number)
         journal.with_fewer_landmarks.discard(number)
+    else:
+        map_.places.set_aside(number)
     L.cull(np.flatnonzero(L.alive & (L.keyframe == number)))
     keyframe.forget()
-    map_.places.set_aside(number)
     map_.remembered.remove(number)
     map_.away.add(number)
 
@@ -192,6 +202,8 @@ def take_changes(map_: Map) -> MapChanges:
         map_.landmarks.next_identity,
         poses={n: map_.keyframes[n].T_camera_map for n in journal.moved_only - journal.new_or_moved},
     )
+    for number in journal.set_aside:
+        map_.places.set_aside(number)
     journal.clear()
     return changes
 

@@ -6,7 +6,8 @@ every half second, come to 100 MB, as much as the log of all frames.
 
 A forgotten key frame moves rigidly with its heir, the nearest of the key frames that it was registered with. Where the
 camera always went on, that is the oldest one remembered, which adjustments hold, so the past stays as it is; where it
-kept coming back, the past is corrected with what is there now. The last key frame of a segment has no heir and stays.
+kept coming back, the past is corrected with what is there now. The last one that a segment has left is forgotten
+without an heir: it and those that followed it stay where they are.
 """
 
 from bisect import insort

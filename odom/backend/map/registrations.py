@@ -34,7 +34,8 @@ class Registrations:
         self._between: dict[tuple[int, int], Array | None] = {}
         self._leaf_of: dict[int, int] = {}
         """Key frames registered with a single older one, and which: all paths from older ones pass through that. They
-        are forgotten as soon as a registration joins key frames in another way."""
+        are forgotten as soon as a registration joins key frames in another way. A leaf's other descendants have higher
+        numbers, so every lower one is reached through its parent."""
         self.table = EdgeTable()
         self.journal = Journal()
 

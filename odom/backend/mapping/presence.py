@@ -10,13 +10,14 @@ from odom.geometry.arrays import Array, Index
 from odom.geometry.neighbours import nearest
 
 
-def note_sightings(landmarks: Landmarks, tracked: Tracked, since_previous_s: float, in_doubt: bool) -> None:
+def note_sightings(map_: Map, tracked: Tracked, since_previous_s: float, in_doubt: bool) -> None:
     """Count what a tracked frame found and what it missed, and remove landmarks that have been gone for long enough.
 
     While the pose is `in_doubt`, one that has departed and is found where it was has perhaps taken the camera along.
     A hidden landmark does not count as missed: behind a person who stops, the map stays as it was. All neighbours of a
     landmark that is removed are looked for in the next frames: they may have lain on the same thing.
     """
+    landmarks = map_.landmarks
     found, missed, sight = tracked.inlier_landmarks.rows, tracked.missed, tracked.sight
     landmarks.departed[tracked.elsewhere] = True
     if not in_doubt:
@@ -29,6 +30,7 @@ def note_sightings(landmarks: Landmarks, tracked: Tracked, since_previous_s: flo
     gone = missed[sight.seen_through]
     landmarks.gone_s[gone] += min(since_previous_s, TUNING.gone_step_s)
     vanished = gone[landmarks.gone_s[gone] >= TUNING.gone_s]
+    map_.journal.note_fewer_landmarks(landmarks.keyframe[vanished].tolist())
     landmarks.cull(vanished)
     if len(vanished):
         near = _around(landmarks, landmarks.position[vanished], tracked.T_map_camera[:3, 3])

@@ -127,7 +127,7 @@ class FrameStages:
         is_near = 0.0 < since_previous_s < TUNING.longest_gap_s
         twist = -step / since_previous_s if is_near else tracked.twist
         self.mapper.inserter.remeasure_newest(twist if is_near else None, self.sensor)
-        note_sightings(self.map.landmarks, tracked, since_previous_s, self.moving.is_doubtful)
+        note_sightings(self.map, tracked, since_previous_s, self.moving.is_doubtful)
         noise_step = step if abs(since_previous_s - clock.period_s) < TUNING.steady_share * clock.period_s else None
         number, width = self.published.log.count, view.images.full.shape[1]
         noise = noise_after(self.sensor.noise, self.map, tracked, noise_step, number, width)

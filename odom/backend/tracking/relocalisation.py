@@ -62,6 +62,8 @@ def relocalise(
         keyframe = map_.keyframes[recognition.candidate]
         T_camera_map = se3.inverse(registration.T_target_source) @ keyframe.T_camera_map
         recall_near(map_, keyframe.number, T_camera_map)
+        if keyframe.number in map_.away:  # it cannot be read
+            continue
         motion = Motion.of(se3.inverse(T_camera_map), TUNING.place_sigma**2 * np.eye(6))
         prior = MotionPrior(motion, 0.0, sensor.noise.covariance_scale)
         tracked = tracker.track_twice(view, sensor, T_camera_map, AT_REST, keyframe.number, prior)

@@ -236,6 +236,6 @@ def test_a_view_of_another_segment_does_not_tell_what_moves() -> None:
 def test_in_a_slow_stream_the_view_that_began_a_segment_tells_what_moves_since(apart: int, is_kept: bool) -> None:
     odometry = Odometry(SMALL)
     for number in (0, apart):
-        odometry.process(ROOM.frame(SMALL, number, HERE))
+        odometry.process(ROOM.frame(SMALL, number, HERE @ se3.exp(0.001 * number * np.eye(6)[0])))
     kept = [one.view.sequence for one in odometry._stages.mapper.inserter.recent._views]
     assert kept == ([0, apart] if is_kept else [apart])

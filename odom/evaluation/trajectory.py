@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 Stamps = NDArray[np.int64]
 
+_ROUNDED = 1e-6
+"""How far the last row of a pose may be off 0 0 0 1 by rounding."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
@@ -26,7 +29,7 @@ class Trajectory:
 
     `segment` (n) numbers each pose's world: an estimate that was lost and began anew has several. None: just one.
     Lists are taken as well. Raises InputError when shapes disagree, stamps are no integers or do not increase, or a
-    pose is not finite.
+    pose is not finite or its last row not 0 0 0 1, as that of a transposed one.
     """
 
     stamps: Stamps
@@ -49,6 +52,13 @@ class Trajectory:
             raise InputError("the stamps of a trajectory must increase: sort the poses and drop repeated stamps")
         if not np.isfinite(self.T_world_body).all():
             raise InputError("a pose of the trajectory is not finite: drop it")
+        wrong = (np.abs(self.T_world_body[:, 3] - (0.0, 0.0, 0.0, 1.0)) > _ROUNDED).any(axis=1)
+        if wrong.any():
+            row = " ".join(f"{value:g}" for value in self.T_world_body[np.argmax(wrong), 3])
+            raise InputError(
+                f"the last row of pose {np.argmax(wrong)} is {row}, not 0 0 0 1: where the translation stands there, "
+                "the poses are transposed, give poses.transpose(0, 2, 1)"
+            )
 
     @classmethod
     def of(cls, poses: "Iterable[TrajectoryPose]") -> "Trajectory":

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.errors import InputError
-from odom.frame import Camera
+from odom.frame import UNKNOWN_DEPTH_MM, Camera
 from odom.geometry.arrays import Array
 
 
@@ -121,9 +121,11 @@ class ZLevels:
 
     @classmethod
     def from_depth(cls, depth_mm: NDArray[np.uint16], i: int = 3, pixel_sigma: float = 0.5) -> "ZLevels":
-        """Return the levels that a sensor has shown in `depth_mm` (any shape, 0 is no measurement)."""
+        """Return the levels that a sensor has shown in `depth_mm` (any shape, 0 and 65535 are no measurement)."""
         values = np.flatnonzero(np.bincount(depth_mm.ravel()))
-        return cls(np.asarray(values[values > 0] * 1e-3, dtype=np.float64), i, pixel_sigma)
+        return cls(
+            np.asarray(values[(values > 0) & (values < UNKNOWN_DEPTH_MM)] * 1e-3, dtype=np.float64), i, pixel_sigma
+        )
 
     def sigmas(self, depth_m: Array, incidence_rad: Array | float = 0.0) -> tuple[Array, Array]:
         """Return pixel and depth sigmas (see NoiseModel); outside the table the end's spacing holds."""

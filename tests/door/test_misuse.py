@@ -69,6 +69,13 @@ def test_another_depth_image_is_refused(depth, advice):
     assert advice in str(refusal.value)
 
 
+def test_the_largest_depth_is_held_as_none_and_the_array_given_is_left():
+    given = np.array([[0, 1000], [65534, 65535]], np.uint16)
+    frame = odom.RgbdFrame(0, 0, GREY[:2, :2], 0, given)
+    assert frame.depth_mm.tolist() == [[0, 1000], [65534, 0]]
+    assert given[1, 1] == 65535
+
+
 @pytest.mark.parametrize("unit", [1, 33, 33_333])
 def test_stamps_in_numbers_of_frames_milliseconds_or_microseconds_are_refused(unit):
     odometry = odom.Odometry(odom.Camera(640, 480, 525.0, 525.0, 319.5, 239.5))

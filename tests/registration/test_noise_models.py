@@ -78,7 +78,7 @@ def test_z_levels_are_half_the_distance_of_the_levels_i_away():
 
 def test_z_levels_are_learnt_from_the_depths_a_sensor_has_shown():
     depth = np.zeros((4, 5), np.uint16)
-    depth.ravel()[:9] = [1000, 1010, 1022, 1034, 1047, 1060, 1074, 1074, 1000]
+    depth.ravel()[:10] = [1000, 1010, 1022, 1034, 1047, 1060, 1074, 1074, 1000, 65535]
     model = ZLevels.from_depth(depth, i=3)
     np.testing.assert_allclose(model.levels_m, [1.0, 1.01, 1.022, 1.034, 1.047, 1.06, 1.074])
     np.testing.assert_allclose(model.sigmas(np.array([1.033]))[1], 0.5 * (1.074 - 1.0))

@@ -7,14 +7,13 @@ degree or two, and every pose with it. So its rays can be given in the frame of 
 from dataclasses import dataclass
 from functools import lru_cache
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from odom.errors import ConfigError
 from odom.frame import Camera
 from odom.frame.depth_model import field_terms
-from odom.frontend.camera.rays import grid_over, rays_of, turn_between
+from odom.frontend.camera.rays import grid_over, rays_of, turn_between, undistorted
 from odom.geometry.arrays import Array
 from odom.geometry.compiled import compiled
 
@@ -54,10 +53,7 @@ class Lens:
         turn = None if frame_of is None else turn_between(camera, frame_of)
         R_rays_own = np.eye(3) if turn is None else turn
         grid = np.stack(np.meshgrid(np.arange(camera.width), np.arange(camera.height)), axis=-1)
-        pixels = grid.reshape(-1, 1, 2).astype(np.float64)
-        coefficients = np.array(camera.distortion or (0.0,) * 5)
-        criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-9)
-        rays = cv2.undistortPoints(pixels, camera.matrix, coefficients, None, turn, None, criteria)
+        rays = undistorted(camera, grid, turn)
         projection = np.zeros(18)
         projection[: min(8, len(camera.distortion))] = camera.distortion[:8]
         projection[8:17] = R_rays_own.T.ravel()

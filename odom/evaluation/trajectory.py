@@ -21,6 +21,8 @@ Stamps = NDArray[np.int64]
 
 _ROUNDED = 1e-6
 """How far the last row of a pose may be off 0 0 0 1 by rounding."""
+_ROTATION_TOLERANCE = 1e-2
+"""How far a rotation may be off by rounding."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,7 +43,7 @@ class Trajectory:
     def __post_init__(self) -> None:
         for name, kind in (("stamps", np.int64), ("T_world_body", np.float64), ("segment", np.int64)):
             if name != "segment" or self.segment is not None:
-                object.__setattr__(self, name, _as_array(name, getattr(self, name), kind))
+                object.__setattr__(self, name, as_array(name, getattr(self, name), kind))
         if self.stamps.dtype.kind != "i":
             raise InputError(f"stamps are {self.stamps.dtype}: give int64 nanoseconds, odom.from_seconds(...) of each")
         if self.stamps.ndim != 1 or self.T_world_body.shape != (len(self.stamps), 4, 4):
@@ -149,8 +151,32 @@ class Trajectory:
         return poses, valid
 
 
-def _as_array(name: str, values: Any, kind: type[np.generic]) -> NDArray[Any]:
-    """Return an array of numbers of `kind`, or of the kind that `values` have where that would change them."""
+def check(name: str, given: Any) -> None:
+    """Raise InputError, calling what is given `name`, unless it is a trajectory and all of its poses rigid motions."""
+    if not isinstance(given, Trajectory):
+        raise InputError(
+            f"{name} is a {type(given).__name__}: give an odom.Trajectory of stamps and poses, or odom.read_tum(path)"
+        )
+    wrong = ~have_rotations(given.T_world_body)
+    if wrong.any():
+        raise InputError(
+            f"{name}: {wrong.sum()} of {len(given)} poses are no rigid motions, at first pose {np.argmax(wrong)}: the "
+            "upper left 3 x 3 of each must be a rotation, neither scaled nor mirrored"
+        )
+
+
+def have_rotations(T: Array) -> Mask:
+    """Return of which poses (n x 4 x 4) the upper left 3 x 3 is a rotation, but for rounding."""
+    R = T[:, :3, :3]
+    away = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3))
+    return np.asarray((away <= _ROTATION_TOLERANCE).all(axis=(1, 2)) & (np.linalg.det(R) > 0.0))
+
+
+def as_array(name: str, values: Any, kind: type[np.generic]) -> NDArray[Any]:
+    """Return an array of numbers of `kind`, or of the kind that `values` have where that would change them.
+
+    Raises InputError, calling them `name`, for what are no numbers.
+    """
     try:
         array = np.asarray(values)
         if not array.size or np.can_cast(array.dtype, kind, "safe"):

@@ -30,8 +30,8 @@ class Trajectory:
     """Poses `T_world_body` (n x 4 x 4, metres) at strictly increasing `stamps` (n, int64 nanoseconds).
 
     `segment` (n) numbers each pose's world: an estimate that was lost and began anew has several. None: just one.
-    Lists are taken as well. Raises InputError when shapes disagree, stamps are no integers or do not increase, or a
-    pose is not finite or its last row not 0 0 0 1, as that of a transposed one.
+    Lists are taken as well. Raises InputError when shapes disagree, stamps or segments are no integers, stamps do not
+    increase, or a pose is not finite or its last row not 0 0 0 1, as that of a transposed one.
     """
 
     stamps: Stamps
@@ -48,6 +48,8 @@ class Trajectory:
             raise InputError(f"stamps are {self.stamps.dtype}: give int64 nanoseconds, odom.from_seconds(...) of each")
         if self.stamps.ndim != 1 or self.T_world_body.shape != (len(self.stamps), 4, 4):
             raise InputError(f"{self.T_world_body.shape} poses for {self.stamps.shape} stamps: give n x 4 x 4 and n")
+        if self.segment is not None and self.segment.dtype.kind != "i":
+            raise InputError(f"segments are {self.segment.dtype}: give whole numbers, int64")
         if self.segment is not None and self.segment.shape != self.stamps.shape:
             raise InputError(f"{self.segment.shape} segments for {self.stamps.shape} stamps: give a number for each")
         if (np.diff(self.stamps) <= 0).any():

@@ -43,6 +43,8 @@ def test_no_poses_make_an_empty_trajectory():
         (STAMPS, None, None, "T_world_body"),
         (STAMPS, [[1, 2], [3]], None, "T_world_body"),
         (STAMPS, POSES, np.zeros(3, int), "segment"),
+        (STAMPS, POSES, np.full(20, 0.5), "segment"),
+        (STAMPS, POSES, np.full(20, np.nan), "segment"),
         (STAMPS, POSES.transpose(0, 2, 1), None, r"last row of pose 1 is 1 0\.84\d* 0 1, .* transposed"),
         (STAMPS, 2 * POSES, None, "0 0 0 2, not 0 0 0 1"),
     ],

@@ -72,7 +72,7 @@ def read_recording(
 
     `camera` is a calibration file (ROS's YAML) that replaces the recording's own; that of a TUM folder without
     camera.yaml is told by the folder's name, or an average Kinect's with a warning. Raises SourceError when the path
-    cannot be opened, ConfigError when a recording lacks a calibration.
+    cannot be opened, ConfigError when a recording lacks a calibration, RecordingError where no frame is found.
     """
     if not Path(path).exists():
         raise SourceError(f"{path}: no such file or folder; give an .mcap file, a ROS 2 bag or a TUM RGB-D folder")
@@ -86,4 +86,7 @@ def read_recording(
                 return RgbdRecording(Path(path), assembler.camera, options)
     finally:
         source.close()
+    if start > 0.0 or end is not None:
+        until = "its end" if end is None else f"{end:g} s"
+        raise RecordingError(f"{path} holds no image from {start:g} s to {until}: `odom info {path}` tells its length")
     raise RecordingError(f"{path} holds no frame with a calibration: look at it with `odom info {path}`")

@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from odom.evaluation.mocap_calibration import CalibrationOptions
 
 AUTO, OFF = "auto", "off"
-_LARGEST_OFFSET_S = 4e9
-"""More than since 1970; beyond it, stamps of today plus the offset are no 64 bits of nanoseconds."""
 
 
 def evaluate(
@@ -136,7 +134,7 @@ def _calibration_options(
     import numpy as np
     from scipy.spatial.transform import Rotation
 
-    from odom.evaluation.mocap_calibration import CalibrationOptions
+    from odom.evaluation.mocap_calibration import LARGEST_OFFSET_S, CalibrationOptions
 
     time_offset, hand_eye = (value or (AUTO if foreign else OFF) for value in (time_offset, hand_eye))
     if time_offset == hand_eye == OFF:
@@ -147,7 +145,7 @@ def _calibration_options(
             offset_s = float(time_offset)
         except ValueError:
             offset_s = np.nan
-        if not abs(offset_s) <= _LARGEST_OFFSET_S:
+        if not abs(offset_s) <= LARGEST_OFFSET_S:
             raise ConfigError(f"--time-offset {time_offset}: give auto, off or seconds")
     if hand_eye not in (AUTO, OFF):
         try:

@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 
 _ROTATION_TOLERANCE, _LENGTH_TOLERANCE = 1e-2, 0.1
 """How far a rotation matrix and a quaternion may be off by rounding: a wrong order of columns is off by far more."""
-_SEGMENT = re.compile(r"#\s*segment\s+(\d{1,9})\s*$")
+_SEGMENT = re.compile(r"#\s*segment\s+(-?\d{1,18})\s*$")
 
 
 def read_rows(
@@ -161,10 +161,14 @@ def poses_of(path: Path, values: Array) -> Array:
 
 
 def write_tum(path: str | Path, trajectory: Trajectory) -> None:
-    """Write a trajectory as TUM text, stamps with nine decimals."""
+    """Write a trajectory as TUM text, stamps with nine decimals; `# segment N` stands where another segment begins."""
     quaternions = quaternions_of(trajectory.T_world_body[:, :3, :3])
+    segments = np.zeros(len(trajectory), np.int64) if trajectory.segment is None else trajectory.segment
+    begins = np.diff(segments, prepend=0) != 0
     with Path(path).open("w") as file:
-        for stamp, t, q in zip(trajectory.stamps, trajectory.positions, quaternions, strict=True):
+        for k, (stamp, t, q) in enumerate(zip(trajectory.stamps, trajectory.positions, quaternions, strict=True)):
+            if begins[k]:
+                file.write(f"# segment {segments[k]}\n")
             file.write(f"{seconds_text(stamp)} " + " ".join(f"{value:.9f}" for value in (*t, *q)) + "\n")
 
 

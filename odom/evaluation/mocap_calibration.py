@@ -5,6 +5,7 @@ in one least-squares problem (`hand_eye`).
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from odom.errors import InputError
 from odom.evaluation.clock_offset import ClockOffset, clock_offset
 from odom.evaluation.hand_eye import MINIMUM, HandEye
 from odom.evaluation.smoothing import smooth
-from odom.evaluation.trajectory import Trajectory
+from odom.evaluation.trajectory import Trajectory, as_array, check, have_rotations
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Mask
 from odom.geometry.rotations import angles_of
@@ -27,19 +28,44 @@ _UNSURE_M, _UNSURE_RAD = 0.05, np.radians(3.0)
 """Standard deviations of the hand-eye from which on a note warns; smaller warns about usable calibrations."""
 _WEAK_CORRELATION = 0.5
 """Correlation of the angular speeds below which a note calls the offset a guess."""
+LARGEST_OFFSET_S = 4e9
+"""More than since 1970; beyond it, stamps of today plus the offset are no 64 bits of nanoseconds."""
 
 
 @dataclass(frozen=True, eq=False)
 class CalibrationOptions:
     """What is known and what is to be estimated.
 
-    `offset_s` and `T_body_camera` impose a value; None has it estimated.
+    `offset_s` and `T_body_camera` (4 x 4, m) impose a value; None has it estimated. `search_s` is how far offsets are
+    searched (see `clock_offset`), truth is interpolated between neighbours at most `max_gap_s` apart.
+
+    Raises InputError when a number is not finite, a time negative that cannot be, or `T_body_camera` no rigid motion.
     """
 
     offset_s: float | None = None
     T_body_camera: Array | None = None
     max_gap_s: float = 0.1
     search_s: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.offset_s is not None and not abs(self.offset_s) <= LARGEST_OFFSET_S:
+            raise InputError(f"offset_s is {self.offset_s}: give the seconds to add to a stamp of the camera, or None")
+        for name, seconds in (("max_gap_s", self.max_gap_s), ("search_s", self.search_s)):
+            if seconds is not None and not seconds >= 0.0:
+                raise InputError(f"{name} is {seconds}: give seconds, 0 or more")
+        if self.T_body_camera is not None:
+            object.__setattr__(self, "T_body_camera", _rigid(self.T_body_camera))
+
+
+def _rigid(T_body_camera: Any) -> Array:
+    T = as_array("T_body_camera", T_body_camera, np.float64)
+    is_pose = T.shape == (4, 4) and np.isfinite(T).all() and np.allclose(T[3], (0.0, 0.0, 0.0, 1.0))
+    if not is_pose or not have_rotations(T[None])[0]:
+        raise InputError(
+            f"T_body_camera is no rigid motion, but {T.tolist()}: give 4 x 4 finite numbers, a rotation neither "
+            "scaled nor mirrored on the left and metres in the last column; the transposed one has them in the last row"
+        )
+    return T
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +92,11 @@ class Calibration:
 def calibrate(estimate: Trajectory, truth: Trajectory, options: CalibrationOptions | None = None) -> Calibration:
     """Return the calibration of a camera's `estimate` against the `truth` of a body fixed to the camera.
 
-    Raises InputError when too few poses match in time, or none of the two moves at all.
+    Raises InputError when too few poses match in time, none of the two moves at all, or one is no rigid motion.
     """
     options = options or CalibrationOptions()
+    for name, given in (("estimate", estimate), ("truth", truth)):
+        check(name, given)
     estimate = estimate.longest_segment()
     if options.offset_s is None:
         clock = clock_offset(estimate, truth, options.max_gap_s, options.search_s)

@@ -57,8 +57,9 @@ def pose_columns(text: str) -> PoseColumns | None:
         found = _places(names)
         missing = [name for name in _WANTED if name not in found]
         twice = [name for name, places in found.items() if len(places) > 1]
-        is_tums = not missing and [found[name][0] for name in _WANTED] == list(range(len(names)))
-        if words.startswith("#") and (missing or twice or is_tums):
+        is_usual_order = not missing and [found[name][0] for name in _WANTED] == list(range(len(names)))
+        # a comment may be prose, or name TUM's columns: they are taken without it, with stamps by their digits
+        if words.startswith("#") and (missing or twice or is_usual_order):
             continue
         if len(found) < _LEAST_KNOWN:
             return None

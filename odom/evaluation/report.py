@@ -8,12 +8,10 @@ from odom.errors import InputError
 from odom.evaluation import metrics
 from odom.evaluation.alignment import Alignment, align
 from odom.evaluation.metrics import RelativeError
-from odom.evaluation.trajectory import Trajectory
+from odom.evaluation.trajectory import Trajectory, check
 from odom.frame.brief import brief
 from odom.geometry.arrays import Array
 
-_ROTATION_TOLERANCE = 1e-2
-"""How far a rotation may be off by rounding."""
 _MOST = 0.9
 """Share of the frames below which a note says that the figures are not those of the whole recording."""
 
@@ -61,7 +59,7 @@ def evaluate(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions
     """
     options = options or EvaluationOptions()
     for name, given in (("estimate", estimate), ("truth", truth)):
-        _check(name, given)
+        check(name, given)
     valid = truth.at(estimate.stamps, options.max_gap_s)[1]
     total = max(options.total_frames or 0, len(estimate))
     if valid.sum() < 3:
@@ -88,21 +86,6 @@ def evaluate(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions
         errors_m=errors,
         notes=(*alignment.notes, *_segment_notes(everything), *_coverage_notes(len(matched), total)),
     )
-
-
-def _check(name: str, given: Trajectory) -> None:
-    if not isinstance(given, Trajectory):
-        raise InputError(
-            f"{name} is a {type(given).__name__}: give an odom.Trajectory of stamps and poses, or odom.read_tum(path)"
-        )
-    R = given.T_world_body[:, :3, :3]
-    wrong = (np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)) > _ROTATION_TOLERANCE).any(axis=(1, 2))
-    wrong |= np.linalg.det(R) < 0.0
-    if wrong.any():
-        raise InputError(
-            f"{name}: {wrong.sum()} of {len(given)} poses are no rigid motions, at first pose {np.argmax(wrong)}: the "
-            "upper left 3 x 3 of each must be a rotation, neither scaled nor mirrored"
-        )
 
 
 def _segment_notes(estimate: Trajectory) -> tuple[str, ...]:

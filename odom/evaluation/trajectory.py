@@ -19,14 +19,19 @@ if TYPE_CHECKING:
 
 Stamps = NDArray[np.int64]
 
+_ROUNDED = 1e-6
+"""How far the last row of a pose may be off 0 0 0 1 by rounding."""
+_ROTATION_TOLERANCE = 1e-2
+"""How far a rotation may be off by rounding."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
     """Poses `T_world_body` (n x 4 x 4, metres) at strictly increasing `stamps` (n, int64 nanoseconds).
 
     `segment` (n) numbers each pose's world: an estimate that was lost and began anew has several. None: just one.
-    Lists are taken as well. Raises InputError when shapes disagree, stamps are no integers or do not increase, or a
-    pose is not finite.
+    Lists are taken as well. Raises InputError when shapes disagree, stamps or segments are no integers, stamps do not
+    increase, or a pose is not finite or its last row not 0 0 0 1, as that of a transposed one.
     """
 
     stamps: Stamps
@@ -38,17 +43,26 @@ class Trajectory:
     def __post_init__(self) -> None:
         for name, kind in (("stamps", np.int64), ("T_world_body", np.float64), ("segment", np.int64)):
             if name != "segment" or self.segment is not None:
-                object.__setattr__(self, name, _as_array(name, getattr(self, name), kind))
+                object.__setattr__(self, name, as_array(name, getattr(self, name), kind))
         if self.stamps.dtype.kind != "i":
             raise InputError(f"stamps are {self.stamps.dtype}: give int64 nanoseconds, odom.from_seconds(...) of each")
         if self.stamps.ndim != 1 or self.T_world_body.shape != (len(self.stamps), 4, 4):
             raise InputError(f"{self.T_world_body.shape} poses for {self.stamps.shape} stamps: give n x 4 x 4 and n")
+        if self.segment is not None and self.segment.dtype.kind != "i":
+            raise InputError(f"segments are {self.segment.dtype}: give whole numbers, int64")
         if self.segment is not None and self.segment.shape != self.stamps.shape:
             raise InputError(f"{self.segment.shape} segments for {self.stamps.shape} stamps: give a number for each")
         if (np.diff(self.stamps) <= 0).any():
             raise InputError("the stamps of a trajectory must increase: sort the poses and drop repeated stamps")
         if not np.isfinite(self.T_world_body).all():
             raise InputError("a pose of the trajectory is not finite: drop it")
+        wrong = (np.abs(self.T_world_body[:, 3] - (0.0, 0.0, 0.0, 1.0)) > _ROUNDED).any(axis=1)
+        if wrong.any():
+            row = " ".join(f"{value:g}" for value in self.T_world_body[np.argmax(wrong), 3])
+            raise InputError(
+                f"the last row of pose {np.argmax(wrong)} is {row}, not 0 0 0 1: where the translation stands there, "
+                "the poses are transposed, give poses.transpose(0, 2, 1)"
+            )
 
     @classmethod
     def of(cls, poses: "Iterable[TrajectoryPose]") -> "Trajectory":
@@ -139,8 +153,32 @@ class Trajectory:
         return poses, valid
 
 
-def _as_array(name: str, values: Any, kind: type[np.generic]) -> NDArray[Any]:
-    """Return an array of numbers of `kind`, or of the kind that `values` have where that would change them."""
+def check(name: str, given: Any) -> None:
+    """Raise InputError, calling what is given `name`, unless it is a trajectory and all of its poses rigid motions."""
+    if not isinstance(given, Trajectory):
+        raise InputError(
+            f"{name} is a {type(given).__name__}: give an odom.Trajectory of stamps and poses, or odom.read_tum(path)"
+        )
+    wrong = ~have_rotations(given.T_world_body)
+    if wrong.any():
+        raise InputError(
+            f"{name}: {wrong.sum()} of {len(given)} poses are no rigid motions, at first pose {np.argmax(wrong)}: the "
+            "upper left 3 x 3 of each must be a rotation, neither scaled nor mirrored"
+        )
+
+
+def have_rotations(T: Array) -> Mask:
+    """Return of which poses (n x 4 x 4) the upper left 3 x 3 is a rotation, but for rounding."""
+    R = T[:, :3, :3]
+    away = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3))
+    return np.asarray((away <= _ROTATION_TOLERANCE).all(axis=(1, 2)) & (np.linalg.det(R) > 0.0))
+
+
+def as_array(name: str, values: Any, kind: type[np.generic]) -> NDArray[Any]:
+    """Return an array of numbers of `kind`, or of the kind that `values` have where that would change them.
+
+    Raises InputError, calling them `name`, for what are no numbers.
+    """
     try:
         array = np.asarray(values)
         if not array.size or np.can_cast(array.dtype, kind, "safe"):

@@ -130,8 +130,9 @@ def _turned(report: Report, T_drawn_world: Array) -> Report:
     )
 
 
-def _seconds(report: Report) -> Array:
-    return np.asarray((report.truth.stamps - report.truth.stamps[0]) * 1e-9)
+def _seconds(report: Report, final: Report) -> Array:
+    """Return the times of a report's poses since the first of the final one, as those of claimed errors are."""
+    return np.asarray((report.truth.stamps - final.truth.stamps[0]) * 1e-9)
 
 
 def _gaps_opened(seconds: Array, values: Array) -> tuple[Array, Array]:
@@ -159,7 +160,7 @@ def _draw_views(above: "Axes", side: "Axes", final: Report, online: Report | Non
     for axis, row, title, name in views:
         for report, points, look in curves:
             curve = ((points - centre) @ R_view_world.T)[:, [0, row]]
-            axis.plot(*_gaps_opened(_seconds(report), curve)[1].T, **look, solid_capstyle="round")
+            axis.plot(*_gaps_opened(_seconds(report, final), curve)[1].T, **look, solid_capstyle="round")
         start = (R_view_world @ (truth[0] - centre))[[0, row]]
         axis.plot(*start, "o", ms=7, mfc="white", mec=TRUTH, mew=1.5, label="start", zorder=5)
         axis.set_aspect("equal", adjustable="datalim")
@@ -169,10 +170,10 @@ def _draw_views(above: "Axes", side: "Axes", final: Report, online: Report | Non
 
 def _draw_error(axis: "Axes", final: Report, online: Report | None) -> None:
     if online:
-        curve = _gaps_opened(_seconds(online), 1e3 * online.errors_m)
+        curve = _gaps_opened(_seconds(online, final), 1e3 * online.errors_m)
         axis.plot(*curve, color=ONLINE, lw=1.0, ls=_DASHES, label=f"online, ATE {1e3 * online.ate_m:.1f} mm")
     label = f"{_name(online)}, ATE {1e3 * final.ate_m:.1f} mm"
-    axis.plot(*_gaps_opened(_seconds(final), 1e3 * final.errors_m), color=FINAL, lw=1.4, label=label)
+    axis.plot(*_gaps_opened(_seconds(final, final), 1e3 * final.errors_m), color=FINAL, lw=1.4, label=label)
     axis.set_ylim(bottom=0)
     axis.margins(x=0.01)
     axis.set(title="Distance from truth after alignment", xlabel="time, s", ylabel="mm")

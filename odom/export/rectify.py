@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.frame import Camera
+from odom.frontend.camera.rays import undistorted
 from odom.geometry.arrays import Array, Image
 
 _UNKNOWN_DEPTH_M = 2.0
@@ -64,9 +65,10 @@ class Rectifier:
         """Return where pixels `uv` (n x 2) of the image as taken, with depths (n, m), are in the pinhole image."""
         if not len(uv):
             return np.zeros((0, 2))
-        coefficients = np.array(self._camera.distortion or (0.0,) * 5)
-        rays = cv2.undistortPoints(uv.reshape(-1, 1, 2).astype(np.float64), self._camera.matrix, coefficients)[:, 0]
-        points = np.column_stack([rays, np.ones(len(uv))]) * np.where(depth_m > 0, depth_m, _UNKNOWN_DEPTH_M)[:, None]
+        points = (
+            np.column_stack([undistorted(self._camera, uv), np.ones(len(uv))])
+            * np.where(depth_m > 0, depth_m, _UNKNOWN_DEPTH_M)[:, None]
+        )
         since_middle_s = self._readout_s * (uv[:, 1:] / self._camera.height - 0.5)
         points = points + since_middle_s * (twist[:3] + np.cross(twist[3:], points))
         out = self.pinhole

@@ -1,6 +1,7 @@
 """The pinhole camera with lens distortion that the colour image was taken with."""
 
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 
@@ -25,7 +26,8 @@ class Camera:
            [  0. , 525. , 239.5],
            [  0. ,   0. ,   1. ]])
 
-    Raises ConfigError when a value is not finite, a size or focal length not positive or a size no whole number.
+    Raises ConfigError when a value is no number or not finite, a size or focal length not positive or a size no
+    whole number.
     """
 
     width: int
@@ -39,6 +41,11 @@ class Camera:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "distortion", tuple(float(value) for value in np.ravel(self.distortion)))
+        for name in ("width", "height", "fx", "fy", "cx", "cy"):
+            if not isinstance(value := getattr(self, name), Real):
+                raise ConfigError(
+                    f"{name} of the camera is {value!r} ({type(value).__name__}): give a number of pixels"
+                )
         values = (self.width, self.height, self.fx, self.fy, self.cx, self.cy, *self.distortion)
         if self.fy < 0 < self.fx:
             raise ConfigError(
@@ -49,6 +56,8 @@ class Camera:
             raise ConfigError(f"camera {self} cannot be used: give finite intrinsics and a positive size")
         if self.width % 1 or self.height % 1:
             raise ConfigError(f"camera {self} cannot be used: width and height are whole numbers of pixels")
+        object.__setattr__(self, "width", int(self.width))
+        object.__setattr__(self, "height", int(self.height))
         if len(self.distortion) not in _COEFFICIENTS:
             raise ConfigError(f"{len(self.distortion)} distortion coefficients: give 0, 4, 5, 8, 12 or 14")
 

@@ -23,9 +23,9 @@ class RgbdFrame:
 
     `color` is H x W x 3 uint8 RGB or H x W uint8 grey. OpenCV gives BGR, which looks the same to a program: convert it
     with `cv2.cvtColor(color, cv2.COLOR_BGR2RGB)`. `depth_mm` is H x W uint16 millimetres along the optical axis,
-    registered to colour, 0 (REP-118) or 65535 where nothing was measured. The frame's pose is that of the colour
-    camera's optical frame (REP-103: x right, y down, z forward) at `stamp`, the colour image's. `sequence` counts
-    frames.
+    registered to colour, 0 (REP-118) or 65535 where nothing was measured: the frame holds 0 for both. Its pose is that
+    of the colour camera's optical frame (REP-103: x right, y down, z forward) at `stamp`, the colour image's.
+    `sequence` counts frames.
 
     >>> import numpy as np
     >>> from odom import RgbdFrame, from_seconds
@@ -55,6 +55,9 @@ depth_mm=uint16[480 x 640])
             )
         _check_color(self.color)
         _check_depth(self.depth_mm, self.color.shape[:2])
+        if self.depth_mm.max(initial=0) == UNKNOWN_DEPTH_MM:
+            measured = np.where(self.depth_mm == UNKNOWN_DEPTH_MM, np.uint16(0), self.depth_mm)
+            object.__setattr__(self, "depth_mm", measured)
 
 
 def _check_color(color: Any) -> None:

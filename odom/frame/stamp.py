@@ -12,6 +12,9 @@ Stamp = NewType("Stamp", int)
 
 _LATEST_S = 9_000_000_000
 """In the year 2255; 64 bits of nanoseconds end in 2262."""
+_COARSEST_S = 1e-4
+"""Seconds between neighbouring numbers of a type from which on it is too coarse for stamps: a camera that is moved by
+hand moves .1 mm in that time."""
 _UNITS = ((18, "nanoseconds", 9), (15, "microseconds", 6), (12, "milliseconds", 3))
 """A number of so many digits or more before the point is a time since 1970 in this unit, so many digits finer than a
 second."""
@@ -23,10 +26,13 @@ def from_seconds(seconds: float | str) -> Stamp:
     >>> from_seconds("1305031102.175304")
     1305031102175304000
 
-    Raises ValueError for what is not a finite number of seconds, or beyond the year 2255.
+    Raises ValueError for what is not a finite number of seconds, or beyond the year 2255, or of too few digits, as a
+    float32 of today's date.
     """
     if isinstance(seconds, str):
         return _exact(_decimal(seconds), seconds)
+    if isinstance(seconds, np.floating) and (step := float(np.spacing(abs(seconds)))) > _COARSEST_S:
+        raise ValueError(f"{seconds!r} seconds are known to {step:g} s only: give float64 or text from the beginning")
     if not abs(seconds) <= _LATEST_S:
         raise ValueError(f"{seconds!r} seconds are no time stamp: give seconds since 1970")
     return Stamp(round(float(seconds) * 1e9))

@@ -1,8 +1,9 @@
 """How numerical loops are compiled: on their first call, cached on disk, without the GIL.
 
 numba notices when the file of a loop changes, but not when a file that the loop calls into does. So the compiled code
-of a package is kept in a folder named after a hash of its sources and of those of the packages below it. If nothing
-can be written beside this file, the folder is in the user's cache or in a private temporary one.
+of a package is kept in a folder named after a hash of its sources and of those of the packages below it; elsewhere the
+code of a folder of sources is, by a hash of those and of all of the packages. If nothing can be written beside this
+file, the folder is in the user's cache or in a private temporary one.
 
 Arithmetic is rounded as written (IEEE 754), without fused multiply-adds: the compiler would find other ones where it
 inlines other calls, which depends on whether a loop was compiled or loaded, and a replay would differ in the last bits.
@@ -35,9 +36,14 @@ _FLOORS = ("geometry", "registration", "frontend", "backend", "calibration")
 """The packages that hold compiled loops; each calls only those before it."""
 
 
-def _digest(package: str) -> str:
-    """Return a hash of the sources of a package and of those below it (of all of them for any other package)."""
+def _digest(package: str, sources: Path | None = None) -> str:
+    """Return a hash of the sources of a package and of those below it (of all of them for any other package).
+
+    The files of the folder `sources` count, too.
+    """
     state = hashlib.sha256()
+    for beside in sorted(sources.glob("*.py")) if sources else ():
+        state.update(beside.read_bytes())
     floors = _FLOORS[: _FLOORS.index(package) + 1] if package in _FLOORS else _FLOORS
     for floor in floors:
         for folder, inner, files in os.walk(Path(__file__).parents[1] / floor):
@@ -62,9 +68,9 @@ def _places() -> Iterator[Path]:
 
 
 @cache
-def _cache_folder(package: str = "") -> str:
+def _cache_folder(package: str = "", sources: Path | None = None) -> str:
     """Return the first folder that can be written; code compiled from other sources of the package is deleted."""
-    name = f"numba-{package}-{_digest(package)}"
+    name = f"numba-{package}-{_digest(package, sources)}"
     for place in _places():
         try:
             (place / name).mkdir(parents=True, exist_ok=True)
@@ -76,6 +82,17 @@ def _cache_folder(package: str = "") -> str:
                     shutil.rmtree(other, ignore_errors=True)
             return str(place / name)
     raise AssertionError("a temporary folder was made, so one was returned")
+
+
+def _home(function: Callable[..., Any]) -> tuple[str, Path | None]:
+    """Return the package of a function, and if that is not one of `_FLOORS` the folder of its sources.
+
+    A script without a package has none: numba sees when its one file changes.
+    """
+    names = function.__module__.split(".")
+    if len(names) > 1 and names[1] in _FLOORS:
+        return names[1], None
+    return ".".join(names[:-1]), Path(function.__code__.co_filename).parent if len(names) > 1 else None
 
 
 def compiled_before() -> bool:
@@ -146,7 +163,7 @@ def vectorised(function: F) -> F:
 def _compiled(function: F, fastmath: bool | set[str]) -> F:
     settings = vars(config)
     before = settings["CACHE_DIR"]
-    settings["CACHE_DIR"] = _cache_folder(*function.__module__.split(".")[1:2])  # read when a function is decorated
+    settings["CACHE_DIR"] = _cache_folder(*_home(function))  # read when a function is decorated
     try:
         # no wrapper for callers in C, which nobody is: a tenth of the compilation
         options: dict[str, Any] = {

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odom.errors import InputError
-from odom.frame import Camera
+from odom.frame import UNKNOWN_DEPTH_MM, Camera
 from odom.geometry.arrays import Array
 
 
@@ -42,7 +42,7 @@ class KinectV1:
     def sigmas(self, depth_m: Array, incidence_rad: Array | float = 0.0) -> tuple[Array, Array]:
         """Return pixel and depth sigmas (see NoiseModel); the angle of incidence is not part of this model."""
         variance = (1.425e-3 * depth_m**2) ** 2 + _kinect_v1_step(depth_m) ** 2 / 12.0
-        return np.full_like(depth_m, self.pixel_sigma), np.sqrt(variance)
+        return np.full(np.shape(depth_m), self.pixel_sigma), np.sqrt(variance)
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Generic:
     def sigmas(self, depth_m: Array, incidence_rad: Array | float = 0.0) -> tuple[Array, Array]:
         """Return pixel and depth sigmas (see NoiseModel); the angle of incidence is not part of this model."""
         axial = self.floor_m + self.slope * depth_m**self.exponent
-        return np.full_like(depth_m, self.pixel_sigma), np.sqrt(axial**2 + self.step_m**2 / 12.0)
+        return np.full(np.shape(depth_m), self.pixel_sigma), np.sqrt(axial**2 + self.step_m**2 / 12.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,9 +121,11 @@ class ZLevels:
 
     @classmethod
     def from_depth(cls, depth_mm: NDArray[np.uint16], i: int = 3, pixel_sigma: float = 0.5) -> "ZLevels":
-        """Return the levels that a sensor has shown in `depth_mm` (any shape, 0 is no measurement)."""
+        """Return the levels that a sensor has shown in `depth_mm` (any shape, 0 and 65535 are no measurement)."""
         values = np.flatnonzero(np.bincount(depth_mm.ravel()))
-        return cls(np.asarray(values[values > 0] * 1e-3, dtype=np.float64), i, pixel_sigma)
+        return cls(
+            np.asarray(values[(values > 0) & (values < UNKNOWN_DEPTH_MM)] * 1e-3, dtype=np.float64), i, pixel_sigma
+        )
 
     def sigmas(self, depth_m: Array, incidence_rad: Array | float = 0.0) -> tuple[Array, Array]:
         """Return pixel and depth sigmas (see NoiseModel); outside the table the end's spacing holds."""
@@ -132,7 +134,7 @@ class ZLevels:
         nearer = depth_m - self.levels_m[after - 1] < self.levels_m[after] - depth_m
         k = np.clip(after - nearer, self.i, last - self.i)
         sigma_z = 0.5 * (self.levels_m[k + self.i] - self.levels_m[k - self.i])  # eq. (17)
-        return np.full_like(depth_m, self.pixel_sigma), sigma_z
+        return np.full(np.shape(depth_m), self.pixel_sigma), sigma_z
 
 
 def _kinect_v1_step(depth_m: Array) -> Array:
@@ -141,12 +143,23 @@ def _kinect_v1_step(depth_m: Array) -> Array:
 
 
 def back_project(camera: Camera, uv: Array, depth_m: Array) -> Array:
-    """Return the n x 3 points (m) of undistorted pixels `uv` (n x 2) at depths `depth_m` (n): eq. (19)."""
+    """Return the n x 3 points (m) of undistorted pixels `uv` (n x 2) at depths `depth_m` (n): eq. (19).
+
+    Lists are taken as well. Raises InputError when shapes disagree.
+    """
+    uv, depth_m = _of_one_length(uv, depth_m)
     out = np.empty((len(depth_m), 3))
     out[:, 0] = depth_m / camera.fx * (uv[:, 0] - camera.cx)
     out[:, 1] = depth_m / camera.fy * (uv[:, 1] - camera.cy)
     out[:, 2] = depth_m
     return out
+
+
+def _of_one_length(uv: Array, depth_m: Array) -> tuple[Array, Array]:
+    uv, depth_m = np.asarray(uv, dtype=np.float64), np.asarray(depth_m, dtype=np.float64)
+    if depth_m.ndim != 1 or uv.shape != (len(depth_m), 2):
+        raise InputError(f"pixels of shape {uv.shape} with depths of shape {depth_m.shape}: give n x 2 and n")
+    return uv, depth_m
 
 
 def point_covariances(
@@ -158,10 +171,7 @@ def point_covariances(
     viewing ray; the pixel's is across: `J diag(su^2, sv^2, sz^2) J'` with J the Jacobian of eq. (19).
     Raises InputError for depths that are not positive and finite, or shapes that disagree.
     """
-    uv = np.asarray(uv, dtype=np.float64)
-    z = np.asarray(depth_m, dtype=np.float64)
-    if z.ndim != 1 or uv.shape != (len(z), 2):
-        raise InputError(f"pixels of shape {uv.shape} with depths of shape {z.shape}: give n x 2 and n")
+    uv, z = _of_one_length(uv, depth_m)
     if not (z > 0.0).all() or not np.isfinite(z).all() or not np.isfinite(uv).all():
         raise InputError("depths must be positive and finite: leave out pixels without a measurement")
     sigma_px, sigma_z = model.sigmas(z, incidence_rad)

@@ -110,6 +110,12 @@ def test_a_recording_gives_camera_frames_and_truth():
     assert truth["kinect"].duration_s > 30
 
 
+@pytest.mark.parametrize("times", [{"start": 1000.0}, {"start": 1000.0, "end": 1001.0}])
+def test_a_part_beyond_the_end_of_a_recording_is_refused_as_such(shared_data, times):
+    with pytest.raises(odom.RecordingError, match=r"no image from 1000 s to .*length"):
+        odom.read_recording(shared_data / "tum_fr1_xyz", **times)
+
+
 def test_a_finished_trajectory_is_judged_in_two_calls():
     poses = [odom.TrajectoryPose(i * 10**8, None if i == 3 else np.eye(4), 0) for i in range(20)]
     for i, pose in enumerate(poses):

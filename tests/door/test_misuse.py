@@ -69,6 +69,13 @@ def test_another_depth_image_is_refused(depth, advice):
     assert advice in str(refusal.value)
 
 
+def test_the_largest_depth_is_held_as_none_and_the_array_given_is_left():
+    given = np.array([[0, 1000], [65534, 65535]], np.uint16)
+    frame = odom.RgbdFrame(0, 0, GREY[:2, :2], 0, given)
+    assert frame.depth_mm.tolist() == [[0, 1000], [65534, 0]]
+    assert given[1, 1] == 65535
+
+
 @pytest.mark.parametrize("unit", [1, 33, 33_333])
 def test_stamps_in_numbers_of_frames_milliseconds_or_microseconds_are_refused(unit):
     odometry = odom.Odometry(odom.Camera(640, 480, 525.0, 525.0, 319.5, 239.5))
@@ -105,6 +112,10 @@ def test_colour_turned_from_bgr_by_a_view_is_taken():
         {"fy": 0.0},
         {"width": 640.5},
         {"height": -480},
+        {"width": "640"},
+        {"fx": "525"},
+        {"cy": None},
+        {"height": [480]},
         {"distortion": (0.1, 0.2, 0.3)},
         {"distortion": (0.1, 0.2, 0.3, float("inf"))},
     ],
@@ -112,6 +123,13 @@ def test_colour_turned_from_bgr_by_a_view_is_taken():
 def test_a_camera_that_is_none_is_refused(given):
     with pytest.raises(odom.ConfigError, match=r"give|whole"):
         odom.Camera(**{"width": 640, "height": 480, "fx": 525.0, "fy": 525.0, "cx": 319.5, "cy": 239.5, **given})
+
+
+@pytest.mark.parametrize("kind", [float, np.float32, np.int16])
+def test_sizes_that_are_whole_numbers_of_another_type_are_taken(kind):
+    camera = odom.Camera(kind(640), kind(480), 525.0, 525.0, 319.5, 239.5)
+    assert (type(camera.width), type(camera.height)) == (int, int)
+    assert repr(camera) == repr(odom.Camera(640, 480, 525.0, 525.0, 319.5, 239.5))
 
 
 def test_distortion_comes_as_opencv_gives_it():
@@ -162,6 +180,12 @@ def test_points_that_are_no_pairs_are_refused():
 def test_a_motion_that_is_no_prior_is_refused():
     with pytest.raises(odom.InputError, match="give Prior"):
         odom.register(odom.Pairs(POINTS, POINTS, SOUND, SOUND), np.eye(4))
+
+
+@pytest.mark.parametrize("seconds", [np.float32(1305031102.175304), np.float32(-1e6), np.float16(5.0)])
+def test_seconds_of_too_few_digits_are_no_stamp(seconds):
+    with pytest.raises(ValueError, match="float64"):
+        odom.from_seconds(seconds)
 
 
 @pytest.mark.parametrize("seconds", ["", "soon", "nan", float("nan"), float("inf"), 1e12, "1e30"])

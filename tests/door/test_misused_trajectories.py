@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import odom
+from odom.evaluation.mocap_calibration import CalibrationOptions
 
 STAMPS = np.arange(20) * 100_000_000
 POSES = np.tile(np.eye(4), (20, 1, 1))
@@ -42,6 +43,10 @@ def test_no_poses_make_an_empty_trajectory():
         (STAMPS, None, None, "T_world_body"),
         (STAMPS, [[1, 2], [3]], None, "T_world_body"),
         (STAMPS, POSES, np.zeros(3, int), "segment"),
+        (STAMPS, POSES, np.full(20, 0.5), "segment"),
+        (STAMPS, POSES, np.full(20, np.nan), "segment"),
+        (STAMPS, POSES.transpose(0, 2, 1), None, r"last row of pose 1 is 1 0\.84\d* 0 1, .* transposed"),
+        (STAMPS, 2 * POSES, None, "0 0 0 2, not 0 0 0 1"),
     ],
 )
 def test_other_stamps_and_poses_are_refused(stamps, poses, segment, advice):
@@ -54,16 +59,42 @@ def test_seconds_as_keys_are_not_cut_to_whole_nanoseconds():
         odom.Trajectory.by_stamp({0.5: np.eye(4), 1.5: np.eye(4)})
 
 
-@pytest.mark.parametrize("spoil", [lambda T: 2 * T, lambda T: 0 * T, lambda T: T @ np.diag([1, 1, -1, 1])])
+@pytest.mark.parametrize("spoil", [(2, 2, 2, 1), (0, 0, 0, 1), (1, 1, -1, 1)])
 def test_poses_that_are_no_rigid_motions_are_not_judged(spoil):
     with pytest.raises(odom.InputError, match="truth: 20 of 20 poses are no rigid motions"):
-        odom.evaluate(WALK, odom.Trajectory(STAMPS, spoil(POSES)))
+        odom.evaluate(WALK, odom.Trajectory(STAMPS, POSES @ np.diag(spoil)))
 
 
 @pytest.mark.parametrize("given", [POSES, "estimate.txt", None])
 def test_what_is_no_trajectory_is_not_judged(given):
     with pytest.raises(odom.InputError, match=r"truth is a .*odom\.Trajectory"):
         odom.evaluate(WALK, given)
+
+
+@pytest.mark.parametrize("given", [POSES, 1, None])
+def test_what_is_no_trajectory_is_not_calibrated_against(given):
+    with pytest.raises(odom.InputError, match=r"truth is a .*odom\.Trajectory"):
+        odom.calibrate(WALK, given)
+    with pytest.raises(odom.InputError, match=r"estimate is a .*odom\.Trajectory"):
+        odom.calibrate(given, WALK)
+
+
+@pytest.mark.parametrize(
+    "given", [POSES[5].T, 2 * POSES[5], np.eye(3), POSES[5] @ np.diag([1, 1, -1, 1]), POSES[5] * np.nan, "camera"]
+)
+def test_an_imposed_pose_of_the_camera_that_is_none_is_refused(given):
+    with pytest.raises(odom.InputError, match="T_body_camera"):
+        CalibrationOptions(T_body_camera=given)
+
+
+def test_an_imposed_pose_of_the_camera_may_be_a_list():
+    np.testing.assert_array_equal(CalibrationOptions(T_body_camera=POSES[5].tolist()).T_body_camera, POSES[5])
+
+
+@pytest.mark.parametrize("given", [{"offset_s": np.nan}, {"offset_s": 1e12}, {"max_gap_s": -1.0}, {"search_s": np.nan}])
+def test_imposed_times_that_are_none_are_refused(given):
+    with pytest.raises(odom.InputError, match=next(iter(given))):
+        CalibrationOptions(**given)
 
 
 @pytest.mark.parametrize("gap_s", [-1.0, float("nan")])

@@ -63,6 +63,11 @@ def test_depth_that_is_set_to_the_end_of_its_range_where_all_is_farther_is_named
     assert f"at {clip_mm} mm" in found.value
 
 
+def test_the_largest_depth_is_no_measurement_to_any_check(good: Recording) -> None:
+    frames = tuple(replace(f, depth_mm=np.where(f.depth_mm, f.depth_mm, 65535).astype(np.uint16)) for f in good.frames)
+    assert examine(replace(good, frames=frames)) == examine(good)
+
+
 @pytest.fixture(scope="module")
 def good(shared_data) -> Recording:
     return look(shared_data / "tum_fr1_xyz")

@@ -1,6 +1,7 @@
 """Trajectories from and to files."""
 
 import contextlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,19 @@ def assert_same(a, b):
 def test_tum_text_keeps_every_nanosecond(tmp_path, walk):
     write_tum(tmp_path / "t.txt", walk)
     assert_same(read_tum(tmp_path / "t.txt"), walk)
+
+
+@pytest.mark.parametrize("numbers", [(0, 1, 2), (3, 0, 3), (-1, 0, 10**17)])
+def test_tum_text_keeps_the_segments(tmp_path, walk, numbers):
+    apart = replace(walk, segment=np.repeat(numbers, 100))
+    write_tum(tmp_path / "t.txt", apart)
+    assert_same(read_tum(tmp_path / "t.txt"), apart)
+    np.testing.assert_array_equal(read_tum(tmp_path / "t.txt").segment, apart.segment)
+
+
+def test_tum_text_of_one_segment_holds_poses_alone(tmp_path, walk):
+    write_tum(tmp_path / "t.txt", replace(walk, segment=np.zeros(len(walk), int)))
+    assert "#" not in (tmp_path / "t.txt").read_text()
 
 
 @given(stamp=st.integers(-9_000_000_000_000_000_000, 9_000_000_000_000_000_000))

@@ -9,12 +9,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from synthetic import T_BODY_CAMERA, mocap, odometry, smooth, trajectory
 
 from odom.errors import InputError
-from odom.evaluation import EvaluationOptions, Trajectory, align, evaluate, run_report
+from odom.evaluation import EvaluationOptions, Trajectory, align, evaluate, run_report, trajectory_plot
 from odom.evaluation.files import write_tum
 from odom.evaluation.metrics import NEES_BOUND_95
 from odom.evaluation.run_report import report_with_truth
@@ -85,6 +86,15 @@ def test_the_fields_of_the_contract_are_all_there_and_a_plot(run):
     picture = cv2.imread(str(run / "plot.png"))
     assert picture.shape[1] > 1500
     assert len(np.unique(picture @ (1, 256, 256**2))) > 200
+
+
+def test_errors_of_an_estimate_that_began_later_are_drawn_at_their_time(scene):
+    _, true, estimate, _ = scene
+    later = evaluate(estimate.take(np.arange(450, 900)), true)
+    axis = Figure().add_subplot()
+    trajectory_plot._draw_error(axis, evaluate(estimate, true), later)
+    starts = {line.get_label().split(",")[0]: line.get_xdata()[0] for line in axis.get_lines()}
+    assert starts == {"corrected": 0.0, "online": pytest.approx(15.0)}
 
 
 @pytest.mark.usefixtures("unplotted")

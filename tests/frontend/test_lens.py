@@ -39,6 +39,15 @@ def test_projection_undoes_the_ray_of_a_pixel_for_every_lens(camera, seed):
     np.testing.assert_allclose(seen[:, 2:], z, rtol=1e-9)
 
 
+@pytest.mark.parametrize("distortion", [(-0.3, 0.1, 0.0, 0.0, -0.012), (-0.32, 0.12, 0.0, 0.0, -0.02)])
+def test_the_rays_of_single_pixels_are_those_of_the_table_in_the_corners_of_a_wide_lens_too(distortion):
+    camera = Camera(640, 480, 430.0, 430.0, 319.5, 239.5, distortion)
+    uv = grid_over(camera)
+    rays = rays_of(camera, uv)
+    away_px = 430.0 * (rays[:, :2] / rays[:, 2:] - rays_at(Lens.of(camera).rays, uv))
+    assert np.abs(away_px).max() < 1e-3
+
+
 def test_points_outside_the_margin_or_behind_are_not_in_the_image():
     camera = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)
     lens = Lens.of(camera)

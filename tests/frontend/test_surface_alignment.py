@@ -1,5 +1,7 @@
 """Depth images aligned by their surfaces: right where these have shape, and honest where they have none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 from painted_room import SMALL, START, PaintedRoom
 from sensor_models import sensor_model, view_of
 
-from odom.frame import RgbdFrame
+from odom.frame import Camera, RgbdFrame
 from odom.frontend.features.surface import Surfaces
 from odom.frontend.matching.surface_alignment import SurfaceAlignment, align_surfaces
 from odom.geometry import se3
@@ -66,6 +68,24 @@ def test_towards_a_wall_the_motion_is_found_all_the_same() -> None:
     aligned = align_surfaces(near, far, np.eye(4), ABOUT_STILL)
     assert not aligned.has_shape
     np.testing.assert_allclose(se3.log(aligned.T_target_source), [0, 0, 0.04, 0, 0, 0], atol=0.002)
+
+
+@pytest.mark.parametrize(("width", "height"), [(640, 480), (848, 480), (512, 424)])
+def test_points_find_the_planes_of_their_cells_where_an_image_has_no_whole_number_of_square_ones(
+    width: int, height: int
+) -> None:
+    """Every second row of cells shows a wall: points near the lower ends of those cells are on it."""
+    camera = Camera(width, height, 500.0, 500.0, (width - 1) / 2, (height - 1) / 2)
+    depth = np.full((height, width), 1000, np.uint16)
+    frame = RgbdFrame(0, START, np.full(depth.shape, 120, np.uint8), START, depth)
+    wall = Surfaces.of(view_of(frame), sensor_model(camera), AT_REST)
+    rays, planes = wall.rays.copy(), wall.planes.copy()
+    rays[..., 1] += 0.45 * height / len(rays) / 500.0
+    rays[1::2], planes[1::2] = np.nan, np.nan
+    shown = np.isfinite(rays[::2]).all(axis=2)
+    aligned = align_surfaces(replace(wall, rays=rays), replace(wall, planes=planes), np.eye(4), ABOUT_STILL)
+    assert shown.mean() > 0.8
+    assert aligned.overlap == 1.0
 
 
 @pytest.mark.parametrize("depth_mm", [0, 65535])

@@ -1,6 +1,7 @@
 """Where compiled loops are kept: a folder of these contents, one that can be written, this user's alone."""
 
 import fcntl
+import importlib
 import os
 import shutil
 import subprocess
@@ -32,7 +33,7 @@ def test_other_contents_have_another_folder_and_leave_no_litter(tmp_path, monkey
     monkeypatch.setattr(compiled, "_places", lambda: iter([tmp_path]))
     first, neighbour = compiled._cache_folder("frontend"), compiled._cache_folder("backend")
     compiled._cache_folder.cache_clear()
-    monkeypatch.setattr(compiled, "_digest", lambda package: "other")
+    monkeypatch.setattr(compiled, "_digest", lambda *_: "other")
     second = compiled._cache_folder("frontend")
     assert second != first
     assert {str(p) for p in tmp_path.iterdir()} == {second, neighbour}
@@ -46,6 +47,31 @@ def test_a_change_below_is_a_change_above_and_not_the_other_way_round(tmp_path, 
     (tmp_path / "frontend" / "loop.py").write_text("changed")
     after = [compiled._digest(package) for package in ("registration", "frontend", "backend")]
     assert [a == b for a, b in zip(before, after, strict=True)] == [True, False, False]
+
+
+def test_a_change_beside_a_function_of_no_such_package_is_a_change_to_it_alone(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def folders():
+        compiled._cache_folder.cache_clear()
+        found = []
+        for name in ("one.inner.loops", "one.loops", "two.loops"):
+            sys.modules.pop(name, None)
+            home = compiled._home(importlib.import_module(name).plain)
+            found.append(compiled._cache_folder(*home))
+        return found
+
+    for package in ("one/inner", "one", "two"):
+        (tmp_path / package).mkdir(parents=True, exist_ok=True)
+        (tmp_path / package / "loops.py").write_text("def plain(a):\n    return a\n")
+        (tmp_path / package / "called.py").write_text("")
+    before = folders()
+    (tmp_path / "one" / "inner" / "called.py").write_text("changed = True")
+    after = folders()
+    assert len(set(before)) == 3
+    assert [a == b for a, b in zip(before, after, strict=True)] == [False, True, True]
+    assert all(Path(folder).is_dir() for folder in after)
 
 
 def test_the_environment_names_the_place(tmp_path, monkeypatch):

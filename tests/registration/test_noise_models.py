@@ -76,9 +76,27 @@ def test_z_levels_are_half_the_distance_of_the_levels_i_away():
         np.testing.assert_allclose(sigma, 0.5 * (levels[5 + i] - levels[5 - i]))
 
 
+@every
+def test_whole_metres_have_the_sigmas_of_the_same_metres_as_fractions(model):
+    np.testing.assert_array_equal(model.sigmas(np.array([1, 2])), model.sigmas(np.array([1.0, 2.0])))
+
+
+def test_pixels_and_depths_of_any_type_of_numbers_are_projected_back():
+    uv, z = [[3, 200], [255, 1]], [1, 2]
+    expected = back_project(CAMERA, np.array(uv, float), np.array(z, float))
+    np.testing.assert_array_equal(back_project(CAMERA, uv, z), expected)
+    np.testing.assert_array_equal(back_project(CAMERA, np.array(uv, np.uint8), np.array(z, np.float32)), expected)
+
+
+@pytest.mark.parametrize(("uv", "z"), [(np.ones((2, 5)), np.ones(5)), (np.ones((5, 2)), np.ones(4)), ([1, 2], 3)])
+def test_pixels_without_a_depth_each_are_not_projected_back(uv, z):
+    with pytest.raises(InputError, match="n x 2"):
+        back_project(CAMERA, uv, z)
+
+
 def test_z_levels_are_learnt_from_the_depths_a_sensor_has_shown():
     depth = np.zeros((4, 5), np.uint16)
-    depth.ravel()[:9] = [1000, 1010, 1022, 1034, 1047, 1060, 1074, 1074, 1000]
+    depth.ravel()[:10] = [1000, 1010, 1022, 1034, 1047, 1060, 1074, 1074, 1000, 65535]
     model = ZLevels.from_depth(depth, i=3)
     np.testing.assert_allclose(model.levels_m, [1.0, 1.01, 1.022, 1.034, 1.047, 1.06, 1.074])
     np.testing.assert_allclose(model.sigmas(np.array([1.033]))[1], 0.5 * (1.074 - 1.0))

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from odom.evaluation.diagnosis.finding import Finding, Verdict
 from odom.evaluation.diagnosis.recording import NO_FILE, NOT_DEPTH, NOT_METRES, OTHER_FORMAT, Recording
-from odom.frame import UNKNOWN_DEPTH_MM, Camera, RgbdFrame
+from odom.frame import Camera, RgbdFrame
+from odom.frontend.camera.rays import undistorted
 
 _REFUSED_SHARE = 0.03
 """Share of a stream's images that may be unusable: single damaged files do not spoil a recording."""
@@ -99,7 +100,7 @@ def _one_value(depths_mm: Sequence[NDArray[np.uint16]]) -> int:
 
 def _clip(depths_mm: Sequence[NDArray[np.uint16]]) -> int:
     """Return the depth at which images are clipped, to which all that is farther was set; 0 where they are not."""
-    seen_mm = [depth[(depth > 0) & (depth < UNKNOWN_DEPTH_MM)] for depth in depths_mm]
+    seen_mm = [depth[depth > 0] for depth in depths_mm]
     greatest = [int(depth.max(initial=0)) for depth in seen_mm]
     clip_mm, every = int(np.median(greatest)), np.concatenate(seen_mm)
     if np.mean(np.array(greatest) == clip_mm) < _SAME_SHARE:
@@ -118,8 +119,7 @@ def judge_lens(camera: Camera) -> Finding:
     x, y = np.meshgrid(np.linspace(0, camera.width - 1, _GRID), np.linspace(0, camera.height - 1, _GRID))
     pixels = np.column_stack([x.ravel(), y.ravel()])
     coefficients = np.array(camera.distortion)
-    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-9)
-    rays = cv2.undistortPoints(pixels[:, None], camera.matrix, coefficients, criteria=criteria).reshape(-1, 2)
+    rays = undistorted(camera, pixels)
     points = np.column_stack([rays, np.ones(len(rays))])
     back = cv2.projectPoints(points, np.zeros(3), np.zeros(3), camera.matrix, coefficients)[0].reshape(-1, 2)
     straight = rays * (camera.fx, camera.fy) + (camera.cx, camera.cy)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from odom.evaluation.diagnosis.image import grey
 from odom.frame import Camera, RgbdFrame
+from odom.frontend.camera.rays import undistorted
 from odom.geometry.arrays import Array, Image, Mask
 
 _CORNERS, _REFILL_BELOW = 300, 200
@@ -51,7 +52,7 @@ def follow(frames: Sequence[RgbdFrame], camera: Camera) -> list[Tracks]:
             added = _corners(image, uv)
             ids = np.concatenate([ids, np.arange(fresh, fresh + len(added))])
             uv, fresh = np.vstack([uv, added]).astype(np.float32), fresh + len(added)
-        out.append(Tracks(ids, uv.astype(np.float64), _rays(uv, camera), depth_at(frame.depth_mm, uv)))
+        out.append(Tracks(ids, uv.astype(np.float64), undistorted(camera, uv), depth_at(frame.depth_mm, uv)))
         previous = image
     return out
 
@@ -89,11 +90,3 @@ def _corners(image: Image, uv: NDArray[np.float32]) -> NDArray[np.float32]:
         cv2.circle(mask, (round(float(u)), round(float(v))), _APART_PX, 0, -1)
     found = cv2.goodFeaturesToTrack(image, _CORNERS - len(uv), 0.01, _APART_PX, mask=mask)
     return np.zeros((0, 2), dtype=np.float32) if found is None else np.asarray(found, dtype=np.float32).reshape(-1, 2)
-
-
-def _rays(uv: NDArray[np.float32], camera: Camera) -> Array:
-    if not len(uv):
-        return np.zeros((0, 2))
-    coefficients = np.array(camera.distortion) if camera.distortion else None
-    points = uv.reshape(-1, 1, 2).astype(np.float64)
-    return np.asarray(cv2.undistortPoints(points, camera.matrix, coefficients), dtype=np.float64).reshape(-1, 2)

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.evaluation.robustness.spoiler import chance
+from odom.evaluation.robustness.spoiler import generator
 from odom.frame import RgbdFrame, Stamp
 from odom.geometry.arrays import Array
 
@@ -27,7 +27,7 @@ _DARK_FROM_S, _DARK_EVERY_S = 2.0, 8.0
 
 def motion_blur(frame: RgbdFrame, length_px: float, seed: int) -> RgbdFrame:
     """Blur along a line of `length_px`, in another direction each frame; things stay where they were on average."""
-    kernel = line_kernel(length_px, chance(seed, frame.stamp).uniform(0.0, np.pi))
+    kernel = line_kernel(length_px, generator(seed, frame.stamp).uniform(0.0, np.pi))
     return _with_color(frame, cv2.filter2D(frame.color, -1, kernel))
 
 
@@ -52,7 +52,7 @@ def darkness(frame: RgbdFrame, light: float, seed: int) -> RgbdFrame:
     """
     grey = np.arange(256, dtype=np.float32)
     sigma = np.sqrt(_READ_SIGMA**2 * (1.0 - light**2) + _SHOT_VARIANCE * grey * light * (1.0 - light))
-    noise = chance(seed, frame.stamp).standard_normal(frame.color.shape, np.float32)
+    noise = generator(seed, frame.stamp).standard_normal(frame.color.shape, np.float32)
     noise *= sigma.astype(np.float32)[frame.color]
     noise += (light * grey)[frame.color]
     return _with_color(frame, np.clip(np.rint(noise, out=noise), 0, 255, out=noise).astype(np.uint8))
@@ -77,7 +77,7 @@ def jpeg(frame: RgbdFrame, quality: int) -> RgbdFrame:
 
 def torn_rows(frame: RgbdFrame, share: float, seed: int) -> RgbdFrame:
     """Shift a `share` of the bands of rows sideways, as lost packets do: each by up to an eighth of the width."""
-    rng, color = chance(seed, frame.stamp), frame.color.copy()
+    rng, color = generator(seed, frame.stamp), frame.color.copy()
     bands = -(-len(color) // _TORN_ROWS)
     is_torn = rng.random(bands) < share
     most = max(1, int(_TORN_BY * color.shape[1]))

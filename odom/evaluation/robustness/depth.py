@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.evaluation.robustness.spoiler import Stream, chance
+from odom.evaluation.robustness.spoiler import Stream, generator
 from odom.frame import RgbdFrame
 from odom.geometry.arrays import Array
 from odom.registration import KinectV1
@@ -24,7 +24,7 @@ def holes(frame: RgbdFrame, share: float, seed: int) -> RgbdFrame:
         return frame
     height, width = frame.depth_mm.shape
     size = height // _HOLE_PX + 2, width // _HOLE_PX + 2
-    coarse = chance(seed, frame.depth_stamp, Stream.DEPTH).standard_normal(size, np.float32)
+    coarse = generator(seed, frame.depth_stamp, Stream.DEPTH).standard_normal(size, np.float32)
     field = cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
     is_hole = field <= np.quantile(field[::8, ::8], share)
     return replace(frame, depth_mm=np.where(is_hole, np.uint16(0), frame.depth_mm))
@@ -41,7 +41,7 @@ def noise(frame: RgbdFrame, factor: float, seed: int) -> RgbdFrame:
     The recording is taken to hold the error once already. Steps are even in inverse depth, `factor` - 1 Kinect's each.
     """
     sigma_mm, stepped_mm = _tables(factor)
-    noisy = chance(seed, frame.depth_stamp, Stream.DEPTH).standard_normal(frame.depth_mm.shape, np.float32)
+    noisy = generator(seed, frame.depth_stamp, Stream.DEPTH).standard_normal(frame.depth_mm.shape, np.float32)
     noisy *= sigma_mm[frame.depth_mm]
     noisy += frame.depth_mm
     measured = np.clip(np.rint(noisy, out=noisy), 1, 65535, out=noisy).astype(np.uint16)

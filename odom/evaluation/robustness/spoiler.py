@@ -53,6 +53,6 @@ class Scene:
     timing: ShutterTiming
 
 
-def chance(seed: int, stamp: Stamp, stream: Stream = Stream.COLOR) -> np.random.Generator:
+def generator(seed: int, stamp: Stamp, stream: Stream = Stream.COLOR) -> np.random.Generator:
     """Return the random generator for one image, by its stamp."""
     return np.random.default_rng([seed, stream.value, abs(stamp)])

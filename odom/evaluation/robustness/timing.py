@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from odom.evaluation.robustness.spoiler import Stream, chance
+from odom.evaluation.robustness.spoiler import Stream, generator
 from odom.frame import RgbdFrame, Stamp
 
 _FARTHEST = 3.0
@@ -11,7 +11,7 @@ _FARTHEST = 3.0
 
 def jitter(stream: Stream, stamp: Stamp, sigma_s: float, seed: int) -> Stamp:
     """Return the stamp with normal noise of standard deviation `sigma_s` seconds, cut off at three sigmas."""
-    off = float(np.clip(chance(seed, stamp, stream).standard_normal(), -_FARTHEST, _FARTHEST))
+    off = float(np.clip(generator(seed, stamp, stream).standard_normal(), -_FARTHEST, _FARTHEST))
     return Stamp(stamp + round(1e9 * sigma_s * off))
 
 

@@ -7,14 +7,13 @@ degree or two, and every pose with it. So its rays can be given in the frame of 
 from dataclasses import dataclass
 from functools import lru_cache
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from odom.errors import ConfigError
 from odom.frame import Camera
 from odom.frame.depth_model import field_terms
-from odom.frontend.camera.rays import grid_over, rays_of, turn_between
+from odom.frontend.camera.rays import grid_over, rays_of, turn_between, undistorted
 from odom.geometry.arrays import Array
 from odom.geometry.compiled import compiled
 
@@ -22,6 +21,11 @@ _NEAREST_M, _WIDEST = 0.1, 1.5
 """Points nearer (m), or with a larger tangent (56 degrees) off the axis to a side, are in no image."""
 _CORNER = 1.5 * _WIDEST
 """No point considered has a larger tangent, in the lens's own axes."""
+
+_K1, _K2, _P1, _P2, _K3, _K4, _K5, _K6 = range(8)
+_R_XX, _R_XY, _R_XZ, _R_YX, _R_YY, _R_YZ, _R_ZX, _R_ZY, _R_ZZ = range(8, 17)
+_ROTATION, _REACH = slice(8, 17), 17
+"""Where `Lens.projection` has the coefficients, the rotation by rows, and how far the model holds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,14 +58,11 @@ class Lens:
         turn = None if frame_of is None else turn_between(camera, frame_of)
         R_rays_own = np.eye(3) if turn is None else turn
         grid = np.stack(np.meshgrid(np.arange(camera.width), np.arange(camera.height)), axis=-1)
-        pixels = grid.reshape(-1, 1, 2).astype(np.float64)
-        coefficients = np.array(camera.distortion or (0.0,) * 5)
-        criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-9)
-        rays = cv2.undistortPoints(pixels, camera.matrix, coefficients, None, turn, None, criteria)
+        rays = undistorted(camera, grid, turn)
         projection = np.zeros(18)
         projection[: min(8, len(camera.distortion))] = camera.distortion[:8]
-        projection[8:17] = R_rays_own.T.ravel()
-        projection[17] = _reach(projection)
+        projection[_ROTATION] = R_rays_own.T.ravel()
+        projection[_REACH] = _reach(projection)
         return cls(
             rays.reshape(camera.height, camera.width, 2).astype(np.float32),
             np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
@@ -77,7 +78,7 @@ class Lens:
     @property
     def R_own_rays(self) -> Array:
         """The rotation (3 x 3) from the frame of the rays to the camera's own."""
-        return self.projection[8:17].reshape(3, 3)
+        return self.projection[_ROTATION].reshape(3, 3)
 
 
 def _reach(k: Array) -> float:
@@ -87,7 +88,7 @@ def _reach(k: Array) -> float:
     """
     r = np.linspace(0.0, _CORNER, 2000)
     r2 = r * r
-    radial = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])))
+    radial = (1 + r2 * (k[_K1] + r2 * (k[_K2] + r2 * k[_K3]))) / (1 + r2 * (k[_K4] + r2 * (k[_K5] + r2 * k[_K6])))
     turns = np.flatnonzero(np.diff(r * radial) <= 0.0)
     return float(r2[turns[0]]) if len(turns) else np.inf
 
@@ -137,14 +138,14 @@ def pixel_of(
 
     NaN where the model does not hold.
     """
-    z = k[14] * x + k[15] * y + k[16]
-    x, y = (k[8] * x + k[9] * y + k[10]) / z, (k[11] * x + k[12] * y + k[13]) / z
+    z = k[_R_ZX] * x + k[_R_ZY] * y + k[_R_ZZ]
+    x, y = (k[_R_XX] * x + k[_R_XY] * y + k[_R_XZ]) / z, (k[_R_YX] * x + k[_R_YY] * y + k[_R_YZ]) / z
     r2 = x * x + y * y
-    if r2 > k[17]:
+    if r2 > k[_REACH]:
         return np.nan, np.nan
-    radial = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])))
-    xd = x * radial + 2 * k[2] * x * y + k[3] * (r2 + 2 * x * x)
-    yd = y * radial + k[2] * (r2 + 2 * y * y) + 2 * k[3] * x * y
+    radial = (1 + r2 * (k[_K1] + r2 * (k[_K2] + r2 * k[_K3]))) / (1 + r2 * (k[_K4] + r2 * (k[_K5] + r2 * k[_K6])))
+    xd = x * radial + 2 * k[_P1] * x * y + k[_P2] * (r2 + 2 * x * x)
+    yd = y * radial + k[_P1] * (r2 + 2 * y * y) + 2 * k[_P2] * x * y
     return intrinsics[0] * xd + intrinsics[2], intrinsics[1] * yd + intrinsics[3]
 
 

@@ -14,7 +14,7 @@ from odom.geometry.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """What a view's depth image shows at the middles of rows x columns square cells, at its middle row's time.
+    """What a view's depth image shows at the middles of rows x columns about square cells, at its middle row's time.
 
     `rays` (rows x columns x 3) are (x/z, y/z, 1/z) in the camera's frame, NaN where there is no depth or an edge of it.
     `planes` (rows x columns x 3, 1/m) are the vectors m whose dot product with any point of the plane there is 1, so

@@ -3,11 +3,10 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from odom.frame import UNKNOWN_DEPTH_MM, RgbdFrame, Stamp
+from odom.frame import RgbdFrame, Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.frontend.camera.stamp_clock import StampClock, SteadyStamp
 from odom.frontend.features.depth_plane import has_depth
@@ -44,8 +43,7 @@ class View:
 
         `may_move` is of the frame's own size. The view keeps none of the frame's arrays.
         """
-        _, seen_mm = cv2.threshold(np.ascontiguousarray(frame.depth_mm), UNKNOWN_DEPTH_MM - 1, 0, cv2.THRESH_TOZERO_INV)
-        depth_mm = uniform(dense_depth(np.asarray(seen_mm, dtype=np.uint16), images.scale))
+        depth_mm = uniform(dense_depth(frame.depth_mm.copy(), images.scale))
         may_move = None if may_move is None else scaled_mask(may_move, images.scale)
         return cls(frame.sequence, frame.stamp, clock.steady, images, frame.depth_stamp, depth_mm, may_move, number)
 

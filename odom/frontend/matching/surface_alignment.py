@@ -56,7 +56,8 @@ def align_surfaces(source: Surfaces, target: Surfaces, T_target_source: Array, c
         return SurfaceAlignment(T_target_source, _UNKNOWN_M**2 * np.eye(6), False, 0.0, 0.0, 0.0)
     points = np.column_stack([rays[:, :2], np.ones(len(rays))]) / rays[:, 2:]
     lens, gate = target.lens, TUNING.surface_gate_share
-    image = lens.intrinsics, lens.projection, lens.rays.shape[1] / target.planes.shape[1]
+    cell_v, cell_u = (side / cells for side, cells in zip(lens.rays.shape[:2], target.planes.shape[:2], strict=True))
+    image = lens.intrinsics, lens.projection, cell_u, cell_v
     expected, T = np.asarray(np.linalg.inv(covariance)), T_target_source
     for _ in range(TUNING.surface_iterations):
         gates = gate, *_GATES
@@ -82,7 +83,7 @@ def align_surfaces(source: Surfaces, target: Surfaces, T_target_source: Array, c
 
 def warm_up() -> None:
     """Compile or load what is needed as soon as colour shows nothing, before the first frame."""
-    image = np.ones(4), np.zeros(18), 1.0
+    image = np.ones(4), np.zeros(18), 1.0, 1.0
     _normal_equations(
         np.zeros((1, 3)), np.ones(1), np.ones((1, 1, 3)), np.ones((1, 1)), np.eye(4), image, (0.1, *_GATES)
     )
@@ -95,7 +96,7 @@ def _normal_equations(
     planes: Array,
     plane_variance: Array,
     T: Array,
-    image: tuple[Array, Array, float],
+    image: tuple[Array, Array, float, float],
     gates: tuple[float, float, float, float],
 ) -> tuple[Array, Array, Array, float, int, int]:
     """Return both sides `H` (6 x 6) and `g` of the normal equations at `T` (T_target_source), with four more values.
@@ -105,7 +106,7 @@ def _normal_equations(
     (x, y, 1) before the plane m has the residual r = 1 / z - m (x, y, 1). It changes by -J xi / z with T exp(xi): J is
     (R' m, p x R' m), as only the step of q counts, not the ray on which it comes to lie.
     """
-    intrinsics, projection, cell_px = image
+    intrinsics, projection, cell_u, cell_v = image
     share, sigmas, huber, shared = gates
     rows, columns = planes.shape[0], planes.shape[1]
     H, S, g, J = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6), np.zeros(6)
@@ -117,7 +118,7 @@ def _normal_equations(
         u, v = pixel_of(x, y, intrinsics, projection)
         if not (u >= -0.5 and v >= -0.5):
             continue
-        column, row = int((u + 0.5) / cell_px), int((v + 0.5) / cell_px)
+        column, row = int((u + 0.5) / cell_u), int((v + 0.5) / cell_v)
         if column >= columns or row >= rows:
             continue
         m = planes[row, column]

@@ -2,13 +2,17 @@
 
 import hashlib
 import json
+import logging
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from odom.errors import ConfigError, SourceError
 from odom.service.result_files import write_json
+from odom.wire.recording import is_recording
 from sensors.folder_layouts import is_image_folder
+
+log = logging.getLogger(__name__)
 
 _HASHES = "hashes.json"
 _DIGEST_BYTES = 16
@@ -26,9 +30,9 @@ class Recording:
 def find_recordings(paths: Iterable[Path]) -> tuple[Recording, ...]:
     """Return the recordings among `paths` and in folders among them, however deep, sorted by name.
 
-    A recording is an .mcap file, a ROS 2 bag folder (metadata.yaml) or a folder of images (TUM's or of another
-    data set). Its name is the way to it from the folder that was given, or that of the file. Raises SourceError for
-    what is not there or holds none, ConfigError for two of one name.
+    A recording is an .mcap file, a ROS bag (see `is_recording`) or a folder of images (TUM's or of another data set).
+    Its name is the way to it from the folder that was given, or that of the file. Raises SourceError for what is not
+    there or holds none, ConfigError for two of one name.
     """
     found: dict[str, Recording] = {}
     for given in paths:
@@ -36,7 +40,7 @@ def find_recordings(paths: Iterable[Path]) -> tuple[Recording, ...]:
             raise SourceError(f"{given}: no such file or folder")
         inside = sorted(_below(given))
         if not inside:
-            raise SourceError(f"{given} holds no recording: an .mcap file, a ROS 2 bag or a TUM RGB-D folder")
+            raise SourceError(f"{given} holds no recording: an .mcap file, a ROS bag or a folder of images")
         for path in inside:
             name = path.name if path == given else path.relative_to(given).as_posix()
             recording = Recording(name.removesuffix(".mcap"), path.resolve())
@@ -45,15 +49,15 @@ def find_recordings(paths: Iterable[Path]) -> tuple[Recording, ...]:
     return tuple(found[name] for name in sorted(found))
 
 
-def _below(path: Path) -> Iterator[Path]:
-    if path.is_file():
-        if path.suffix == ".mcap":
-            yield path
-    elif is_image_folder(path) or (path / "metadata.yaml").is_file():
+def _below(path: Path, above: tuple[Path, ...] = ()) -> Iterator[Path]:
+    """Yield the recordings at a path and below, without links to nowhere or to a folder `above`, which are logged."""
+    if not path.exists() or path.resolve() in above:
+        log.warning("%s is left out: it is a link that leads %s", path, "in a circle" if path.exists() else "nowhere")
+    elif is_image_folder(path) or is_recording(path):
         yield path
-    else:
+    elif path.is_dir():
         for child in path.iterdir():
-            yield from _below(child)
+            yield from _below(child, (*above, path.resolve()))
 
 
 class ContentHashes:

@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from odom.frame import Stamp, stamp_of
-from sensors.image_lists import IMAGE_SUFFIXES, READ_SUFFIXES, SECOND, TumEntry, stamp_of_frame
+from sensors.image_lists import IMAGE_SUFFIXES, READ_SUFFIXES, SECOND, TumEntry, stamp_of_frame, unit_by_steps
 from sensors.names_of_dates import stamps_of_dates
 
 log = logging.getLogger(__name__)
@@ -44,7 +44,7 @@ def by_stamp(path: Path, files: Iterable[Path]) -> list[TumEntry]:
     """
     files = list(files)
     groups = alike([file for file in files if file.suffix.lower() in READ_SUFFIXES] or files).values()
-    timed = [pair for group in groups for pair in zip(group, _stamps([f.stem for f in group]), strict=True)]
+    timed = [pair for group in groups for pair in zip(group, _stamps(path, [f.stem for f in group]), strict=True)]
     if timeless := sorted(file for file, stamp in timed if stamp is None):
         log.warning(
             "%s: left out, with %d more: the number in its name is neither that of a frame nor a time since 1970; "
@@ -64,7 +64,7 @@ def alike(files: Iterable[Path]) -> dict[str, list[Path]]:
     return groups
 
 
-def _stamps(stems: list[str]) -> Sequence[Stamp | None]:
+def _stamps(path: Path, stems: list[str]) -> Sequence[Stamp | None]:
     """Return the stamps in names that differ in their digits only, None of a name that holds no time."""
     if all(_NUMBER_AND_MICROSECONDS.search(stem) for stem in stems):
         return [Stamp(int(stem[-12:]) * 1_000) for stem in stems]
@@ -77,6 +77,11 @@ def _stamps(stems: list[str]) -> Sequence[Stamp | None]:
         part_ns = 1 if max(map(len, columns[-1])) > _MICROSECOND_DIGITS else 1_000
         return [Stamp(int(s) * SECOND + int(part) * part_ns) for s, part in zip(*columns[-2:], strict=True)]
     which = max(reversed(range(len(columns))), key=lambda k: len(set(columns[k])))
+    if suggested := unit_by_steps(columns[which]):
+        log.warning(
+            "%s: the numbers in names such as %s step by %d: if these are %s, list the images with stamps in seconds "
+            "in rgb.txt and depth.txt", path, min(stems), *suggested,
+        )  # fmt: skip
     return _agreeing(list(map(_stamp, columns[which])), columns[:which])
 
 

@@ -102,6 +102,9 @@ def _replica_camera(path: Path) -> tuple[Camera, float]:
     try:
         c = json.loads(file.read_text())["camera"]
         fx, fy, cx, cy = (float(c[name]) for name in ("fx", "fy", "cx", "cy"))
-        return Camera(int(c["w"]), int(c["h"]), fx, fy, cx, cy), float(c["scale"])
+        scale = float(c["scale"])
+        if not 1 <= scale <= 1e6:
+            raise ValueError(f"scale {scale:g} units a metre")
+        return Camera(int(c["w"]), int(c["h"]), fx, fy, cx, cy), scale
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ConfigError(f"{file}: give camera with w, h, fx, fy, cx, cy and scale: {error!r}") from error

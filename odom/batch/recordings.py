@@ -3,6 +3,7 @@
 import hashlib
 import json
 import logging
+import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -102,7 +103,7 @@ def _signature(path: Path) -> str:
     state = hashlib.blake2b(digest_size=_DIGEST_BYTES)
     for file in _files(path):
         seen = file.stat()
-        state.update(f"{file.relative_to(path)}\0{seen.st_size}\0{seen.st_mtime_ns}\0".encode())
+        state.update(os.fsencode(f"{file.relative_to(path)}\0{seen.st_size}\0{seen.st_mtime_ns}\0"))
     return state.hexdigest()
 
 
@@ -111,5 +112,5 @@ def _digest(path: Path) -> str:
     for file in _files(path):
         with file.open("rb") as stream:
             content = hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=_DIGEST_BYTES))
-        state.update(f"{file.relative_to(path)}\0{content.hexdigest()}\0".encode())
+        state.update(os.fsencode(f"{file.relative_to(path)}\0{content.hexdigest()}\0"))
     return state.hexdigest()

@@ -5,6 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from refused import process_as_it_was
 
 from odom.batch.job import Job
 from odom.cli.batch import batch
@@ -19,7 +20,8 @@ def planned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     def plan(config: Path | None = None) -> Job:
         due: list[Job] = []
         monkeypatch.setattr("odom.batch.fleet.run_here", lambda jobs, *_: due.extend(jobs))
-        batch([tmp_path / "walk.mcap"], tmp_path / "out", jobs=1, config=config)
+        with process_as_it_was():
+            batch([tmp_path / "walk.mcap"], tmp_path / "out", jobs=1, config=config)
         return due[0]
 
     return plan

@@ -129,6 +129,11 @@ def test_a_folder_counts_by_names_and_bytes_of_its_files(folder, tmp_path):
     assert len(set(hashes)) == 3
 
 
+def test_names_that_are_no_utf8_are_hashed(folder, tmp_path):
+    (folder / "desk" / "rgb" / os.fsdecode(b"caf\xe9.png")).touch()
+    assert len(ContentHashes(tmp_path).of(folder / "desk")) == 32
+
+
 @pytest.mark.parametrize("spoilt", ["", "[]", "{", '{"x": 3}', '{"x": []}'])
 def test_spoilt_memories_of_hashes_are_forgotten(folder, tmp_path, spoilt):
     (tmp_path / "hashes.json").write_text(spoilt.replace("x", str(folder / "b.mcap")))

@@ -54,11 +54,18 @@ def _below(path: Path, above: tuple[Path, ...] = ()) -> Iterator[Path]:
     """Yield the recordings at a path and below, without links to nowhere or to a folder `above`, which are logged."""
     if not path.exists() or path.resolve() in above:
         log.warning("%s is left out: it is a link that leads %s", path, "in a circle" if path.exists() else "nowhere")
-    elif is_image_folder(path) or is_recording(path):
+    elif is_image_folder(path) or (is_recording(path) and not _holds_others(path)):
         yield path
     elif path.is_dir():
         for child in path.iterdir():
             yield from _below(child, (*above, path.resolve()))
+
+
+def _holds_others(path: Path) -> bool:
+    """Return whether a folder of .db3 files without metadata.yaml, as parts of a bag are, holds what is no part."""
+    if path.is_file() or (path / "metadata.yaml").is_file():
+        return False
+    return any(child.is_dir() or (is_recording(child) and child.suffix != ".db3") for child in path.iterdir())
 
 
 class ContentHashes:

@@ -40,6 +40,14 @@ def test_bags_of_ros_are_found_as_files_and_folders(tmp_path):
     assert [r.name for r in find_recordings([tmp_path / "bags" / "loose" / "0.db3"])] == ["0.db3"]
 
 
+def test_a_folder_of_bags_and_other_recordings_is_no_bag(tmp_path):
+    for name in ("one.bag", "single.db3", "parts/0.db3", "parts/1.db3", "parts/notes.txt"):
+        path = tmp_path / "bags" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    assert [r.name for r in find_recordings([tmp_path / "bags"])] == ["one.bag", "parts", "single.db3"]
+
+
 def test_two_ways_to_one_recording_are_one(folder):
     assert len(find_recordings([folder / "b.mcap", folder / "b.mcap"])) == 1
 

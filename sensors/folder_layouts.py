@@ -13,7 +13,7 @@ from sensors.default_camera import first_size
 from sensors.image_lists import FolderLayout, TumEntry
 from sensors.image_names import by_stamp, images_in, visible
 from sensors.intrinsic_files import matrix_camera
-from sensors.listed_folders import ASSOCIATIONS, associated, tum
+from sensors.listed_folders import associated, is_associated, tum
 from sensors.mixed_folder import is_mixed_folder, mixed_folder
 from sensors.openloris import is_openloris, openloris
 from sensors.paired_folders import is_pair_of_folders, pair_of_folders
@@ -78,8 +78,9 @@ def _replica(path: Path) -> FolderLayout:
 
 
 _LAYOUTS: tuple[tuple[Callable[[Path], bool], Callable[[Path], FolderLayout]], ...] = (
+    (lambda path: all((path / name).is_file() for name in ("rgb.txt", "depth.txt")), tum),
+    (is_associated, associated),
     (lambda path: (path / "rgb.txt").is_file(), tum),
-    (lambda path: any((path / name).is_file() for name in ASSOCIATIONS) and (path / "depth").is_dir(), associated),
     (is_openloris, openloris),
     (_is_scannet, _scannet),
     (lambda path: next((path / "results").glob("depth*.png"), None) is not None, _replica),
@@ -100,8 +101,11 @@ def _replica_camera(path: Path) -> tuple[Camera, float]:
     if file is None:
         return _REPLICA, 6553.5
     try:
-        c = json.loads(file.read_text())["camera"]
+        c = json.loads(file.read_text(encoding="utf-8-sig"))["camera"]
         fx, fy, cx, cy = (float(c[name]) for name in ("fx", "fy", "cx", "cy"))
-        return Camera(int(c["w"]), int(c["h"]), fx, fy, cx, cy), float(c["scale"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        scale = float(c["scale"])
+        if not 1 <= scale <= 1e6:
+            raise ValueError(f"scale {scale:g} units a metre")
+        return Camera(int(c["w"]), int(c["h"]), fx, fy, cx, cy), scale
+    except (OSError, ValueError, KeyError, TypeError, ConfigError) as error:
         raise ConfigError(f"{file}: give camera with w, h, fx, fy, cx, cy and scale: {error!r}") from error

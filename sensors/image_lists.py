@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from statistics import median_low
 
 import numpy as np
 
@@ -28,6 +29,14 @@ _MOST_FRAMES = 10_000_000
 """Whole numbers below this are numbers of frames (four days of them), above they are seconds since 1970."""
 _RATE_HZ = 30
 """Frames a second assumed where a folder has no stamps: a Kinect's. It scales velocities, not the trajectory."""
+_LATEST = 2**31 * SECOND
+"""In January 2038: seconds of a ROS time have 32 bits."""
+_FEW_STAMPS = 3
+"""Fewer do not tell by how much they step."""
+_STEPS_MS = 10, 200
+"""Milliseconds from one image of a camera to the next, at the least and at the most."""
+_PARTS = {"milliseconds": 1, "microseconds": 1_000, "nanoseconds": 1_000_000}
+"""How many of a unit are in a millisecond."""
 
 
 @dataclass(frozen=True)
@@ -67,14 +76,14 @@ def read_list(path: Path, columns: int) -> list[TumEntry]:
 
     Names of images may hold blanks and quotes, and backslashes between folders. Stamps of 12 digits or more before the
     point are milli-, micro- or nanoseconds, and this is logged. Raises SourceError naming file and line for one with
-    fewer columns behind the stamp or a stamp that is no number.
+    fewer columns behind the stamp, a stamp that is no number or one beyond 2038.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise SourceError(f"{path} cannot be read: {error}") from error
     header: SourceError | None = None
-    entries, units = list[TumEntry](), set[str]()
+    entries, units, stamps = list[TumEntry](), set[str](), list[str]()
     for number, line in enumerate(lines, start=1):
         words = _names_joined(line.partition("#")[0].replace(",", " ").split())
         if not words:
@@ -87,15 +96,42 @@ def read_list(path: Path, columns: int) -> list[TumEntry]:
                 header = refused
                 continue
             raise refused from error
+        if stamp >= _LATEST:
+            raise SourceError(
+                f"{path}:{number}: {words[0]} seconds are beyond 2038, which no recording holds: write seconds, "
+                f"divide nanoseconds by {SECOND}"
+            )
         units.add(unit)
+        stamps.append(words[0])
         if len(words) <= columns:
             raise SourceError(f"{path}:{number}: {len(words)} columns, expected a stamp and {columns} more")
         entries.append(TumEntry(stamp, tuple(words[1 : columns + 1])))
     if other := sorted(units - {"seconds"}):
         log.info("%s: its stamps are taken for %s, by their number of digits", path, " and ".join(other))
+    if suggested := unit_by_steps(stamps):
+        log.warning("%s: its stamps step by %d: if these are %s, write seconds there", path, *suggested)
     if header is not None and not entries:
         raise header
     return sorted(entries, key=lambda entry: entry.stamp)
+
+
+def unit_by_steps(stamps: Sequence[str]) -> tuple[int, str] | None:
+    """Return by how much whole numbers step, and the unit in which that is the period of a camera.
+
+    None where there is no such unit, or where they are taken for times in it by their digits.
+    """
+    if len(stamps) < _FEW_STAMPS or not all(map(str.isdecimal, stamps)):
+        return None
+    step = median_low(later - number for number, later in pairwise(sorted(map(int, stamps))))
+    unit = next((unit for unit, part in _PARTS.items() if _STEPS_MS[0] <= step / part <= _STEPS_MS[1]), None)
+    return None if unit is None or unit == _taken_for(stamps[0]) else (step, unit)
+
+
+def _taken_for(stamp: str) -> str | None:
+    try:
+        return stamp_of(stamp)[1]
+    except ValueError:
+        return None
 
 
 def _names_joined(words: list[str]) -> list[str]:

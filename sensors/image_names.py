@@ -4,10 +4,12 @@ import logging
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 from odom.frame import Stamp, stamp_of
-from sensors.image_lists import IMAGE_SUFFIXES, READ_SUFFIXES, SECOND, TumEntry, stamp_of_frame
+from sensors.image_lists import IMAGE_SUFFIXES, READ_SUFFIXES, SECOND, TumEntry, stamp_of_frame, unit_by_steps
+from sensors.names_of_dates import stamps_of_dates
 
 log = logging.getLogger(__name__)
 
@@ -42,7 +44,7 @@ def by_stamp(path: Path, files: Iterable[Path]) -> list[TumEntry]:
     """
     files = list(files)
     groups = alike([file for file in files if file.suffix.lower() in READ_SUFFIXES] or files).values()
-    timed = [pair for group in groups for pair in zip(group, _stamps([f.stem for f in group]), strict=True)]
+    timed = [pair for group in groups for pair in zip(group, _stamps(path, [f.stem for f in group]), strict=True)]
     if timeless := sorted(file for file, stamp in timed if stamp is None):
         log.warning(
             "%s: left out, with %d more: the number in its name is neither that of a frame nor a time since 1970; "
@@ -62,17 +64,35 @@ def alike(files: Iterable[Path]) -> dict[str, list[Path]]:
     return groups
 
 
-def _stamps(stems: list[str]) -> Sequence[Stamp | None]:
+def _stamps(path: Path, stems: list[str]) -> Sequence[Stamp | None]:
     """Return the stamps in names that differ in their digits only, None of a name that holds no time."""
     if all(_NUMBER_AND_MICROSECONDS.search(stem) for stem in stems):
         return [Stamp(int(stem[-12:]) * 1_000) for stem in stems]
-    if points := [found for stem in stems if (found := _WITH_POINT.search(stem))]:
-        return [_stamp(found[0]) for found in points]
+    if (dates := stamps_of_dates(stems)) is not None:
+        return dates
     columns = list(zip(*(_NUMBER.findall(stem) for stem in stems), strict=True))
+    if points := [found[0] for stem in stems if (found := _WITH_POINT.search(stem))]:
+        return _agreeing(list(map(_stamp, points)), columns[:-2])
     if len(columns) > 1 and _are_seconds_and_parts(*columns[-2:]):
         part_ns = 1 if max(map(len, columns[-1])) > _MICROSECOND_DIGITS else 1_000
         return [Stamp(int(s) * SECOND + int(part) * part_ns) for s, part in zip(*columns[-2:], strict=True)]
-    return [_stamp(number) for number in max(reversed(columns), key=lambda column: len(set(column)))]
+    which = max(reversed(range(len(columns))), key=lambda k: len(set(columns[k])))
+    if suggested := unit_by_steps(columns[which]):
+        log.warning(
+            "%s: the numbers in names such as %s step by %d: if these are %s, list the images with stamps in seconds "
+            "in rgb.txt and depth.txt", path, min(stems), *suggested,
+        )  # fmt: skip
+    return _agreeing(list(map(_stamp, columns[which])), columns[:which])
+
+
+def _agreeing(stamps: Sequence[Stamp | None], before: Sequence[tuple[str, ...]]) -> Sequence[Stamp | None]:
+    """Return stamps in whose order the numbers `before` them in the names do not fall, else None for each name.
+
+    They fall where what was taken for a time is but a part of it, which begins anew with each minute or scene.
+    """
+    names = sorted((stamp, *map(int, rest)) for stamp, *rest in zip(stamps, *before, strict=True) if stamp is not None)
+    falls = any(later[1:] < name[1:] for name, later in pairwise(names))
+    return [None] * len(stamps) if falls else stamps
 
 
 def _are_seconds_and_parts(seconds: tuple[str, ...], parts: tuple[str, ...]) -> bool:

@@ -50,6 +50,18 @@ def image_in(file: Path, flags: int) -> NDArray[Any] | None:
         return None
 
 
+def is_known_to_opencv(file: Path) -> bool:
+    """Return whether a file begins as one that OpenCV reads.
+
+    It does not say so of one whose name is no UTF-8: such a name ends the process there.
+    """
+    try:
+        str(file).encode()
+    except UnicodeEncodeError:
+        return False
+    return bool(cv2.haveImageReader(str(file)))
+
+
 @contextmanager
 def _opencv_silent() -> Iterator[None]:
     """Keep OpenCV from writing of a damaged file to the terminal, which who reads it tells in the log."""

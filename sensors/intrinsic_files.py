@@ -17,8 +17,8 @@ log = logging.getLogger(__name__)
 _MIDDLE = 0.3, 0.7
 """Shares of an image's width and height between which its centre is; a Kinect's are within .03 of the middle. Images
 cut to two thirds from one side still have theirs there. Chosen by hand."""
-_UNREADABLE = (OSError, ValueError, KeyError, TypeError, IndexError)
-"""What reading a file of numbers raises where it holds something else; ConfigError of a camera is none of these."""
+_UNREADABLE = (OSError, ValueError, KeyError, TypeError, IndexError, ConfigError)
+"""What reading a file of numbers raises where it holds something else, or what no camera has."""
 
 
 def camera_beside(path: Path, size: tuple[int, int]) -> Camera | None:
@@ -40,7 +40,7 @@ def camera_beside(path: Path, size: tuple[int, int]) -> Camera | None:
 def row_camera(file: Path, size: tuple[int, int]) -> Camera | None:
     """Return the camera of a file that holds fx fy cx cy; anything else is told and left aside."""
     try:
-        fx, fy, cx, cy = map(float, file.read_text().split())
+        fx, fy, cx, cy = map(float, _text(file).split())
         camera = Camera(*size, fx, fy, cx, cy)
     except (OSError, ValueError, ConfigError) as error:
         log.warning("%s is left aside, it is not fx fy cx cy: %s", file, error)
@@ -52,7 +52,10 @@ def row_camera(file: Path, size: tuple[int, int]) -> Camera | None:
 def matrix_camera(file: Path, size: tuple[int, int]) -> Camera:
     """Return the camera of images of this size (width, height) by the matrix in a text file; raises ConfigError."""
     try:
-        camera = _camera(np.loadtxt(file), size)
+        rows = [words for line in _text(file).splitlines() if (words := line.partition("#")[0].split())]
+        if not rows:
+            raise ValueError("it holds none")
+        camera = _camera(np.array(rows, dtype=float), size)
     except _UNREADABLE as error:
         raise ConfigError(f"{file}: give a matrix of 3 x 3 or 4 x 4 numbers: {error}") from error
     tell_other_size(file, camera)
@@ -79,7 +82,7 @@ def open3d_camera(file: Path) -> Camera:
     Open3D writes the matrix column by column; one that others wrote row by row is known by its last row, 0 0 1.
     """
     try:
-        found = json.loads(file.read_text())
+        found = json.loads(_text(file))
         K = np.array(found["intrinsic_matrix"], dtype=float).reshape(3, 3)
         return _camera(K if _ends_as_intrinsics(K) else K.T, (int(found["width"]), int(found["height"])))
     except _UNREADABLE as error:
@@ -94,18 +97,23 @@ def sens_cameras(file: Path) -> tuple[Camera | None, Camera | None, float]:
     if not file.is_file():
         return None, None, 1000.0
     try:
-        lines = (line.partition("=") for line in file.read_text().splitlines())
+        lines = (line.partition("=") for line in _text(file).splitlines())
         found = {name.strip().removeprefix("m_").lower(): value.split() for name, _, value in lines}
         color, depth = (_sens_camera(found, which) for which in ("color", "depth"))
         scale = float(found["depthshift"][0])
         if not 1 <= scale <= 1e6:
             raise ValueError(f"m_depthShift {scale:g} units a metre")
-    except (*_UNREADABLE, ConfigError) as error:
+    except _UNREADABLE as error:
         raise ConfigError(
             f"{file}: give m_colorWidth, m_colorHeight and m_calibrationColorIntrinsic, the same of depth, and "
             f"m_depthShift, a line each: {error!r}"
         ) from error
     return color, None if depth == color else depth, scale
+
+
+def _text(file: Path) -> str:
+    """Return the text of a file, without the mark of the bytes' order that some editors begin it with."""
+    return file.read_text(encoding="utf-8-sig")
 
 
 def _sens_camera(found: dict[str, list[str]], which: str) -> Camera:

@@ -6,33 +6,44 @@ from pathlib import Path, PurePath
 from odom.errors import ConfigError, SourceError
 from odom.frame import Camera, stamp_of
 from sensors.default_camera import ICL_NUIM, first_size
-from sensors.image_lists import FolderLayout, TumEntry, as_frames, counts_frames, read_list
-from sensors.image_names import visible
+from sensors.image_lists import IMAGE_SUFFIXES, FolderLayout, TumEntry, as_frames, counts_frames, read_list
+from sensors.image_names import by_stamp, images_in, visible
 from sensors.intrinsic_files import camera_beside
 from sensors.true_poses import trajectory_in
 
 log = logging.getLogger(__name__)
 
-ASSOCIATIONS = ("associations.txt", "associate.txt", "association.txt", "associated.txt", "assoc.txt")
+_ASSOCIATIONS = ("associations.txt", "associate.txt", "association.txt", "associated.txt", "assoc.txt")
 """Names of lists of pairs of images."""
 
 
 def tum(path: Path) -> FolderLayout:
     """TUM's, and ETH3D's, which adds a `calibration.txt`; a trajectory that cannot be read is done without.
 
-    The camera is that of a file that `camera_beside` finds, as for `associated`.
+    Without `depth.txt` depth is what lies in `depth/`, by the stamps or numbers in the names. The camera is that of a
+    file that `camera_beside` finds, as for `associated`.
     """
-    color, depth = read_list(path / "rgb.txt", 1), read_list(path / "depth.txt", 1)
+    file = path / "depth.txt"
+    named = [] if file.is_file() else by_stamp(path, images_in(path / "depth"))
+    color, depth = read_list(path / "rgb.txt", 1), named or read_list(file, 1)
     truth, camera = _truth_and_camera(path, color)
-    if counts_frames(color, depth):
+    if counts_frames(color) if named else counts_frames(color, depth):
         log.warning(
             "%s: the stamps of rgb.txt and depth.txt are whole numbers: they are taken for numbers of frames, 30 a "
             "second; for another rate, write seconds there: the number divided by the rate",
             path,
         )
-        color, depth = as_frames(color), as_frames(depth)
+        color, depth = as_frames(color), named or as_frames(depth)
         truth = as_frames(truth) if counts_frames(truth) else truth
     return FolderLayout("rgb.txt or depth.txt", color, depth, truth, camera)
+
+
+def is_associated(path: Path) -> bool:
+    """Whether a folder has a list of pairs, and images or a folder that `depth` is part of the name of."""
+    return any((path / name).is_file() for name in _ASSOCIATIONS) and any(
+        "depth" in child.name.lower() and (child.is_dir() or child.suffix.lower() in IMAGE_SUFFIXES)
+        for child in visible(path)
+    )
 
 
 def associated(path: Path) -> FolderLayout:
@@ -40,7 +51,7 @@ def associated(path: Path) -> FolderLayout:
 
     That trajectory, here and beside TUM's lists, is of a camera and a world whose y axis points up: fy is -480 there.
     """
-    file = next(path / name for name in ASSOCIATIONS if (path / name).is_file())
+    file = next(path / name for name in _ASSOCIATIONS if (path / name).is_file())
     pairs = read_list(file, 3)
     first = [TumEntry(entry.stamp, entry.values[:1]) for entry in pairs]
     second = sorted((_second(file, entry) for entry in pairs), key=lambda entry: entry.stamp)

@@ -54,11 +54,14 @@ def opencv_storage(path: Path, text: str) -> cv2.FileStorage:
     """Return OpenCV's YAML as it parses it, whichever form its header has; raises ConfigError."""
     body = text.partition("\n")[2] if text.startswith("%YAML") else text
     try:
-        return cv2.FileStorage(f"{_HEADER}\n{body}", cv2.FileStorage_READ | cv2.FileStorage_MEMORY)
+        storage = cv2.FileStorage(f"{_HEADER}\n{body}", cv2.FileStorage_READ | cv2.FileStorage_MEMORY)
     except (cv2.error, SystemError) as error:
         raise ConfigError(
             f"calibration {path} cannot be read as OpenCV's YAML: {' '.join(str(error).split())}"
         ) from error
+    if storage.root().isSeq():
+        raise ConfigError(f"calibration {path} is a list: give names with their values")
+    return storage
 
 
 def _content(storage: cv2.FileStorage, path: Path) -> dict[str, Any]:
@@ -109,14 +112,15 @@ def matrix_at(
     if found is None:
         return None
     name, at = found
-    rows, cols = (int(at.getNode(side).real()) for side in ("rows", "cols"))
+    rows, cols = (int(_number(at, (side,)) or 0) for side in ("rows", "cols"))
     data = at.getNode("data")
-    numbers = [item.real() for k in range(data.size()) if (item := data.at(k)).isReal() or item.isInt()]
-    if not data.isSeq() or rows < 0 or not len(numbers) == data.size() == rows * cols:
+    items = [data.at(k) for k in range(data.size())] if data.isSeq() else []
+    numbers = [item.real() for item in items if item.isReal() or item.isInt()]
+    if not data.isSeq() or rows < 0 or not len(numbers) == len(items) == rows * cols:
         raise ConfigError(f"calibration {path}: {name} is no matrix of as many numbers as its rows and cols say")
     return np.array(numbers).reshape(rows, cols)
 
 
-def _number(storage: cv2.FileStorage, names: tuple[str, ...]) -> float | None:
+def _number(storage: cv2.FileStorage | cv2.FileNode, names: tuple[str, ...]) -> float | None:
     found = (node for name in names if (node := storage.getNode(name)).isReal() or node.isInt())
     return next((node.real() for node in found), None)

@@ -61,7 +61,8 @@ def _T_base_camera(file: Path) -> Array:
     mounts = storage.getNode("trans_matrix")
     above = {
         mount.getNode("child_frame").string(): (mount.getNode("parent_frame").string(), mount)
-        for mount in (mounts.at(k) for k in range(mounts.size()))
+        for mount in (mounts.at(k) for k in range(mounts.size() if mounts.isSeq() else 0))
+        if mount.isMap()
     }
     T_frame_camera, frame = np.eye(4), _COLOR_FRAME
     while frame != _BASE_FRAME:

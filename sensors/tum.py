@@ -34,7 +34,7 @@ from sensors.folder_layouts import layout_of
 from sensors.image_lists import READ_SUFFIXES, FolderLayout, pose_of, steady
 from sensors.image_lists import TumEntry as TumEntry
 from sensors.image_lists import read_list as read_list
-from sensors.image_reading import read_image
+from sensors.image_reading import is_known_to_opencv, read_image
 from sensors.source import SourceOptions
 
 log = logging.getLogger(__name__)
@@ -161,9 +161,7 @@ def _why(error: Exception, file: Path) -> str:
 
     if isinstance(error, FileNotFoundError):
         return NO_FILE
-    if isinstance(error, OtherFormatError) and (
-        file.suffix.lower() not in READ_SUFFIXES or cv2.haveImageReader(str(file))
-    ):
+    if isinstance(error, OtherFormatError) and (file.suffix.lower() not in READ_SUFFIXES or is_known_to_opencv(file)):
         return OTHER_FORMAT
     if isinstance(error, NotMetresError):
         return NOT_METRES

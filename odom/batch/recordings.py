@@ -2,13 +2,18 @@
 
 import hashlib
 import json
+import logging
+import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from odom.errors import ConfigError, SourceError
 from odom.service.result_files import write_json
+from odom.wire.recording import is_recording
 from sensors.folder_layouts import is_image_folder
+
+log = logging.getLogger(__name__)
 
 _HASHES = "hashes.json"
 _DIGEST_BYTES = 16
@@ -26,9 +31,9 @@ class Recording:
 def find_recordings(paths: Iterable[Path]) -> tuple[Recording, ...]:
     """Return the recordings among `paths` and in folders among them, however deep, sorted by name.
 
-    A recording is an .mcap file, a ROS 2 bag folder (metadata.yaml) or a folder of images (TUM's or of another
-    data set). Its name is the way to it from the folder that was given, or that of the file. Raises SourceError for
-    what is not there or holds none, ConfigError for two of one name.
+    A recording is an .mcap file, a ROS bag (see `is_recording`) or a folder of images (TUM's or of another data set).
+    Its name is the way to it from the folder that was given, or that of the file. Raises SourceError for what is not
+    there or holds none, ConfigError for two of one name.
     """
     found: dict[str, Recording] = {}
     for given in paths:
@@ -36,7 +41,7 @@ def find_recordings(paths: Iterable[Path]) -> tuple[Recording, ...]:
             raise SourceError(f"{given}: no such file or folder")
         inside = sorted(_below(given))
         if not inside:
-            raise SourceError(f"{given} holds no recording: an .mcap file, a ROS 2 bag or a TUM RGB-D folder")
+            raise SourceError(f"{given} holds no recording: an .mcap file, a ROS bag or a folder of images")
         for path in inside:
             name = path.name if path == given else path.relative_to(given).as_posix()
             recording = Recording(name.removesuffix(".mcap"), path.resolve())
@@ -45,15 +50,22 @@ def find_recordings(paths: Iterable[Path]) -> tuple[Recording, ...]:
     return tuple(found[name] for name in sorted(found))
 
 
-def _below(path: Path) -> Iterator[Path]:
-    if path.is_file():
-        if path.suffix == ".mcap":
-            yield path
-    elif is_image_folder(path) or (path / "metadata.yaml").is_file():
+def _below(path: Path, above: tuple[Path, ...] = ()) -> Iterator[Path]:
+    """Yield the recordings at a path and below, without links to nowhere or to a folder `above`, which are logged."""
+    if not path.exists() or path.resolve() in above:
+        log.warning("%s is left out: it is a link that leads %s", path, "in a circle" if path.exists() else "nowhere")
+    elif is_image_folder(path) or (is_recording(path) and not _holds_others(path)):
         yield path
-    else:
+    elif path.is_dir():
         for child in path.iterdir():
-            yield from _below(child)
+            yield from _below(child, (*above, path.resolve()))
+
+
+def _holds_others(path: Path) -> bool:
+    """Return whether a folder of .db3 files without metadata.yaml, as parts of a bag are, holds what is no part."""
+    if path.is_file() or (path / "metadata.yaml").is_file():
+        return False
+    return any(child.is_dir() or (is_recording(child) and child.suffix != ".db3") for child in path.iterdir())
 
 
 class ContentHashes:
@@ -98,7 +110,7 @@ def _signature(path: Path) -> str:
     state = hashlib.blake2b(digest_size=_DIGEST_BYTES)
     for file in _files(path):
         seen = file.stat()
-        state.update(f"{file.relative_to(path)}\0{seen.st_size}\0{seen.st_mtime_ns}\0".encode())
+        state.update(os.fsencode(f"{file.relative_to(path)}\0{seen.st_size}\0{seen.st_mtime_ns}\0"))
     return state.hexdigest()
 
 
@@ -107,5 +119,5 @@ def _digest(path: Path) -> str:
     for file in _files(path):
         with file.open("rb") as stream:
             content = hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=_DIGEST_BYTES))
-        state.update(f"{file.relative_to(path)}\0{content.hexdigest()}\0".encode())
+        state.update(os.fsencode(f"{file.relative_to(path)}\0{content.hexdigest()}\0"))
     return state.hexdigest()

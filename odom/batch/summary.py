@@ -1,6 +1,7 @@
 """The table of a batch: the figures of each recording's report, and which became better or worse than a baseline's."""
 
 import json
+import os
 import statistics
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -35,12 +36,17 @@ def rows_of(jobs: Sequence[Job], failures: Mapping[str, str], baseline: Sequence
         figures = _figures(job.folder / "report.json") if job.is_done else dict.fromkeys(FIGURES)
         state = DONE if job.is_done else (failures.get(job.name) or MISSING)
         old = before.get(job.content)
-        row: Row = {"name": job.name, "state": state, "change": "", **figures}
+        row: Row = {"name": _text(job.name), "state": _text(state), "change": "", **figures}
         if baseline:
             row["change"] = "new" if old is None else change_of(old, row)
             row |= {f"baseline_{name}": None if old is None else old.get(name) for name in JUDGED}
         rows.append(row | {"content": job.content, "key": job.key})
     return rows
+
+
+def _text(name: str) -> str:
+    """Return a text with the name of a file in it that may be no UTF-8, which no file of the table could hold."""
+    return os.fsencode(name).decode(errors="replace")
 
 
 def change_of(old: Row, new: Row) -> str:

@@ -37,7 +37,6 @@ def batch(
     Example: odom batch walks --out out/all --shard "$SLURM_ARRAY_TASK_ID/$SLURM_ARRAY_TASK_COUNT"
     """
     stop = signals.stop_event()
-    from odom.backend.settings import OdometrySettings
     from odom.batch.fleet import run_here, run_on_dask
     from odom.batch.job import Job, plan_jobs, shard_of
     from odom.batch.recordings import ContentHashes, find_recordings
@@ -46,21 +45,22 @@ def batch(
     from odom.batch.worker import INTERRUPTED
     from odom.errors import ConfigError, OdomError
     from odom.service.progress import counting
-    from odom.service.settings_sources import part_settings
+    from odom.service.settings import load_settings
 
     if dask is not None and jobs is not None:
         raise ConfigError("--jobs is for this machine: a Dask cluster has as many workers as it was started with")
     before = read_rows(baseline) if baseline is not None else []
-    settings = part_settings("odometry", OdometrySettings, config, {})
+    settings = options.with_mask(load_settings(config), None)
     chosen = shard_of(find_recordings(recordings), shard)
     arguments: list[tuple[str, Path | float | str]] = [("start", start)] if start else []
     arguments += [("end", end)] if end is not None else []
     arguments += [("camera", camera.resolve())] if camera is not None else []
+    arguments += [("mask", settings.service.mask.resolve())] if settings.service.mask is not None else []
     arguments += [*(("topic", one) for one in topic or ()), *(("option", one) for one in option or ())]
     results = out.resolve() / "results"
     results.mkdir(parents=True, exist_ok=True)
     hashes = ContentHashes(out)
-    planned = plan_jobs(chosen, hashes, settings.model_dump(mode="json"), arguments, results)
+    planned = plan_jobs(chosen, hashes, settings.odometry.model_dump(mode="json"), arguments, results)
     hashes.save()
     due = list({job.key: job for job in planned if not job.is_done}.values())
     failures: dict[str, str] = {}

@@ -1,5 +1,6 @@
 """`odom import FOLDER OUT.mcap`: a folder of images as a recording."""
 
+import os
 from contextlib import closing
 from pathlib import Path
 from typing import Annotated
@@ -52,8 +53,9 @@ def import_(
         if not opened.lossless:
             raise RecordingError(f"{source} is live: record it with `odom sensor {source}` and `odom record {output}`")
         check_not_read(source, output)
+        name = os.fsencode(Path(source).name).decode(errors="replace")
         with (
-            RecordingWriter(output, compression, overwrite, {"source": Path(source).name}) as writer,
+            RecordingWriter(output, compression, overwrite, {"source": name}) as writer,
             counting("import", opened.length) as progress,
         ):
             for message in opened.messages():

@@ -140,8 +140,8 @@ class Exporter:
             jpeg = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
             bgr = cv2.cvtColor(view.color, cv2.COLOR_RGB2BGR)
             for path, image in ((f"images/{view.name}.jpg", bgr), (f"depth/{view.name}.png", view.depth_mm)):
-                if not cv2.imwrite(str(self.folder / path), image, jpeg if path.endswith("jpg") else []):
-                    raise OSError(f"{self.folder / path} cannot be written")
+                _, file = cv2.imencode(path[-4:], image, jpeg if path.endswith("jpg") else [])
+                (self.folder / path).write_bytes(file.tobytes())
             covariances[view.name] = view.covariance.tolist()
             self.done(number)
             yield view

@@ -19,16 +19,20 @@ _SAME_FORM = 0.01
 def write_mask(path: Path, mask: Mask) -> None:
     """Write a mask (H x W) as an image, white where it marks; raises ConfigError for a name without a known format."""
     try:
-        is_written = cv2.imwrite(str(path), np.where(mask, 255, 0).astype(np.uint8))
+        _, file = cv2.imencode(path.suffix, np.where(mask, 255, 0).astype(np.uint8))
+        path.write_bytes(file.tobytes())
     except cv2.error:
         raise ConfigError(f"{path}: give the name of a .png file") from None
-    if not is_written:
-        raise ConfigError(f"{path} cannot be written")
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be written: {error.strerror}") from error
 
 
 def read_mask(path: Path) -> Mask:
     """Return what an image marks (H x W); raises ConfigError where there is none, or where it marks nothing."""
-    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) if path.is_file() else None
+    try:
+        image = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_GRAYSCALE)
+    except (OSError, cv2.error):  # OpenCV's of an empty file
+        image = None
     if image is None:
         raise ConfigError(f"the mask {path} is no image that can be read: make one with odom mask")
     mask = np.asarray(image >= _WHITE)

@@ -224,8 +224,8 @@ def _commands(plan: RunPlan) -> list[tuple[str, Sequence[str]]]:
     odometry = ["serve", "--out", str(plan.out), "--until-end", *plan.odometry_arguments]
     commands: list[tuple[str, Sequence[str]]] = [("odometry", odometry)]
     if plan.record is not None:
-        commands.append(("recorder", ["record", str(plan.record), *(["--overwrite"] if plan.overwrite else [])]))
+        commands.append(("recorder", ["record", *(["--overwrite"] if plan.overwrite else []), "--", str(plan.record)]))
     if plan.viewer_arguments is not None:
         commands.append(("viewer", ["view", *plan.viewer_arguments]))
-    sensor = ["sensor", plan.source, "--consumers", str(consumers), *plan.sensor_arguments]
+    sensor = ["sensor", "--consumers", str(consumers), *plan.sensor_arguments, "--", plan.source]
     return [*commands, ("sensor", sensor)]

@@ -31,6 +31,23 @@ def test_recordings_are_found_in_folders_and_named_by_their_way(folder):
     assert [r.name for r in find_recordings([folder / "b.mcap", folder / "desk"])] == ["b", "desk"]
 
 
+def test_bags_of_ros_are_found_as_files_and_folders(tmp_path):
+    for name in ("one.bag", "Two.BAG", "loose/0.db3", "loose/1.db3", "whole/metadata.yaml", "whole/0.db3", "c.txt"):
+        path = tmp_path / "bags" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    assert [r.name for r in find_recordings([tmp_path / "bags"])] == ["Two.BAG", "loose", "one.bag", "whole"]
+    assert [r.name for r in find_recordings([tmp_path / "bags" / "loose" / "0.db3"])] == ["0.db3"]
+
+
+def test_a_folder_of_bags_and_other_recordings_is_no_bag(tmp_path):
+    for name in ("one.bag", "single.db3", "parts/0.db3", "parts/1.db3", "parts/notes.txt"):
+        path = tmp_path / "bags" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    assert [r.name for r in find_recordings([tmp_path / "bags"])] == ["one.bag", "parts", "single.db3"]
+
+
 def test_two_ways_to_one_recording_are_one(folder):
     assert len(find_recordings([folder / "b.mcap", folder / "b.mcap"])) == 1
 
@@ -39,6 +56,14 @@ def test_two_recordings_of_one_name_are_refused(folder):
     (folder / "deep" / "b.mcap").write_text("another")
     with pytest.raises(ConfigError, match="called b"):
         find_recordings([folder / "b.mcap", folder / "deep" / "b.mcap"])
+
+
+def test_folders_that_lead_in_a_circle_are_entered_once_and_told(folder, caplog):
+    (folder / "deep" / "up").symlink_to(folder)
+    (folder / "deep" / "itself").symlink_to("itself")
+    assert [r.name for r in find_recordings([folder])] == ["b", "bag", "deep/a", "desk"]
+    assert "deep/up" in caplog.text
+    assert "deep/itself" in caplog.text
 
 
 def test_what_is_no_recording_is_refused(folder, tmp_path):
@@ -110,6 +135,11 @@ def test_a_folder_counts_by_names_and_bytes_of_its_files(folder, tmp_path):
     (folder / "desk" / "rgb" / "1.png").rename(folder / "desk" / "rgb" / "2.png")
     hashes.append(ContentHashes(tmp_path).of(folder / "desk"))
     assert len(set(hashes)) == 3
+
+
+def test_names_that_are_no_utf8_are_hashed(folder, tmp_path):
+    (folder / "desk" / "rgb" / os.fsdecode(b"caf\xe9.png")).touch()
+    assert len(ContentHashes(tmp_path).of(folder / "desk")) == 32
 
 
 @pytest.mark.parametrize("spoilt", ["", "[]", "{", '{"x": 3}', '{"x": []}'])

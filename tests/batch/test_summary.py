@@ -2,7 +2,9 @@
 
 import csv
 import json
+import os
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -96,6 +98,16 @@ def test_the_page_stands_alone_and_leads_to_the_results(jobs, tmp_path):
     for link in re.findall(r'<a href="(results/[^"]+)"', text):
         assert (tmp_path / link).is_dir()
     assert not re.search(r"(?:src|href)=\"https?:", text)
+
+
+def test_a_name_that_is_no_utf8_is_shown_as_far_as_it_can_be(tmp_path):
+    names = map(os.fsdecode, (b"caf\xe9", b"th\xe9"))
+    done, failed = (replace(job("a", tmp_path / "results"), name=name) for name in names)
+    rows = rows_of([done, failed], {failed.name: f"failed: {failed.name}"}, [])
+    write_summary(tmp_path, rows)
+    for name in ("summary.html", "summary.csv"):
+        assert "caf\N{REPLACEMENT CHARACTER}" in (tmp_path / name).read_text()
+    assert rows[1]["state"] == "failed: th\N{REPLACEMENT CHARACTER}"
 
 
 def test_a_summary_without_recordings_is_one(tmp_path):

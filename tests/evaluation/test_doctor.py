@@ -195,6 +195,11 @@ def test_missing_frames_are_counted_by_the_sensors_own_period():
     assert judge_rhythm("colour", stamps).verdict is Verdict.GOOD
 
 
+def test_a_slow_stream_may_be_one_of_stamps_in_another_unit() -> None:
+    stamps = np.arange(60) * 33 * 10**9 // 30  # milliseconds taken for numbers of frames
+    assert "the stamps are in another unit: write them in seconds" in judge_rhythm("colour", stamps).advice
+
+
 def run_doctor(folder: Path, *options: str) -> tuple[int, str, list[dict[str, str]]]:
     out = folder / "findings.json"
     command = [sys.executable, "-m", "odom", "doctor", str(folder), "--seconds", "5", "--json", str(out), *options]

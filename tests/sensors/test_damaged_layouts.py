@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from refused import refusal
 
+from odom.errors import ConfigError
 from odom.frame import Camera
 from sensors.folder_layouts import layout_of
 from sensors.image_lists import pose_of, stamp_of_frame
@@ -56,6 +57,15 @@ def test_replicas_truth_that_cannot_be_read_is_told_and_done_without(
     (tmp_path / "traj.txt").write_bytes(b"\xff\xfe\x00")
     assert layout_of(tmp_path).truth == []
     assert "traj.txt cannot be read" in caplog.text
+
+
+@pytest.mark.parametrize("scale", ["0", "-1", "NaN", "1e300", "1e-9"])
+def test_a_depth_scale_of_replica_that_no_depth_has_is_refused(tmp_path: Path, scale: str) -> None:
+    images(tmp_path, "results/frame{:06}.png", "results/depth{:06}.png")
+    camera = f'{{"w": 64, "h": 48, "fx": 60, "fy": 60, "cx": 32, "cy": 24, "scale": {scale}}}'
+    (tmp_path / "cam_params.json").write_text(f'{{"camera": {camera}}}')
+    with pytest.raises(ConfigError, match=r"cam_params\.json.*units a metre"):
+        layout_of(tmp_path)
 
 
 def test_info_of_a_folder_that_is_no_source_says_what_a_run_says(tmp_path: Path) -> None:

@@ -180,6 +180,16 @@ def test_colour_in_numpys_files_is_of_a_format_that_is_not_read(tmp_path: Path) 
     assert source.refused == {("colour", OTHER_FORMAT): FRAMES}
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64, np.int16, np.int32])
+def test_colour_of_numbers_that_are_no_shades_is_left_out_alone(tmp_path: Path, dtype: type) -> None:
+    write(tmp_path, "depth/{}.npy", metres)
+    cv2.imwrite(str(tmp_path / "rgb/1.tiff"), np.zeros((*SHAPE, 3), dtype))
+    (tmp_path / "rgb/1.png").unlink()
+    source = open_tum(tmp_path, SourceOptions(topics=TOPICS))
+    assert sum(message.topic in TOPICS.color_keys for message in source.messages()) == FRAMES - 1
+    assert source.refused == {("colour", OTHER_FORMAT): 1}
+
+
 def test_pictures_beside_numpys_files_of_the_same_names_are_taken(tmp_path: Path) -> None:
     write(tmp_path, "depth/{}.npy", metres)
     write(tmp_path, "depth/{}.png", lambda i: millimetres(i).astype(np.uint16))

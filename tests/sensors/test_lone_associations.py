@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from test_damaged_layouts import FRAMES, images
 
+from odom.errors import SourceError
 from odom.frame import Camera
 from sensors.default_camera import ICL_NUIM
 from sensors.folder_layouts import layout_of
@@ -96,3 +97,35 @@ def test_which_of_a_pair_is_depth_is_told_by_its_own_folder_and_not_one_above(tm
     (folder / "associations.txt").write_text("\n".join(lines))
     found = layout_of(folder)
     assert [entry.values[0] for entry in found.color] == [f"{folder}/rgb/{i}.png" for i in range(FRAMES)]
+
+
+@pytest.mark.parametrize(("color", "depth"), [("RGB/{}.png", "Depth_reg/{}.png"), ("rgb_{}.png", "depth_{}.png")])
+def test_a_list_of_pairs_says_where_the_images_are(tmp_path: Path, color: str, depth: str) -> None:
+    images(tmp_path, color, depth)
+    lines = [f"100.{i} {color.format(i)} 100.{i} {depth.format(i)}" for i in range(FRAMES)]
+    (tmp_path / "associations.txt").write_text("\n".join(lines))
+    found = layout_of(tmp_path)
+    assert found.name == "associations.txt"
+    assert [entry.values for entry in found.color] == [(color.format(i),) for i in range(FRAMES)]
+    assert [entry.values for entry in found.depth] == [(depth.format(i),) for i in range(FRAMES)]
+
+
+def test_a_list_of_colour_alone_gives_way_to_one_of_pairs(tmp_path: Path) -> None:
+    pairs(tmp_path)
+    (tmp_path / "rgb.txt").write_text("100.0 rgb/0.png\n")
+    assert layout_of(tmp_path).name == "associations.txt"
+
+
+@pytest.mark.parametrize(("stamp", "name"), [("1305031102.{}", "1305031102.{}"), ("{}", "{}")])
+def test_depth_without_a_list_has_the_stamps_of_its_names(tmp_path: Path, stamp: str, name: str) -> None:
+    images(tmp_path, "rgb/{}.png", f"depth/{name}.png")
+    (tmp_path / "rgb.txt").write_text("\n".join(f"{stamp.format(i)} rgb/{i}.png" for i in range(FRAMES)))
+    found = layout_of(tmp_path)
+    assert [entry.stamp for entry in found.depth] == [entry.stamp for entry in found.color]
+    assert found.depth_scale == 5000.0
+
+
+def test_without_depth_its_list_is_asked_for(tmp_path: Path) -> None:
+    (tmp_path / "rgb.txt").write_text("100.0 rgb/0.png\n")
+    with pytest.raises(SourceError, match=r"depth\.txt cannot be read"):
+        layout_of(tmp_path)

@@ -105,6 +105,9 @@ distortion_model: plumb_bob
 """
 
 
+NO_LIST = "%YAML:1.0\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   data: 5\n"
+
+
 def test_ros_keys_in_opencvs_yaml_as_rtabmap_writes_them_are_a_calibration(tmp_path: Path) -> None:
     assert read(tmp_path, RTABMAP) == (CAMERA, TUM_DEPTH_SCALE)
 
@@ -119,6 +122,9 @@ def test_ros_keys_in_opencvs_yaml_as_rtabmap_writes_them_are_a_calibration(tmp_p
         ("%YAML:1.0\n---\nK: !!opencv-matrix\n   rows: [", "cannot be read as OpenCV's YAML"),
         ("%YAML:1.0\n", "lacks a camera_matrix"),
         (RTABMAP.replace("0., 1. ]", "0. ]"), "camera_matrix is no matrix of as many numbers as its rows and cols"),
+        (RTABMAP.replace("cols: 3", "cols: foo"), "camera_matrix is no matrix"),
+        (NO_LIST, "camera_matrix is no matrix"),
+        ("%YAML:1.0\n---\n- 1\n", "is a list"),
         (RTABMAP.replace("s: 3", "s: -3"), "camera_matrix is no matrix"),
         (RTABMAP.replace("0.2624", "none"), "distortion_coefficients is no matrix"),
         (RTABMAP.replace("plumb_bob", "equidistant"), "distortion model 'equidistant'"),

@@ -95,6 +95,16 @@ def test_a_camera_that_cannot_be_read_is_told(
     assert ("sensors.yaml" in caplog.text) == (sensors is not None)
 
 
+@pytest.mark.parametrize("mounts", ["trans_matrix: 5\n", "trans_matrix: [ 5 ]\n", "- 5\n"])
+def test_mounts_of_another_form_are_told_and_left_aside(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, mounts: str
+) -> None:
+    (openloris(tmp_path) / "trans_matrix.yaml").write_text(f"%YAML:1.0\n---\n{mounts}")
+    assert layout_of(tmp_path).truth == []
+    assert "trans_matrix.yaml" in caplog.text
+    assert "it goes on without truth" in caplog.text
+
+
 def test_a_pose_that_is_none_is_left_for_the_source_to_count(tmp_path: Path) -> None:
     openloris(tmp_path)
     (tmp_path / "groundtruth.txt").write_text("100.0 0 0 0 0 0 0 0\n100.1 1 0 0 0 0 0 1")

@@ -187,6 +187,22 @@ def test_a_sensor_whose_end_was_lost_ends_the_run_all_the_same(monkeypatch: pyte
     assert "the odometry has not heard" in display.say.call_args[0][1]
 
 
+def test_names_that_begin_with_a_dash_are_no_options_of_the_children(monkeypatch: pytest.MonkeyPatch) -> None:
+    started: dict[str, list[str]] = {}
+
+    class NotedChild(PretendedChild):
+        def __init__(self, name: str, arguments: list[str], environment: object, say: Says, held: object) -> None:
+            super().__init__(name, arguments, environment, say, held)
+            started[name] = arguments
+
+    monkeypatch.setattr("odom.service.run_processes.ChildProcess", NotedChild)
+    session: Any = SimpleNamespace(subscriber=lambda keys, depth: Statuses(repeat(None)))
+    plan = RunPlan("-walk", Path(), record=Path("-o.mcap"), overwrite=True, sensor_arguments=["--start=1"])
+    RunProcesses(plan, Settings(), "tcp/127.0.0.1:9", session, MagicMock())
+    assert started["sensor"] == ["sensor", "--consumers", "2", "--start=1", "--", "-walk"]
+    assert started["recorder"] == ["record", "--overwrite", "--", "-o.mcap"]
+
+
 @pytest.mark.parametrize("frames", [count(), repeat(None)], ids=["processes", "saves"])
 def test_an_odometry_at_work_is_waited_for_behind_its_sensor(
     monkeypatch: pytest.MonkeyPatch, frames: Iterable[int | None]

@@ -85,8 +85,8 @@ def judge_rhythm(name: str, stamps: Stamps, refused: Mapping[str, int] | None = 
         )
         return Finding(key, value, Verdict.BAD, advice)
     advice = (
-        "too slow for a camera in the hand: set the sensor to 30 frames a second (a dark room makes some "
-        "cameras expose longer: turn the light on)"
+        "too slow for a camera in the hand: set the sensor to 30 frames a second (a dark room makes some cameras "
+        "expose longer: turn the light on); where it gave more, the stamps are in another unit: write them in seconds"
     )
     return Finding.judged(key, value, found.rate_hz < _SLOWEST_HZ, advice)
 

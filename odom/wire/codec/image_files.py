@@ -28,7 +28,7 @@ _REDUCED = {8: cv2.IMREAD_REDUCED_COLOR_8, 4: cv2.IMREAD_REDUCED_COLOR_4, 2: cv2
 
 
 class OtherFormatError(WireError):
-    """Data that begin neither as a JPEG nor as a PNG file."""
+    """Data that begin neither as a JPEG nor as a PNG file, or hold numbers that are no shades."""
 
 
 def file_size(data: bytes | memoryview) -> tuple[int, int]:

@@ -18,7 +18,7 @@ from sensors.arena import ArenaOptions
 
 Read = tuple[RgbdRecording, list[RgbdFrame]]
 FULL_RATE_M = 0.00146
-"""The error of a walk through the arena at 30 Hz, as it was when two frames a second were still LOST."""
+"""The error of a walk through the arena at 30 Hz that the bars go by."""
 
 
 @pytest.fixture(scope="module")

@@ -94,6 +94,8 @@ def _run(
         raise error(f"{endings}; what was done so far is in {plan.out}")
     if not written:
         raise OdomError(f"{plan.out} holds no report.json, since it could not be written: make room, then run it again")
+    if unwritten := report.get("unwritten"):
+        raise OdomError(f"{unwritten} lines or files could not be written to {plan.out}: make room, then run it again")
     return report
 
 
@@ -126,7 +128,8 @@ def complete_report(out: Path, processes: RunProcesses) -> Report:
         try:
             judged = report_with_truth(out, total_frames=processes.total)
             both = {name: (report.get(name) or {}) | (judged.get(name) or {}) for name in ("chain", "chain_closed")}
-            report |= judged | both
+            unwritten = report.get("unwritten", 0) + judged.get("unwritten", 0)
+            report |= judged | both | {"unwritten": unwritten}
         except (OdomError, OSError) as error:
             report["truth_notes"] = [str(error)]
             _LOG.warning("not judged against truth: %s", error)

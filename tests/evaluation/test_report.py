@@ -87,6 +87,15 @@ def test_the_fields_of_the_contract_are_all_there_and_a_plot(run):
     assert len(np.unique(picture @ (1, 256, 256**2))) > 200
 
 
+def test_a_plot_that_cannot_be_written_costs_no_figure_and_is_counted(run):
+    (run / "plot.png").mkdir()
+    report = report_with_truth(run)
+    assert report["ate_m"] is not None
+    assert report["nees_mean"] is not None
+    assert report["unwritten"] == 1
+    assert "plot.png" in report["truth_notes"][-1]
+
+
 @pytest.mark.usefixtures("unplotted")
 def test_truth_of_a_marker_body_is_calibrated_by_the_name_in_its_file(run, scene):
     write_tum(run / "truth.txt", scene[3])

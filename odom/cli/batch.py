@@ -86,3 +86,5 @@ def batch(
         typer.echo(f"table: {out / 'summary.html'}{' (' + ', '.join(changes) + ')' if changes else ''}")
     if failures:
         raise OdomError(f"{len(failures)} of {len(planned)} recordings failed; the next call tries them again")
+    if count < len(planned):
+        raise OdomError(f"{len(planned) - count} of {len(planned)} recordings are not done; the next call does them")

@@ -84,6 +84,7 @@ WRONG = [
     (("arena", "--sensor", "kinect2", "--option", "walls=7"), "walls"),
     (("arena", "--option", "mocap_offset_s=inf"), "mocap_offset_s"),
     (("arena", "--option", "marker_deg=1e300"), "marker_deg"),
+    (("optitrack:",), "optitrack:: give optitrack:SERVER"),
     (("kinect", "--start", "1"), "has no use for --start"),
     (("kinect", "--option", "fps=0"), "fps"),
 ]

@@ -58,13 +58,16 @@ def wire_settings(
     namespace: str | None,
     ros2: int | None = None,
 ) -> "WireSettings":
-    """Return the session's settings; see `part_settings`."""
+    """Return the session's settings; raises ConfigError as `part_settings`, and for a namespace that cannot be."""
     from odom.service.settings_sources import part_settings
     from odom.wire.settings import WireSettings
+    from odom.wire.topics import Topics
 
     endpoints = {"connect": connect or None, "listen": listen or None}
     given = {**endpoints, "mode": mode, "namespace": namespace, "ros2_domain": ros2}
-    return part_settings("wire", WireSettings, config, given)
+    settings = part_settings("wire", WireSettings, config, given)
+    Topics(settings.namespace)
+    return settings
 
 
 def check_map(path: Path | None, localize: bool) -> None:

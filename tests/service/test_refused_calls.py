@@ -69,6 +69,8 @@ WRONG = [
     (("desk", "--start", "1e300"), "--start 1e+300: give at most 1e+08 seconds"),
     (("desk", "--end", "1305031102.2"), "counted from the beginning"),
     (("arena", "--seconds", "1e300"), "--seconds 1e+300"),
+    (("desk", "--namespace", "truth"), "give another name"),
+    (("desk", "--namespace", "a b"), "give letters"),
     (("desk", "--headless", "--web"), "contradict"),
     (("desk", "--record", "desk/rgb.txt"), "is what would be read"),
     (("desk", "--record", "desk/rgb.txt/new.mcap"), "nothing can be written"),
@@ -129,6 +131,17 @@ def test_a_second_run_into_a_folder_is_refused_by_the_name_of_its_holder(folder:
     with held(tmp_path / "out"):
         pass
     assert not any((tmp_path / "out").iterdir())
+
+
+@pytest.mark.parametrize(
+    ("command", "option"),
+    [("export", ("--to", "tum", "--out")), ("calibrate", ("--out",)), ("mask", ("--out",)), ("doctor", ("--json",))],
+)
+@pytest.mark.parametrize("place", ["desk/camera.yaml/out.yaml", "/proc/none/out.yaml"])
+def test_where_nothing_can_be_written_is_found_before_the_work(
+    folder: Path, command: str, option: tuple[str, ...], place: str
+) -> None:
+    assert "nothing can be written in" in refusal(command, folder, *option, place)
 
 
 def test_a_folder_that_cannot_be_written_is_refused(folder: Path) -> None:

@@ -133,6 +133,31 @@ def test_a_second_run_into_a_folder_is_refused_by_the_name_of_its_holder(folder:
     assert not any((tmp_path / "out").iterdir())
 
 
+OTHERS = [
+    (("recover", "old.mcap", "old.mcap"), "choose another name"),
+    (("recover", "old.mcap", "desk/rgb.txt"), "--overwrite"),
+    (("record", "old.mcap"), "--overwrite"),
+    (("import", "desk", "old.mcap"), "--overwrite"),
+    (("eval", "nosuch"), "nosuch: no such file"),
+    (("eval", "desk/rgb.txt", "nosuch"), "nosuch: no such file"),
+    (("bench", "sensitivity", "nosuch", "--only", "frontend.*"), "nosuch: no such file"),
+    (("map", "info", "desk"), "desk is a folder: give the name of a map's file"),
+    (("run", "desk", "--headless", "--map", "desk"), "desk is a folder: give the name of a map's file"),
+    (("map", "export", "desk.map", "--out", "old.mcap"), "nothing can be written in"),
+    (("--password-file", "desk/rgb.txt", "record", "new.mcap"), "--user"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "named"), OTHERS, ids=[" ".join(arguments) for arguments, _ in OTHERS])
+def test_other_commands_refuse_a_wrong_call_with_what_to_do_and_touch_nothing(
+    tmp_path: Path, folder: Path, arguments: tuple[str, ...], named: str
+) -> None:
+    record(tmp_path / "old.mcap")
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.is_file()}
+    assert named in refusal(*arguments)
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
 @pytest.mark.parametrize(
     ("command", "option"),
     [("export", ("--to", "tum", "--out")), ("calibrate", ("--out",)), ("mask", ("--out",)), ("doctor", ("--json",))],

@@ -69,8 +69,8 @@ def import_(
                         break
                 if not (frames or stop.is_set() or source.endswith(".csv")):  # Motive's are of truth alone
                     raise SourceError(
-                        f"{source}: no colour image came: see `odom info {source}` for what it holds, and whether "
-                        "--start is behind its end"
+                        f"{source}: no colour image came: `odom doctor {source}` says what it holds; --start may be "
+                        "behind its end"
                     )
             except SourceError:
                 if any(seen.isdisjoint(keys) for keys in (topics.color_keys, topics.depth_keys)):

@@ -29,11 +29,19 @@ SourceName = Annotated[
 Seed = Annotated[int, typer.Option(min=0, help="Seed of the arena.")]
 Start = Annotated[float, typer.Option(min=0, help="Seconds of a recording to skip.")]
 End = Annotated[float | None, typer.Option(min=0, help="Seconds from a recording's beginning to stop at.")]
-Seconds = Annotated[float | None, typer.Option(min=0, help="Length of the arena's session.")]
+Seconds = Annotated[
+    float | None,
+    typer.Option(min=0, help="End after so many seconds (arena, live cameras, ROS 2, motion capture)."),
+]
 OwnTopics = Annotated[
     list[str] | None, typer.Option(help="A recording's own topic: color=, depth=, camera_info= or truth=/name.")
 ]
-SourceOption = Annotated[list[str] | None, typer.Option(help="A setting of the source itself: name=value.")]
+SourceOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="A setting of the source itself: name=value (kinect, arena, ros2, optitrack; a wrong name lists all)."
+    ),
+]
 SimulatedSensor = Annotated[Literal["kinect1", "kinect2"], typer.Option("--sensor", help="What the arena simulates.")]
 Ros2 = Annotated[
     int | None,

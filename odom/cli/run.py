@@ -101,6 +101,7 @@ def run(
         source=source,
         out=folder,
         camera=camera,
+        start=start,
         sensor_arguments=sensor,
         odometry_arguments=options.odometry_arguments(map_, localize, mask),
         record=record,

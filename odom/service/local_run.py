@@ -52,7 +52,9 @@ def run(
         frames = report.get("frames")
         none = f"none of the {frames} frames was tracked" if frames else "no frame was processed"
         stopped = "the run was stopped before the first"
-        why = stopped if stop.is_set() else why_not_tracked(report, plan.source, open_again, settings.service.mask)
+        why = stopped
+        if not stop.is_set():
+            why = why_not_tracked(report, plan.source, open_again, settings.service.mask, plan.start)
         raise OdomError(f"{none}: {why}")
     if open_again is None or stop.is_set():
         return

@@ -54,6 +54,7 @@ WRONG = [
     (("typo.mcap",), "typo.mcap: no such file"),
     (("desk/camera.yaml",), "neither an .mcap recording"),
     (("desk", "--camera", "typo.yaml"), "typo.yaml cannot be read"),
+    (("desk", "--camera", "half.yaml"), "half.yaml lacks camera_matrix; README shows a whole file"),
     (("desk", "--option", "foo=1"), "has no use for --option"),
     (("desk", "--option", "foo"), "give name=value"),
     (("desk", "--topic", "color=/camera"), "has no use for --topic"),
@@ -97,6 +98,7 @@ def test_a_refused_run_starts_nothing_and_touches_nothing(
     tmp_path: Path, folder: Path, arguments: tuple[str, ...], named: str
 ) -> None:
     record(tmp_path / "old.mcap")
+    (tmp_path / "half.yaml").write_text("image_width: 640\nimage_height: 480\n")
     (tmp_path / "left.mcap.part").write_bytes(b"what a recorder that was killed has left")
     out = tmp_path / "good"
     out.mkdir()

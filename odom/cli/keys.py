@@ -7,6 +7,7 @@ import typer
 
 DEFAULT = ("router", "sensor.cam0", "odometry.cam0", "recorder", "viewer", "mocap")
 _DAYS = 365
+"""How long certificates are good for unless it is said. Longer: a stolen one is good for longer; shorter: more work."""
 
 
 def keys(

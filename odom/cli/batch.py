@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from odom.cli import options, signals
+from odom.cli.outputs import check_place
 
 
 def batch(
@@ -47,9 +48,15 @@ def batch(
     from odom.errors import ConfigError, OdomError
     from odom.service.progress import counting
     from odom.service.settings_sources import part_settings
+    from sensors.calibration_file import load_calibration
 
     if dask is not None and jobs is not None:
         raise ConfigError("--jobs is for this machine: a Dask cluster has as many workers as it was started with")
+    if end is not None and end <= start:
+        raise ConfigError(f"--end {end:g} is not behind --start {start:g}, and both count from the beginning")
+    if camera is not None:
+        load_calibration(camera)
+    check_place("--out", out / "results")
     before = read_rows(baseline) if baseline is not None else []
     settings = part_settings("odometry", OdometrySettings, config, {})
     chosen = shard_of(find_recordings(recordings), shard)

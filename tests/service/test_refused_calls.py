@@ -136,6 +136,9 @@ def test_a_second_run_into_a_folder_is_refused_by_the_name_of_its_holder(folder:
 
 
 OTHERS = [
+    (("batch", "old.mcap", "--out", "all", "--camera", "nosuch.yaml"), "nosuch.yaml cannot be read"),
+    (("batch", "old.mcap", "--out", "all", "--start", "5", "--end", "3"), "--end 3 is not behind --start 5"),
+    (("batch", "old.mcap", "--out", "desk/rgb.txt"), "nothing can be written in"),
     (("recover", "old.mcap", "old.mcap"), "choose another name"),
     (("recover", "old.mcap", "desk/rgb.txt"), "--overwrite"),
     (("record", "old.mcap"), "--overwrite"),
@@ -155,9 +158,9 @@ def test_other_commands_refuse_a_wrong_call_with_what_to_do_and_touch_nothing(
     tmp_path: Path, folder: Path, arguments: tuple[str, ...], named: str
 ) -> None:
     record(tmp_path / "old.mcap")
-    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.is_file()}
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
     assert named in refusal(*arguments)
-    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.is_file()} == before
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
 
 
 @pytest.mark.parametrize(

@@ -48,14 +48,13 @@ def batch(
     from odom.errors import ConfigError, OdomError
     from odom.service.progress import counting
     from odom.service.settings_sources import part_settings
-    from sensors.calibration_file import load_calibration
 
     if dask is not None and jobs is not None:
         raise ConfigError("--jobs is for this machine: a Dask cluster has as many workers as it was started with")
     if end is not None and end <= start:
         raise ConfigError(f"--end {end:g} is not behind --start {start:g}, and both count from the beginning")
-    if camera is not None:
-        load_calibration(camera)
+    if camera is not None and not camera.is_file():
+        raise ConfigError(f"calibration {camera} cannot be read: there is no such file")
     check_place("--out", out / "results")
     before = read_rows(baseline) if baseline is not None else []
     settings = part_settings("odometry", OdometrySettings, config, {})

@@ -84,8 +84,10 @@ def read_camera(content: Any, place: str) -> Camera:
         return Camera(*size, matrix[0], matrix[4], matrix[2], matrix[5], lens, _depth_model(content))
     except ConfigError as error:
         raise ConfigError(f"{place}: {error}") from error
-    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
-        raise ConfigError(f"{place}: missing or not a number: {error}") from error
+    except KeyError as error:
+        raise ConfigError(f"{place} lacks {error.args[0]}; README shows a whole file") from error
+    except (TypeError, AttributeError, ValueError, OverflowError) as error:
+        raise ConfigError(f"{place}: not a number: {error}; README shows a whole file") from error
 
 
 def _depth_model(content: Any) -> DepthModel:

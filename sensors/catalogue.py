@@ -99,9 +99,9 @@ def check_source(spec: str, options: SourceOptions) -> None:
 
         ros2_settings(spec, options)
     elif kind == "a motion capture server":
-        from sensors.optitrack.settings import OptiTrackSettings
+        from sensors.optitrack import optitrack_settings
 
-        read_options("optitrack", OptiTrackSettings, dict(options.extra))
+        optitrack_settings(spec, options)
     else:
         open_source(spec, options).close()
 

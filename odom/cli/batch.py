@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from odom.cli import options, signals
+from odom.cli.outputs import check_place
 
 
 def batch(
@@ -49,6 +50,11 @@ def batch(
 
     if dask is not None and jobs is not None:
         raise ConfigError("--jobs is for this machine: a Dask cluster has as many workers as it was started with")
+    if end is not None and end <= start:
+        raise ConfigError(f"--end {end:g} is not behind --start {start:g}, and both count from the beginning")
+    if camera is not None and not camera.is_file():
+        raise ConfigError(f"calibration {camera} cannot be read: there is no such file")
+    check_place("--out", out / "results")
     before = read_rows(baseline) if baseline is not None else []
     settings = options.with_mask(load_settings(config), None)
     chosen = shard_of(find_recordings(recordings), shard)
@@ -86,3 +92,5 @@ def batch(
         typer.echo(f"table: {out / 'summary.html'}{' (' + ', '.join(changes) + ')' if changes else ''}")
     if failures:
         raise OdomError(f"{len(failures)} of {len(planned)} recordings failed; the next call tries them again")
+    if count < len(planned):
+        raise OdomError(f"{len(planned) - count} of {len(planned)} recordings are not done; the next call does them")

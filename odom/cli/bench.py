@@ -106,12 +106,16 @@ def sensitivity(
     from odom.errors import ConfigError
     from odom.evaluation.sensitivity import COLUMNS, as_json, cells, changes, markdown, tuned_numbers
     from odom.service.progress import counting
+    from sensors.catalogue import check_source
+    from sensors.source import SourceOptions
 
     stop = signals.stop_event()
     check_files(json_file)
     numbers = tuned_numbers(only)
     if not numbers:
         raise ConfigError(f"no tuned number is called {only}: without --only all of them are tried")
+    for source in sources:
+        check_source(source, SourceOptions(camera=camera))
     files = (None if path is None else str(path) for path in (camera, config))
     runs = Runs(tuple(sources), seconds, *files)
     with counting("measured", 1 + sum(len(changes(number)) for number in numbers), "values") as progress:

@@ -21,6 +21,7 @@ from odom.cli.options import (
     Start,
     pairs,
 )
+from odom.cli.outputs import check_place
 
 if TYPE_CHECKING:
     from odom.service.calibration_run import Outcome
@@ -73,6 +74,7 @@ def calibrate(
     files = [out, out.with_suffix(".txt"), out.with_suffix(".png")]
     if not overwrite and (there := [str(file) for file in files if file.exists()]):
         raise ConfigError(f"{', '.join(there)}: there already; give --overwrite or another --out")
+    check_place("--out", out)
     cv2.setNumThreads(1)
     chosen = SourceOptions(
         camera=camera, start=start, end=end, topics_from=pairs("--topic", topic), sensor=kind, seed=seed,

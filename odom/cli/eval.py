@@ -73,6 +73,9 @@ def evaluate(
     for option, seconds in (("--max-gap", max_gap), ("--search", search)):
         if seconds is not None and not seconds >= 0.0:
             raise ConfigError(f"{option} {seconds}: give seconds, 0 or more")
+    for path in (estimate, truth):
+        if path is not None and not path.exists():
+            raise ConfigError(f"{path}: no such file or folder")
     check_files(json_file, plot)
     estimated = read_estimate(estimate, times=times, topic=topic)
     as_read, foreign = read_truth(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from odom.cli import options, signals
+from odom.cli.outputs import check_place
 
 if TYPE_CHECKING:
     import threading
@@ -65,6 +66,7 @@ def export(
     for folder in folders:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise ConfigError(f"{folder} is there already: give a new or empty folder")
+        check_place("--out", folder / to)
     wanted = ExportOptions(neighbours, unroll, voxel, farthest, memory)
     for source, folder in zip(sources, folders, strict=True):
         if (source / "trajectory.txt").is_file():

@@ -26,15 +26,18 @@ def import_(
 ) -> None:
     """Turn a folder of images into an MCAP recording: colour files byte for byte, depth lossless, truth with it.
 
+    Exit status 1, and no file, when no image of colour, or none of depth, can be used.
+
     Example: odom import rgbd_dataset_freiburg1_xyz xyz.mcap --camera camera.yaml
     """
     import cv2
 
-    from odom.errors import RecordingError
+    from odom.errors import RecordingError, SourceError
     from odom.service.progress import counting
     from odom.wire import Topics
     from odom.wire.recording import RecordingWriter
     from sensors.catalogue import open_source
+    from sensors.needed_images import NeededImages
     from sensors.source import SourceOptions
 
     cv2.setNumThreads(1)
@@ -48,8 +51,8 @@ def import_(
         topics_from=pairs("--topic", topic),
         extra=pairs("--option", option),
     )
-    frames = 0
-    with closing(open_source(source, options)) as opened:
+    frames, seen = 0, set[str]()
+    with closing(NeededImages(source, open_source(source, options), topics)) as opened:
         if not opened.lossless:
             raise RecordingError(f"{source} is live: record it with `odom sensor {source}` and `odom record {output}`")
         check_not_read(source, output)
@@ -58,12 +61,23 @@ def import_(
             RecordingWriter(output, compression, overwrite, {"source": name}) as writer,
             counting("import", opened.length) as progress,
         ):
-            for message in opened.messages():
-                writer.write(message)
-                frames += message.topic in topics.color_keys
-                progress(frames)
-                if stop.is_set():
-                    break
+            try:
+                for message in opened.messages():
+                    writer.write(message)
+                    frames += message.topic in topics.color_keys
+                    seen.add(message.topic)
+                    progress(frames)
+                    if stop.is_set():
+                        break
+                if not (frames or stop.is_set() or source.endswith(".csv")):  # Motive's are of truth alone
+                    raise SourceError(
+                        f"{source}: no colour image came: `odom doctor {source}` says what it holds; --start may be "
+                        "behind its end"
+                    )
+            except SourceError:
+                if any(seen.isdisjoint(keys) for keys in (topics.color_keys, topics.depth_keys)):
+                    writer.drop()
+                raise
             if stop.is_set() and output.exists():
                 raise RecordingError(f"interrupted: {output} stays as it was")
     ended = " (interrupted)" if stop.is_set() else ""

@@ -6,6 +6,8 @@ from typing import Annotated
 import typer
 
 DEFAULT = ("router", "sensor.cam0", "odometry.cam0", "recorder", "viewer", "mocap")
+_DAYS = 365
+"""How long certificates are good for unless it is said. Longer: a stolen one is good for longer; shorter: more work."""
 
 
 def keys(
@@ -17,19 +19,27 @@ def keys(
     host: Annotated[
         list[str] | None, typer.Option(help="Name or address under which the router is reached; may be repeated.")
     ] = None,
-    days: Annotated[int, typer.Option(min=1, max=36500, help="How long the certificates are good for.")] = 365,
+    days: Annotated[
+        int | None, typer.Option(min=1, max=36500, help="How long the certificates are good for; default 365.")
+    ] = None,
 ) -> None:
     """Make the certificates with which the processes of a rig know each other.
 
     Each host gets ca.pem and the .pem and .key of what runs there; ca.key stays where it is. Files are named
-    for the identities: sensor.cam0.pem, and sensor.lab-cam0.pem for sensor.lab/cam0.
+    for the identities: sensor.cam0.pem, and sensor.lab-cam0.pem for sensor.lab/cam0. Those that are there stay as they
+    are; exit status 1 when one of them is for other hosts or days than these.
 
     Example: odom keys rig-keys --host rig.local --host 192.168.1.10 router sensor.cam0 odometry.cam0 viewer
     """
-    from odom.wire.certificates import make_keys
+    from odom.errors import OdomError
+    from odom.wire.certificates import make_keys, outdated
 
-    written = make_keys(folder, identities or DEFAULT, host or (), days)
+    identities, host = identities or list(DEFAULT), host or []
+    written = make_keys(folder, identities, host, days or _DAYS)
     for file in written:
         typer.echo(str(file))
+    if old := outdated(folder, identities, host, days):
+        names = ", ".join(f"{file.name} and {file.stem}.key" for file in old)
+        raise OdomError(f"{folder} holds certificates for other hosts or days: delete {names} to renew them")
     if not written:
         typer.echo(f"{folder} already holds these certificates; nothing was changed")

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from odom.cli.outputs import check_place
 from odom.errors import ConfigError, OdomError
 
 map_ = typer.Typer(help="Maps that outlive a run: look into them, mend, merge and prune them.", no_args_is_help=True)
@@ -68,6 +69,7 @@ def export(
     from odom.map_file.map_file import MapFile
     from odom.map_file.summary import write_files
 
+    check_place("--out", out / "landmarks.ply")
     with closing(MapFile(file, is_written=False)) as opened:
         for path in write_files(opened, out):
             typer.echo(str(path))

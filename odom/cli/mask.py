@@ -7,6 +7,7 @@ import typer
 
 from odom.cli import signals
 from odom.cli.options import Calibration, OwnTopics, SourceName, SourceOption, Start, pairs
+from odom.cli.outputs import check_place, in_its_folder
 
 
 def mask(
@@ -36,6 +37,7 @@ def mask(
 
     if out.exists() and not overwrite:
         raise ConfigError(f"{out}: there already; give --overwrite or another --out")
+    check_place("--out", out)
     stop = signals.stop_event()
     options = SourceOptions(
         camera=camera, start=start, topics_from=pairs("--topic", topic), extra=pairs("--option", option)
@@ -49,5 +51,5 @@ def mask(
     if not found.mask.any():
         typer.echo(f"{source}: nothing stays the same wherever the camera goes; no mask is needed, none is written")
         raise typer.Exit(1)
-    write_mask(out, found.mask)
+    write_mask(in_its_folder(out), found.mask)
     typer.echo(f"{out}: {found.share:.0%} of the image stays the same in {found.looks} looks; give --mask {out}")

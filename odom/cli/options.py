@@ -29,11 +29,19 @@ SourceName = Annotated[
 Seed = Annotated[int, typer.Option(min=0, help="Seed of the arena.")]
 Start = Annotated[float, typer.Option(min=0, help="Seconds of a recording to skip.")]
 End = Annotated[float | None, typer.Option(min=0, help="Seconds from a recording's beginning to stop at.")]
-Seconds = Annotated[float | None, typer.Option(min=0, help="Length of the arena's session.")]
+Seconds = Annotated[
+    float | None,
+    typer.Option(min=0, help="End after so many seconds (arena, live cameras, ROS 2, motion capture)."),
+]
 OwnTopics = Annotated[
     list[str] | None, typer.Option(help="A recording's own topic: color=, depth=, camera_info= or truth=/name.")
 ]
-SourceOption = Annotated[list[str] | None, typer.Option(help="A setting of the source itself: name=value.")]
+SourceOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="A setting of the source itself: name=value (kinect, arena, ros2, optitrack; a wrong name lists all)."
+    ),
+]
 SimulatedSensor = Annotated[Literal["kinect1", "kinect2"], typer.Option("--sensor", help="What the arena simulates.")]
 Ros2 = Annotated[
     int | None,
@@ -58,13 +66,16 @@ def wire_settings(
     namespace: str | None,
     ros2: int | None = None,
 ) -> "WireSettings":
-    """Return the session's settings; see `part_settings`."""
+    """Return the session's settings; raises ConfigError as `part_settings`, and for a namespace that cannot be."""
     from odom.service.settings_sources import part_settings
     from odom.wire.settings import WireSettings
+    from odom.wire.topics import Topics
 
     endpoints = {"connect": connect or None, "listen": listen or None}
     given = {**endpoints, "mode": mode, "namespace": namespace, "ros2_domain": ros2}
-    return part_settings("wire", WireSettings, config, given)
+    settings = part_settings("wire", WireSettings, config, given)
+    Topics(settings.namespace)
+    return settings
 
 
 def check_map(path: Path | None, localize: bool) -> None:

@@ -2,8 +2,8 @@
 
 import json
 import math
-import os
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 from odom.errors import ConfigError, RecordingError
@@ -27,7 +27,7 @@ def check_recording(source: str, output: Path, overwrite: bool) -> None:
         check_free(output, overwrite)
     except RecordingError as error:
         raise ConfigError(f"--record: {error}") from error
-    _check_place("--record", output)
+    check_place("--record", output)
 
 
 def check_files(json_file: Path | None, picture: Path | None = None) -> None:
@@ -37,12 +37,21 @@ def check_files(json_file: Path | None, picture: Path | None = None) -> None:
             continue
         if path.is_dir():
             raise ConfigError(f"{option} {path} is a folder: give the name of a file in it")
-        _check_place(option, path)
+        check_place(option, path)
     if picture is not None and picture.suffix:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
 
         if picture.suffix[1:].lower() not in FigureCanvasAgg.get_supported_filetypes():
             raise ConfigError(f"--plot {picture}: {picture.suffix} is no kind of picture: let it end with .png or .pdf")
+
+
+def check_place(option: str, output: Path) -> None:
+    """Raise ConfigError where no file or folder `output` can be made, nor the folders above it; none is made."""
+    folder = next(parent for parent in output.absolute().parents if parent.exists())
+    try:
+        TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise ConfigError(f"{option} {output}: nothing can be written in {folder}; give another place") from error
 
 
 def in_its_folder(path: Path) -> Path:
@@ -54,12 +63,6 @@ def in_its_folder(path: Path) -> Path:
 def write_json(path: Path, content: Any, indent: int | None = None) -> None:
     """Write figures as JSON, null for one that is not finite: JSON has no NaN, and other programs refuse it."""
     in_its_folder(path).write_text(json.dumps(_finite(content), indent=indent, allow_nan=False) + "\n")
-
-
-def _check_place(option: str, output: Path) -> None:
-    folder = next(parent for parent in output.absolute().parents if parent.exists())
-    if not (folder.is_dir() and os.access(folder, os.W_OK)):
-        raise ConfigError(f"{option} {output}: nothing can be written in {folder}; give another place")
 
 
 def _finite(value: Any) -> Any:

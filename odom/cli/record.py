@@ -36,10 +36,11 @@ def record(
     The bytes of the wire go into the file as they are. A recorded source waits for this recorder: nothing is lost.
     It grows as OUTPUT.part, which becomes OUTPUT at the end. After a crash it lacks at most the last half second:
     `odom recover OUTPUT.part OUT.mcap`. With {time} in its name a supervisor may start it again, even within the same
-    second.
+    second. Exit status 1, and no file, when no message came.
 
     Example: odom record session.mcap
     """
+    from odom.errors import OdomError
     from odom.service.progress import counting
     from odom.wire import Topics
     from odom.wire.allocator import give_back_large_blocks
@@ -60,6 +61,11 @@ def record(
     ):
         _LOG.info("recording to %s, which becomes %s at the end", writer.part, writer.path)
         report = Recorder(session, topics, writer, estimates).run(stop, progress)
+        if not writer.count:
+            raise OdomError(
+                f"no message came for {topics.namespace}, nothing is written; is its sensor up, with the same "
+                "--namespace, and do --connect and --listen lead to each other?"
+            )
     missing = f", {report.lost} lost on the way" if report.lost else ""
     typer.echo(
         f"{writer.path}: {report.frames} frames, {writer.count} messages{missing}, "

@@ -66,6 +66,7 @@ def run(
     from odom.service.run_processes import RunPlan
     from odom.service.settings import load_settings
     from odom.service.settings_sources import CONFIG_ENVIRONMENT
+    from odom.wire.topics import Topics
     from sensors.catalogue import open_source
     from sensors.source import SourceOptions
 
@@ -87,6 +88,7 @@ def run(
     sensor += sensor_option or ()
     if headless and web:
         raise ConfigError("--headless and --web contradict each other: give one of them")
+    Topics(settings.wire.namespace)
     _check_sensor(source, sensor)
     options.check_map(map_, localize)
     settings = options.with_mask(settings, mask)
@@ -99,6 +101,7 @@ def run(
         source=source,
         out=folder,
         camera=camera,
+        start=start,
         sensor_arguments=sensor,
         odometry_arguments=options.odometry_arguments(map_, localize, mask),
         record=record,

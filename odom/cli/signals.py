@@ -1,4 +1,4 @@
-"""Ends a process on request: the first SIGINT or SIGTERM sets an event, the second ends it at once."""
+"""Ends a process on request: the first SIGINT, SIGTERM or SIGHUP sets an event, the second ends it at once."""
 
 import atexit
 import os
@@ -19,8 +19,9 @@ _POLL_S = 0.05
 def stop_event() -> threading.Event:
     """Return an event that the first SIGINT or SIGTERM sets; the second has its default effect.
 
-    Only the main thread may call this. While the interpreter shuts down, SIGTERM is ignored: it would replace the exit
-    status, and a parent that has just asked for the end would take a failure for an end on request.
+    So does SIGHUP, of a terminal that is closed, unless it is ignored (nohup). Only the main thread may call this.
+    While the interpreter shuts down, SIGTERM and SIGHUP are ignored: they would replace the exit status, and a parent
+    that has just asked for the end would take a failure for an end on request.
     """
     stop = threading.Event()
 
@@ -29,8 +30,10 @@ def stop_event() -> threading.Event:
         signal.signal(number, signal.SIG_DFL)
 
     signal.signal(signal.SIGINT, handle)
-    signal.signal(signal.SIGTERM, handle)
-    atexit.register(signal.signal, signal.SIGTERM, signal.SIG_IGN)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if number == signal.SIGTERM or signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, handle)
+        atexit.register(signal.signal, number, signal.SIG_IGN)
     return stop
 
 

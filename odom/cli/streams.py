@@ -14,15 +14,15 @@ if TYPE_CHECKING:
 def outlive_readers() -> None:
     """Let a log that is closed, full or no longer read cost nothing but the log.
 
-    Standard output, which carries results, forgives only that its reader has gone (`odom ... | head`): a full disk
-    below it is still an error.
+    Standard output, which carries results, forgives only that its reader has gone (`odom ... | head`, a terminal that
+    was closed): a full disk below it is still an error.
     """
     for expected in range(3):
         try:
             os.fstat(expected)
         except OSError:
             os.open(os.devnull, os.O_RDWR)  # takes the lowest free number, that of the closed stream
-    sys.stdout = _stream(1, sys.stdout, (errno.EPIPE,))
+    sys.stdout = _stream(1, sys.stdout, (errno.EPIPE, errno.EIO) if os.isatty(1) else (errno.EPIPE,))
     sys.stderr = _stream(2, sys.stderr, None)
 
 

@@ -44,7 +44,7 @@ def report_with_truth(
     (None: as `truth.txt` says, see `body_of`): unless it is `camera`, clock offset and hand-eye transformation are
     estimated, or imposed by `calibration_options`, and used for every figure. A figure that cannot be computed is None,
     and `truth_notes` say why. NEES allows for the truth's own noise where its samples show it (see `noise`),
-    `..._exact_truth` does not.
+    `..._exact_truth` does not. A plot that cannot be written is noted, too, and counted in `unwritten`.
 
     Raises SourceError when `trajectory.txt` or `truth.txt` cannot be read.
     """
@@ -67,7 +67,6 @@ def report_with_truth(
     online = _online(out_dir / "odometry.txt", estimate, truth, options)
     files = (out_dir / "relative_step.txt", out_dir / "relative_second.txt")
     step, second = (read_relative(path) if path.is_file() else None for path in files)
-    plot(out_dir / "plot.png", final, online, _claimed(second, truth, final), title, remarks(calibration))
     fields = {
         **error_fields(final),
         "ate_online_m": online.ate_m if online else None,
@@ -78,6 +77,10 @@ def report_with_truth(
         "chain_closed": trajectory_fields(out_dir / "chain_closed.txt", truth, options),
         "truth_notes": [*convention_notes(read, final, report_by), *judged.notes],
     }
+    try:
+        plot(out_dir / "plot.png", final, online, _claimed(second, truth, final), title, remarks(calibration))
+    except OSError as error:
+        fields |= {"unwritten": 1, "truth_notes": [*fields["truth_notes"], f"plot.png is not drawn: {error}"]}
     return {key: _finite(value) for key, value in fields.items()}
 
 

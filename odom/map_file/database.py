@@ -42,8 +42,11 @@ def is_there(path: Path) -> bool:
 def connect(path: Path, is_written: bool) -> sqlite3.Connection:
     """Open a map for reading alone, or for writing; for writing it is made where there is none.
 
-    Raises ConfigError for what is no map, or one of a newer version; MapError where it is damaged or cannot be opened.
+    Raises ConfigError for a folder, for what is no map, or for one of a newer version; MapError where it is damaged or
+    cannot be opened.
     """
+    if path.is_dir():
+        raise ConfigError(f"{path} is a folder: give the name of a map's file in it")
     if is_there(path):
         with path.open("rb") as file:
             if file.read(len(_SQLITE)) != _SQLITE:

@@ -45,13 +45,20 @@ _OTHER_REMEDY = "see to that first, and run it again"
 
 
 def why_not_tracked(
-    report: dict[str, Any], source: str, open_again: Callable[[], Source] | None, mask: Path | None = None
+    report: dict[str, Any],
+    source: str,
+    open_again: Callable[[], Source] | None,
+    mask: Path | None = None,
+    start: float = 0.0,
 ) -> str:
     """Return what is wrong with a source of which nothing was tracked, and what to do.
 
     A source that can be opened again is examined as by `odom doctor`; for others the odometry's `report` gives the
-    reason for which most frames were lost. The file `mask` says what is known to be the camera's carrier.
+    reason for which most frames were lost. The file `mask` says what is known to be the camera's carrier, `start` how
+    many seconds were skipped.
     """
+    if start and not report.get("colour", {}).get("given"):
+        return f"--start {start:g} is behind the end of {source}: give less"
     if open_again is not None:
         try:
             if found := _main_fault(_quietly(open_again), mask):

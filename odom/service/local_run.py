@@ -9,10 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from odom.errors import ConfigError, OdomError
+from odom.errors import OdomError
 from odom.service import previous_results
 from odom.service.calibration_offer import keep_depth_images, remember_calibration
-from odom.service.child_process import CALLED_WRONGLY
 from odom.service.failed_tracking import why_not_tracked, why_poor
 from odom.service.input_report import with_source
 from odom.service.progress import open_display
@@ -41,9 +40,9 @@ def run(
     The report comes before the wait for a viewer that stays open, and also after a failure, if there was a frame.
     Results of an earlier run there are set aside first: if this one ended at once, they would be taken for its own.
 
-    Raises ConfigError when another run writes there; at the end OdomError naming the processes that failed, ConfigError
-    when the first of them was called wrongly; OdomError, too, with the reason, when no frame was tracked: a recorded
-    source is opened again to find it. Results are saved before that.
+    Raises ConfigError when another run writes there; at the end OdomError naming the processes that failed, or
+    with the reason when no frame was tracked: a recorded source is opened again to find it. Results are saved before
+    that.
     """
     with held(plan.out) as lock:
         if (aside := previous_results.set_aside(plan.out, shown=True)) is not None:
@@ -53,7 +52,9 @@ def run(
         frames = report.get("frames")
         none = f"none of the {frames} frames was tracked" if frames else "no frame was processed"
         stopped = "the run was stopped before the first"
-        why = stopped if stop.is_set() else why_not_tracked(report, plan.source, open_again, settings.service.mask)
+        why = stopped
+        if not stop.is_set():
+            why = why_not_tracked(report, plan.source, open_again, settings.service.mask, plan.start)
         raise OdomError(f"{none}: {why}")
     if open_again is None or stop.is_set():
         return
@@ -89,11 +90,12 @@ def _run(
             processes.end_viewer()
     written = _write(plan.out, report | _resources(processes, time.monotonic() - begun))
     if failed := processes.failures:
-        error = ConfigError if failed[0].status == CALLED_WRONGLY else OdomError
         endings = ", ".join(f"the {child.name} {child.ending()}" for child in failed)
-        raise error(f"{endings}; what was done so far is in {plan.out}")
+        raise OdomError(f"{endings}; what was done so far is in {plan.out}")
     if not written:
         raise OdomError(f"{plan.out} holds no report.json, since it could not be written: make room, then run it again")
+    if unwritten := report.get("unwritten"):
+        raise OdomError(f"{unwritten} lines or files could not be written to {plan.out}: make room, then run it again")
     return report
 
 
@@ -126,7 +128,8 @@ def complete_report(out: Path, processes: RunProcesses) -> Report:
         try:
             judged = report_with_truth(out, total_frames=processes.total)
             both = {name: (report.get(name) or {}) | (judged.get(name) or {}) for name in ("chain", "chain_closed")}
-            report |= judged | both
+            unwritten = report.get("unwritten", 0) + judged.get("unwritten", 0)
+            report |= judged | both | {"unwritten": unwritten}
         except (OdomError, OSError) as error:
             report["truth_notes"] = [str(error)]
             _LOG.warning("not judged against truth: %s", error)

@@ -35,6 +35,7 @@ _DISPENSABLE = ("viewer", "recorder")
 class RunPlan:
     """What to start: arguments of sensor, odometry and viewer (None: no viewer), and where files go.
 
+    The sensor skips the first `start` seconds of the source.
     With `overwrite` the file of `record` may be replaced. With `stay` the viewer is kept open after the end of the
     source. With `remember` the calibration that the run finds is kept for the device's next runs.
     """
@@ -42,6 +43,7 @@ class RunPlan:
     source: str
     out: Path
     camera: Path | None = None
+    start: float = 0.0
     sensor_arguments: Sequence[str] = ()
     odometry_arguments: Sequence[str] = ()
     record: Path | None = None

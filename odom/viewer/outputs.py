@@ -23,6 +23,7 @@ import rerun as rr
 from odom.errors import ConfigError, OdomError
 from odom.viewer.blueprint import blueprint
 from odom.viewer.settings import ViewerSettings
+from odom.viewer.usage_data import without_usage_data
 
 _LOG = logging.getLogger(__name__)
 APPLICATION = "rgbd-odom"
@@ -207,22 +208,24 @@ def _origin(host: str) -> str:
 
 @contextmanager
 def _child(arguments: Sequence[str], errors: IO[bytes] | None = None) -> Iterator[subprocess.Popen[bytes]]:
-    process = subprocess.Popen(
-        [str(_program()), *arguments],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL if errors is None else errors,
-        preexec_fn=_end_with_parent if sys.platform == "linux" else None,
-    )
-    try:
-        yield process
-    finally:
-        process.terminate()
+    with without_usage_data() as environment:
+        process = subprocess.Popen(
+            [str(_program()), *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL if errors is None else errors,
+            env=environment,
+            preexec_fn=_end_with_parent if sys.platform == "linux" else None,
+        )
         try:
-            process.wait(_END_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+            yield process
+        finally:
+            process.terminate()
+            try:
+                process.wait(_END_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
 
 
 def _program() -> Path:

@@ -23,6 +23,7 @@ from odom.viewer.settings import ViewerSettings
 from odom.wire import TRUTH, Topics, WireSettings
 from odom.wire.delivery import delivery_of
 from odom.wire.session import Subscriber, WireSession, open_session
+from odom.wire.unheard import Unheard
 
 _LOG = logging.getLogger(__name__)
 _NICE = 10
@@ -90,6 +91,7 @@ class Viewer:
         self._rate_limit = ImageRateLimit(self.settings.image_rate_hz)
         self._shown_messages = 0
         self._repeat_due = time.monotonic() + _REPEAT_S
+        self._unheard = Unheard(self.session, self.topics)
         t = self.topics
         small = (t.camera_info, t.odom, t.pose, t.path, t.loops, t.status, t.features, t.landmarks, t.keyframes, t.end)
         more = (f"{t.path}/*", t.chain, t.chain_closed, t.moving, TRUTH)
@@ -126,6 +128,8 @@ class Viewer:
         if is_asked_to_end():
             return
         self._next(self._images, _WAIT_S)
+        if not self._shown_messages:
+            self._unheard.look()
         if repeat and time.monotonic() >= self._repeat_due:
             self._repeat_due = time.monotonic() + _REPEAT_S
             self._draw(self._scene.everything())

@@ -9,6 +9,7 @@ from odom.wire.codec import decode_text, encode_numbers
 from odom.wire.session import Delivery, WireSession
 from odom.wire.subscriber import SMALL_BYTES
 from odom.wire.topics import Topics
+from odom.wire.unheard import Unheard
 
 _WAITING_REPORT_S = 0.25
 """Seconds between two reports of a consumer that waits. Smaller: more messages; larger: a sender needs longer to find
@@ -23,7 +24,8 @@ class Consumer:
 
     `name` (`odometry`, `recorder`) must be this consumer's own: two of one name would acknowledge for each other. The
     key of the end is subscribed before all others: once the end has come, so has all that a live source sent before.
-    `malformed`, `counters` and `total` are those of the `Subscriber`; `ended` says why the source has ended.
+    `malformed`, `counters` and `total` are those of the `Subscriber`; `ended` says why the source has ended. While
+    nothing has come at all, it is logged now and then.
     """
 
     def __init__(self, session: WireSession, topics: Topics, name: str, keys: Iterable[str], depth: int = 3) -> None:
@@ -36,7 +38,8 @@ class Consumer:
         self._publisher = session.publisher(urgent=True)
         self._last: Delivery | None = None
         self._consumed = (0, 0)
-        self._is_waiting = False
+        self._is_waiting = self._has_heard = False
+        self._unheard = Unheard(session, topics)
         session.announce(self._key)
 
     def receive(self, timeout: float | None = None) -> Delivery | None:
@@ -52,9 +55,12 @@ class Consumer:
             delivery = self._subscriber.receive(max(0.0, min(_WAITING_REPORT_S, deadline - time.monotonic())))
             if delivery is None:
                 self._report(waiting=True)
+                if not self._has_heard:
+                    self._unheard.look()
                 if time.monotonic() >= deadline:
                     return None
                 continue
+            self._has_heard = True
             if self._is_waiting:
                 self._report(waiting=False)
             if delivery.lossless or delivery.message.topic == self._end:

@@ -74,6 +74,8 @@ def security_configuration(settings: SecuritySettings) -> dict[str, Any]:
             "transport/link/tls/verify_name_on_connect": True,
             "transport/link/tls/close_link_on_expiration": True,
         }
+    if settings.password_file is not None and not settings.user:
+        raise ConfigError(f"{settings.password_file}: give the name of the user whose password it holds (--user)")
     if settings.user:
         if settings.password_file is None:
             raise ConfigError(f"user {settings.user}: give the file that holds the password (--password-file)")

@@ -31,6 +31,8 @@ _LAST_PORT = 65535
 _CLIENT_TIMEOUT_MS = 5000
 """How long a client looks for its router before it fails, in ms. Longer: a wrong address is reported later; shorter: a
 router that starts at the same time is missed. Peers look for ever."""
+_LIVING_S = 1.0
+"""Seconds to wait for those who say that they live. Shorter: a far one is missed; longer: the asker does nothing."""
 _RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
 """Pause between two attempts to connect: doubled from 0.1 s to 1 s. Longer: processes meet later after a restart."""
 _QUEUE_BATCHES = 8
@@ -81,6 +83,16 @@ class WireSession:
 
         watcher = self.zenoh.liveliness().declare_subscriber(key_expr, arrive, history=True)
         self._stack.callback(watcher.undeclare)
+
+    def living(self, key_expr: str) -> list[str]:
+        """Return the keys of the living tokens, of those who answer within a second."""
+        replies = self.zenoh.liveliness().get(key_expr, timeout=_LIVING_S)
+        return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether any other session is connected to this one."""
+        return bool(self.zenoh.info.peers_zid() or self.zenoh.info.routers_zid())
 
     def close(self) -> None:
         """Undeclare everything and close the session; safe to call twice."""

@@ -120,6 +120,8 @@ class Topics:
     def __post_init__(self) -> None:
         if not _NAME.match(self.namespace):
             raise ConfigError(f"namespace {self.namespace!r}: give letters, digits, underscores and inner slashes only")
+        if self.namespace.split("/")[0] == "truth":
+            raise ConfigError(f"namespace {self.namespace!r}: `truth` is motion capture's; give another name, as cam0")
 
     @property
     def color_keys(self) -> tuple[str, str]:

@@ -17,7 +17,7 @@ def ros2_settings(spec: str, options: SourceOptions) -> tuple[str, Ros2Settings]
 def open_ros2(spec: str, options: SourceOptions) -> Source:
     """Open `ros2:/camera`, the topics below that name.
 
-    Raises ConfigError, with what to do, when images or calibration do not come or cannot be used.
+    Raises SourceError, with what to do, when images or calibration do not come, ConfigError when they cannot be used.
     """
     prefix, settings = ros2_settings(spec, options)
     from sensors.ros2.source import Ros2Source

@@ -7,7 +7,7 @@ import logging
 import time
 from dataclasses import dataclass, field
 
-from odom.errors import ConfigError, RecordingError, WireError
+from odom.errors import ConfigError, RecordingError, SourceError, WireError
 from odom.frame import Camera
 from odom.wire import Message
 from odom.wire.codec import decode_tf
@@ -56,7 +56,7 @@ class Search:
     _wanted: tuple[str, ...] = ()
 
     def run(self) -> CameraTopics:
-        """Return the topics once they are clear, and listen to no others; raises ConfigError with what is missing."""
+        """Return the topics once they are clear, and listen to no others; raises SourceError with what is missing."""
         begun = time.monotonic()
         missing = "nothing has come yet"
         while time.monotonic() < begun + self.settings.start_s:
@@ -73,7 +73,7 @@ class Search:
                 continue
             self._leave_others(found)
             return found
-        raise ConfigError(self._what_is_missing(missing))
+        raise SourceError(self._what_is_missing(missing))
 
     def _is_settled(self) -> bool:
         now = time.monotonic()

@@ -31,8 +31,9 @@ _NODE = "odom_source"
 class Ros2Source:
     """Colour, depth and calibration of a driver; what the consumer is too slow for is dropped and counted.
 
-    Depth that the driver has not registered to colour is registered here. Raises ConfigError when the topics cannot be
-    found or used (see `Search`); later failures are logged, and it waits for the driver to come back.
+    Depth that the driver has not registered to colour is registered here. Raises SourceError when the topics cannot be
+    found, ConfigError when they cannot be used (see `Search`); later failures are logged, and it waits for the driver
+    to come back.
     """
 
     lossless = False

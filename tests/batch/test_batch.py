@@ -171,3 +171,16 @@ def test_wrong_calls_are_refused(tmp_path):
     assert "0 to n - 1" in finished(odom("batch", pieces, "--out", out, "--shard", "2/2"), status=2)
     assert "--jobs" in finished(odom("batch", pieces, "--out", out, "--dask", "tcp://x:1", "--jobs", "2"), status=2)
     assert not out.exists()
+
+
+def test_an_interrupted_batch_is_a_failure(tmp_path):
+    recordings, out = tmp_path / "pieces", tmp_path / "out"
+    recordings.mkdir()
+    for i in range(3):
+        (recordings / f"{i}.mcap").symlink_to(RECORDING)
+    first = odom("batch", recordings, "--out", out, "--jobs", "1")
+    deadline = time.monotonic() + 60
+    while not runs_of(first) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    first.terminate()
+    assert "recordings are not done; the next call does them" in finished(first, status=1, timeout=120)

@@ -97,6 +97,15 @@ def test_errors_of_an_estimate_that_began_later_are_drawn_at_their_time(scene):
     assert starts == {"corrected": 0.0, "online": pytest.approx(15.0)}
 
 
+def test_a_plot_that_cannot_be_written_costs_no_figure_and_is_counted(run):
+    (run / "plot.png").mkdir()
+    report = report_with_truth(run)
+    assert report["ate_m"] is not None
+    assert report["nees_mean"] is not None
+    assert report["unwritten"] == 1
+    assert "plot.png" in report["truth_notes"][-1]
+
+
 @pytest.mark.usefixtures("unplotted")
 def test_truth_of_a_marker_body_is_calibrated_by_the_name_in_its_file(run, scene):
     write_tum(run / "truth.txt", scene[3])
@@ -232,16 +241,23 @@ def test_the_command_imposes_what_is_known_of_mocap(run, scene, tmp_path):
 
 @pytest.mark.parametrize(
     ("arguments", "status"),
-    [(["nowhere.txt", "nowhere.txt"], 1), ([], 2), (["a", "b", "--time-offset", "soon"], 1)],
+    [
+        (["nowhere.txt", "nowhere.txt"], 2),
+        (["words.txt", "words.txt"], 1),
+        ([], 2),
+        (["words.txt", "--time-offset", "soon"], 1),
+    ],
 )
-def test_the_command_fails_with_the_contracts_status(arguments, status):
+def test_the_command_fails_with_the_contracts_status(tmp_path, monkeypatch, arguments, status):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "words.txt").write_text("no poses\n")
     assert odom("eval", *arguments).returncode == status
 
 
 @pytest.mark.parametrize("name", ["take_0.db3", "take.bag"])
 def test_a_single_file_of_a_bag_that_cannot_be_read_is_named(tmp_path, name):
     (tmp_path / name).write_bytes(b"SQLite format 3\0")
-    done = odom("eval", tmp_path / name, "truth.txt")
+    done = odom("eval", tmp_path / name, tmp_path / name)
     assert done.returncode == 1
     assert name in done.stderr
     assert "bag that can be read" in done.stderr

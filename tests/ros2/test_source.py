@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from ros2_network import DOMAIN, driver, free_port, other_node, router
 
-from odom.errors import ConfigError
+from odom.errors import ConfigError, SourceError
 from odom.frame import Camera, Stamp
 from odom.wire import Message, Topics, WireSettings
 from odom.wire.codec import (
@@ -86,7 +86,7 @@ def of(messages: list[Message], *topics: str) -> Message:
 
 
 def refusal(port: int, messages: Sequence[Message]) -> str:
-    with driver(port, messages), pytest.raises(ConfigError) as error:
+    with driver(port, messages), pytest.raises(SourceError) as error:
         open_source("ros2:/camera", options(port, start_s="2.5"))
     return str(error.value)
 

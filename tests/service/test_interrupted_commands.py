@@ -60,6 +60,26 @@ def test_an_interrupted_measurement_gives_the_figures_so_far(
     assert "total" in words[-1]
 
 
+HANGS_UP = """
+import os, signal, sys
+from odom.cli import signals
+
+if sys.argv[1] == "nohup":
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+stop = signals.stop_event()
+os.kill(os.getpid(), signal.SIGHUP)
+print(stop.wait(0.5))
+"""
+
+
+@pytest.mark.parametrize(("how", "ends"), [("shell", True), ("nohup", False)])
+def test_a_terminal_that_is_closed_ends_it_like_a_request_unless_it_is_ignored(how: str, ends: bool) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", HANGS_UP, how], timeout=60, check=False, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stdout) == (0, f"{ends}\n"), done.stderr
+
+
 FAILS = """
 import os, signal, sys
 from odom.cli import signals

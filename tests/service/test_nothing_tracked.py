@@ -12,7 +12,7 @@ from painted_wall import CAMERA, SIZE, write_wall
 from odom.service import failed_tracking
 from odom.service.failed_tracking import why_not_tracked, why_poor
 from sensors.catalogue import open_source
-from sensors.source import SourceOptions
+from sensors.source import Source, SourceOptions
 
 Start = Callable[..., "subprocess.Popen[str]"]
 WIDTH, HEIGHT = SIZE
@@ -51,6 +51,14 @@ def wall(tmp_path: Path) -> Path:
     folder = write_wall(tmp_path / "wall", frames=30)
     (folder / "camera.yaml").write_text(CAMERA)
     return folder
+
+
+def test_a_start_behind_the_end_is_told_and_no_cable_blamed(wall: Path) -> None:
+    def open_again() -> Source:
+        return open_source(str(wall), SourceOptions(start=1000.0))
+
+    nothing = {"frames": 0, "tracked": 0, "colour": {"given": 0, "used": 0, "refused": {}}}
+    assert "--start 1000 is behind the end" in why_not_tracked(nothing, str(wall), open_again, start=1000.0)
 
 
 @pytest.mark.parametrize("fault", ["black depth", "white images", "depth of 8 bits"])

@@ -54,6 +54,7 @@ WRONG = [
     (("typo.mcap",), "typo.mcap: no such file"),
     (("desk/camera.yaml",), "neither an .mcap recording"),
     (("desk", "--camera", "typo.yaml"), "typo.yaml cannot be read"),
+    (("desk", "--camera", "half.yaml"), "half.yaml lacks camera_matrix; README shows a whole file"),
     (("desk", "--option", "foo=1"), "has no use for --option"),
     (("desk", "--option", "foo"), "give name=value"),
     (("desk", "--topic", "color=/camera"), "has no use for --topic"),
@@ -69,6 +70,8 @@ WRONG = [
     (("desk", "--start", "1e300"), "--start 1e+300: give at most 1e+08 seconds"),
     (("desk", "--end", "1305031102.2"), "counted from the beginning"),
     (("arena", "--seconds", "1e300"), "--seconds 1e+300"),
+    (("desk", "--namespace", "truth"), "give another name"),
+    (("desk", "--namespace", "a b"), "give letters"),
     (("desk", "--headless", "--web"), "contradict"),
     (("desk", "--record", "desk/rgb.txt"), "is what would be read"),
     (("desk", "--record", "desk/rgb.txt/new.mcap"), "nothing can be written"),
@@ -84,6 +87,7 @@ WRONG = [
     (("arena", "--sensor", "kinect2", "--option", "walls=7"), "walls"),
     (("arena", "--option", "mocap_offset_s=inf"), "mocap_offset_s"),
     (("arena", "--option", "marker_deg=1e300"), "marker_deg"),
+    (("optitrack:",), "optitrack:: give optitrack:SERVER"),
     (("kinect", "--start", "1"), "has no use for --start"),
     (("kinect", "--option", "fps=0"), "fps"),
 ]
@@ -94,6 +98,7 @@ def test_a_refused_run_starts_nothing_and_touches_nothing(
     tmp_path: Path, folder: Path, arguments: tuple[str, ...], named: str
 ) -> None:
     record(tmp_path / "old.mcap")
+    (tmp_path / "half.yaml").write_text("image_width: 640\nimage_height: 480\n")
     (tmp_path / "left.mcap.part").write_bytes(b"what a recorder that was killed has left")
     out = tmp_path / "good"
     out.mkdir()
@@ -128,6 +133,45 @@ def test_a_second_run_into_a_folder_is_refused_by_the_name_of_its_holder(folder:
     with held(tmp_path / "out"):
         pass
     assert not any((tmp_path / "out").iterdir())
+
+
+OTHERS = [
+    (("batch", "old.mcap", "--out", "all", "--camera", "nosuch.yaml"), "nosuch.yaml cannot be read"),
+    (("batch", "old.mcap", "--out", "all", "--start", "5", "--end", "3"), "--end 3 is not behind --start 5"),
+    (("batch", "old.mcap", "--out", "desk/rgb.txt"), "nothing can be written in"),
+    (("recover", "old.mcap", "old.mcap"), "choose another name"),
+    (("recover", "old.mcap", "desk/rgb.txt"), "--overwrite"),
+    (("record", "old.mcap"), "--overwrite"),
+    (("import", "desk", "old.mcap"), "--overwrite"),
+    (("eval", "nosuch"), "nosuch: no such file"),
+    (("eval", "desk/rgb.txt", "nosuch"), "nosuch: no such file"),
+    (("bench", "sensitivity", "nosuch", "--only", "frontend.*"), "nosuch: no such file"),
+    (("map", "info", "desk"), "desk is a folder: give the name of a map's file"),
+    (("run", "desk", "--headless", "--map", "desk"), "desk is a folder: give the name of a map's file"),
+    (("map", "export", "desk.map", "--out", "old.mcap"), "nothing can be written in"),
+    (("--password-file", "desk/rgb.txt", "record", "new.mcap"), "--user"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "named"), OTHERS, ids=[" ".join(arguments) for arguments, _ in OTHERS])
+def test_other_commands_refuse_a_wrong_call_with_what_to_do_and_touch_nothing(
+    tmp_path: Path, folder: Path, arguments: tuple[str, ...], named: str
+) -> None:
+    record(tmp_path / "old.mcap")
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
+    assert named in refusal(*arguments)
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
+
+
+@pytest.mark.parametrize(
+    ("command", "option"),
+    [("export", ("--to", "tum", "--out")), ("calibrate", ("--out",)), ("mask", ("--out",)), ("doctor", ("--json",))],
+)
+@pytest.mark.parametrize("place", ["desk/camera.yaml/out.yaml", "/proc/none/out.yaml"])
+def test_where_nothing_can_be_written_is_found_before_the_work(
+    folder: Path, command: str, option: tuple[str, ...], place: str
+) -> None:
+    assert "nothing can be written in" in refusal(command, folder, *option, place)
 
 
 def test_a_folder_that_cannot_be_written_is_refused(folder: Path) -> None:

@@ -3,6 +3,7 @@ import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 
+from odom.errors import ConfigError
 from odom.wire import TRUTH, TRUTH_HISTORY, Topics, truth, truth_history
 from odom.wire.codec import cdr
 from odom.wire.topics import type_of
@@ -20,6 +21,13 @@ def test_the_history_of_a_device_is_below_its_namespace() -> None:
     topics = Topics("rig/cam1")
     assert (topics.history, topics.odom_history) == ("rig/cam1/history", "rig/cam1/history/odom")
     assert truth_history("camera rig") == "truth/camera_rig/history"
+
+
+@pytest.mark.parametrize("name", ["truth", "truth/a"])
+def test_no_device_has_the_namespace_of_motion_capture(name: str) -> None:
+    with pytest.raises(ConfigError, match="give another name"):
+        Topics(name)
+    assert Topics("truthful").namespace == "truthful"
 
 
 @pytest.mark.parametrize(

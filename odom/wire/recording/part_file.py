@@ -7,7 +7,7 @@ from itertools import count
 from pathlib import Path
 from typing import BinaryIO
 
-from odom.errors import RecordingError
+from odom.errors import ConfigError, RecordingError
 
 _LOG = logging.getLogger(__name__)
 
@@ -33,7 +33,7 @@ class PartFile:
                 try:
                     self.file: BinaryIO = _create(self.target, overwrite)
                     break
-                except _TakenError:
+                except TakenError:
                     if not beside:
                         raise
                 self.target = target.with_stem(f"{target.stem}-{next(numbers)}")
@@ -81,16 +81,16 @@ def how_to_save(part: Path) -> str:
 def check_free(target: Path, overwrite: bool) -> None:
     """Raise RecordingError when a recording of this name may not be begun."""
     if target.is_dir() or (target.exists() and not overwrite):
-        raise _TakenError(f"{target} exists already: choose another name or replace it with --overwrite")
+        raise TakenError(f"{target} exists already: choose another name or replace it with --overwrite")
     if part_of(target).exists():
-        raise _TakenError(
+        raise TakenError(
             f"{part_of(target)} is of a recorder at work, or of one that was killed: in that case "
             f"`odom recover {part_of(target)} OUT.mcap` saves it; remove it then, or choose another name"
         )
 
 
-class _TakenError(RecordingError):
-    """The name of a recording is taken."""
+class TakenError(RecordingError, ConfigError):
+    """The name of a recording is taken: the call is wrong, and nothing was touched."""
 
 
 def _create(target: Path, overwrite: bool) -> BinaryIO:

@@ -9,7 +9,7 @@ from mcap.writer import CompressionType, Writer
 
 from odom.errors import RecordingError
 from odom.wire.recording.mcap_file import McapFile
-from odom.wire.recording.part_file import PART
+from odom.wire.recording.part_file import PART, TakenError
 
 _CHUNK_BYTES = 1 << 20
 """Size of the chunks of the mended file. Larger: a viewer reads more for one message; smaller: a larger index."""
@@ -25,14 +25,14 @@ def recover(
     """Copy every whole message of a damaged recording into a sound one, with its own schemas and channels.
 
     `progress` is called with the number of messages copied so far; once `stopped` returns True, no more are copied.
-    Returns the number of messages and what was wrong. Raises RecordingError when nothing can be saved or `target`
-    exists and may not be replaced; it is replaced only once all that can be saved is written.
+    Returns the number of messages and what was wrong. Raises RecordingError when nothing can be saved, TakenError when
+    `target` exists and may not be replaced; it is replaced only once all that can be saved is written.
     """
     damaged, count = McapFile(source), 0
     if target.exists() and source.exists() and target.samefile(source):
-        raise RecordingError(f"{target} is the recording that is to be mended: choose another name")
+        raise TakenError(f"{target} is the recording that is to be mended: choose another name")
     if target.exists() and not overwrite:
-        raise RecordingError(f"{target} exists already: choose another name or replace it with --overwrite")
+        raise TakenError(f"{target} exists already: choose another name or replace it with --overwrite")
     messages = damaged.messages()
     first = next(messages, None)
     if first is None:

@@ -108,6 +108,11 @@ class RecordingWriter:
             saved = how_to_save(self.part)
             raise RecordingError(f"{self.path} cannot be finished: {error.strerror}; {saved}") from error
 
+    def drop(self) -> None:
+        """Remove what was written, which is of no use; a recording of this name stays as it was."""
+        self._closed = True
+        self._file.drop()
+
     def __enter__(self) -> Self:
         return self
 

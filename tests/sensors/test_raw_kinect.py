@@ -71,7 +71,7 @@ def test_raw_images_err_at_most_half_as_much_again_as_registered_ones_and_a_cali
         assert completeness == 1.0
         assert error_m < 0.0075
     assert by_average[2] > 3.0
-    assert by_found[2] < 2.0
+    assert by_found[2] < 0.75 * by_average[2]  # eight seconds of turning tell a lens to some pixels
 
 
 def make_unregistered(source: Path, folder: Path) -> None:

@@ -1,5 +1,6 @@
 """Every setting that changes a run's results reaches the runs of a batch, and counts among what names them."""
 
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -12,6 +13,10 @@ from odom.cli.batch import batch
 from odom.errors import ConfigError
 
 
+class OnlyPlannedError(Exception):
+    """Ends a batch before anything runs."""
+
+
 @pytest.fixture
 def planned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Return a function that gives the job that a batch of one recording would run, by the settings in a file."""
@@ -19,8 +24,13 @@ def planned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
     def plan(config: Path | None = None) -> Job:
         due: list[Job] = []
-        monkeypatch.setattr("odom.batch.fleet.run_here", lambda jobs, *_: due.extend(jobs))
-        with process_as_it_was():
+
+        def note(jobs: list[Job], *_: object) -> None:
+            due.extend(jobs)
+            raise OnlyPlannedError
+
+        monkeypatch.setattr("odom.batch.fleet.run_here", note)
+        with process_as_it_was(), suppress(OnlyPlannedError):
             batch([tmp_path / "walk.mcap"], tmp_path / "out", jobs=1, config=config)
         return due[0]
 

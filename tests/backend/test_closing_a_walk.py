@@ -40,8 +40,8 @@ def test_a_place_is_known_again_by_what_others_saw_there_not_by_the_key_frame_it
         local = tracker.around(candidate, newest.T_camera_map)
         all_around = tracker.track(seen.view, sensor, newest.T_camera_map, seen.twist, local)
         judged = track_place(map_, tracker, seen, candidate, newest.T_camera_map, sensor)
-        assert own & set(anchors[all_around.expected].tolist())
-        assert not own & set(anchors[judged.expected].tolist())
+        assert own & set(anchors[all_around.looked_for].tolist())
+        assert not own & set(anchors[judged.looked_for].tolist())
 
 
 def test_the_test_of_a_closed_walk_is_of_its_last_frame_or_is_not_made(frames):

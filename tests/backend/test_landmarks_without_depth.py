@@ -146,7 +146,7 @@ def test_where_enough_have_known_depth_the_others_do_not_decide_on_the_pose():
     for rows, counting in ((np.arange(300), deep), (np.arange(70, 300), np.ones(230, dtype=bool))):
         matches = LandmarkMatches(rows, np.zeros((len(rows), 2)), np.zeros((len(rows), 3)), np.ones(len(rows)), rows)
         np.testing.assert_array_equal(
-            FoundLandmarks.of(blank_view(1), SENSOR, matches, map_.landmarks).standing, counting
+            FoundLandmarks.of(blank_view(1), SENSOR, matches, map_.landmarks).counts, counting
         )
 
 

@@ -120,15 +120,15 @@ class FrameStages:
         The newest key frame is measured again by the motion that led here from it.
         """
         previous, clock = self.state, self.sensor.clock
-        since_previous_s = 0.0 if is_recovered or previous is None else previous.since_s(view.steady_stamp)
+        since_s = None if is_recovered or previous is None else previous.since_s(view.steady_stamp)
         if previous is not None and previous.is_bent and previous.since_s(view.steady_stamp) >= TUNING.longest_gap_s:
             self.mapper.inserter.recent.remember(previous)  # over so long a step its bend hardly counts
         step = np.zeros(6) if previous is None else previous.step_to(tracked)
-        is_near = 0.0 < since_previous_s < TUNING.longest_gap_s
-        twist = -step / since_previous_s if is_near else tracked.twist
-        self.mapper.inserter.remeasure_newest(twist if is_near else None, self.sensor)
-        note_sightings(self.map, tracked, since_previous_s, self.moving.is_doubtful)
-        noise_step = step if abs(since_previous_s - clock.period_s) < TUNING.steady_share * clock.period_s else None
+        near_s = since_s if since_s is not None and since_s < TUNING.longest_gap_s else None
+        twist = tracked.twist if near_s is None else -step / near_s
+        self.mapper.inserter.remeasure_newest(None if near_s is None else twist, self.sensor)
+        note_sightings(self.map, tracked, since_s or 0.0, self.moving.is_doubtful)
+        noise_step = step if abs((since_s or 0.0) - clock.period_s) < TUNING.steady_share * clock.period_s else None
         number, width = self.published.log.count, view.images.full.shape[1]
         noise = noise_after(self.sensor.noise, self.map, tracked, noise_step, number, width)
         self.sensor = self.sensor.with_noise(noise)
@@ -139,7 +139,7 @@ class FrameStages:
         self._visibility = self._visibility.with_tracked(view.stamp, tracked.chi2[tracked.inliers, 1])
         lacks_depth = self._visibility.lacks_depth(view.stamp)
         state, reason = judge_pose(tracked, vague, covariance, is_recovered, lacks_depth, self.moving.doubt)
-        return JudgedFrame(tracked, since_previous_s, twist, covariance, state, reason, self.moving)
+        return JudgedFrame(tracked, since_s, twist, covariance, state, reason, self.moving)
 
     def _advance(self, view: View, judged: JudgedFrame, watch: Stopwatch, on_pose: OnPose) -> Estimate:
         """Publish a judged frame, extend chain and map by it, and make it the newest one, unless it followed a body."""
@@ -151,7 +151,7 @@ class FrameStages:
         estimate = replace(
             self._describe(view, judged.state, judged.reason, published),
             inliers=tracked.inlier_count,
-            matches=len(tracked.expected),
+            matches=len(tracked.looked_for),
             features=Features(tracked.uv, np.where(tracked.inliers, np.sqrt(tracked.chi2[:, 0]), np.nan)),
         )
         on_pose(estimate)

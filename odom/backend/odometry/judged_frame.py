@@ -12,12 +12,12 @@ from odom.geometry.arrays import Array
 class JudgedFrame:
     """A tracked frame's pose `covariance` (6 x 6), `twist` (6, SI, camera frame), `state` and `reason`.
 
-    `since_previous_s` is the time since the frame before, 0 where the motion since then is not known; `moving` is what
-    moves in the view.
+    `since_previous_s` is the time since the frame before, None where the motion since then is not known; `moving` is
+    what moves in the view.
     """
 
     tracked: Tracked
-    since_previous_s: float
+    since_previous_s: float | None
     twist: Array
     covariance: Array
     state: State

@@ -1,4 +1,14 @@
-"""What moves in the view, judged some ten times a second, and whether that leaves the pose in doubt."""
+"""What moves in the view, judged some ten times a second, and whether that leaves the pose in doubt.
+
+The words for it, from the weakest to the strongest. A pose is
+
+- contested (`Tracked`) where some of the landmarks found vote for another one;
+- warned of there, after a doubt, and where landmarks from before do not speak for it: more corners are then looked at;
+- suspicious where much moves, or something else moves as one: other motions in the view may be rivals of the camera's;
+- denied (`Witnesses`) where landmarks from before contradict it;
+- doubtful where any of this is enough to make it UNCERTAIN;
+- left behind (`RivalMotions`) where another motion is the scene's: the camera follows a body, and the frame is LOST.
+"""
 
 from dataclasses import dataclass, field, replace
 

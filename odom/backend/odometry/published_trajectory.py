@@ -132,7 +132,7 @@ class PublishedTrajectory:
 
     def _filtered(self, T_odom_middle: Array, judged: JudgedFrame) -> Motion:
         """Return the filtered motion at a judged frame's middle row; the filter begins anew where none led there."""
-        if judged.since_previous_s and self._filter is not None:
+        if judged.since_previous_s is not None and self._filter is not None:
             self._filter = self._filter.tracked(T_odom_middle, judged.covariance, judged.since_previous_s)
         else:
             self._filter = MotionFilter.begun(T_odom_middle, judged.covariance, self._agility)
@@ -148,7 +148,7 @@ class PublishedTrajectory:
         origin = odom.origin
         if origin is None or self._filter is None or origin.segment != reference.segment:
             return motion
-        if origin.velocity is None and not judged.since_previous_s:
+        if origin.velocity is None and judged.since_previous_s is None:
             odom.origin = None
             return motion
         velocity = origin.velocity or Velocity(motion.twist, motion.P[6:, 6:])
@@ -161,7 +161,7 @@ class PublishedTrajectory:
         """Return a publication with the motions since the frame before and over a second, None where not known."""
         inliers, step, second = judged.tracked.inlier_count, None, None
         last = self._recent.last
-        if last is not None and judged.since_previous_s:
+        if last is not None and judged.since_previous_s is not None:
             step = self._motion_since(last, current, inliers, sensor)
         then = self._recent.a_second_before(current.frame.stamp)
         if then is not None:
@@ -233,7 +233,7 @@ class PublishedTrajectory:
             return Doubt()
         if moving.witnesses.is_rooted and not moving.is_doubtful:
             return last.doubt.known_again()
-        since_s = judged.since_previous_s + (0.0 if last.doubt.is_open else TUNING.moving_period_s)
+        since_s = (judged.since_previous_s or 0.0) + (0.0 if last.doubt.is_open else TUNING.moving_period_s)
         spread = moving.rivals.spread if moving.is_doubtful else None
         return last.doubt.after(se3.inverse(last.T_odom_camera) @ T_odom_camera, spread, since_s)
 

@@ -42,5 +42,5 @@ class Confirmation:
 
 
 def _is_sure(tracked: Tracked) -> bool:
-    sure = max(TUNING.sure_found_again, TUNING.sure_share * len(tracked.expected))
+    sure = max(TUNING.sure_found_again, TUNING.sure_share * len(tracked.looked_for))
     return tracked.found_again >= sure

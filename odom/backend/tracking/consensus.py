@@ -154,10 +154,11 @@ def _ray_errors(points: Array, rays: Array, T: Array) -> Array:
 def _agreement(voting: tuple[Array, Array, Array], sigma: float, T: Array, reach: tuple[Array, Array]) -> float:
     """Return the votes for the pose `T` of features: `voting` are their points, rays and votes, `sigma` the rays'.
 
-    `reach` is the expected T_map_camera, and how far a pose may be from it (m, rad): one farther away has fewer votes.
+    `reach` is T_map_expected, and how far a pose may be from the one expected (m, rad): one farther away has fewer
+    votes. Angles count by their sine.
     """
     points, rays, votes = voting
-    T_expected_inverse, free = reach
+    T_map_expected, free = reach
     total = 0.0
     for k in range(points.shape[0]):
         x, y, w = projected(T, points, k)
@@ -168,7 +169,7 @@ def _agreement(voting: tuple[Array, Array, Array], sigma: float, T: Array, reach
     for i in range(3):
         for j in range(4):
             for k in range(4):
-                D[i, j] += T[i, k] * T_expected_inverse[k, j]
+                D[i, j] += T[i, k] * T_map_expected[k, j]
     away_m2 = D[0, 3] ** 2 + D[1, 3] ** 2 + D[2, 3] ** 2
     away_rad2 = 0.25 * ((D[2, 1] - D[1, 2]) ** 2 + (D[0, 2] - D[2, 0]) ** 2 + (D[1, 0] - D[0, 1]) ** 2)
     surprise = away_m2 / free[0] ** 2 + away_rad2 / free[1] ** 2

@@ -28,7 +28,8 @@ class FoundLandmarks:
     """n landmarks at `points` (n x 3, m, map frame) with `covariances` (n x 3 x 3, m^2), `found` in a `view`.
 
     `seen` (n) counts the frames in which each was found before, `found_before` (n) is their share of those in which it
-    was looked for. The pose is fitted to those that are `standing` (n).
+    was looked for. The pose is fitted to those that `counts` (n) marks: not to departing ones, nor to any of vague
+    depth where others are enough.
     """
 
     view: View
@@ -38,11 +39,11 @@ class FoundLandmarks:
     covariances: Array
     seen: Index
     found_before: Array
-    standing: Mask
+    counts: Mask
 
     @classmethod
     def of(cls, view: View, sensor: SensorModel, found: LandmarkMatches, landmarks: Landmarks) -> "FoundLandmarks":
-        """Return the landmarks that were `found` in a view; of vague depth, they stand only where others are few."""
+        """Return the landmarks that were `found` in a view; those of vague depth count only where others are few."""
         rows = found.rows
         seen = landmarks.seen.take(rows)
         found_before = np.minimum((seen + 1.0) / (landmarks.tried.take(rows) + 1.0), 1.0)
@@ -50,8 +51,8 @@ class FoundLandmarks:
         vague = landmarks.is_vague(rows)
         if vague.any():
             covariance[vague] = _counted_as_one(covariance[vague])
-        standing = those_that_count(vague)
-        return cls(view, sensor, found, position, covariance, seen, found_before, standing)
+        counts = those_that_count(vague)
+        return cls(view, sensor, found, position, covariance, seen, found_before, counts)
 
     def measured(self, twist: Array) -> Measurements:
         """Return their measurements in a view taken in motion with `twist` (6, SI)."""
@@ -59,10 +60,10 @@ class FoundLandmarks:
         return measure(self.view, self.sensor, self.found.uv, covariance_uv, twist, self.found.inverse_depth)
 
     def fit(self, measured: Measurements, T_start: Array) -> PoseFit:
-        """Return the pose fitted to those `standing` as `measured`, from the start `T_start`, and chi2 of all at it."""
+        """Return the pose fitted to those that count as `measured`, from the start `T_start`, and chi2 of all at it."""
         values, variances = self._straight(measured).values, measured.covariance
-        fit = fit_pose(self.points, self.covariances, values, variances, T_start, self.standing)
-        return fit if self.standing.all() else replace(fit, chi2=self._chi2(measured, fit.T_camera_map))
+        fit = fit_pose(self.points, self.covariances, values, variances, T_start, self.counts)
+        return fit if self.counts.all() else replace(fit, chi2=self._chi2(measured, fit.T_camera_map))
 
     def features(self, measured: Measurements, fit: PoseFit) -> FollowedFeatures:
         """Return them as features that vote for a pose, as `measured` and seen from where a `fit` puts the camera."""
@@ -81,17 +82,17 @@ class FoundLandmarks:
         T = consensus(features, fit.T_camera_map, expected)
         T = fit.T_camera_map if T is None else T
         chi2 = self._chi2(measured, T)[:, 0]
-        standing = self.standing & ~departing(self.points, eye, self.found_before, chi2 < TUNING.inlier_chi2)
+        counts = self.counts & ~departing(self.points, eye, self.found_before, chi2 < TUNING.inlier_chi2)
         members = chi2 < TUNING.member_chi2
-        if np.count_nonzero(members & standing) < TUNING.sure_inliers:
-            standing = self.standing
-        return self._take(members, standing), measured.take(members), T
+        if np.count_nonzero(members & counts) < TUNING.sure_inliers:
+            counts = self.counts
+        return self._take(members, counts), measured.take(members), T
 
     def velocity(self, measured: Measurements, T_camera_map: Array, twist: Array, prior: MotionPrior) -> Velocity:
         """Return the velocity that the image's rows show; they were measured in motion with `twist` (6, SI)."""
-        if not self.standing.all():
-            standing = self._take(self.standing, self.standing)
-            return standing.velocity(measured.take(self.standing), T_camera_map, twist, prior)
+        if not self.counts.all():
+            counting = self._take(self.counts, self.counts)
+            return counting.velocity(measured.take(self.counts), T_camera_map, twist, prior)
         row_s = (self.found.uv[:, 1] / self.view.images.full.shape[0] - 0.5) * self.sensor.timing.readout_s
         expected = prior.motion.after(prior.since_s, _WHITE_ACCELERATION)
         seen = self._straight(measured)
@@ -106,7 +107,7 @@ class FoundLandmarks:
         values, variances = self._straight(measured).values, measured.covariance
         return chi2_of(self.points, self.covariances, values, variances, T_camera_map)
 
-    def _take(self, members: Mask, standing: Mask) -> "FoundLandmarks":
+    def _take(self, members: Mask, counts: Mask) -> "FoundLandmarks":
         rows = np.flatnonzero(members)
         return replace(
             self,
@@ -115,7 +116,7 @@ class FoundLandmarks:
             covariances=self.covariances.take(rows, 0),
             seen=self.seen.take(rows),
             found_before=self.found_before.take(rows),
-            standing=standing.take(rows),
+            counts=counts.take(rows),
         )
 
 

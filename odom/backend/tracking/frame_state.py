@@ -27,8 +27,8 @@ class Tracked:
     """A frame's pose `T_camera_map` for its middle row, with the information of the fit (6 x 6, camera frame).
 
     `rows` (n) are the landmarks found, at `uv` (n x 2 px), with their `measurements`, `chi2` (n x 2: ray, depth) and
-    `inliers` (n); `expected` are the rows of all that were looked for, `missed` those of them that are no inliers, with
-    the line of `sight` to each; those found `elsewhere` seem to have moved. `reference` is the key frame nearest in
+    `inliers` (n); `looked_for` are the rows of all that were, `missed` those of them that are no inliers, with the line
+    of `sight` to each; those found `elsewhere` seem to have moved. `reference` is the key frame nearest in
     pose, `twist` (6, SI, camera frame) the velocity that the measurements were carried with, `velocity` the one that
     the rows of the image showed.
     """
@@ -40,7 +40,7 @@ class Tracked:
     measurements: Measurements
     chi2: Array
     inliers: Mask
-    expected: Index
+    looked_for: Index
     missed: Index
     elsewhere: Index
     sight: LineOfSight
@@ -85,7 +85,7 @@ class Tracked:
     @property
     def visible_count(self) -> int:
         """How many landmarks were looked for, without those hidden by something nearer: half of them at most."""
-        return len(self.expected) - min(int(np.count_nonzero(self.sight.hidden)), len(self.expected) // 2)
+        return len(self.looked_for) - min(int(np.count_nonzero(self.sight.hidden)), len(self.looked_for) // 2)
 
     @cached_property
     def covariance(self) -> Array:
@@ -95,17 +95,17 @@ class Tracked:
 
 @dataclass(frozen=True, eq=False)
 class MotionPrior:
-    """The camera's `motion` in the map `since_s` seconds ago, and the pose that it leads to by now, `expected`.
+    """The camera's `motion` in the map `since_s` seconds ago, and the `expected_pose` that it leads to by now.
 
-    `scale` multiplies the covariances of measurements. Without `expected`, where the pose was not predicted by motion,
-    no other poses are tried. `are_bent`: the landmarks were measured as if at rest, so that the rolling
-    shutter has bent them as it bends this frame, whose rows then do not show its velocity.
+    `scale` multiplies the covariances of measurements. Without `expected_pose`, where the pose was not predicted by
+    motion, no other poses are tried. `are_bent`: the landmarks were measured as if at rest, so that the rolling shutter
+    has bent them as it bends this frame, whose rows then do not show its velocity.
     """
 
     motion: Motion
     since_s: float
     scale: float
-    expected: ExpectedPose | None = None
+    expected_pose: ExpectedPose | None = None
     are_bent: bool = False
 
     def twist_to(self, T_camera_map: Array) -> Array:

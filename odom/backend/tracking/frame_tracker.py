@@ -47,7 +47,7 @@ class FrameTracker:
         tracked = self.track(view, sensor, T_predicted, twist, local, prior)
         if not (is_plausible_motion(prior.twist_to(tracked.T_camera_map)) and has_enough_inliers(tracked)):
             return None
-        is_jerk = prior.expected is not None and not prior.expected.is_within_reach(tracked.T_camera_map)
+        is_jerk = prior.expected_pose is not None and not prior.expected_pose.is_within_reach(tracked.T_camera_map)
         if in_doubt and is_jerk and tracked.found_again < TUNING.sure_share * tracked.visible_count:
             return None
         is_continuous = is_same_view(tracked, state.tracked) and not state.is_bridged
@@ -73,7 +73,7 @@ class FrameTracker:
         rows, and the pose fitted once more to the features as that velocity carries them to the middle row: carried by
         the noisier `twist`, they would make the shutter seem faster than it is.
         """
-        L, expected = self._map.landmarks, None if prior is None else prior.expected
+        L, expected = self._map.landmarks, None if prior is None else prior.expected_pose
         candidates = self._candidates(local, T_start, is_recognition=expected is None)
         in_view = find_landmarks(L, candidates, T_start, twist, view.images, sensor, self._settings.max_features)
         if view.may_move is not None:
@@ -105,7 +105,7 @@ class FrameTracker:
             measurements=measured,
             chi2=fit.chi2,
             inliers=inliers,
-            expected=found.looked_for,
+            looked_for=found.looked_for,
             missed=missed,
             elsewhere=elsewhere,
             sight=LineOfSight.to(L.position[missed], L.covariance[missed], fit.T_camera_map, view, sensor),

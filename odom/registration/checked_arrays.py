@@ -28,25 +28,41 @@ class Arrays(NamedTuple):
 
 
 @compiled
-def unusable(q: Array, p: Array, weights: Array) -> int:
-    """Return 0, or 1 when points are not all finite, 2 when weights are not all finite and at least 0."""
+def unusable(q: Array, p: Array, weights: Array, farthest_m: float) -> int:
+    """Return 0, or 1 when points are not all finite, 2 when weights are not all finite and at least 0.
+
+    3 or 4 when all points of `q`, or of `p`, are farther than `farthest_m` from the origin along an axis.
+    """
     points = total = 0.0
+    nearest_q = nearest_p = np.inf
     for k in range(len(q)):  # 0 times a number is 0, unless it is infinite or no number
         points += 0.0 * (q[k, 0] + q[k, 1] + q[k, 2] + p[k, 0] + p[k, 1] + p[k, 2])
         total += 0.0 * np.sqrt(weights[k])
-    return 1 if points != 0.0 else 2 if total != 0.0 else 0
+        nearest_q = min(nearest_q, max(abs(q[k, 0]), abs(q[k, 1]), abs(q[k, 2])))
+        nearest_p = min(nearest_p, max(abs(p[k, 0]), abs(p[k, 1]), abs(p[k, 2])))
+    if points != 0.0 or total != 0.0:
+        return 1 if points != 0.0 else 2
+    if len(q) == 0:
+        return 0
+    return 3 if nearest_q > farthest_m else 4 if nearest_p > farthest_m else 0
 
 
-def finite(pairs: Pairs) -> Arrays:
-    """Return the arrays of `pairs`; raises InputError unless all points and weights can be used."""
+def finite(pairs: Pairs, farthest_m: float = np.inf) -> Arrays:
+    """Return the arrays of `pairs`; raises InputError unless all points and weights can be used.
+
+    All points of a cloud may be `farthest_m` from the origin along an axis.
+    """
     if not isinstance(pairs, Pairs):
         raise InputError(f"{type(pairs).__name__} given: give Pairs(source, target, their covariances or None)")
     weights = np.ones(len(pairs)) if pairs.weights is None else pairs.weights
-    match unusable(pairs.points_source, pairs.points_target, weights):
+    match unusable(pairs.points_source, pairs.points_target, weights, farthest_m):
         case 1:
             raise InputError("points are not all finite: leave out pairs without a measurement")
         case 2:
             raise InputError("weights must be finite and not negative")
+        case 3 | 4 as which:
+            what = f"all {'source' if which == 3 else 'target'} points are more than {farthest_m / 1e3:.0f} km from"
+            raise InputError(f"{what} the origin, too far to tell their noise: subtract one of each cloud from them")
     Sq = NO_COVARIANCES if pairs.covariances_source is None else pairs.covariances_source
     Sp = NO_COVARIANCES if pairs.covariances_target is None else pairs.covariances_target
     return Arrays(pairs.points_source, pairs.points_target, Sq, Sp, weights)
@@ -58,12 +74,7 @@ def checked(pairs: Pairs) -> Arrays:
     Raises InputError too when there are no covariances at all, and when a cloud lies so far from the origin that sums
     of squares lose the digits of its noise.
     """
-    arrays = finite(pairs)
-    for side, points in (("source", arrays.q), ("target", arrays.p)):
-        nearest = np.abs(points).max(axis=1).min(initial=np.inf)
-        if _FARTHEST_M < nearest < np.inf:
-            what = f"the {side} points are {nearest / 1e3:.0f} km from the origin, too far to tell their noise"
-            raise InputError(f"{what}: subtract one point of each cloud from all its points")
+    arrays = finite(pairs, _FARTHEST_M)
     if pairs.covariances_source is None and pairs.covariances_target is None:
         raise InputError("the pairs have no covariances: give those of a noise model for at least one side")
     return arrays

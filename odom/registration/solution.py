@@ -57,14 +57,15 @@ def solve(
     """
     n = len(arrays.q)
     motion, weights = T.copy(), weights.copy()
-    chi2 = np.full(n, np.nan)  # stays so where the first round finds no motion
-    found = Output(np.empty((n, 8)), np.empty((12, 12)), np.empty(12), np.empty((6, 6)), chi2, np.empty(6))
+    found = Output(np.empty((n, 8)), np.empty((12, 12)), np.empty(12), np.empty((6, 6)), np.empty(n), np.empty(6))
     needs_R = len(arrays.Sq) > 0 and not alpha > 0.0
     rounds = _GATED_ROUNDS if bound < np.inf else _LINEARISATIONS if needs_R else 1
     status = recurse(arrays, prior_information(prior), alpha, bound, rounds, motion, weights, found)
     if status > 0:
         raise bad_covariance(status - 1)
     W, Y, y, H, chi2, sums = found
+    if status < 0:  # no motion was found
+        chi2.fill(np.nan)
     return Solution(motion, H, Y, y, W, weights, chi2, sums, status == 0)
 
 

@@ -12,7 +12,7 @@ from odom.registration.linear_algebra import cholesky_solve
 
 def check_settings(theta: float, alpha: float) -> None:
     """Raise InputError unless `theta` = 1 / gamma and `alpha` make a filter: finite, and not negative."""
-    if not (theta >= 0.0 and alpha >= 0.0 and math.isfinite(theta + alpha)):
+    if not (0.0 <= theta < math.inf and 0.0 <= alpha < math.inf):
         raise InputError(f"theta = {theta}, alpha = {alpha}: give finite values, not negative")
 
 

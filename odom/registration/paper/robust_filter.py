@@ -42,9 +42,10 @@ def robust(
     if solution.determined and adaptive:
         arrays, solution, noise = _learnt(arrays, prior, solution, noise)
     if solution.determined:
-        used, halvings = discount(solution.Y, solution.y, solution.H, int(solution.sums[0]), theta)
+        steps = int(solution.sums[0])
+        used, halvings = discount(solution.Y, solution.y, solution.H, steps, theta) if theta > 0.0 else (0.0, 0)
         gamma = 1.0 / used if used > 0.0 else math.inf
-        details |= {**noise.details, "theta": used, "gamma": gamma, "halvings": float(halvings)}
+        details = {**noise.details, "theta": used, "gamma": gamma, "halvings": float(halvings)}
         noise = NoiseScale(noise.inflation, noise.variance_factor, details)
     return registration_of(arrays, prior, solution, noise)
 

@@ -55,7 +55,7 @@ class MovingView:
     ) -> "MovingView":
         """Return what is known after a tracked `view`, compared with `recent` ones; unchanged unless a look is due."""
         stamp = view.steady_stamp
-        if self.stamp is not None and abs(stamp - self.stamp) * 1e-9 < TUNING.moving_period_s:
+        if is_within(TUNING.moving_period_s, self.stamp, stamp):
             return self
         seen = self._with_cells(stamp, recent.moving(view, tracked, sensor), tracked, landmarks)
         is_suspicious = seen.is_suspicious

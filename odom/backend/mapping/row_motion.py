@@ -39,14 +39,15 @@ def twists_at(numbers: Sequence[int], log: FrameLog, keyframes: Sequence[Keyfram
         here = _placed(number, log, keyframes, known)
         if here is None:
             continue
-        near = [_placed(other, log, keyframes, known) for other in _around(number, log)]
-        around = [other for other in near if other is not None and other.segment == here.segment]
-        since = np.array([other.frame.since_s(here.frame, timing) for other in around])
-        is_near = np.abs(since) < TUNING.motion_window_s
-        if np.min(since, initial=0.0, where=is_near) < 0.0 < np.max(since, initial=0.0, where=is_near):
+        placed = [_placed(other, log, keyframes, known) for other in _around(number, log)]
+        mine = [other for other in placed if other is not None and other.segment == here.segment]
+        apart = [(other.frame.since_s(here.frame, timing), other.T_map_camera) for other in mine]
+        near = [(since_s, T) for since_s, T in apart if abs(since_s) < TUNING.motion_window_s]
+        since = np.array([since_s for since_s, _ in near])
+        if since.min() < 0.0 < since.max():
             T_camera_map = se3.inverse(here.T_map_camera)
-            moved = np.array([se3.log(T_camera_map @ other.T_map_camera) for other in around])
-            twists[row] = np.polynomial.polynomial.polyfit(since[is_near], moved[is_near], 1)[1]
+            moved = np.array([se3.log(T_camera_map @ T_map_other) for _, T_map_other in near])
+            twists[row] = np.polynomial.polynomial.polyfit(since, moved, 1)[1]
     return twists
 
 

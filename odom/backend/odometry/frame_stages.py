@@ -191,10 +191,11 @@ class FrameStages:
     def _predict(self, view: View, is_followable: bool, why: str) -> Estimate | None:
         """Let the motion prediction stand in for a frame that could not be tracked; None after too long a time."""
         state, longest_s = self.state, self._settings.bridge_s
-        if state is None or not is_followable or not 0.0 < state.since_s(view.steady_stamp) <= longest_s:
+        since_s = 0.0 if state is None else state.since_s(view.steady_stamp)
+        if state is None or not is_followable or not 0.0 < since_s <= longest_s:
             return None
         self.state = replace(state, is_bridged=True)
-        published = self.published.bridge(view.stamp, state.twist, self.sensor)
+        published = self.published.bridge(view, since_s, self.sensor)
         estimate = self._describe(view, State.UNCERTAIN, f"{why}: the motion is predicted", published)
         return replace(estimate, is_predicted=True)
 

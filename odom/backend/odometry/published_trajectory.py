@@ -24,9 +24,6 @@ from odom.frontend.features.view import View
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 
-_BRIDGE_SIGMA = np.repeat([TUNING.bridge_sigma_m_s, TUNING.bridge_sigma_rad_s], 3)
-"""How fast a predicted pose gets worse (6, m/s and rad/s)."""
-
 
 class PublishedTrajectory:
     """The `log` of all frames (poses at the middle row's time) and the newest publications.
@@ -168,21 +165,23 @@ class PublishedTrajectory:
             second = self._motion_since(then, current, inliers, sensor)
         return replace(current, step=step, second=second)
 
-    def bridge(self, stamp: Stamp, twist: Array, sensor: SensorModel) -> Publication:
-        """Publish what the motion `twist` (6, SI, camera frame) predicts for a frame that could not be tracked."""
+    def bridge(self, view: View, since_s: float, sensor: SensorModel) -> Publication:
+        """Publish what the filtered motion predicts for a frame that could not be tracked, `since_s` after the last."""
         last = self._recent.last
         assert last is not None
         assert last.frame.T_keyframe_camera is not None
-        assert last.frame.covariance is not None
-        dt = (stamp - last.frame.stamp) * 1e-9
-        step = se3.exp(twist * dt)
+        assert self._filter is not None
+        predicted = self._filter.motion.after(since_s + view.since_middle_s(sensor.timing), self._agility)
+        step = se3.inverse(last.T_odom_camera) @ predicted.T_fixed_camera
         frame = replace(
             last.frame,
-            stamp=stamp,
+            stamp=view.stamp,
             T_keyframe_camera=last.frame.T_keyframe_camera @ step,
-            covariance=last.frame.covariance + np.diag((_BRIDGE_SIGMA * dt) ** 2),
+            covariance=predicted.covariance,
+            twist=predicted.twist,
         )
-        return self._publish(frame, last.T_odom_camera @ step, last.doubt.after(step, None, dt), sensor)
+        doubt = last.doubt.after(step, None, (view.stamp - last.frame.stamp) * 1e-9)
+        return self._publish(frame, predicted.T_fixed_camera, doubt, sensor)
 
     def follow(self, view: View, placed: FrameState, following: SurfaceFollowing, sensor: SensorModel) -> Publication:
         """Publish where surfaces have led the camera since the frame of `placed`, the last that landmarks placed."""

@@ -120,10 +120,6 @@ class Tuning:
     near_a_second_s: float = tuned(0.075, unit="s", source="two periods at 30 Hz, rounded up",
         effect="The motion over a second may be off from a second by so much. Smaller: there is none after a lost "
         "frame; larger: the second is inexact.")
-    bridge_sigma_m_s: float = tuned(0.5, unit="m/s", source="predictions against truth over 1 to 4 frames, fr1",
-        effect="The covariance of a predicted pose grows by this velocity. Smaller: the pose is too sure; larger: it "
-        "is too unsure.")
-    bridge_sigma_rad_s: float = tuned(1.0, unit="rad/s", source="as bridge_sigma_m_s", effect="as bridge_sigma_m_s")
     surface_agility_m_s2: float = tuned(4.0, unit="m/s^2", source="fr1 and arena, 2 s without colour",
         effect="The acceleration of a camera that is followed by surfaces, a root mean square. Smaller: it is not "
         "followed in quick turns; larger: it slides along surfaces with little shape.")

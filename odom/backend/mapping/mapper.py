@@ -74,8 +74,8 @@ class Mapper:
         """Forget the oldest key frames beyond `map_keyframes`; return whether there were any.
 
         Those around the camera and the newest ones, which are still worked on, are kept. Nothing is forgotten while
-        the background works, since it reads the rest too. Of what is saved nothing is forgotten: the farthest are set
-        aside, first. `state` is None before the camera has a pose.
+        the background works, since it reads the rest too. What is saved is set aside instead, the farthest first: it
+        can be fetched again. `state` is None before the camera has a pose.
         """
         map_, most = self._map, self._settings.map_keyframes
         if self._background.is_busy or len(map_.remembered) <= most:
@@ -87,10 +87,14 @@ class Mapper:
         around = map_.neighbours(state.reference, state.T_camera_map, self._settings.local_keyframes)
         newest = max(self._settings.window_keyframes, self._settings.background_delay_frames)
         needed = np.concatenate([around, [state.reference], map_.remembered[-newest:]])
+        surplus = len(map_.remembered) - most
+        if map_.journal.is_kept:
+            self._set_aside(surplus, needed, state)
+            return False
         if map_.details is not None:
-            unsaved = [] if map_.journal.is_kept else [n for n in map_.remembered if n >= map_.earlier]
-            self._set_aside(len(map_.remembered) - most, np.union1d(needed, np.array(unsaved, dtype=np.int64)), state)
-        oldest = [] if map_.journal.is_kept else oldest_beyond(map_, most, needed)
+            unsaved = np.array([n for n in map_.remembered if n >= map_.earlier], dtype=np.int64)
+            self._set_aside(surplus, np.union1d(needed, unsaved), state)
+        oldest = oldest_beyond(map_, most, needed)
         for number in oldest:
             forget(map_, number)
         return bool(oldest)

@@ -66,12 +66,15 @@ def _moved_px(state: FrameState, since_s: float, sensor: SensorModel) -> float:
 
 
 def _is_same_picture(last: Image, image: Image) -> bool:
-    """Return whether most pixels at edges are equal; of any two images some are where nothing is to be seen."""
-    a, b = (each[:: TUNING.repeated_rows].astype(np.int16) for each in (last, image))
-    is_edge = np.abs(np.diff(a, axis=1)) >= TUNING.repeated_contrast
+    """Return whether most pixels are equal, at edges too: where nothing is to be seen any two images are."""
+    a = last[:: TUNING.repeated_rows]
+    is_equal = a == image[:: TUNING.repeated_rows]
+    if np.count_nonzero(is_equal) <= TUNING.repeated_share * is_equal.size:
+        return False
+    is_edge = np.abs(np.diff(a.astype(np.int16), axis=1)) >= TUNING.repeated_contrast
     if not is_edge.any():
         return _are_equal(last, image)
-    return bool(np.mean(a[:, 1:][is_edge] == b[:, 1:][is_edge]) > TUNING.repeated_share)
+    return bool(np.mean(is_equal[:, 1:][is_edge]) > TUNING.repeated_share)
 
 
 def _are_equal(a: NDArray[Any], b: NDArray[Any]) -> bool:

@@ -140,8 +140,8 @@ class Tuning:
     repeated_px: float = tuned(0.5, unit="px", source="hands that hold a camera still move it by .2 to .5 px a frame",
         effect="The same image again is no standstill where the camera should have moved it further. Smaller: a drawn "
         "camera that comes to rest seems to repeat its image; larger: slow motion stands still in every second frame.")
-    repeated_share: float = tuned(0.5, unit="share of pixels, and of those at edges", source="of pixels at edges in fr1 "
-        "and a HoloLens .06 at most, .02 in the median; a codec that changes a tenth of the pixels leaves .9",
+    repeated_share: float = tuned(0.5, unit="share of pixels, and of those at edges", source="at edges in fr1 and a "
+        "HoloLens .06 at most, .02 in the median; a codec that changes a tenth of the pixels leaves .9",
         effect="An image of which more is equal is the last one again. Smaller: slow motion seems to repeat an image; "
         "larger: a repetition that a codec or a clock in the image has changed is taken for a standstill.")
     repeated_contrast: int = tuned(4, unit="grey levels", source="above the noise of a Kinect",

@@ -103,3 +103,18 @@ def test_compressed_grey_in_16_bits_is_seen_or_depth_by_its_name_as_uncompressed
     grey = (textured()[..., 0].astype(np.uint16) * 4, f"mono16; {transport}")
     is_depth = [image_kind(deep_png(topic, *grey)) == "depth" for topic in ("k4a/ir/image/compressed", "k4a/depth")]
     assert is_depth == [transport.startswith("compressedDepth"), True]
+
+
+@pytest.mark.parametrize(
+    ("topic", "is_rectified"),
+    [
+        ("kinect2/qhd/image_color_rect", True),
+        ("rgb/image_rect_color/compressed", True),
+        ("left/image_rectified", True),
+        ("rgb/image_raw", False),
+        ("direct/image_color", False),
+    ],
+)
+def test_colour_is_rectified_where_its_name_says_so_wherever_the_word_stands(topic: str, is_rectified: bool) -> None:
+    selected = select_streams(streams(color(topic), depth("depth"), info("camera_info")), {})
+    assert selected.rectified == is_rectified

@@ -13,7 +13,14 @@ from odom.wire.codec import cdr, decode_camera_info, decode_color, decode_depth
 from odom.wire.message import Message
 from odom.wire.recording.image_kind import frame_of, image_kind
 from odom.wire.recording.reader import RecordedStream
-from odom.wire.recording.topic_words import says_color, says_depth, says_other, says_registered, shared_folders
+from odom.wire.recording.topic_words import (
+    says_color,
+    says_depth,
+    says_other,
+    says_rectified,
+    says_registered,
+    shared_folders,
+)
 
 STREAM_ROLES = ("color", "depth", "camera_info")
 
@@ -129,7 +136,7 @@ def select_streams(
             f"no camera_info of {size[1]} x {size[0]} pixels; the recording holds {_listing(streams)}: "
             "give --camera camera.yaml"
         )
-    selected = SelectedStreams(color, depth, info, "image_rect" in color.topic, size, depth_size)
+    selected = SelectedStreams(color, depth, info, says_rectified(color.topic), size, depth_size)
     if info is not None and need_calibration:
         selected.camera()
     return selected

@@ -31,6 +31,11 @@ def is_seen(topic: str) -> bool:
     return _says(topic, _COLOR_WORDS) or (_says(topic, _numbered(_INFRARED_WORDS)) and not _says(topic, _DEPTH_WORDS))
 
 
+def says_rectified(topic: str) -> bool:
+    """Return whether a name says that the lens' distortion has been taken out of the images."""
+    return _says(topic, ("rect", "rectified"))
+
+
 def says_registered(topic: str) -> bool:
     """Return whether a topic's name says that it is depth's, registered to colour."""
     return any(word in topic.lower() for word in _REGISTERED_WORDS)

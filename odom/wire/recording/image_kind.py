@@ -3,13 +3,13 @@
 from typing import Literal
 
 from odom.errors import WireError
-from odom.wire.codec import cdr
+from odom.wire.codec import cdr, decode_camera_info, decode_color, decode_depth
 from odom.wire.codec.image_files import is_deep_grey_png
 from odom.wire.message import Message
 from odom.wire.recording.topic_words import is_seen
 
 _DEPTH_ENCODINGS, _GREY_16 = ("16UC1", "32FC1"), "mono16"
-_WITH_FRAME = (cdr.IMAGE, cdr.COMPRESSED_IMAGE, cdr.CAMERA_INFO)
+_IMAGES = (cdr.IMAGE, cdr.COMPRESSED_IMAGE)
 
 
 def image_kind(message: Message) -> Literal["color", "depth"] | None:
@@ -33,9 +33,24 @@ def image_kind(message: Message) -> Literal["color", "depth"] | None:
     return "depth" if encoding in _DEPTH_ENCODINGS or (is_grey_16 and not is_seen(message.topic)) else "color"
 
 
+def can_be_decoded(message: Message) -> bool:
+    """Return whether an image or a calibration is whole and of a known form; other messages are not looked at."""
+    kind = image_kind(message)
+    try:
+        if message.type_name == cdr.CAMERA_INFO:
+            decode_camera_info(message)
+        elif kind == "depth":
+            decode_depth(message)
+        elif message.type_name in _IMAGES:
+            decode_color(message)
+    except WireError:
+        return False
+    return True
+
+
 def frame_of(message: Message) -> str:
     """Return the name of the frame that an image or a calibration is in, empty for other and malformed messages."""
-    if message.type_name not in _WITH_FRAME:
+    if message.type_name not in (*_IMAGES, cdr.CAMERA_INFO):
         return ""
     try:
         return str(cdr.deserialise(message, message.type_name).header.frame_id).removeprefix("/")

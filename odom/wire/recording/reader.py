@@ -14,11 +14,15 @@ from odom.frame import Stamp
 from odom.wire.codec import stamp_of
 from odom.wire.message import Message
 from odom.wire.pairing import LEAP_NS, follows
+from odom.wire.recording.image_kind import can_be_decoded
 from odom.wire.recording.mcap_file import McapFile
 
 _REORDERED = 48
 """Messages that are sorted by stamp at a time, half a second of a rig. Larger: more memory (1.5 MB an image); smaller:
 messages that were recorded later than that are given out of order. Chosen by hand."""
+_MOST_TRIED = 10
+"""Messages of a topic that are decoded at most until one is whole. Fewer: a driver that begins with bad ones is
+refused; more: a recording that cannot be used takes longer to say so. Chosen by hand."""
 _MARGIN_NS = 1_000_000_000
 """How much the time between a message's stamp and its recording may vary, in nanoseconds, where chunks are skipped.
 Smaller: late messages may be missed when reading begins in the middle; larger: more is read in vain."""
@@ -28,7 +32,8 @@ Smaller: late messages may be missed when reading begins in the middle; larger: 
 class RecordedStream:
     """What a recording holds of one topic: messages, bytes, first and last stamp, the first message.
 
-    `steady` is the first stamp that another follows within a second, None without one: the pairing refuses others.
+    `first` is the first of the first ten that can be decoded: some drivers begin with an empty or cut one. `steady` is
+    the first stamp that another follows within a second, None without one: the pairing refuses others.
     """
 
     topic: str
@@ -40,12 +45,15 @@ class RecordedStream:
     bytes: int = 0
     steady: Stamp | None = None
     _last: Stamp | None = None
+    _is_first_whole: bool = False
 
     def add(self, message: Message) -> None:
         """Take the next message of the topic."""
         if self._last is not None and follows(message.stamp, self._last):
             self.steady = self._last if self.steady is None else min(self.steady, self._last)
         self._last = message.stamp
+        if not self._is_first_whole and self.count < _MOST_TRIED and can_be_decoded(message):
+            self.first, self._is_first_whole = message, True
         self.count += 1
         self.bytes += len(message.payload)
         self.begin, self.end = min(self.begin, message.stamp), max(self.end, message.stamp)

@@ -35,7 +35,8 @@ from sensors.source import SourceOptions
 log = logging.getLogger(__name__)
 
 _PEEK_BYTES = 128 << 20
-"""Bytes of a recording read to find its streams (4 s of raw images): less may miss one, more delays the start."""
+"""Bytes of a recording read to find its streams (4 s of raw images); those that begin later are found by the index.
+Less: where there is none, as in cut recordings, one may be missed; more delays the start."""
 _MOST_LOGGED = 5
 """Most damages of a recording that are logged, a line each; the others are only counted."""
 _MOST_BEHIND = 30
@@ -61,7 +62,7 @@ class ReplaySource:
     ) -> None:
         topics = self._topics = options.topics
         named = dict(options.topics_from)
-        truths = true_poses(streams, counts, named.pop(TRUTH_ROLE, None))
+        truths = true_poses(streams, named.pop(TRUTH_ROLE, None))
         camera = None if options.camera is None else load_calibration(options.camera).camera
         self._roles: SelectedStreams = select_streams(streams, named, need_calibration=camera is None)
         self._reader = reader
@@ -178,7 +179,8 @@ def open_recording(path: Path, options: SourceOptions) -> ReplaySource:
     Raises RecordingError when it is none or lacks a stream, ConfigError when a named topic is not in it.
     """
     reader = open_reader(path)
-    streams, counts = reader.streams(limit=_PEEK_BYTES), reader.counts()
+    counts = reader.counts()
+    streams = reader.streams(_PEEK_BYTES, counts)
     if counts is None:
         log.warning(
             "%s was cut off or its index is damaged: what is whole is played (mend it with: odom recover %s OUT.mcap)",

@@ -31,7 +31,8 @@ from odom.wire.codec import (
 from odom.wire.codec import (
     image_messages as images,
 )
-from odom.wire.recording import RecordingWriter, mcap_order, open_reader, writer
+from odom.wire.recording import RecordingWriter, mcap_file, mcap_order, open_reader, writer
+from odom.wire.recording.mcap_chunk import read_chunk
 from odom.wire.recording.stream_selection import select_streams
 from sensors import replay
 from sensors.calibration_file import Calibration, calibration_text
@@ -241,6 +242,40 @@ def test_messages_that_were_written_topic_after_topic_come_in_the_order_of_time(
     assert [message.stamp for message in reader.messages(start=middle)] == [
         message.stamp for message in walk if message.stamp >= middle
     ]
+
+
+@pytest.mark.parametrize("kind", ["mcap", "mcap without chunks", "database", "ROS 1"])
+def test_a_camera_that_begins_behind_the_part_looked_at_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    monkeypatch.setattr(replay, "_PEEK_BYTES", 100_000)
+    before = [encode_color("wide/image_raw", Stamp(BEGIN - i * PERIOD_NS), textured(96, 128)) for i in range(20, 0, -1)]
+    messages = [*before, *realsense()]
+    if kind == "mcap without chunks":
+        path = without_chunks(tmp_path / "take.mcap", messages)
+    elif kind == "ROS 1":
+        path = record_ros_1(tmp_path / "take.bag", messages)
+    else:
+        path = record(tmp_path / "b", messages, StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3)
+    frames, assembler = frames_of(path)
+    assert len(frames) == FRAMES
+    assert assembler.camera == CAMERA
+
+
+def test_of_a_file_in_chunks_only_those_with_wanted_topics_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "_CHUNK_BYTES", 10_000)
+    with RecordingWriter(tmp_path / "walk.mcap") as written:
+        for message in walk_of(30, 48, 64):
+            written.write(message)
+        for i in range(30):
+            written.write(encode_pose("late", Stamp(BEGIN + (30 + i) * PERIOD_NS), np.eye(4), "world"))
+    unpacked = []
+    monkeypatch.setattr(mcap_file, "read_chunk", lambda *a: unpacked.append(1) or read_chunk(*a))
+    late = list(open_reader(tmp_path / "walk.mcap").messages({"late"}))
+    assert len(late) == 30
+    assert len(unpacked) <= 2
 
 
 def without_chunks(file: Path, messages: list[Message]) -> Path:

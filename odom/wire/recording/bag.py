@@ -62,11 +62,12 @@ class RosbagsReader(RecordingReader):
     """
 
     def counts(self) -> Counter[str] | None:
-        """Return the number of messages by topic."""
+        """Return the number of messages by topic, of a ROS 1 bag those of types that ROS 2 defines."""
         totals = Counter[str]()
         with self._opened() as bag:
             for connection in bag.connections:
-                totals[connection.topic.removeprefix("/")] += connection.msgcount
+                if not self._is_ros1 or connection.msgtype in cdr.typestore(connection.msgtype).types:
+                    totals[connection.topic.removeprefix("/")] += connection.msgcount
         return totals
 
     def _in_file_order(self, topics: Collection[str] | None, start: Stamp | None) -> Iterator[Message]:

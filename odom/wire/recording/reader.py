@@ -2,8 +2,9 @@
 
 import heapq
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 from mcap.records import Channel
@@ -15,7 +16,7 @@ from odom.wire.codec import stamp_of
 from odom.wire.message import Message
 from odom.wire.pairing import LEAP_NS, follows
 from odom.wire.recording.image_kind import can_be_decoded
-from odom.wire.recording.mcap_file import McapFile
+from odom.wire.recording.mcap_file import CDR, McapFile
 
 _REORDERED = 48
 """Messages that are sorted by stamp at a time, half a second of a rig. Larger: more memory (1.5 MB an image); smaller:
@@ -104,19 +105,23 @@ class RecordingReader:
         while heap:
             yield heapq.heappop(heap)[2]
 
-    def streams(self, limit: int | None = None) -> list[RecordedStream]:
-        """Return what the recording holds, by topic, after reading all of it or `limit` bytes of its messages."""
+    def streams(self, limit: int | None = None, counts: Mapping[str, int] | None = None) -> list[RecordedStream]:
+        """Return what the recording holds, by topic, after reading all of it or `limit` bytes of its messages.
+
+        Of topics that begin behind these and have messages by `counts`, the first messages are looked up.
+        """
         streams: dict[tuple[str, str], RecordedStream] = {}
         size = 0
         for message in self._in_file_order(None, None):
             if limit is not None and size >= limit:
                 break
             size += len(message.payload)
-            key = (message.topic, message.type_name)
-            stream = streams.get(key)
-            if stream is None:
-                stream = streams[key] = RecordedStream(*key, message, message.stamp, message.stamp)
-            stream.add(message)
+            _take(message, streams)
+        seen = {topic for topic, _ in streams}
+        later = [topic for topic, count in (counts or {}).items() if count and topic not in seen]
+        for topic in later if limit is not None and size >= limit else ():
+            for message in islice(self._in_file_order({topic}, None), _MOST_TRIED):
+                _take(message, streams)
         return sorted(streams.values(), key=lambda stream: stream.topic)
 
     def counts(self) -> Counter[str] | None:
@@ -130,7 +135,7 @@ class RecordingReader:
         lead = self._least_lead
         not_before = 0 if start is None or lead is None else max(0, start + lead - _MARGIN_NS)
         try:
-            for channel, raw in file.messages(not_before):
+            for channel, raw in file.messages(not_before, topics):
                 topic = channel.topic.removeprefix("/")
                 if topics is not None and topic not in topics:
                     continue
@@ -146,10 +151,18 @@ class RecordingReader:
             self.metadata = {key: value for entry in file.metadata for key, value in entry.metadata.items()}
 
 
+def _take(message: Message, streams: dict[tuple[str, str], RecordedStream]) -> None:
+    """Add a message to its stream, which it may begin."""
+    key = (message.topic, message.type_name)
+    if key not in streams:
+        streams[key] = RecordedStream(*key, message, message.stamp, message.stamp)
+    streams[key].add(message)
+
+
 def _message_of(file: McapFile, topic: str, channel: Channel, raw: McapMessage) -> Message | None:
     """Return a record of the file as a message, None when it is not CDR or its bytes end before the stamp."""
     schema = file.schemas.get(channel.schema_id)
-    if channel.message_encoding != "cdr" or schema is None:
+    if channel.message_encoding != CDR or schema is None:
         return None
     try:
         stamp = stamp_of(schema.name, raw.data)

@@ -27,6 +27,7 @@ from odom.wire.codec import (
     encode_depth,
     encode_depth_compressed,
     encode_pose,
+    restamp,
 )
 from odom.wire.codec import (
     image_messages as images,
@@ -335,6 +336,15 @@ def test_a_recording_whose_clock_was_set_back_is_played_as_it_was_recorded(tmp_p
     played = list(reader.messages())
     assert played[0].stamp == walk[180].stamp
     assert reader.behind == 0
+
+
+def test_the_last_messages_before_the_clock_was_set_back_are_played_before_those_behind_it(tmp_path: Path) -> None:
+    walk = walk_of(90, 24, 32)
+    back = [restamp(message, Stamp(message.stamp - 60_000_000_000)) for message in walk[135:]]
+    recorded = [*walk[:135], *back]
+    bag = record(tmp_path / "bag", recorded)
+    played = [(message.topic, message.stamp) for message in open_reader(bag).messages()]
+    assert played == [(message.topic, message.stamp) for message in recorded]
 
 
 def test_topics_one_after_the_other_whose_log_times_hide_it_are_told(

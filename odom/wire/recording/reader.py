@@ -85,7 +85,8 @@ class RecordingReader:
     def messages(self, topics: Collection[str] | None = None, start: Stamp | None = None) -> Iterator[Message]:
         """Yield the messages of `topics` (all: None) from `start` on, sorted by stamp.
 
-        A message is moved before at most 48 earlier recorded ones; messages of one stamp keep their order.
+        A message is moved before at most 48 earlier recorded ones, but not before those from before the clock was set
+        back; messages of one stamp keep their order.
         """
         latest, last_of = 0, dict[str, Stamp]()
         self.behind = 0
@@ -98,7 +99,12 @@ class RecordingReader:
 
     def _nearly_sorted(self, topics: Collection[str] | None, start: Stamp | None) -> Iterator[Message]:
         heap: list[tuple[Stamp, int, Message]] = []
+        last_of = dict[str, Stamp]()
         for index, message in enumerate(self._in_file_order(topics, start)):
+            if message.stamp < last_of.get(message.topic, 0) - LEAP_NS:  # the clock was set back
+                while heap:
+                    yield heapq.heappop(heap)[2]
+            last_of[message.topic] = message.stamp
             heapq.heappush(heap, (message.stamp, index, message))
             if len(heap) > _REORDERED:
                 yield heapq.heappop(heap)[2]

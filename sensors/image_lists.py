@@ -15,11 +15,10 @@ from odom.frame.stamp import is_number
 from odom.geometry.arrays import Array
 from odom.geometry.quaternion import rotation_from_quaternion
 from odom.wire.pairing import follows
+from sensors.split_stamps import SECOND, tell_without_zeros, without_leading_zeros
 
 log = logging.getLogger(__name__)
 
-SECOND = 1_000_000_000
-"""Nanoseconds in a second."""
 READ_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".ppm", ".pgm", ".webp")
 """What names of images that can be read end with, in small letters."""
 IMAGE_SUFFIXES = (*READ_SUFFIXES, ".exr", ".npy", ".npz")
@@ -75,8 +74,9 @@ def read_list(path: Path, columns: int) -> list[TumEntry]:
     A first line that begins with a word is the columns' names.
 
     Names of images may hold blanks and quotes, and backslashes between folders. Stamps of 12 digits or more before the
-    point are milli-, micro- or nanoseconds, and this is logged. Raises SourceError naming file and line for one with
-    fewer columns behind the stamp, a stamp that is no number or one beyond 2038.
+    point are milli-, micro- or nanoseconds, and nanoseconds behind the point may lack their leading zeros (see
+    `without_leading_zeros`), which is logged. Raises SourceError naming file and line for one with fewer columns behind
+    the stamp, a stamp that is no number or one beyond 2038.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -108,6 +108,9 @@ def read_list(path: Path, columns: int) -> list[TumEntry]:
         entries.append(TumEntry(stamp, tuple(words[1 : columns + 1])))
     if other := sorted(units - {"seconds"}):
         log.info("%s: its stamps are taken for %s, by their number of digits", path, " and ".join(other))
+    if (whole := without_leading_zeros(stamps)) is not None:
+        tell_without_zeros(path)
+        entries = [TumEntry(stamp, entry.values) for stamp, entry in zip(whole, entries, strict=True)]
     if suggested := unit_by_steps(stamps):
         log.warning("%s: its stamps step by %d: if these are %s, write seconds there", path, *suggested)
     if header is not None and not entries:

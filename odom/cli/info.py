@@ -16,6 +16,7 @@ def info(file: Annotated[Path, typer.Argument(help="An .mcap recording or a ROS 
     from odom.errors import ConfigError, RecordingError
     from odom.wire.codec.cdr import DIAGNOSTICS
     from odom.wire.recording import is_recording, open_reader, select_streams
+    from odom.wire.recording.bag_folder import bag_folder
     from sensors.catalogue import no_source
     from sensors.folder_layouts import is_image_folder
 
@@ -32,7 +33,7 @@ def info(file: Annotated[Path, typer.Argument(help="An .mcap recording or a ROS 
         raise RecordingError("; ".join((f"{file} holds no ROS 2 messages", *reader.damage)))
     timed = [stream for stream in streams if stream.type_name != DIAGNOSTICS] or streams
     begin, end = min(stream.begin for stream in timed), max(stream.end for stream in timed)
-    parts = [file] if file.is_file() else [*file.glob("*.mcap"), *file.glob("*.db3")]
+    parts = [file] if file.is_file() else bag_folder(file).files
     megabytes = sum(part.stat().st_size for part in parts) / 1e6
     typer.echo(f"{file}: {megabytes:.1f} MB, {(end - begin) / 1e9:.2f} s from {begin / 1e9:.6f}")
     for key, value in reader.metadata.items():

@@ -188,7 +188,7 @@ def open_recording(path: Path, options: SourceOptions) -> ReplaySource:
             path,
         )
     if not streams:
-        raise RecordingError("; ".join((f"{path} holds no ROS 2 messages", *reader.damage)))
+        raise RecordingError("; ".join((f"{path} holds no ROS 2 messages", *reader.skipped_in_words(), *reader.damage)))
     source = ReplaySource(reader, streams, counts or {}, options)
     log.info("%s: %s", path, source.taken)
     if source.could_be_truth is not None:

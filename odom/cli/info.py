@@ -30,7 +30,7 @@ def info(file: Annotated[Path, typer.Argument(help="An .mcap recording or a ROS 
     reader = open_reader(file)
     streams = reader.streams()
     if not streams:
-        raise RecordingError("; ".join((f"{file} holds no ROS 2 messages", *reader.damage)))
+        raise RecordingError("; ".join((f"{file} holds no ROS 2 messages", *reader.skipped_in_words(), *reader.damage)))
     timed = [stream for stream in streams if stream.type_name != DIAGNOSTICS] or streams
     begin, end = min(stream.begin for stream in timed), max(stream.end for stream in timed)
     parts = [file] if file.is_file() else bag_folder(file).files
@@ -58,8 +58,8 @@ def info(file: Annotated[Path, typer.Argument(help="An .mcap recording or a ROS 
             )
     except (RecordingError, ConfigError) as error:
         typer.echo(f"not a source for `odom run`: {error}")
-    if reader.skipped:
-        typer.echo(f"{reader.skipped} messages are not ROS 2 CDR")
+    for skipped in reader.skipped_in_words():
+        typer.echo(skipped)
     for damage in reader.damage:
         typer.echo(f"damaged: {damage}; mend it with: odom recover {file} OUT.mcap")
     if reader.complete:

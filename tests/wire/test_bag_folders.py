@@ -73,6 +73,16 @@ def test_a_compressed_file_alone_is_told_with_what_unpacks_it(tmp_path: Path, pl
 
 
 @pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_a_file_of_compressed_messages_alone_is_told_that_its_metadata_is_needed(
+    tmp_path: Path, plugin: StoragePlugin
+) -> None:
+    bag = compressed(tmp_path / "bag", plugin, CompressionMode.MESSAGE)
+    (part,) = (file for file in bag.iterdir() if file.suffix != ".yaml")
+    with pytest.raises(RecordingError, match=r"6 messages of /camera/.*compressed by itself.*metadata\.yaml"):
+        open_source(str(part), SourceOptions())
+
+
+@pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 def test_hidden_files_are_no_part_of_a_bag(tmp_path: Path, plugin: StoragePlugin) -> None:
     bag = record(tmp_path / "bag", walk(), plugin)
     part = next(file for file in bag.iterdir() if file.suffix != ".yaml")

@@ -279,7 +279,21 @@ def test_of_a_file_in_chunks_only_those_with_wanted_topics_are_read(
     assert len(unpacked) <= 2
 
 
-def without_chunks(file: Path, messages: list[Message]) -> Path:
+@pytest.mark.parametrize(
+    ("encoding", "told"),
+    [("ros1", "ROS 1 bag that it was made of"), ("protobuf", "encoded as protobuf.*write them as ROS 2")],
+)
+def test_a_recording_of_another_encoding_is_refused_with_what_to_convert(
+    tmp_path: Path, encoding: str, told: str
+) -> None:
+    file = without_chunks(tmp_path / "take.mcap", realsense(), encoding)
+    with pytest.raises(RecordingError, match=f"{FRAMES} messages of /camera/.*{told}"):
+        open_source(str(file), SourceOptions())
+    with pytest.raises(RecordingError, match=told):
+        info(file)
+
+
+def without_chunks(file: Path, messages: list[Message], encoding: str = "cdr") -> Path:
     """Write the messages as ROS 2's preset `fastwrite` does."""
     written = McapWriter(str(file), use_chunking=False)
     written.start("ros2", "another program")
@@ -287,7 +301,7 @@ def without_chunks(file: Path, messages: list[Message]) -> Path:
     for message in messages:
         if message.topic not in channels:
             schema = written.register_schema(message.type_name, "ros2msg", b"")
-            channels[message.topic] = written.register_channel(f"/{message.topic}", "cdr", schema)
+            channels[message.topic] = written.register_channel(f"/{message.topic}", encoding, schema)
         logged = message.stamp + 80_000_000
         written.add_message(channels[message.topic], logged, bytes(message.payload), logged)
     written.finish()

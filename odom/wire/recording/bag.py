@@ -10,10 +10,10 @@ from typing import Any
 
 from odom.errors import RecordingError, WireError
 from odom.frame import Stamp
-from odom.wire.codec import cdr, stamp_of
+from odom.wire.codec import cdr
 from odom.wire.message import Message
 from odom.wire.recording.bag_folder import bag_folder
-from odom.wire.recording.reader import RecordingReader
+from odom.wire.recording.reader import RecordingReader, stamp_in
 
 ROS1_SUFFIX = ".bag"
 _URI_SIGNS = frozenset("#?%")
@@ -48,12 +48,14 @@ class BagReader(RecordingReader):
         return totals
 
     def _in_file_order(self, topics: Collection[str] | None, start: Stamp | None) -> Iterator[Message]:
-        self.damage, self.complete, self.skipped = (), True, 0
+        self.damage, self.complete, self.skipped = (), True, {}
         for part in self._parts:
             yield from part._in_file_order(topics, start)
             self.damage += tuple(f"{part.path.name}: {what}" for what in part.damage)
             self.complete &= part.complete
-            self.skipped += part.skipped
+            for topic, (count, why) in part.skipped.items():
+                before, why = self.skipped.get(topic, (0, why))
+                self.skipped[topic] = before + count, why
 
 
 class RosbagsReader(RecordingReader):
@@ -72,16 +74,16 @@ class RosbagsReader(RecordingReader):
         return totals
 
     def _in_file_order(self, topics: Collection[str] | None, start: Stamp | None) -> Iterator[Message]:
-        self.complete, self.skipped = False, 0
+        self.complete, self.skipped = False, {}
         as_cdr: Callable[[str, bytes], bytes] = _cdr_of_ros1 if self._is_ros1 else lambda _, payload: bytes(payload)
         with self._opened() as bag:
             wanted = [c for c in bag.connections if topics is None or c.topic.removeprefix("/") in topics]
             for connection, time, raw in bag.messages(connections=wanted) if wanted else ():
                 try:
                     payload = as_cdr(connection.msgtype, raw)
-                    stamp = stamp_of(connection.msgtype, payload)
-                except WireError:
-                    self.skipped += 1
+                    stamp = stamp_in(connection.msgtype, payload)
+                except WireError as error:
+                    self._skip(connection.topic.removeprefix("/"), str(error))
                     continue
                 at = Stamp(time) if stamp is None else stamp
                 if start is None or at >= start:

@@ -24,6 +24,10 @@ messages that were recorded later than that are given out of order. Chosen by ha
 _MOST_TRIED = 10
 """Messages of a topic that are decoded at most until one is whole. Fewer: a driver that begins with bad ones is
 refused; more: a recording that cannot be used takes longer to say so. Chosen by hand."""
+_MOST_TOLD = 5
+"""Topics of which it is told at most why messages are skipped, so that it can be read."""
+_ZSTD = b"\x28\xb5\x2f\xfd"
+"""How what zstd has compressed begins (RFC 8878, 3.1.1); CDR begins with a zero."""
 _MARGIN_NS = 1_000_000_000
 """How much the time between a message's stamp and its recording may vary, in nanoseconds, where chunks are skipped.
 Smaller: late messages may be missed when reading begins in the middle; larger: more is read in vain."""
@@ -69,15 +73,16 @@ class RecordingReader:
     """Reads `path`; raises RecordingError when it cannot be opened or is no MCAP file of ROS 2 messages.
 
     Each reading sets `damage` (what is wrong with the file, in words), `complete` (whether it ends as it should),
-    `skipped` (messages that are not CDR) and `metadata`; `messages` sets `behind` too (messages given after those of
-    another topic that are later by more than a second: the file lies topic after topic, and its log times hide it).
+    `skipped` (by topic how many messages are not CDR, and why the first) and `metadata`; `messages` sets `behind` too
+    (messages given after those of another topic that are later by more than a second: the file lies topic after topic,
+    and its log times hide it).
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.damage: tuple[str, ...] = ()
         self.complete = False
-        self.skipped = 0
+        self.skipped: dict[str, tuple[int, str]] = {}
         self.behind = 0
         self.metadata: dict[str, str] = {}
         self._least_lead: int | None = None
@@ -134,9 +139,17 @@ class RecordingReader:
         """Return the number of messages by topic from the file's index, None when it has none (cut, damaged)."""
         return McapFile(self.path).counts()
 
+    def skipped_in_words(self) -> list[str]:
+        """Return a line for each of some topics with messages that are not CDR: how many, why, what to convert."""
+        return [f"{n} messages of /{topic} are skipped: {why}" for topic, (n, why) in self.skipped.items()][:_MOST_TOLD]
+
+    def _skip(self, topic: str, why: str) -> None:
+        count, why = self.skipped.get(topic, (0, why))
+        self.skipped[topic] = count + 1, why
+
     def _in_file_order(self, topics: Collection[str] | None, start: Stamp | None) -> Iterator[Message]:
         file = McapFile(self.path)
-        self.skipped = 0
+        self.skipped = {}
         # chunks can be skipped by log time only; an earlier reading has shown how far that is from the stamps
         lead = self._least_lead
         not_before = 0 if start is None or lead is None else max(0, start + lead - _MARGIN_NS)
@@ -145,10 +158,12 @@ class RecordingReader:
                 topic = channel.topic.removeprefix("/")
                 if topics is not None and topic not in topics:
                     continue
-                message = _message_of(file, topic, channel, raw)
-                if message is None:
-                    self.skipped += 1
-                elif start is None or message.stamp >= start:
+                try:
+                    message = _message_of(file, topic, channel, raw)
+                except WireError as error:
+                    self._skip(topic, str(error))
+                    continue
+                if start is None or message.stamp >= start:
                     lead = raw.log_time - message.stamp
                     self._least_lead = lead if self._least_lead is None else min(lead, self._least_lead)
                     yield message
@@ -165,13 +180,20 @@ def _take(message: Message, streams: dict[tuple[str, str], RecordedStream]) -> N
     streams[key].add(message)
 
 
-def _message_of(file: McapFile, topic: str, channel: Channel, raw: McapMessage) -> Message | None:
-    """Return a record of the file as a message, None when it is not CDR or its bytes end before the stamp."""
-    schema = file.schemas.get(channel.schema_id)
-    if channel.message_encoding != CDR or schema is None:
-        return None
-    try:
-        stamp = stamp_of(schema.name, raw.data)
-    except WireError:
-        return None
+def _message_of(file: McapFile, topic: str, channel: Channel, raw: McapMessage) -> Message:
+    """Return a record of the file as a message; raises WireError when it is not CDR or ends before the stamp."""
+    schema, encoding = file.schemas.get(channel.schema_id), channel.message_encoding
+    if encoding != CDR:
+        remedy = "give the ROS 1 bag that it was made of" if encoding == "ros1" else "write them as ROS 2 messages"
+        raise WireError(f"they are encoded as {encoding or 'nothing known'}, not as CDR: {remedy}")
+    if schema is None:
+        raise WireError("the recording does not say what type they are of")
+    stamp = stamp_in(schema.name, raw.data)
     return Message(topic, schema.name, Stamp(raw.log_time) if stamp is None else stamp, raw.data)
+
+
+def stamp_in(type_name: str, payload: bytes) -> Stamp | None:
+    """Return the stamp in a recorded message as `stamp_of` does; raises WireError for a compressed one, too."""
+    if payload[:4] == _ZSTD:
+        raise WireError("each is compressed by itself: give the folder of the bag, with its metadata.yaml")
+    return stamp_of(type_name, payload)

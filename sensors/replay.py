@@ -12,7 +12,6 @@ from odom.wire.codec import (
     cdr,
     decode_camera_info,
     decode_depth,
-    decode_depth_model,
     encode_calibration,
     encode_camera_info,
     encode_depth,
@@ -28,7 +27,7 @@ from odom.wire.recording import (
     unregistered,
 )
 from sensors.calibration_file import load_calibration
-from sensors.recorded_depth import recorded_registration
+from sensors.recorded_depth import recorded_depth_model, recorded_registration
 from sensors.recorded_truth import TRUTH_ROLE, TruthReader, could_be_truth, true_poses
 from sensors.source import SourceOptions
 
@@ -86,9 +85,9 @@ class ReplaySource:
             self._calibration = encode_calibration(keys, self._begin, camera, topics.frame_camera)
         else:
             assert info is not None
-            models = [stream for stream in streams if _shows_depth_model(stream)]
+            model = recorded_depth_model(self._roles, streams)
             self._calibration = (
-                *(replace(stream.first, topic=topics.depth_info) for stream in models[:1]),
+                *(() if model is None else (replace(model, topic=topics.depth_info),)),
                 self._as_calibration(info.first),
             )
         used = camera or self._roles.camera()
@@ -200,11 +199,3 @@ def open_recording(path: Path, options: SourceOptions) -> ReplaySource:
 
 def _is_raw(stream: RecordedStream) -> bool:
     return stream.type_name == cdr.IMAGE
-
-
-def _shows_depth_model(stream: RecordedStream) -> bool:
-    """Return whether a stream holds the model of depth's errors that `odom calibrate` finds."""
-    try:
-        return stream.type_name == cdr.CAMERA_INFO and decode_depth_model(stream.first) is not None
-    except WireError:
-        return False

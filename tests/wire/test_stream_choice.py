@@ -1,18 +1,20 @@
 """Which topics are taken where a recording holds several cameras."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 from made_up_messages import BEGIN, kinect_depth, textured
 
-from odom.frame import Camera, Stamp
-from odom.wire import Message
-from odom.wire.codec import encode_camera_info, encode_color, encode_depth
+from odom.frame import Camera, DepthModel, Stamp
+from odom.wire import Message, Topics
+from odom.wire.codec import decode_depth_model, encode_calibration, encode_camera_info, encode_color, encode_depth
 from odom.wire.codec import image_messages as images
 from odom.wire.recording import RecordedStream, SelectedStreams, select_streams
 from odom.wire.recording.image_kind import image_kind
+from sensors.recorded_depth import recorded_depth_model
 
 CAMERA = Camera(64, 48, 50.0, 51.0, 31.0, 23.0)
 
@@ -118,3 +120,18 @@ def test_compressed_grey_in_16_bits_is_seen_or_depth_by_its_name_as_uncompressed
 def test_colour_is_rectified_where_its_name_says_so_wherever_the_word_stands(topic: str, is_rectified: bool) -> None:
     selected = select_streams(streams(color(topic), depth("depth"), info("camera_info")), {})
     assert selected.rectified == is_rectified
+
+
+@pytest.mark.parametrize("chosen", ["cam0", "cam1", "cam2"])
+def test_the_model_of_depths_errors_is_of_the_device_that_is_played(chosen: str) -> None:
+    """Of three devices of which the last has none."""
+    models = {"cam0": DepthModel(shift_px=(2.0, 0.5)), "cam1": DepthModel(shift_px=(-3.0, 1.0))}
+    messages: list[Message] = []
+    for device in ("cam0", "cam1", "cam2"):
+        keys = Topics(device)
+        camera = replace(CAMERA, depth=models.get(device, DepthModel()))
+        messages += encode_calibration((keys.camera_info, keys.depth_info), Stamp(BEGIN), camera)
+        messages += [color(keys.color), depth(keys.depth)]
+    held = streams(*messages)
+    found = recorded_depth_model(select_streams(held, {"color": Topics(chosen).color}), held)
+    assert (None if found is None else decode_depth_model(found)) == models.get(chosen)

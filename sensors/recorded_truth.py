@@ -24,13 +24,12 @@ _MOST_NAMED = 5
 """Topics that are named at most, so that the line can be read."""
 
 
-def true_poses(streams: Iterable[RecordedStream], counts: Mapping[str, int], named: str | None) -> dict[str, str]:
+def true_poses(streams: Iterable[RecordedStream], named: str | None) -> dict[str, str]:
     """Return topic to key of the true poses: those named truth/<body>/pose, or the one that is `named`.
 
     Raises ConfigError when that one is not there or holds something else than one body's pose a message.
     """
-    # a topic that begins after the part looked at is trusted by its name
-    types = {**dict.fromkeys(counts, cdr.POSE), **{stream.topic: stream.type_name for stream in streams}}
+    types = {stream.topic: stream.type_name for stream in streams}
     if named is None:
         return {
             topic: truth(topic.removeprefix("truth/").removesuffix("/pose"))

@@ -31,3 +31,7 @@ def test_a_clock_that_was_set_is_neither_slept_through_nor_ends_the_pace(set_by_
     expected = [PERIOD_NS / 1e9] * 29
     expected[9] = 0.0
     assert waits(stamps) == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_pause_of_some_seconds_is_waited_for() -> None:
+    assert waits([BEGIN, BEGIN + 4 * 10**9]) == pytest.approx([4.0])

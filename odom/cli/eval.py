@@ -125,7 +125,7 @@ def _print_calibration(fields: dict[str, object], correlation: float) -> None:
     )
     quaternion = " ".join(f"{v:+.5f}" for v in hand_eye["quaternion_xyzw"])
     sigma = " ".join(f"{v:.2f}" for v in hand_eye["sigma_deg"])
-    how = "imposed" if correlation != correlation else f"angular speeds correlate {correlation:.2f}"
+    how = "imposed" if correlation != correlation else f"speeds correlate {correlation:.2f}"
     print(f"time offset    {fields['time_offset_s']:+.4f} ± {fields['time_offset_sigma_s']:.4f} s ({how})")
     print(f"hand-eye       camera in body, m: {metres}")
     print(f"               quaternion x y z w: {quaternion}, ± {sigma} deg")

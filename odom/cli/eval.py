@@ -102,7 +102,8 @@ def evaluate(
         if noise:
             floored = relative_nees(widened(poses, noise), true, max_gap)
             print(f"{'':<14} {floored.mean:.2f}, {floored.inside_95:.1%} inside, allowing for the truth's own noise")
-        fields[f"nees_{path.stem}"] = {"mean": values.mean, "inside_95": values.inside_95}
+        name = f"nees_{path.stem}"
+        fields[f"nees_{path}" if name in fields else name] = {"mean": values.mean, "inside_95": values.inside_95}
     if calibration:
         _print_calibration(mocap_calibration_fields(calibration, body or "body"), calibration.correlation)
     notes = [

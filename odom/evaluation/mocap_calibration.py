@@ -91,12 +91,14 @@ class Calibration:
 def calibrate(estimate: Trajectory, truth: Trajectory, options: CalibrationOptions | None = None) -> Calibration:
     """Return the calibration of a camera's `estimate` against the `truth` of a body fixed to the camera.
 
+    Of either in several segments the longest is taken.
+
     Raises InputError when too few poses match in time, none of the two moves at all, or one is no rigid motion.
     """
     options = options or CalibrationOptions()
     for name, given in (("estimate", estimate), ("truth", truth)):
         check(name, given)
-    estimate = estimate.longest_segment()
+    estimate, truth = estimate.longest_segment(), truth.longest_segment()
     if options.offset_s is None:
         clock = clock_offset(estimate, truth, options.max_gap_s, options.search_s)
     else:

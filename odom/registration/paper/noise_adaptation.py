@@ -49,7 +49,7 @@ def judge_covariances(solution: Solution) -> CovarianceVerdict:
     axis.
     """
     n, chi2, squares, *axes = solution.sums.tolist()
-    freedom = 3.0 * n - 6.0
+    freedom = solution.freedom
     if freedom <= 0.0 or chi2 == 0.0:  # made-up pairs without any noise say nothing of it
         return CovarianceVerdict.HOLDS
     allowed = TUNING.contradiction_sigmas * math.sqrt(2.0 / freedom)

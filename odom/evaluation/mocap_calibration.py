@@ -91,9 +91,8 @@ class Calibration:
 def calibrate(estimate: Trajectory, truth: Trajectory, options: CalibrationOptions | None = None) -> Calibration:
     """Return the calibration of a camera's `estimate` against the `truth` of a body fixed to the camera.
 
-    Of either in several segments the longest is taken.
-
-    Raises InputError when too few poses match in time, none of the two moves at all, or one is no rigid motion.
+    Of either in several segments the longest is taken. Raises InputError when too few poses match in time, none of the
+    two moves at all, or one is no rigid motion.
     """
     options = options or CalibrationOptions()
     for name, given in (("estimate", estimate), ("truth", truth)):

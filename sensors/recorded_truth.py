@@ -69,10 +69,10 @@ class TruthReader:
     def __call__(self, message: Message) -> Message | None:
         """Return the message on its body's key, as geometry_msgs/PoseStamped; None where it holds no pose."""
         key = self._keys[message.topic]
-        if message.type_name == cdr.POSE:
-            return replace(message, topic=key)
         try:
             pose = decode_any_pose(message)
+            if message.type_name == cdr.POSE:
+                return replace(message, topic=key)
             return encode_pose(key, pose.stamp, pose.T_parent_child, pose.parent)
         except WireError as error:
             count, why = self.left_out.get(message.topic, (0, str(error)))

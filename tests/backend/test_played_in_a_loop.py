@@ -37,3 +37,13 @@ def test_what_moves_is_told_after_the_stamps_went_back_as_before(to_and_fro):
     back = [e for e in estimates[FRAMES:] if e.state is State.TRACKING]
     assert len(back) > 0.9 * FRAMES
     assert sum(e.moving is not None for e in back) > 0.9 * len(back)
+
+
+def test_no_motion_is_published_from_before_a_step_back_of_the_clock_to_after_it():
+    frames, set_back = round_and_more(FRAMES), 1_100_000_000
+    late = [replace(f, stamp=f.stamp - set_back, depth_stamp=f.stamp - set_back) for f in frames[68:]]
+    odometry = Odometry(SMALL)
+    estimates = [odometry.process(frame) for frame in [*frames[:68], *late]]
+    moved = [m for e in estimates[68:] for m in (e.step, e.second) if m is not None]
+    assert len(moved) >= 10
+    assert all(m.stamp_earlier >= late[0].stamp for m in moved)

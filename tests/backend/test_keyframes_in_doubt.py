@@ -42,9 +42,29 @@ def test_a_young_segment_grows_by_what_is_new_since_it_has_nothing_else() -> Non
     assert is_due_in_doubt(POSES[:2], 0.1, (1,))
 
 
-def is_due_in_doubt(poses: list[np.ndarray], after_s: float, of_keyframes: tuple[int, ...]) -> bool:
-    """Whether a view so long after the last key frame becomes one, where the landmarks `of_keyframes` agree with it."""
+@pytest.mark.parametrize(("of_keyframes", "is_due"), [((3,), False), ((1, 2), True)])
+def test_in_a_map_of_later_stamps_nothing_is_young_and_what_was_saved_is_old(
+    of_keyframes: tuple[int, ...], is_due: bool
+) -> None:
+    """An older recording is played onto a newer map: the last key frame is the run's own."""
+    assert is_due_in_doubt(POSES, 0.1, of_keyframes, saved=3, saved_later_s=1000.0) == is_due
+
+
+@pytest.mark.parametrize(("of_keyframes", "is_due"), [((3,), False), ((2, 3), True)])
+def test_after_a_step_back_of_the_stamps_what_was_before_is_old(of_keyframes: tuple[int, ...], is_due: bool) -> None:
+    assert is_due_in_doubt(POSES, -60.0, of_keyframes) == is_due
+
+
+def is_due_in_doubt(
+    poses: list[np.ndarray], after_s: float, of_keyframes: tuple[int, ...], saved: int = 0, saved_later_s: float = 0.0
+) -> bool:
+    """Whether a view so long after the last key frame becomes one, where the landmarks `of_keyframes` agree with it.
+
+    The first `saved` key frames are of an earlier run, with stamps that are so much later.
+    """
     map_, last = chain_of_keyframes(poses, np.eye(6)), len(poses) - 1
+    for keyframe in map_.keyframes[:saved]:
+        keyframe.frame, keyframe.stamp = -1, Stamp(keyframe.stamp + round(1e9 * saved_later_s))
     rows = np.flatnonzero(np.isin(map_.landmarks.keyframe, of_keyframes))
     inserter = KeyframeInserter(map_, OdometrySettings())
     inserter.want_keyframe()

@@ -148,7 +148,7 @@ class KeyframeInserter:
             return state
         if keyframe.frame != state.view.number:
             inliers = tracked.inliers & self._map.landmarks.alive[tracked.rows]
-            tracked = replace(tracked, T_camera_map=state.T_camera_map, inliers=inliers, reference=state.reference)
+            tracked = replace(tracked, inliers=inliers, reference=state.reference)
             covariance = tracked.covariance * sensor.noise.covariance_scale
             keyframe = self.insert(state.view, tracked, state.twist, covariance, sensor, 0, in_doubt)
             keyframe.T_middle_stamp = _T_middle_stamp(state.view, state.twist, sensor)

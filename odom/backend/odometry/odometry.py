@@ -210,7 +210,7 @@ class Odometry:
         stages.sensor, self._adjusted = stages.mapper.finish(stages.sensor, log)
         stages.last = state.moved_with(stages.map, T_reference_camera)
         if newest in self._adjusted:
-            stages.last = replace(stages.last, T_camera_map=self._adjusted[newest])
+            stages.last = stages.last.at_pose(self._adjusted[newest])
 
     def final_trajectory(
         self, keyframes: Mapping[int, Array] = _UNMOVED, between: Mapping[int, Array] = _UNMOVED

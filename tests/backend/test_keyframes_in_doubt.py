@@ -1,11 +1,12 @@
 """Among people, what was not seen to stand bears no landmarks, so that no body becomes the scene."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
-from made_up_scene import NO_DEPTH, chain_of_keyframes
+from made_up_scene import blank_view, chain_of_keyframes
 from painted_room import SMALL, PaintedRoom
 
 from odom.backend.loop_closure import candidate
@@ -69,7 +70,7 @@ def is_due_in_doubt(
     inserter = KeyframeInserter(map_, OdometrySettings())
     inserter.want_keyframe()
     stamp = Stamp(round(1e9 * (last + after_s)))
-    view = View(last + 1, stamp, SteadyStamp(stamp), FrameImages.of(np.zeros((48, 64), np.uint8)), stamp, NO_DEPTH)
+    view = replace(blank_view(last + 1), stamp=stamp, steady_stamp=SteadyStamp(stamp))
     seen = SimpleNamespace(rows=rows, uv=np.zeros((len(rows), 2)))
     T_camera_map = se3.inverse(poses[last] @ se3.exp(np.array([0.2, 0.0, 0.0, 0.0, 0.0, 0.0])))
     tracked = cast("Any", SimpleNamespace(inlier_landmarks=seen, reference=last, T_camera_map=T_camera_map))
@@ -81,7 +82,7 @@ def is_due_in_doubt(
 def test_in_doubt_no_corner_that_nothing_can_judge_becomes_a_landmark(in_doubt: bool) -> None:
     frame = PaintedRoom().frame(SMALL, 0, np.eye(4))
     sensor = unproven_sensor(SMALL, OdometrySettings()).with_stamp(frame.stamp)
-    view = View.of(frame, sensor.clock, FrameImages.of(frame.color), None)
+    view = View.of(frame, 0, sensor.clock, FrameImages.of(frame.color), None)
     map_ = chain_of_keyframes(POSES[:1], np.eye(6))
     corners = KeyframeInserter(map_, OdometrySettings()).first_corners(view, sensor)
     assert corners is not None
@@ -97,7 +98,7 @@ def test_in_doubt_no_corner_that_nothing_can_judge_becomes_a_landmark(in_doubt: 
 def test_in_doubt_a_place_is_what_stands_there_which_is_known_when_new_corners_are(in_doubt: bool) -> None:
     frame = PaintedRoom().frame(SMALL, 0, np.eye(4))
     sensor = unproven_sensor(SMALL, OdometrySettings()).with_stamp(frame.stamp)
-    view = View.of(frame, sensor.clock, FrameImages.of(frame.color), None)
+    view = View.of(frame, 0, sensor.clock, FrameImages.of(frame.color), None)
     map_ = chain_of_keyframes(POSES, np.eye(6))
     mapper = Mapper(map_, OdometrySettings(), sensor)
     rows = np.arange(len(map_.landmarks.alive[map_.landmarks.alive]))

@@ -150,7 +150,7 @@ class Odometry:
         watch = Stopwatch(None if prepared is None else prepared.laps_ms)
         images = FrameImages.of(frame.color) if prepared is None else prepared.images
         count = stages.published.log.count
-        view = View.of(frame, stages.sensor.clock, images, self.segmentation.mask(frame), count)
+        view = View.of(frame, count, stages.sensor.clock, images, self.segmentation.mask(frame))
         watch.lap("images")
         loops, map_moved = self._apply_background(count)
         map_moved |= stages.mapper.prune(stages.last)

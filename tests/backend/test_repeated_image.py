@@ -9,6 +9,7 @@ import pytest
 from odom.backend import Odometry, State
 from odom.evaluation.report import evaluate
 from odom.evaluation.trajectory import Trajectory
+from odom.frame import RgbdFrame, Stamp
 from odom.geometry import se3
 from sensors.arena import ArenaOptions
 
@@ -71,6 +72,20 @@ def test_a_driver_that_hangs_is_known_although_a_few_pixels_change(change):
     ]
     assert {e.state for e in estimates[:13]} == {State.TRACKING}
     assert {e.state for e in estimates[13:24]} == {State.UNCERTAIN}
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_coarse_picture_that_moves_by_a_pixel_is_another_one(axis):
+    """Seven of eight pixels are equal in it."""
+    wall = np.random.default_rng(0).integers(0, 256, (90, 120), dtype=np.uint8).repeat(8, axis=0).repeat(8, axis=1)
+    depth_mm = np.full((480, 640), 2100, np.uint16)
+    odometry, states = Odometry(OPTIONS.camera), []
+    for i in range(12):
+        down, right = (i, 0) if axis == 0 else (0, i)
+        grey = np.ascontiguousarray(wall[down : down + 480, right : right + 640])
+        stamp = Stamp(33_333_333 * (i + 1))
+        states.append(odometry.process(RgbdFrame(i, stamp, grey, stamp, depth_mm)).state)
+    assert set(states) == {State.TRACKING}
 
 
 def depths(shown):

@@ -13,6 +13,9 @@ from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.view import View
 from odom.geometry.arrays import Image
 
+_Pixels = tuple[slice, ...]
+"""Which pixels of an image are meant."""
+
 
 @dataclass(frozen=True, eq=False)
 class ShownDepth:
@@ -67,14 +70,20 @@ def _moved_px(state: FrameState, since_s: float, sensor: SensorModel) -> float:
 
 def _is_same_picture(last: Image, image: Image) -> bool:
     """Return whether most pixels are equal, at edges too: where nothing is to be seen any two images are."""
-    a = last[:: TUNING.repeated_rows]
-    is_equal = a == image[:: TUNING.repeated_rows]
-    if np.count_nonzero(is_equal) <= TUNING.repeated_share * is_equal.size:
+    every = TUNING.repeated_rows
+    if np.mean(last[::every] == image[::every]) <= TUNING.repeated_share:
         return False
-    is_edge = np.abs(np.diff(a.astype(np.int16), axis=1)) >= TUNING.repeated_contrast
-    if not is_edge.any():
-        return _are_equal(last, image)
-    return bool(np.mean(is_equal[:, 1:][is_edge]) > TUNING.repeated_share)
+    beside = np.index_exp[::every, :-1], np.index_exp[::every, 1:]
+    below = np.index_exp[:-1:every], np.index_exp[1::every]
+    shares = [s for s in (_equal_edges(last, image, *pixels) for pixels in (beside, below)) if s is not None]
+    return min(shares) > TUNING.repeated_share if shares else _are_equal(last, image)
+
+
+def _equal_edges(last: Image, image: Image, one: _Pixels, other: _Pixels) -> float | None:
+    """Return which share of the pixels on both sides of an edge, between `one` and the `other`, are equal."""
+    is_edge = np.abs(last[one].astype(np.int16) - last[other]) >= TUNING.repeated_contrast
+    is_equal = [(last[side] == image[side])[is_edge] for side in (one, other)]
+    return float(np.mean(is_equal)) if is_edge.any() else None
 
 
 def _are_equal(a: NDArray[Any], b: NDArray[Any]) -> bool:

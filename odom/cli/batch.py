@@ -38,9 +38,10 @@ def batch(
     Example: odom batch walks --out out/all --shard "$SLURM_ARRAY_TASK_ID/$SLURM_ARRAY_TASK_COUNT"
     """
     stop = signals.stop_event()
+    from odom.batch.content_hashes import ContentHashes
     from odom.batch.fleet import run_here, run_on_dask
     from odom.batch.job import Job, plan_jobs, shard_of
-    from odom.batch.recordings import ContentHashes, find_recordings
+    from odom.batch.recordings import find_recordings
     from odom.batch.summary import rows_of, totals_of
     from odom.batch.summary_files import read_rows, write_summary
     from odom.batch.worker import INTERRUPTED

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from odom.batch.content_hashes import ContentHashes
 from odom.batch.job import Job, plan_jobs, shard_of
-from odom.batch.recordings import ContentHashes, Recording, find_recordings
+from odom.batch.recordings import Recording, find_recordings
 from odom.errors import ConfigError, SourceError
 
 
@@ -135,6 +136,27 @@ def test_a_folder_counts_by_names_and_bytes_of_its_files(folder, tmp_path):
     (folder / "desk" / "rgb" / "1.png").rename(folder / "desk" / "rgb" / "2.png")
     hashes.append(ContentHashes(tmp_path).of(folder / "desk"))
     assert len(set(hashes)) == 3
+
+
+def test_images_that_lie_elsewhere_count(folder, tmp_path):
+    for name in ("linked", "listed", "inside"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "2.png").write_text("bytes")
+    desk = folder / "desk"
+    (desk / "depth").symlink_to(tmp_path / "linked")
+    (desk / "rgb" / "more").symlink_to(tmp_path / "inside")
+    (desk / "rgb" / "up").symlink_to(desk)
+    (desk / "rgb.txt").write_text("1.0 rgb/1.png\n2.0 ../../listed/2.png\n")
+    hashes = {ContentHashes(tmp_path).of(desk)}
+    for name in ("linked", "listed", "inside"):
+        (tmp_path / name / "2.png").write_text("other bytes")
+        hashes.add(ContentHashes(tmp_path).of(desk))
+    assert len(hashes) == 4
+
+
+def test_a_folder_whose_lists_cannot_be_read_is_hashed(folder, tmp_path):
+    (folder / "desk" / "rgb.txt").write_text("nonsense in the first line\nand in the second\n")
+    assert len(ContentHashes(tmp_path).of(folder / "desk")) == 32
 
 
 def test_names_that_are_no_utf8_are_hashed(folder, tmp_path):

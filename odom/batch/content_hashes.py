@@ -3,7 +3,8 @@
 import hashlib
 import json
 import os
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from odom.errors import OdomError, SourceError
@@ -15,15 +16,31 @@ _HASHES = "hashes.json"
 _DIGEST_BYTES = 16
 """Of every hash here: 128 bits, so that no two recordings ever share one."""
 
+_CHUNK_BYTES = 1 << 20
+"""Read at a time: a request to end is noticed between two. Larger: later, on a slow disk; smaller: more calls."""
+_SAVE_PERIOD_S = 10.0
+"""Between two savings of what became known: so much work is lost by a kill. Shorter: more is written."""
+
 Files = dict[str, Path]
 """The files of a recording by their names in it."""
 
 
 class ContentHashes:
-    """Hashes of recordings' contents, remembered in `folder` as long as sizes and times of change stay as they are."""
+    """Hashes of recordings' contents, remembered in `folder` as long as sizes and times of change stay as they are.
 
-    def __init__(self, folder: Path) -> None:
+    `progress` is told the megabytes read so far; once `is_stopped`, nothing more is read.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        progress: Callable[[int], None] = lambda megabytes: None,
+        is_stopped: Callable[[], bool] = lambda: False,
+    ) -> None:
         self._file = folder / _HASHES
+        self._progress, self._is_stopped = progress, is_stopped
+        self._read_bytes = 0
+        self._save_due = time.monotonic() + _SAVE_PERIOD_S
         try:
             content = json.loads(self._file.read_text())
         except (OSError, ValueError):
@@ -36,15 +53,17 @@ class ContentHashes:
 
         Folders that are linked into it count, and files elsewhere that the lists of an image folder name.
 
-        Raises SourceError when a file cannot be read.
+        Raises SourceError when a file cannot be read, OdomError when it was stopped.
         """
         try:
             files = _files(path)
             signature = _signature(files)
             known = self._known.get(str(path))
             if not isinstance(known, list) or known[:1] != [signature]:
-                known = self._known[str(path)] = [signature, _digest(files)]
+                known = self._known[str(path)] = [signature, self._digest(files)]
                 self._changed = True
+                if time.monotonic() > self._save_due:
+                    self.save()
         except OSError as error:
             raise SourceError(f"{path} cannot be read: {error}") from error
         return known[1]
@@ -54,6 +73,21 @@ class ContentHashes:
         if self._changed:
             write_json(self._file, {path: known for path, known in self._known.items() if Path(path).exists()})
             self._changed = False
+        self._save_due = time.monotonic() + _SAVE_PERIOD_S
+
+    def _digest(self, files: Files) -> str:
+        state = hashlib.blake2b(digest_size=_DIGEST_BYTES)
+        for name, file in files.items():
+            content = hashlib.blake2b(digest_size=_DIGEST_BYTES)
+            with file.open("rb") as stream:
+                while chunk := stream.read(_CHUNK_BYTES):
+                    content.update(chunk)
+                    self._read_bytes += len(chunk)
+                    self._progress(self._read_bytes // 1_000_000)
+                    if self._is_stopped():
+                        raise OdomError("stopped while the recordings were hashed; the next call goes on from here")
+            state.update(os.fsencode(f"{name}\0{content.hexdigest()}\0"))
+        return state.hexdigest()
 
 
 def _files(path: Path) -> Files:
@@ -92,13 +126,4 @@ def _signature(files: Files) -> str:
     for name, file in files.items():
         seen = file.stat()
         state.update(os.fsencode(f"{name}\0{seen.st_size}\0{seen.st_mtime_ns}\0"))
-    return state.hexdigest()
-
-
-def _digest(files: Files) -> str:
-    state = hashlib.blake2b(digest_size=_DIGEST_BYTES)
-    for name, file in files.items():
-        with file.open("rb") as stream:
-            content = hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=_DIGEST_BYTES))
-        state.update(os.fsencode(f"{name}\0{content.hexdigest()}\0"))
     return state.hexdigest()

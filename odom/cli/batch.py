@@ -66,9 +66,12 @@ def batch(
     arguments += [*(("topic", one) for one in topic or ()), *(("option", one) for one in option or ())]
     results = out.resolve() / "results"
     results.mkdir(parents=True, exist_ok=True)
-    hashes = ContentHashes(out)
-    planned = plan_jobs(chosen, hashes, settings.odometry.model_dump(mode="json"), arguments, results)
-    hashes.save()
+    with counting("hashing", None, unit="MB") as progress:
+        hashes = ContentHashes(out, progress, stop.is_set)
+        try:
+            planned = plan_jobs(chosen, hashes, settings.odometry.model_dump(mode="json"), arguments, results)
+        finally:
+            hashes.save()
     due = list({job.key: job for job in planned if not job.is_done}.values())
     failures: dict[str, str] = {}
     with counting("batch", len(due), unit="recordings") as progress:

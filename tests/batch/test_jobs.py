@@ -9,7 +9,7 @@ import pytest
 from odom.batch.content_hashes import ContentHashes
 from odom.batch.job import Job, plan_jobs, shard_of
 from odom.batch.recordings import Recording, find_recordings
-from odom.errors import ConfigError, SourceError
+from odom.errors import ConfigError, OdomError, SourceError
 
 
 @pytest.fixture
@@ -127,6 +127,25 @@ def test_a_hash_is_computed_anew_when_the_file_has_changed(folder, tmp_path):
     file.write_text("c.mcap")
     os.utime(file, ns=(1, 1))
     assert ContentHashes(tmp_path).of(file) not in (before, "remembered")
+
+
+def test_hashing_ends_on_request_and_keeps_what_it_knows(folder, tmp_path):
+    read, is_stopped = [], []
+    hashes = ContentHashes(tmp_path, read.append, lambda: bool(is_stopped))
+    hashes.of(folder / "b.mcap")
+    is_stopped.append(True)
+    (folder / "large.mcap").write_bytes(bytes(3_000_000))
+    with pytest.raises(OdomError, match="the next call goes on"):
+        hashes.of(folder / "large.mcap")
+    assert max(read) < 3
+    hashes.save()
+    assert list(json.loads((tmp_path / "hashes.json").read_text())) == [str(folder / "b.mcap")]
+
+
+def test_a_killed_batch_keeps_the_hashes_of_all_but_its_last_seconds(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr("odom.batch.content_hashes._SAVE_PERIOD_S", 0.0)
+    ContentHashes(tmp_path).of(folder / "b.mcap")
+    assert (tmp_path / "hashes.json").exists()
 
 
 def test_a_folder_counts_by_names_and_bytes_of_its_files(folder, tmp_path):

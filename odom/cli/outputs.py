@@ -1,12 +1,18 @@
-"""Where a recording may be written, not onto what is read for it, and which files of figures can be."""
+"""Where recordings may be written, not onto what is read for them, and which files of figures can be."""
 
 import json
 import math
+import time
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
 from odom.errors import ConfigError, RecordingError
+
+
+def timed(output: Path) -> Path:
+    """Return the path with `{time}` replaced by the present one (UTC), as in 20260131T235959Z."""
+    return Path(str(output).replace("{time}", time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())))
 
 
 def check_not_read(source: str, output: Path) -> None:

@@ -1,7 +1,6 @@
 """`odom record OUT.mcap`: everything of a device, from the wire into a file."""
 
 import logging
-import time
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +8,7 @@ import typer
 
 from odom.cli import signals
 from odom.cli.options import Compression, Config, Connect, Listen, Mode, Namespace, wire_settings
+from odom.cli.outputs import timed
 
 _LOG = logging.getLogger(__name__)
 
@@ -50,12 +50,12 @@ def record(
 
     give_back_large_blocks()
     stop = signals.stop_event()
-    timed = Path(str(output).replace("{time}", time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())))
+    target = timed(output)
     settings = wire_settings(config, connect, listen, mode, namespace)
     topics = Topics(settings.namespace)
     metadata = {"namespace": topics.namespace}
     with (
-        RecordingWriter(timed, compression, overwrite, metadata, beside=timed != output) as writer,
+        RecordingWriter(target, compression, overwrite, metadata, beside=target != output) as writer,
         open_session(settings) as session,
         counting("record", None) as progress,
     ):

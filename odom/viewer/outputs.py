@@ -43,11 +43,15 @@ _SET_PARENT_DEATH_SIGNAL = 1
 
 @dataclass(frozen=True)
 class Outputs:
-    """The outputs asked for; a desktop window and a web page are both clients of the server."""
+    """The outputs asked for; a desktop window and a web page are both clients of the server.
+
+    With `overwrite` the file may replace one of its name.
+    """
 
     web: bool = False
     desktop: bool = False
     file: Path | None = None
+    overwrite: bool = False
 
     @property
     def served(self) -> bool:
@@ -55,7 +59,7 @@ class Outputs:
         return self.web or self.desktop
 
 
-def choose(web: bool, headless: bool, file: Path | None) -> Outputs:
+def choose(web: bool, headless: bool, file: Path | None, overwrite: bool = False) -> Outputs:
     """Return the outputs of the options: without any, a window where there is a screen, else a web page.
 
     Raises ConfigError when nothing would be shown or written.
@@ -65,7 +69,7 @@ def choose(web: bool, headless: bool, file: Path | None) -> Outputs:
     if headless and file is None:
         raise ConfigError("--headless without --rrd FILE shows nothing: leave it out or name a file")
     desktop = not (web or headless or file is not None) and has_screen()
-    return Outputs(web=web or not (desktop or headless or file is not None), desktop=desktop, file=file)
+    return Outputs(web or not (desktop or headless or file is not None), desktop, file, overwrite)
 
 
 def has_screen() -> bool:
@@ -104,13 +108,13 @@ def _last_line(errors: IO[bytes] | None) -> str:
 def open_outputs(outputs: Outputs, settings: ViewerSettings, name: str) -> Iterator[OpenOutputs]:
     """Open a recording named `name` into the outputs and close all at the end, the file complete.
 
-    Raises OdomError when the file cannot be written or no port is free.
+    Raises OdomError when the file cannot be written or no port is free, ConfigError when the file may not be replaced.
     """
     with ExitStack() as stack:
         recording = rr.RecordingStream(APPLICATION, batcher_config=_batching())
         stack.callback(recording.disconnect)
         if outputs.file is not None:
-            _check_writable(outputs.file)
+            _make(outputs.file, outputs.overwrite)
         data_port, web_port = _open_sinks(recording, outputs, settings)
         recording.send_recording_name(name)
         data = f"rerun+http://{_reachable(settings.host)}:{data_port}/proxy"
@@ -190,11 +194,13 @@ def _batching() -> rr.ChunkBatcherConfig:
     return config
 
 
-def _check_writable(path: Path) -> None:
+def _make(path: Path, overwrite: bool) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.open("wb").close()
+        path.open("wb" if overwrite else "xb").close()
     except OSError as error:
+        if path.exists() and not overwrite:
+            raise ConfigError(f"{path} exists already: choose another name or replace it with --overwrite") from None
         raise OdomError(f"{path} cannot be written: {error}") from error
 
 

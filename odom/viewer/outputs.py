@@ -24,6 +24,7 @@ from odom.errors import ConfigError, OdomError
 from odom.viewer.blueprint import blueprint
 from odom.viewer.settings import ViewerSettings
 from odom.viewer.usage_data import without_usage_data
+from odom.viewer.written_file import make, told_if_not_whole
 
 _LOG = logging.getLogger(__name__)
 APPLICATION = "rgbd-odom"
@@ -108,14 +109,15 @@ def _last_line(errors: IO[bytes] | None) -> str:
 def open_outputs(outputs: Outputs, settings: ViewerSettings, name: str) -> Iterator[OpenOutputs]:
     """Open a recording named `name` into the outputs and close all at the end, the file complete.
 
-    Raises OdomError when the file cannot be written or no port is free, ConfigError when the file may not be replaced.
+    Raises OdomError when the file cannot be written whole or no port is free, ConfigError when it may not be replaced.
     """
     with ExitStack() as stack:
         recording = rr.RecordingStream(APPLICATION, batcher_config=_batching())
         stack.callback(recording.disconnect)
         if outputs.file is not None:
-            _make(outputs.file, outputs.overwrite)
-        data_port, web_port = _open_sinks(recording, outputs, settings)
+            make(outputs.file, outputs.overwrite)
+        with told_if_not_whole(outputs.file):
+            data_port, web_port = _open_sinks(recording, outputs, settings)
         recording.send_recording_name(name)
         data = f"rerun+http://{_reachable(settings.host)}:{data_port}/proxy"
         address = window = errors = None
@@ -130,7 +132,8 @@ def open_outputs(outputs: Outputs, settings: ViewerSettings, name: str) -> Itera
             errors = stack.enter_context(TemporaryFile())
             window = stack.enter_context(_child(arguments, errors))
         yield OpenOutputs(recording, address, window, errors)
-        recording.flush(timeout_sec=_LAST_FLUSH_S)
+        with told_if_not_whole(outputs.file):
+            recording.flush(timeout_sec=_LAST_FLUSH_S)
 
 
 def _open_sinks(recording: rr.RecordingStream, outputs: Outputs, settings: ViewerSettings) -> tuple[int, int]:
@@ -192,16 +195,6 @@ def _batching() -> rr.ChunkBatcherConfig:
     config = rr.ChunkBatcherConfig.DEFAULT()
     config.flush_tick = _FLUSH_S
     return config
-
-
-def _make(path: Path, overwrite: bool) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.open("wb" if overwrite else "xb").close()
-    except OSError as error:
-        if path.exists() and not overwrite:
-            raise ConfigError(f"{path} exists already: choose another name or replace it with --overwrite") from None
-        raise OdomError(f"{path} cannot be written: {error}") from error
 
 
 def _reachable(host: str) -> str:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from odom.export.writing import ExportOptions
     from odom.rgbd_recording import RgbdRecording
+    from odom.service.settings import Settings
 
 Format = Literal["colmap", "nerfstudio", "ply", "mesh", "g2o", "kitti", "euroc", "tum"]
 _TRAJECTORIES = ("kitti", "euroc", "tum")
@@ -32,6 +33,7 @@ def export(
     farthest: Annotated[float, typer.Option(min=0.1, help="Depth beyond is left out of ply and mesh, m.")] = 4.0,
     memory: Annotated[float, typer.Option(min=1, help="The most that a mesh may take, MB.")] = 1500.0,
     camera: options.Calibration = None,
+    mask: options.MaskFile = None,
     start: options.Start = 0.0,
     end: options.End = None,
     config: options.Config = None,
@@ -51,7 +53,9 @@ def export(
     from odom.export.mesh import open3d
     from odom.export.writing import ExportOptions, write_trajectory
     from odom.rgbd_recording import read_recording
+    from odom.service.settings import load_settings
 
+    settings = options.with_mask(load_settings(config), mask)
     for source in sources:
         if not source.exists():
             raise SourceError(f"{source}: no such file or folder")
@@ -74,7 +78,7 @@ def export(
             write_trajectory(folder, to, read_run(source).longest_segment())
         else:
             recording = read_recording(source, camera, start=start, end=end)
-            _export_recording(recording, to, folder, wanted, config, stop)
+            _export_recording(recording, to, folder, wanted, settings, stop)
         ended = " (of what was read until the interruption)" if stop.is_set() else ""
         typer.echo(f"{source}: {to} in {folder}{ended}")
         if stop.is_set():
@@ -86,22 +90,21 @@ def _export_recording(
     to: Format,
     folder: Path,
     wanted: "ExportOptions",
-    config: Path | None,
+    settings: "Settings",
     stop: "threading.Event",
 ) -> None:
     """Run the odometry over a recording and write what is wanted."""
     import cv2
 
-    from odom.backend.settings import OdometrySettings
     from odom.export.views import survey
     from odom.export.writing import Exporter, write_trajectory
+    from odom.service.mask_file import masked_by
     from odom.service.progress import counting
-    from odom.service.settings_sources import part_settings
 
     cv2.setNumThreads(1)
-    settings = part_settings("odometry", OdometrySettings, config, {})
+    segmenter = masked_by(settings.service.mask, recording.camera)
     with counting("odometry", None) as progress:
-        surveyed = survey(recording, settings, progress, stop.is_set)
+        surveyed = survey(recording, settings.odometry, progress, stop.is_set, segmenter)
     scene = surveyed.scene
     typer.echo(f"{len(surveyed.stamps)} frames, {len(scene.keyframes)} key frames, {len(scene.points)} landmarks")
     folder.mkdir(parents=True, exist_ok=True)

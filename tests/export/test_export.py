@@ -6,6 +6,7 @@ import sys
 import time
 from pathlib import Path
 
+import cv2
 import numpy as np
 import psutil
 import pytest
@@ -53,6 +54,19 @@ def test_a_folder_of_a_run_becomes_a_trajectory_and_nothing_else(tmp_path):
     assert np.loadtxt(tmp_path / "out" / "poses.txt")[1].tolist() == [1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0]
     assert "give the recording" in export(run, "--to", "ply", "--out", tmp_path / "other", status=2)
     assert not (tmp_path / "other").exists()
+
+
+def test_what_a_mask_or_the_setting_marks_is_left_out(tmp_path):
+    marked = np.zeros((480, 640), dtype=np.uint8)
+    marked[240:] = 255
+    cv2.imwrite(str(tmp_path / "mask.png"), marked)
+    (tmp_path / "odom.yaml").write_text(f"service: {{mask: {tmp_path / 'mask.png'}}}")
+    ways = {"plain": (), "option": ("--mask", tmp_path / "mask.png"), "setting": ("--config", tmp_path / "odom.yaml")}
+    written = {}
+    for name, arguments in ways.items():
+        export(RECORDING, "--end", "1", "--to", "tum", "--out", tmp_path / name, *arguments)
+        written[name] = (tmp_path / name / "trajectory.txt").read_text()
+    assert written["option"] == written["setting"] != written["plain"]
 
 
 def distance_to(surfaces, points):

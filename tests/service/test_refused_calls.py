@@ -139,6 +139,7 @@ OTHERS = [
     (("batch", "old.mcap", "--out", "all", "--camera", "nosuch.yaml"), "nosuch.yaml cannot be read"),
     (("batch", "old.mcap", "--out", "all", "--start", "5", "--end", "3"), "--end 3 is not behind --start 5"),
     (("batch", "old.mcap", "--out", "desk/rgb.txt"), "nothing can be written in"),
+    (("export", "old.mcap", "--to", "tum", "--out", "all", "--mask", "desk/rgb.txt"), "is no image that can be read"),
     (("recover", "old.mcap", "old.mcap"), "choose another name"),
     (("recover", "old.mcap", "desk/rgb.txt"), "--overwrite"),
     (("record", "old.mcap"), "--overwrite"),

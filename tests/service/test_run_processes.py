@@ -103,6 +103,27 @@ def test_the_report_is_told_before_a_viewer_that_stays_is_waited_for(
     assert [report["tracked"] for report in told] == [4]
 
 
+class UntrackedChild(PretendedChild):
+    """An odometry that has tracked none of five frames and ended."""
+
+    def __init__(self, name: str, arguments: object, environment: object, say: Says, held: object) -> None:
+        super().__init__(name, arguments, environment, say, held)
+        if name == "odometry":
+            say(name, '@report {"frames": 5, "tracked": 0, "lost_for": {"no texture": 5}}')
+            self.status = 0
+
+
+@pytest.mark.process
+def test_a_failed_run_whose_viewer_stayed_says_why_and_not_that_it_was_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("odom.service.run_processes.ChildProcess", UntrackedChild)
+    stop = threading.Event()
+    plan = RunPlan("arena", tmp_path, viewer_arguments=["--web"], stay=True)
+    with pytest.raises(OdomError, match="none of the 5 frames was tracked: 5 frames: no texture"):
+        run(plan, Settings(), stop, lambda report: stop.set())  # which closes the viewer
+
+
 @pytest.mark.process
 @pytest.mark.parametrize(("arguments", "is_failure"), [(["--web"], False), (["--rrd=session.rrd"], True)])
 def test_a_killed_viewer_fails_a_run_only_when_it_was_to_write_a_file(

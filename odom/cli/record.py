@@ -41,7 +41,7 @@ def record(
     Example: odom record session.mcap
     """
     from odom.errors import OdomError
-    from odom.service.progress import counting
+    from odom.service.progress import counting, is_in_a_run
     from odom.wire import Topics
     from odom.wire.allocator import give_back_large_blocks
     from odom.wire.recorder import Recorder
@@ -62,10 +62,8 @@ def record(
         _LOG.info("recording to %s, which becomes %s at the end", writer.part, writer.path)
         report = Recorder(session, topics, writer, estimates).run(stop, progress)
         if not writer.count:
-            raise OdomError(
-                f"no message came for {topics.namespace}, nothing is written; is its sensor up, with the same "
-                "--namespace, and do --connect and --listen lead to each other?"
-            )
+            ask = "; is its sensor up, with the same --namespace, and do --connect and --listen lead to each other?"
+            raise OdomError(f"no message came for {topics.namespace}, nothing is written{'' if is_in_a_run() else ask}")
     missing = f", {report.lost} lost on the way" if report.lost else ""
     typer.echo(
         f"{writer.path}: {report.frames} frames, {writer.count} messages{missing}, "

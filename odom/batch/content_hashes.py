@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import logging
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -11,6 +12,8 @@ from odom.errors import OdomError, SourceError
 from odom.service.result_files import write_json
 from odom.service.unlogged import unlogged
 from sensors.folder_layouts import is_image_folder, layout_of
+
+log = logging.getLogger(__name__)
 
 _HASHES = "hashes.json"
 _DIGEST_BYTES = 16
@@ -51,9 +54,8 @@ class ContentHashes:
     def of(self, path: Path) -> str:
         """Return the hash of a file's bytes, or of the names and bytes of all files in a folder.
 
-        Folders that are linked into it count, and files elsewhere that the lists of an image folder name.
-
-        Raises SourceError when a file cannot be read, OdomError when it was stopped.
+        Folders that are linked into it count, and files elsewhere that the lists of an image folder name. Raises
+        SourceError when a file cannot be read, OdomError when it was stopped.
         """
         try:
             files = _files(path)
@@ -69,10 +71,13 @@ class ContentHashes:
         return known[1]
 
     def save(self) -> None:
-        """Write what became known, without recordings that are gone."""
+        """Write what became known, without recordings that are gone; where that fails, it is hashed again some day."""
         if self._changed:
-            write_json(self._file, {path: known for path, known in self._known.items() if Path(path).exists()})
-            self._changed = False
+            try:
+                write_json(self._file, {path: known for path, known in self._known.items() if Path(path).exists()})
+                self._changed = False
+            except OSError as error:  # of the disk, or of another batch that writes the same file now
+                log.warning("%s cannot be written: %s", self._file, error)
         self._save_due = time.monotonic() + _SAVE_PERIOD_S
 
     def _digest(self, files: Files) -> str:

@@ -148,6 +148,14 @@ def test_a_killed_batch_keeps_the_hashes_of_all_but_its_last_seconds(folder, tmp
     assert (tmp_path / "hashes.json").exists()
 
 
+def test_hashes_that_cannot_be_remembered_end_no_batch(folder, tmp_path, caplog):
+    (tmp_path / "hashes.json").mkdir()
+    hashes = ContentHashes(tmp_path)
+    assert len(hashes.of(folder / "b.mcap")) == 32
+    hashes.save()
+    assert "hashes.json cannot be written" in caplog.text
+
+
 def test_a_folder_counts_by_names_and_bytes_of_its_files(folder, tmp_path):
     hashes = [ContentHashes(tmp_path).of(folder / "desk")]
     (folder / "desk" / "rgb" / "1.png").write_text("other bytes")

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import odom
-from odom.batch.recordings import ContentHashes, Recording
+from odom.batch.content_hashes import ContentHashes
+from odom.batch.recordings import Recording
 from odom.errors import ConfigError
 
 _NUMERICS = ("numba", "numpy", "opencv-python-headless", "scipy")

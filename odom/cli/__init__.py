@@ -85,10 +85,10 @@ def _tell_stray_variables() -> None:
     stray = stray_variables(os.environ)
     if not stray:
         return
-    from odom.service.progress import COUNT_ENVIRONMENT
+    from odom.service.progress import is_in_a_run
     from odom.service.settings import Settings
 
-    if os.environ.get(COUNT_ENVIRONMENT) == "1":
+    if is_in_a_run():
         return
     known = [variable(name) for name in names(Settings)]
     for name in stray:

@@ -38,9 +38,10 @@ def batch(
     Example: odom batch walks --out out/all --shard "$SLURM_ARRAY_TASK_ID/$SLURM_ARRAY_TASK_COUNT"
     """
     stop = signals.stop_event()
+    from odom.batch.content_hashes import ContentHashes
     from odom.batch.fleet import run_here, run_on_dask
     from odom.batch.job import Job, plan_jobs, shard_of
-    from odom.batch.recordings import ContentHashes, find_recordings
+    from odom.batch.recordings import find_recordings
     from odom.batch.summary import rows_of, totals_of
     from odom.batch.summary_files import read_rows, write_summary
     from odom.batch.worker import INTERRUPTED
@@ -65,9 +66,12 @@ def batch(
     arguments += [*(("topic", one) for one in topic or ()), *(("option", one) for one in option or ())]
     results = out.resolve() / "results"
     results.mkdir(parents=True, exist_ok=True)
-    hashes = ContentHashes(out)
-    planned = plan_jobs(chosen, hashes, settings.odometry.model_dump(mode="json"), arguments, results)
-    hashes.save()
+    with counting("hashing", None, unit="MB") as progress:
+        hashes = ContentHashes(out, progress, stop.is_set)
+        try:
+            planned = plan_jobs(chosen, hashes, settings.odometry.model_dump(mode="json"), arguments, results)
+        finally:
+            hashes.save()
     due = list({job.key: job for job in planned if not job.is_done}.values())
     failures: dict[str, str] = {}
     with counting("batch", len(due), unit="recordings") as progress:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from odom.export.writing import ExportOptions
     from odom.rgbd_recording import RgbdRecording
+    from odom.service.settings import Settings
 
 Format = Literal["colmap", "nerfstudio", "ply", "mesh", "g2o", "kitti", "euroc", "tum"]
 _TRAJECTORIES = ("kitti", "euroc", "tum")
@@ -32,6 +33,7 @@ def export(
     farthest: Annotated[float, typer.Option(min=0.1, help="Depth beyond is left out of ply and mesh, m.")] = 4.0,
     memory: Annotated[float, typer.Option(min=1, help="The most that a mesh may take, MB.")] = 1500.0,
     camera: options.Calibration = None,
+    mask: options.MaskFile = None,
     start: options.Start = 0.0,
     end: options.End = None,
     config: options.Config = None,
@@ -46,12 +48,14 @@ def export(
     Example: odom export recordings/arena.mcap --to mesh --voxel 0.02 --out out/mesh
     """
     stop = signals.stop_event()
-    from odom.errors import ConfigError, SourceError
+    from odom.errors import ConfigError, OdomError, SourceError
     from odom.evaluation.files import read_run
     from odom.export.mesh import open3d
     from odom.export.writing import ExportOptions, write_trajectory
     from odom.rgbd_recording import read_recording
+    from odom.service.settings import load_settings
 
+    settings = options.with_mask(load_settings(config), mask)
     for source in sources:
         if not source.exists():
             raise SourceError(f"{source}: no such file or folder")
@@ -68,17 +72,17 @@ def export(
             raise ConfigError(f"{folder} is there already: give a new or empty folder")
         check_place("--out", folder / to)
     wanted = ExportOptions(neighbours, unroll, voxel, farthest, memory)
-    for source, folder in zip(sources, folders, strict=True):
+    for number, (source, folder) in enumerate(zip(sources, folders, strict=True), 1):
+        part = ""
         if (source / "trajectory.txt").is_file():
             folder.mkdir(parents=True, exist_ok=True)
             write_trajectory(folder, to, read_run(source).longest_segment())
         else:
             recording = read_recording(source, camera, start=start, end=end)
-            _export_recording(recording, to, folder, wanted, config, stop)
-        ended = " (of what was read until the interruption)" if stop.is_set() else ""
-        typer.echo(f"{source}: {to} in {folder}{ended}")
-        if stop.is_set():
-            return
+            part = _export_recording(recording, to, folder, wanted, settings, stop)
+        typer.echo(f"{source}: {to} in {folder}{part}")
+        if stop.is_set() and number < len(sources):
+            raise OdomError(f"interrupted: {len(sources) - number} of {len(sources)} sources were not exported")
 
 
 def _export_recording(
@@ -86,35 +90,44 @@ def _export_recording(
     to: Format,
     folder: Path,
     wanted: "ExportOptions",
-    config: Path | None,
+    settings: "Settings",
     stop: "threading.Event",
-) -> None:
-    """Run the odometry over a recording and write what is wanted."""
+) -> str:
+    """Run the odometry over a recording and write what is wanted; return of which part, if it was interrupted."""
     import cv2
 
-    from odom.backend.settings import OdometrySettings
     from odom.export.views import survey
     from odom.export.writing import Exporter, write_trajectory
+    from odom.service.mask_file import masked_by
     from odom.service.progress import counting
-    from odom.service.settings_sources import part_settings
 
     cv2.setNumThreads(1)
-    settings = part_settings("odometry", OdometrySettings, config, {})
+    segmenter = masked_by(settings.service.mask, recording.camera)
+    is_interrupted = False
+
+    def is_stopped() -> bool:
+        nonlocal is_interrupted
+        is_interrupted = is_interrupted or stop.is_set()
+        return is_interrupted
+
     with counting("odometry", None) as progress:
-        surveyed = survey(recording, settings, progress, stop.is_set)
+        surveyed = survey(recording, settings.odometry, progress, is_stopped, segmenter)
+    is_read = not is_interrupted
     scene = surveyed.scene
     typer.echo(f"{len(surveyed.stamps)} frames, {len(scene.keyframes)} key frames, {len(scene.points)} landmarks")
     folder.mkdir(parents=True, exist_ok=True)
     if to in _TRAJECTORIES:
         write_trajectory(folder, to, scene.trajectory)
-        return
-    with counting(to, len(scene.keyframes), unit="key frames") as progress:
-        exporter = Exporter(folder, surveyed, recording, wanted, progress, typer.echo)
-        writers = {
-            "colmap": exporter.write_colmap,
-            "nerfstudio": exporter.write_nerfstudio,
-            "ply": exporter.write_ply,
-            "mesh": exporter.write_mesh,
-            "g2o": exporter.write_g2o,
-        }
-        writers[to]()
+    else:
+        with counting(to, len(scene.keyframes), unit="key frames") as progress:
+            until = is_stopped if is_read else lambda: False
+            exporter = Exporter(folder, surveyed, recording, wanted, progress, typer.echo, until)
+            writers = {
+                "colmap": exporter.write_colmap,
+                "nerfstudio": exporter.write_nerfstudio,
+                "ply": exporter.write_ply,
+                "mesh": exporter.write_mesh,
+                "g2o": exporter.write_g2o,
+            }
+            writers[to]()
+    return f" (of what was {'written' if is_read else 'read'} until the interruption)" if is_interrupted else ""

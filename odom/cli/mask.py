@@ -22,8 +22,8 @@ def mask(
 ) -> None:
     """Find what of SOURCE's images stays the same wherever the camera goes: a robot's deck, a rig, a helmet's edge.
 
-    Give the image that it writes to `odom run`, `odom serve`, `odom calibrate` and `odom doctor` as --mask, so that
-    none of them takes it for the scene. Turn and move the camera meanwhile; look at the image, and paint it as you
+    Give the image that it writes to `odom run`, `serve`, `export`, `calibrate` and `doctor` as --mask, so that none of
+    them takes it for the scene. Turn and move the camera meanwhile; look at the image, and paint it as you
     like. Exit status 1 when nothing stays the same.
 
     Example: odom mask walk.mcap --out mask.png

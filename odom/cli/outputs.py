@@ -1,12 +1,18 @@
-"""Where a recording may be written, not onto what is read for it, and which files of figures can be."""
+"""Where recordings may be written, not onto what is read for them, and which files of figures can be."""
 
 import json
 import math
+import time
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
 from odom.errors import ConfigError, RecordingError
+
+
+def timed(output: Path) -> Path:
+    """Return the path with `{time}` replaced by the present one (UTC), as in 20260131T235959Z."""
+    return Path(str(output).replace("{time}", time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())))
 
 
 def check_not_read(source: str, output: Path) -> None:
@@ -18,11 +24,19 @@ def check_not_read(source: str, output: Path) -> None:
         raise ConfigError(f"{output} is what would be read: give another name for the recording")
 
 
-def check_recording(source: str, output: Path, overwrite: bool) -> None:
-    """Raise ConfigError when `odom run SOURCE` may not record to `output`, whose name may hold `{time}`."""
+def check_recording(source: str, output: Path, overwrite: bool, out: Path | None, map_: Path | None) -> None:
+    """Raise ConfigError when `odom run SOURCE` may not record to `output`, whose name may hold `{time}`.
+
+    It may not where the run itself writes: the folder `out` and its results, and the map.
+    """
+    from odom.service.previous_results import is_result
     from odom.wire.recording.part_file import check_free
 
     check_not_read(source, output)
+    written, folder = output.resolve(), None if out is None else out.resolve()
+    is_folder = folder is not None and folder.is_relative_to(written)
+    if is_folder or (written.parent == folder and is_result(written.name)) or (map_ and written == map_.resolve()):
+        raise ConfigError(f"--record {output} is what the run itself writes: give another name for the recording")
     try:
         check_free(output, overwrite)
     except RecordingError as error:

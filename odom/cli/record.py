@@ -1,7 +1,6 @@
 """`odom record OUT.mcap`: everything of a device, from the wire into a file."""
 
 import logging
-import time
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +8,7 @@ import typer
 
 from odom.cli import signals
 from odom.cli.options import Compression, Config, Connect, Listen, Mode, Namespace, wire_settings
+from odom.cli.outputs import timed
 
 _LOG = logging.getLogger(__name__)
 
@@ -41,7 +41,7 @@ def record(
     Example: odom record session.mcap
     """
     from odom.errors import OdomError
-    from odom.service.progress import counting
+    from odom.service.progress import counting, is_in_a_run
     from odom.wire import Topics
     from odom.wire.allocator import give_back_large_blocks
     from odom.wire.recorder import Recorder
@@ -50,22 +50,20 @@ def record(
 
     give_back_large_blocks()
     stop = signals.stop_event()
-    timed = Path(str(output).replace("{time}", time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())))
+    target = timed(output)
     settings = wire_settings(config, connect, listen, mode, namespace)
     topics = Topics(settings.namespace)
     metadata = {"namespace": topics.namespace}
     with (
-        RecordingWriter(timed, compression, overwrite, metadata, beside=timed != output) as writer,
+        RecordingWriter(target, compression, overwrite, metadata, beside=target != output) as writer,
         open_session(settings) as session,
         counting("record", None) as progress,
     ):
         _LOG.info("recording to %s, which becomes %s at the end", writer.part, writer.path)
         report = Recorder(session, topics, writer, estimates).run(stop, progress)
         if not writer.count:
-            raise OdomError(
-                f"no message came for {topics.namespace}, nothing is written; is its sensor up, with the same "
-                "--namespace, and do --connect and --listen lead to each other?"
-            )
+            ask = "; is its sensor up, with the same --namespace, and do --connect and --listen lead to each other?"
+            raise OdomError(f"no message came for {topics.namespace}, nothing is written{'' if is_in_a_run() else ask}")
     missing = f", {report.lost} lost on the way" if report.lost else ""
     typer.echo(
         f"{writer.path}: {report.frames} frames, {writer.count} messages{missing}, "

@@ -93,7 +93,7 @@ def run(
     options.check_map(map_, localize)
     settings = options.with_mask(settings, mask)
     if record is not None:
-        check_recording(source, record, overwrite)
+        check_recording(source, record, overwrite, out, map_)
     folder = out or new_folder(Path("out") / f"{_stem(source)}-{time.strftime('%Y%m%d-%H%M%S')}")
     viewer = [*(["--web"] if web else []), *(["--headless"] if headless else [])]
     viewer += [f"--rrd={folder / 'session.rrd'}"] if rrd else []

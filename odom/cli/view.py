@@ -7,12 +7,17 @@ import typer
 
 from odom.cli import signals
 from odom.cli.options import Config, Connect, Listen, Mode, Namespace, wire_settings
+from odom.cli.outputs import timed
 
 
 def view(
     web: Annotated[bool, typer.Option("--web", help="Serve a web page and print its address.")] = False,
     headless: Annotated[bool, typer.Option("--headless", help="Show nothing; only write --rrd FILE.")] = False,
-    rrd: Annotated[Path | None, typer.Option(help="Write all to this file for Rerun; no window opens.")] = None,
+    rrd: Annotated[
+        Path | None,
+        typer.Option(help="Write all to this file for Rerun; no window opens. {time} becomes that of the start."),
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file of --rrd if it exists.")] = False,
     host: Annotated[str | None, typer.Option(help="Address to serve on; 0.0.0.0 lets other machines look.")] = None,
     web_port: Annotated[int | None, typer.Option(help="Port of the web page.")] = None,
     data_port: Annotated[int | None, typer.Option(help="Port of the data of the page.")] = None,
@@ -40,4 +45,5 @@ def view(
     wire = wire_settings(config, connect, listen, mode, namespace)
     given = {"host": host, "web_port": web_port, "data_port": data_port}
     settings = part_settings("viewer", ViewerSettings, config, given)
-    show(wire, settings, choose(web, headless, rrd), stop, lambda address: typer.echo(f"viewer: {address}"))
+    outputs = choose(web, headless, rrd and timed(rrd), overwrite)
+    show(wire, settings, outputs, stop, lambda address: typer.echo(f"viewer: {address}"))

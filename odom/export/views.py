@@ -1,12 +1,13 @@
 """A recording read for export: once for its trajectory and map, and again for the images that are wanted."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from odom.backend import Odometry, OdometrySettings
+from odom.backend.odometry.segmentation import Segmenter
 from odom.errors import InputError
 from odom.export.rectify import Rectifier
 from odom.export.scene import Scene, SceneKeyframe, scene_of
@@ -22,11 +23,12 @@ Progress = Callable[[int], None]
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """A recording's scene, and the stamp and sharpness of every frame."""
+    """A recording's scene, the stamp and sharpness of every frame, and what marks parts that are none of the scene."""
 
     scene: Scene
     stamps: tuple[Stamp, ...]
     sharpness: tuple[float, ...]
+    segmenter: Segmenter | None = None
 
     def chosen(self, neighbours: int) -> dict[Stamp, Stamp]:
         """Return for each key frame's stamp that of the sharpest image within so many frames of it."""
@@ -56,13 +58,17 @@ class View:
 
 
 def survey(
-    recording: RgbdRecording, settings: OdometrySettings, progress: Progress, is_stopped: Callable[[], bool]
+    recording: RgbdRecording,
+    settings: OdometrySettings,
+    progress: Progress,
+    is_stopped: Callable[[], bool],
+    segmenter: Segmenter | None = None,
 ) -> Survey:
     """Run the odometry over a recording; `progress` is told the frames done, `is_stopped` may end it early.
 
-    Raises InputError when no frame has a pose.
+    What `segmenter` marks is left out. Raises InputError when no frame has a pose.
     """
-    odometry = Odometry(recording.camera, settings)
+    odometry = Odometry(recording.camera, settings, segmenter=segmenter)
     stamps, values = [], []
     for frame in recording:
         try:
@@ -75,13 +81,14 @@ def survey(
         if is_stopped():
             break
     poses = odometry.finish()
-    return Survey(scene_of(recording.camera, odometry.timing, poses, odometry.map), tuple(stamps), tuple(values))
+    scene = scene_of(recording.camera, odometry.timing, poses, odometry.map)
+    return Survey(scene, tuple(stamps), tuple(values), segmenter)
 
 
 def views(survey: Survey, recording: RgbdRecording, neighbours: int = 0, unroll: bool = False) -> Iterator[View]:
     """Yield an image for each key frame, in order of time: the sharpest within `neighbours` frames of it.
 
-    Lens distortion is undone, with `unroll` the rolling shutter too.
+    Lens distortion is undone, with `unroll` the rolling shutter too. Depth of what is no part of the scene is 0.
     """
     scene = survey.scene
     rectifier = Rectifier(recording.camera, scene.timing.readout_s if unroll else 0.0)
@@ -92,13 +99,19 @@ def views(survey: Survey, recording: RgbdRecording, neighbours: int = 0, unroll:
     for frame in recording:
         if frame.stamp not in wanted:
             continue
-        held[frame.stamp] = frame
+        held[frame.stamp] = _of_the_scene(frame, survey.segmenter)
         ready = [stamp for stamp in waiting if stamp in held and chosen[stamp] in held]
         for stamp in ready:
             keyframe = waiting.pop(stamp)
             yield _view(scene, recording.camera, keyframe, held[stamp], held[chosen[stamp]], rectifier)
         still = {one for stamp in waiting for one in (stamp, chosen[stamp])}
         held = {stamp: kept for stamp, kept in held.items() if stamp in still}
+
+
+def _of_the_scene(frame: RgbdFrame, segmenter: Segmenter | None) -> RgbdFrame:
+    if segmenter is None:
+        return frame
+    return replace(frame, depth_mm=np.where(segmenter(frame), np.uint16(0), frame.depth_mm))
 
 
 def _view(

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from odom.errors import OdomError
 from odom.evaluation.files import write_tum
 from odom.evaluation.trajectory import Trajectory
 from odom.export import colmap, mesh, nerfstudio, poses
@@ -57,7 +58,8 @@ def write_trajectory(folder: Path, form: str, trajectory: Trajectory) -> None:
 class Exporter:
     """Writes what was surveyed of a `recording` into a `folder`; one method a format.
 
-    `done` is told how many key frames are done, `say` how large a mesh will be.
+    `done` is told how many key frames are done, `say` how large a mesh will be. `is_stopped` is asked between two key
+    frames: once it says so, those before make the result.
     """
 
     folder: Path
@@ -66,6 +68,7 @@ class Exporter:
     options: ExportOptions
     done: Progress = lambda keyframes: None
     say: Callable[[str], None] = lambda words: None
+    is_stopped: Callable[[], bool] = lambda: False
 
     def write_g2o(self) -> None:
         """Write the pose graph of the key frames to graph.g2o."""
@@ -100,10 +103,15 @@ class Exporter:
         self._write_points(*cloud.result())
 
     def write_mesh(self) -> None:
-        """Write mesh.ply and mesh.glb; raises ConfigError when that would take too much memory."""
+        """Write mesh.ply and mesh.glb.
+
+        Raises ConfigError when that would take too much memory, OdomError when it was stopped before it had begun.
+        """
         volume = mesh.Volume(self._pinhole, self.options.voxel_m, self.options.farthest_m)
         for depth_mm, _, T_map_camera in self._shots():
             volume.look(depth_mm, T_map_camera)
+        if self.is_stopped():
+            raise OdomError("stopped before there was a mesh")
         self.say(f"{volume.blocks} blocks of voxels, some {volume.memory_mb:.0f} MB")
         mesh.check_memory(volume, self.options.memory_mb)
         made = volume.mesh(self._shots(), self.done)
@@ -116,7 +124,7 @@ class Exporter:
 
     def _sightings(self) -> list[colmap.Sighting]:
         """Write the key frames' images, depths and covariances; return what each shows of the landmarks."""
-        seen = views(self.survey, self.recording, self.options.neighbours, self.options.unroll)
+        seen = self._views(self.options.neighbours, self.options.unroll)
         return [colmap.Sighting.of(view) for view in self._written(seen)]
 
     def _model(self, sightings: list[colmap.Sighting]) -> colmap.ColmapModel:
@@ -128,8 +136,15 @@ class Exporter:
 
     def _shots(self) -> Iterator[mesh.Shot]:
         """Yield each key frame as its depth image saw it."""
-        for view in views(self.survey, self.recording):
+        for view in self._views():
             yield surface_depth(view.depth_mm, self.options.farthest_m), view.color, view.T_map_depth
+
+    def _views(self, neighbours: int = 0, unroll: bool = False) -> Iterator[View]:
+        """Yield the views of the key frames, of one at least, until it is stopped."""
+        for number, view in enumerate(views(self.survey, self.recording, neighbours, unroll)):
+            if number and self.is_stopped():
+                return
+            yield view
 
     def _written(self, seen: Iterable[View]) -> Iterator[View]:
         """Write the views' images, depths and covariances, and hand them on."""

@@ -67,7 +67,10 @@ class FrameReceiver:
 
     @property
     def source_ended(self) -> bool:
-        """Whether the end of the source has come, and nothing since: known before the sensor learns that it has."""
+        """Whether the end of the source has come, and none of its messages since, though motion capture may go on.
+
+        Known before the sensor learns that its end has come.
+        """
         return self._has_ended or self._consumer.ended is not None
 
     def start(self, until_end: bool = False) -> None:
@@ -144,11 +147,11 @@ class FrameReceiver:
             self._put_frame(frame, None)
 
     def _take_message(self, delivery: Delivery) -> None:
-        self._has_ended = False
         message = delivery.message
         if message.topic.startswith("truth/"):
             self._take_truth(message)
             return
+        self._has_ended = False
         if message.topic in self._color_keys:
             self._colors[message.stamp] = message
             if len(self._colors) > _COLORS:

@@ -47,16 +47,16 @@ def run(
     with held(plan.out) as lock:
         if (aside := previous_results.set_aside(plan.out, shown=True)) is not None:
             _LOG.info("the results of an earlier run are in %s", aside)
-        report = _run(plan, settings, stop, tell, lock)
+        report, was_stopped = _run(plan, settings, stop, tell, lock)
     if not report.get("tracked"):
         frames = report.get("frames")
         none = f"none of the {frames} frames was tracked" if frames else "no frame was processed"
         stopped = "the run was stopped before the first"
         why = stopped
-        if not stop.is_set():
+        if not was_stopped:
             why = why_not_tracked(report, plan.source, open_again, settings.service.mask, plan.start)
         raise OdomError(f"{none}: {why}")
-    if open_again is None or stop.is_set():
+    if open_again is None or was_stopped:
         return
     if fault := why_poor(report, plan.out, open_again, settings.service.mask):
         _LOG.warning("do not trust this result: %s", fault)
@@ -64,8 +64,11 @@ def run(
 
 def _run(
     plan: RunPlan, settings: Settings, stop: threading.Event, tell: Callable[[Report], None], folder_lock: int
-) -> Report:
-    """Run, and return the report; raises OdomError when a process failed or the report could not be written."""
+) -> tuple[Report, bool]:
+    """Run, and return the report, and whether `stop` was set before the source had ended.
+
+    Raises OdomError when a process failed or the report could not be written.
+    """
     endpoint = free_endpoint()
     wire = settings.wire.model_copy(update={"mode": "peer", "connect": (), "listen": (endpoint,)})
     begun = time.monotonic()
@@ -75,6 +78,7 @@ def _run(
             processes = RunProcesses(plan, settings, endpoint, session, display, folder_lock)
             try:
                 processes.work(stop)
+                was_stopped = stop.is_set()  # later it only closes the viewer
             finally:
                 processes.end_work()
         try:
@@ -84,7 +88,7 @@ def _run(
                 remember_calibration(plan.out, (processes.reports["sensor"] or {}).get("serial", ""))
             if report.get("frames"):
                 tell(report)
-            if plan.stay and not stop.is_set():
+            if plan.stay and not was_stopped:
                 processes.keep_viewer(stop)
         finally:
             processes.end_viewer()
@@ -96,7 +100,7 @@ def _run(
         raise OdomError(f"{plan.out} holds no report.json, since it could not be written: make room, then run it again")
     if unwritten := report.get("unwritten"):
         raise OdomError(f"{unwritten} lines or files could not be written to {plan.out}: make room, then run it again")
-    return report
+    return report, was_stopped
 
 
 def watching(endpoint: str, namespace: str) -> str:

@@ -4,6 +4,7 @@ import logging
 import re
 from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
+from fnmatch import fnmatch
 from pathlib import Path
 
 from odom.service.calibration_offer import CALIBRATION_FILE
@@ -26,12 +27,18 @@ _RESULTS = (
     CALIBRATION_FILE,
 )
 _SHOWN = "session.rrd"
+_TRUTHS = "truth_*.txt"
 TRUTH_MARK = "# body "
 """How a file of truth begins, before the body's name."""
 _SET_ASIDE = re.compile(r"until-\d{8}T\d{6}Z(-\d+)?\Z")
 MOST_BYTES, _MOST_FOLDERS = 8 << 30, 500
 """Results of earlier starts that are kept: 8 GiB are two days at 30 Hz with motion capture at 240 Hz. More may
 fill the disk, fewer lose what led up to a crash."""
+
+
+def is_result(name: str) -> bool:
+    """Return whether a run or its viewer may write a file of this name in the folder of its results."""
+    return any(fnmatch(name, pattern) for pattern in (*_RESULTS, _SHOWN, _TRUTHS))
 
 
 def set_aside(folder: Path, shown: bool = False) -> Path | None:
@@ -73,7 +80,7 @@ def _remove(results: Iterable[Path]) -> None:
 
 def _results(folder: Path) -> Iterator[Path]:
     yield from (path for pattern in _RESULTS for path in sorted(folder.glob(pattern)) if path.is_file())
-    yield from (path for path in sorted(folder.glob("truth_*.txt")) if _is_truth(path))
+    yield from (path for path in sorted(folder.glob(_TRUTHS)) if _is_truth(path))
 
 
 def _is_truth(path: Path) -> bool:

@@ -78,10 +78,15 @@ def _put_line(text: str) -> None:
     sys.stderr.flush()
 
 
+def is_in_a_run() -> bool:
+    """Return whether this process is a child of `odom run`, which reads what it prints and says how all went."""
+    return os.environ.get(COUNT_ENVIRONMENT) == "1"
+
+
 @contextmanager
 def counting(what: str, total: int | None, unit: str = "frames") -> Iterator[Callable[[int], None]]:
     """Yield a function to call with the number done so far, which shows the progress of `what` on stderr."""
-    if os.environ.get(COUNT_ENVIRONMENT) == "1":
+    if is_in_a_run():
         yield CountLines(total).show
         return
     begun = time.monotonic()
@@ -119,7 +124,7 @@ def parse_count(line: str) -> tuple[int, int | None] | None:
 
 def hand_up(report: Mapping[str, object]) -> None:
     """Write a report to stdout for the parent `odom run`, if there is one: so it arrives even if the disk is full."""
-    if os.environ.get(COUNT_ENVIRONMENT) == "1":
+    if is_in_a_run():
         sys.stdout.write(f"{_REPORT} {json.dumps(report)}\n")
         sys.stdout.flush()
 

@@ -82,6 +82,7 @@ class RunProcesses:
         self._plan = plan
         self._display = display
         self._reported: set[str] = set()
+        self._was_stopped = False
         self._frames = -1
         self._sensor_is_here = False
         self._odometry_idles = IdleDetector()
@@ -107,7 +108,7 @@ class RunProcesses:
     @property
     def failed(self) -> list[ChildProcess]:
         """The children that have ended otherwise than they should."""
-        return [child for child in self.children.values() if child.failed]
+        return [child for child in self.children.values() if child.failed and not self._has_nothing_to_record(child)]
 
     @property
     def failures(self) -> list[ChildProcess]:
@@ -131,6 +132,7 @@ class RunProcesses:
                 odometry.stop(self._patience_s)
         self._report_failures()
         if stop.is_set():
+            self._was_stopped = True
             sensor.stop(self._patience_s)
             odometry.stop(self._patience_s)
         elif odometry.status == 0:
@@ -157,6 +159,11 @@ class RunProcesses:
         if (viewer := self.children.get("viewer")) is not None:
             viewer.stop(min(self._patience_s, _VIEWER_PATIENCE_S))
         self._report_failures()
+
+    def _has_nothing_to_record(self, child: ChildProcess) -> bool:
+        """Return whether it is a recorder that has no file since the run was stopped before the first frame."""
+        frames = (self.reports["odometry"] or self.counts).get("frames")
+        return child.name == "recorder" and self._was_stopped and not frames and child.name not in self._reported
 
     def _report_failures(self) -> None:
         recorder = self.children.get("recorder")

@@ -24,6 +24,7 @@ from odom.errors import ConfigError, OdomError
 from odom.viewer.blueprint import blueprint
 from odom.viewer.settings import ViewerSettings
 from odom.viewer.usage_data import without_usage_data
+from odom.viewer.written_file import make, told_if_not_whole
 
 _LOG = logging.getLogger(__name__)
 APPLICATION = "rgbd-odom"
@@ -43,11 +44,15 @@ _SET_PARENT_DEATH_SIGNAL = 1
 
 @dataclass(frozen=True)
 class Outputs:
-    """The outputs asked for; a desktop window and a web page are both clients of the server."""
+    """The outputs asked for; a desktop window and a web page are both clients of the server.
+
+    With `overwrite` the file may replace one of its name.
+    """
 
     web: bool = False
     desktop: bool = False
     file: Path | None = None
+    overwrite: bool = False
 
     @property
     def served(self) -> bool:
@@ -55,7 +60,7 @@ class Outputs:
         return self.web or self.desktop
 
 
-def choose(web: bool, headless: bool, file: Path | None) -> Outputs:
+def choose(web: bool, headless: bool, file: Path | None, overwrite: bool = False) -> Outputs:
     """Return the outputs of the options: without any, a window where there is a screen, else a web page.
 
     Raises ConfigError when nothing would be shown or written.
@@ -65,7 +70,7 @@ def choose(web: bool, headless: bool, file: Path | None) -> Outputs:
     if headless and file is None:
         raise ConfigError("--headless without --rrd FILE shows nothing: leave it out or name a file")
     desktop = not (web or headless or file is not None) and has_screen()
-    return Outputs(web=web or not (desktop or headless or file is not None), desktop=desktop, file=file)
+    return Outputs(web or not (desktop or headless or file is not None), desktop, file, overwrite)
 
 
 def has_screen() -> bool:
@@ -104,14 +109,15 @@ def _last_line(errors: IO[bytes] | None) -> str:
 def open_outputs(outputs: Outputs, settings: ViewerSettings, name: str) -> Iterator[OpenOutputs]:
     """Open a recording named `name` into the outputs and close all at the end, the file complete.
 
-    Raises OdomError when the file cannot be written or no port is free.
+    Raises OdomError when the file cannot be written whole or no port is free, ConfigError when it may not be replaced.
     """
     with ExitStack() as stack:
         recording = rr.RecordingStream(APPLICATION, batcher_config=_batching())
         stack.callback(recording.disconnect)
         if outputs.file is not None:
-            _check_writable(outputs.file)
-        data_port, web_port = _open_sinks(recording, outputs, settings)
+            make(outputs.file, outputs.overwrite)
+        with told_if_not_whole(outputs.file):
+            data_port, web_port = _open_sinks(recording, outputs, settings)
         recording.send_recording_name(name)
         data = f"rerun+http://{_reachable(settings.host)}:{data_port}/proxy"
         address = window = errors = None
@@ -126,7 +132,8 @@ def open_outputs(outputs: Outputs, settings: ViewerSettings, name: str) -> Itera
             errors = stack.enter_context(TemporaryFile())
             window = stack.enter_context(_child(arguments, errors))
         yield OpenOutputs(recording, address, window, errors)
-        recording.flush(timeout_sec=_LAST_FLUSH_S)
+        with told_if_not_whole(outputs.file):
+            recording.flush(timeout_sec=_LAST_FLUSH_S)
 
 
 def _open_sinks(recording: rr.RecordingStream, outputs: Outputs, settings: ViewerSettings) -> tuple[int, int]:
@@ -188,14 +195,6 @@ def _batching() -> rr.ChunkBatcherConfig:
     config = rr.ChunkBatcherConfig.DEFAULT()
     config.flush_tick = _FLUSH_S
     return config
-
-
-def _check_writable(path: Path) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.open("wb").close()
-    except OSError as error:
-        raise OdomError(f"{path} cannot be written: {error}") from error
 
 
 def _reachable(host: str) -> str:

@@ -55,12 +55,13 @@ def view(
 ) -> None:
     """Show one device until `stop` is set or the window is closed; with a file alone until the source has ended.
 
-    Raises OdomError when an output, the window or the session cannot be opened.
+    Raises OdomError when an output, the window or the session cannot be opened, or the file not be written;
+    ConfigError when there is a file of its name that may not be replaced.
     """
     if hasattr(os, "nice"):
         os.nice(_NICE)
     topics = Topics(wire.namespace)
-    with open_outputs(outputs, settings, wire.namespace) as opened, open_session(wire.as_guest()) as session:
+    with open_session(wire.as_guest()) as session, open_outputs(outputs, settings, wire.namespace) as opened:
         if opened.address is not None:
             tell_address(opened.address)
         viewer = Viewer(session, topics, settings, opened.recording)

@@ -79,6 +79,10 @@ class Consumer:
         """Go on after the end of a source, for a service that outlives its sensors."""
         self.ended = None
 
+    def close(self) -> None:
+        """Let nothing more come; what has come can still be received."""
+        self._subscriber.close()
+
     def _acknowledge_consumed(self) -> None:
         """Acknowledge the last message, unless it is small and others wait: a later acknowledgement then includes it.
 

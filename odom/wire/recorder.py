@@ -86,6 +86,8 @@ class Recorder:
         self._topics = topics
         self._writer = writer
         self._estimates = estimates
+        self._frames = 0
+        self._ended: str | None = None
         self._odometry_lives = False
         self._odometry_idles = IdleDetector()
         self._heard_at = time.monotonic()
@@ -105,27 +107,35 @@ class Recorder:
 
         It has sent everything when it is gone and nothing has come for a second, or when it has reported for five
         seconds that it is idle (while it saves its results it reports nothing). A source that was started again
-        meanwhile has not ended. Truth and the messages of other devices do not delay the end.
+        meanwhile has not ended. Truth and the messages of other devices do not delay the end. What has come by then,
+        while the disk was busy, is still written.
         """
-        frames, ended = 0, None
-        while not stop.is_set():
-            delivery = self._consumer.receive(_POLL_S)
-            if delivery is not None:
-                if delivery.message.topic in self._images:
-                    ended = None
-                self._hear(delivery.message.topic)
-                frames += self._write(self._timeline.place(delivery.message))
-                progress(frames)
-            else:
+        while not stop.is_set() and not (self._ended is not None and self._has_everything()):
+            if not self._record_next(_POLL_S):
                 self._writer.flush_if_due()
-            if self._consumer.ended is not None:
-                ended = self._consumer.ended
-                self._consumer.restart()
-            if ended is not None and self._has_everything():
-                break
+            progress(self._frames)
+        self._consumer.close()
+        while self._record_next(0.0):
+            progress(self._frames)
         self._write(self._timeline.rest())
         total = self._consumer.total()
-        return RecorderReport(frames, total.lost + total.dropped, INTERRUPTED if ended is None else ended)
+        reason = INTERRUPTED if self._ended is None else self._ended
+        return RecorderReport(self._frames, total.lost + total.dropped, reason)
+
+    def _record_next(self, timeout_s: float) -> bool:
+        """Record the next message, or note the end of the source; return whether either has come within the time."""
+        delivery = self._consumer.receive(timeout_s)
+        if delivery is not None:
+            if delivery.message.topic in self._images:
+                self._ended = None
+            self._hear(delivery.message.topic)
+            self._write(self._timeline.place(delivery.message))
+        elif self._consumer.ended is not None:
+            self._ended = self._consumer.ended
+            self._consumer.restart()
+        else:
+            return False
+        return True
 
     def _hear(self, topic: str) -> None:
         if not topic.startswith(f"{self._topics.namespace}/"):
@@ -141,17 +151,15 @@ class Recorder:
             return self._odometry_idles.is_idle
         return time.monotonic() - self._heard_at > _QUIET_S
 
-    def _write(self, placed: list[tuple[Stamp, Message]]) -> int:
-        """Write each message at its time; return how many colour frames were among them."""
-        frames = 0
+    def _write(self, placed: list[tuple[Stamp, Message]]) -> None:
+        """Write each message at its time, and count the colour frames among them."""
         for at, message in placed:
             try:
                 self._writer.write(message, at)
             except WireError as error:
                 self._consumer.malformed.add(message.topic, str(error))
                 continue
-            frames += message.topic in self._topics.color_keys
-        return frames
+            self._frames += message.topic in self._topics.color_keys
 
     def _odometry_changed(self, key: str, alive: bool) -> None:
         self._heard_at = time.monotonic()  # its last messages may still be on their way

@@ -15,7 +15,10 @@ _AGAIN_S = 60.0
 
 
 class Unheard:
-    """Logs, after five seconds and then each minute, that nothing has come; `look` is called often until it has."""
+    """Logs, after five seconds and then each minute, that nothing has come; `look` is called often until it has.
+
+    It is no warning while the sensor is there and its odometry is not: that may be compiling, and many sensors wait.
+    """
 
     def __init__(self, session: WireSession, topics: Topics) -> None:
         self._session, self._topics = session, topics
@@ -26,7 +29,11 @@ class Unheard:
         if time.monotonic() < self._due:
             return
         self._due = time.monotonic() + _AGAIN_S
-        seen = sorted(key.removesuffix("/alive") for key in self._session.living("**/alive"))
+        living = self._session.living("**/alive")
+        if self._topics.alive in living and not self._session.living(self._topics.ack_of("odometry")):
+            _LOG.info("nothing has come for %s yet: its sensor is here, an odometry is not", self._topics.namespace)
+            return
+        seen = sorted(key.removesuffix("/alive") for key in living)
         _LOG.warning(
             "nothing has come for %s (sensors seen: %s; connected: %s)",
             self._topics.namespace,

@@ -184,3 +184,19 @@ def test_an_interrupted_batch_is_a_failure(tmp_path):
         time.sleep(0.05)
     first.terminate()
     assert "recordings are not done; the next call does them" in finished(first, status=1, timeout=120)
+
+
+def test_an_interruption_while_recordings_are_hashed_ends_it_and_keeps_the_hashes(tmp_path):
+    recordings, out = tmp_path / "pieces", tmp_path / "out"
+    recordings.mkdir()
+    (recordings / "a.mcap").symlink_to(RECORDING)
+    with (recordings / "z.mcap").open("wb") as file:
+        file.truncate(200 << 30)  # a file of holes: it takes no room, but minutes to read
+    batch = odom("batch", recordings, "--out", out)
+    deadline = time.monotonic() + 60
+    while not (out / "results").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(2.0)
+    batch.terminate()
+    assert "stopped while the recordings were hashed" in finished(batch, status=1, timeout=20)
+    assert len(json.loads((out / "hashes.json").read_text())) == 1

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from odom.batch.content_hashes import ContentHashes
 from odom.batch.job import Job, plan_jobs, shard_of
-from odom.batch.recordings import ContentHashes, Recording, find_recordings
-from odom.errors import ConfigError, SourceError
+from odom.batch.recordings import Recording, find_recordings
+from odom.errors import ConfigError, OdomError, SourceError
 
 
 @pytest.fixture
@@ -128,6 +129,33 @@ def test_a_hash_is_computed_anew_when_the_file_has_changed(folder, tmp_path):
     assert ContentHashes(tmp_path).of(file) not in (before, "remembered")
 
 
+def test_hashing_ends_on_request_and_keeps_what_it_knows(folder, tmp_path):
+    read, is_stopped = [], []
+    hashes = ContentHashes(tmp_path, read.append, lambda: bool(is_stopped))
+    hashes.of(folder / "b.mcap")
+    is_stopped.append(True)
+    (folder / "large.mcap").write_bytes(bytes(3_000_000))
+    with pytest.raises(OdomError, match="the next call goes on"):
+        hashes.of(folder / "large.mcap")
+    assert max(read) < 3
+    hashes.save()
+    assert list(json.loads((tmp_path / "hashes.json").read_text())) == [str(folder / "b.mcap")]
+
+
+def test_a_killed_batch_keeps_the_hashes_of_all_but_its_last_seconds(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr("odom.batch.content_hashes._SAVE_PERIOD_S", 0.0)
+    ContentHashes(tmp_path).of(folder / "b.mcap")
+    assert (tmp_path / "hashes.json").exists()
+
+
+def test_hashes_that_cannot_be_remembered_end_no_batch(folder, tmp_path, caplog):
+    (tmp_path / "hashes.json").mkdir()
+    hashes = ContentHashes(tmp_path)
+    assert len(hashes.of(folder / "b.mcap")) == 32
+    hashes.save()
+    assert "hashes.json cannot be written" in caplog.text
+
+
 def test_a_folder_counts_by_names_and_bytes_of_its_files(folder, tmp_path):
     hashes = [ContentHashes(tmp_path).of(folder / "desk")]
     (folder / "desk" / "rgb" / "1.png").write_text("other bytes")
@@ -135,6 +163,27 @@ def test_a_folder_counts_by_names_and_bytes_of_its_files(folder, tmp_path):
     (folder / "desk" / "rgb" / "1.png").rename(folder / "desk" / "rgb" / "2.png")
     hashes.append(ContentHashes(tmp_path).of(folder / "desk"))
     assert len(set(hashes)) == 3
+
+
+def test_images_that_lie_elsewhere_count(folder, tmp_path):
+    for name in ("linked", "listed", "inside"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "2.png").write_text("bytes")
+    desk = folder / "desk"
+    (desk / "depth").symlink_to(tmp_path / "linked")
+    (desk / "rgb" / "more").symlink_to(tmp_path / "inside")
+    (desk / "rgb" / "up").symlink_to(desk)
+    (desk / "rgb.txt").write_text("1.0 rgb/1.png\n2.0 ../../listed/2.png\n")
+    hashes = {ContentHashes(tmp_path).of(desk)}
+    for name in ("linked", "listed", "inside"):
+        (tmp_path / name / "2.png").write_text("other bytes")
+        hashes.add(ContentHashes(tmp_path).of(desk))
+    assert len(hashes) == 4
+
+
+def test_a_folder_whose_lists_cannot_be_read_is_hashed(folder, tmp_path):
+    (folder / "desk" / "rgb.txt").write_text("nonsense in the first line\nand in the second\n")
+    assert len(ContentHashes(tmp_path).of(folder / "desk")) == 32
 
 
 def test_names_that_are_no_utf8_are_hashed(folder, tmp_path):

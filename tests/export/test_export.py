@@ -1,16 +1,23 @@
 """`odom export` as its users meet it, on recordings."""
 
 import json
+import shutil
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
+import cv2
 import numpy as np
 import psutil
 import pytest
+from refused import process_as_it_was
+from typer.testing import CliRunner
 
 from odom.backend import OdometrySettings
+from odom.cli import app
+from odom.errors import OdomError
 from odom.evaluation.alignment import align
 from odom.export.rectify import pinhole_of
 from odom.export.views import survey
@@ -53,6 +60,35 @@ def test_a_folder_of_a_run_becomes_a_trajectory_and_nothing_else(tmp_path):
     assert np.loadtxt(tmp_path / "out" / "poses.txt")[1].tolist() == [1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0]
     assert "give the recording" in export(run, "--to", "ply", "--out", tmp_path / "other", status=2)
     assert not (tmp_path / "other").exists()
+
+
+def test_what_a_mask_or_the_setting_marks_is_left_out(tmp_path):
+    marked = np.zeros((480, 640), dtype=np.uint8)
+    marked[240:] = 255
+    cv2.imwrite(str(tmp_path / "mask.png"), marked)
+    (tmp_path / "odom.yaml").write_text(f"service: {{mask: {tmp_path / 'mask.png'}}}")
+    ways = {"plain": (), "option": ("--mask", tmp_path / "mask.png"), "setting": ("--config", tmp_path / "odom.yaml")}
+    written = {}
+    for name, arguments in ways.items():
+        export(RECORDING, "--end", "1", "--to", "tum", "--out", tmp_path / name, *arguments)
+        written[name] = (tmp_path / name / "trajectory.txt").read_text()
+    assert written["option"] == written["setting"] != written["plain"]
+
+
+def test_an_interruption_leaves_what_was_read_and_says_what_was_not_exported(tmp_path, monkeypatch):
+    stop = threading.Event()
+    stop.set()
+    shutil.copy(RECORDING, tmp_path / "other.mcap")
+    with process_as_it_was():
+        monkeypatch.setattr("odom.cli.signals.stop_event", lambda: stop)
+        words = ["export", RECORDING, tmp_path / "other.mcap", "--to", "tum", "--out", tmp_path / "out"]
+        done = CliRunner().invoke(app, [str(word) for word in words])
+        assert isinstance(done.exception, OdomError)
+        assert str(done.exception) == "interrupted: 1 of 2 sources were not exported"
+        last = CliRunner().invoke(app, [str(word) for word in (*words[:1], *words[2:-1], tmp_path / "last")])
+    assert f"{tmp_path / 'out' / 'arena'} (of what was read until the interruption)" in done.output
+    assert (tmp_path / "out" / "arena" / "trajectory.txt").is_file()
+    assert last.exit_code == 0, last.exception
 
 
 def distance_to(surfaces, points):

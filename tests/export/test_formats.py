@@ -10,6 +10,7 @@ from evo.tools import file_interface
 from painted_room import SMALL
 from room_survey import ROOM, RoomRecording, exact_survey, seen
 
+from odom.errors import OdomError
 from odom.evaluation.files import read_kitti
 from odom.export import writing
 from odom.export.writing import Exporter, ExportOptions
@@ -168,3 +169,29 @@ def test_open3d_that_is_missing_is_named_with_the_command(monkeypatch):
     monkeypatch.setitem(sys.modules, "open3d", None)
     with pytest.raises(ConfigError, match=r"pip install 'rgbd-odom\[dense\]'"):
         open3d()
+
+
+def after(count):
+    """Says yes from the `count`-th question on."""
+    asked = iter(range(1, 1000))
+    return lambda: next(asked) >= count
+
+
+def test_an_interrupted_export_holds_the_key_frames_until_then(tmp_path, survey):
+    for name, write in (("colmap", Exporter.write_colmap), ("nerfstudio", Exporter.write_nerfstudio)):
+        folder = tmp_path / name
+        folder.mkdir()
+        write(Exporter(folder, survey, RoomRecording(), OPTIONS, is_stopped=after(3)))
+        images = {file.stem for file in (folder / "images").iterdir()}
+        assert images == {str(keyframe.stamp) for keyframe in survey.scene.keyframes[:3]}
+        assert json.loads((folder / "covariances.json").read_text())["covariances"].keys() == images
+    done = []
+    Exporter(tmp_path, survey, RoomRecording(), OPTIONS, done.append, is_stopped=after(2)).write_ply()
+    assert done == [1, 2]
+    assert (tmp_path / "points.ply").stat().st_size > 1000
+
+
+def test_a_mesh_interrupted_before_it_is_begun_is_a_failure(tmp_path, survey):
+    pytest.importorskip("open3d", reason="pip install 'rgbd-odom[dense]'")
+    with pytest.raises(OdomError, match="stopped before"):
+        Exporter(tmp_path, survey, RoomRecording(), OPTIONS, is_stopped=after(2)).write_mesh()

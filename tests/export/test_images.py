@@ -153,3 +153,18 @@ def test_a_cloud_has_one_mean_a_cube_however_it_was_filled(monkeypatch):
     mean = points[cube].mean(axis=0)
     assert np.abs(once.result()[0] - mean).sum(axis=1).min() < 1e-9
     assert len(VoxelCloud(0.1).result()[0]) == 0
+
+
+def test_what_a_mask_marks_has_no_depth():
+    marked = np.zeros((SMALL.height, SMALL.width), dtype=bool)
+    marked[200:] = True
+    plain = exact_survey()
+    for with_all, seen in zip(
+        views(plain, RoomRecording()),
+        views(replace(plain, segmenter=lambda frame: marked), RoomRecording()),
+        strict=True,
+    ):
+        assert with_all.depth_mm[marked].any()
+        assert not seen.depth_mm[marked].any()
+        assert (seen.depth_mm == with_all.depth_mm)[~marked].all()
+        assert (seen.color == with_all.color).all()

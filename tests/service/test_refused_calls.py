@@ -112,6 +112,20 @@ def test_a_refused_run_starts_nothing_and_touches_nothing(
     assert sorted(tmp_path.rglob("*")) == before
 
 
+@pytest.mark.parametrize(
+    "recording", ["new", "new/results", "new/results/report.json", "new/results/truth_cap.txt", "a.map"]
+)
+def test_a_recording_where_the_run_itself_writes_is_refused_before_it(
+    folder: Path, tmp_path: Path, recording: str
+) -> None:
+    before = sorted(tmp_path.rglob("*"))
+    words = refusal(
+        "run", folder, "--headless", "--out", "new/results", "--map", "a.map", "--record", recording, "--overwrite"
+    )
+    assert "is what the run itself writes" in words
+    assert sorted(tmp_path.rglob("*")) == before
+
+
 @pytest.mark.parametrize("command", ["sensor", "import", "doctor"])
 def test_every_command_refuses_what_its_source_has_no_use_for(folder: Path, command: str) -> None:
     output = ["new.mcap"] if command == "import" else []
@@ -139,6 +153,7 @@ OTHERS = [
     (("batch", "old.mcap", "--out", "all", "--camera", "nosuch.yaml"), "nosuch.yaml cannot be read"),
     (("batch", "old.mcap", "--out", "all", "--start", "5", "--end", "3"), "--end 3 is not behind --start 5"),
     (("batch", "old.mcap", "--out", "desk/rgb.txt"), "nothing can be written in"),
+    (("export", "old.mcap", "--to", "tum", "--out", "all", "--mask", "desk/rgb.txt"), "is no image that can be read"),
     (("recover", "old.mcap", "old.mcap"), "choose another name"),
     (("recover", "old.mcap", "desk/rgb.txt"), "--overwrite"),
     (("record", "old.mcap"), "--overwrite"),

@@ -103,6 +103,61 @@ def test_the_report_is_told_before_a_viewer_that_stays_is_waited_for(
     assert [report["tracked"] for report in told] == [4]
 
 
+class RecorderOfNothing(PretendedChild):
+    """Beside children that end as asked a recorder that has failed, at once or when it is asked to end."""
+
+    fails_at_once = False
+
+    def __init__(self, name: str, arguments: object, environment: object, say: Says, held: object) -> None:
+        super().__init__(name, arguments, environment, say, held)
+        if name == "recorder" and self.fails_at_once:
+            self.failed, self.status = True, 1
+
+    def stop(self, timeout_s: float) -> None:
+        super().stop(timeout_s)
+        if self.name == "recorder":
+            self.failed, self.status = True, 1
+
+    def ending(self) -> str:
+        return "ended with status 1"
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    ("at_once", "reason"), [(False, "the run was stopped before the first"), (True, "the recorder ended with status 1")]
+)
+def test_a_run_stopped_before_its_first_frame_blames_no_recorder_unless_that_had_failed_by_then(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at_once: bool, reason: str
+) -> None:
+    monkeypatch.setattr("odom.service.run_processes.ChildProcess", RecorderOfNothing)
+    monkeypatch.setattr(RecorderOfNothing, "fails_at_once", at_once)
+    stop = threading.Event()
+    threading.Timer(0.5, stop.set).start()
+    with pytest.raises(OdomError, match=reason):
+        run(RunPlan("arena", tmp_path, record=tmp_path / "a.mcap"), Settings(), stop, print)
+
+
+class UntrackedChild(PretendedChild):
+    """An odometry that has tracked none of five frames and ended."""
+
+    def __init__(self, name: str, arguments: object, environment: object, say: Says, held: object) -> None:
+        super().__init__(name, arguments, environment, say, held)
+        if name == "odometry":
+            say(name, '@report {"frames": 5, "tracked": 0, "lost_for": {"no texture": 5}}')
+            self.status = 0
+
+
+@pytest.mark.process
+def test_a_failed_run_whose_viewer_stayed_says_why_and_not_that_it_was_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("odom.service.run_processes.ChildProcess", UntrackedChild)
+    stop = threading.Event()
+    plan = RunPlan("arena", tmp_path, viewer_arguments=["--web"], stay=True)
+    with pytest.raises(OdomError, match="none of the 5 frames was tracked: 5 frames: no texture"):
+        run(plan, Settings(), stop, lambda report: stop.set())  # which closes the viewer
+
+
 @pytest.mark.process
 @pytest.mark.parametrize(("arguments", "is_failure"), [(["--web"], False), (["--rrd=session.rrd"], True)])
 def test_a_killed_viewer_fails_a_run_only_when_it_was_to_write_a_file(

@@ -38,6 +38,7 @@ class Recording:
     def __init__(self, recorder: Recorder) -> None:
         self.stop = threading.Event()
         self.taken = 0
+        self.waiting = lambda: recorder._consumer._subscriber.waiting
         self._receive = recorder._consumer.receive
         recorder._consumer.receive = self._count  # type: ignore[method-assign]
         self.reports: list[RecorderReport] = []
@@ -139,6 +140,33 @@ def test_motion_capture_that_goes_on_holds_no_recording_open(open_peer: OpenSess
             publisher.put(pose(truth("camera"), i))
             time.sleep(0.01)
         assert not running.thread.is_alive()
+
+
+def test_what_has_come_while_the_disk_stalls_is_recorded_though_it_is_stopped_meanwhile(
+    open_peer: OpenSession, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stalled, goes_on = threading.Event(), threading.Event()
+    write = RecordingWriter.write
+
+    def stall(writer: RecordingWriter, message: Message, at: Stamp | None = None) -> None:
+        stalled.set()
+        assert goes_on.wait(30.0)
+        write(writer, message, at)
+
+    monkeypatch.setattr(RecordingWriter, "write", stall)
+    sender, receiver = open_peer(), open_peer()
+    messages = [*session_messages(20), encode_text(TOPICS.end, Stamp(BEGIN), "end of source"), pose(TOPICS.pose, 1)]
+    with recording(receiver, sender, tmp_path / "a.mcap") as running:
+        publisher = sender.publisher()
+        for message in messages:
+            publisher.put(message)
+        assert stalled.wait(30.0)
+        assert eventually(lambda: running.waiting() == len(messages) - 1)
+        running.stop.set()
+        goes_on.set()
+    assert [report.reason for report in running.reports] == ["end of source"]
+    assert [(report.frames, report.lost) for report in running.reports] == [(20, 0)]
+    assert len(list(RecordingReader(tmp_path / "a.mcap").messages())) == len(messages) - 1  # the end is none
 
 
 def test_status_of_another_clock_is_logged_among_the_images() -> None:

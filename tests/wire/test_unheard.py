@@ -1,5 +1,6 @@
 """A process to which nothing comes says so, with who is there."""
 
+import logging
 import threading
 import time
 from pathlib import Path
@@ -28,6 +29,27 @@ def test_a_recorder_of_a_device_that_is_not_there_names_those_that_are(
         Recorder(receiver, Topics("cam9"), writer).run(stop)
     assert [record.getMessage() for record in caplog.records if "nothing has come" in record.getMessage()] == [
         "nothing has come for cam9 (sensors seen: cam1; connected: yes)"
+    ]
+
+
+def test_a_sensor_that_waits_for_its_odometry_is_no_reason_to_warn(
+    open_peer: OpenSession, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("odom.wire.unheard._FIRST_S", 0.0)
+    monkeypatch.setattr("odom.wire.unheard._AGAIN_S", 0.0)
+    caplog.set_level(logging.INFO)
+    topics, sensor, receiver = Topics("cam9"), open_peer(), open_peer()
+    unheard = Unheard(receiver, topics)
+    for key in (topics.alive, topics.ack_of("odometry")):
+        sensor.announce(key)
+        deadline = time.monotonic() + 10.0
+        while not receiver.living(key) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        unheard.look()
+    said = [(record.levelname, record.getMessage()) for record in caplog.records if record.name == "odom.wire.unheard"]
+    assert said == [
+        ("INFO", "nothing has come for cam9 yet: its sensor is here, an odometry is not"),
+        ("WARNING", "nothing has come for cam9 (sensors seen: cam9; connected: yes)"),
     ]
 
 

@@ -239,6 +239,14 @@ def test_the_command_imposes_what_is_known_of_mocap(run, scene, tmp_path):
     assert "+0.0370 ± 0.0000 s (imposed)" in imposed.stdout
 
 
+def test_the_command_takes_the_truth_file_of_a_run_for_the_body_that_it_names(run, scene):
+    write_tum(run / "truth.txt", scene[3])
+    (run / "truth.txt").write_text("# body rig\n" + (run / "truth.txt").read_text())
+    by_folder, by_file = odom("eval", run), odom("eval", run / "trajectory.txt", run / "truth.txt")
+    assert "hand-eye" in by_file.stdout
+    assert by_file.stdout == by_folder.stdout
+
+
 @pytest.mark.parametrize(
     ("arguments", "status"),
     [

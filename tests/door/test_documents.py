@@ -129,6 +129,14 @@ def test_the_readmes_programs_run_as_they_stand(number, says, tmp_path):
     assert "LOST" not in shown
 
 
+def test_tests_that_are_to_show_figures_run_in_one_process():
+    """Processes of pytest-xdist, which the project's options start, show nothing of what `-s` lets through."""
+    pages = [*DOCUMENTS, *(PROJECT / "tests").rglob("test_*.py")]
+    lines = {line for page in pages for line in re.findall(r"\bpytest (-[^`\n]*)", page.read_text())}
+    assert any("-s" in line.split() for line in lines)
+    assert not {line for line in lines if "-s" in line.split() and "-n 0" not in line}
+
+
 def test_the_hooks_before_a_commit_check_what_ci_checks():
     (local,) = yaml.safe_load((PROJECT / ".pre-commit-config.yaml").read_text())["repos"]
     hooks = {hook["entry"].removeprefix("python -m ") for hook in local["hooks"]}

@@ -139,7 +139,7 @@ def test_a_finished_trajectory_is_judged_in_two_calls():
 
 
 def test_what_is_no_recording_is_refused_by_name(tmp_path):
-    with pytest.raises(odom.SourceError, match=r"nothing\.mcap"):
+    with pytest.raises(odom.SourceError, match=r"nothing\.mcap.*recording, ROS bag or folder of images"):
         odom.read_recording(tmp_path / "nothing.mcap")
     with pytest.raises(odom.SourceError, match="arena"):
         odom.read_recording("arena")  # the simulated laboratory is no file

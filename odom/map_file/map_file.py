@@ -220,10 +220,7 @@ class MapFile:
                     index.extend(self._db)
                     self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
                     self._db.execute("PRAGMA journal_mode = DELETE")
-        except (
-            MapError,
-            sqlite3.DatabaseError,
-        ) as error:  # a full disk, or another reader: the map is whole all the same
+        except (MapError, sqlite3.DatabaseError) as error:  # a full disk, or another reader: the map is whole
             _LOG.info("%s stays in two files until it is opened again: %s", self.path, error)
         finally:
             self._db.close()

@@ -20,14 +20,9 @@ _STILL_M = 0.005
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """The motion that maps estimated positions onto true ones, and what the positions do not determine.
-
-    `spread_m` holds the standard deviations of the true positions along their three principal axes, largest first;
-    `notes` says in plain words when they make the alignment degenerate.
-    """
+    """The motion that maps estimated positions onto true ones; `notes` say in words what they do not determine."""
 
     T_truth_estimate: Array
-    spread_m: Array
     notes: tuple[str, ...]
 
 
@@ -48,10 +43,11 @@ def align(points_estimate: Array, points_truth: Array) -> Alignment:
     T[:3, :3] = U @ S @ Vt
     T[:3, 3] = mean_t - T[:3, :3] @ mean_e
     spread = np.linalg.svd(points_truth - mean_t, compute_uv=False) / np.sqrt(len(points_truth))
-    return Alignment(T, spread, _degeneracy(spread))
+    return Alignment(T, _degeneracy(spread))
 
 
 def _degeneracy(spread_m: Array) -> tuple[str, ...]:
+    """Return the notes for the standard deviations of true positions along their principal axes, largest first."""
     if spread_m[0] < _STILL_M:
         return (
             f"the true positions spread only {spread_m[0] * 1e3:.1f} mm: the alignment's rotation is arbitrary "

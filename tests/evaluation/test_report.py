@@ -72,7 +72,7 @@ def run(tmp_path, written):
 @pytest.fixture
 def unplotted(monkeypatch):
     """Nothing is drawn: the picture is another test's."""
-    monkeypatch.setattr(run_report, "plot", lambda *_: None)
+    monkeypatch.setattr(run_report, "plot", lambda *_, **__: None)
 
 
 def test_the_fields_of_the_contract_are_all_there_and_a_plot(run):

@@ -9,6 +9,7 @@ import numpy as np
 
 from odom.errors import InputError
 from odom.geometry.arrays import Array
+from odom.geometry.rotations import turn_onto
 
 _MINIMUM = 3
 """Points that determine a rotation."""
@@ -36,11 +37,8 @@ def align(points_estimate: Array, points_truth: Array) -> Alignment:
     if len(points_truth) < _MINIMUM:
         raise InputError(f"{len(points_truth)} matched poses: an alignment needs {_MINIMUM} at least")
     mean_e, mean_t = points_estimate.mean(axis=0), points_truth.mean(axis=0)
-    covariance = (points_truth - mean_t).T @ (points_estimate - mean_e) / len(points_truth)
-    U, _, Vt = np.linalg.svd(covariance)
-    S = np.diag([1.0, 1.0, np.sign(np.linalg.det(U) * np.linalg.det(Vt))])
     T = np.eye(4)
-    T[:3, :3] = U @ S @ Vt
+    T[:3, :3] = turn_onto(points_estimate - mean_e, points_truth - mean_t)
     T[:3, 3] = mean_t - T[:3, :3] @ mean_e
     spread = np.linalg.svd(points_truth - mean_t, compute_uv=False) / np.sqrt(len(points_truth))
     return Alignment(T, _degeneracy(spread))

@@ -29,8 +29,8 @@ class State(Enum):
 
     TRACKING: thirty landmarks of known depth or more agree, and nothing speaks against the pose. The first frame of all
     is TRACKING, too.
-    UNCERTAIN: there is a pose, but by few landmarks, by prediction, by surfaces alone, known to more than 5 cm or 2 deg
-    only (1 sigma), or in doubt because something moves.
+    UNCERTAIN: there is a pose, but by few landmarks, with hardly any depth, by prediction, by surfaces alone, known to
+    more than 5 cm or 2 deg only (1 sigma), or in doubt because something moves.
     LOST: there is no pose.
     RECOVERED: the first pose after a loss: a known place was recognised, a new segment began, or the last segment goes
     on where surfaces have led.
@@ -177,6 +177,7 @@ class Estimate:
     `T_odom_camera` is continuous within a segment and None when LOST; `covariance` (6 x 6, `se3` convention, camera
     frame) is that of `T_odom_camera` since the segment began. `T_map_odom` holds the corrections by loop closures;
     odom begins where the camera was at the stamp of a segment's first frame.
+
     `matches` landmarks were looked for in the frame, and `inliers` of them found where the pose says. `features` are
     those points of the image, None without any. `is_keyframe`: the frame became part of the map; `is_predicted`: its
     pose goes on with the motion before, nothing was measured. `loops` are the places that were recognised, or refused,

@@ -1,23 +1,27 @@
 """Frames and truth of a recording, for programs that use the odometry without its processes."""
 
-from collections.abc import Iterator
+import logging
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from odom.errors import RecordingError, SourceError
-from odom.evaluation.files import read_tum
+from odom.errors import InputError, RecordingError, SourceError, WireError
 from odom.evaluation.trajectory import Trajectory
 from odom.frame import Camera, RgbdFrame, Stamp
-from odom.wire import Topics, truth_body
+from odom.geometry.arrays import Array
+from odom.wire import Message, Topics, truth_body
 from odom.wire.assembler import FrameAssembler
 from odom.wire.codec import decode_pose
 from odom.wire.recording import open_reader
 from sensors.catalogue import open_source
 from sensors.folder_layouts import is_image_folder, layout_of
-from sensors.image_lists import pose_of
-from sensors.source import SourceOptions
+from sensors.image_lists import TumEntry, pose_of
+from sensors.source import Source, SourceOptions
+
+log = logging.getLogger(__name__)
 
 _CAMERA_TRUTH = "camera"
 """What a TUM folder's ground truth is of: the colour camera itself."""
@@ -35,34 +39,53 @@ class RgbdRecording:
     options: SourceOptions = field(repr=False)
 
     def __iter__(self) -> Iterator[RgbdFrame]:
-        assembler = FrameAssembler(Topics())
         source = open_source(str(self.path), self.options)
         try:
-            for message in source.messages():
-                yield from assembler.feed(message)
-            yield from assembler.finish()
+            yield from _frames_of(source, FrameAssembler(Topics()))
         finally:
             source.close()
 
     def truth(self) -> dict[str, Trajectory]:
         """Return the motion capture's trajectory of each body by its name; `camera` is the camera itself.
 
-        Other bodies are markers on the camera, on a clock of their own: see `odom.calibrate`.
+        Other bodies are markers on the camera, on a clock of their own: see `odom.calibrate`. What is no pose is left
+        out and told, as by `odom run`.
         """
-        if (self.path / "rgb.txt").is_file():
-            file = self.path / "groundtruth.txt"
-            return {_CAMERA_TRUTH: read_tum(file)} if file.is_file() else {}
-        if is_image_folder(self.path):
-            entries = layout_of(self.path).truth
-            T = np.array([pose_of(entry) for entry in entries])
-            return {_CAMERA_TRUTH: Trajectory(np.array([entry.stamp for entry in entries]), T)} if entries else {}
-        reader = open_reader(self.path)
-        topics = {stream.topic for stream in reader.streams() if truth_body(stream.topic)}
-        poses: dict[str, dict[Stamp, np.ndarray]] = {}
-        for message in reader.messages(topics):
-            pose = decode_pose(message)
-            poses.setdefault(truth_body(message.topic) or "", {})[pose.stamp] = pose.T_parent_child
+        poses: dict[str, dict[Stamp, Array]] = {}
+        wrong: list[Exception] = []
+        for body, read in self._true_poses():
+            try:
+                stamp, T_world_body = read()
+            except (WireError, ValueError) as error:
+                wrong.append(error)
+                continue
+            poses.setdefault(body, {})[stamp] = T_world_body
+        if wrong:
+            log.warning("%s: %d true poses are left out, such as: %s", self.path, len(wrong), wrong[0])
         return {body: Trajectory.by_stamp(found) for body, found in poses.items()}
+
+    def _true_poses(self) -> Iterator[tuple[str, Callable[[], tuple[Stamp, Array]]]]:
+        """Yield the body of each true pose, and what reads it or raises."""
+        if is_image_folder(self.path):
+            for entry in layout_of(self.path).truth:
+                yield _CAMERA_TRUTH, partial(_pose_of_line, entry)
+            return
+        reader = open_reader(self.path)
+        topics = {stream.topic: body for stream in reader.streams() if (body := truth_body(stream.topic))}
+        for message in reader.messages(set(topics)):
+            yield topics[message.topic], partial(_pose_of_message, message)
+
+
+def _pose_of_line(entry: TumEntry) -> tuple[Stamp, Array]:
+    T_world_camera = pose_of(entry)
+    if not np.isfinite(T_world_camera).all():
+        raise InputError(f"the position at {entry.stamp / 1e9:.6f} s is not finite")
+    return entry.stamp, T_world_camera
+
+
+def _pose_of_message(message: Message) -> tuple[Stamp, Array]:
+    pose = decode_pose(message)
+    return pose.stamp, pose.T_parent_child
 
 
 def read_recording(
@@ -81,13 +104,23 @@ def read_recording(
     source = open_source(str(path), options)
     assembler = FrameAssembler(Topics())
     try:
-        for message in source.messages():
-            assembler.feed(message)
+        for _ in _frames_of(source, assembler):
             if assembler.camera is not None:
                 return RgbdRecording(Path(path), assembler.camera, options)
     finally:
         source.close()
+    if (found := assembler.camera) is not None and assembler.malformed.counts[Topics().camera_info]:
+        raise RecordingError(
+            f"{path}: its colour images are not of the calibration's {found.width} x {found.height} pixels: give "
+            "`camera` of their size"
+        )
     if start > 0.0 or end is not None:
         until = "its end" if end is None else f"{end:g} s"
         raise RecordingError(f"{path} holds no image from {start:g} s to {until}: `odom info {path}` tells its length")
     raise RecordingError(f"{path} holds no frame with a calibration: look at it with `odom info {path}`")
+
+
+def _frames_of(source: Source, assembler: FrameAssembler) -> Iterator[RgbdFrame]:
+    for message in source.messages():
+        yield from assembler.feed(message)
+    yield from assembler.finish()

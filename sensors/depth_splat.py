@@ -14,9 +14,15 @@ Less leaves gaps in slanted surfaces, more widens near things.
 
 
 @compiled
-def _project(x: float, y: float, z: float, k: tuple[float, float, float, float], d: Array) -> tuple[float, float]:
-    """Return the pixel of a point; `d` is OpenCV's k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 (without the tilted sensor)."""
-    a, b = x / z, y / z
+def _project(
+    depth: float, ray: Array, shift: Array, k: tuple[float, float, float, float], d: Array
+) -> tuple[float, float]:
+    """Return the pixel of the point at `depth` on a ray from `shift`.
+
+    `d` is OpenCV's k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 (without the tilted sensor).
+    """
+    z = depth * ray[2] + shift[2]
+    a, b = (depth * ray[0] + shift[0]) / z, (depth * ray[1] + shift[1]) / z
     r = a * a + b * b
     radial = (1 + r * (d[0] + r * (d[1] + r * d[4]))) / (1 + r * (d[5] + r * (d[6] + r * d[7])))
     u = a * radial + 2 * d[2] * a * b + d[3] * (r + 2 * a * a) + d[8] * r + d[9] * r * r
@@ -48,10 +54,12 @@ def splat(
             far = z * rays[row + 1, column + 1, 2] + shift[2]
             if near <= 0 or far <= 0:
                 continue
-            u0, v0 = _project(z * rays[row, column, 0] + shift[0], z * rays[row, column, 1] + shift[1], near, k, d)
-            u1, v1 = _project(
-                z * rays[row + 1, column + 1, 0] + shift[0], z * rays[row + 1, column + 1, 1] + shift[1], far, k, d
-            )
+            ua, va = _project(z, rays[row, column], shift, k, d)
+            ub, vb = _project(z, rays[row, column + 1], shift, k, d)
+            uc, vc = _project(z, rays[row + 1, column + 1], shift, k, d)
+            ud, vd = ua + uc - ub, va + vc - vb  # so small a square stays a parallelogram
+            u0, u1 = min(min(ua, ub), min(uc, ud)), max(max(ua, ub), max(uc, ud))
+            v0, v1 = min(min(va, vb), min(vc, vd)), max(max(va, vb), max(vc, vd))
             if not (u1 > -1 and u0 < width and v1 > -1 and v0 < height):
                 continue
             value = 0.5 * (near + far) + 0.5

@@ -13,6 +13,7 @@ from sensors.default_camera import first_size
 from sensors.image_lists import FolderLayout, TumEntry
 from sensors.image_names import by_stamp, images_in, visible
 from sensors.intrinsic_files import matrix_camera
+from sensors.kinds_of_names import of_one_camera
 from sensors.listed_folders import associated, is_associated, tum
 from sensors.mixed_folder import is_mixed_folder, mixed_folder
 from sensors.openloris import is_openloris, openloris
@@ -48,7 +49,8 @@ def _is_scannet(path: Path) -> bool:
 
 def _scannet(path: Path) -> FolderLayout:
     """Return the lists of folders whose files are named by numbers, or by stamps; true poses may be missing."""
-    color, depth = (by_stamp(path, images_in(path / name)) for name in ("color", "depth"))
+    images = of_one_camera(*([*images_in(path / name)] for name in ("color", "depth")))
+    color, depth = (by_stamp(path, files) for files in images)
     poses = by_stamp(path, visible(path / "pose", "*.txt"))
     camera = _intrinsics(path, "color", color)
     return FolderLayout(

@@ -1,6 +1,7 @@
 """Lists of images and poses by their stamps, as the TUM RGB-D benchmark writes them, and those that a folder has."""
 
 import logging
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -15,15 +16,15 @@ from odom.frame.stamp import is_number
 from odom.geometry.arrays import Array
 from odom.geometry.quaternion import rotation_from_quaternion
 from odom.wire.pairing import follows
+from sensors.split_stamps import SECOND, tell_without_zeros, without_leading_zeros
 
 log = logging.getLogger(__name__)
 
-SECOND = 1_000_000_000
-"""Nanoseconds in a second."""
 READ_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".ppm", ".pgm", ".webp")
 """What names of images that can be read end with, in small letters."""
 IMAGE_SUFFIXES = (*READ_SUFFIXES, ".exr", ".npy", ".npz")
 """What names of images end with, numpy's files of depth and those that cannot be read included."""
+_COMMENT = re.compile(r"(?:^|\s)#")
 _QUOTES = "\"'"
 _MOST_FRAMES = 10_000_000
 """Whole numbers below this are numbers of frames (four days of them), above they are seconds since 1970."""
@@ -70,13 +71,13 @@ class FolderLayout:
 
 
 def read_list(path: Path, columns: int) -> list[TumEntry]:
-    """Read a TUM list file, sorted by stamp; lines of equal stamps keep their order. `#` begins a comment.
+    """Read a TUM list file, sorted by stamp; lines of equal stamps keep their order.
 
-    A first line that begins with a word is the columns' names.
-
-    Names of images may hold blanks and quotes, and backslashes between folders. Stamps of 12 digits or more before the
-    point are milli-, micro- or nanoseconds, and this is logged. Raises SourceError naming file and line for one with
-    fewer columns behind the stamp, a stamp that is no number or one beyond 2038.
+    A first line that begins with a word is the columns' names. `#` at the beginning of a line or behind a blank begins
+    a comment. Names of images may hold blanks and quotes, backslashes between folders, and commas where blanks separate
+    the columns. Stamps of 12 digits or more before the point are milli-, micro- or nanoseconds, and nanoseconds behind
+    the point may lack their leading zeros (see `without_leading_zeros`), which is logged. Raises SourceError naming
+    file and line for one with fewer columns behind the stamp, a stamp that is no number or one beyond 2038.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -85,7 +86,7 @@ def read_list(path: Path, columns: int) -> list[TumEntry]:
     header: SourceError | None = None
     entries, units, stamps = list[TumEntry](), set[str](), list[str]()
     for number, line in enumerate(lines, start=1):
-        words = _names_joined(line.partition("#")[0].replace(",", " ").split())
+        words = _names_joined(_columns(_COMMENT.split(line)[0]))
         if not words:
             continue
         try:
@@ -108,6 +109,9 @@ def read_list(path: Path, columns: int) -> list[TumEntry]:
         entries.append(TumEntry(stamp, tuple(words[1 : columns + 1])))
     if other := sorted(units - {"seconds"}):
         log.info("%s: its stamps are taken for %s, by their number of digits", path, " and ".join(other))
+    if (whole := without_leading_zeros(stamps)) is not None:
+        tell_without_zeros(path)
+        entries = [TumEntry(stamp, entry.values) for stamp, entry in zip(whole, entries, strict=True)]
     if suggested := unit_by_steps(stamps):
         log.warning("%s: its stamps step by %d: if these are %s, write seconds there", path, *suggested)
     if header is not None and not entries:
@@ -132,6 +136,19 @@ def _taken_for(stamp: str) -> str | None:
         return stamp_of(stamp)[1]
     except ValueError:
         return None
+
+
+def _columns(line: str) -> list[str]:
+    """Return the words of a line between blanks or commas, but not between those in an image's name."""
+    words = line.split()
+    if "," not in line or "," in words[0]:
+        return line.replace(",", " ").split()
+    return [part for word in words for part in ([word] if _is_one_name(word) else word.replace(",", " ").split())]
+
+
+def _is_one_name(word: str) -> bool:
+    *before, last = (part.strip(_QUOTES).lower().endswith(IMAGE_SUFFIXES) for part in word.split(","))
+    return last and not any(before)
 
 
 def _names_joined(words: list[str]) -> list[str]:

@@ -8,8 +8,9 @@ from itertools import pairwise
 from pathlib import Path
 
 from odom.frame import Stamp, stamp_of
-from sensors.image_lists import IMAGE_SUFFIXES, READ_SUFFIXES, SECOND, TumEntry, stamp_of_frame, unit_by_steps
+from sensors.image_lists import IMAGE_SUFFIXES, READ_SUFFIXES, TumEntry, stamp_of_frame, unit_by_steps
 from sensors.names_of_dates import stamps_of_dates
+from sensors.split_stamps import are_seconds_and_parts, stamps_of_parts, tell_without_zeros, without_leading_zeros
 
 log = logging.getLogger(__name__)
 
@@ -20,10 +21,6 @@ _NUMBER_AND_MICROSECONDS = re.compile(r"\d+-(\d{12})\Z")
 _WITH_POINT = re.compile(r"\d+\.\d+\Z")
 """Names such as `1305031102.175304.png`: a stamp with a point."""
 _NUMBER = re.compile(r"\d+")
-_SINCE_1970_DIGITS = 10
-"""Digits of seconds since 1970, from 2001 to 2286."""
-_NANOSECOND_DIGITS, _MICROSECOND_DIGITS = 9, 6
-"""Digits of the part of a second that stands behind its seconds as a number of its own."""
 
 
 def visible(folder: Path, pattern: str = "*") -> Iterator[Path]:
@@ -72,10 +69,11 @@ def _stamps(path: Path, stems: list[str]) -> Sequence[Stamp | None]:
         return dates
     columns = list(zip(*(_NUMBER.findall(stem) for stem in stems), strict=True))
     if points := [found[0] for stem in stems if (found := _WITH_POINT.search(stem))]:
-        return _agreeing(list(map(_stamp, points)), columns[:-2])
-    if len(columns) > 1 and _are_seconds_and_parts(*columns[-2:]):
-        part_ns = 1 if max(map(len, columns[-1])) > _MICROSECOND_DIGITS else 1_000
-        return [Stamp(int(s) * SECOND + int(part) * part_ns) for s, part in zip(*columns[-2:], strict=True)]
+        if (whole := without_leading_zeros(points)) is not None:
+            tell_without_zeros(path)
+        return _agreeing(whole or list(map(_stamp, points)), columns[:-2])
+    if len(columns) > 1 and are_seconds_and_parts(*columns[-2:]):
+        return stamps_of_parts(*columns[-2:])
     which = max(reversed(range(len(columns))), key=lambda k: len(set(columns[k])))
     if suggested := unit_by_steps(columns[which]):
         log.warning(
@@ -93,16 +91,6 @@ def _agreeing(stamps: Sequence[Stamp | None], before: Sequence[tuple[str, ...]])
     names = sorted((stamp, *map(int, rest)) for stamp, *rest in zip(stamps, *before, strict=True) if stamp is not None)
     falls = any(later[1:] < name[1:] for name, later in pairwise(names))
     return [None] * len(stamps) if falls else stamps
-
-
-def _are_seconds_and_parts(seconds: tuple[str, ...], parts: tuple[str, ...]) -> bool:
-    """Return whether two numbers of each name are seconds since 1970 and the nano- or microseconds behind them.
-
-    They are not where one time stands before a counter.
-    """
-    are_seconds = all(len(number) == _SINCE_1970_DIGITS and number[0] != "0" for number in seconds)
-    digits = max(map(len, parts))
-    return are_seconds and digits <= _NANOSECOND_DIGITS and (len(set(seconds)) > 1 or digits == _NANOSECOND_DIGITS)
 
 
 def _stamp(number: str) -> Stamp | None:

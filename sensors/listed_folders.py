@@ -4,11 +4,12 @@ import logging
 from pathlib import Path, PurePath
 
 from odom.errors import ConfigError, SourceError
-from odom.frame import Camera, stamp_of
+from odom.frame import Camera, Stamp, stamp_of
 from sensors.default_camera import ICL_NUIM, first_size
 from sensors.image_lists import IMAGE_SUFFIXES, FolderLayout, TumEntry, as_frames, counts_frames, read_list
 from sensors.image_names import by_stamp, images_in, visible
 from sensors.intrinsic_files import camera_beside
+from sensors.split_stamps import without_leading_zeros
 from sensors.true_poses import trajectory_in
 
 log = logging.getLogger(__name__)
@@ -54,7 +55,7 @@ def associated(path: Path) -> FolderLayout:
     file = next(path / name for name in _ASSOCIATIONS if (path / name).is_file())
     pairs = read_list(file, 3)
     first = [TumEntry(entry.stamp, entry.values[:1]) for entry in pairs]
-    second = sorted((_second(file, entry) for entry in pairs), key=lambda entry: entry.stamp)
+    second = sorted(_second(file, pairs), key=lambda entry: entry.stamp)
     color, depth = (second, first) if pairs and _is_depth(pairs[0].values[0]) else (first, second)
     truth, camera = _truth_and_camera(path, color)
     if counts_frames(color, depth):
@@ -79,12 +80,18 @@ def _truth_and_camera(path: Path, color: list[TumEntry]) -> tuple[list[TumEntry]
     return [_mirrored(entry) for entry in trajectory_in(drawn)], camera or published
 
 
-def _second(file: Path, pair: TumEntry) -> TumEntry:
-    """Return the second image of a pair with the stamp of its own."""
+def _second(file: Path, pairs: list[TumEntry]) -> list[TumEntry]:
+    """Return the second images of pairs with the stamps of their own."""
+    given = [pair.values[1] for pair in pairs]
+    stamps = without_leading_zeros(given) or [_stamp(file, text) for text in given]
+    return [TumEntry(stamp, pair.values[2:]) for stamp, pair in zip(stamps, pairs, strict=True)]
+
+
+def _stamp(file: Path, text: str) -> Stamp:
     try:
-        return TumEntry(stamp_of(pair.values[1])[0], pair.values[2:])
+        return stamp_of(text)[0]
     except ValueError as error:
-        raise SourceError(f"{file}: {pair.values[1]!r} is not a time stamp in seconds") from error
+        raise SourceError(f"{file}: {text!r} is not a time stamp in seconds") from error
 
 
 def _mirrored(entry: TumEntry) -> TumEntry:

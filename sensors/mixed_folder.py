@@ -1,8 +1,7 @@
 """Colour and depth in one folder, told apart by a word of their names: 7-Scenes', BundleFusion's, and one's own."""
 
-import logging
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +11,8 @@ from sensors.default_camera import first_size
 from sensors.image_lists import FolderLayout
 from sensors.image_names import COLOR_WORDS, DEPTH_WORDS, alike, by_stamp, images_in, visible
 from sensors.intrinsic_files import camera_beside, sens_cameras
+from sensors.kinds_of_names import of_one_camera
 from sensors.true_poses import THE_CAMERAS_OWN, poses_in, poses_of_images
-
-log = logging.getLogger(__name__)
 
 _WORD = re.compile(r"[a-z]+")
 _SEVEN_SCENES = re.compile(r"frame-\d+\.color\.png\Z")
@@ -42,7 +40,7 @@ def mixed_folder(path: Path) -> FolderLayout:
     a depth camera of its own; 7-Scenes' images are raw, and its poses are depth's. Raises ConfigError where such a file
     holds something else.
     """
-    color, depth = (by_stamp(path, _one_kind(path, files)) for files in _told_apart(images_in(path)))
+    color, depth = (by_stamp(path, files) for files in of_one_camera(*_told_apart(images_in(path))))
     size = first_size(path, color)
     camera, depth_camera, scale = sens_cameras(path / "info.txt")
     if camera is None and size is not None:
@@ -77,21 +75,6 @@ def _told_apart(images: Iterable[Path]) -> tuple[list[Path], list[Path]]:
     depth = sorted(file for file, said in words.items() if not said.isdisjoint(telling))
     color = sorted(file for file in words.keys() - set(depth) if not words[file].isdisjoint(COLOR_WORDS))
     return color, depth
-
-
-def _one_kind(path: Path, files: Sequence[Path]) -> list[Path]:
-    """Return the images whose names differ in their numbers only: of several kinds the most, or the shortest names."""
-    kinds = alike(files)
-    if not kinds:
-        return []
-    name = min(kinds, key=lambda name: (-len(kinds[name]), len(name), name))
-    if others := sorted(kinds.keys() - {name}):
-        log.warning(
-            "%s: of its images, %d named as %s are taken and %d named otherwise left out, such as %s",
-            path, len(kinds[name]), kinds[name][0].name, sum(len(kinds[other]) for other in others),
-            kinds[others[0]][0].name,
-        )  # fmt: skip
-    return kinds[name]
 
 
 def _seven_scenes_depth(width: int, height: int) -> Camera:

@@ -7,7 +7,7 @@ from itertools import pairwise
 from statistics import median
 
 from odom.frame import Stamp
-from sensors.image_lists import SECOND
+from sensors.split_stamps import SECOND
 
 _DATE = re.compile(r"(?<!\d)((?:19|20)\d\d)\D?(\d\d)\D?(\d\d)\D{0,3}(\d\d)\D?(\d\d)\D?(\d\d)(?:(\D?)(\d+))?\D*\Z")
 _PART_DIGITS = (3, 6, 9)

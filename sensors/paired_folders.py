@@ -10,6 +10,7 @@ from sensors.image_lists import FolderLayout, TumEntry
 from sensors.image_names import COLOR_WORDS, DEPTH_WORDS, by_stamp, images_in, visible
 from sensors.image_reading import image_in
 from sensors.intrinsic_files import camera_beside
+from sensors.kinds_of_names import of_one_camera
 from sensors.true_poses import poses_of_images
 
 _ROTATED_BITS = 3
@@ -32,7 +33,8 @@ def pair_of_folders(path: Path) -> FolderLayout:
     color_folder, depth_folder = _folder(path, COLOR_WORDS), _folder(path, DEPTH_WORDS)
     assert color_folder is not None
     assert depth_folder is not None
-    color, depth = by_stamp(path, images_in(color_folder)), by_stamp(path, images_in(depth_folder))
+    images = of_one_camera([*images_in(color_folder)], [*images_in(depth_folder)])
+    color, depth = (by_stamp(path, files) for files in images)
     size = first_size(path, color)
     return FolderLayout(
         f"{color_folder.name}/ or {depth_folder.name}/",

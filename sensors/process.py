@@ -14,6 +14,7 @@ from odom.wire.namesakes import Namesakes
 from odom.wire.publisher import Mirror
 from odom.wire.send_window import SendWindow
 from odom.wire.session import Publisher, WireSession
+from sensors.pace import Pace
 from sensors.source import Source, SourceOptions
 
 log = logging.getLogger(__name__)
@@ -25,9 +26,6 @@ _READ_AHEAD = 8
 """Messages of a recording decoded before they are sent: fewer make consumers wait for the disk, more need memory."""
 _CALIBRATION_PERIOD_S = 1.0
 """Seconds between two calibration messages, for consumers that only listen; that long they may wait for one."""
-_HEAD_START_S = 0.1
-"""Seconds between the calibration and the first image of a recording that is played in real time: consumers compute the
-table of the lens meanwhile. Less: the first images wait, and at a high rate some are lost."""
 _FAREWELL_S = 2.0
 """Seconds that consumers have to take the end of the source when it was interrupted or live."""
 
@@ -63,10 +61,9 @@ class SensorProcess:
         self._source = source
         self._consumers = consumers
         self._live = not source.lossless or options.realtime
-        self._pace = 1e9 * options.rate if source.lossless and options.realtime else None
+        self._pace = Pace(options.rate) if source.lossless and options.realtime else None
         self._publisher: Publisher = session.publisher(lossless=not self._live, mirror=mirror)
         self._window = SendWindow(session, options.topics, self._publisher)
-        self._clock: tuple[float, Stamp] | None = None
         self._calibration: dict[str, Message] = {}
         self._calibration_due = 0.0
         self._informed: tuple[str, ...] = ()
@@ -124,10 +121,9 @@ class SensorProcess:
             return
         self._calibration_due, self._informed = now + _CALIBRATION_PERIOD_S, consumers
 
-    def _wait_until_due(self, stamp: Stamp, pace: float, stop: threading.Event) -> bool:
-        began, first = self._clock = self._clock or (time.monotonic() + _HEAD_START_S, stamp)
-        due = began + (stamp - first) / pace
-        return not stop.wait(max(0.0, due - time.monotonic()))
+    def _wait_until_due(self, stamp: Stamp, pace: Pace, stop: threading.Event) -> bool:
+        now = time.monotonic()
+        return not stop.wait(max(0.0, pace.due(stamp, now) - now))
 
     def _announce_end(self, reason: str, stop: threading.Event) -> None:
         self._window.listen()

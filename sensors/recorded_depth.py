@@ -1,4 +1,4 @@
-"""Depth of a recording that is not in colour's view: registered by the calibration file, or by tf_static."""
+"""What a recording says of its depth: how it gets into colour's view, and the model of its errors."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -6,8 +6,10 @@ from pathlib import Path
 
 from odom.errors import RecordingError, WireError
 from odom.frame import Camera
-from odom.wire.codec import StampedPose, decode_tf
+from odom.wire import Message
+from odom.wire.codec import StampedPose, cdr, decode_depth_model, decode_tf
 from odom.wire.recording import RecordedStream, RecordingReader, SelectedStreams
+from odom.wire.recording.topic_words import shared_folders
 from sensors.depth_registration import DepthRegistration, load_depth_registration
 from sensors.static_transforms import StaticTransforms
 from sensors.stream_registration import is_registered, registration_of
@@ -40,6 +42,25 @@ def recorded_registration(
         if chosen.depth_size == chosen.color_size:
             return None
         raise RecordingError(f"{error}; or give depth_camera and T_color_depth in --camera camera.yaml") from error
+
+
+def recorded_depth_model(chosen: SelectedStreams, streams: Sequence[RecordedStream]) -> Message | None:
+    """Return the message with the model of the errors of the depth that is played, None where there is none.
+
+    It is one of the same device by its topic, which shares with depth's no fewer folders than colour's does.
+    """
+    depth, least = chosen.depth.topic, shared_folders(chosen.depth.topic, chosen.color.topic)
+    models = [s for s in streams if shared_folders(s.topic, depth) >= least and _shows_depth_model(s)]
+    found = max(models, key=lambda stream: shared_folders(stream.topic, depth), default=None)
+    return None if found is None else found.first
+
+
+def _shows_depth_model(stream: RecordedStream) -> bool:
+    """Return whether a stream holds the model of depth's errors that `odom calibrate` finds."""
+    try:
+        return stream.type_name == cdr.CAMERA_INFO and decode_depth_model(stream.first) is not None
+    except WireError:
+        return False
 
 
 def _transforms(reader: RecordingReader, color: str) -> StaticTransforms:

@@ -24,13 +24,12 @@ _MOST_NAMED = 5
 """Topics that are named at most, so that the line can be read."""
 
 
-def true_poses(streams: Iterable[RecordedStream], counts: Mapping[str, int], named: str | None) -> dict[str, str]:
+def true_poses(streams: Iterable[RecordedStream], named: str | None) -> dict[str, str]:
     """Return topic to key of the true poses: those named truth/<body>/pose, or the one that is `named`.
 
     Raises ConfigError when that one is not there or holds something else than one body's pose a message.
     """
-    # a topic that begins after the part looked at is trusted by its name
-    types = {**dict.fromkeys(counts, cdr.POSE), **{stream.topic: stream.type_name for stream in streams}}
+    types = {stream.topic: stream.type_name for stream in streams}
     if named is None:
         return {
             topic: truth(topic.removeprefix("truth/").removesuffix("/pose"))
@@ -70,10 +69,10 @@ class TruthReader:
     def __call__(self, message: Message) -> Message | None:
         """Return the message on its body's key, as geometry_msgs/PoseStamped; None where it holds no pose."""
         key = self._keys[message.topic]
-        if message.type_name == cdr.POSE:
-            return replace(message, topic=key)
         try:
             pose = decode_any_pose(message)
+            if message.type_name == cdr.POSE:
+                return replace(message, topic=key)
             return encode_pose(key, pose.stamp, pose.T_parent_child, pose.parent)
         except WireError as error:
             count, why = self.left_out.get(message.topic, (0, str(error)))

@@ -12,7 +12,6 @@ from odom.wire.codec import (
     cdr,
     decode_camera_info,
     decode_depth,
-    decode_depth_model,
     encode_calibration,
     encode_camera_info,
     encode_depth,
@@ -28,14 +27,15 @@ from odom.wire.recording import (
     unregistered,
 )
 from sensors.calibration_file import load_calibration
-from sensors.recorded_depth import recorded_registration
+from sensors.recorded_depth import recorded_depth_model, recorded_registration
 from sensors.recorded_truth import TRUTH_ROLE, TruthReader, could_be_truth, true_poses
 from sensors.source import SourceOptions
 
 log = logging.getLogger(__name__)
 
 _PEEK_BYTES = 128 << 20
-"""Bytes of a recording read to find its streams (4 s of raw images): less may miss one, more delays the start."""
+"""Bytes of a recording read to find its streams (4 s of raw images); those that begin later are found by the index.
+Less: where there is none, as in cut recordings, one may be missed; more delays the start."""
 _MOST_LOGGED = 5
 """Most damages of a recording that are logged, a line each; the others are only counted."""
 _MOST_BEHIND = 30
@@ -61,7 +61,7 @@ class ReplaySource:
     ) -> None:
         topics = self._topics = options.topics
         named = dict(options.topics_from)
-        truths = true_poses(streams, counts, named.pop(TRUTH_ROLE, None))
+        truths = true_poses(streams, named.pop(TRUTH_ROLE, None))
         camera = None if options.camera is None else load_calibration(options.camera).camera
         self._roles: SelectedStreams = select_streams(streams, named, need_calibration=camera is None)
         self._reader = reader
@@ -85,9 +85,9 @@ class ReplaySource:
             self._calibration = encode_calibration(keys, self._begin, camera, topics.frame_camera)
         else:
             assert info is not None
-            models = [stream for stream in streams if _shows_depth_model(stream)]
+            model = recorded_depth_model(self._roles, streams)
             self._calibration = (
-                *(replace(stream.first, topic=topics.depth_info) for stream in models[:1]),
+                *(() if model is None else (replace(model, topic=topics.depth_info),)),
                 self._as_calibration(info.first),
             )
         used = camera or self._roles.camera()
@@ -178,7 +178,8 @@ def open_recording(path: Path, options: SourceOptions) -> ReplaySource:
     Raises RecordingError when it is none or lacks a stream, ConfigError when a named topic is not in it.
     """
     reader = open_reader(path)
-    streams, counts = reader.streams(limit=_PEEK_BYTES), reader.counts()
+    counts = reader.counts()
+    streams = reader.streams(_PEEK_BYTES, counts)
     if counts is None:
         log.warning(
             "%s was cut off or its index is damaged: what is whole is played (mend it with: odom recover %s OUT.mcap)",
@@ -186,7 +187,7 @@ def open_recording(path: Path, options: SourceOptions) -> ReplaySource:
             path,
         )
     if not streams:
-        raise RecordingError("; ".join((f"{path} holds no ROS 2 messages", *reader.damage)))
+        raise RecordingError("; ".join((f"{path} holds no ROS 2 messages", *reader.skipped_in_words(), *reader.damage)))
     source = ReplaySource(reader, streams, counts or {}, options)
     log.info("%s: %s", path, source.taken)
     if source.could_be_truth is not None:
@@ -198,11 +199,3 @@ def open_recording(path: Path, options: SourceOptions) -> ReplaySource:
 
 def _is_raw(stream: RecordedStream) -> bool:
     return stream.type_name == cdr.IMAGE
-
-
-def _shows_depth_model(stream: RecordedStream) -> bool:
-    """Return whether a stream holds the model of depth's errors that `odom calibrate` finds."""
-    try:
-        return stream.type_name == cdr.CAMERA_INFO and decode_depth_model(stream.first) is not None
-    except WireError:
-        return False

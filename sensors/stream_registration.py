@@ -4,10 +4,11 @@ from collections.abc import Iterable
 
 from odom.errors import ConfigError, RecordingError, WireError
 from odom.frame import Camera
-from odom.wire import Message
 from odom.wire.codec import cdr, decode_camera_info
 from odom.wire.recording import RecordedStream, SelectedStreams
-from odom.wire.recording.stream_selection import info_size, says_registered, shared_folders
+from odom.wire.recording.image_kind import frame_of
+from odom.wire.recording.stream_selection import info_size
+from odom.wire.recording.topic_words import says_registered, shared_folders
 from sensors.depth_registration import DepthRegistration
 from sensors.static_transforms import StaticTransforms
 
@@ -16,7 +17,7 @@ def is_registered(chosen: SelectedStreams) -> bool:
     """Return whether depth is in colour's view already: of its size, and by its frame or its name."""
     depth, color = chosen.depth, chosen.color
     return chosen.depth_size == chosen.color_size and (
-        _frame(depth.first) == _frame(color.first) or says_registered(depth)
+        frame_of(depth.first) == frame_of(color.first) or says_registered(depth.topic)
     )
 
 
@@ -28,9 +29,11 @@ def registration_of(
     Raises RecordingError when one is missing or cannot be used.
     """
     depth, (height, width) = chosen.depth, chosen.depth_size
-    depth_frame, color_frame = _frame(depth.first), _frame(chosen.color.first)
+    depth_frame, color_frame = frame_of(depth.first), frame_of(chosen.color.first)
     infos = [s for s in streams if s.type_name == cdr.CAMERA_INFO and info_size(s) == chosen.depth_size]
-    info = max(infos, key=lambda s: (shared_folders(s, depth), _frame(s.first) == depth_frame), default=None)
+    info = max(
+        infos, key=lambda s: (shared_folders(s.topic, depth.topic), frame_of(s.first) == depth_frame), default=None
+    )
     if info is None:
         raise RecordingError(
             f"depth /{depth.topic} ({width} x {height}, in {depth_frame}) is not registered to colour, and no "
@@ -47,7 +50,3 @@ def registration_of(
         return DepthRegistration(decode_camera_info(info.first), color_camera, T_color_depth)
     except (ConfigError, WireError) as error:
         raise RecordingError(f"depth /{depth.topic} cannot be registered to colour: {error}") from error
-
-
-def _frame(message: Message) -> str:
-    return str(cdr.deserialise(message, message.type_name).header.frame_id).removeprefix("/")

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from odom.wire.recording.bag_folder import UNPACK_FIRST, is_packed
 from sensors.image_names import visible
 
 _NUMPY = ".npy"
@@ -36,6 +37,7 @@ _KNOWN: tuple[tuple[Callable[[Path], bool], str], ...] = (
         "depth/NUMBER.png with millimetres in 16 bits (or depth/NUMBER.npy with metres), beside each other, "
         "with K of its metadata as camera.yaml",
     ),
+    (lambda path: any(map(is_packed, (path, *visible(path)))), UNPACK_FIRST),
 )
 
 

@@ -12,6 +12,7 @@ from odom.errors import ConfigError, SourceError
 from odom.service.result_files import write_json
 from odom.wire.recording import is_recording
 from sensors.folder_layouts import is_image_folder
+from sensors.image_names import visible
 
 log = logging.getLogger(__name__)
 
@@ -57,7 +58,7 @@ def _below(path: Path, above: tuple[Path, ...] = ()) -> Iterator[Path]:
     elif is_image_folder(path) or (is_recording(path) and not _holds_others(path)):
         yield path
     elif path.is_dir():
-        for child in path.iterdir():
+        for child in visible(path):
             yield from _below(child, (*above, path.resolve()))
 
 
@@ -65,7 +66,7 @@ def _holds_others(path: Path) -> bool:
     """Return whether a folder of .db3 files without metadata.yaml, as parts of a bag are, holds what is no part."""
     if path.is_file() or (path / "metadata.yaml").is_file():
         return False
-    return any(child.is_dir() or (is_recording(child) and child.suffix != ".db3") for child in path.iterdir())
+    return any(child.is_dir() or (is_recording(child) and child.suffix != ".db3") for child in visible(path))
 
 
 class ContentHashes:

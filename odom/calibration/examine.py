@@ -95,11 +95,17 @@ def _judge_stretch(found: Calibrated) -> Finding:
         return Finding(key, "not shown", Verdict.UNKNOWN, shown_by("stretch_u"))
     right, below = moved * ((camera.width - 1) / 2, (camera.height - 1) / 2)
     value = f"colour lies {right:+.1f} px right of depth at the right border and {below:+.1f} px below at the lower"
-    own = (1.0 - moved) * (camera.fx, camera.fy)
+    total = found.vector[STRETCH]
+    own = (1.0 - total) * (camera.fx, camera.fy)
     advice = (
         f"depth has focal lengths of {own[0]:.0f} and {own[1]:.0f} px, colour {camera.fx:.0f} and {camera.fy:.0f}: "
         f"have the driver register depth, or {_REMEDY}"
     )
+    if (stretch_px(camera, np.abs(total)) < _SHIFT_FLOOR_PX).all():
+        advice = (
+            "depth has colour's focal lengths, the calibration's stretch is out of date, of depth that was not "
+            f"registered: leave it out, or {_REMEDY}"
+        )
     is_fault = bool((stretch_px(camera, np.abs(moved)) - _SURELY * sigma_px > _SHIFT_PX).any())
     return Finding.judged(key, value, is_fault, advice)
 

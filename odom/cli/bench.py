@@ -112,7 +112,7 @@ def sensitivity(
     from sensors.source import SourceOptions
 
     stop = signals.stop_event()
-    check_files(json_file)
+    check_files(json_file, table=markdown_file)
     numbers = tuned_numbers(only)
     if not numbers:
         raise ConfigError(f"no tuned number is called {only}: without --only all of them are tried")
@@ -132,7 +132,7 @@ def sensitivity(
     if json_file is not None:
         write_json(json_file, as_json(found), indent=1)
     if markdown_file is not None:
-        markdown_file.write_text(markdown(found))
+        in_its_folder(markdown_file).write_text(markdown(found))
 
 
 def _print_rows(console: "Console", table: "list[Row]") -> None:

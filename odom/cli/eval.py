@@ -102,7 +102,8 @@ def evaluate(
         if noise:
             floored = relative_nees(widened(poses, noise), true, max_gap)
             print(f"{'':<14} {floored.mean:.2f}, {floored.inside_95:.1%} inside, allowing for the truth's own noise")
-        fields[f"nees_{path.stem}"] = {"mean": values.mean, "inside_95": values.inside_95}
+        name = f"nees_{path.stem}"
+        fields[f"nees_{path}" if name in fields else name] = {"mean": values.mean, "inside_95": values.inside_95}
     if calibration:
         _print_calibration(mocap_calibration_fields(calibration, body or "body"), calibration.correlation)
     notes = [
@@ -125,7 +126,7 @@ def _print_calibration(fields: dict[str, object], correlation: float) -> None:
     )
     quaternion = " ".join(f"{v:+.5f}" for v in hand_eye["quaternion_xyzw"])
     sigma = " ".join(f"{v:.2f}" for v in hand_eye["sigma_deg"])
-    how = "imposed" if correlation != correlation else f"angular speeds correlate {correlation:.2f}"
+    how = "imposed" if correlation != correlation else f"speeds correlate {correlation:.2f}"
     print(f"time offset    {fields['time_offset_s']:+.4f} ± {fields['time_offset_sigma_s']:.4f} s ({how})")
     print(f"hand-eye       camera in body, m: {metres}")
     print(f"               quaternion x y z w: {quaternion}, ± {sigma} deg")

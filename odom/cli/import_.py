@@ -32,7 +32,7 @@ def import_(
     """
     import cv2
 
-    from odom.errors import RecordingError, SourceError
+    from odom.errors import ConfigError, RecordingError, SourceError
     from odom.service.progress import counting
     from odom.wire import Topics
     from odom.wire.recording import RecordingWriter
@@ -40,6 +40,8 @@ def import_(
     from sensors.needed_images import NeededImages
     from sensors.source import SourceOptions
 
+    if output.suffix.lower() != ".mcap":
+        raise ConfigError(f"{output}: give a name that ends with .mcap, by which a recording is known")
     cv2.setNumThreads(1)
     stop = signals.stop_event()
     topics = Topics(namespace)

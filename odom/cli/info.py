@@ -16,6 +16,7 @@ def info(file: Annotated[Path, typer.Argument(help="An .mcap recording or a ROS 
     from odom.errors import ConfigError, RecordingError
     from odom.wire.codec.cdr import DIAGNOSTICS
     from odom.wire.recording import is_recording, open_reader, select_streams
+    from odom.wire.recording.bag_folder import bag_folder
     from sensors.catalogue import no_source
     from sensors.folder_layouts import is_image_folder
 
@@ -29,10 +30,10 @@ def info(file: Annotated[Path, typer.Argument(help="An .mcap recording or a ROS 
     reader = open_reader(file)
     streams = reader.streams()
     if not streams:
-        raise RecordingError("; ".join((f"{file} holds no ROS 2 messages", *reader.damage)))
+        raise RecordingError("; ".join((f"{file} holds no ROS 2 messages", *reader.skipped_in_words(), *reader.damage)))
     timed = [stream for stream in streams if stream.type_name != DIAGNOSTICS] or streams
     begin, end = min(stream.begin for stream in timed), max(stream.end for stream in timed)
-    parts = [file] if file.is_file() else [*file.glob("*.mcap"), *file.glob("*.db3")]
+    parts = [file] if file.is_file() else bag_folder(file).files
     megabytes = sum(part.stat().st_size for part in parts) / 1e6
     typer.echo(f"{file}: {megabytes:.1f} MB, {(end - begin) / 1e9:.2f} s from {begin / 1e9:.6f}")
     for key, value in reader.metadata.items():
@@ -57,8 +58,8 @@ def info(file: Annotated[Path, typer.Argument(help="An .mcap recording or a ROS 
             )
     except (RecordingError, ConfigError) as error:
         typer.echo(f"not a source for `odom run`: {error}")
-    if reader.skipped:
-        typer.echo(f"{reader.skipped} messages are not ROS 2 CDR")
+    for skipped in reader.skipped_in_words():
+        typer.echo(skipped)
     for damage in reader.damage:
         typer.echo(f"damaged: {damage}; mend it with: odom recover {file} OUT.mcap")
     if reader.complete:

@@ -30,9 +30,9 @@ def check_recording(source: str, output: Path, overwrite: bool) -> None:
     check_place("--record", output)
 
 
-def check_files(json_file: Path | None, picture: Path | None = None) -> None:
-    """Raise ConfigError when --json or --plot asks for what cannot be: before the work, which would be lost."""
-    for option, path in (("--json", json_file), ("--plot", picture)):
+def check_files(json_file: Path | None, picture: Path | None = None, table: Path | None = None) -> None:
+    """Raise ConfigError when --json, --plot or --markdown asks for what cannot be: before the work, else lost."""
+    for option, path in (("--json", json_file), ("--plot", picture), ("--markdown", table)):
         if path is None:
             continue
         if path.is_dir():

@@ -2,9 +2,10 @@
 
 Angular speed is the same for every frame fixed to a rigid body and in every world, so neither the hand-eye
 transformation nor the world alignment need be known; compare P. Furgale et al., "Unified temporal and spatial
-calibration for multi-sensor systems", IROS 2013.
+calibration for multi-sensor systems", IROS 2013. Of a body that does not turn (a camera on a rail) linear speed is.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,20 +25,38 @@ _USUAL_SEARCH_S = 5.0
 """How far clocks set by hand or network differ at most; a wider search meets more chance correlations."""
 _FASTEST = 1.5
 """Speeds are cut at so many times the 95th percentile: a marker body that jumps must not outshine the motion."""
+WEAK_CORRELATION = 0.5
+"""Correlation of the speeds below which they may agree by chance, and another peak be the true one."""
 
 
 @dataclass(frozen=True)
 class ClockOffset:
-    """`seconds` to add to the estimate's stamps to get the truth's; `correlation` (-1 .. 1) at the peak."""
+    """`seconds` to add to the estimate's stamps to get the truth's; `correlation` (-1 .. 1) at the peak.
+
+    `searched_s` is the standard deviation (s) of an offset anywhere in the range that was searched.
+    """
 
     seconds: float
     correlation: float
+    searched_s: float = 0.0
 
 
-def angular_speed(trajectory: Trajectory, window_s: float, max_gap_s: float) -> tuple[int, Array, Mask]:
-    """Return the angular speed (rad/s) on a grid of 5 ms: the stamp it starts at (ns), values, and which are valid.
+def angular(motion: Array) -> Array:
+    """Return the angles (n, rad) of n relative poses."""
+    return angles_of(motion[:, :3, :3])
 
-    Each value is the mean over `window_s` around its time.
+
+def linear(motion: Array) -> Array:
+    """Return the lengths (n, m) of n relative poses."""
+    return np.asarray(np.linalg.norm(motion[:, :3, 3], axis=1))
+
+
+def speed(
+    trajectory: Trajectory, size: Callable[[Array], Array], window_s: float, max_gap_s: float
+) -> tuple[int, Array, Mask]:
+    """Return the speed (rad/s or m/s) on a grid of 5 ms: the stamp it starts at (ns), values, and which are valid.
+
+    Each value is the mean over `window_s` around its time; `size` is `angular` or `linear`.
     """
     half = round(window_s * 5e8)
     start = int(trajectory.stamps[0]) + half
@@ -46,9 +65,9 @@ def angular_speed(trajectory: Trajectory, window_s: float, max_gap_s: float) -> 
     before, valid_before = trajectory.at(grid - half, max_gap_s)
     after, valid_after = trajectory.at(grid + half, max_gap_s)
     valid = valid_before & valid_after
-    speed = np.zeros(count)
-    speed[valid] = angles_of((se3.inverses(before[valid]) @ after[valid])[:, :3, :3]) / window_s
-    return start, speed, valid
+    values = np.zeros(count)
+    values[valid] = size(se3.inverses(before[valid]) @ after[valid]) / window_s
+    return start, values, valid
 
 
 def clock_offset(
@@ -56,15 +75,25 @@ def clock_offset(
 ) -> ClockOffset:
     """Return the offset with the highest normalised cross-correlation of the two angular speeds.
 
-    Searched within `search_s`; by default within 5 s, or over every overlap when the two clocks share no epoch.
-    Good to a few milliseconds; `mocap_calibration` refines it. Raises InputError when no offset lets the
-    two overlap by two seconds.
+    Where that is weak it is the one of the linear speeds, if these agree better. Searched within `search_s`; by default
+    within 5 s, or over every overlap when the two clocks share no epoch. Good to a few milliseconds;
+    `mocap_calibration` refines it. Raises InputError when no offset lets the two overlap by two seconds.
     """
     if len(estimate) < 3 or len(truth) < 3:
         raise InputError(f"{len(estimate)} estimated and {len(truth)} true poses: too few for a time offset")
+    by_turns = _offset_by(angular, estimate, truth, max_gap_s, search_s)
+    if by_turns.correlation >= WEAK_CORRELATION:
+        return by_turns
+    by_moves = _offset_by(linear, estimate, truth, max_gap_s, search_s)
+    return max(by_turns, by_moves, key=lambda found: found.correlation)
+
+
+def _offset_by(
+    size: Callable[[Array], Array], estimate: Trajectory, truth: Trajectory, max_gap_s: float, search_s: float | None
+) -> ClockOffset:
     window_s = max(float(np.median(np.diff(t.stamps))) * 1e-9 for t in (estimate, truth))
-    start_a, a, mask_a = angular_speed(estimate, window_s, max(max_gap_s, 3 * window_s))
-    start_b, b, mask_b = angular_speed(truth, window_s, max_gap_s)
+    start_a, a, mask_a = speed(estimate, size, window_s, max(max_gap_s, 3 * window_s))
+    start_b, b, mask_b = speed(truth, size, window_s, max_gap_s)
     limit = _FASTEST * min(float(np.percentile(v[m], 95)) if m.any() else 0.0 for v, m in ((a, mask_a), (b, mask_b)))
     a, b = np.minimum(a, limit), np.minimum(b, limit)
     # at lag k, a[i] is paired with b[i + k]
@@ -93,4 +122,5 @@ def clock_offset(
     before, after = value[max(peak - 1, 0)], value[min(peak + 1, len(value) - 1)]
     curvature = before - 2 * value[peak] + after
     fraction = 0.5 * (before - after) / curvature if np.isfinite(curvature) and curvature < 0 else 0.0
-    return ClockOffset(float(offsets[peak] + fraction * _STEP_S), float(value[peak]))
+    searched_s = float(np.ptp(offsets[allowed])) / 12.0**0.5
+    return ClockOffset(float(offsets[peak] + fraction * _STEP_S), float(value[peak]), searched_s)

@@ -8,13 +8,14 @@ The constants were chosen on arena recordings with marker bodies, whose true cal
 stay within the claimed standard deviations (tests/evaluation/test_calibration.py and test_arena_truth.py).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from odom.evaluation.alignment import align
 from odom.evaluation.drift import Whitener
+from odom.evaluation.lever_arm import settled_axes
 from odom.evaluation.pose_alignment import pose_errors
 from odom.evaluation.sandwich import sandwich_sigma
 from odom.evaluation.trajectory import Trajectory
@@ -38,7 +39,7 @@ _WILD = 15.0
 """A frame's truth is not believed beyond this ratio of its distance from the median to the median distance: smaller
 leaves out brisk motion, larger lets a jump of the motion capture spoil its group."""
 _OFFSET_REACH_S = 0.025
-"""How far the offset may move from that found by angular speeds, which is good to a few milliseconds."""
+"""How far the offset may move from that found by speeds, which is good to a few milliseconds."""
 _DERIVATIVE_S = 0.01
 """Step of the numerical derivative by the offset: the period of 100 Hz truth, between whose samples it is linear."""
 _CAUCHY = 24.0
@@ -63,6 +64,7 @@ class HandEye:
     """The frames, each with truth 40 ms before and after it too, and which of X (6), Y (6), offset (1) are free.
 
     `offset_s` is a first guess, good to a few milliseconds; `imposed` is the `T_body_camera` when that is not free.
+    `settled` (3 x 3) projects, in the body's frame, on what turns show of the translation of X; the rest has its prior.
     """
 
     estimate: Trajectory
@@ -70,12 +72,14 @@ class HandEye:
     offset_s: float
     imposed: Array | None
     free: Mask
+    settled: Array = field(default_factory=lambda: np.eye(3))
 
     def solve(self) -> tuple[State, Array]:
         """Return the solution and 13 standard deviations; the model of the errors is learnt from the errors."""
         rough = Whitener.alike(len(self.estimate) // self._group, _ROUGH)
         state = min((self._refine(start, rough) for start in self._starts()), key=lambda s: self._cost(s, rough))
         tame = self._without_wild_frames(state)
+        tame = replace(tame, settled=tame._settled(state))
         centres = tame.estimate.T_world_body[tame._group // 2 :: tame._group]
         for _ in range(_WHITENINGS):
             errors = tame._errors(state)
@@ -94,6 +98,11 @@ class HandEye:
         apart = np.abs(apart - np.median(apart, axis=0))
         tame = np.flatnonzero((apart <= _WILD * np.median(apart, axis=0) + 1e-12).all(axis=1))
         return replace(self, estimate=self.estimate.take(tame)) if len(tame) >= MINIMUM else self
+
+    def _settled(self, state: State) -> Array:
+        R_body = self._body(state.offset_s)[:, :3, :3]
+        errors = self._frame_errors(state, state.offset_s)[:, 3:] @ state.T_body_camera[:3, :3].T
+        return settled_axes(R_body[:: self._group], errors[:: self._group])
 
     def _body(self, offset_s: float) -> Array:
         return self.truth.at(self.estimate.stamps + round(offset_s * 1e9), np.inf)[0]
@@ -135,7 +144,9 @@ class HandEye:
         R_camera_world = (state.T_world_odom[:3, :3] @ self.estimate.T_world_body[:, :3, :3]).transpose(0, 2, 1)
         turned_points = self.estimate.positions @ state.T_world_odom[:3, :3].T
         J = np.zeros((len(self.estimate), 6, 13))
+        R_hand = state.T_body_camera[:3, :3]
         J[:, :, :6] = np.eye(6)
+        J[:, :3, :3] = R_hand.T @ self.settled @ R_hand
         J[:, :3, 6:9] = np.cross(R_camera_world, turned_points[:, None, :])
         J[:, 3:, 6:9] = J[:, :3, 9:12] = -R_camera_world
         later, sooner = (self._frame_errors(state, state.offset_s + h) for h in (_DERIVATIVE_S, -_DERIVATIVE_S))

@@ -1,6 +1,6 @@
 """Clock offset and hand-eye transformation between motion capture and camera, each with its uncertainty.
 
-The clock offset is first found to a few milliseconds by angular speeds (`clock_offset`), then everything is estimated
+The clock offset is first found to a few milliseconds by speeds (`clock_offset`), then everything is estimated
 in one least-squares problem (`hand_eye`).
 """
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from odom.errors import InputError
-from odom.evaluation.clock_offset import ClockOffset, clock_offset
+from odom.evaluation.clock_offset import WEAK_CORRELATION, ClockOffset, clock_offset
 from odom.evaluation.hand_eye import MINIMUM, HandEye
 from odom.evaluation.smoothing import smooth
 from odom.evaluation.trajectory import Trajectory, as_array, check, have_rotations
@@ -26,8 +26,6 @@ _SLOW_RAD_S = 0.5
 """Added to that limit, so that truth's own noise is not taken for jumps where the camera hardly turns."""
 _UNSURE_M, _UNSURE_RAD = 0.05, np.radians(3.0)
 """Standard deviations of the hand-eye from which on a note warns; smaller warns about usable calibrations."""
-_WEAK_CORRELATION = 0.5
-"""Correlation of the angular speeds below which a note calls the offset a guess."""
 LARGEST_OFFSET_S = 4e9
 """More than since 1970; beyond it, stamps of today plus the offset are no 64 bits of nanoseconds."""
 
@@ -73,7 +71,8 @@ class Calibration:
     """What relates a body's truth to the camera's estimate, with standard deviations (0: imposed).
 
     `offset_s` is added to a camera stamp to get the truth's. `hand_eye_sigma` (rho m, phi rad) is in the camera's
-    frame; `correlation` is that of the two angular speeds at the offset (NaN when it was imposed).
+    frame; `correlation` is that of the two speeds at the offset (NaN when it was imposed). A weak one leaves the offset
+    anywhere in the range that was searched.
     """
 
     offset_s: float
@@ -92,12 +91,13 @@ class Calibration:
 def calibrate(estimate: Trajectory, truth: Trajectory, options: CalibrationOptions | None = None) -> Calibration:
     """Return the calibration of a camera's `estimate` against the `truth` of a body fixed to the camera.
 
-    Raises InputError when too few poses match in time, none of the two moves at all, or one is no rigid motion.
+    Of either in several segments the longest is taken. Raises InputError when too few poses match in time, none of the
+    two moves at all, or one is no rigid motion.
     """
     options = options or CalibrationOptions()
     for name, given in (("estimate", estimate), ("truth", truth)):
         check(name, given)
-    estimate = estimate.longest_segment()
+    estimate, truth = estimate.longest_segment(), truth.longest_segment()
     if options.offset_s is None:
         clock = clock_offset(estimate, truth, options.max_gap_s, options.search_s)
     else:
@@ -113,7 +113,7 @@ def calibrate(estimate: Trajectory, truth: Trajectory, options: CalibrationOptio
         ) from None
     return Calibration(
         offset_s=state.offset_s,
-        offset_sigma_s=float(sigma[12]),
+        offset_sigma_s=max(float(sigma[12]), clock.searched_s if _is_guess(clock) else 0.0),
         T_body_camera=state.T_body_camera,
         hand_eye_sigma=sigma[:6],
         T_world_odom=state.T_world_odom,
@@ -143,17 +143,24 @@ def _turns(before: Array, after: Array) -> Array:
     return angles_of((se3.inverses(before) @ after)[:, :3, :3])
 
 
+def _is_guess(clock: ClockOffset) -> bool:
+    return clock.correlation < WEAK_CORRELATION
+
+
 def _notes(sigma: Array, clock: ClockOffset) -> tuple[str, ...]:
     notes = []
-    if clock.correlation < _WEAK_CORRELATION:
+    if _is_guess(clock):
         notes.append(
-            f"the angular speeds correlate only {clock.correlation:.2f}: the clock offset is a guess; "
+            f"the speeds correlate only {clock.correlation:.2f}: the clock offset is a guess; "
             "turn the camera briskly a few times in the recording"
         )
     unsure_m = np.flatnonzero(sigma[:3] > _UNSURE_M)
     if len(unsure_m):
         names = ", ".join(f"{'xyz'[i]} to {sigma[i]:.2f} m" for i in unsure_m)
-        notes.append(f"hand-eye translation is known only in {names}: the camera must turn about two axes at least")
+        notes.append(
+            f"hand-eye translation is known only in {names}: the camera must turn about two axes at least; "
+            "what its turns do not show is taken as 0 m"
+        )
     if (sigma[3:6] > _UNSURE_RAD).any():
         notes.append(
             f"hand-eye rotation is known only to {np.degrees(sigma[3:6].max()):.0f} deg: "

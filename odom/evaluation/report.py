@@ -56,13 +56,15 @@ def evaluate(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions
     Truth is of the camera, by the camera's clock. Of a marker body it is made so by
     `odom.calibrate(estimate, truth).camera_truth(truth)`; a run's `truth.txt` names its body in the first line.
 
-    Of an estimate in several segments the longest is judged; the others count as not matched. A frame's relative error
-    is between poses that follow each other without a hole (see `pairs_of_neighbours`). Raises InputError when
-    fewer than three poses can be matched in time, or one is no rigid motion.
+    Of an estimate in several segments the longest is judged, of truth in several the longest is what it is judged by;
+    the others count as not matched. A frame's relative error is between poses that follow each other without a hole
+    (see `pairs_of_neighbours`). Raises InputError when fewer than three poses can be matched in time, or one is no
+    rigid motion.
     """
     options = options or EvaluationOptions()
     for name, given in (("estimate", estimate), ("truth", truth)):
         check(name, given)
+    segments, truth = _segments(truth), truth.longest_segment()
     valid = truth.at(estimate.stamps, options.max_gap_s)[1]
     total = max(options.total_frames or 0, len(estimate))
     if valid.sum() < 3:
@@ -87,15 +89,23 @@ def evaluate(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions
         estimate_aligned=aligned,
         truth=true,
         errors_m=errors,
-        notes=(*alignment.notes, *_segment_notes(everything), *_coverage_notes(len(matched), total)),
+        notes=(
+            *alignment.notes,
+            *_segment_notes("estimate", _segments(everything), "is judged"),
+            *_segment_notes("truth", segments, "is judged by"),
+            *_coverage_notes(len(matched), total),
+        ),
     )
 
 
-def _segment_notes(estimate: Trajectory) -> tuple[str, ...]:
-    if estimate.segment is None or len(set(estimate.segment.tolist())) < 2:
+def _segments(trajectory: Trajectory) -> int:
+    return 1 if trajectory.segment is None else len(np.unique(trajectory.segment))
+
+
+def _segment_notes(name: str, count: int, use: str) -> tuple[str, ...]:
+    if count < 2:
         return ()
-    count = len(set(estimate.segment.tolist()))
-    return (f"the estimate has {count} segments that were never joined: only the longest is judged",)
+    return (f"the {name} has {count} segments that were never joined: only the longest {use}",)
 
 
 def _coverage_notes(matched: int, total: int) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from odom.geometry.arrays import Array
 from odom.registration.checked_arrays import Arrays
-from odom.registration.false_alarms import chance, log_false_alarms
+from odom.registration.false_alarms import chance, is_believable
 from odom.registration.graduated_non_convexity import Schedule, graduate
 from odom.registration.measurement_covariance import bad_covariance
 from odom.registration.pairwise_consistency import rate, rigid_set
@@ -27,7 +27,8 @@ _SCHEDULE = Schedule(
 class Gated:
     """What passed the gate: weights and squared residuals (n each), and the motion they agree on.
 
-    Weights of wrong pairs are 0; `believable` says whether so many pairs agree that chance cannot be the reason.
+    Weights of wrong pairs are 0; `believable` says whether so many pairs agree, those that repeat a spot counted
+    once, that chance cannot be the reason.
     """
 
     weights: Array
@@ -63,8 +64,9 @@ def gate(arrays: Arrays, T: Array, near: bool, bound: float = BOUND) -> Gated:
         if probability < 0.0:
             probability = chance(arrays.p, W, given, bound)
         weights = np.where(chi2 <= bound, given, 0.0)
-        alarms = log_false_alarms(used, int(np.count_nonzero(weights)), probability)
-        return Gated(weights, chi2.copy(), motion, rounds, alarms < math.log(TUNING.gate_false_alarms))
+        odds = probability, math.log(TUNING.gate_false_alarms)
+        believable = is_believable(arrays, W, motion, weights, bound, odds)
+        return Gated(weights, chi2.copy(), motion, rounds, believable)
 
     best = attempt(given, T, near)
     if best.believable or used < 4:

@@ -22,7 +22,7 @@ class Solution(NamedTuple):
     """What the recursion knows after all pairs: the motion T, its information H, Y and y of vec[R | t].
 
     `W`, `weights` and `chi2` belong to the pairs, `sums` (6) are those of `statistics`; `determined` is False where
-    the pairs do not fix the motion.
+    the pairs do not fix the motion. `by_prior` is how many of its 6 numbers are the prior's: trace(inv(H) H_prior).
     """
 
     T: Array
@@ -34,11 +34,16 @@ class Solution(NamedTuple):
     chi2: Array
     sums: Array
     determined: bool
+    by_prior: float = 0.0
 
     @property
     def freedom(self) -> float:
-        """The degrees of freedom of the sum of chi2: three per pair, less six for the motion; 0 if undetermined."""
-        return 3.0 * float(self.sums[0]) - 6.0 if self.determined and self.sums[0] > 2.0 else 0.0
+        """The degrees of freedom of the sum of chi2: three per pair, less six for the motion; 0 if undetermined.
+
+        A prior's share of the six is none of the pairs'.
+        """
+        free = 3.0 * float(self.sums[0]) - 6.0 + self.by_prior
+        return free if self.determined and (self.sums[0] > 2.0 or self.by_prior > 0.0) else 0.0
 
     @property
     def variance_factor(self) -> float:
@@ -60,13 +65,15 @@ def solve(
     found = Output(np.empty((n, 8)), np.empty((12, 12)), np.empty(12), np.empty((6, 6)), np.empty(n), np.empty(6))
     needs_R = len(arrays.Sq) > 0 and not alpha > 0.0
     rounds = _GATED_ROUNDS if bound < np.inf else _LINEARISATIONS if needs_R else 1
-    status = recurse(arrays, prior_information(prior), alpha, bound, rounds, motion, weights, found)
+    known = prior_information(prior)
+    status = recurse(arrays, known, alpha, bound, rounds, motion, weights, found)
     if status > 0:
         raise bad_covariance(status - 1)
     W, Y, y, H, chi2, sums = found
     if status < 0:  # no motion was found
         chi2.fill(np.nan)
-    return Solution(motion, H, Y, y, W, weights, chi2, sums, status == 0)
+    by_prior = float(np.trace(np.linalg.solve(H, known[0]))) if status == 0 and len(known[0]) else 0.0
+    return Solution(motion, H, Y, y, W, weights, chi2, sums, status == 0, by_prior)
 
 
 def prior_information(prior: Prior | None) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ from odom.errors import ConfigError, RecordingError, SourceError, WireError
 from odom.frame import Camera
 from odom.wire import Message
 from odom.wire.codec import decode_tf
+from odom.wire.recording.image_kind import can_be_decoded
 from odom.wire.ros2.graph import RosGraph, several, strange_type
 from odom.wire.ros2.inbox import Inbox
 from odom.wire.ros2.names import Endpoint
@@ -39,7 +40,8 @@ class Search:
 
     `named` (role to topic), `camera` and the `registration` of depth are what the user said.
     `_joined` and `_spoke` are when the last topic was joined, and when the first message came (monotonic seconds);
-    `_wanted` are the topics to choose among: none of an image that has appeared in a better form since.
+    `_wanted` are the topics to choose among: none of an image that has appeared in a better form since. `_whole` are
+    those of which a message that can be decoded has come.
     """
 
     graph: RosGraph
@@ -54,6 +56,7 @@ class Search:
     _joined: float = 0.0
     _spoke: float = 0.0
     _wanted: tuple[str, ...] = ()
+    _whole: set[str] = field(default_factory=set)
 
     def run(self) -> CameraTopics:
         """Return the topics once they are clear, and listen to no others; raises SourceError with what is missing."""
@@ -100,12 +103,19 @@ class Search:
             self._spoke = time.monotonic()
         for message in self.inbox.waiting():
             if message.topic != _TF_STATIC:
-                self.first.setdefault(message.topic, message)
+                self._keep(message)
                 continue
             try:
                 self.transforms.take(decode_tf(message))
             except WireError as error:
                 _LOG.debug("%s: %s", _TF_STATIC, error)
+
+    def _keep(self, message: Message) -> None:
+        """Keep the first message of a topic that can be decoded, until it comes the first."""
+        if message.topic not in self._whole and can_be_decoded(message):
+            self._whole.add(message.topic)
+            self.first[message.topic] = message
+        self.first.setdefault(message.topic, message)
 
     def _leave_others(self, found: CameraTopics) -> None:
         streams = (found.streams.color, found.streams.depth, found.streams.camera_info)

@@ -28,7 +28,7 @@ def walked(frames):
 
 def test_a_place_is_known_again_by_what_others_saw_there_not_by_the_key_frame_itself(walked):
     odometry, _ = walked
-    stages, state = odometry._stages, odometry._stages.state
+    stages, state = odometry._stages, odometry._stages.last
     map_, tracker, sensor = stages.map, stages.tracker, stages.sensor
     newest = map_.keyframes[-1]
     seen = KeyframeView(newest.number, state.view, state.tracked.twist)

@@ -89,7 +89,7 @@ def test_in_doubt_a_place_is_what_stands_there_which_is_known_when_new_corners_a
     tracked.displaced = MeasuredLandmarks.nothing()
     mapper.inserter.insert(view, tracked, np.zeros(6), np.eye(6), sensor, 0, in_doubt)
     assert len(mapper.inserter.undescribed) == (0 if in_doubt else 1)
-    assert mapper.inserter.take_corners(None, sensor) is not None
+    assert mapper.inserter.insert_found_corners(None, sensor) is not None
     (seen,) = mapper.inserter.undescribed
     if in_doubt:
         assert seen.standing is not None

@@ -81,7 +81,7 @@ def told(
     for i, share in enumerate(shares):
         stamp = SteadyStamp(round(1.001e9 * i * period_s))
         view = cast(Any, SimpleNamespace(steady_stamp=stamp))
-        moving = (moving.after_loss(0) if i in lost else moving).after(
+        moving = (moving.restarted(0) if i in lost else moving).after(
             view,
             tracked,
             cast(Any, Shown(share, as_one(i), i in scene_moves, i in confirmed, behind(i), i in denied)),
@@ -351,7 +351,7 @@ def test_a_pose_that_is_contradicted_while_much_else_moves_as_one_follows_a_body
 
 def test_after_a_body_was_followed_the_view_is_in_doubt_and_landmarks_count_anew() -> None:
     followed = told([*STILL, 0.0], found=10, missed=90, scene_moves=[len(STILL)])[-1]
-    lost = followed.after_loss(77)
+    lost = followed.restarted(77)
     assert lost.is_doubtful
     assert not lost.rivals.is_left_behind
     assert lost.witnesses.fresh_identity == 77

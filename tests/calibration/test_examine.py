@@ -1,10 +1,13 @@
 """Faults of a calibration that would cost accuracy are named with their cost and the remedy; a good one is not."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 from made_up_walk import SHEET, made_up_survey, spoilt, straight
 
-from odom.calibration.examine import judge_survey
-from odom.calibration.parameters import vector_of
+from odom.calibration.examine import _judge_stretch, judge_survey
+from odom.calibration.parameters import STRETCH, vector_of
 from odom.evaluation.diagnosis.finding import Verdict
 from odom.evaluation.diagnosis.scale import ScaleFit
 
@@ -32,6 +35,18 @@ def test_a_fault_is_named_with_its_cost_and_the_remedy(numbers, key, cost):
     assert [finding.key for finding in found.values() if finding.verdict is Verdict.BAD] == [key]
     assert "odom calibrate" in found[key].advice
     assert cost in found[key].advice
+
+
+@pytest.mark.parametrize(("true", "words"), [(0.0, "out of date"), (-0.21, "635 and 635 px")])
+def test_depth_whose_given_stretch_is_not_the_true_one_is_named_by_its_own_focal_lengths(true, words):
+    stretched = np.full(2, -0.11)
+    found, vector = SimpleNamespace(camera=SHEET), vector_of(SHEET)
+    found.start, found.vector = vector.copy(), vector
+    found.start[STRETCH], found.vector[STRETCH] = stretched, true
+    found.sigma, found.shown = np.full(len(vector), 1e-4), np.ones(len(vector), dtype=bool)
+    finding = _judge_stretch(found)
+    assert finding.verdict is Verdict.BAD
+    assert words in finding.advice
 
 
 def test_a_wrong_unit_is_named_by_motion_capture():

@@ -125,6 +125,13 @@ def test_a_part_beyond_the_end_of_a_recording_is_refused_as_such(shared_data, ti
         odom.read_recording(shared_data / "tum_fr1_xyz", **times)
 
 
+def test_a_calibration_of_another_size_than_the_images_is_refused(shared_data, tmp_path):
+    matrix = "camera_matrix: {rows: 3, cols: 3, data: [260, 0, 160, 0, 260, 120, 0, 0, 1]}"
+    (tmp_path / "small.yaml").write_text(f"image_width: 320\nimage_height: 240\n{matrix}\ndepth_scale: 5000\n")
+    with pytest.raises(odom.RecordingError, match="not of the calibration's 320 x 240 pixels"):
+        odom.read_recording(shared_data / "tum_fr1_xyz", tmp_path / "small.yaml", end=1.0)
+
+
 def test_a_finished_trajectory_is_judged_in_two_calls():
     poses = [odom.TrajectoryPose(i * 10**8, None if i == 3 else np.eye(4), 0) for i in range(20)]
     for i, pose in enumerate(poses):

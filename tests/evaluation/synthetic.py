@@ -5,7 +5,7 @@ from scipy.interpolate import CubicSpline
 
 from odom.evaluation import Trajectory
 from odom.geometry import se3
-from odom.geometry.rotations import matrices_of_vectors
+from odom.geometry.rotations import matrices_of_vectors, vectors_of
 
 T_BODY_CAMERA = se3.exp(np.array([0.05, -0.04, 0.047, 0.3, -0.35, 0.25]))
 
@@ -17,6 +17,19 @@ def smooth(rng, seconds=40.0, metres=0.3, radians=0.35, knot_s=0.8):
     spline = CubicSpline(knots, values)
 
     return lambda times: _poses(spline(times))
+
+
+def on_a_floor(rng):
+    """A function from n seconds to n x 4 x 4 poses of a robot on a flat floor, which turns about z alone."""
+    pose = smooth(rng, radians=0.8)
+
+    def flat(times):
+        T = pose(times)
+        T[:, :3, :3] = matrices_of_vectors(vectors_of(T[:, :3, :3]) * [0.0, 0.0, 1.0])
+        T[:, 2, 3] = 0.0
+        return T
+
+    return flat
 
 
 def _poses(xi):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import T_BODY_CAMERA, mocap, odometry, smooth, trajectory
+from synthetic import T_BODY_CAMERA, mocap, odometry, on_a_floor, smooth, trajectory
 
 from odom.errors import InputError
 from odom.evaluation import Trajectory, evaluate
@@ -80,6 +80,44 @@ def test_without_turns_the_lever_arm_is_said_to_be_unknown():
     found = calibrate(estimate, truth)
     assert any("translation is known only" in note for note in found.notes)
     assert found.hand_eye_sigma[:3].max() > 0.05
+
+
+@pytest.mark.parametrize("noise_rad", [3e-4, 1e-3, 3e-3])
+def test_a_body_that_turns_about_one_axis_shows_nothing_of_the_lever_arm_along_it(noise_rad):
+    """Its other turns are the noise of motion capture, to which metres of lever arm were fitted."""
+    rng = np.random.default_rng(15)
+    pose = on_a_floor(rng)
+    true = trajectory(pose, FRAMES)
+    estimate, T_body_camera = odometry(rng, true), se3.exp(np.array([0.05, -0.04, 0.1, 0.3, -0.35, 0.25]))
+    truth = mocap(
+        rng, lambda times: pose(times) @ T_body_camera, 31.0, T_body_camera=T_body_camera, noise_rad=noise_rad
+    )
+    estimate = estimate.of_body(T_body_camera)
+    found = calibrate(estimate, truth)
+    error = se3.log(se3.inverse(found.T_body_camera) @ T_body_camera)
+    assert np.abs(found.T_body_camera[:2, 3] - T_body_camera[:2, 3]).max() < 0.02
+    assert (np.abs(error) < 3 * found.hand_eye_sigma).all()
+    assert np.linalg.norm(found.hand_eye_sigma[:3]) == pytest.approx(1.0, abs=0.05)
+    assert any("taken as 0 m" in note for note in found.notes)
+    exact = calibrate(estimate, truth, CalibrationOptions(T_body_camera=T_body_camera))
+    ate, best = (evaluate(estimate, by.camera_truth(truth)).ate_m for by in (found, exact))
+    assert ate == pytest.approx(best, rel=0.1)
+
+
+@pytest.mark.parametrize("offset_s", [0.0, 1.3])
+def test_a_camera_that_does_not_turn_is_brought_together_by_its_linear_speed(offset_s):
+    _, estimate, truth = scene(16, offset_s, radians=0.0)
+    found = calibrate(estimate, truth)
+    turn = se3.log(se3.inverse(found.T_body_camera) @ T_BODY_CAMERA)[3:]
+    assert abs(found.offset_s - offset_s) < min(0.002, 4 * found.offset_sigma_s)
+    assert (np.abs(turn) < 4 * found.hand_eye_sigma[3:]).all()
+    assert np.degrees(np.linalg.norm(turn)) < 1.0
+
+
+def test_a_guessed_offset_may_lie_anywhere_in_the_range_that_was_searched():
+    _, estimate, truth = scene(9, 0.0, FRAMES[:200], radians=1e-6, metres=1e-6)
+    assert calibrate(estimate, truth).offset_sigma_s > 1.0
+    assert calibrate(estimate, truth, CalibrationOptions(search_s=0.3)).offset_sigma_s == pytest.approx(0.17, abs=0.02)
 
 
 def test_standing_still_is_said_to_settle_nothing():

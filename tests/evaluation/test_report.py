@@ -17,7 +17,9 @@ from synthetic import T_BODY_CAMERA, mocap, odometry, smooth, trajectory
 from odom.errors import InputError
 from odom.evaluation import EvaluationOptions, Trajectory, align, evaluate, run_report, trajectory_plot
 from odom.evaluation.files import write_tum
+from odom.evaluation.judgement import judge
 from odom.evaluation.metrics import NEES_BOUND_95
+from odom.evaluation.mocap_calibration import CalibrationOptions
 from odom.evaluation.run_report import report_with_truth
 from odom.frame import Stamp
 from odom.geometry import se3
@@ -179,6 +181,20 @@ def test_segments_that_were_never_joined_are_not_glued(scene):
     assert any("never joined" in note for note in report.notes)
 
 
+def test_truth_in_segments_that_were_never_joined_is_not_taken_for_one_world(scene):
+    _, true, estimate, body = scene
+    options = EvaluationOptions()
+    for truth, to_calibrate in ((true, None), (body, CalibrationOptions())):
+        early = np.arange(len(truth)) < 2 * len(truth) // 3
+        apart = truth.moved(se3.exp(np.array([5.0, 0, 0, 0, 0, 1.0]))).T_world_body
+        poses = np.where(early[:, None, None], truth.T_world_body, apart)
+        split = Trajectory(truth.stamps, poses, (~early).astype(np.int64))
+        found = judge(estimate, split, options, to_calibrate)
+        best = judge(estimate, truth.take(early), options, to_calibrate)
+        assert found.report.ate_m == pytest.approx(best.report.ate_m)
+        assert sum("the truth has 2 segments" in note for note in found.notes) == 1
+
+
 @pytest.mark.usefixtures("unplotted")
 def test_the_online_trajectory_is_judged_in_the_segment_that_the_final_one_is(run, scene):
     _, true, estimate, _ = scene
@@ -226,6 +242,18 @@ def test_the_command_judges_a_run_and_writes_what_it_is_asked_for(run, tmp_path)
     assert "matched        900 / 900" in done.stdout
     assert json.loads(out.read_text())["matched"] == 900
     assert (tmp_path / "p.png").is_file()
+
+
+def test_relative_poses_of_one_name_in_two_folders_are_both_written(run, tmp_path):
+    paths = []
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+        paths.append(shutil.copy(run / "relative_second.txt", tmp_path / name / "relative_second.txt"))
+    out = tmp_path / "figures.json"
+    done = odom("eval", run, "--relative", paths[0], "--relative", paths[1], "--json", out)
+    assert done.returncode == 0, done.stderr
+    figures = json.loads(out.read_text())
+    assert figures["nees_relative_second"] == figures[f"nees_{paths[1]}"]
 
 
 def test_the_command_imposes_what_is_known_of_mocap(run, scene, tmp_path):

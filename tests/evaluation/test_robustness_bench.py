@@ -53,6 +53,13 @@ def test_an_ate_of_few_frames_is_no_success():
     assert rows(outcomes(CALM, CALM))[1][-1] == "no level"
 
 
+def test_an_ate_over_as_many_frames_as_the_unspoilt_one_is_no_failure_where_truth_saw_few():
+    seen = replace(CALM, ate_share=0.45)
+    found = replace(outcomes(seen), unspoilt=seen)
+    assert rows(found)[1][-1] == "no level"
+    assert rows(replace(outcomes(replace(seen, ate_share=0.2)), unspoilt=seen))[1][-1] == ".5"
+
+
 def test_a_share_that_is_nearly_nothing_is_not_called_nothing():
     nearly = Verdict(9000, 0.004, 1.0, 0.9999, 0.0001, 0.0001, 8000, 6.0, None, 0, 1)
     row = rows(outcomes(nearly))[1]

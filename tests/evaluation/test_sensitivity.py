@@ -120,7 +120,7 @@ def test_a_value_that_fails_is_a_row_that_says_so() -> None:
 @pytest.mark.process
 def test_one_number_of_the_odometry_is_tried_on_a_few_seconds(tmp_path: Path) -> None:
     numbers = tuned_numbers("backend.tracking.inlier_chi2")
-    files = ["--json", str(tmp_path / "s.json"), "--markdown", str(tmp_path / "s.md")]
+    files = ["--json", str(tmp_path / "s.json"), "--markdown", str(tmp_path / "new" / "s.md")]
     chosen = ["--only", numbers[0].key, "--seconds", "4", "--jobs", "2"]
     result = CliRunner().invoke(app, ["bench", "sensitivity", ARENA, *chosen, *files])
     assert result.exit_code == 0, result.output
@@ -129,7 +129,7 @@ def test_one_number_of_the_odometry_is_tried_on_a_few_seconds(tmp_path: Path) ->
     assert set(levels) == {"half", "as is", "double"}
     assert all(outcome["ate_m"] > 0 and outcome["nees"] > 0 for outcome in levels.values())
     assert len({outcome["ate_m"] for outcome in levels.values()}) == 3
-    assert numbers[0].key in (tmp_path / "s.md").read_text()
+    assert numbers[0].key in (tmp_path / "new" / "s.md").read_text()
 
 
 def test_a_pattern_that_no_number_has_is_refused() -> None:

@@ -48,6 +48,15 @@ def test_a_slanted_plane_is_where_the_colour_camera_sees_it_without_holes(degree
     assert np.abs(registered[inside] - expected[inside]).max() < 3.0
 
 
+@pytest.mark.parametrize("roll", [20.0, 45.0, 90.0, 180.0, -135.0])
+def test_depth_of_a_camera_that_is_rolled_against_colour_has_no_holes(roll: float) -> None:
+    T = extrinsic(0.0)
+    T[:3, :3] = Rotation.from_euler("z", roll, degrees=True).as_matrix()
+    seen = np.full((480, 640), 1500, dtype=np.uint16)
+    middle = DepthRegistration(DEPTH, COLOR, T)(seen)[120:360, 200:440]
+    assert (middle == 1504).all()
+
+
 def test_the_nearer_surface_hides_the_farther() -> None:
     depth = np.full((480, 640), 3000, dtype=np.uint16)
     depth[200:280, 280:360] = 1000

@@ -153,6 +153,33 @@ def test_scale_is_found_on_request(estimator, rng):
     np.testing.assert_allclose(result.T_target_source, T, atol=0.02)
 
 
+@pytest.mark.parametrize("estimator", [kalman, register, wicp, horn])
+@pytest.mark.parametrize("distance_m", [0.0, 3.0])
+def test_the_covariance_of_a_motion_found_with_its_scale_is_true(estimator, distance_m):
+    nees, sigma = [], 0.005
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        q, T = rng.uniform(-0.5, 0.5, (100, 3)), exp(rng.normal(0.0, 0.3, 6))
+        q[:, 2] += distance_m
+        p, known = apply(T, 1.3 * q), None if estimator is horn else np.full((100, 3), sigma**2)
+        noisy = Pairs(q + rng.normal(0.0, sigma, q.shape), p + rng.normal(0.0, sigma, q.shape), known, known)
+        result = with_scale(estimator)(noisy)
+        off = log(inverse(result.T_target_source) @ T)
+        nees.append(off @ np.linalg.solve(result.covariance, off))
+    assert np.mean(nees) == pytest.approx(6.0, abs=1.5)
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.01])
+def test_a_flat_target_is_registered_by_em_icp(noise_m):
+    rng = np.random.default_rng(0)
+    q = np.column_stack([rng.uniform(-1.0, 1.0, (400, 2)), np.full(400, 2.1)])
+    T = exp(np.array([0.1, 0.02, 0.0, 0.0, 0.0, 0.2]))
+    p = apply(T, q) + np.column_stack([rng.normal(0.0, noise_m, (400, 2)), np.zeros(400)])
+    result = em_icp(Pairs(q, p, None, np.full((400, 3), 0.01**2)))
+    assert result.ok
+    np.testing.assert_allclose(result.T_target_source, T, atol=2e-3)
+
+
 @pytest.mark.parametrize("estimator", [wicp, em_icp])
 def test_correspondences_are_found_when_none_are_given(estimator):
     rng = np.random.default_rng(0)

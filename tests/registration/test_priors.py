@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 
 from odom.geometry import compiled_se3
 from odom.geometry.se3 import apply, exp, inverse, log
-from odom.registration import Pairs, Prior, RecursiveFilter, kalman
+from odom.registration import Pairs, Prior, RecursiveFilter, kalman, robust
 
 tangents = arrays(np.float64, 6, elements=st.floats(-1.5, 1.5, allow_nan=False))
 NOISE_M = 0.05
@@ -54,6 +54,28 @@ def test_a_prior_of_any_shape_and_far_from_the_pairs_gives_the_most_likely_motio
         off = log(inverse(best) @ result.T_target_source)
         assert off @ information @ off < 1e-6
         np.testing.assert_allclose(np.linalg.inv(result.covariance), information, rtol=1e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize("estimator", [kalman, robust])
+@pytest.mark.parametrize("n", [1, 2])
+def test_a_prior_makes_up_for_pairs_that_are_too_few(estimator, n):
+    T, pairs, prior = vague(0, 0.1)
+    best, information = most_likely(T, pairs[:n], prior)
+    result = estimator(pairs[:n], prior)
+    assert result.ok
+    off = log(inverse(best) @ result.T_target_source)
+    assert off @ information @ off < 1e-6
+    assert not estimator(pairs[:n], Prior(prior.T_target_source)).ok
+    assert not estimator(pairs[:0], prior).ok
+
+
+@pytest.mark.parametrize("sigma", [1e-3, 0.1])
+def test_the_variance_factor_of_few_pairs_with_a_prior_is_one_where_the_noise_is_true(sigma):
+    factors = []
+    for seed in range(300):
+        _, pairs, prior = vague(seed, sigma)
+        factors.append(kalman(pairs[:4], prior).variance_factor)
+    assert np.mean(factors) == pytest.approx(1.0, abs=0.1)
 
 
 def test_the_covariance_after_fusing_a_vague_prior_is_true():

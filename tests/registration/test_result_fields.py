@@ -61,6 +61,18 @@ def test_the_rotation_only_filters_conditioning_is_scaled_by_the_points_too(rng)
     assert found == pytest.approx(kalman(pairs).conditioning, rel=1e-3)
 
 
+@pytest.mark.parametrize("contradicted", [False, True])
+def test_a_norm_bound_is_named_only_where_it_was_used(contradicted, rng):
+    _, pairs = noisy_pairs(rng, 200)
+    spread = np.where(np.arange(200)[:, None] % 2, 0.05, 0.0) if contradicted else 0.0
+    wrong = replace(pairs, points_target=pairs.points_target + spread * rng.normal(size=(200, 3)))
+    bounded, exact = robust(wrong, alpha=1.0), robust(wrong)
+    assert bounded.details["alpha"] == (0.0 if contradicted else 1.0)
+    assert exact.details["alpha"] == 0.0
+    same = np.allclose(bounded.covariance, exact.covariance, rtol=0.05)
+    assert same == contradicted
+
+
 def test_the_variance_factor_is_a_variance_where_no_noise_was_stated_and_unknown_where_pairs_are_not_kept(rng):
     q = rng.uniform(-1.0, 1.0, (500, 3))
     bare = Pairs(q, q + rng.normal(0.0, 0.02, (500, 3)))

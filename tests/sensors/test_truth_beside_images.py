@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from test_damaged_layouts import FRAMES, images
 
+from odom import read_recording
 from sensors.folder_layouts import layout_of
 from sensors.image_lists import stamp_of_frame
 
@@ -49,3 +50,26 @@ def test_a_damaged_trajectory_beside_images_is_told_and_done_without(
     (tmp_path / "groundtruth.txt").write_text("1560000000.5 0 0")
     assert layout_of(tmp_path).truth == []
     assert "without truth" in caplog.text
+
+
+@pytest.mark.parametrize("stamp", ["156000000{}.500000", "{}"])
+@pytest.mark.parametrize("lists", ["rgb.txt", "associations.txt"])
+def test_truth_in_python_is_that_of_the_frames_without_poses_that_are_none(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, lists: str, stamp: str
+) -> None:
+    images(tmp_path, *FOLDERS)
+    stamps = [stamp.format(i) for i in range(FRAMES)]
+    if lists == "rgb.txt":
+        for stream in ("rgb", "depth"):
+            lines = (f"{at} {stream}/{i}.png" for i, at in enumerate(stamps))
+            (tmp_path / f"{stream}.txt").write_text("\n".join(lines))
+    else:
+        lines = (f"{at} rgb/{i}.png {at} depth/{i}.png" for i, at in enumerate(stamps))
+        (tmp_path / lists).write_text("\n".join(lines))
+    poses = [f"{at} {i} 0 0 0 0 0 1" for i, at in enumerate(stamps)]
+    lost = f"{stamps[1]} nan nan nan nan nan nan nan"
+    (tmp_path / "groundtruth.txt").write_text("\n".join([*poses[:1], lost, *poses[2:], poses[2]]))
+    recording = read_recording(tmp_path)
+    frames = [frame.stamp for frame in recording]
+    assert recording.truth()["camera"].stamps.tolist() == [frames[0], *frames[2:]]
+    assert "1 true poses are left out" in caplog.text

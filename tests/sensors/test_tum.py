@@ -206,6 +206,25 @@ def test_names_in_a_list_may_hold_blanks_quotes_and_backslashes(tmp_path: Path, 
     assert keys(folder)["cam0/color/image_raw/compressed"] == FRAMES
 
 
+@pytest.mark.parametrize(
+    ("line", "name"),
+    [
+        ("1.5 rgb/cam#1_2.png", "rgb/cam#1_2.png"),
+        ("1.5 rgb/a.png # the first", "rgb/a.png"),
+        ("1.5 rgb/a,2.png", "rgb/a,2.png"),
+        ("1.5,rgb/a.png", "rgb/a.png"),
+        ("1.5, rgb/a.png", "rgb/a.png"),
+        ("1.5 rgb/a.png,depth/a.png", "rgb/a.png"),
+        ("1.5 rgb/a.png, depth/a.png", "rgb/a.png"),
+    ],
+)
+def test_hashes_and_commas_within_a_name_in_a_list_are_parts_of_it(tmp_path: Path, line: str, name: str) -> None:
+    file = tmp_path / "rgb.txt"
+    file.write_text(f"# stamp, name\n  # and more\n{line}\n")
+    (entry,) = read_list(file, 1)
+    assert entry.values == (name,)
+
+
 def test_names_in_a_list_of_pairs_may_hold_blanks(tmp_path: Path) -> None:
     file = tmp_path / "associations.txt"
     file.write_text("1.5 rgb/a b.png 1.6 depth\\a 2 b.png\n")

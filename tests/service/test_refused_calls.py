@@ -146,6 +146,7 @@ OTHERS = [
     (("eval", "nosuch"), "nosuch: no such file"),
     (("eval", "desk/rgb.txt", "nosuch"), "nosuch: no such file"),
     (("bench", "sensitivity", "nosuch", "--only", "frontend.*"), "nosuch: no such file"),
+    (("bench", "sensitivity", "old.mcap", "--markdown", "desk/rgb.txt/t.md"), "nothing can be written in"),
     (("map", "info", "desk"), "desk is a folder: give the name of a map's file"),
     (("run", "desk", "--headless", "--map", "desk"), "desk is a folder: give the name of a map's file"),
     (("map", "export", "desk.map", "--out", "old.mcap"), "nothing can be written in"),

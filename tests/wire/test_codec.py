@@ -19,6 +19,7 @@ from odom.geometry.quaternion import quaternion_from_rotation, rotation_from_qua
 from odom.wire import Message, codec
 from odom.wire.codec import cdr
 from odom.wire.codec import image_messages as images
+from odom.wire.codec.image_files import file_size
 from odom.wire.codec.rvl import decode_rvl, encode_rvl
 
 STAMP = Stamp(1_305_031_102_175_304_001)
@@ -295,6 +296,14 @@ def test_the_stamp_is_read_without_decoding_and_can_be_replaced() -> None:
         later = codec.restamp(message, Stamp(STAMP + 7))
         assert codec.stamp_of(later.type_name, later.payload) == STAMP + 7
         decode(later)
+
+
+@pytest.mark.parametrize("padding", [b"", b"\r\n", bytes(200), bytes(5000)])
+def test_a_jpeg_file_may_be_padded_and_is_refused_where_it_is_cut(padding: bytes) -> None:
+    file = cv2.imencode(".jpg", RGB)[1].tobytes()
+    assert file_size(file + padding) == RGB.shape[1::-1]
+    with pytest.raises(WireError, match="cut"):
+        file_size(file[: 2 * len(file) // 3] + padding)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

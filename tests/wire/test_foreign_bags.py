@@ -27,11 +27,13 @@ from odom.wire.codec import (
     encode_depth,
     encode_depth_compressed,
     encode_pose,
+    restamp,
 )
 from odom.wire.codec import (
     image_messages as images,
 )
-from odom.wire.recording import RecordingWriter, mcap_order, open_reader, writer
+from odom.wire.recording import RecordingWriter, mcap_file, mcap_order, open_reader, writer
+from odom.wire.recording.mcap_chunk import read_chunk
 from odom.wire.recording.stream_selection import select_streams
 from sensors import replay
 from sensors.calibration_file import Calibration, calibration_text
@@ -243,7 +245,55 @@ def test_messages_that_were_written_topic_after_topic_come_in_the_order_of_time(
     ]
 
 
-def without_chunks(file: Path, messages: list[Message]) -> Path:
+@pytest.mark.parametrize("kind", ["mcap", "mcap without chunks", "database", "ROS 1"])
+def test_a_camera_that_begins_behind_the_part_looked_at_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    monkeypatch.setattr(replay, "_PEEK_BYTES", 100_000)
+    before = [encode_color("wide/image_raw", Stamp(BEGIN - i * PERIOD_NS), textured(96, 128)) for i in range(20, 0, -1)]
+    messages = [*before, *realsense()]
+    if kind == "mcap without chunks":
+        path = without_chunks(tmp_path / "take.mcap", messages)
+    elif kind == "ROS 1":
+        path = record_ros_1(tmp_path / "take.bag", messages)
+    else:
+        path = record(tmp_path / "b", messages, StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3)
+    frames, assembler = frames_of(path)
+    assert len(frames) == FRAMES
+    assert assembler.camera == CAMERA
+
+
+def test_of_a_file_in_chunks_only_those_with_wanted_topics_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "_CHUNK_BYTES", 10_000)
+    with RecordingWriter(tmp_path / "walk.mcap") as written:
+        for message in walk_of(30, 48, 64):
+            written.write(message)
+        for i in range(30):
+            written.write(encode_pose("late", Stamp(BEGIN + (30 + i) * PERIOD_NS), np.eye(4), "world"))
+    unpacked = []
+    monkeypatch.setattr(mcap_file, "read_chunk", lambda *a: unpacked.append(1) or read_chunk(*a))
+    late = list(open_reader(tmp_path / "walk.mcap").messages({"late"}))
+    assert len(late) == 30
+    assert len(unpacked) <= 2
+
+
+@pytest.mark.parametrize(
+    ("encoding", "told"),
+    [("ros1", "ROS 1 bag that it was made of"), ("protobuf", "encoded as protobuf.*write them as ROS 2")],
+)
+def test_a_recording_of_another_encoding_is_refused_with_what_to_convert(
+    tmp_path: Path, encoding: str, told: str
+) -> None:
+    file = without_chunks(tmp_path / "take.mcap", realsense(), encoding)
+    with pytest.raises(RecordingError, match=f"{FRAMES} messages of /camera/.*{told}"):
+        open_source(str(file), SourceOptions())
+    with pytest.raises(RecordingError, match=told):
+        info(file)
+
+
+def without_chunks(file: Path, messages: list[Message], encoding: str = "cdr") -> Path:
     """Write the messages as ROS 2's preset `fastwrite` does."""
     written = McapWriter(str(file), use_chunking=False)
     written.start("ros2", "another program")
@@ -251,7 +301,7 @@ def without_chunks(file: Path, messages: list[Message]) -> Path:
     for message in messages:
         if message.topic not in channels:
             schema = written.register_schema(message.type_name, "ros2msg", b"")
-            channels[message.topic] = written.register_channel(f"/{message.topic}", "cdr", schema)
+            channels[message.topic] = written.register_channel(f"/{message.topic}", encoding, schema)
         logged = message.stamp + 80_000_000
         written.add_message(channels[message.topic], logged, bytes(message.payload), logged)
     written.finish()
@@ -300,6 +350,15 @@ def test_a_recording_whose_clock_was_set_back_is_played_as_it_was_recorded(tmp_p
     played = list(reader.messages())
     assert played[0].stamp == walk[180].stamp
     assert reader.behind == 0
+
+
+def test_the_last_messages_before_the_clock_was_set_back_are_played_before_those_behind_it(tmp_path: Path) -> None:
+    walk = walk_of(90, 24, 32)
+    back = [restamp(message, Stamp(message.stamp - 60_000_000_000)) for message in walk[135:]]
+    recorded = [*walk[:135], *back]
+    bag = record(tmp_path / "bag", recorded)
+    played = [(message.topic, message.stamp) for message in open_reader(bag).messages()]
+    assert played == [(message.topic, message.stamp) for message in recorded]
 
 
 def test_topics_one_after_the_other_whose_log_times_hide_it_are_told(

@@ -9,11 +9,12 @@ import pytest
 from made_up_messages import BEGIN, PERIOD_NS
 from test_foreign_bags import FRAMES, realsense, record
 
+from odom import read_recording
 from odom.cli.trajectories import read_truth
 from odom.errors import ConfigError
 from odom.frame import Stamp
 from odom.geometry.arrays import Array
-from odom.wire import Message, Topics
+from odom.wire import Message, Topics, truth
 from odom.wire.codec import cdr, decode_pose, encode_odometry, encode_path, encode_pose, encode_tf
 from odom.wire.codec.poses import _pose
 from sensors.catalogue import open_source
@@ -84,6 +85,18 @@ def test_a_named_pose_that_is_none_is_left_out_and_told(tmp_path: Path, caplog: 
     source = open_source(str(bag), SourceOptions(topics_from=(("truth", "/rig/odom"),)))
     assert [m.topic for m in source.messages()].count("truth/rig/pose") == FRAMES - 2
     assert "2 poses of /rig/odom are left out, such as: rig/odom: malformed" in caplog.text
+
+
+def test_a_true_pose_that_is_none_ends_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    messages = with_poses(bare, truth("rig"))
+    messages[-1] = replace(messages[-1], payload=messages[-1].payload[:-32] + bytes(32))
+    bag = record(tmp_path / "bag", messages)
+    source = open_source(str(bag), SourceOptions())
+    assert [m.topic for m in source.messages()].count(truth("rig")) == FRAMES - 1
+    assert "1 poses of /truth/rig/pose are left out" in caplog.text
+    caplog.clear()
+    assert len(read_recording(bag).truth()["rig"]) == FRAMES - 1
+    assert "1 true poses are left out" in caplog.text
 
 
 @pytest.mark.parametrize("encode", [odometry, with_covariance, transform, bare])

@@ -87,7 +87,7 @@ class KeyframeInserter:
         `in_doubt`: most of the view moves. Where the pose is known `against` the key frame of that number, with a
         covariance (6 x 6), its segment goes on instead.
         """
-        self.take_corners(None, sensor)
+        self.insert_found_corners(None, sensor)
         self.recent.forget()
         corners = corners.take(corners.has_depth) if in_doubt else corners
         nothing, (reference, covariance) = MeasuredLandmarks.nothing(), against or (None, _CERTAIN)
@@ -122,7 +122,7 @@ class KeyframeInserter:
         self._new_corners.look_for(CornerSearch(keyframe.number, compared, twist, sensor, in_doubt), count)
         return keyframe
 
-    def take_corners(self, count: int | None, sensor: SensorModel) -> FoundCorners | None:
+    def insert_found_corners(self, count: int | None, sensor: SensorModel) -> FoundCorners | None:
         """Make landmarks of a key frame's new corners if the frame after number `count` needs them (None: at once).
 
         Returns them; None where nothing was due.
@@ -137,12 +137,12 @@ class KeyframeInserter:
                 self._queue_for_description(KeyframeView(keyframe.number, view, search.twist, keyframe.uv))
         return found
 
-    def with_keyframe(self, state: FrameState, sensor: SensorModel, in_doubt: bool) -> FrameState:
+    def ensure_keyframe(self, state: FrameState, sensor: SensorModel, in_doubt: bool) -> FrameState:
         """Make the newest frame, that of `state`, a key frame after all unless it is one; return its state then.
 
         Not where its pose is `in_doubt` and it shows too little that has been known for a while.
         """
-        self.take_corners(None, sensor)
+        self.insert_found_corners(None, sensor)
         tracked, keyframe = state.tracked, self._map.keyframes[state.reference]
         if tracked is None or (in_doubt and not self._is_long_known(state.view, tracked)):
             return state
@@ -152,7 +152,7 @@ class KeyframeInserter:
             covariance = tracked.covariance * sensor.noise.covariance_scale
             keyframe = self.insert(state.view, tracked, state.twist, covariance, sensor, 0, in_doubt)
             keyframe.T_middle_stamp = _T_middle_stamp(state.view, state.twist, sensor)
-            self.take_corners(None, sensor)
+            self.insert_found_corners(None, sensor)
         return replace(state, tracked=tracked, reference=keyframe.number, rows=keyframe.rows, uv=keyframe.uv)
 
     def drop(self, tracked: Tracked, since: int, sensor: SensorModel) -> None:

@@ -157,7 +157,7 @@ class Mapper:
             return map_adjustment.everything(self._map, self.intermediate, segment, sensor, credit)
         return map_adjustment.newest(self._map, self._settings.window_keyframes, sensor, credit)
 
-    def take_background(
+    def apply_background(
         self, count: int | None, sensor: SensorModel
     ) -> tuple[SensorModel, list[DescribedKeyframe]] | None:
         """Write the background's results into the map if they are due at frame `count` (None: at once).

@@ -26,7 +26,7 @@ def follow_wide_step(
     registration = None if state is None else registered_step(state, view, place, sensor)
     if state is None or registration is None:
         return state, None
-    state = inserter.with_keyframe(state, sensor, in_doubt)
+    state = inserter.ensure_keyframe(state, sensor, in_doubt)
     tracked = track_wide_step(tracker, state, view, registration, sensor)
     if tracked is not None:
         inserter.want_keyframe()

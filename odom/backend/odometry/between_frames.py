@@ -8,16 +8,16 @@ from odom.backend.odometry.lens_of_run import go_on_through_lens
 from odom.geometry import se3
 
 
-def take_background(stages: FrameStages, count: int | None) -> tuple[list[LoopCandidate], bool]:
+def apply_background(stages: FrameStages, count: int | None) -> tuple[list[LoopCandidate], bool]:
     """Apply background results due at frame `count` (None: all); return judged loops, and whether the map moved.
 
     The newest frame's pose moves with the map; a loop closure leaves its pose in odom as it was.
     """
-    state, before = stages.state, stages.sensor
+    state, before = stages.last, stages.sensor
     if state is None:
         return [], False
     T_reference_camera = state.T_reference_camera(stages.map)
-    taken = stages.mapper.take_background(count, before)
+    taken = stages.mapper.apply_background(count, before)
     stages.sensor, described = taken or (before, [])
     if stages.sensor.lens is not before.lens:
         state = go_on_through_lens(stages, before, state, T_reference_camera)
@@ -30,22 +30,22 @@ def take_background(stages: FrameStages, count: int | None) -> tuple[list[LoopCa
         T_reference_map = stages.map.keyframes[state.reference].T_camera_map
         stages.published.correct(se3.inverse(T_reference_map) @ T_reference_adjusted)
     if map_moved := is_closed or taken is not None:
-        stages.state = state.moved_with(stages.map, T_reference_camera)
+        stages.last = state.moved_with(stages.map, T_reference_camera)
     return loops, map_moved
 
 
-def grow(stages: FrameStages, count: int | None) -> None:
+def extend_map(stages: FrameStages, count: int | None) -> None:
     """Add the newest key frame's corners if they are due after frame number `count` (None: the last one).
 
     Near key frames of a saved map are brought back into memory.
     """
-    found = stages.mapper.inserter.take_corners(count, stages.sensor)
-    if found is not None and stages.state is not None:
+    found = stages.mapper.inserter.insert_found_corners(count, stages.sensor)
+    if found is not None and stages.last is not None:
         view, tracked = found.search.compared.view, found.search.compared.tracked
         landmarks = stages.map.landmarks
         stages.moving = stages.moving.after_keyframe(view.steady_stamp, found.moved_share, tracked, landmarks)
-        if stages.state.view is view:
+        if stages.last.view is view:
             keyframe = stages.map.keyframes[found.search.keyframe]
-            stages.state = replace(stages.state, rows=keyframe.rows, uv=keyframe.uv)
-    if stages.state is not None and count is not None:
-        stages.mapper.recall(stages.state)
+            stages.last = replace(stages.last, rows=keyframe.rows, uv=keyframe.uv)
+    if stages.last is not None and count is not None:
+        stages.mapper.recall(stages.last)

@@ -42,14 +42,14 @@ from odom.geometry.arrays import Array
 class FrameStages:
     """The stages of every frame, and what one frame hands to the next.
 
-    `state` is the newest frame with a pose, None before the first; `sensor` what is known of the camera, with the
+    `last` is the newest frame with a pose, None before the first; `sensor` what is known of the camera, with the
     newest frame's stamp in its clock. `mapper` extends the map and `closer` closes its loops; `published` and `chain`
     are the results; `moving` tells what moves in the view.
     """
 
     def __init__(self, sensor: SensorModel, settings: OdometrySettings, saved: SavedMap | None = None) -> None:
         self.sensor = sensor
-        self.state: FrameState | None = None
+        self.last: FrameState | None = None
         self.map = Map() if saved is None else open_map(saved)
         self.tracker = FrameTracker(self.map, settings)
         self.mapper = Mapper(self.map, settings, sensor)
@@ -60,26 +60,26 @@ class FrameStages:
         self._shown_depth: ShownDepth | None = None
         self._lost_camera = LostCamera(self.map, self.published.log, self.tracker, self.mapper.inserter, settings)
 
-    def estimate(self, view: View, T_predicted: Array | None, watch: Stopwatch, on_pose: OnPose) -> Estimate:
+    def process(self, view: View, T_predicted: Array | None, watch: Stopwatch, on_pose: OnPose) -> Estimate:
         """Return the estimate for the next frame; `T_predicted` is T_camera_map where it was predicted already."""
         self._shown_depth = ShownDepth.of(view, self._shown_depth)
-        if self._shown_depth.is_stale(self.state, self.sensor):
+        if self._shown_depth.is_stale(self.last, self.sensor):
             view = view.without_depth()
         if view.shows_depth:
             self._visibility = self._visibility.with_depth(view.stamp)
         is_followable = not self.published.is_lost
-        if self.state is not None and is_repeated(view, self.state, self.sensor):
+        if self.last is not None and is_repeated(view, self.last, self.sensor):
             predicted = self._predict(view, is_followable, IMAGE_AGAIN)
-            if predicted is not None or self.state.tracked is not None:
-                return predicted or self._lose(view, IMAGE_AGAIN, self._follow_surfaces(view, is_followable, True))
+            if predicted is not None or self.last.tracked is not None:
+                return predicted or self._report(view, IMAGE_AGAIN, self._follow_surfaces(view, is_followable, True))
         tracked = self._track(view, T_predicted, watch) if is_followable else None
         if tracked is not None:
             return self._advance(view, self._judge(view, tracked, is_recovered=False), watch, on_pose)
         if self._visibility.is_blind(view.stamp, self._settings.bridge_s, self.sensor.clock.period_s):
-            return self._lose(view, NO_DEPTH)
+            return self._report(view, NO_DEPTH)
         place = describe_place(view, self.sensor, AT_REST)
         in_doubt = self.moving.is_doubtful
-        self.state, tracked, is_near = self._lost_camera.find(self.state, view, place, self.sensor, in_doubt)
+        self.last, tracked, is_near = self._lost_camera.find(self.last, view, place, self.sensor, in_doubt)
         watch.lap("relocalise")
         if tracked is not None:
             is_recovered = not is_near or self.published.is_lost or not self._is_predictable(view)
@@ -88,38 +88,38 @@ class FrameStages:
             return predicted
         following = self._follow_surfaces(view, is_followable, False)
         sees_enough = self._lost_camera.sees_enough(view, place, self.sensor)
-        return self._lose_or_begin(view, following) if sees_enough else self._lose(view, TOO_LITTLE, following)
+        return self._begin_if_due(view, following) if sees_enough else self._report(view, TOO_LITTLE, following)
 
     def _track(self, view: View, T_predicted: Array | None, watch: Stopwatch) -> Tracked | None:
         """Predict and track the frame from the newest one with a pose; None where that fails."""
-        state, tracker, sensor, in_doubt = self.state, self.tracker, self.sensor, self.moving.is_doubtful
-        if state is None or not self._is_predictable(view):
+        last, tracker, sensor, in_doubt = self.last, self.tracker, self.sensor, self.moving.is_doubtful
+        if last is None or not self._is_predictable(view):
             return None
         if T_predicted is None:
-            T_predicted = tracker.predict(state, view.images, view.steady_stamp, sensor)
+            T_predicted = tracker.predict(last, view.images, view.steady_stamp, sensor)
         watch.lap("predict")
-        since_s = state.since_s(view.steady_stamp)
-        tracked = tracker.follow(state, view, sensor, T_predicted, state.twist_to(T_predicted, since_s), in_doubt)
-        if tracked is not None and state.is_bent and since_s < TUNING.longest_gap_s:
+        since_s = last.since_s(view.steady_stamp)
+        tracked = tracker.follow(last, view, sensor, T_predicted, last.twist_to(T_predicted, since_s), in_doubt)
+        if tracked is not None and last.is_bent and since_s < TUNING.longest_gap_s:
             # The motion to a segment's second frame tells how the first one's rows are bent. The rows themselves
             # cannot: landmarks bent in the first frame look straight in the second.
-            twist = state.motion_prior(since_s, sensor.noise.covariance_scale).twist_to(tracked.T_camera_map)
-            self.mapper.inserter.remeasure_first(state.reference, state.view, twist, sensor)
-            self.state = replace(state, twist=twist, is_bent=False)
-            tracked = tracker.follow(self.state, view, sensor, tracked.T_camera_map, twist, in_doubt)
+            twist = last.motion_prior(since_s, sensor.noise.covariance_scale).mean_twist_to(tracked.T_camera_map)
+            self.mapper.inserter.remeasure_first(last.reference, last.view, twist, sensor)
+            self.last = replace(last, twist=twist, is_bent=False)
+            tracked = tracker.follow(self.last, view, sensor, tracked.T_camera_map, twist, in_doubt)
         watch.lap("track")
         return tracked
 
     def _is_predictable(self, view: View) -> bool:
         """Return whether the newest frame with a pose is so recent that this one can be predicted by its motion."""
-        return self.state is not None and is_next(self.state.since_s(view.steady_stamp), self.sensor.clock.period_s)
+        return self.last is not None and is_next(self.last.since_s(view.steady_stamp), self.sensor.clock.period_s)
 
     def _judge(self, view: View, tracked: Tracked, is_recovered: bool) -> JudgedFrame:
         """Learn from a tracked frame what it shows of noise, landmarks and bodies; return how far to trust its pose.
 
         The newest key frame is measured again by the motion that led here from it.
         """
-        previous, clock = self.state, self.sensor.clock
+        previous, clock = self.last, self.sensor.clock
         since_s = None if is_recovered or previous is None else previous.since_s(view.steady_stamp)
         if previous is not None and previous.is_bent and previous.since_s(view.steady_stamp) >= TUNING.longest_gap_s:
             self.mapper.inserter.recent.remember(previous)  # over so long a step its bend hardly counts
@@ -130,11 +130,11 @@ class FrameStages:
         note_sightings(self.map, tracked, since_s or 0.0, self.moving.is_doubtful)
         noise_step = step if abs((since_s or 0.0) - clock.period_s) < TUNING.steady_share * clock.period_s else None
         number, width = self.published.log.count, view.images.full.shape[1]
-        noise = noise_after(self.sensor.noise, self.map, tracked, noise_step, number, width)
-        self.sensor = self.sensor.with_noise(noise)
-        covariance, tilt = tracked.covariance * noise.covariance_scale, self.sensor.depth_tilt.angles
+        tilt = self.sensor.depth_tilt.angles
+        noise = noise_after(self.sensor.noise, self.map, tracked, noise_step, number, width, tilt)
+        self.sensor, covariance = self.sensor.with_noise(noise), tracked.covariance * noise.covariance_scale
         vague = refine_depths(self.map, tracked.inlier_landmarks, tracked.T_camera_map, covariance, tilt)
-        moving = self.moving.after_loss(self.map.landmarks.next_identity) if is_recovered else self.moving
+        moving = self.moving.restarted(self.map.landmarks.next_identity) if is_recovered else self.moving
         self.moving = moving.after(view, tracked, self.mapper.inserter.recent, self.map.landmarks, self.sensor)
         self._visibility = self._visibility.with_tracked(view.stamp, tracked.chi2[tracked.inliers, 1])
         lacks_depth = self._visibility.lacks_depth(view.stamp)
@@ -145,9 +145,9 @@ class FrameStages:
         """Publish a judged frame, extend chain and map by it, and make it the newest one, unless it followed a body."""
         if judged.moving.rivals.is_left_behind:
             self.mapper.inserter.drop(judged.tracked, judged.moving.witnesses.unproven_identity, self.sensor)
-            return self._lose_or_begin(view)
+            return self._begin_if_due(view)
         watch.lap("judge")
-        tracked, previous, published = judged.tracked, self.state, self.published.advance(view, judged, self.sensor)
+        tracked, previous, published = judged.tracked, self.last, self.published.advance(view, judged, self.sensor)
         estimate = replace(
             self._describe(view, judged.state, judged.reason, published),
             inliers=tracked.inlier_count,
@@ -177,72 +177,71 @@ class FrameStages:
         if judged.state is State.RECOVERED:
             mapper.inserter.compare_with(reference)
         # A recovered frame is no key frame: its motion, which bends what it measured, is not known. The next may be.
-        is_bent = judged.state is State.RECOVERED and sensor.clock.period_s < TUNING.longest_gap_s
+        is_motion_unknown = judged.state is State.RECOVERED and sensor.clock.period_s < TUNING.longest_gap_s
         has_depth = self._visibility.landmark_depth_stamp == view.stamp
-        if has_depth and not is_bent and mapper.inserter.is_due(view, tracked, in_doubt):
+        if has_depth and not is_motion_unknown and mapper.inserter.is_due(view, tracked, in_doubt):
             keyframe = mapper.inserter.insert(view, tracked, judged.twist, judged.covariance, sensor, count, in_doubt)
             keyframe.T_middle_stamp = published.T_middle_stamp
             reference, rows, uv, is_keyframe = keyframe.number, keyframe.rows, keyframe.uv, True
-        begun = None if self.state is None else self.state.begun_stamp
-        self.state = FrameState(view, tracked, tracked.T_camera_map, judged.twist, reference, rows, uv, begun)
-        mapper.inserter.recent.remember(self.state)
+        begun = None if self.last is None else self.last.begun_stamp
+        self.last = FrameState(view, tracked, tracked.T_camera_map, judged.twist, reference, rows, uv, begun)
+        mapper.inserter.recent.remember(self.last)
         return is_keyframe
 
     def _predict(self, view: View, is_followable: bool, why: str) -> Estimate | None:
         """Let the motion prediction stand in for a frame that could not be tracked; None after too long a time."""
-        state, longest_s = self.state, self._settings.bridge_s
-        since_s = 0.0 if state is None else state.since_s(view.steady_stamp)
-        if state is None or not is_followable or not 0.0 < since_s <= longest_s:
+        since_s = 0.0 if self.last is None else self.last.since_s(view.steady_stamp)
+        if self.last is None or not is_followable or not 0.0 < since_s <= self._settings.bridge_s:
             return None
-        self.state = replace(state, is_bridged=True)
+        self.last = replace(self.last, is_bridged=True)
         published = self.published.bridge(view, since_s, self.sensor)
         estimate = self._describe(view, State.UNCERTAIN, f"{why}: the motion is predicted", published)
         return replace(estimate, is_predicted=True)
 
-    def _follow_surfaces(self, view: View, is_followable: bool, is_repeated: bool) -> SurfaceFollowing | None:
+    def _follow_surfaces(self, view: View, is_followable: bool, is_again: bool) -> SurfaceFollowing | None:
         """Return where surfaces led the camera; None where they don't, or where colour is no reason to follow them."""
         may_begin = is_followable and self._is_predictable(view) and self.moving.is_at_rest
-        placed = self.state if may_begin and (is_repeated or self.mapper.inserter.is_bare(view, self.sensor)) else None
+        placed = self.last if may_begin and (is_again or self.mapper.inserter.is_bare(view, self.sensor)) else None
         return self._lost_camera.follow_surfaces(view, placed, self.sensor)
 
-    def _lose_or_begin(self, view: View, following: SurfaceFollowing | None = None) -> Estimate:
+    def _begin_if_due(self, view: View, following: SurfaceFollowing | None = None) -> Estimate:
         """Report a frame that shows no known place, or begin; time with nothing to see does not count as looking."""
         self._visibility = self._visibility.with_search(self.published.since_last_s(view.stamp))
         lost_for = self.moving.is_doubtful, self._visibility.searching_s
-        corners = self._lost_camera.first_corners(self.state, view, self.sensor, *lost_for)
+        corners = self._lost_camera.first_corners(self.last, view, self.sensor, *lost_for)
         reason = NO_PLACE if self.map.keyframes else TOO_LITTLE
-        return self._lose(view, reason, following) if corners is None else self._begin(view, corners, following)
+        return self._report(view, reason, following) if corners is None else self._begin(view, corners, following)
 
-    def _lose(self, view: View, reason: str, following: SurfaceFollowing | None = None) -> Estimate:
+    def _report(self, view: View, reason: str, following: SurfaceFollowing | None = None) -> Estimate:
         """Report the frame as LOST, or as UNCERTAIN where surfaces led."""
         state, published = State.LOST, None
-        if following is None or self.state is None:
+        if following is None or self.last is None:
             self.published.lose(view.stamp, self._segment)
         else:
-            published = self.published.follow(view, self.state, following, self.sensor)
+            published = self.published.follow(view, self.last, following, self.sensor)
             state, reason = State.UNCERTAIN, f"{reason}: followed by surfaces alone"
         self.mapper.start_background(self.published.log.count, self.sensor)
         return self._describe(view, state, reason, published)
 
     def _begin(self, view: View, corners: Corners, following: SurfaceFollowing | None) -> Estimate:
         """Begin a new segment of the map at the last known pose, or go on with the last one where surfaces led."""
-        is_first, in_doubt, against = self.state is None, self.moving.is_doubtful, None
-        T_camera_map, twist = np.eye(4) if self.state is None else self.state.T_camera_map, None
-        if following is not None and self.state is not None:
-            (T_camera_map, against), twist = following.pose_after(self.state), following.motion.twist
+        is_first, in_doubt, against = self.last is None, self.moving.is_doubtful, None
+        T_camera_map, twist = np.eye(4) if self.last is None else self.last.T_camera_map, None
+        if following is not None and self.last is not None:
+            (T_camera_map, against), twist = following.pose_after(self.last), following.motion.twist
         keyframe = self.mapper.inserter.begin(view, corners, T_camera_map, self.sensor, in_doubt, against)
-        self._visibility, self.moving = self._visibility.with_new_segment(view.stamp), self.moving.after_loss(0)
+        self._visibility, self.moving = self._visibility.with_new_segment(view.stamp), self.moving.restarted(0)
         published = self.published.begin(view, keyframe, self.sensor, twist)
         chain = self.chain.extend(ChainFrame(view, NamedFeatures.nothing(), AT_REST, published), None, self.sensor)
         self.chain.close(self.map, True, keyframe.number, self.sensor)
-        self.state = FrameState.at_beginning(view, T_camera_map, keyframe)
+        self.last = FrameState.at_beginning(view, T_camera_map, keyframe)
         begun = "new segment" if against is None else "gone on where surfaces led"
         why = (State.TRACKING, "") if is_first else (State.RECOVERED, f"{begun}: {NO_PLACE}")
         return replace(self._describe(view, *why, published), matches=len(keyframe.rows), is_keyframe=True, chain=chain)
 
     @property
     def _segment(self) -> int:
-        return 0 if self.state is None else self.map.keyframes[self.state.reference].segment
+        return 0 if self.last is None else self.map.keyframes[self.last.reference].segment
 
     def _describe(self, view: View, state: State, reason: str, published: Publication | None) -> Estimate:
         """Return the estimate for a frame as it was published, without a pose where None."""

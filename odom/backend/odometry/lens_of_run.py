@@ -32,7 +32,7 @@ def go_on_through_lens(
     moved = moved.seen_through(change, timing_change, stages.map.landmarks)
     moved = _tracked_again(stages, moved)
     stages.published.change_lens(moved.T_map_camera @ state.T_camera_map)
-    stages.state = moved
+    stages.last = moved
     return moved
 
 

@@ -13,7 +13,7 @@ from odom.backend.mapping.tuning import TUNING as MAPPING
 from odom.backend.mapping.wide_step import follow_wide_step
 from odom.backend.odometry.lost_views import LostViews
 from odom.backend.odometry.next_frame import is_next
-from odom.backend.odometry.surface_following import SurfaceFollowing, meet
+from odom.backend.odometry.surface_following import SurfaceFollowing, distribute_drift
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.confirmation import Confirmation
@@ -56,7 +56,7 @@ class LostCamera:
             tracked = self._confirmation.of(tracked, view.steady_stamp, sensor.clock.period_s)
         following = self._leading_to(view, sensor)
         if tracked is not None and following is not None and placed is not None:
-            meet(self._log, self._map, following, placed, view, tracked)
+            distribute_drift(self._log, self._map, following, placed, view, tracked)
         return state, tracked, is_near
 
     def follow_surfaces(self, view: View, placed: FrameState | None, sensor: SensorModel) -> SurfaceFollowing | None:

@@ -98,7 +98,7 @@ class MovingView:
         is_doubted = self.is_suspicious or is_after_doubt or tracked.is_contested
         return is_doubted or not proven.testifies() or proven.contradicts()
 
-    def after_loss(self, fresh_identity: int) -> "MovingView":
+    def restarted(self, fresh_identity: int) -> "MovingView":
         """Return what is known where a segment begins or the camera is found again: looks are counted anew.
 
         Landmarks of the segment that are made from then on begin with `fresh_identity`: 0 where it begins. After a loss

@@ -13,7 +13,7 @@ from odom.backend.map.memory import take_changes
 from odom.backend.map.saved import MapChanges, SavedMap
 from odom.backend.map.shown import ShownPath, cloud_of
 from odom.backend.mapping.intermediate_frames import IntermediateFrames, corrected
-from odom.backend.odometry.between_frames import grow, take_background
+from odom.backend.odometry.between_frames import apply_background, extend_map
 from odom.backend.odometry.camera_pixels import in_camera_pixels
 from odom.backend.odometry.final_trajectory import trajectory
 from odom.backend.odometry.frame_order import FrameOrder
@@ -122,7 +122,7 @@ class Odometry:
 
         The estimate is the same without this, only later: a Kinect's depth comes milliseconds behind its colour.
         """
-        stages, state = self._stages, self._stages.state
+        stages, state = self._stages, self._stages.last
         if state is None or stages.published.is_lost or color.shape[:2] != (self.camera.height, self.camera.width):
             return
         watch, sensor = Stopwatch(), stages.sensor.with_stamp(stamp)
@@ -148,20 +148,20 @@ class Odometry:
         self._order.check(frame, self.camera, stages.published.since_last_s(frame.stamp))
         stages.sensor = stages.sensor.with_stamp(frame.stamp)
         prepared, self._prepared = self._prepared, None
-        if prepared is not None and not prepared.is_of(frame, stages.state):
+        if prepared is not None and not prepared.is_of(frame, stages.last):
             prepared = None
         watch = Stopwatch(None if prepared is None else prepared.laps_ms)
         images = FrameImages.of(frame.color) if prepared is None else prepared.images
         count = stages.published.log.count
         view = View.of(frame, stages.sensor.clock, images, self.segmentation.mask(frame), count)
         watch.lap("images")
-        loops, map_moved = self._take_background(count)
-        map_moved |= stages.mapper.prune(stages.state)
+        loops, map_moved = self._apply_background(count)
+        map_moved |= stages.mapper.prune(stages.last)
         watch.lap("background")
         T_predicted = None if prepared is None or map_moved else prepared.T_predicted
-        estimate = stages.estimate(view, T_predicted, watch, lambda each: on_pose(in_camera_pixels(each, images.scale)))
+        estimate = stages.process(view, T_predicted, watch, lambda each: on_pose(in_camera_pixels(each, images.scale)))
         estimate = in_camera_pixels(estimate, images.scale)
-        grow(stages, stages.published.log.count)
+        extend_map(stages, stages.published.log.count)
         measured = len(self.map.remembered) + len(self.intermediate.kept)
         found = self._recalibration.after_frame(self, measured, stages.published.log.count, view.steady_stamp)
         if found is not None:
@@ -178,10 +178,10 @@ class Odometry:
         changes = take_changes(self._stages.map)
         return changes if changes.is_empty else replace(changes, sensor=SensorMemory.of(self._stages.sensor))
 
-    def _take_background(self, count: int | None) -> tuple[list[LoopCandidate], bool]:
-        """Take over what the background has done (see `take_background`), and the new camera if it brings one."""
+    def _apply_background(self, count: int | None) -> tuple[list[LoopCandidate], bool]:
+        """Take over what the background has done (see `apply_background`), and the new camera if it brings one."""
         lens = self._stages.sensor.lens
-        taken = take_background(self._stages, count)
+        taken = apply_background(self._stages, count)
         if self._stages.sensor.lens is not lens:
             self._recalibration.adopt()
         return taken
@@ -198,22 +198,22 @@ class Odometry:
         """Adjust the whole map once more, when no frame follows; the last closures are `late_loops`."""
         stages, log = self._stages, self._stages.published.log
         self.late_loops = ()
-        if stages.state is None:
+        if stages.last is None:
             return
-        grow(stages, None)
+        extend_map(stages, None)
         newest, tracked = log.count - 1, self._newest_tracked
         if tracked is not None:
             stages.mapper.keep(newest, tracked, stages.sensor)
-        loops, _ = self._take_background(None)
+        loops, _ = self._apply_background(None)
         stages.mapper.start_background(log.count, stages.sensor)
-        self.late_loops = (*loops, *self._take_background(None)[0])
-        state = stages.state
+        self.late_loops = (*loops, *self._apply_background(None)[0])
+        state = stages.last
         T_reference_camera = state.T_reference_camera(stages.map)
         self._last_timing = self.timing
         stages.sensor, self._adjusted = stages.mapper.finish(stages.sensor, log)
-        stages.state = state.moved_with(stages.map, T_reference_camera)
+        stages.last = state.moved_with(stages.map, T_reference_camera)
         if newest in self._adjusted:
-            stages.state = replace(stages.state, T_camera_map=self._adjusted[newest])
+            stages.last = replace(stages.last, T_camera_map=self._adjusted[newest])
 
     def final_trajectory(
         self, keyframes: Mapping[int, Array] = _UNMOVED, between: Mapping[int, Array] = _UNMOVED
@@ -232,9 +232,9 @@ class Odometry:
     def closing_test(self) -> ClosingTest | None:
         """Return the paper's test of a closed walk after `finish`, None where it can't be made (see `closing_test`)."""
         stages, last = self._stages, self._newest_tracked
-        if stages.state is None or last is None:
+        if stages.last is None or last is None:
             return None
-        return closing_test(stages.map, stages.tracker, stages.state, last, stages.chain.link, stages.sensor)
+        return closing_test(stages.map, stages.tracker, stages.last, last, stages.chain.link, stages.sensor)
 
     def closed_chain(self) -> ClosedChain | None:
         """Return the chain as its loop closures correct it, None where it has not begun."""
@@ -244,5 +244,5 @@ class Odometry:
     @property
     def _newest_tracked(self) -> Tracked | None:
         """The last frame's tracking, None where it was not tracked."""
-        state, last = self._stages.state, self._stages.published.log.last
+        state, last = self._stages.last, self._stages.published.log.last
         return state.tracked if state and last and last.stamp == state.view.stamp else None

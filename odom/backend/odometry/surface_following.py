@@ -121,7 +121,9 @@ class SurfaceFollowing:
         return np.asarray(self.T_placed_camera @ se3.exp(self.motion.twist * delay_s))
 
 
-def meet(log: FrameLog, map_: Map, following: SurfaceFollowing, placed: FrameState, view: View, found: Tracked) -> None:
+def distribute_drift(
+    log: FrameLog, map_: Map, following: SurfaceFollowing, placed: FrameState, view: View, found: Tracked
+) -> None:
     """Move the followed frames in the `log` so that they lead to where landmarks have `found` the camera at `view`.
 
     The error that shows there has grown evenly since the frame that landmarks had `placed`. Where the two are in

@@ -140,6 +140,15 @@ class Tuning:
     repeated_px: float = tuned(0.5, unit="px", source="hands that hold a camera still move it by .2 to .5 px a frame",
         effect="The same image again is no standstill where the camera should have moved it further. Smaller: a drawn "
         "camera that comes to rest seems to repeat its image; larger: slow motion stands still in every second frame.")
+    repeated_share: float = tuned(0.5, unit="share of pixels, and of those at edges", source="at edges in fr1 and a "
+        "HoloLens .06 at most, .02 in the median; a codec that changes a tenth of the pixels leaves .9",
+        effect="An image of which more is equal is the last one again. Smaller: slow motion seems to repeat an image; "
+        "larger: a repetition that a codec or a clock in the image has changed is taken for a standstill.")
+    repeated_contrast: int = tuned(4, unit="grey levels", source="above the noise of a Kinect",
+        effect="Pixels that differ more from their neighbour in the row are at edges. Smaller: flat areas count, which "
+        "are equal in any two images; larger: images without contrast are compared whole.")
+    repeated_rows: int = tuned(16, unit="rows", source="cost: 20 us a frame",
+        effect="One of so many rows is compared. Fewer rows: a clock in the image fills more of them; more: time.")
     interpolation_gap_s: float = tuned(0.2, unit="s", source="as longest_gap_s",
         effect="Over a longer gap a final pose is carried to its stamp by its own velocity, else by the motion to the "
         "next one. Smaller: velocities of single frames shake it; larger: the steps of somebody who walks are lost.")

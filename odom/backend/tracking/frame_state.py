@@ -108,7 +108,7 @@ class MotionPrior:
     expected_pose: ExpectedPose | None = None
     are_bent: bool = False
 
-    def twist_to(self, T_camera_map: Array) -> Array:
+    def mean_twist_to(self, T_camera_map: Array) -> Array:
         """Return the mean velocity (6, SI, the camera's own frame) that led to the pose `T_camera_map`."""
         return np.asarray(-se3.log(T_camera_map @ self.motion.T_fixed_camera) / self.since_s)
 

@@ -45,7 +45,7 @@ class FrameTracker:
         prior = state.motion_prior(state.since_s(view.steady_stamp), sensor.noise.covariance_scale)
         local = self.around(state.reference, T_predicted)
         tracked = self.track(view, sensor, T_predicted, twist, local, prior)
-        if not (is_plausible_motion(prior.twist_to(tracked.T_camera_map)) and has_enough_inliers(tracked)):
+        if not (is_plausible_motion(prior.mean_twist_to(tracked.T_camera_map)) and has_enough_inliers(tracked)):
             return None
         is_jerk = prior.expected_pose is not None and not prior.expected_pose.is_within_reach(tracked.T_camera_map)
         if in_doubt and is_jerk and tracked.found_again < TUNING.sure_share * tracked.visible_count:

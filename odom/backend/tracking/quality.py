@@ -23,9 +23,9 @@ def is_same_view(tracked: Tracked, previous: Tracked | None) -> bool:
     return left >= TUNING.least_share_left * (0 if previous is None else previous.inlier_count)
 
 
-def is_known_place(tracked: Tracked, must_agree_with_chain: bool = False) -> bool:
-    """Return whether a frame shows what its key frames saw; fewer landmarks suffice if the chain must agree as well."""
-    share = TUNING.share_in_chain if must_agree_with_chain else TUNING.share_without_chain
+def is_known_place(tracked: Tracked, has_other_support: bool = False) -> bool:
+    """Return whether a frame shows what its key frames saw; fewer suffice where something else supports it."""
+    share = TUNING.share_in_chain if has_other_support else TUNING.share_without_chain
     return tracked.found_again >= max(TUNING.found_again, share * tracked.visible_count)
 
 

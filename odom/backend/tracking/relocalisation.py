@@ -43,8 +43,8 @@ def track_wide_step(
     T_camera_map = se3.inverse(registration.T_target_source) @ state.T_camera_map
     prior = state.motion_prior(state.since_s(view.steady_stamp), sensor.noise.covariance_scale)
     prior = replace(prior, expected_pose=None)
-    tracked = tracker.track_twice(view, sensor, T_camera_map, prior.twist_to(T_camera_map), state.reference, prior)
-    is_motion = is_plausible_motion(prior.twist_to(tracked.T_camera_map))
+    tracked = tracker.track_twice(view, sensor, T_camera_map, prior.mean_twist_to(T_camera_map), state.reference, prior)
+    is_motion = is_plausible_motion(prior.mean_twist_to(tracked.T_camera_map))
     return tracked if is_motion and agree(tracked, registration, T_camera_map) else None
 
 

@@ -84,7 +84,7 @@ class BodyTruth:
 def body_truth(poses: Trajectory, truth: Trajectory, most_turn_sigma: float = _MOST_TURN_SIGMA) -> BodyTruth | None:
     """Return a marker body's truth brought to the clock of the camera, whose estimated `poses` are given.
 
-    None when they do not determine how: the angular speeds do not correlate, or the camera's rotation in the body has a
+    None when they do not determine how: the speeds do not correlate, or the camera's rotation in the body has a
     standard deviation (rad) above `most_turn_sigma`.
     """
     try:

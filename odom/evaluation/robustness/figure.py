@@ -74,7 +74,7 @@ def _draw(
     panel.patch.set_visible(False)
     ate = [np.nan if verdict.ate_m is None else 1e3 * verdict.ate_m for verdict in verdicts]
     panel.plot(x, ate, "o-", color=INK, lw=1.6, ms=5)
-    partial = [value if is_partial(verdict) else np.nan for value, verdict in zip(ate, verdicts, strict=True)]
+    partial = [value if is_partial(verdict, unspoilt) else np.nan for value, verdict in zip(ate, verdicts, strict=True)]
     panel.plot(x, partial, "o", color=INK, mfc="white", ms=5)
     if unspoilt.ate_m:
         panel.axhline(2e3 * unspoilt.ate_m, color=INK, lw=0.8, ls=(0, (4, 3)))
@@ -110,7 +110,16 @@ def _draw_legend(panel: "Axes") -> None:
 
     handles: list[Any] = [
         Line2D([], [], color=INK, marker="o", ms=5, lw=1.6, label="ATE (left)"),
-        Line2D([], [], color=INK, marker="o", mfc="white", ms=5, lw=0, label="ATE over less than half of the frames"),
+        Line2D(
+            [],
+            [],
+            color=INK,
+            marker="o",
+            mfc="white",
+            ms=5,
+            lw=0,
+            label="ATE over less than half of the unspoilt one's frames",
+        ),
         Line2D([], [], color=INK, lw=0.8, ls=(0, (4, 3)), label="twice the unspoilt ATE"),
         *(Patch(color=color, label=name) for color, name in _NAMES.items()),
     ]

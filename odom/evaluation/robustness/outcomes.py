@@ -11,7 +11,8 @@ from odom.evaluation.robustness.verdict import Verdict
 _DOUBLE = 2.0
 """The factor by which the ATE has grown where it is said to double."""
 _LEAST_SHARE = 0.5
-"""An ATE over a smaller share of the frames is no figure of the recording: the odometry has failed on it."""
+"""An ATE over a smaller share of the frames that the unspoilt one covers is no figure of the recording: the odometry
+has failed on it."""
 
 
 @dataclass(frozen=True)
@@ -24,10 +25,10 @@ class AxisOutcome:
     def doubles_at(self, unspoilt: Verdict) -> str | None:
         """Return the label of the first level whose ATE is twice the unspoilt one, None where there is none.
 
-        A level also fails when its ATE covers less than half of the frames.
+        A level also fails when its ATE covers less than half of what the unspoilt one does.
         """
         for level, verdict in self.verdicts:
-            if ratio(verdict, unspoilt) >= _DOUBLE or is_partial(verdict):
+            if ratio(verdict, unspoilt) >= _DOUBLE or is_partial(verdict, unspoilt):
                 return level.label
         return None
 
@@ -54,9 +55,9 @@ def ratio(verdict: Verdict, unspoilt: Verdict) -> float:
     return verdict.ate_m / unspoilt.ate_m if verdict.ate_m is not None and unspoilt.ate_m else math.inf
 
 
-def is_partial(verdict: Verdict) -> bool:
-    """Return whether the ATE is that of less than half of the frames, or there is none."""
-    return verdict.ate_m is None or verdict.ate_share < _LEAST_SHARE
+def is_partial(verdict: Verdict, unspoilt: Verdict) -> bool:
+    """Return whether the ATE is that of less than half of the frames that the unspoilt one covers, or there is none."""
+    return verdict.ate_m is None or verdict.ate_share < _LEAST_SHARE * unspoilt.ate_share
 
 
 COLUMNS = (

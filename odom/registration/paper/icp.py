@@ -88,8 +88,9 @@ def em_icp(pairs: Pairs, prior: Prior | None = None, *, matched: bool = True) ->
 
     E: the probability of each match under isotropic noise of the points' variances times a common factor; M: the
     closed form for the expected matches. `matched`: pair k belongs together or is wrong, an even density over the
-    target's box. Otherwise each source point is shared among its nearest targets, the factor annealed from the size
-    of the clouds down to the noise; it starts at the prior or the identity. Verdicts and errors as for `wicp`.
+    target's box, which is some sigmas wide at least. Otherwise each source point is shared among its nearest targets,
+    the factor annealed from the size of the clouds down to the noise; it starts at the prior or the identity. Verdicts
+    and errors as for `wicp`.
     """
     clouds = _clouds(pairs, matched)
     if (none := too_few(clouds.given)) is not None:
@@ -107,7 +108,8 @@ def _em_matched(clouds: _Clouds) -> Registration:
     """EM over given pairs: a Gaussian of `factor` times the variances, against an even density of wrong ones."""
     variance = clouds.variance_q + clouds.variance_p
     wrong = TUNING.em_outlier_share
-    even = wrong / max(float(np.prod(np.ptp(clouds.p, axis=0))), 1e-12)
+    sides = np.maximum(np.ptp(clouds.p, axis=0), 2.0 * np.sqrt(BOUND * np.median(variance)))
+    even = wrong / float(np.prod(sides))
     T = closed_form(clouds.q, clouds.p, clouds.given / variance)
     factor = -1.0
     rounds = 0

@@ -21,10 +21,16 @@ def kalman(pairs: Pairs, prior: Prior | None = None) -> Registration:
     """
     arrays = checked(pairs)
     n = len(arrays.q)
-    if n < 3:
-        return degenerate(n, f"{n} pairs: at least 3 are needed")
+    if (none := too_few(n, prior)) is not None:
+        return none
     solution = solve_ungated(arrays, prior)
     return registration_of(arrays, prior, solution, NoiseScale(variance_factor=solution.variance_factor))
+
+
+def too_few(n: int, prior: Prior | None) -> Registration | None:
+    """Return the result that has no motion for fewer than 3 pairs, None for 3 or where a prior makes up for them."""
+    least = 3 if prior is None or prior.covariance is None else 1
+    return degenerate(n, f"{n} pairs: at least {least} {'are' if least > 1 else 'is'} needed") if n < least else None
 
 
 def solve_ungated(arrays: Arrays, prior: Prior | None, alpha: float = 0.0) -> Solution:

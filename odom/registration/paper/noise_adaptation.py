@@ -49,7 +49,7 @@ def judge_covariances(solution: Solution) -> CovarianceVerdict:
     axis.
     """
     n, chi2, squares, *axes = solution.sums.tolist()
-    freedom = 3.0 * n - 6.0
+    freedom = solution.freedom
     if freedom <= 0.0 or chi2 == 0.0:  # made-up pairs without any noise say nothing of it
         return CovarianceVerdict.HOLDS
     allowed = TUNING.contradiction_sigmas * math.sqrt(2.0 / freedom)
@@ -81,7 +81,7 @@ def adapt(arrays: Arrays, prior: Prior | None, solution: Solution) -> Adapted:
     given = solution.weights
     used = given > 0.0
     n = int(np.count_nonzero(used))
-    small_sample = 3.0 * n / (3.0 * n - 6.0)  # the motion has taken six degrees of freedom of the residuals
+    small_sample = 3.0 * n / solution.freedom  # the motion has taken up to six degrees of freedom of the residuals
     T = solution.T
     base = np.zeros((len(arrays.q), 3, 3)) if len(arrays.Sp) == 0 else arrays.Sp.copy()
     if len(arrays.Sq):

@@ -3,10 +3,10 @@
 import math
 
 from odom.registration.checked_arrays import Arrays, checked
-from odom.registration.pairs import Pairs, Prior, Registration, degenerate
+from odom.registration.pairs import Pairs, Prior, Registration
 from odom.registration.paper.axis_bias import bias_information, possible_biases, source_noise, unbiased
 from odom.registration.paper.hinfinity import affine_misfit, check_settings, discount
-from odom.registration.paper.kalman_filter import solve_ungated
+from odom.registration.paper.kalman_filter import solve_ungated, too_few
 from odom.registration.paper.noise_adaptation import CovarianceVerdict, adapt, judge_covariances
 from odom.registration.paper.tuning import TUNING
 from odom.registration.result import NoiseScale, registration_of
@@ -27,15 +27,15 @@ def robust(
     exact second moment, `S_k = Sp + R Sq R'`, or with `alpha` > 0 by the norm-bounded `S_k = Sp + alpha tr(Sq) I` (eqs.
     26-27). `adaptive`: where the residuals contradict the covariances, what is wrong is learnt: a biased axis (see
     `axis_bias`), a common factor, other covariances (see `noise_adaptation`); and the result's covariance grows where
-    the twelve states are no rigid motion still. `details` holds theta, gamma, alpha as used, halvings, the distance
-    (misfit, chi-square 6) of the twelve states from the motion, and what was learnt. Errors and verdicts as for
-    `kalman`, and InputError for theta or alpha that are negative or not finite.
+    the twelve states are no rigid motion still. `details` holds theta, gamma, alpha as used (0 where a bound was learnt
+    in its place), halvings, the distance (misfit, chi-square 6) of the twelve states from the motion, and what was
+    learnt. Errors and verdicts as for `kalman`, and InputError for theta or alpha that are negative or not finite.
     """
     check_settings(theta, alpha)
     arrays = checked(pairs)
     n = len(arrays.q)
-    if n < 3:
-        return degenerate(n, f"{n} pairs: at least 3 are needed")
+    if (none := too_few(n, prior)) is not None:
+        return none
     solution = solve_ungated(arrays, prior, alpha)
     details: dict[str, float] = {"alpha": alpha, "factor": 1.0, "nu": math.inf, "axis_scale": 1.0}
     noise = NoiseScale(1.0, solution.variance_factor, details)
@@ -65,7 +65,7 @@ def _learnt(
     if misfit > _MISFIT * noise.inflation:
         for bias in possible_biases(affine, misfit, noise.inflation):
             corrected = unbiased(arrays, bias)
-            again = solve(corrected, prior, solution.T, first.weights)
+            again = solve(corrected, prior, solution.T, first.weights, alpha=noise.details["alpha"])
             again, noise_again = _noise_learnt(corrected, prior, again, noise._replace(inflation=1.0))
             rest = affine_misfit(again.Y, again.y, again.T)
             if rest / noise_again.inflation < misfit / best[2].inflation:
@@ -90,6 +90,6 @@ def _noise_learnt(
             return solution, noise._replace(inflation=factor, details={**noise.details, "factor": factor})
         case CovarianceVerdict.WRONG:
             learnt = adapt(arrays, prior, solution)
-            found = {"factor": learnt.factor, "nu": learnt.nu, "added": float(learnt.added.mean())}
+            found = {"alpha": 0.0, "factor": learnt.factor, "nu": learnt.nu, "added": float(learnt.added.mean())}
             inflation = (learnt.nu + 5.0) / (learnt.nu + 3.0) if learnt.nu < math.inf else 1.0
             return learnt.solution, noise._replace(inflation=inflation, details={**noise.details, **found})

@@ -16,7 +16,8 @@ def with_scale(estimator: Estimator) -> Estimator:
 
     Eq. (4) sums ratios, which noise near the centroid ruins; here it is the ratio of sums, `s = sum w p' R q / sum w
     |R q|^2` about the (weighted) centroids. `T_target_source` and its covariance are of the source points times the
-    scale.
+    scale; the covariance allows for the scale's own error. `estimator` takes pairs that belong together, as each does
+    by default: of clouds in any order (`matched=False`) no scale is found.
     """
 
     def estimate(pairs: Pairs, prior: Prior | None = None) -> Registration:
@@ -41,7 +42,7 @@ def with_scale(estimator: Estimator) -> Estimator:
             if abs(step - 1.0) < 1e-10:
                 break
             scale *= step
-        return result
+        return replace(result, covariance=result.covariance + _of_scale(scaled, result))
 
     return estimate
 
@@ -51,6 +52,20 @@ def _spread(points: Array) -> float:
     if len(points) == 0:
         return 0.0
     return float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
+
+
+def _of_scale(pairs: Pairs, result: Registration) -> Array:
+    """Return what the scale's error adds to the covariance (6 x 6): `b var(log s) b'`, with b = d xi / d log s.
+
+    A larger scale moves the centroid away, `b = (-mean q, 0)`; `var(log s) = 1 / sum w |q|^2` about it.
+    """
+    used = result.inliers
+    q, w = pairs.points_source[used], _weights(pairs)[used]
+    mean = w @ q / w.sum()
+    is_noise_stated = pairs.covariances_source is not None or pairs.covariances_target is not None
+    noise = max(1.0, result.variance_factor) if is_noise_stated else result.variance_factor
+    b = np.concatenate([-mean, np.zeros(3)])
+    return np.asarray(np.outer(b, b) * noise / (w @ np.square(q - mean).sum(axis=1)))
 
 
 def _weights(pairs: Pairs) -> Array:

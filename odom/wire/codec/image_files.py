@@ -22,7 +22,7 @@ _NO_LENGTH = frozenset((0x01, *range(0xD0, 0xD9)))
 _FRAME = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers of JPEG (ITU-T T.81, table B.1): those without a length, and those whose segment holds the image's size."""
 _PADDING = 64
-"""Bytes behind the end mark of a JPEG file that are still accepted: some cameras pad their files."""
+"""Bytes behind the end mark of a JPEG file that are still accepted, besides any number of zeros: cameras pad files."""
 _REDUCED = {8: cv2.IMREAD_REDUCED_COLOR_8, 4: cv2.IMREAD_REDUCED_COLOR_4, 2: cv2.IMREAD_REDUCED_COLOR_2}
 """Factors by which a JPEG can be scaled down while it is decoded, and OpenCV's flags; the largest first."""
 
@@ -50,7 +50,7 @@ def file_size(data: bytes | memoryview) -> tuple[int, int]:
         raise WireError(f"image of {width} x {height} pixels is not plausible")
     if is_png:
         deque(png_chunks(view), maxlen=0)  # all of them are whole
-    elif _JPEG_END not in bytes(view[-len(_JPEG_END) - _PADDING :]):
+    elif not _is_whole_jpeg(view):
         raise WireError(f"image file of {len(view)} bytes is cut or damaged")
     return width, height
 
@@ -104,6 +104,12 @@ def _decode(data: NDArray[np.uint8], size: tuple[int, int], flags: int) -> NDArr
     if image is None or image.shape[1::-1] != size:
         raise WireError(f"image file of {data.size} bytes cannot be decoded")
     return np.asarray(image)
+
+
+def _is_whole_jpeg(view: memoryview) -> bool:
+    """Return whether the end mark of a JPEG file is at its end, before a few bytes or any number of zeros."""
+    last = bytes(view[-len(_JPEG_END) - _PADDING :])
+    return _JPEG_END in last or bytes(view).rstrip(b"\0").endswith(_JPEG_END)
 
 
 def _jpeg_size(view: memoryview) -> tuple[int, int]:

@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
-from odom.wire.recording.bag import DATABASE_SUFFIX, ROS1_SUFFIX, RosbagsReader
+from odom.errors import RecordingError
+from odom.wire.recording.bag import ROS1_SUFFIX, RosbagsReader
 from odom.wire.recording.bag import BagReader as BagReader
+from odom.wire.recording.bag_folder import DATABASE_SUFFIX, METADATA, UNPACK_FIRST, is_packed
 from odom.wire.recording.part_file import PART
 from odom.wire.recording.reader import RecordedStream as RecordedStream
 from odom.wire.recording.reader import RecordingReader as RecordingReader
@@ -22,7 +24,7 @@ def is_recording(path: Path) -> bool:
     An `.mcap.part`, left by a recorder that was killed, is one too.
     """
     if path.is_dir():
-        return (path / "metadata.yaml").is_file() or any(path.glob(f"*{DATABASE_SUFFIX}"))
+        return (path / METADATA).is_file() or any(path.glob(f"[!.]*{DATABASE_SUFFIX}"))
     return Path(path.name.removesuffix(PART)).suffix.lower() in (".mcap", DATABASE_SUFFIX, ROS1_SUFFIX)
 
 
@@ -30,4 +32,6 @@ def open_reader(path: Path) -> RecordingReader:
     """Return the reader of an .mcap file or a ROS bag, file or folder; raises RecordingError when it is neither."""
     if path.is_dir():
         return BagReader(path)
+    if is_packed(path):
+        raise RecordingError(f"{path} {UNPACK_FIRST}")
     return RosbagsReader(path) if path.suffix.lower() in (DATABASE_SUFFIX, ROS1_SUFFIX) else RecordingReader(path)

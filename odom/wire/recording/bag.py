@@ -1,40 +1,41 @@
 """Reads ROS bags like recordings of this project: folders of .mcap or .db3 files, single .db3 files, ROS 1's .bag."""
 
-import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from odom.errors import RecordingError, WireError
 from odom.frame import Stamp
-from odom.wire.codec import cdr, stamp_of
+from odom.wire.codec import cdr
 from odom.wire.message import Message
-from odom.wire.recording.reader import RecordingReader
+from odom.wire.recording.bag_folder import bag_folder
+from odom.wire.recording.reader import RecordingReader, stamp_in
 
-ROS1_SUFFIX, DATABASE_SUFFIX = ".bag", ".db3"
+ROS1_SUFFIX = ".bag"
+_URI_SIGNS = frozenset("#?%")
 
 
 class BagReader(RecordingReader):
-    """Reads the folder `path`: its .mcap files one after the other, even cut ones, or its .db3 files.
+    """Reads the folder `path`: its .mcap files one after the other, even cut ones, or its .db3 files (`bag_folder`).
 
-    `metadata.yaml` may be missing. Raises RecordingError when it holds neither or they cannot be read.
+    `metadata.yaml` may be missing, unless they are compressed. Raises RecordingError when it holds neither or they
+    cannot be read.
     """
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        databases = sorted(path.glob(f"*{DATABASE_SUFFIX}"), key=_number)
-        self._parts: list[RecordingReader] = [
-            RecordingReader(part) for part in sorted(path.glob("*.mcap"), key=_number)
-        ]
-        if not self._parts and not databases:
-            raise RecordingError(f"{path} is no ROS 2 bag: neither .mcap nor .db3 files are in it")
-        if not self._parts and (path / "metadata.yaml").is_file():
+        bag = bag_folder(path)
+        self._parts: list[RecordingReader]
+        if bag.is_compressed or (bag.is_described and not bag.recordings and not _misleads_sqlite(*bag.databases)):
             self._parts = [RosbagsReader(path)]
-        elif not self._parts:
-            self._parts = [RosbagsReader(part) for part in databases]
+        elif bag.recordings:
+            self._parts = [RecordingReader(part) for part in bag.recordings]
+        else:
+            self._parts = [RosbagsReader(part) for part in bag.databases]
 
     def counts(self) -> Counter[str] | None:
         """Return the number of messages by topic, None when a part has no sound index."""
@@ -47,12 +48,14 @@ class BagReader(RecordingReader):
         return totals
 
     def _in_file_order(self, topics: Collection[str] | None, start: Stamp | None) -> Iterator[Message]:
-        self.damage, self.complete, self.skipped = (), True, 0
+        self.damage, self.complete, self.skipped = (), True, {}
         for part in self._parts:
             yield from part._in_file_order(topics, start)
             self.damage += tuple(f"{part.path.name}: {what}" for what in part.damage)
             self.complete &= part.complete
-            self.skipped += part.skipped
+            for topic, (count, why) in part.skipped.items():
+                before, why = self.skipped.get(topic, (0, why))
+                self.skipped[topic] = before + count, why
 
 
 class RosbagsReader(RecordingReader):
@@ -62,24 +65,25 @@ class RosbagsReader(RecordingReader):
     """
 
     def counts(self) -> Counter[str] | None:
-        """Return the number of messages by topic."""
+        """Return the number of messages by topic, of a ROS 1 bag those of types that ROS 2 defines."""
         totals = Counter[str]()
         with self._opened() as bag:
             for connection in bag.connections:
-                totals[connection.topic.removeprefix("/")] += connection.msgcount
+                if not self._is_ros1 or connection.msgtype in cdr.typestore(connection.msgtype).types:
+                    totals[connection.topic.removeprefix("/")] += connection.msgcount
         return totals
 
     def _in_file_order(self, topics: Collection[str] | None, start: Stamp | None) -> Iterator[Message]:
-        self.complete, self.skipped = False, 0
+        self.complete, self.skipped = False, {}
         as_cdr: Callable[[str, bytes], bytes] = _cdr_of_ros1 if self._is_ros1 else lambda _, payload: bytes(payload)
         with self._opened() as bag:
             wanted = [c for c in bag.connections if topics is None or c.topic.removeprefix("/") in topics]
             for connection, time, raw in bag.messages(connections=wanted) if wanted else ():
                 try:
                     payload = as_cdr(connection.msgtype, raw)
-                    stamp = stamp_of(connection.msgtype, payload)
-                except WireError:
-                    self.skipped += 1
+                    stamp = stamp_in(connection.msgtype, payload)
+                except WireError as error:
+                    self._skip(connection.topic.removeprefix("/"), str(error))
                     continue
                 at = Stamp(time) if stamp is None else stamp
                 if start is None or at >= start:
@@ -96,7 +100,10 @@ class RosbagsReader(RecordingReader):
         from rosbags import rosbag1, rosbag2
 
         try:
-            with rosbag1.Reader(self.path) if self._is_ros1 else rosbag2.Reader(self.path) as bag:
+            with (
+                _named_plainly(self.path) as path,
+                rosbag1.Reader(path) if self._is_ros1 else rosbag2.Reader(path) as bag,
+            ):
                 yield bag
         except Exception as error:  # what rosbags, YAML, zstd and the database raise for arbitrary bytes
             kind = "ROS 1 bag" if self._is_ros1 else "ROS 2 bag"
@@ -128,7 +135,18 @@ def _ros1() -> Any:
     return store
 
 
-def _number(part: Path) -> tuple[int, str]:
-    """Return a sort key that puts `bag_10` behind `bag_9`."""
-    digits = re.search(r"\d+\Z", part.stem)
-    return (int(digits[0]) if digits else 0, part.name)
+def _misleads_sqlite(*files: Path) -> bool:
+    """Return whether a name holds what has a meaning in a URI, as which rosbags gives it to SQLite unchanged."""
+    return any(not _URI_SIGNS.isdisjoint(file.name) for file in files)
+
+
+@contextmanager
+def _named_plainly(path: Path) -> Iterator[Path]:
+    """Yield a file or folder under a name that does not mislead SQLite: its own, or for so long a link to it."""
+    if not _misleads_sqlite(*path.absolute().parents, path):
+        yield path
+        return
+    with TemporaryDirectory(prefix="odom-bag-") as folder:
+        link = Path(folder) / f"bag{path.suffix if path.is_file() else ''}"
+        link.symlink_to(path.absolute())
+        yield link

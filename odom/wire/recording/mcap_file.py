@@ -4,10 +4,10 @@ The `mcap` package parses the records. Unlike with its readers, damage costs onl
 again by the index, or by searching the next chunk, and each loss is reported by topic and time.
 """
 
-import struct
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
@@ -18,6 +18,7 @@ from mcap.records import Channel, Header, Metadata, Schema
 from mcap.records import Message as McapMessage
 
 from odom.errors import RecordingError
+from odom.wire.recording.lost_chunk import COUNTED_BYTES, LostChunk
 from odom.wire.recording.mcap_chunk import (
     LARGEST_BYTES,
     RECORD_HEADER,
@@ -30,7 +31,7 @@ from odom.wire.recording.mcap_chunk import (
 )
 from odom.wire.recording.mcap_index import MAGIC, read_index
 from odom.wire.recording.mcap_order import by_begin, in_time_order, is_by_topic, loose_in_time_order, merged
-from odom.wire.recording.mcap_walk import INDEX_ENTRY, McapRecord, walk
+from odom.wire.recording.mcap_walk import McapRecord, walk
 
 
 @dataclass
@@ -49,11 +50,14 @@ class McapFile:
     damage: list[str] = field(default_factory=list)
     _unannounced: Counter[int] = field(default_factory=Counter)
 
-    def messages(self, not_before: int = 0) -> Iterator[tuple[Channel, McapMessage]]:
-        """Yield the messages in the order of the file; chunks that end before `not_before` (log time, ns) are skipped.
+    def messages(
+        self, not_before: int = 0, topics: Collection[str] | None = None
+    ) -> Iterator[tuple[Channel, McapMessage]]:
+        """Yield the messages in the order of the file, those of other topics too.
 
-        Those of a file that was written topic after topic come in the order of log time. Raises RecordingError when
-        the file cannot be opened, is no MCAP file at all or is too far out of order.
+        Chunks are skipped that by the index end before `not_before` (log time, ns) or have none of `topics`. Those of a
+        file that was written topic after topic come in the order of log time. Raises RecordingError when the file
+        cannot be opened, is no MCAP file at all or is too far out of order.
         """
         with _open(self.path) as file:
             size = self.path.stat().st_size
@@ -63,27 +67,31 @@ class McapFile:
             if index is not None:
                 self.schemas.update(index.schemas)
                 self.channels.update(index.channels)
+            wanted: frozenset[int] | None = None
             if index is None or not index.channels:
                 not_before = 0  # a skipped chunk could have announced a channel
+            elif topics is not None:
+                wanted = index.channels_of(topics)
+            read = partial(self._read, file, size, lambda record: _is_skipped(record, not_before, wanted))
             records = walk(file, size, index)
             if index is not None and is_by_topic(file, self.path, index):
                 groups = by_begin(records, index)
-                yield from merged(groups, lambda group: self._read(file, size, group, not_before))
+                yield from merged(groups, read)
             elif index is not None and not index.chunks:
-                yield from self._read(file, size, loose_in_time_order(file, records), not_before)
+                yield from read(loose_in_time_order(file, records))
             else:
-                yield from self._read(file, size, records, not_before)
+                yield from read(records)
             self._note_unannounced()
             self.complete = not self.damage
 
     def counts(self) -> Counter[str] | None:
-        """Return the number of messages by topic from the file's index, None when it has none (cut, damaged)."""
+        """Return the number of CDR messages by topic from the file's index, None when it has none (cut, damaged)."""
         with _open(self.path) as file:
             index = read_index(file, self.path.stat().st_size)
         if index is None or index.counts is None:
             return None
         totals = Counter[str]()
-        for channel in index.channels.values():
+        for channel in (each for each in index.channels.values() if each.message_encoding == CDR):
             totals[channel.topic.removeprefix("/")] += index.counts.get(channel.id, 0)
         return totals
 
@@ -105,13 +113,13 @@ class McapFile:
         return True
 
     def _read(
-        self, file: BinaryIO, size: int, records: Iterable[McapRecord], not_before: int
+        self, file: BinaryIO, size: int, is_skipped: Callable[[McapRecord], bool], records: Iterable[McapRecord]
     ) -> Iterator[tuple[Channel, McapMessage]]:
-        lost: _LostChunk | None = None
+        lost: LostChunk | None = None
         for record in records:
             file.seek(record.offset + RECORD_HEADER)
             if lost is not None and record.opcode == Opcode.MESSAGE_INDEX:
-                lost.add(file.read(_COUNTED.size))
+                lost.add(file.read(COUNTED_BYTES))
                 continue
             if lost is not None:
                 self.damage.append(lost.in_words(self.channels))
@@ -124,14 +132,14 @@ class McapFile:
                 if record.opcode == Opcode.CHUNK:
                     yield from self._cut_chunk(file, size, readings(file, record.offset, size))
                 return
+            if is_skipped(record):
+                continue
             if record.opcode == Opcode.CHUNK:
-                if record.end_ns is not None and record.end_ns < not_before:
-                    continue
                 heads = readings(file, record.offset, size, record.end)
                 try:
                     yield from self._inside(read_chunk(file, heads))
                 except DamagedChunkError as error:
-                    lost = _LostChunk(record.offset, heads[0] if heads else None, str(error))
+                    lost = LostChunk(record.offset, heads[0] if heads else None, str(error))
             else:
                 yield from self._loose(file, record)
         if lost is not None:
@@ -193,40 +201,19 @@ class McapFile:
         self._unannounced.clear()
 
 
-@dataclass
-class _LostChunk:
-    """A chunk that cannot be read, and what it held according to the message index behind it."""
-
-    offset: int
-    head: ChunkHead | None
-    why: str
-    counts: Counter[int] = field(default_factory=Counter)
-
-    def add(self, body: bytes) -> None:
-        """Take the beginning of a message index."""
-        if len(body) == _COUNTED.size:
-            channel, entries = _COUNTED.unpack(body)
-            self.counts[channel] += entries // INDEX_ENTRY
-
-    def in_words(self, channels: dict[int, Channel]) -> str:
-        """Return in words what is missing."""
-        parts = [
-            f"{count} of {channels[channel].topic if channel in channels else f'channel {channel}'}"
-            for channel, count in sorted(self.counts.items())
-        ]
-        what = ", ".join(parts) or "its messages"
-        when = ""
-        if self.head is not None and self.head.start_ns <= self.head.end_ns:
-            when = f" from {self.head.start_ns * 1e-9:.3f} to {self.head.end_ns * 1e-9:.3f} s"
-        return f"chunk at byte {self.offset} is damaged ({self.why}); missing: {what}{when}"
-
-
-_COUNTED = struct.Struct("<HI")
-"""Beginning of a message index: channel, and bytes of its entries."""
 _READ = (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.METADATA)
+
+CDR = "cdr"
+"""What a channel calls the encoding of ROS 2's messages."""
 
 # what parsing arbitrary bytes raises in `mcap` and struct
 _MALFORMED = (Exception,)
+
+
+def _is_skipped(record: McapRecord, not_before: int, wanted: frozenset[int] | None) -> bool:
+    """Return whether a record is a chunk that by the index ends too early or has no message of a wanted channel."""
+    is_early = record.end_ns is not None and record.end_ns < not_before
+    return is_early or (wanted is not None and bool(record.channels) and wanted.isdisjoint(record.channels))
 
 
 def _open(path: Path) -> BinaryIO:

@@ -2,7 +2,7 @@
 
 import zlib
 from array import array
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from typing import BinaryIO
@@ -27,13 +27,17 @@ _NUMBERS = 5
 
 @dataclass(frozen=True, slots=True)
 class ChunkPlace:
-    """Where the index says that a chunk lies, its record from `offset` to `end`, its first and last log time (ns)."""
+    """Where the index says that a chunk lies, its record from `offset` to `end`, its first and last log time (ns).
+
+    `channels` are those of its messages, none where the index does not say.
+    """
 
     offset: int
     end: int
     begin_ns: int
     end_ns: int
     unpacked_bytes: int
+    channels: frozenset[int]
 
 
 @dataclass
@@ -46,16 +50,24 @@ class McapIndex:
     counts: dict[int, int] | None = None
     chunks: int = 0
     _places: "array[int]" = field(default_factory=lambda: array("Q"))
+    _channels: list[frozenset[int]] = field(default_factory=list)
+    _sets: dict[frozenset[int], frozenset[int]] = field(default_factory=dict)
 
     def add(self, place: ChunkPlace) -> None:
-        """Take the place of a chunk; only its numbers are kept, as there are many."""
+        """Take the place of a chunk; only its numbers, and each set of channels once, are kept, as there are many."""
         self._places.extend((place.offset, place.end, place.begin_ns, place.end_ns, place.unpacked_bytes))
+        self._channels.append(self._sets.setdefault(place.channels, place.channels))
         self.chunks += 1
+
+    def channels_of(self, topics: Collection[str]) -> frozenset[int]:
+        """Return the channels of topics, which are named without their leading slash."""
+        return frozenset(c.id for c in self.channels.values() if c.topic.removeprefix("/") in topics)
 
     def places(self) -> Iterator[ChunkPlace]:
         """Yield the places of the chunks, in the order of the file."""
         for k in sorted(range(0, _NUMBERS * self.chunks, _NUMBERS), key=self._places.__getitem__):
-            yield ChunkPlace(*self._places[k : k + _NUMBERS])
+            offset, end, begin_ns, end_ns, unpacked = self._places[k : k + _NUMBERS]
+            yield ChunkPlace(offset, end, begin_ns, end_ns, unpacked, self._channels[k // _NUMBERS])
 
 
 def read_index(file: BinaryIO, size: int) -> McapIndex | None:
@@ -100,7 +112,8 @@ def _add(index: McapIndex, opcode: int, body: bytes) -> None:
         end = chunk.chunk_start_offset + chunk.chunk_length
         if len(MAGIC) <= chunk.chunk_start_offset < end <= index.begin:
             begin_ns, end_ns = chunk.message_start_time, chunk.message_end_time
-            index.add(ChunkPlace(chunk.chunk_start_offset, end, begin_ns, end_ns, chunk.uncompressed_size))
+            channels = frozenset(chunk.message_index_offsets)
+            index.add(ChunkPlace(chunk.chunk_start_offset, end, begin_ns, end_ns, chunk.uncompressed_size, channels))
     elif opcode == Opcode.STATISTICS:
         index.counts = Statistics.read(stream).channel_message_counts
 

@@ -24,8 +24,8 @@ INDEX_ENTRY = 16
 class McapRecord:
     """A record of the file, and the length of its body, at which the file stands.
 
-    `end` and `end_ns` (last log time) are a chunk's by the index. `wrong` says what is damaged, `cut` that the file
-    ends here and too early.
+    `end`, `end_ns` (last log time) and `channels` (none: not known) are a chunk's by the index. `wrong` says what is
+    damaged, `cut` that the file ends here and too early.
     """
 
     offset: int
@@ -35,6 +35,7 @@ class McapRecord:
     end_ns: int | None = None
     wrong: str = ""
     cut: str = ""
+    channels: frozenset[int] = frozenset()
 
 
 def walk(file: BinaryIO, size: int, index: McapIndex | None) -> Iterator[McapRecord]:
@@ -50,7 +51,8 @@ def walk(file: BinaryIO, size: int, index: McapIndex | None) -> Iterator[McapRec
         if place is not None and place.offset == offset:
             is_whole = (opcode, offset + RECORD_HEADER + length) == (Opcode.CHUNK, place.end)
             wrong = "" if is_whole else "its opcode or length is not that of the index"
-            yield McapRecord(offset, Opcode.CHUNK, place.end - offset - RECORD_HEADER, place.end, place.end_ns, wrong)
+            length = place.end - offset - RECORD_HEADER
+            yield McapRecord(offset, Opcode.CHUNK, length, place.end, place.end_ns, wrong, channels=place.channels)
             before, offset, sure = Opcode.CHUNK, place.end, place.end
             continue
         if finished and _ends_with_mark(file, offset):

@@ -22,4 +22,4 @@ def sensor_model(camera: Camera, timing: ShutterTiming | None = None, noise: Fea
 
 def view_of(frame, images: FrameImages | None = None) -> View:
     """A frame as it is seen by a clock without jitter."""
-    return View.of(frame, StampClock().after(frame.stamp), images or FrameImages.of(frame.color))
+    return View.of(frame, frame.sequence, StampClock().after(frame.stamp), images or FrameImages.of(frame.color))

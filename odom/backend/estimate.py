@@ -97,11 +97,13 @@ class ClosedChain:
     Holes that no closure joins divide it into `pieces` (1 without any). The motion from one piece to another is
     unknown, and there is no `closing` test between two.
 
-    At n `stamps` (ns, ascending) the chain's poses are multiplied by `T_closed_chain` (n x 4 x 4) from the left, which
-    gives `T_closed_camera` (n x 4 x 4, at the middle row's time).
+    At n `stamps` (ns) the chain's poses are multiplied by `T_closed_chain` (n x 4 x 4) from the left, which gives
+    `T_closed_camera` (n x 4 x 4, at the middle row's time). Stamps ascend, except where they stepped back, which they
+    had done `steps_back` (n) times by then.
     """
 
     stamps: NDArray[np.int64]
+    steps_back: NDArray[np.int64]
     T_closed_chain: Array
     T_closed_camera: Array
     closures: int
@@ -111,12 +113,17 @@ class ClosedChain:
 
     __repr__ = brief
 
-    def moved(self, stamp: Stamp, T_chain_camera: Array) -> Array:
-        """Return a chain's pose moved as the closed chain says; between two stamps the motion is interpolated."""
-        after = int(np.searchsorted(self.stamps, stamp, side="right"))
-        before = max(after - 1, 0)
+    def moved(self, stamp: Stamp, T_chain_camera: Array, steps_back_since: int = 0) -> Array:
+        """Return a chain's pose moved as the closed chain says; between two stamps the motion is interpolated.
+
+        `steps_back_since` is how often the chain's stamps have stepped back since that pose.
+        """
+        steps_back = self.steps_back[-1] - steps_back_since
+        first, end = (int(np.searchsorted(self.steps_back, steps_back, side)) for side in ("left", "right"))
+        after = first + int(np.searchsorted(self.stamps[first:end], stamp, side="right"))
+        before = max(after - 1, first)
         T_before = self.T_closed_chain[before] @ T_chain_camera
-        if after in (0, len(self.stamps)):
+        if after in (first, end):
             return np.asarray(T_before)
         share = float(stamp - self.stamps[before]) / float(self.stamps[after] - self.stamps[before])
         T_after = self.T_closed_chain[after] @ T_chain_camera

@@ -138,7 +138,7 @@ class _Keeper:
             self._open.append(_Following(index, frame.stamp, corners))
 
     def _keep(self, index: int, frame: RgbdFrame, odometry: Odometry, images: FrameImages) -> None:
-        view = View.of(frame, odometry.sensor.clock, images)
+        view = View.of(frame, index, odometry.sensor.clock, images)
         self.kept.setdefault(index, (view, frame.color))
 
 

@@ -28,6 +28,11 @@ def uniform(image: NDArray[Scalar]) -> NDArray[Scalar]:
     return out
 
 
+def rounded(numbers: Array) -> Array:
+    """Return numbers rounded to 24 bits, as files keep them where no more of them is known."""
+    return numbers.astype(np.float32).astype(np.float64)
+
+
 def kept(image: NDArray[Scalar]) -> NDArray[Scalar]:
     """Return a copy of an image, stored as by `uniform`: a program may write its next one into the same memory."""
     return uniform(np.array(image, order="C"))

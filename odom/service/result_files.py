@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import TextIO
 
@@ -180,8 +181,17 @@ class RunFiles:
     def _write_closed_chain(self, closed: ClosedChain) -> None:
         """Write `chain_closed.txt`: the poses of `chain.txt` as its closures move them."""
         with (self.folder / "chain.txt").open() as chain, whole_file(self.folder / "chain_closed.txt") as file:
+            stamps = (from_seconds(line.split()[0]) for line in chain if not line.startswith("#"))
+            steps_back, last = sum(a >= b for a, b in pairwise(stamps)), None
+            chain.seek(0)
             for line in chain:
-                file.write(line if line.startswith("#") else _moved_line(line, closed))
+                if line.startswith("#"):
+                    file.write(line)
+                    continue
+                stamp, T = _pose_of(line)
+                steps_back -= last is not None and stamp <= last
+                last = stamp
+                file.write(pose_line(stamp, closed.moved(stamp, T, steps_back)))
 
     def close(self) -> None:
         """Close the files; safe to call twice."""
@@ -223,13 +233,12 @@ def whole_file(path: Path) -> Iterator[TextIO]:
         raise
 
 
-def _moved_line(line: str, closed: ClosedChain) -> str:
-    """Return a line of `chain.txt` as it is in the closed chain."""
+def _pose_of(line: str) -> tuple[Stamp, Array]:
+    """Return the stamp and the pose of a line of `pose_line`."""
     time, *numbers = line.split()
-    stamp, values = from_seconds(time), np.array([float(x) for x in numbers])
-    T = np.eye(4)
+    T, values = np.eye(4), np.array([float(x) for x in numbers])
     T[:3, 3], T[:3, :3] = values[:3], rotation_from_quaternion(values[3:])
-    return pose_line(stamp, closed.moved(stamp, T))
+    return from_seconds(time), T
 
 
 def _truth_mark(body: str) -> str:

@@ -54,7 +54,7 @@ def _variances(n):
 def blank_view(number):
     """A frame that shows nothing; one comes a second."""
     images = FrameImages.of(np.zeros((48, 64), np.uint8))
-    return View(number, Stamp(1_000_000_000 * number), SteadyStamp(0), images, Stamp(0), NO_DEPTH, number=number)
+    return View(number, number, Stamp(1_000_000_000 * number), SteadyStamp(0), images, Stamp(0), NO_DEPTH)
 
 
 def bare_keyframe(number, T_map_camera, segment=0):

@@ -59,12 +59,33 @@ def test_nodes_stay_within_their_bound_and_no_closure_outlives_its_ends():
 def test_between_two_nodes_the_correction_is_shared_by_time():
     stamps = np.array([10, 20], dtype=np.int64)
     moved = se3.exp(np.array([0.2, 0.0, 0.0, 0.0, 0.0, 0.1]))
-    closed = ClosedChain(stamps, np.array([np.eye(4), moved]), np.array([np.eye(4), moved]), 1, 0, 1, None)
+    closed = ClosedChain(
+        stamps, np.zeros_like(stamps), np.array([np.eye(4), moved]), np.array([np.eye(4), moved]), 1, 0, 1, None
+    )
     np.testing.assert_allclose(closed.moved(Stamp(5), np.eye(4)), np.eye(4))
     np.testing.assert_allclose(closed.moved(Stamp(20), np.eye(4)), moved)
     np.testing.assert_allclose(closed.moved(Stamp(99), np.eye(4)), moved)
     half = closed.moved(Stamp(15), np.eye(4))
     np.testing.assert_allclose(half @ half, moved, atol=1e-12)
+
+
+def test_where_stamps_come_again_each_pose_is_moved_by_the_nodes_of_its_own_time():
+    stamps, steps_back = np.array([10, 20, 10, 20], dtype=np.int64), np.array([0, 0, 1, 1], dtype=np.int64)
+    moved = np.array([se3.exp(k * np.full(6, 0.1)) for k in (0, 2, 6, 8)])
+    closed = ClosedChain(stamps, steps_back, moved, moved, 1, 0, 1, None)
+    np.testing.assert_allclose(closed.moved(Stamp(15), np.eye(4), 1), se3.exp(np.full(6, 0.1)), atol=1e-12)
+    np.testing.assert_allclose(closed.moved(Stamp(15), np.eye(4)), se3.exp(np.full(6, 0.7)), atol=1e-12)
+    np.testing.assert_allclose(closed.moved(Stamp(30), np.eye(4), 1), moved[1])
+    np.testing.assert_allclose(closed.moved(Stamp(5), np.eye(4)), moved[2])
+    np.testing.assert_allclose(closed.moved(Stamp(15), np.eye(4), 2), moved[0])  # before what is known
+
+
+def test_the_first_frame_after_a_step_back_of_the_stamps_is_a_node():
+    closures = Closures()
+    closures.add(ChainNode(0, Stamp(10**10), None, np.eye(4), np.zeros((6, 6))))
+    assert not closures.are_due(Stamp(10**10 + 10**8), 0)
+    assert closures.are_due(Stamp(10**10 + 10**8), 1)
+    assert closures.are_due(Stamp(10**9), 1)
 
 
 @pytest.fixture(scope="module")

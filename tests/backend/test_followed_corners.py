@@ -34,7 +34,7 @@ def turning():
     for k, look in enumerate((lambda grey: grey, blurred, blurred)):
         frame = room.frame(SMALL, k, se3.exp(k * TURN))
         sensor = sensor.with_stamp(frame.stamp)
-        view = View.of(frame, sensor.clock, FrameImages.of(look(frame.color)))
+        view = View.of(frame, k, sensor.clock, FrameImages.of(look(frame.color)))
         frames.append(ChainFrame(view, NamedFeatures.nothing(), np.zeros(6), None))
     return sensor, frames
 

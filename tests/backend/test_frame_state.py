@@ -6,9 +6,10 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from made_up_scene import bare_keyframe, blank_view
+from made_up_scene import bare_keyframe, blank_view, exact
 
-from odom.backend.tracking.frame_state import FrameState
+from odom.backend.map.map import Map
+from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.geometry import se3
@@ -41,3 +42,17 @@ def test_later_and_where_time_went_back_only_a_jerk_takes_the_camera_from_where_
     expected = state_after(since_begun_s).expected_after(PERIOD_S)
     assert expected.free[0] == TUNING.jerk_m_s2 * PERIOD_S**2
     assert not expected.is_within_reach(ASIDE)
+
+
+def test_a_state_that_moves_with_the_map_has_one_pose() -> None:
+    none, nothing = np.zeros(0, dtype=np.int64), exact(np.zeros((0, 3)))
+    found = none, np.zeros((0, 2)), nothing, np.zeros((0, 2)), np.zeros(0, dtype=np.bool_), none, none, none
+    tracked = Tracked(ASIDE, np.eye(6), *found, cast(Any, None), 0, np.zeros(6), None)
+    state = replace(BEGINNING, T_camera_map=ASIDE, tracked=tracked)
+    map_ = Map(keyframes=[bare_keyframe(0, np.eye(4))])
+    T_reference_camera = state.T_reference_camera(map_)
+    map_.keyframes[0].T_camera_map = se3.exp(np.array([0.0, 0.2, 0.0, 0.0, 0.1, 0.0]))
+    moved = state.moved_with(map_, T_reference_camera)
+    assert moved.tracked is not None
+    np.testing.assert_array_equal(moved.tracked.T_camera_map, moved.T_camera_map)
+    np.testing.assert_allclose(moved.T_reference_camera(map_), T_reference_camera, atol=1e-12)

@@ -331,6 +331,13 @@ def test_no_covariance_is_claimed_across_a_loss_or_between_segments():
     assert relative_covariance(map_, here, again, np.eye(4), 0.0, 0.0) is not None
 
 
+def test_a_motion_over_a_step_back_of_the_stamps_is_as_unsure_as_over_one_ahead():
+    map_ = Map(keyframes=[bare_keyframe(0, np.eye(4))])
+    then, later, set_back = (LoggedFrame(Stamp(s * 10**9), 0, 0.0, 0, np.eye(4), np.eye(6)) for s in (60, 90, 30))
+    ahead, back = (relative_covariance(map_, then, now, np.eye(4), 0.0, 0.0) for now in (later, set_back))
+    np.testing.assert_array_equal(back, ahead)
+
+
 def test_a_motion_is_as_unsure_as_the_map_has_moved_since_it_began():
     rng = np.random.default_rng(2)
     poses = [np.eye(4), se3.exp(0.2 * rng.normal(size=6))]

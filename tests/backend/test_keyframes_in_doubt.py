@@ -1,11 +1,12 @@
 """Among people, what was not seen to stand bears no landmarks, so that no body becomes the scene."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
-from made_up_scene import NO_DEPTH, chain_of_keyframes
+from made_up_scene import blank_view, chain_of_keyframes
 from painted_room import SMALL, PaintedRoom
 
 from odom.backend.loop_closure import candidate
@@ -42,14 +43,34 @@ def test_a_young_segment_grows_by_what_is_new_since_it_has_nothing_else() -> Non
     assert is_due_in_doubt(POSES[:2], 0.1, (1,))
 
 
-def is_due_in_doubt(poses: list[np.ndarray], after_s: float, of_keyframes: tuple[int, ...]) -> bool:
-    """Whether a view so long after the last key frame becomes one, where the landmarks `of_keyframes` agree with it."""
+@pytest.mark.parametrize(("of_keyframes", "is_due"), [((3,), False), ((1, 2), True)])
+def test_in_a_map_of_later_stamps_nothing_is_young_and_what_was_saved_is_old(
+    of_keyframes: tuple[int, ...], is_due: bool
+) -> None:
+    """An older recording is played onto a newer map: the last key frame is the run's own."""
+    assert is_due_in_doubt(POSES, 0.1, of_keyframes, saved=3, saved_later_s=1000.0) == is_due
+
+
+@pytest.mark.parametrize(("of_keyframes", "is_due"), [((3,), False), ((2, 3), True)])
+def test_after_a_step_back_of_the_stamps_what_was_before_is_old(of_keyframes: tuple[int, ...], is_due: bool) -> None:
+    assert is_due_in_doubt(POSES, -60.0, of_keyframes) == is_due
+
+
+def is_due_in_doubt(
+    poses: list[np.ndarray], after_s: float, of_keyframes: tuple[int, ...], saved: int = 0, saved_later_s: float = 0.0
+) -> bool:
+    """Whether a view so long after the last key frame becomes one, where the landmarks `of_keyframes` agree with it.
+
+    The first `saved` key frames are of an earlier run, with stamps that are so much later.
+    """
     map_, last = chain_of_keyframes(poses, np.eye(6)), len(poses) - 1
+    for keyframe in map_.keyframes[:saved]:
+        keyframe.frame, keyframe.stamp = -1, Stamp(keyframe.stamp + round(1e9 * saved_later_s))
     rows = np.flatnonzero(np.isin(map_.landmarks.keyframe, of_keyframes))
     inserter = KeyframeInserter(map_, OdometrySettings())
     inserter.want_keyframe()
     stamp = Stamp(round(1e9 * (last + after_s)))
-    view = View(last + 1, stamp, SteadyStamp(stamp), FrameImages.of(np.zeros((48, 64), np.uint8)), stamp, NO_DEPTH)
+    view = replace(blank_view(last + 1), stamp=stamp, steady_stamp=SteadyStamp(stamp))
     seen = SimpleNamespace(rows=rows, uv=np.zeros((len(rows), 2)))
     T_camera_map = se3.inverse(poses[last] @ se3.exp(np.array([0.2, 0.0, 0.0, 0.0, 0.0, 0.0])))
     tracked = cast("Any", SimpleNamespace(inlier_landmarks=seen, reference=last, T_camera_map=T_camera_map))
@@ -61,7 +82,7 @@ def is_due_in_doubt(poses: list[np.ndarray], after_s: float, of_keyframes: tuple
 def test_in_doubt_no_corner_that_nothing_can_judge_becomes_a_landmark(in_doubt: bool) -> None:
     frame = PaintedRoom().frame(SMALL, 0, np.eye(4))
     sensor = unproven_sensor(SMALL, OdometrySettings()).with_stamp(frame.stamp)
-    view = View.of(frame, sensor.clock, FrameImages.of(frame.color), None)
+    view = View.of(frame, 0, sensor.clock, FrameImages.of(frame.color), None)
     map_ = chain_of_keyframes(POSES[:1], np.eye(6))
     corners = KeyframeInserter(map_, OdometrySettings()).first_corners(view, sensor)
     assert corners is not None
@@ -77,7 +98,7 @@ def test_in_doubt_no_corner_that_nothing_can_judge_becomes_a_landmark(in_doubt: 
 def test_in_doubt_a_place_is_what_stands_there_which_is_known_when_new_corners_are(in_doubt: bool) -> None:
     frame = PaintedRoom().frame(SMALL, 0, np.eye(4))
     sensor = unproven_sensor(SMALL, OdometrySettings()).with_stamp(frame.stamp)
-    view = View.of(frame, sensor.clock, FrameImages.of(frame.color), None)
+    view = View.of(frame, 0, sensor.clock, FrameImages.of(frame.color), None)
     map_ = chain_of_keyframes(POSES, np.eye(6))
     mapper = Mapper(map_, OdometrySettings(), sensor)
     rows = np.arange(len(map_.landmarks.alive[map_.landmarks.alive]))

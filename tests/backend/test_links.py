@@ -21,7 +21,7 @@ def test_key_frames_that_see_few_landmarks_do_not_cut_the_camera_off_from_them()
     rng, map_ = np.random.default_rng(0), Map()
     images = FrameImages.of(np.zeros((48, 64), np.uint8))
     for number in range(8):
-        view = View(number, Stamp(33_000_000 * number), SteadyStamp(0), images, Stamp(0), NO_DEPTH)
+        view = View(number, number, Stamp(33_000_000 * number), SteadyStamp(0), images, Stamp(0), NO_DEPTH)
         known, against = MeasuredLandmarks.nothing(), None
         if number:
             rows, against = np.arange(SEEN), number - 1

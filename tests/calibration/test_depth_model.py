@@ -97,7 +97,7 @@ def test_depth_is_read_where_it_is_and_corrected(seen_before):
     depth = np.rint(1000.0 / measured).astype(np.uint16)
     frame = RgbdFrame(0, Stamp(0), np.zeros((480, 640), np.uint8), Stamp(0), depth)
     sensor = sensor_of(camera)
-    view = View.of(frame, sensor.clock, FrameImages.of(frame.color))
+    view = View.of(frame, 0, sensor.clock, FrameImages.of(frame.color))
     guess = wanted if seen_before else None
     found = measure(view, sensor, uv, np.zeros((50, 3)), np.zeros(6), guess)
     np.testing.assert_allclose(found.values[:, 2], wanted, atol=1e-3)

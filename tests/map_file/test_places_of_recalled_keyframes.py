@@ -87,6 +87,16 @@ def test_what_is_saved_leaves_memory_with_its_key_frame(opened):
     assert number not in map_.places.places
 
 
+def test_a_search_knows_the_places_that_were_in_memory_when_it_began(opened):
+    map_, number = map_with_a_new_keyframe(opened)
+    set_aside(map_, number)
+    searched = map_.places.snapshot()
+    taken = take_changes(map_)  # not on its way to disk yet
+    assert is_known(searched.place_of(number))
+    opened.put(taken)
+    assert np.array_equal(searched.place_of(number).points, details(50).place.points)
+
+
 def test_newer_details_without_a_place_do_not_cost_the_one_that_waits(opened, gate):
     opened.begin(CAMERA)
     gate.close()

@@ -1,10 +1,15 @@
 """What is put is what is read from then on, whatever is read ahead meanwhile."""
 
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 
+import numpy as np
+from backend.made_up_scene import chain_of_keyframes
 from made_up_map import CAMERA, details, make
 
+from odom.backend.map.memory import details_of
 from odom.backend.map.saved import MapChanges
+from odom.geometry import se3
+from odom.map_file import records
 from odom.map_file.map_file import MapFile
 
 
@@ -28,3 +33,21 @@ def test_what_is_read_ahead_while_details_are_put_is_not_older_than_they(tmp_pat
     opened.put(MapChanges(details={2: fewer}))
     assert len(opened.fetch(2).identities) == 3
     opened.close()
+
+
+def test_details_are_the_same_to_the_bit_before_and_after_they_are_on_disk():
+    """How quickly a disk writes must change no result: what waits for it is handed out as what was written."""
+    map_ = chain_of_keyframes([np.eye(4), se3.exp(np.array([0.2, 0.1, 0.0, 0.1, 0.2, 0.3]))], 1e-4 * np.eye(6))
+    map_.places.adopt(map_.places.grown({1: details(1).place}))
+    waiting = details_of(map_, 1)
+    place = records.place_of(1, records.place_bytes(1, waiting.place))
+    assert_same(waiting, records.details_of(1, records.details_bytes(1, waiting), place))
+
+
+def assert_same(one, other):
+    """All numbers of two values of the same dataclass are equal."""
+    if is_dataclass(one):
+        for field in fields(one):
+            assert_same(getattr(one, field.name), getattr(other, field.name))
+    else:
+        np.testing.assert_array_equal(one, other)

@@ -114,6 +114,7 @@ def test_the_chain_is_published_with_its_covariance_and_the_last_link_as_a_veloc
 
 def test_the_closed_chain_is_a_path() -> None:
     stamps, poses = np.array([STAMP, STAMP + 10]), np.array([np.eye(4), se3.exp(np.full(6, 0.1))])
-    path = codec.decode_path(closed_chain_message(Topics("cam0"), ClosedChain(stamps, poses, poses, 1, 0, 1, None)))
+    closed = ClosedChain(stamps, np.zeros_like(stamps), poses, poses, 1, 0, 1, None)
+    path = codec.decode_path(closed_chain_message(Topics("cam0"), closed))
     assert [pose.stamp for pose in path] == stamps.tolist()
     np.testing.assert_allclose([pose.T_parent_child for pose in path], poses, atol=1e-12)

@@ -130,15 +130,27 @@ def test_the_closed_chain_is_the_chain_moved_with_the_holes_still_said(tmp_path:
     for i in range(5):
         files.append(estimate(i, hole="nothing in common" if i == 3 else ""))
     moved = se3.exp(np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.2]))
-    closed = ClosedChain(
-        np.array([stamp(0), stamp(4)]), np.array([np.eye(4), moved]), np.array([np.eye(4), moved]), 1, 0, 1, None
-    )
+    stamps, poses = np.array([stamp(0), stamp(4)]), np.array([np.eye(4), moved])
+    closed = ClosedChain(stamps, np.zeros_like(stamps), poses, poses, 1, 0, 1, None)
     files.write_trajectory([TrajectoryPose(stamp(i), np.eye(4), 0) for i in range(5)], closed)
     written = read_tum(tmp_path / "chain_closed.txt")
     assert list(written.stamps) == [stamp(i) for i in range(5)]
     np.testing.assert_allclose(written.T_world_body[4], moved @ se3.exp(4 * STEP), atol=1e-7)
     np.testing.assert_allclose(written.T_world_body[2], closed.moved(stamp(2), se3.exp(2 * STEP)), atol=1e-7)
     assert "a hole: nothing in common" in (tmp_path / "chain_closed.txt").read_text()
+
+
+def test_the_chain_of_a_recording_played_in_a_loop_is_moved_as_each_round_says(tmp_path: Path) -> None:
+    files, there = RunFiles(tmp_path), [0, 1, 2, 0, 1, 2]
+    for i in there:
+        files.append(estimate(i))
+    poses = np.array([se3.exp(k * STEP) for k in (0, 1, 5, 7)])
+    ends, rounds = np.array([stamp(0), stamp(2), stamp(0), stamp(2)]), np.array([0, 0, 1, 1])
+    closed = ClosedChain(ends, rounds, poses, poses, 1, 0, 1, None)
+    files.write_trajectory([TrajectoryPose(stamp(i), np.eye(4), 0) for i in there], closed)
+    lines = [line.split() for line in (tmp_path / "chain_closed.txt").read_text().splitlines()]
+    moved = [se3.exp((i + k) * STEP)[:3, 3] for i, k in zip(there, (0, 0.5, 1, 5, 6, 7), strict=True)]
+    np.testing.assert_allclose([[float(x) for x in line[1:4]] for line in lines], moved, atol=1e-7)
 
 
 def test_truth_of_the_first_body_is_the_truth(tmp_path: Path) -> None:

@@ -46,7 +46,7 @@ class Chain:
         self.covariance: Array = np.zeros((6, 6))
         self.closures = Closures()
         self._summed: Array = np.zeros((6, 6))
-        self._part = 0
+        self._part = self._steps_back = 0
         self._end: ChainFrame | None = None
         self._start_covariance: Array = np.zeros((6, 6))
         self._corners = OwnCorners.nothing()
@@ -65,7 +65,7 @@ class Chain:
         if end is None:
             why = ""
         elif frame.view.stamp <= end.view.stamp:
-            why = "stamped before the frame before"
+            why, self._steps_back = "stamped before the frame before", self._steps_back + 1
         elif T_hint is not None:
             T_camera_chain = se3.inverse(self.T_chain_camera @ T_hint)
             features = features.joined(self._corners.look_for(frame.view, T_camera_chain, frame.twist, sensor))
@@ -90,7 +90,7 @@ class Chain:
         `reference` is the key frame nearest in pose.
         """
         end = self._end
-        if end is not None and (is_keyframe or self.closures.are_due(end.view.stamp)):
+        if end is not None and (is_keyframe or self.closures.are_due(end.view.stamp, self._steps_back)):
             node = self._node(end.view.stamp, map_.keyframes[-1].number if is_keyframe else None)
             self.closures.add(node)
             self.closures.close(node, end.features, reference, map_, sensor)
@@ -111,13 +111,14 @@ class Chain:
         """Return the node of the newest frame, a new one if it is none yet; None where there is no frame."""
         if self._end is None:
             return None
-        stamp, nodes = self._end.view.stamp, self.closures.nodes
-        if nodes and nodes[-1].stamp == stamp:
-            return nodes[-1]
+        stamp, last = self._end.view.stamp, self.closures.nodes[-1] if self.closures.nodes else None
+        if last is not None and (last.stamp, last.steps_back) == (stamp, self._steps_back):
+            return last
         return self._node(stamp, None)
 
     def _node(self, stamp: Stamp, keyframe: int | None) -> ChainNode:
-        return ChainNode(self.closures.taken, stamp, keyframe, self.T_chain_camera, self._summed, self._part)
+        pose = self.T_chain_camera, self._summed
+        return ChainNode(self.closures.taken, stamp, keyframe, *pose, self._part, self._steps_back)
 
     def _registered(
         self, end: ChainFrame, frame: ChainFrame, T_hint: Array, sensor: SensorModel

@@ -39,7 +39,8 @@ def close_chain(chain: Chain, map_: Map, sensor: SensorModel) -> ClosedChain | N
     if piece[first.part] == piece[end.part]:
         closing = _closing(chain, first, end, map_, sensor, Edge(first.number, end.number, closed, covariance))
     pieces = len(set(piece.values()))
-    return ClosedChain(stamps, moved, poses, len(closures.edges), closures.refused, pieces, closing)
+    steps_back = np.array([node.steps_back for node in nodes], dtype=np.int64)
+    return ClosedChain(stamps, steps_back, moved, poses, len(closures.edges), closures.refused, pieces, closing)
 
 
 def _pieces(nodes: list[ChainNode], closures: list[Edge]) -> dict[int, int]:

@@ -28,7 +28,8 @@ class ChainNode:
     """A frame of the chain, numbered in order; `keyframe` is its number in the map, None where it is no key frame.
 
     `T_chain_camera` is its pose at its middle row's time, `summed_covariance` (6 x 6, `se3`) that of the motion since
-    its `part` of the chain began, with links added up as if independent. Holes separate the parts.
+    its `part` of the chain began, with links added up as if independent. Holes separate the parts. `steps_back` is how
+    often the chain's stamps had stepped back by then.
     """
 
     number: int
@@ -37,6 +38,7 @@ class ChainNode:
     T_chain_camera: Array
     summed_covariance: Array
     part: int = 0
+    steps_back: int = 0
 
     def edge_to(self, later: "ChainNode") -> Edge:
         """Return the chain's motion to a later node; its covariance is the sums' difference, or a guess over a hole."""
@@ -61,9 +63,15 @@ class Closures:
     refused: int = 0
     taken: int = 0
 
-    def are_due(self, stamp: Stamp) -> bool:
-        """Return whether a frame at `stamp` should become a node, even if it is no key frame."""
-        return not self.nodes or stamp - self.nodes[-1].stamp >= TUNING.closure_every_s * 1e9
+    def are_due(self, stamp: Stamp, steps_back: int) -> bool:
+        """Return whether a frame at `stamp` should become a node, even if it is no key frame.
+
+        The first after a step back of the stamps is one: `steps_back` counts them.
+        """
+        last = self.nodes[-1] if self.nodes else None
+        if last is None or last.steps_back != steps_back:
+            return True
+        return stamp - last.stamp >= TUNING.closure_every_s * 1e9
 
     def add(self, node: ChainNode) -> None:
         """Take in a new node, numbered `taken`."""
@@ -78,7 +86,8 @@ class Closures:
         """Register a node, near key frame `reference`, against those of long ago that share most landmarks with it."""
         near = map_.linked(reference).intersection(map_.remembered)
         until = node.stamp - TUNING.closure_after_s * 1e9
-        places = [one for one in self.nodes if one.keyframe in near and one.stamp <= until]
+        old = [one for one in self.nodes if one.steps_back != node.steps_back or one.stamp <= until]
+        places = [one for one in old if one.keyframe in near]
         keyframes = [map_.keyframes[one.keyframe] for one in places if one.keyframe is not None]
         counts = [int(np.count_nonzero(places_of(each.identities, features.names) >= 0)) for each in keyframes]
         for k in sorted(range(len(places)), key=lambda k: -counts[k])[: TUNING.closures_each]:

@@ -61,18 +61,24 @@ class BlockPattern:
 
 
 @compiled
+def find_block(start: Index, row: Index, column: int, below: int) -> int:
+    """Return where the block of a `column` and the row `below` is, by bisection."""
+    low, high = start[column], start[column + 1] - 1
+    while low < high:
+        middle = (low + high) // 2
+        if row[middle] < below:
+            low = middle + 1
+        else:
+            high = middle
+    return int(low)
+
+
+@compiled
 def _slots(start: Index, row: Index, column: Index, below: Index) -> Index:
-    """Return where the blocks of each `column` and the row `below` (m) are, by bisection."""
+    """Return where the blocks of each `column` and the row `below` (m) are."""
     out = np.empty(len(column), np.int64)
     for e in range(len(column)):
-        low, high = start[column[e]], start[column[e] + 1] - 1
-        while low < high:
-            middle = (low + high) // 2
-            if row[middle] < below[e]:
-                low = middle + 1
-            else:
-                high = middle
-        out[e] = low
+        out[e] = find_block(start, row, column[e], below[e])
     return out
 
 

@@ -6,6 +6,7 @@ M. Chin, "Formation of a sparse bus impedance matrix", 1973): with A = L L' and 
 
 import numpy as np
 
+from odom.backend.map.block_cholesky import find_block
 from odom.geometry.arrays import Array, Index
 from odom.geometry.compiled import compiled
 
@@ -24,7 +25,7 @@ def inverse_blocks(start: Index, row: Index, L: Array) -> Array:
                     total[i, k] = inverse[k, i] if p == first else 0.0
             for q in range(first + 1, stop):
                 low, high = min(row[p], row[q]), max(row[p], row[q])
-                at = _find(start, row, low, high)
+                at = find_block(start, row, low, high)
                 is_turned = row[p] < row[q]
                 for i in range(6):
                     for k in range(6):
@@ -50,16 +51,3 @@ def _invert_triangle(D: Array, out: Array) -> None:
             for c in range(k, i):
                 rest -= D[i, c] * out[c, k]
             out[i, k] = rest / D[i, i] if i >= k else 0.0
-
-
-@compiled
-def _find(start: Index, row: Index, column: int, below: int) -> int:
-    """Return where the block of a `column` and the row `below` is."""
-    low, high = start[column], start[column + 1] - 1
-    while low < high:
-        middle = (low + high) // 2
-        if row[middle] < below:
-            low = middle + 1
-        else:
-            high = middle
-    return int(low)

@@ -108,6 +108,10 @@ class Keyframe(FrameObservations):
             T_middle_stamp=T_middle_stamp,
         )
 
+    def is_newer_than(self, age_s: float, stamp: Stamp) -> bool:
+        """Return whether it was made in this run, less than `age_s` before `stamp`; one of a later stamp is older."""
+        return self.frame >= 0 and 0.0 <= (stamp - self.stamp) * 1e-9 < age_s
+
     def forget(self) -> None:
         """Drop what was measured; the empty arrays that remain are shared by all forgotten key frames."""
         self.displaced = None

@@ -17,7 +17,7 @@ from odom.backend.map.shape_covariance import shape_covariances
 from odom.backend.map.tuning import TUNING
 from odom.frontend.features.place_descriptor import Place
 from odom.geometry import se3
-from odom.geometry.arrays import Array, Index
+from odom.geometry.arrays import Array, Index, rounded
 
 
 def open_map(saved: SavedMap) -> Map:
@@ -54,30 +54,34 @@ def open_map(saved: SavedMap) -> Map:
 
 
 def details_of(map_: Map, number: int) -> SavedDetails:
-    """Return what is to be saved of a key frame that is in memory; landmarks of vague depth are not."""
+    """Return what is to be saved of a key frame that is in memory; landmarks of vague depth are not.
+
+    It is rounded as a file keeps it, so that it is the same to the bit whether it is brought back from disk or sooner.
+    """
     keyframe, L = map_.keyframes[number], map_.landmarks
     rows = np.flatnonzero(L.alive & (L.keyframe == number))
     rows = rows[~L.is_vague(rows)]
     T, R = keyframe.T_camera_map, keyframe.T_camera_map[:3, :3]
+    covariance = R @ L.covariance[rows] @ R.T
     landmarks = SavedLandmarks(
         L.identity[rows],
         se3.apply(T, L.position[rows]),
-        R @ L.covariance[rows] @ R.T,
+        rounded(0.5 * (covariance + covariance.swapaxes(1, 2))),
         L.uv[rows],
-        L.plane[rows],
+        rounded(L.plane[rows]),
         L.patch_full[rows],
         L.patch_half[rows],
         L.seen[rows],
         L.tried[rows],
     )
-    place = map_.places.places.get(number)
+    place = map_.places.places.get(number) or _saved_place(map_, number)
     return SavedDetails(
         keyframe.timing,
         keyframe.identities,
         keyframe.uv,
-        keyframe.measurements,
+        keyframe.measurements.rounded(),
         landmarks,
-        place or _saved_place(map_, number),
+        None if place is None else place.rounded(),
     )
 
 

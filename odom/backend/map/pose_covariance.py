@@ -78,7 +78,7 @@ def relative_covariance(
     T_current_b = se3.inverse(current.T_keyframe_camera)
     T_current_earlier = T_current_b @ b.T_camera_map @ se3.inverse(a.T_camera_map) @ earlier.T_keyframe_camera
     A_b, A_earlier = se3.adjoint(T_current_b), se3.adjoint(T_current_earlier)
-    apart_s = (current.stamp - earlier.stamp) * 1e-9
+    apart_s = abs(current.stamp - earlier.stamp) * 1e-9
     inflation = 1.0 + TUNING.shared_error * (1.0 - np.exp(-apart_s / TUNING.shared_error_s))
     ends = current.covariance + A_earlier @ earlier.covariance @ A_earlier.T
     common = common_covariance(se3.inverse(T_current_earlier), calibration_error)

@@ -148,7 +148,7 @@ class KeyframeInserter:
             return state
         if keyframe.frame != state.view.number:
             inliers = tracked.inliers & self._map.landmarks.alive[tracked.rows]
-            tracked = replace(tracked, T_camera_map=state.T_camera_map, inliers=inliers, reference=state.reference)
+            tracked = replace(tracked, inliers=inliers, reference=state.reference)
             covariance = tracked.covariance * sensor.noise.covariance_scale
             keyframe = self.insert(state.view, tracked, state.twist, covariance, sensor, 0, in_doubt)
             keyframe.T_middle_stamp = _T_middle_stamp(state.view, state.twist, sensor)
@@ -174,7 +174,7 @@ class KeyframeInserter:
         is_worn = self._is_wanted or coverage.is_worn(self._coverage_at_keyframe)
         near = self._map.keyframes[tracked.reference]
         is_alone = near.number == near.first == len(self._map.keyframes) - 1
-        is_due = is_worn or (is_alone and (view.stamp - near.stamp) * 1e-9 > TUNING.alone_s)
+        is_due = is_worn or (is_alone and not near.is_newer_than(TUNING.alone_s, view.stamp))
         T_camera_keyframe = tracked.T_camera_map @ se3.inverse(near.T_camera_map)
         return is_due and _has_moved(T_camera_keyframe)
 
@@ -184,12 +184,10 @@ class KeyframeInserter:
         A body that comes to be followed is all new: its first landmarks would agree with the next ones on it.
         """
         keyframes = self._map.keyframes
-        begun = keyframes[keyframes[tracked.reference].first].stamp
-        if (view.stamp - begun) * 1e-9 < TUNING.young_segment_s:
+        if keyframes[keyframes[tracked.reference].first].is_newer_than(TUNING.young_segment_s, view.stamp):
             return True
         number, count = np.unique(self._map.landmarks.keyframe[tracked.inlier_landmarks.rows], return_counts=True)
-        latest = view.stamp - TUNING.long_known_s * 1e9
-        is_old = [keyframes[n].stamp <= latest for n in number.tolist()]
+        is_old = [not keyframes[n].is_newer_than(TUNING.long_known_s, view.stamp) for n in number.tolist()]
         return int(count[is_old].sum()) >= TUNING.long_known_least
 
     def want_keyframe(self) -> None:

@@ -131,7 +131,7 @@ class Mapper:
         adjustment = self._next_adjustment(sensor, is_whole, change)
         times = 1 + (len(adjustment.is_fixed) // TUNING.change_frames if is_whole else 0)
         searches = [PlaceSearch.of(self._map, seen) for seen in self.inserter.take_undescribed()]
-        index, shutter = self._map.places, self._shutter
+        index, shutter = self._map.places.snapshot(), self._shutter
         window = self._settings.window_keyframes
         trials = [] if is_whole else shutter.trials(self._map, window, sensor)
 

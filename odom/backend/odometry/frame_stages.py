@@ -82,7 +82,7 @@ class FrameStages:
         self.last, tracked, is_near = self._lost_camera.find(self.last, view, place, self.sensor, in_doubt)
         watch.lap("relocalise")
         if tracked is not None:
-            is_recovered = not is_near or self.published.is_lost or not self._is_predictable(view)
+            is_recovered = not (is_near and is_followable and self._is_predictable(view))
             return self._advance(view, self._judge(view, tracked, is_recovered), watch, on_pose)
         if (predicted := self._predict(view, is_followable, "not tracked")) is not None:
             return predicted

@@ -153,7 +153,7 @@ class Odometry:
         watch = Stopwatch(None if prepared is None else prepared.laps_ms)
         images = FrameImages.of(frame.color) if prepared is None else prepared.images
         count = stages.published.log.count
-        view = View.of(frame, stages.sensor.clock, images, self.segmentation.mask(frame), count)
+        view = View.of(frame, count, stages.sensor.clock, images, self.segmentation.mask(frame))
         watch.lap("images")
         loops, map_moved = self._apply_background(count)
         map_moved |= stages.mapper.prune(stages.last)
@@ -213,7 +213,7 @@ class Odometry:
         stages.sensor, self._adjusted = stages.mapper.finish(stages.sensor, log)
         stages.last = state.moved_with(stages.map, T_reference_camera)
         if newest in self._adjusted:
-            stages.last = replace(stages.last, T_camera_map=self._adjusted[newest])
+            stages.last = stages.last.at_pose(self._adjusted[newest])
 
     def final_trajectory(
         self, keyframes: Mapping[int, Array] = _UNMOVED, between: Mapping[int, Array] = _UNMOVED

@@ -98,9 +98,11 @@ class PublishedTrajectory:
         T_reference_middle = reference.T_camera_map @ judged.tracked.T_map_camera
         middle = LoggedFrame(view.stamp, reference.segment, view.late_s, reference.number, T_reference_middle)
         self.log.append(replace(middle, covariance=judged.covariance, twist=judged.twist))
-        last = None if self._recent.last is None else self._recent.last.frame.keyframe
-        if last is not None and self._map.keyframes[last].segment != middle.segment:
-            self._recent.clear()
+        last = None if self._recent.last is None else self._recent.last.frame
+        if last is not None and last.keyframe is not None:
+            is_joined = self._map.keyframes[last.keyframe].segment == middle.segment
+            if not is_joined or view.stamp <= last.stamp:
+                self._recent.clear()
         T_odom_last = None if self._newest is None else self._newest.T_odom_camera
         T_odom_middle = self._odom.next_pose(judged.tracked.T_map_camera, T_odom_last)
         motion = self._filtered(T_odom_middle, judged)

@@ -45,8 +45,8 @@ class Visibility:
 
     def is_blind(self, stamp: Stamp, bridge_s: float, period_s: float) -> bool:
         """Return whether, at `stamp`, no depth image has shown anything for longer than `bridge_s` or some periods."""
-        return (stamp - self.depth_stamp) * 1e-9 > max(bridge_s, TUNING.longest_blind_periods * period_s)
+        return abs(stamp - self.depth_stamp) * 1e-9 > max(bridge_s, TUNING.longest_blind_periods * period_s)
 
     def lacks_depth(self, stamp: Stamp) -> bool:
         """Return whether, at `stamp`, frames have been placed without measured depth for too long to be sure."""
-        return (stamp - self.landmark_depth_stamp) * 1e-9 > TUNING.longest_shallow_s
+        return abs(stamp - self.landmark_depth_stamp) * 1e-9 > TUNING.longest_shallow_s

@@ -10,7 +10,7 @@ from odom.backend.map.keyframe import Keyframe, MeasuredLandmarks
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.map.map import Map
 from odom.backend.tracking.expected_pose import ExpectedPose
-from odom.backend.tracking.motion_model import AT_REST, Motion, Velocity, is_plausible_motion
+from odom.backend.tracking.motion_model import ANY_VELOCITY, AT_REST, Motion, Velocity, is_plausible_motion
 from odom.backend.tracking.pose_solver import fit_pose
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.stamp_clock import SteadyStamp
@@ -29,8 +29,8 @@ class Tracked:
     `rows` (n) are the landmarks found, at `uv` (n x 2 px), with their `measurements`, `chi2` (n x 2: ray, depth) and
     `inliers` (n); `looked_for` are the rows of all that were, `missed` those of them that are no inliers, with the line
     of `sight` to each; those found `elsewhere` seem to have moved. `reference` is the key frame nearest in
-    pose, `twist` (6, SI, camera frame) the velocity that the measurements were carried with, `velocity` the one that
-    the rows of the image showed.
+    pose, `twist` (6, SI, camera frame) the velocity that the measurements were carried with; where the rows of the
+    image showed it, `twist_covariance` (6 x 6) is its covariance, else None.
     """
 
     T_camera_map: Array
@@ -46,7 +46,12 @@ class Tracked:
     sight: LineOfSight
     reference: int
     twist: Array
-    velocity: Velocity
+    twist_covariance: Array | None
+
+    @property
+    def velocity(self) -> Velocity:
+        """The velocity that the rows of the image showed; any, where they showed none."""
+        return ANY_VELOCITY if self.twist_covariance is None else Velocity(self.twist, self.twist_covariance)
 
     @cached_property
     def T_map_camera(self) -> Array:
@@ -204,13 +209,17 @@ class FrameState:
         used = tracked.inliers & landmarks.alive[rows]
         points, covariances = landmarks.position[rows], landmarks.covariance[rows]
         T = fit_pose(points, covariances, measured.values, measured.covariance, self.T_camera_map, used).T_camera_map
-        return replace(self, tracked=replace(tracked, measurements=measured, T_camera_map=T), T_camera_map=T)
+        return replace(self, tracked=replace(tracked, measurements=measured)).at_pose(T)
 
     def T_reference_camera(self, map_: Map) -> Array:
         """Return the pose relative to the reference key frame."""
         return np.asarray(map_.keyframes[self.reference].T_camera_map @ self.T_map_camera)
 
+    def at_pose(self, T_camera_map: Array) -> "FrameState":
+        """Return this state at another pose."""
+        tracked = None if self.tracked is None else replace(self.tracked, T_camera_map=T_camera_map)
+        return replace(self, T_camera_map=T_camera_map, tracked=tracked)
+
     def moved_with(self, map_: Map, T_reference_camera: Array) -> "FrameState":
         """Return this state after the map has moved: its pose relative to the reference key frame stays the same."""
-        T_camera_map = se3.inverse(T_reference_camera) @ map_.keyframes[self.reference].T_camera_map
-        return replace(self, T_camera_map=T_camera_map)
+        return self.at_pose(se3.inverse(T_reference_camera) @ map_.keyframes[self.reference].T_camera_map)

@@ -9,7 +9,7 @@ from odom.backend.settings import OdometrySettings
 from odom.backend.tracking.found_landmarks import FoundLandmarks
 from odom.backend.tracking.frame_state import FrameState, MotionPrior, Tracked
 from odom.backend.tracking.keyframe_poses import keyframe_poses
-from odom.backend.tracking.motion_model import ANY_VELOCITY, is_plausible_motion
+from odom.backend.tracking.motion_model import is_plausible_motion
 from odom.backend.tracking.prediction import predict_pose
 from odom.backend.tracking.quality import has_enough_inliers, is_known_place, is_same_view
 from odom.backend.tracking.tuning import TUNING
@@ -88,10 +88,10 @@ class FrameTracker:
             landmarks, measured, T = landmarks.settled(measured, fit, features, expected)
             elsewhere = np.setdiff1d(followed, landmarks.found.rows, assume_unique=True)
             fit = landmarks.fit(measured, T)
-        velocity = ANY_VELOCITY
+        twist_covariance = None
         if prior is not None and not prior.are_bent:
             velocity = landmarks.velocity(measured, fit.T_camera_map, twist, prior)
-            twist = velocity.twist
+            twist, twist_covariance = velocity.twist, velocity.covariance
             measured = landmarks.measured(twist)
             fit = landmarks.fit(measured, fit.T_camera_map)
         found = landmarks.found
@@ -111,7 +111,7 @@ class FrameTracker:
             sight=LineOfSight.to(L.position[missed], L.covariance[missed], fit.T_camera_map, view, sensor),
             reference=int(local[0]),
             twist=twist,
-            velocity=velocity,
+            twist_covariance=twist_covariance,
         )
 
     def track_twice(

@@ -16,7 +16,7 @@ from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.depth_plane import PLANE_LIMITS, read_planes
 from odom.frontend.features.shutter_compensation import carried, depth_errors, flow_and_places
 from odom.frontend.features.view import View
-from odom.geometry.arrays import Array, Index, Mask
+from odom.geometry.arrays import Array, Index, Mask, rounded
 from odom.geometry.compiled import compiled
 
 _LOOKS = 3
@@ -66,6 +66,10 @@ class Measurements:
             np.concatenate([self.covariance, other.covariance]),
             np.concatenate([self.slope, other.slope]),
         )
+
+    def rounded(self) -> "Measurements":
+        """Return them with all but their values in numbers of 24 bits."""
+        return Measurements(self.values, rounded(self.jacobian_timing), rounded(self.covariance), rounded(self.slope))
 
     def straight(self, angles: Array) -> "Measurements":
         """Return them with a tilt of depth by `angles` (2, rad) taken out."""

@@ -10,7 +10,7 @@ from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.measurement import measure, points_of
 from odom.frontend.features.tuning import TUNING
 from odom.frontend.features.view import View
-from odom.geometry.arrays import Array
+from odom.geometry.arrays import Array, rounded
 
 Descriptors = NDArray[np.uint8]
 
@@ -25,6 +25,11 @@ class Place:
     descriptors: Descriptors
     points: Array
     covariances: Array
+
+    def rounded(self) -> "Place":
+        """Return the place in numbers of 24 bits, its covariances exactly symmetric."""
+        symmetric = 0.5 * (self.covariances + self.covariances.swapaxes(1, 2))
+        return Place(self.descriptors, rounded(self.points), rounded(symmetric))
 
 
 def describe_place(

@@ -27,25 +27,25 @@ class View:
     """
 
     sequence: int
+    number: int
     stamp: Stamp
     steady_stamp: SteadyStamp
     images: FrameImages
     depth_stamp: Stamp
     depth_mm: NDArray[np.uint16]
     may_move: Mask | None = None
-    number: int = 0
 
     @classmethod
     def of(
-        cls, frame: RgbdFrame, clock: StampClock, images: FrameImages, may_move: Mask | None = None, number: int = 0
+        cls, frame: RgbdFrame, number: int, clock: StampClock, images: FrameImages, may_move: Mask | None = None
     ) -> "View":
-        """Return the view of a frame whose stamp is the newest of `clock`; `images` are those of its colour.
+        """Return the view of a run's frame `number`, whose stamp is the newest of `clock`; `images` are its colour's.
 
         `may_move` is of the frame's own size. The view keeps none of the frame's arrays.
         """
         depth_mm = uniform(dense_depth(frame.depth_mm.copy(), images.scale))
         may_move = None if may_move is None else scaled_mask(may_move, images.scale)
-        return cls(frame.sequence, frame.stamp, clock.steady, images, frame.depth_stamp, depth_mm, may_move, number)
+        return cls(frame.sequence, number, frame.stamp, clock.steady, images, frame.depth_stamp, depth_mm, may_move)
 
     def without_depth(self) -> "View":
         """Return the view of a frame whose depth image says nothing."""

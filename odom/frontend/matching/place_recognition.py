@@ -1,7 +1,7 @@
 """Places seen before: an index by what they look like, matching by descriptors, and registration by the points."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -38,6 +38,10 @@ class PlaceIndex:
     blocks: tuple[PlaceBlock, ...] = ()
     elsewhere: Callable[[int], Place | None] | None = None
     gone: frozenset[int] = frozenset()
+
+    def snapshot(self) -> "PlaceIndex":
+        """Return this index as it is now: what leaves memory meanwhile stays in it."""
+        return replace(self, places=dict(self.places))
 
     def grown(self, added: Mapping[int, Place]) -> GrownIndex:
         """Return this index with further places of higher numbers; it stays as it is, and can be used meanwhile."""

@@ -45,11 +45,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from odom.backend import Estimate, Odometry, OdometrySettings, RelativePose, State, TrajectoryPose
     from odom.calibration.mid_run import MidRunCalibrator
-    from odom.errors import ConfigError, InputError, OdomError, RecordingError, SourceError
+    from odom.errors import ConfigError, InputError, MapError, OdomError, RecordingError, SourceError
     from odom.evaluation import EvaluationOptions, Report, Trajectory, evaluate
     from odom.evaluation.files import read_tum, write_tum
     from odom.evaluation.mocap_calibration import calibrate
     from odom.frame import Camera, RgbdFrame, Stamp, from_seconds, to_seconds
+    from odom.map_file.map_file import MapFile
     from odom.registration import (
         KinectV1,
         Pairs,
@@ -72,6 +73,8 @@ __all__ = [
     "EvaluationOptions",
     "InputError",
     "KinectV1",
+    "MapError",
+    "MapFile",
     "MidRunCalibrator",
     "OdomError",
     "Odometry",
@@ -107,11 +110,12 @@ __all__ = [
 _HOMES = {
     "backend": ("Estimate", "Odometry", "OdometrySettings", "RelativePose", "State", "TrajectoryPose"),
     "calibration.mid_run": ("MidRunCalibrator",),
-    "errors": ("ConfigError", "InputError", "OdomError", "RecordingError", "SourceError"),
+    "errors": ("ConfigError", "InputError", "MapError", "OdomError", "RecordingError", "SourceError"),
     "evaluation": ("EvaluationOptions", "Report", "Trajectory", "evaluate"),
     "evaluation.mocap_calibration": ("calibrate",),
     "evaluation.files": ("read_tum", "write_tum"),
     "frame": ("Camera", "RgbdFrame", "Stamp", "from_seconds", "to_seconds"),
+    "map_file.map_file": ("MapFile",),
     "registration": (
         "KinectV1",
         "Pairs",

@@ -91,14 +91,15 @@ def _pose_of_message(message: Message) -> tuple[Stamp, Array]:
 def read_recording(
     path: str | Path, camera: str | Path | None = None, *, start: float = 0.0, end: float | None = None
 ) -> RgbdRecording:
-    """Open an .mcap recording, a ROS 2 bag folder or a TUM RGB-D folder; `start` and `end` in seconds from its start.
+    """Open a recording, ROS bag or folder of images; `start` and `end` in seconds from its start.
 
-    `camera` is a calibration file (ROS's YAML) that replaces the recording's own; that of a TUM folder without
-    camera.yaml is told by the folder's name, or an average Kinect's with a warning. Raises SourceError when the path
-    cannot be opened, ConfigError when a recording lacks a calibration, RecordingError where no frame is found.
+    `camera` is a calibration file (ROS's or OpenCV's YAML, or ORB-SLAM's settings) that replaces the recording's own. A
+    folder without any has that which is known by its name, or an average Kinect's, with a warning. Raises SourceError
+    when the path cannot be opened, ConfigError when a recording lacks a calibration, RecordingError where no frame is
+    found.
     """
     if not Path(path).exists():
-        raise SourceError(f"{path}: no such file or folder; give an .mcap file, a ROS 2 bag or a TUM RGB-D folder")
+        raise SourceError(f"{path}: no such file or folder; give a recording, ROS bag or folder of images")
     options = SourceOptions(camera=None if camera is None else Path(camera), start=start, end=end)
     source = open_source(str(path), options)
     assembler = FrameAssembler(Topics())

@@ -4,7 +4,6 @@ import logging
 from collections.abc import Iterator
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from odom.frame.depth_model import LIKELY_MEDIAN_M
@@ -61,7 +60,7 @@ def _remedy(folder: Path, calibration_file: Path | None, scale: float, too_near:
 def _medians(folder: Path, layout: FolderLayout) -> Iterator[float]:
     """Yield the medians of some depth images' values, none of an image without depth, unreadable or in metres."""
     for entry in layout.depth[:: -(-len(layout.depth) // _LOOKED_AT) or 1]:
-        depth = image_in(folder / entry.values[0], cv2.IMREAD_UNCHANGED)
+        depth = image_in(folder / entry.values[0])
         if depth is None or depth.dtype.kind == "f":
             continue
         seen = depth[(depth > 0) & (depth != layout.unknown_depth)]

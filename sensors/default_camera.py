@@ -5,8 +5,6 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-import cv2
-
 from odom.frame import Camera
 from sensors.calibration_file import Calibration
 from sensors.image_lists import TumEntry
@@ -93,5 +91,5 @@ def first_size(folder: Path, entries: Sequence[TumEntry]) -> tuple[int, int] | N
 
 
 def _size(file: Path) -> tuple[int, int] | None:
-    image = image_in(file, cv2.IMREAD_UNCHANGED)
+    image = image_in(file)
     return None if image is None else (image.shape[1], image.shape[0])

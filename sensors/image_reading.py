@@ -42,10 +42,10 @@ def read_image(data: NDArray[np.uint8], flags: int) -> NDArray[Any]:
     return np.asarray(image)
 
 
-def image_in(file: Path, flags: int) -> NDArray[Any] | None:
-    """Return the image in a file as OpenCV's `flags` ask for it, None when it cannot be read."""
+def image_in(file: Path) -> NDArray[Any] | None:
+    """Return the image in a file as it is, with its own channels and bits, None when it cannot be read."""
     try:
-        return read_image(np.fromfile(file, dtype=np.uint8), flags)
+        return read_image(np.fromfile(file, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
     except (WireError, OSError):
         return None
 

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from sensors.default_camera import first_size
@@ -63,7 +62,7 @@ def _is_rotated(path: Path, depth: Sequence[TumEntry]) -> bool:
 
 def _odd(path: Path, entry: TumEntry) -> list[float]:
     """Return the share of an image's depths that have any of the lowest bits set, nothing where it holds no depth."""
-    depth = image_in(path / entry.values[0], cv2.IMREAD_UNCHANGED)
+    depth = image_in(path / entry.values[0])
     if depth is None or depth.dtype != np.uint16:
         return []
     seen = depth[depth > 0]

@@ -31,6 +31,17 @@ def test_the_mean_is_that_of_scipy() -> None:
     assert rotations.mean_of(R) == pytest.approx(Rotation.from_matrix(R).mean().as_matrix(), abs=1e-12)
 
 
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_turn_onto_other_vectors_is_that_of_scipy_and_never_a_reflection(mirrored: bool) -> None:
+    rng = np.random.default_rng(1)
+    onto = rng.normal(size=(40, 3)) * (1.0, 0.7, 0.4)
+    given = onto @ rotations.matrices_of_vectors(np.array([[0.3, -0.9, 1.7]]))[0] + 0.05 * rng.normal(size=(40, 3))
+    given[:, 0] *= -1.0 if mirrored else 1.0
+    R = rotations.turn_onto(given, onto)
+    assert pytest.approx(Rotation.align_vectors(onto, given)[0].as_matrix(), abs=1e-12) == R
+    assert np.linalg.det(R) == pytest.approx(1.0)
+
+
 def test_of_none_there_are_none() -> None:
     none = np.zeros((0, 3, 3))
     assert rotations.quaternions_of(none).shape == (0, 4)

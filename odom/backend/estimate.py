@@ -25,7 +25,16 @@ IMAGE_AGAIN = "the last image came again"
 
 @unique
 class State(Enum):
-    """How far a frame's pose may be trusted."""
+    """How far a frame's pose may be trusted; `Estimate.reason` says why it is not TRACKING.
+
+    TRACKING: thirty landmarks of known depth or more agree, and nothing speaks against the pose. The first frame of all
+    is TRACKING, too.
+    UNCERTAIN: there is a pose, but by few landmarks, with hardly any depth, by prediction, by surfaces alone, known to
+    more than 5 cm or 2 deg only (1 sigma), or in doubt because something moves.
+    LOST: there is no pose.
+    RECOVERED: the first pose after a loss: a known place was recognised, a new segment began, or the last segment goes
+    on where surfaces have led.
+    """
 
     TRACKING = "TRACKING"
     UNCERTAIN = "UNCERTAIN"
@@ -35,7 +44,11 @@ class State(Enum):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RelativePose:
-    """The pose of the current frame in an earlier one, with its 6 x 6 covariance (see `geometry.se3`)."""
+    """The pose `T_earlier_current` of the current frame in the one of `stamp_earlier`.
+
+    `covariance` is 6 x 6 (rho m, phi rad; `geometry.se3`). `inliers` counts the landmarks, or of a registration the
+    pairs of points, that agree with it.
+    """
 
     stamp_earlier: Stamp
     T_earlier_current: Array
@@ -119,7 +132,12 @@ class ClosedChain:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoopCandidate:
-    """One place that looked like an earlier one, and what became of it."""
+    """One place that looked like an earlier one, and what became of it.
+
+    `inliers` landmarks of the key frame of `candidate_stamp` were found again in the one of `stamp`, of which
+    `T_candidate_current` is the pose in it, None where it was refused before that was known. `reason` says why the loop
+    was `accepted` or refused.
+    """
 
     stamp: Stamp
     candidate_stamp: Stamp
@@ -143,9 +161,9 @@ class Features:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrajectoryPose:
-    """A pose of the corrected trajectory, in `map`; `T_map_camera` is None where the camera was LOST.
+    """A pose of the corrected trajectory at `stamp`, in `map`; `T_map_camera` is None where the camera was LOST.
 
-    Poses of different segments have nothing to do with each other.
+    Poses of different values of `segment` have nothing to do with each other.
     """
 
     stamp: Stamp
@@ -157,11 +175,21 @@ class TrajectoryPose:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimate:
-    """The causal estimate for one frame, as published.
+    """The causal estimate for the frame of this `sequence` number and `stamp`, as published.
+
+    `state` says how far the pose may be trusted, `reason` in words why it is not TRACKING (else empty). Poses of
+    different values of `segment` have nothing to do with each other: a new one begins after a loss where no known place
+    is recognised.
 
     `T_odom_camera` is continuous within a segment and None when LOST; `covariance` (6 x 6, `se3` convention, camera
     frame) is that of `T_odom_camera` since the segment began. `T_map_odom` holds the corrections by loop closures;
     odom begins where the camera was at the stamp of a segment's first frame.
+
+    `matches` landmarks were looked for in the frame, and `inliers` of them found where the pose says. `features` are
+    those points of the image, None without any. `is_keyframe`: the frame became part of the map; `is_predicted`: its
+    pose goes on with the motion before, nothing was measured. `loops` are the places that were recognised, or refused,
+    since the frame before.
+
     `step` is the published pose relative to the previous frame's, `second` relative to the one about a second earlier,
     both with the covariance that the published trajectory claims for them; `pairwise` is the paper's independent
     registration of (C_i, C_i+1), and `chain` the pose that follows from these alone. `moving` says which part of the

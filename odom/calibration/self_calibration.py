@@ -71,7 +71,7 @@ def better_camera(
     Raises InputError, ConfigError, LinAlgError.
     """
     newest, in_use = survey.newest(TUNING.self_frames), survey.camera
-    few = newest.of_frames(newest.every_nth(TUNING.self_times)).thinned(TUNING.self_observations, _SEED)
+    few = newest.of_frames(newest.every_nth()).thinned(TUNING.self_observations, _SEED)
     begin = System.at_start(few, FREE)
     if likely_gain(begin, Prior(vector_of(in_use), prior_sigma(in_use))) < TUNING.accept_gain:
         return SelfCalibration(reason=GOOD)
@@ -99,7 +99,7 @@ def _trajectory(
     vector = found.vector.copy()
     given = odometry.camera
     prior = Prior(np.where(np.arange(len(NAMES)) < TIMINGS, 0.0, vector), prior_sigma(given))
-    kept = survey.every_nth(TUNING.self_times)
+    kept = survey.every_nth()
     some = survey.of_frames(kept)
     by_some = fit(System.of(some, vector, start_of(some), _TIMING), prior, steps=_POSE_STEPS)
     poses = survey.T_camera_map.copy()

@@ -13,6 +13,7 @@ from odom.backend.mapping.steady_slopes import steadied, steady_rise
 from odom.calibration.observation_terms import SeenArrays
 from odom.calibration.parameters import LENS, OFFSET, SCALE, vector_of
 from odom.calibration.projection import project
+from odom.calibration.tuning import TUNING
 from odom.errors import InputError
 from odom.frame import Camera
 from odom.frame.depth_model import field_terms
@@ -69,11 +70,11 @@ class Survey:
         kept[np.argsort(self.seconds, kind="stable")[-most:]] = True
         return self.of_frames(kept)
 
-    def every_nth(self, times: float) -> Mask:
-        """Return every n-th frame (K), n so large that the usual landmark is still seen in `times` of them."""
+    def every_nth(self) -> Mask:
+        """Return every n-th frame (K), n so large that the usual landmark is still seen in `self_times` of them."""
         usual = len(self) / max(len(self.landmarks), 1)
         kept = np.zeros(len(self.T_camera_map), dtype=np.bool_)
-        kept[np.argsort(self.seconds, kind="stable")[:: -max(1, int(usual / times))]] = True
+        kept[np.argsort(self.seconds, kind="stable")[:: -max(1, int(usual / TUNING.self_times))]] = True
         return kept
 
     def of_frames(self, kept: Mask) -> "Survey":

@@ -80,7 +80,9 @@ def registration(
 
 @bench.command("sensitivity")
 def sensitivity(
-    sources: Annotated[list[str], typer.Argument(metavar="SOURCE...", help="Recordings or TUM folders with truth.")],
+    sources: Annotated[
+        list[str], typer.Argument(metavar="SOURCE...", help="Recordings or folders of images with truth.")
+    ],
     only: Annotated[str, typer.Option(metavar="GLOB", help="Only numbers of this name, as frontend.*_px.")] = "*",
     seconds: Annotated[float | None, typer.Option(min=1, help="Only so much of each source, from its start.")] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Processes at a time.")] = 1,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def physical(
-    source: Annotated[str, typer.Argument(help="arena, or a recording or TUM folder with truth.")] = "arena",
+    source: Annotated[str, typer.Argument(help="arena, or a recording or folder of images with truth.")] = "arena",
     pairs: Annotated[int, typer.Option(min=2, max=1000, help="Pairs of clouds (C_i, C_i+1), evenly spread.")] = 120,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the arena and of all chance.")] = 1,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write all figures to this file.")] = None,

@@ -10,7 +10,7 @@ from odom.cli.options import Calibration, Config, End
 
 
 def robustness(
-    source: Annotated[str, typer.Argument(help="A recording or TUM folder with truth.")],
+    source: Annotated[str, typer.Argument(help="A recording or folder of images with truth.")],
     axis: Annotated[list[str] | None, typer.Option(help="Only this axis; may be given again.")] = None,
     out: Annotated[Path | None, typer.Option(help="Write table.md, robustness.json and .png here.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all chance.")] = 1,

@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 def calibrate(
     sources: Annotated[
         list[str],
-        typer.Argument(help="Walks with one camera: recordings, TUM RGB-D folders, arena.", metavar="SOURCE..."),
+        typer.Argument(
+            help="Walks with one camera: recordings, ROS bags, folders of images, arena.", metavar="SOURCE..."
+        ),
     ],
     out: Annotated[Path, typer.Option(help="Calibration to write, for --camera; report and picture beside it.")],
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the files if they exist.")] = False,

@@ -17,14 +17,18 @@ Namespace = Annotated[str | None, typer.Option(help="Name of the device, first p
 Listen = Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to listen on.")]
 Mode = Annotated[Literal["peer", "client", "router"] | None, typer.Option(help="Zenoh role.")]
 Connect = Annotated[list[str] | None, typer.Option(help="Zenoh endpoint to connect to.")]
-Compression = Annotated[Literal["zstd", "lz4", "none"], typer.Option(help="Of the file's chunks.")]
+Compression = Annotated[
+    Literal["zstd", "lz4", "none"], typer.Option(help="How the messages in the file are compressed.")
+]
 MaskFile = Annotated[
     Path | None, typer.Option("--mask", help="Image, white where the camera sees what carries it (see odom mask).")
 ]
-Calibration = Annotated[Path | None, typer.Option(help="Calibration (ROS camera-calibration YAML).")]
+Calibration = Annotated[Path | None, typer.Option(help="Calibration: ROS's or OpenCV's YAML, or ORB-SLAM's settings.")]
 SourceName = Annotated[
     str,
-    typer.Argument(help="arena, kinect[:URI], kinect:FILE.oni, ros2:/camera, a recording or a TUM RGB-D folder."),
+    typer.Argument(
+        help="arena, kinect[:URI], kinect:FILE.oni, ros2:/camera, a recording, ROS bag or folder of images."
+    ),
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of the arena.")]
 Start = Annotated[float, typer.Option(min=0, help="Seconds of a recording to skip.")]

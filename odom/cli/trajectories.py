@@ -24,24 +24,26 @@ def read_estimate(path: Path, *, times: Path | None, topic: str) -> Trajectory:
         return read_run(path)
     if is_recording(path):
         return _from_recording(path, topic)[0]
-    return read_kitti(path, times) if times and _columns(path) == 12 else _text(path)
+    return _text(path, times)
 
 
 def read_truth(
     path: Path, *, times: Path | None, topic: str | None, body: str | None, y_up: bool, of_run: bool
 ) -> tuple[Trajectory, bool]:
-    """Return the truth, and whether it is of a marker body by another clock rather than of the camera."""
+    """Return the truth, and whether it is of a marker body by another clock rather than of the camera.
+
+    Text is of the body that its first line names (see `body_of`).
+    """
     if path.is_dir() and (path / "truth.txt").is_file():
         path = path / "truth.txt"
-        return read_tum(path), body_of(path) != CAMERA
-    if of_run and not is_recording(path):
+    elif of_run and not is_recording(path):
         raise SourceError(f"{path} holds no truth.txt: give the truth as second argument")
     if path.suffix.lower() == ".csv" and is_motive(path):
         return read_motive(path, body, y_up), True
     if is_recording(path):
         trajectory, found = _from_recording(path, topic)
         return trajectory, found.startswith(_TRUTH) and found != f"{_TRUTH}{CAMERA}/pose"
-    return (read_kitti(path, times) if times and _columns(path) == 12 else _text(path)), False
+    return _text(path, times), body_of(path) != CAMERA
 
 
 def read_claims(path: Path, *, topic: str) -> "dict[Stamp, NDArray[np.float64]]":
@@ -69,10 +71,12 @@ def read_claims(path: Path, *, topic: str) -> "dict[Stamp, NDArray[np.float64]]"
     return claims
 
 
-def _text(path: Path) -> Trajectory:
-    if _columns(path) == 12:
+def _text(path: Path, times: Path | None) -> Trajectory:
+    if _columns(path) != 12:
+        return read_tum(path)
+    if times is None:
         raise SourceError(f"{path} looks like KITTI poses, which have no stamps: give --times")
-    return read_tum(path)
+    return read_kitti(path, times)
 
 
 def _columns(path: Path) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 
 from odom.errors import InputError
 from odom.geometry.arrays import Array
+from odom.geometry.rotations import turn_onto
 
 _MINIMUM = 3
 """Points that determine a rotation."""
@@ -20,14 +21,9 @@ _STILL_M = 0.005
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """The motion that maps estimated positions onto true ones, and what the positions do not determine.
-
-    `spread_m` holds the standard deviations of the true positions along their three principal axes, largest first;
-    `notes` says in plain words when they make the alignment degenerate.
-    """
+    """The motion that maps estimated positions onto true ones; `notes` say in words what they do not determine."""
 
     T_truth_estimate: Array
-    spread_m: Array
     notes: tuple[str, ...]
 
 
@@ -41,17 +37,15 @@ def align(points_estimate: Array, points_truth: Array) -> Alignment:
     if len(points_truth) < _MINIMUM:
         raise InputError(f"{len(points_truth)} matched poses: an alignment needs {_MINIMUM} at least")
     mean_e, mean_t = points_estimate.mean(axis=0), points_truth.mean(axis=0)
-    covariance = (points_truth - mean_t).T @ (points_estimate - mean_e) / len(points_truth)
-    U, _, Vt = np.linalg.svd(covariance)
-    S = np.diag([1.0, 1.0, np.sign(np.linalg.det(U) * np.linalg.det(Vt))])
     T = np.eye(4)
-    T[:3, :3] = U @ S @ Vt
+    T[:3, :3] = turn_onto(points_estimate - mean_e, points_truth - mean_t)
     T[:3, 3] = mean_t - T[:3, :3] @ mean_e
     spread = np.linalg.svd(points_truth - mean_t, compute_uv=False) / np.sqrt(len(points_truth))
-    return Alignment(T, spread, _degeneracy(spread))
+    return Alignment(T, _degeneracy(spread))
 
 
 def _degeneracy(spread_m: Array) -> tuple[str, ...]:
+    """Return the notes for the standard deviations of true positions along their principal axes, largest first."""
     if spread_m[0] < _STILL_M:
         return (
             f"the true positions spread only {spread_m[0] * 1e3:.1f} mm: the alignment's rotation is arbitrary "

@@ -66,9 +66,10 @@ def read_rows(
 def read_tum(path: str | Path) -> Trajectory:
     """Read lines of `stamp tx ty tz qx qy qz qw` (seconds, metres); a comment `# segment N` begins a segment.
 
-    A line before them that names the columns says where each is (`pose_columns`): so EuRoC's CSV is read. A last line
-    cut short by a crash is left out, and so are lost poses (`trajectory_of`). Raises SourceError naming the line that
-    cannot be read.
+    Poses are returned as the file has them: those of a marker body (a run's `truth.txt` that begins with `# body NAME`)
+    are carried to the camera by `odom.calibrate`. A line before them that names the columns says where each is
+    (`pose_columns`): so EuRoC's CSV is read. A last line cut short by a crash is left out, and so are lost poses
+    (`trajectory_of`). Raises SourceError naming the line that cannot be read.
     """
     path = Path(path)
     text = text_of(path)

@@ -53,6 +53,9 @@ class Report:
 def evaluate(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions | None = None) -> Report:
     """Return the errors of `estimate` against `truth`, interpolated at the estimate's stamps.
 
+    Truth is of the camera, by the camera's clock. Of a marker body it is made so by
+    `odom.calibrate(estimate, truth).camera_truth(truth)`; a run's `truth.txt` names its body in the first line.
+
     Of an estimate in several segments the longest is judged, of truth in several the longest is what it is judged by;
     the others count as not matched. A frame's relative error is between poses that follow each other without a hole
     (see `pairs_of_neighbours`). Raises InputError when fewer than three poses can be matched in time, or one is no

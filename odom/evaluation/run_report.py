@@ -29,30 +29,23 @@ _NEES = ("nees_mean", "nees_inside_95")
 _CALIBRATION = ("time_offset_s", "hand_eye")
 
 
-def report_with_truth(
-    out_dir: Path,
-    *,
-    body: str | None = None,
-    total_frames: int | None = None,
-    calibration_options: CalibrationOptions | None = None,
-    title: str = "",
-) -> dict[str, Any]:
+def report_with_truth(out_dir: Path, total_frames: int | None = None) -> dict[str, Any]:
     """Judge the run in `out_dir`, draw `plot.png` there, and return the truth fields of `report.json`.
 
     Reads `trajectory.txt` and the parts beside it, which count as not matched, `odometry.txt`, `relative_step.txt`,
-    `relative_second.txt`, `truth.txt`, and the chain's files (see `chain_fields`). `body` is the one whose truth it is
-    (None: as `truth.txt` says, see `body_of`): unless it is `camera`, clock offset and hand-eye transformation are
-    estimated, or imposed by `calibration_options`, and used for every figure. A figure that cannot be computed is None,
-    and `truth_notes` say why. NEES allows for the truth's own noise where its samples show it (see `noise`),
+    `relative_second.txt`, `truth.txt`, and the chain's files (see `chain_fields`). Unless the truth is of `camera` (see
+    `body_of`), clock offset and hand-eye transformation are estimated and used for every figure. `total_frames` is how
+    many the source had, where that is more than have a pose. A figure that cannot be computed is None, and
+    `truth_notes` say why. NEES allows for the truth's own noise where its samples show it (see `noise`),
     `..._exact_truth` does not. A plot that cannot be written is noted, too, and counted in `unwritten`.
 
     Raises SourceError when `trajectory.txt` or `truth.txt` cannot be read.
     """
     read = read_tum(out_dir / "truth.txt")
-    body = body or body_of(out_dir / "truth.txt")
+    body = body_of(out_dir / "truth.txt")
     estimate = read_run(out_dir)
     options = EvaluationOptions(total_frames=total_frames)
-    mocap = calibration_options or (CalibrationOptions() if body != CAMERA else None)
+    mocap = CalibrationOptions() if body != CAMERA else None
 
     def report_by(given: Trajectory) -> Report:
         return judge(estimate, given, options, mocap).report
@@ -78,7 +71,7 @@ def report_with_truth(
         "truth_notes": [*convention_notes(read, final, report_by), *judged.notes],
     }
     try:
-        plot(out_dir / "plot.png", final, online, _claimed(second, truth, final), title, remarks(calibration))
+        plot(out_dir / "plot.png", final, online, _claimed(second, truth, final), remarks=remarks(calibration))
     except OSError as error:
         fields |= {"unwritten": 1, "truth_notes": [*fields["truth_notes"], f"plot.png is not drawn: {error}"]}
     return {key: _finite(value) for key, value in fields.items()}

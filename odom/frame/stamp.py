@@ -8,7 +8,7 @@ import numpy as np
 from odom.errors import InputError
 
 Stamp = NewType("Stamp", int)
-"""Nanoseconds since the Unix epoch."""
+Stamp.__doc__ = "A whole number of nanoseconds since 1970, an int; `from_seconds` makes it of seconds."
 
 _LATEST_S = 9_000_000_000
 """In the year 2255; 64 bits of nanoseconds end in 2262."""

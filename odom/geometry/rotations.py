@@ -1,4 +1,4 @@
-"""Many rotations at once: matrices (n x 3 x 3), unit quaternions (n x 4: x, y, z, w), rotation vectors (n x 3, rad).
+"""Rotations, many at once: matrices (n x 3 x 3), unit quaternions (n x 4: x, y, z, w), rotation vectors (n x 3, rad).
 
 scipy's Rotation does the same, but importing it takes .2 s, for which the end of every run and each viewer would wait.
 Formulas: J. Sola et al., "A micro Lie theory for state estimation in robotics", 2018, appendix B.
@@ -70,3 +70,12 @@ def mean_of(R: Array) -> Array:
     """
     q = quaternions_of(R)
     return np.asarray(matrices_of(np.linalg.eigh(q.T @ q)[1][:, -1:].T)[0])
+
+
+def turn_onto(vectors: Array, onto: Array) -> Array:
+    """Return the rotation (3 x 3), never a reflection, that brings `vectors` (n x 3) onto `onto` (n x 3) best.
+
+    Best by least squares: W. Kabsch, 1976. Pairs are weighted by the product of their lengths.
+    """
+    U, _, Vt = np.linalg.svd(vectors.T @ onto)
+    return np.asarray(Vt.T @ np.diag([1.0, 1.0, np.linalg.det(Vt.T @ U.T)]) @ U.T)

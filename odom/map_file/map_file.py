@@ -30,10 +30,23 @@ _LOG = logging.getLogger(__name__)
 class MapFile:
     """One map on disk; with `is_written` it is made where there is none, and extended.
 
+    An odometry goes on in it, or with `is_written` False only finds the camera in it:
+
+        with closing(odom.MapFile("lab.map", is_written=True)) as map_file:
+            odometry = odom.Odometry(camera, saved=map_file.begin(camera))
+            for frame in frames:
+                odometry.process(frame)
+                map_file.put(odometry.take_map_changes())
+            odometry.finish()
+            map_file.put(odometry.take_map_changes())
+
+    Close it after the odometry's last call: what key frames measured is read when it is needed.
+
     Raises ConfigError where the file is no map or does not exist, MapError where it is damaged or in use.
     """
 
-    def __init__(self, path: Path, is_written: bool) -> None:
+    def __init__(self, path: str | Path, is_written: bool) -> None:
+        path = Path(path)
         self.path, self.is_written = path, is_written
         self._lost: set[int] = set()
         self._lock = threading.Lock()
@@ -207,10 +220,7 @@ class MapFile:
                     index.extend(self._db)
                     self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
                     self._db.execute("PRAGMA journal_mode = DELETE")
-        except (
-            MapError,
-            sqlite3.DatabaseError,
-        ) as error:  # a full disk, or another reader: the map is whole all the same
+        except (MapError, sqlite3.DatabaseError) as error:  # a full disk, or another reader: the map is whole
             _LOG.info("%s stays in two files until it is opened again: %s", self.path, error)
         finally:
             self._db.close()

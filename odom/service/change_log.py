@@ -26,5 +26,4 @@ class ChangeLog:
         latest = latest_calibration(odometry)
         if latest is not None and odometry.camera_in_use is not self._camera:
             self._camera = odometry.camera_in_use
-            words = "the calibration given is off by %.1f px; from here on it is tracked by one found on the way"
-            _LOG.info(f"frame %d: {words}", now.sequence, latest.off_px)
+            _LOG.info(_OTHER_CALIBRATION, now.sequence, latest.off_px)

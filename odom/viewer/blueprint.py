@@ -12,8 +12,8 @@ _UP = (0.0, -1.0, 0.0)
 """Up of the eye: y is down in the first camera."""
 
 
-def blueprint(frame: Frame | None = None, plot_seconds: float | None = 60.0) -> rrb.Blueprint:
-    """Return the blueprint with the eye of the map at `frame`; plots follow the last `plot_seconds` (None: all time).
+def blueprint(frame: Frame | None = None) -> rrb.Blueprint:
+    """Return the blueprint with the eye of the map at `frame`; plots follow the last minute.
 
     Without a frame the eye stands where Rerun puts it.
     """
@@ -41,12 +41,12 @@ def blueprint(frame: Frame | None = None, plot_seconds: float | None = 60.0) -> 
                     rrb.Spatial2DView(origin=entities.DEPTH, name="Depth", background=_GROUND),
                 ),
                 rrb.Horizontal(
-                    _plot(entities.POSITION_ERROR, "Position error, mm (grey: 3 sigma)", plot_seconds),
-                    _plot(entities.ROTATION_ERROR, "Rotation error, deg (grey: 3 sigma)", plot_seconds),
+                    _plot(entities.POSITION_ERROR, "Position error, mm (grey: 3 sigma)"),
+                    _plot(entities.ROTATION_ERROR, "Rotation error, deg (grey: 3 sigma)"),
                 ),
                 rrb.Horizontal(
-                    _plot(entities.INLIERS, "Inliers (green) of matches (grey)", plot_seconds),
-                    _plot(entities.TIMES, "Processing (blue), latency (orange), ms", plot_seconds),
+                    _plot(entities.INLIERS, "Inliers (green) of matches (grey)"),
+                    _plot(entities.TIMES, "Processing (blue), latency (orange), ms"),
                 ),
                 row_shares=[1.15, 1, 1],
             ),
@@ -76,15 +76,11 @@ def _map(frame: Frame | None) -> rrb.Spatial3DView:
     )
 
 
-def _plot(path: str, name: str, seconds: float | None) -> rrb.TimeSeriesView:
-    ranges = (
-        rrb.VisibleTimeRange(
-            TIMELINE,
-            start=rrb.TimeRangeBoundary.cursor_relative(seconds=-seconds),
-            end=rrb.TimeRangeBoundary.cursor_relative(),
-        )
-        if seconds
-        else None
+def _plot(path: str, name: str) -> rrb.TimeSeriesView:
+    ranges = rrb.VisibleTimeRange(
+        TIMELINE,
+        start=rrb.TimeRangeBoundary.cursor_relative(seconds=-60.0),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
     )
     return rrb.TimeSeriesView(
         origin=path,

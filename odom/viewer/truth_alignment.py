@@ -13,7 +13,7 @@ import numpy as np
 from odom.errors import InputError
 from odom.evaluation import Trajectory, align
 from odom.evaluation.metrics import rmse
-from odom.evaluation.mocap_calibration import calibrate
+from odom.evaluation.mocap_calibration import Calibration, calibrate
 from odom.evaluation.pose_alignment import PoseAlignment, PoseErrors, align_poses, align_poses_alike
 from odom.evaluation.trajectory import inverse_all
 from odom.evaluation.truth_noise import truth_noise
@@ -44,18 +44,6 @@ estimate has grown by this factor (searching is slow), on at most so many of its
 
 
 @dataclass(frozen=True, eq=False)
-class Calibrated:
-    """The marker body's camera (`T_body_camera`), and the clock offset that is added to a camera stamp (seconds).
-
-    `covariance` (6 x 6) is that of `T_body_camera`.
-    """
-
-    T_body_camera: Array
-    offset_s: float
-    covariance: Array
-
-
-@dataclass(frozen=True, eq=False)
 class TruthInMap:
     """Where truth lies in the map, and how far the estimate is from it.
 
@@ -66,7 +54,7 @@ class TruthInMap:
 
     alignment: PoseAlignment
     truth_covariance: Array
-    calibrated: Calibrated | None
+    calibrated: Calibration | None
     matched: int
     ate_m: float
 
@@ -104,20 +92,14 @@ def three_sigma(covariance: Array) -> tuple[float, float]:
     return 3.0 * worst[0], 3.0 * float(np.degrees(worst[1]))
 
 
-def camera_truth(truth: Trajectory, calibrated: Calibrated | None) -> Trajectory:
-    """Return the truth of the camera on the camera's clock, in the world of the truth."""
-    if calibrated is None:
-        return truth
-    return truth.of_body(calibrated.T_body_camera).delayed(-calibrated.offset_s)
-
-
 def in_map(truth: Trajectory, fit: TruthInMap) -> Trajectory:
     """Return the camera's true trajectory in the map, on the camera's clock."""
-    return camera_truth(truth, fit.calibrated).moved(fit.T_map_truth)
+    of_camera = truth if fit.calibrated is None else fit.calibrated.camera_truth(truth)
+    return of_camera.moved(fit.T_map_truth)
 
 
 def align_truth(
-    estimate: Trajectory, claimed: ClaimedCovariances, truth: Trajectory, calibrated: Calibrated | None, markers: bool
+    estimate: Trajectory, claimed: ClaimedCovariances, truth: Trajectory, calibrated: Calibration | None, markers: bool
 ) -> TruthInMap | None:
     """Return truth aligned with the estimate (map frame), None while too little is known.
 
@@ -125,13 +107,16 @@ def align_truth(
     """
     if len(estimate) < _MIN_POSES or len(truth) < _MIN_POSES:
         return None
-    T_truth, valid = camera_truth(truth, calibrated).at(estimate.stamps, _gap_s(truth))
+    of_camera = truth if calibrated is None else calibrated.camera_truth(truth)
+    T_truth, valid = of_camera.at(estimate.stamps, _gap_s(truth))
     if valid.sum() < _MIN_POSES:
         return None
     matched, T_truth = estimate.take(valid), T_truth[valid]
     T, noise = matched.T_world_body, truth_noise(truth)
     own = np.zeros((6, 6)) if noise is None else noise.interpolated_covariance
-    hand_eye = calibrated.covariance if calibrated else _LEVER if markers else np.zeros((6, 6))
+    hand_eye = _LEVER if markers else np.zeros((6, 6))
+    if calibrated is not None:
+        hand_eye = np.diag(np.square(calibrated.hand_eye_sigma))
     try:
         if markers and calibrated is None:
             alignment = align_poses(T, T_truth, PoseErrors(np.tile(_MARKERS_ALONE, (len(T), 1, 1)), hand_eye=hand_eye))
@@ -167,7 +152,7 @@ class ProgressiveCalibration:
 
     def __init__(self) -> None:
         self._due_s = _CALIBRATE_FROM_S
-        self.found: Calibrated | None = None
+        self.found: Calibration | None = None
 
     def update(self, estimate: Trajectory, truth: Trajectory) -> None:
         """Calibrate when it is due; `found` stays None while the motion does not determine it."""
@@ -180,7 +165,7 @@ class ProgressiveCalibration:
         except InputError:
             return
         if not result.notes:
-            self.found = Calibrated(result.T_body_camera, result.offset_s, np.diag(np.square(result.hand_eye_sigma)))
+            self.found = result
 
 
 class Comparison:

@@ -66,11 +66,6 @@ class PairingCounters:
     color_single: int = 0
     leaps: int = 0
 
-    @property
-    def depth_single(self) -> int:
-        """Depth images that no colour image had beside it."""
-        return self.depth.refused[NO_COLOR]
-
 
 @dataclass(frozen=True, eq=False)
 class _WaitingImage(Generic[T]):

@@ -15,7 +15,7 @@ from odom.frame import Stamp
 from sensors.host_time import ClockMapping
 from sensors.optitrack import packets
 from sensors.optitrack.packets import Body, Frame, Id, ServerInfo
-from sensors.optitrack.settings import NATNET_VERSION, OptiTrackSettings
+from sensors.optitrack.settings import OptiTrackSettings
 
 _log = logging.getLogger(__name__)
 
@@ -84,7 +84,7 @@ class NatNetClient:
                     "switch on Streaming > Broadcast Frame Data, choose its network interface and Rigid Bodies, and "
                     "let UDP 1510 and 1511 through the firewalls"
                 )
-            self._send(packets.connect_request(NATNET_VERSION))
+            self._send(packets.connect_request())
             try:
                 self._wait(0.3)
             except WireError as error:
@@ -155,7 +155,7 @@ class NatNetClient:
                     _log.error("the OptiTrack server has gone silent: asking it again")
                 silent = True
                 heard = now
-                self._send(packets.connect_request(NATNET_VERSION))
+                self._send(packets.connect_request())
                 self._send(packets.packet(Id.REQUEST_MODELS))
             for identifier, payload, received_ns in self._receive(0.02):
                 try:

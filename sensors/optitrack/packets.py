@@ -10,6 +10,7 @@ from enum import IntEnum, unique
 from struct import Struct, error
 
 from odom.errors import WireError
+from sensors.optitrack.settings import NATNET_VERSION
 
 
 @unique
@@ -56,12 +57,11 @@ class ServerInfo:
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body in one frame, axes as streamed: metres, quaternion x, y, z, w, mean marker error."""
+    """A rigid body in one frame, axes as streamed: metres, quaternion x, y, z, w."""
 
     identifier: int
     position: tuple[float, float, float]
     quaternion: tuple[float, float, float, float]
-    error_m: float
     valid: bool
 
 
@@ -125,9 +125,9 @@ def split(datagram: bytes) -> tuple[int, bytes]:
     return identifier, datagram[_HEADER.size : _HEADER.size + size]
 
 
-def connect_request(version: Version) -> bytes:
-    """Return the request to connect, which asks a unicast server for the protocol `version`."""
-    return packet(Id.CONNECT, b"Ping".ljust(264, b"\0") + bytes([0, version[0], version[1], 0, 0, 0]))
+def connect_request() -> bytes:
+    """Return the request to connect, which asks a unicast server for the protocol's version of the settings."""
+    return packet(Id.CONNECT, b"Ping".ljust(264, b"\0") + bytes([0, *NATNET_VERSION, 0, 0, 0]))
 
 
 def echo_request(stamp: int) -> bytes:
@@ -237,5 +237,5 @@ def read_frame(payload: bytes, version: Version) -> Frame:
 
 
 def _body(reader: _Reader) -> Body:
-    identifier, x, y, z, qx, qy, qz, qw, error_m, flags = reader.take(_BODY)
-    return Body(int(identifier), (x, y, z), (qx, qy, qz, qw), error_m, bool(int(flags) & 1))
+    identifier, x, y, z, qx, qy, qz, qw, _, flags = reader.take(_BODY)
+    return Body(int(identifier), (x, y, z), (qx, qy, qz, qw), bool(int(flags) & 1))

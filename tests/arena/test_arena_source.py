@@ -8,6 +8,7 @@ import pytest
 from odom.errors import ConfigError
 from odom.wire.assembler import FrameAssembler
 from odom.wire.codec import decode_pose
+from odom.wire.image_counts import NO_COLOR
 from odom.wire.recording import RecordingReader
 from sensors.arena import ArenaFrame, ArenaOptions, frame, open_arena
 from sensors.arena import source as arena_source
@@ -32,7 +33,7 @@ def test_messages_come_in_the_order_of_their_stamps_and_make_every_frame() -> No
     assembler = FrameAssembler(options.topics)
     frames = [f for m in messages for f in assembler.feed(m)] + list(assembler.finish())
     assert len(frames) == 30
-    assert (assembler.pairing.color_single, assembler.pairing.depth_single) == (0, 0)
+    assert (assembler.pairing.color_single, assembler.pairing.depth.refused[NO_COLOR]) == (0, 0)
     assert not assembler.malformed.counts
     arena = ArenaOptions(seconds=1.0)
     assert assembler.camera == arena.camera

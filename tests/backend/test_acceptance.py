@@ -1,6 +1,7 @@
-"""Whole recordings and walks through `odom run`, each figure beside its bar. Minutes long: `pytest -m slow -s` prints.
+"""Whole recordings and walks through `odom run`, each figure beside its bar.
 
-Times are not asserted here: they are those of the machine at the moment (`odom bench pipeline` prints them).
+Minutes long: `pytest -m slow -n 0 -s` prints. Times are not asserted here:
+they are those of the machine at the moment (`odom bench pipeline` prints them).
 """
 
 import json

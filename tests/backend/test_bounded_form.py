@@ -1,7 +1,7 @@
 """What the paper's H-infinity term and its norm-bounded form do on real sequences: a table.
 
-`python -m pytest -m slow -s tests/backend/test_bounded_form.py`: every third pair of the first 150 frames of two TUM
-sequences, as they are and with what a model may be wrong in, by the same gated pairs.
+`python -m pytest -m slow -n 0 -s tests/backend/test_bounded_form.py`: every third pair of the first 150 frames of two
+TUM sequences, as they are and with what a model may be wrong in, by the same gated pairs.
 """
 
 from dataclasses import dataclass, replace

@@ -1,7 +1,7 @@
 """Each tuned number of the chain halved and doubled: a table.
 
-`python -m pytest -m slow -s tests/backend/test_chain_sweep.py`: the odometry runs once over each recording and feeds a
-chain for each value, since no chain touches the map.
+`python -m pytest -m slow -n 0 -s tests/backend/test_chain_sweep.py`: the odometry runs once over each recording and
+feeds a chain for each value, since no chain touches the map.
 """
 
 from dataclasses import replace

@@ -1,6 +1,6 @@
 """How sure the chain is over many links, against truth, and how sure it would be if links were independent: a table.
 
-`python -m pytest -m slow -s tests/backend/test_chained_covariance.py`
+`python -m pytest -m slow -n 0 -s tests/backend/test_chained_covariance.py`
 """
 
 from dataclasses import dataclass

@@ -16,6 +16,7 @@ from pydantic import BaseModel
 
 from odom.cli import app
 from odom.cli.optional_domain import filled_in
+from odom.service import previous_results
 from odom.service.settings import Settings
 
 PROJECT = Path(__file__).parents[2]
@@ -127,6 +128,21 @@ def test_the_readmes_programs_run_as_they_stand(number, says, tmp_path):
     ).stdout  # fmt: skip
     assert says in shown
     assert "LOST" not in shown
+
+
+def test_the_readme_explains_each_file_that_a_run_leaves():
+    text = (PROJECT / "README.md").read_text()
+    for pattern in (*previous_results._RESULTS, previous_results._SHOWN):
+        name = pattern.replace("[0-9]*", "N")
+        assert re.search(rf"^\|[^|]*`{re.escape(name)}`", text, re.MULTILINE), name
+
+
+def test_tests_that_are_to_show_figures_run_in_one_process():
+    """Processes of pytest-xdist, which the project's options start, show nothing of what `-s` lets through."""
+    pages = [*DOCUMENTS, *(PROJECT / "tests").rglob("test_*.py")]
+    lines = {line for page in pages for line in re.findall(r"\bpytest (-[^`\n]*)", page.read_text())}
+    assert any("-s" in line.split() for line in lines)
+    assert not {line for line in lines if "-s" in line.split() and "-n 0" not in line}
 
 
 def test_the_hooks_before_a_commit_check_what_ci_checks():

@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 import tomllib
+from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
 
@@ -31,7 +32,15 @@ def test_importing_costs_nothing_and_every_name_is_offered():
 def test_every_name_is_there_and_documented(name):
     value = getattr(odom, name)
     assert value is getattr(odom, name)
-    assert name in ("Stamp", "__version__") or len(value.__doc__.split()) > 4
+    assert name == "__version__" or len(value.__doc__.split()) > 4
+
+
+def test_what_a_program_reads_off_an_estimate_is_explained():
+    for value in (odom.Estimate, odom.RelativePose, odom.TrajectoryPose):
+        assert not {field.name for field in fields(value) if f"`{field.name}`" not in value.__doc__}
+    assert "nanoseconds" in odom.Stamp.__doc__
+    assert all(f"{state.name}:" in odom.State.__doc__ for state in odom.State)
+    assert all(f"| {state.name} |" in (PROJECT / "README.md").read_text() for state in odom.State)
 
 
 def test_names_for_editors_are_those_that_are_there():
@@ -137,7 +146,7 @@ def test_a_finished_trajectory_is_judged_in_two_calls():
 
 
 def test_what_is_no_recording_is_refused_by_name(tmp_path):
-    with pytest.raises(odom.SourceError, match=r"nothing\.mcap"):
+    with pytest.raises(odom.SourceError, match=r"nothing\.mcap.*recording, ROS bag or folder of images"):
         odom.read_recording(tmp_path / "nothing.mcap")
     with pytest.raises(odom.SourceError, match="arena"):
         odom.read_recording("arena")  # the simulated laboratory is no file

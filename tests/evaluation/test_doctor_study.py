@@ -1,6 +1,6 @@
 """The doctor over 20 good recordings and 69 spoilt in 23 ways: each fault named with its remedy, none invented.
 
-`python -m pytest -m slow -s tests/evaluation/test_doctor_study.py` prints the table; it takes some minutes.
+`python -m pytest -m slow -n 0 -s tests/evaluation/test_doctor_study.py` prints the table; it takes some minutes.
 """
 
 import re

@@ -74,7 +74,7 @@ def run(tmp_path, written):
 @pytest.fixture
 def unplotted(monkeypatch):
     """Nothing is drawn: the picture is another test's."""
-    monkeypatch.setattr(run_report, "plot", lambda *_: None)
+    monkeypatch.setattr(run_report, "plot", lambda *_, **__: None)
 
 
 def test_the_fields_of_the_contract_are_all_there_and_a_plot(run):
@@ -265,6 +265,14 @@ def test_the_command_imposes_what_is_known_of_mocap(run, scene, tmp_path):
     )
     assert imposed.returncode == 0, imposed.stderr
     assert "+0.0370 ± 0.0000 s (imposed)" in imposed.stdout
+
+
+def test_the_command_takes_the_truth_file_of_a_run_for_the_body_that_it_names(run, scene):
+    write_tum(run / "truth.txt", scene[3])
+    (run / "truth.txt").write_text("# body rig\n" + (run / "truth.txt").read_text())
+    by_folder, by_file = odom("eval", run), odom("eval", run / "trajectory.txt", run / "truth.txt")
+    assert "hand-eye" in by_file.stdout
+    assert by_file.stdout == by_folder.stdout
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 import json
 import math
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -43,6 +44,21 @@ def test_numbers_are_halved_and_doubled_and_whole_ones_stay_whole_and_at_least_o
     assert changes(rounds) == {Level.HALF: 2, Level.DOUBLE: 10}
     assert changes(least) == {Level.DOUBLE: 2}
     assert all(isinstance(value, int) for value in changes(rounds).values())
+
+
+def test_the_page_on_tuned_numbers_has_the_values_and_names_of_the_code() -> None:
+    page = (Path(__file__).parents[2] / "odom" / "docs" / "sensitivity.md").read_text()
+    values = {number.key: number.value for number in tuned_numbers()}
+    table = dict(re.findall(r"^\| (\w+\.[\w.]+) \| ([^|]+) \|", page, re.MULTILINE))
+    assert {key: value for key, value in table.items() if float(value) != values.get(key)} == {}
+    without_effect = [
+        (package, name)
+        for package, names in re.findall(r"^- `([a-z_.]+)`(?: \(see below\))?: (.*)$", page, re.MULTILINE)
+        for name in names.split(", ")
+    ]
+    ends = {(key.rpartition(".")[0], key.rpartition(".")[2]) for key in values}
+    assert [each for each in without_effect if not any(p.startswith(each[0]) and n == each[1] for p, n in ends)] == []
+    assert f"The {len(table) + len(without_effect)} numbers" in page
 
 
 USUAL = Outcome(0.010, 6.0, 100, 100)

@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 from odom.errors import ConfigError
 from odom.frame import Camera
 from odom.frontend.camera.lens import Lens, rays_at
-from odom.frontend.camera.rays import grid_over, rays_of, turn_onto
+from odom.frontend.camera.rays import grid_over, rays_of
 from odom.frontend.features.shutter_compensation import depth_errors
+from odom.geometry.rotations import turn_onto
 
 small = st.floats(-0.003, 0.003)
 

@@ -17,6 +17,7 @@ from odom.wire import Message, Topics, WireSettings
 from odom.wire.assembler import FrameAssembler
 from odom.wire.codec import encode_camera_info, encode_color, encode_depth
 from odom.wire.consumer import Consumer
+from odom.wire.image_counts import NO_COLOR
 from odom.wire.session import open_session
 from odom.wire.settings import ANY_LOCAL_PORT
 from sensors.catalogue import open_source
@@ -95,7 +96,7 @@ def test_a_live_raw_camera_for_a_minute_loses_nothing_and_costs_little() -> None
     total = consumer.total()
     print(f"{count} of {frames} frames, lost {total.lost}, dropped {total.dropped}, {cost_ms:.2f} ms CPU a frame")
     pairing = assembler.pairing
-    assert (total.lost, total.dropped, pairing.color_single, pairing.depth_single) == (0, 0, 0, 0)
+    assert (total.lost, total.dropped, pairing.color_single, pairing.depth.refused[NO_COLOR]) == (0, 0, 0, 0)
     assert count == frames
     assert cost_ms <= 6.0
 
@@ -122,4 +123,4 @@ def test_memory_is_flat_over_ten_thousand_frames(shared_data: Path) -> None:
     assert rss_mb[-1] < 600
     assert rss_mb[-1] - rss_mb[3] < 15
     assert consumer.total().lost == 0
-    assert assembler.pairing.color_single + assembler.pairing.depth_single < 0.01 * frames
+    assert assembler.pairing.color_single + assembler.pairing.depth.refused[NO_COLOR] < 0.01 * frames

@@ -4,13 +4,14 @@ import numpy as np
 from made_up_device import BEGIN, PERIOD_NS, T_WORLD_MAP, MadeUp, messages
 
 from odom.evaluation import Trajectory
+from odom.evaluation.mocap_calibration import Calibration
 from odom.frame import Stamp
 from odom.geometry import se3
 from odom.geometry.arrays import Array
 from odom.viewer import ViewerSettings, entities
 from odom.viewer.claimed_covariances import ClaimedCovariances
 from odom.viewer.scene import Scene
-from odom.viewer.truth_alignment import Calibrated, Comparison, align_truth
+from odom.viewer.truth_alignment import Comparison, align_truth
 from odom.wire import Topics
 
 SIGMA = np.array([0.004] * 3 + [0.008] * 3)
@@ -78,7 +79,7 @@ def test_a_hand_eye_that_is_hardly_known_widens_the_bounds() -> None:
     estimate, truth, covariances = _turning(60, np.random.default_rng(3))
     bounds = []
     for sigma in (0.0, 0.03):
-        calibrated = Calibrated(np.eye(4), 0.0, sigma**2 * np.eye(6))
+        calibrated = Calibration(0.0, 0.0, np.eye(4), np.full(6, sigma), np.eye(4), 1.0, ())
         fit = align_truth(estimate, _claims(estimate, covariances), truth, calibrated, markers=True)
         assert fit is not None
         bounds.append(fit.bounds(estimate.T_world_body[30], covariances[30]))

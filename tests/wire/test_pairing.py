@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from odom.frame import Stamp
-from odom.wire.image_counts import BACKWARD, DUPLICATE, STRAY, ImageCounts
+from odom.wire.image_counts import BACKWARD, DUPLICATE, NO_COLOR, STRAY, ImageCounts
 from odom.wire.pairing import LEAP_NS, Pair, Pairer
 
 MS = 1_000_000
@@ -73,7 +73,7 @@ def test_pairs_are_one_to_one_in_order_and_within_reach(two: tuple[Stamps, Stamp
     assert all(abs(c - d) <= (PERIOD + 7 * MS) / 2 for c, d in pairs)
     counters = pairer.counters
     assert counters.pairs + counters.color_single == len(two[0])
-    assert counters.pairs + counters.depth_single == len(two[1])
+    assert counters.pairs + counters.depth.refused[NO_COLOR] == len(two[1])
 
 
 @given(streams(), st.integers(0, 2**32))

@@ -37,7 +37,7 @@ class Recalibration(Generic[LookedAt]):
     `in_use` is the camera that frames are measured by.
     """
 
-    def __init__(self, given: Camera, calibrator: Calibrator[LookedAt] | None = None) -> None:
+    def __init__(self, given: Camera, calibrator: Calibrator[LookedAt] | None) -> None:
         self.in_use = self._to_come = given
         self._calibrator = calibrator
         self._background = Background[Camera | None]("calibration")

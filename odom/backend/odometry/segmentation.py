@@ -20,7 +20,7 @@ class Segmentation:
     Nothing depends on it: without a mask a frame is tracked as ever.
     """
 
-    def __init__(self, segmenter: Segmenter | None = None) -> None:
+    def __init__(self, segmenter: Segmenter | None) -> None:
         self._segmenter = segmenter
         self.ignored: Counter[str] = Counter()
 

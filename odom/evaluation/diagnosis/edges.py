@@ -95,15 +95,13 @@ def depth_edges(depth_mm: NDArray[np.uint16], limit: int, rng: np.random.Generat
     return DepthEdges(np.vstack(uv)[chosen], np.concatenate(axes)[chosen], np.concatenate(near)[chosen].astype(float))
 
 
-def edge_shift(
-    frames: Sequence[RgbdFrame], motions: Sequence[PairMotion | None], camera: Camera, seed: int = 0
-) -> EdgeShift | None:
+def edge_shift(frames: Sequence[RgbdFrame], motions: Sequence[PairMotion | None], camera: Camera) -> EdgeShift | None:
     """Return the shift and lag of the depth edges in `frames`; `motions[k]` is the motion about frame k.
 
     A motion spans two frames of the same sequence, `earlier` and `later` being indices into it. None when the scene
     has too few edges.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     strengths: list[Image] = []
     positions, velocities, axes, which = [], [], [], []
     for frame, motion in zip(frames, motions, strict=True):

@@ -61,7 +61,7 @@ def _both(rng: np.random.Generator, n: int) -> Pairs:
     return noisy(rng, *kinect_noise(rng, n)).measured
 
 
-def costs(rounds: int = 300) -> list[Cost]:
+def costs() -> list[Cost]:
     """Return the cost of 400 pairs: Horn, RF with diagonal and full covariances, the gate with 30 % wrong pairs."""
     rng = np.random.default_rng(0)
     one, both, wrong = _target_only(rng, 400), _both(rng, 400), with_outliers(0, 0.3).measured
@@ -70,7 +70,7 @@ def costs(rounds: int = 300) -> list[Cost]:
         "RF, full covariances of both clouds": lambda: robust(both),
         "gate + RF, full covariances, 30 % wrong": lambda: register(wrong),
     }
-    return _costs(400, rounds, lambda: closed_form(one.points_source, one.points_target), calls)
+    return _costs(400, 300, lambda: closed_form(one.points_source, one.points_target), calls)
 
 
 def growth(sizes: tuple[int, ...] = (100, 1000, 10_000, 100_000)) -> list[Cost]:

@@ -22,6 +22,9 @@ DEPTHS_M = (0.6, 4.0)
 MAGNITUDES_M = {"small": (0.0001, 0.010), "average": (0.010, 0.020), "large": (0.020, 0.080)}
 """The paper's ranges of sigma; those of both Kinects are its sensors'."""
 
+_PAIRS = 400
+"""Pairs of a cloud, as many as two looks of a Kinect share corners."""
+
 
 @unique
 class Noise(Enum):
@@ -118,7 +121,7 @@ def noisy(rng: np.random.Generator, clean: Sample, C_source: Array | None, C_tar
     )
 
 
-def cloud(seed: int, noise: Noise, magnitude: str, both: bool, n: int = 400) -> Sample:
+def cloud(seed: int, noise: Noise, magnitude: str, both: bool, n: int = _PAIRS) -> Sample:
     """Return cloud `seed` of the paper's kind: correctly stated noise on the target, or on `both` sides."""
     rng = np.random.default_rng([seed, list(Noise).index(noise), list(MAGNITUDES_M).index(magnitude), both])
     clean = clean_clouds(rng, n)
@@ -187,12 +190,12 @@ STRESS: dict[str, Callable[[np.random.Generator, int], Sample]] = {
 }
 
 
-def stressed(seed: int, case: str, n: int = 400) -> Sample:
+def stressed(seed: int, case: str) -> Sample:
     """Return cloud `seed` of a case of wrongly stated noise."""
-    return STRESS[case](np.random.default_rng([seed, 100 + list(STRESS).index(case)]), n)
+    return STRESS[case](np.random.default_rng([seed, 100 + list(STRESS).index(case)]), _PAIRS)
 
 
-def with_outliers(seed: int, ratio: float, n: int = 400) -> Sample:
+def with_outliers(seed: int, ratio: float, n: int = _PAIRS) -> Sample:
     """Return cloud `seed` of two Kinects in which a share of the pairs has its target anywhere in the view volume."""
     rng = np.random.default_rng([seed, 200, round(1000 * ratio)])
     sample = noisy(rng, *kinect_noise(rng, n))
@@ -204,15 +207,15 @@ def with_outliers(seed: int, ratio: float, n: int = 400) -> Sample:
     return replace(sample, wrong=wrong, measured=replace(sample.measured, points_target=points, covariances_target=C))
 
 
-def nearby(seed: int, n: int = 400) -> Sample:
+def nearby(seed: int) -> Sample:
     """Return cloud `seed` of two Kinects close together, the target in another order: no pair is right."""
     rng = np.random.default_rng([seed, 300])
-    clean = clean_clouds(rng, n, angle_rad=np.deg2rad(1.0), distance_m=0.03)
+    clean = clean_clouds(rng, _PAIRS, angle_rad=np.deg2rad(1.0), distance_m=0.03)
     C_source = covariances(rng, Noise.KINECT, (0.0, 0.0), clean.true.points_source)
     sample = noisy(rng, clean, C_source, covariances(rng, Noise.KINECT, (0.0, 0.0), clean.true.points_target))
-    order = rng.permutation(n)
+    order = rng.permutation(_PAIRS)
     measured, C_target = sample.measured, sample.measured.covariances_target
     assert C_target is not None
     targets = measured.points_target[order]
     shuffled = replace(measured, points_target=targets, covariances_target=C_target[order])
-    return replace(sample, measured=shuffled, wrong=np.ones(n, dtype=np.bool_))
+    return replace(sample, measured=shuffled, wrong=np.ones(_PAIRS, dtype=np.bool_))

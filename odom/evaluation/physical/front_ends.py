@@ -153,7 +153,7 @@ def _key_point_covariances(points: Array, sigmas: Array, sensor: SensorModel) ->
     return np.asarray(ray[:, :, None] * ray[:, None, :] + found[:, None, None] * np.eye(3))
 
 
-def small_picture(color: Image, width: int = 320) -> Image:
-    """Return an RGB image made so wide, for the figure."""
-    height = round(color.shape[0] * width / color.shape[1])
-    return np.asarray(cv2.resize(color, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+def small_picture(color: Image) -> Image:
+    """Return an RGB image made 320 px wide, for the figure."""
+    height = round(color.shape[0] * 320 / color.shape[1])
+    return np.asarray(cv2.resize(color, (320, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from odom.frame import Camera
 from odom.geometry.arrays import Array
+from odom.geometry.rotations import turn_onto
 
 _STEP_PX = 40
 """Distance of the pixels whose rays are used to turn one camera onto another."""
@@ -33,15 +34,6 @@ def rays_of(camera: Camera, uv: Array) -> Array:
     xy = undistorted(camera, uv)
     rays = np.column_stack([xy, np.ones(len(xy))])
     return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
-
-
-def turn_onto(rays: Array, onto: Array) -> Array:
-    """Return the rotation (3 x 3) that brings `rays` (n x 3) onto `onto` (n x 3) by least squares.
-
-    Source: W. Kabsch, 1976.
-    """
-    U, _, Vt = np.linalg.svd(rays.T @ onto)
-    return np.asarray(Vt.T @ np.diag([1.0, 1.0, np.linalg.det(Vt.T @ U.T)]) @ U.T)
 
 
 def turned_onto(rays: Array, onto: Array) -> Array:

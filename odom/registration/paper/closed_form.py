@@ -4,6 +4,7 @@ import numpy as np
 
 from odom.geometry import se3
 from odom.geometry.arrays import Array
+from odom.geometry.rotations import turn_onto
 from odom.registration.checked_arrays import finite
 from odom.registration.pairs import Pairs, Prior, Registration, Verdict, degenerate
 
@@ -15,16 +16,13 @@ def closed_form(q: Array, p: Array, weights: Array | None = None) -> Array:
     """
     if weights is None:
         q_mean, p_mean = q.mean(axis=0), p.mean(axis=0)
-        M = (q - q_mean).T @ (p - p_mean)
+        weighted = p - p_mean
     else:
         total = weights.sum()
         q_mean, p_mean = weights @ q / total, weights @ p / total
-        M = (q - q_mean).T @ ((p - p_mean) * weights[:, None])
-    U, _, Vt = np.linalg.svd(M)
-    V = Vt.T
-    V[:, 2] *= np.linalg.det(U) * np.linalg.det(V)  # a rotation, never a reflection
+        weighted = (p - p_mean) * weights[:, None]
     T = np.eye(4)
-    T[:3, :3] = V @ U.T
+    T[:3, :3] = turn_onto(q - q_mean, weighted)
     T[:3, 3] = p_mean - T[:3, :3] @ q_mean  # eq. (4)
     return T
 

@@ -130,9 +130,9 @@ class FrameStages:
         note_sightings(self.map, tracked, since_s or 0.0, self.moving.is_doubtful)
         noise_step = step if abs((since_s or 0.0) - clock.period_s) < TUNING.steady_share * clock.period_s else None
         number, width = self.published.log.count, view.images.full.shape[1]
-        tilt = self.sensor.depth_tilt.angles
-        noise = noise_after(self.sensor.noise, self.map, tracked, noise_step, number, width, tilt)
-        self.sensor, covariance = self.sensor.with_noise(noise), tracked.covariance * noise.covariance_scale
+        noise = noise_after(self.sensor.noise, self.map, tracked, noise_step, number, width)
+        self.sensor = self.sensor.with_noise(noise)
+        covariance, tilt = tracked.covariance * noise.covariance_scale, self.sensor.depth_tilt.angles
         vague = refine_depths(self.map, tracked.inlier_landmarks, tracked.T_camera_map, covariance, tilt)
         moving = self.moving.restarted(self.map.landmarks.next_identity) if is_recovered else self.moving
         self.moving = moving.after(view, tracked, self.mapper.inserter.recent, self.map.landmarks, self.sensor)

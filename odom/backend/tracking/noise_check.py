@@ -12,26 +12,26 @@ from odom.geometry.arrays import Array
 
 
 def noise_after(
-    noise: NoiseMonitor, map_: Map, tracked: Tracked, step: Array | None, frame: int, width: int, tilt: Array
+    noise: NoiseMonitor, map_: Map, tracked: Tracked, step: Array | None, frame: int, width: int
 ) -> NoiseMonitor:
     """Return `noise` after one more tracked frame, number `frame`, whose image is `width` pixels wide.
 
-    Its depth has a `tilt` (2). `step` (6, `se3`) led to it in one period of the stream, None where it took another
-    time. At the start all frames are looked at, then one in a few.
+    `step` (6, `se3`) led to it in one period of the stream, None where it took another time. At the start all frames
+    are looked at, then one in a few.
     """
     noise = noise.with_step(step, tracked.information)
     if noise.residuals_seen >= TUNING.noise_checked_all and frame % TUNING.noise_check_every != 0:
         return noise
-    nees = nees_of_halves(map_, tracked, width, tilt)
+    nees = nees_of_halves(map_, tracked, width)
     chosen = tracked.inliers & (tracked.chi2[:, 1] < TUNING.inlier_chi2)
     noise = noise.with_residuals(tracked.chi2[chosen], tracked.measurements.values[chosen, 2])
     return noise if nees is None else noise.with_halves(nees)
 
 
-def nees_of_halves(map_: Map, tracked: Tracked, width: int, tilt: Array) -> float | None:
+def nees_of_halves(map_: Map, tracked: Tracked, width: int) -> float | None:
     """Return the NEES (6 expected) of the difference between the poses that the image's left and right half give.
 
-    None where one of the halves holds too few landmarks. The depth of both has a `tilt` (2), which would part them.
+    None where one of the halves holds too few landmarks.
     """
     L = map_.landmarks
     fits = []
@@ -41,7 +41,7 @@ def nees_of_halves(map_: Map, tracked: Tracked, width: int, tilt: Array) -> floa
         if np.count_nonzero(chosen) < TUNING.noise_half_landmarks:
             return None
         rows = tracked.rows[chosen]
-        m = tracked.measurements.take(chosen).straight(tilt)
+        m = tracked.measurements.take(chosen)
         fits.append(fit_pose(L.position[rows], L.covariance[rows], m.values, m.covariance, tracked.T_camera_map))
     away = se3.log(fits[0].T_camera_map @ se3.inverse(fits[1].T_camera_map))
     S = np.linalg.inv(fits[0].information) + np.linalg.inv(fits[1].information)

@@ -207,7 +207,6 @@ class PublishedTrajectory:
         """Log a frame without a pose; no motion is published over it."""
         self.log.append(LoggedFrame(stamp, segment))
         self._recent.clear()
-        self._filter = None
 
     def _keep(self, current: Publication) -> Publication:
         self._recent.append(current)

@@ -21,7 +21,7 @@ _TAKES = {
     "a camera of ROS 2": {"camera", "topics_from", "seconds", "extra", "depth"},
     "a motion capture server": {"seconds", "extra"},
     "a Motive export": {"extra", "realtime", "rate", "loop"},
-    "a TUM folder": {"camera"} | _PLAYED,
+    "a folder of images": {"camera"} | _PLAYED,
     "a recording": {"camera", "topics_from"} | _PLAYED,
 }
 """Which fields of SourceOptions each kind of source has a use for."""
@@ -69,7 +69,7 @@ def open_source(spec: str, options: SourceOptions) -> Source:
         from sensors.optitrack import open_optitrack
 
         return open_optitrack(spec, options)
-    if kind == "a TUM folder":
+    if kind == "a folder of images":
         from sensors.tum import open_tum
 
         return open_tum(Path(spec), options)
@@ -82,7 +82,7 @@ def check_source(spec: str, options: SourceOptions) -> None:
     """Raise what `open_source` would for a wrong call; no device is touched, nothing is drawn, nothing stays open."""
     kind = _kind(spec)
     _check_options(spec, kind, options)
-    if options.camera is not None and kind != "a TUM folder":
+    if options.camera is not None and kind != "a folder of images":
         from sensors.calibration_file import load_calibration
 
         load_calibration(options.camera)
@@ -122,7 +122,7 @@ def _kind(spec: str) -> str:
         return "a motion capture server"
     path = Path(spec)
     if is_image_folder(path):
-        return "a TUM folder"
+        return "a folder of images"
     if spec.endswith(".csv") and path.is_file():
         return "a Motive export"
     from odom.wire.recording import is_recording
@@ -131,7 +131,7 @@ def _kind(spec: str) -> str:
         return "a recording"
     if path.exists():
         raise no_source(path)
-    what = "a SOURCE is arena, kinect, ros2:/camera, an .mcap file or a TUM RGB-D folder"
+    what = "a SOURCE is arena, kinect, ros2:/camera, a recording, a ROS bag or a folder of images"
     raise ConfigError(f"{spec}: no such file or folder{_nearest(path)}; {what}")
 
 

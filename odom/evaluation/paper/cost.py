@@ -31,6 +31,8 @@ class Cost:
 
 
 _HORN = "Horn / SVD in numpy"
+_ROUNDS = 300
+"""Calls of each, of which the median is taken: it is then steady to some per cent."""
 
 
 def _costs(
@@ -70,7 +72,7 @@ def costs() -> list[Cost]:
         "RF, full covariances of both clouds": lambda: robust(both),
         "gate + RF, full covariances, 30 % wrong": lambda: register(wrong),
     }
-    return _costs(400, 300, lambda: closed_form(one.points_source, one.points_target), calls)
+    return _costs(400, _ROUNDS, lambda: closed_form(one.points_source, one.points_target), calls)
 
 
 def growth(sizes: tuple[int, ...] = (100, 1000, 10_000, 100_000)) -> list[Cost]:

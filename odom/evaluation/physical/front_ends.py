@@ -34,6 +34,8 @@ pairs show against truth (.5, .7, 1.2, 1.8 px stated by scale, .52, .7, 1.13, 1.
 RF and KF trust depth against pixels: with 1 px, KF is behind EM-ICP; less takes right pairs for wrong ones."""
 _STEPS = 10
 """Gauss-Newton steps of an alignment at most: most need three."""
+_PICTURE_PX = 320
+"""Width of an image in the figure."""
 _NO_PAIRS = Pairs(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3, 3)))
 
 
@@ -154,6 +156,6 @@ def _key_point_covariances(points: Array, sigmas: Array, sensor: SensorModel) ->
 
 
 def small_picture(color: Image) -> Image:
-    """Return an RGB image made 320 px wide, for the figure."""
-    height = round(color.shape[0] * 320 / color.shape[1])
-    return np.asarray(cv2.resize(color, (320, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    """Return an RGB image made narrower for the figure."""
+    height = round(color.shape[0] * _PICTURE_PX / color.shape[1])
+    return np.asarray(cv2.resize(color, (_PICTURE_PX, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)

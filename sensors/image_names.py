@@ -52,12 +52,13 @@ def by_stamp(path: Path, files: Iterable[Path]) -> list[TumEntry]:
     return sorted(entries, key=lambda entry: (entry.stamp, entry.values))
 
 
-def alike(files: Iterable[Path]) -> dict[str, list[Path]]:
-    """Return the files by their names without suffix, 0 for each number in them; those without one are left out."""
+def alike(files: Iterable[Path], number: re.Pattern[str] = _NUMBER) -> dict[str, list[Path]]:
+    """Return the files by their names without suffix, 0 for each `number` in them; those without one are left out."""
     groups = defaultdict[str, list[Path]](list)
     for file in files:
-        if _NUMBER.search(file.stem):
-            groups[_NUMBER.sub("0", file.stem)].append(file)
+        name, numbers = number.subn("0", file.stem)
+        if numbers:
+            groups[name].append(file)
     return groups
 
 

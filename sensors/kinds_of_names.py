@@ -2,11 +2,10 @@
 
 import logging
 import re
-from collections import defaultdict
 from collections.abc import Collection, Iterable
 from pathlib import Path
 
-from sensors.image_names import COLOR_WORDS, DEPTH_WORDS
+from sensors.image_names import COLOR_WORDS, DEPTH_WORDS, alike
 
 log = logging.getLogger(__name__)
 
@@ -26,7 +25,7 @@ def of_one_camera(color: Collection[Path], depth: Collection[Path]) -> tuple[lis
 
 
 def _one_kind(files: Iterable[Path], beside: Iterable[Path]) -> list[Path]:
-    kinds, others = _kinds(files), {_words(name) for name in _kinds(beside)}
+    kinds, others = alike(files, _TIME_OR_NUMBER), {_words(name) for name in alike(beside, _TIME_OR_NUMBER)}
     if not kinds:
         return []
     many = max(map(len, kinds.values())) / 2
@@ -41,16 +40,6 @@ def _one_kind(files: Iterable[Path], beside: Iterable[Path]) -> list[Path]:
             taken[0].parent, len(taken), taken[0].name, sum(map(len, left_out)), left_out[0][0].name,
         )  # fmt: skip
     return taken
-
-
-def _kinds(files: Iterable[Path]) -> dict[str, list[Path]]:
-    """Return the files by their names without suffix, 0 for each number or time in them."""
-    found = defaultdict[str, list[Path]](list)
-    for file in files:
-        name, numbers = _TIME_OR_NUMBER.subn("0", file.stem)
-        if numbers:
-            found[name].append(file)
-    return found
 
 
 def _words(name: str) -> frozenset[str]:

@@ -6,8 +6,6 @@ from odom.wire.pairing import LEAP_NS
 _HEAD_START_S = 0.1
 """Seconds between the calibration and the first image of a recording that is played in real time: consumers compute the
 table of the lens meanwhile. Less: the first images wait, and at a high rate some are lost."""
-
-
 _LONGEST_PAUSE_NS = 10_000_000_000
 """A pause of a recording is waited for up to so long; longer ones, as where a clock was set, are skipped."""
 

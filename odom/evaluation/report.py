@@ -64,7 +64,7 @@ def evaluate(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions
     options = options or EvaluationOptions()
     for name, given in (("estimate", estimate), ("truth", truth)):
         check(name, given)
-    segments, truth = _segments(truth), truth.longest_segment()
+    segments, truth = truth.segment_count, truth.longest_segment()
     valid = truth.at(estimate.stamps, options.max_gap_s)[1]
     total = max(options.total_frames or 0, len(estimate))
     if valid.sum() < 3:
@@ -91,15 +91,11 @@ def evaluate(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions
         errors_m=errors,
         notes=(
             *alignment.notes,
-            *_segment_notes("estimate", _segments(everything), "is judged"),
+            *_segment_notes("estimate", everything.segment_count, "is judged"),
             *_segment_notes("truth", segments, "is judged by"),
             *_coverage_notes(len(matched), total),
         ),
     )
-
-
-def _segments(trajectory: Trajectory) -> int:
-    return 1 if trajectory.segment is None else len(np.unique(trajectory.segment))
 
 
 def _segment_notes(name: str, count: int, use: str) -> tuple[str, ...]:

@@ -112,6 +112,11 @@ class Trajectory:
         """Return the trajectory with `seconds` added to every stamp."""
         return replace(self, stamps=self.stamps + np.int64(round(seconds * 1e9)))
 
+    @property
+    def segment_count(self) -> int:
+        """How many segments it has: one without any named, none without poses."""
+        return min(1, len(self)) if self.segment is None else len(np.unique(self.segment))
+
     def longest_segment(self) -> "Trajectory":
         """Return the poses of the segment that has the most of them."""
         if self.segment is None:

@@ -69,10 +69,10 @@ def is_believable(arrays: Arrays, W: Array, T: Array, weights: Array, bound: flo
     probability, allowed = odds
     used, inliers = int(np.count_nonzero(arrays.weights)), int(np.count_nonzero(weights))
 
-    def is_rare(spots_of_all: int, spots: int) -> bool:
-        return log_false_alarms(spots_of_all, spots, probability) < allowed
+    def is_rare(n: int, agreeing: int) -> bool:
+        return log_false_alarms(n, agreeing, probability) < allowed
 
-    enough = bisect_left(range(inliers + 1), True, key=lambda spots: is_rare(used, spots))
+    enough = bisect_left(range(inliers + 1), True, key=lambda agreeing: is_rare(used, agreeing))
     if enough > inliers:
         return False
     found = spots(arrays.q, arrays.p, W, T, weights, bound, enough)

@@ -78,7 +78,6 @@ def _run(
             processes = RunProcesses(plan, settings, endpoint, session, display, folder_lock)
             try:
                 processes.work(stop)
-                was_stopped = stop.is_set()  # later it only closes the viewer
             finally:
                 processes.end_work()
         try:
@@ -88,7 +87,7 @@ def _run(
                 remember_calibration(plan.out, (processes.reports["sensor"] or {}).get("serial", ""))
             if report.get("frames"):
                 tell(report)
-            if plan.stay and not was_stopped:
+            if plan.stay and not processes.was_stopped:
                 processes.keep_viewer(stop)
         finally:
             processes.end_viewer()
@@ -100,7 +99,7 @@ def _run(
         raise OdomError(f"{plan.out} holds no report.json, since it could not be written: make room, then run it again")
     if unwritten := report.get("unwritten"):
         raise OdomError(f"{unwritten} lines or files could not be written to {plan.out}: make room, then run it again")
-    return report, was_stopped
+    return report, processes.was_stopped
 
 
 def watching(endpoint: str, namespace: str) -> str:

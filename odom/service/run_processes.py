@@ -62,8 +62,9 @@ class RunProcesses:
     """The child processes of one run, and the order in which they are started and ended.
 
     `total` is how many colour images the sensor says its source has, `reports` the reports that sensor (see
-    `input_report`) and odometry printed at their ends, `counts` the frames of the odometry's last status. `folder_lock`
-    is the descriptor of the lock that the odometry shares.
+    `input_report`) and odometry printed at their ends, `counts` the frames of the odometry's last status.
+    `was_stopped`: the run was asked to stop before the source had ended. `folder_lock` is the descriptor of the lock
+    that the odometry shares.
     """
 
     def __init__(
@@ -82,7 +83,7 @@ class RunProcesses:
         self._plan = plan
         self._display = display
         self._reported: set[str] = set()
-        self._was_stopped = False
+        self.was_stopped = False
         self._frames = -1
         self._sensor_is_here = False
         self._odometry_idles = IdleDetector()
@@ -132,7 +133,7 @@ class RunProcesses:
                 odometry.stop(self._patience_s)
         self._report_failures()
         if stop.is_set():
-            self._was_stopped = True
+            self.was_stopped = True
             sensor.stop(self._patience_s)
             odometry.stop(self._patience_s)
         elif odometry.status == 0:
@@ -163,7 +164,7 @@ class RunProcesses:
     def _has_nothing_to_record(self, child: ChildProcess) -> bool:
         """Return whether it is a recorder that has no file since the run was stopped before the first frame."""
         frames = (self.reports["odometry"] or self.counts).get("frames")
-        return child.name == "recorder" and self._was_stopped and not frames and child.name not in self._reported
+        return child.name == "recorder" and self.was_stopped and not frames and child.name not in self._reported
 
     def _report_failures(self) -> None:
         recorder = self.children.get("recorder")

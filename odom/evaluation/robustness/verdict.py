@@ -79,7 +79,7 @@ def verdict(
         nees=float(squares.mean()) if len(squares) else None,
         recovery_s=float(np.mean([seconds for seconds, _ in times])) if times else None,
         unrecovered=sum(not found for _, found in times),
-        segments=len(np.unique(trajectory.segment)) if trajectory.segment is not None else min(1, len(trajectory)),
+        segments=trajectory.segment_count,
     )
 
 

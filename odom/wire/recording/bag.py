@@ -54,8 +54,7 @@ class BagReader(RecordingReader):
             self.damage += tuple(f"{part.path.name}: {what}" for what in part.damage)
             self.complete &= part.complete
             for topic, (count, why) in part.skipped.items():
-                before, why = self.skipped.get(topic, (0, why))
-                self.skipped[topic] = before + count, why
+                self._skip(topic, why, count)
 
 
 class RosbagsReader(RecordingReader):

@@ -143,9 +143,9 @@ class RecordingReader:
         """Return a line for each of some topics with messages that are not CDR: how many, why, what to convert."""
         return [f"{n} messages of /{topic} are skipped: {why}" for topic, (n, why) in self.skipped.items()][:_MOST_TOLD]
 
-    def _skip(self, topic: str, why: str) -> None:
-        count, why = self.skipped.get(topic, (0, why))
-        self.skipped[topic] = count + 1, why
+    def _skip(self, topic: str, why: str, count: int = 1) -> None:
+        before, why = self.skipped.get(topic, (0, why))
+        self.skipped[topic] = before + count, why
 
     def _in_file_order(self, topics: Collection[str] | None, start: Stamp | None) -> Iterator[Message]:
         file = McapFile(self.path)

@@ -36,8 +36,8 @@ _ESTIMATED, _TIMING = "estimated.txt", "timing.json"
 class Task:
     """What one run is to do: an axis and the number of its level, or None for the unspoilt run.
 
-    The unspoilt run writes the camera's truth to the file `truth`, and what it estimated beside it; the others read
-    that.
+    The first unspoilt run writes the camera's truth to the file `truth`, and what it estimated beside it; the others
+    read that.
     """
 
     source: str
@@ -51,16 +51,20 @@ class Task:
 
 
 def main(argument: str) -> None:
-    """Do one task; what fails is a verdict that says so."""
+    """Do one task and print what came of it."""
+    print(json.dumps(asdict(outcome(Task(**json.loads(argument))))), flush=True)
+
+
+def outcome(task: Task) -> Verdict:
+    """Do one task without a word in the log; what fails is a verdict that says so."""
     import cv2
 
     cv2.setNumThreads(1)
     logging.disable()
     try:
-        found = run(Task(**json.loads(argument)))
-    except Exception as error:  # any failure is the verdict on the spoilt run
-        found = Verdict(error=f"{type(error).__name__}: {error}")
-    print(json.dumps(asdict(found)), flush=True)
+        return run(task)
+    except Exception as error:  # any failure is the verdict on the run
+        return Verdict(error=f"{type(error).__name__}: {error}")
 
 
 def run(task: Task) -> Verdict:
@@ -72,7 +76,7 @@ def run(task: Task) -> Verdict:
         scene = look(task, options, read_tum(file))
         spoiler = next(axis for axis in AXES if axis.name == task.axis).spoiler(task.level, scene)
     replayed = replay(open_source(task.source, options), options.topics, settings, spoiler)
-    if task.axis is None:
+    if not file.exists():
         write_tum(file, camera_truth(replayed))
         write_tum(file.with_name(_ESTIMATED), replayed.trajectory)
         file.with_name(_TIMING).write_text(json.dumps(asdict(replayed.timing)))

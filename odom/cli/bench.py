@@ -85,26 +85,34 @@ def sensitivity(
     ],
     only: Annotated[str, typer.Option(metavar="GLOB", help="Only numbers of this name, as frontend.*_px.")] = "*",
     seconds: Annotated[float | None, typer.Option(min=1, help="Only so much of each source, from its start.")] = None,
+    spoil: Annotated[
+        list[str] | None,
+        typer.Option("--spoilt", metavar="AXIS=LEVEL", help="Run over the first source spoilt like this, too; repeat."),
+    ] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Processes at a time.")] = 1,
     camera: Calibration = None,
     config: Config = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write all figures to this file.")] = None,
     markdown_file: Annotated[Path | None, typer.Option("--markdown", help="Write the table to this file.")] = None,
 ) -> None:
-    """Halve and double each tuned number of the algorithms and print what that does to ATE and NEES.
+    """Halve and double each tuned number of the algorithms and print what that does.
+
+    That is to ATE and NEES, and to the shares of frames that are tracked, LOST, or TRACKING and wrong (as `odom bench
+    robustness` counts them). Guards against people, darkness or gaps act where the source is --spoilt by them.
 
     Each value is run over all sources in a process of its own, which takes hours for all numbers. NEES is the mean
     over one second, 6 being ideal. On a recording of seconds any change at all moves the ATE by some 10 %, by chance.
     Ctrl-C ends it with the numbers measured so far.
 
-    Example: odom bench sensitivity tum_fr1_xyz session.mcap --only 'frontend.*' --seconds 8 --jobs 2
+    Example: odom bench sensitivity tum_fr1_xyz session.mcap --only 'frontend.*' --seconds 8 --spoilt passers-by=.33
     """
     import sys
 
     from rich.console import Console
     from rich.table import Table
 
-    from odom.bench.sensitivity_bench import Runs, measure_sensitivity
+    from odom.bench.robustness_run import Task
+    from odom.bench.sensitivity_bench import measure_sensitivity, spoilt
     from odom.errors import ConfigError
     from odom.evaluation.sensitivity import COLUMNS, as_json, cells, changes, markdown, tuned_numbers
     from odom.service.progress import counting
@@ -118,10 +126,11 @@ def sensitivity(
         raise ConfigError(f"no tuned number is called {only}: without --only all of them are tried")
     for source in sources:
         check_source(source, SourceOptions(camera=camera))
-    files = (None if path is None else str(path) for path in (camera, config))
-    runs = Runs(tuple(sources), seconds, *files)
+    files = [None if path is None else str(path) for path in (camera, config)]
+    tasks = [Task(source, "", 1, seconds, files[0], files[1]) for source in sources]
+    tasks += [spoilt(tasks[0], text) for text in spoil or ()]
     with counting("measured", 1 + sum(len(changes(number)) for number in numbers), "values") as progress:
-        found = measure_sensitivity(numbers, runs, jobs, progress, stop.is_set)
+        found = measure_sensitivity(numbers, tasks, jobs, progress, stop.is_set)
     console = Console(width=None if sys.stdout.isatty() else 200)
     table = Table(title=f"halved and doubled: {len(found)} of {len(numbers)} numbers", title_justify="left")
     for column in COLUMNS:

@@ -10,7 +10,7 @@ from odom.errors import InputError
 from odom.evaluation.chain_report import chain_fields, trajectory_fields
 from odom.evaluation.files import read_run, read_tum
 from odom.evaluation.judgement import judge
-from odom.evaluation.mocap_calibration import Calibration, CalibrationOptions, calibrate
+from odom.evaluation.mocap_calibration import Calibration, CalibrationOptions
 from odom.evaluation.pose_conventions import convention_notes
 from odom.evaluation.relative import RelativePoses, read_relative, relative_errors_of, relative_nees
 from odom.evaluation.report import EvaluationOptions, Report, evaluate
@@ -75,18 +75,6 @@ def report_with_truth(out_dir: Path, total_frames: int | None = None) -> dict[st
     except OSError as error:
         fields |= {"unwritten": 1, "truth_notes": [*fields["truth_notes"], f"plot.png is not drawn: {error}"]}
     return {key: _finite(value) for key, value in fields.items()}
-
-
-def ate_and_nees(
-    estimate: Trajectory, second: RelativePoses, truth: Trajectory, body: str
-) -> tuple[float, float | None]:
-    """Return `ate_m` and `nees_mean` of the report, from the values instead of files; None for no relative poses.
-
-    Raises InputError when estimate and truth cannot be brought together.
-    """
-    if body != CAMERA:
-        truth = calibrate(estimate, truth).camera_truth(truth)
-    return evaluate(estimate, truth).ate_m, _finite(_nees_fields(second, truth, "nees")["nees_mean"])
 
 
 def body_of(path: Path) -> str:

@@ -9,6 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from odom.evaluation.robustness.verdict import Verdict
 from odom.geometry.tuning import documented
 
 PACKAGES = ("registration", "frontend", "backend")
@@ -16,8 +17,10 @@ PACKAGES = ("registration", "frontend", "backend")
 _NOT_IN_THE_ODOMETRY = ("paper", "cloud_features")
 """Their packages for the paper's tables and physical experiment: none of their numbers affects the odometry."""
 
-_FEWER_POSES = 0.98
-"""A run with a smaller share of the usual number of poses is remarked on; it does not change the order of the table."""
+_SHARES = {"tracked": "tracked", "lost": "LOST", "wrong": "TRACKING and wrong"}
+"""Shares of the frames that are remarked on where they differ; they do not change the order of the table."""
+_REMARKED = 0.01
+"""They do where they differ by more than this share of the frames."""
 
 
 @unique
@@ -49,25 +52,11 @@ class TunedNumber:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What one run over a source gave: ATE, mean NEES over one second (6 is ideal), frames and how many have a pose.
-
-    `error` says why figures are missing.
-    """
-
-    ate_m: float | None = None
-    nees: float | None = None
-    poses: int = 0
-    frames: int = 0
-    error: str = ""
-
-
-@dataclass(frozen=True)
 class Sensitivity:
-    """The outcomes of one number, by source and level; a level that was not run is missing."""
+    """The verdicts on one number, by what was run over and by level; a level that was not run is missing."""
 
     number: TunedNumber
-    outcomes: dict[str, dict[Level, Outcome]]
+    outcomes: dict[str, dict[Level, Verdict]]
 
     @property
     def largest_change(self) -> float:
@@ -127,12 +116,10 @@ def cells(found: Sequence[Sensitivity]) -> list[tuple[str, ...]]:
     rows = []
     for one in found:
         first = (one.number.key, f"{one.number.value:.6g}", one.number.unit, _size(one.largest_change))
-        names = {source: Path(source).name for source in one.outcomes}
-        is_clear = len(set(names.values())) == len(names)
         for source, levels in one.outcomes.items():
             ate = tuple(_figure(levels, level, "ate_m", 1e3) for level in Level)
             nees = tuple(_figure(levels, level, "nees", 1.0) for level in Level)
-            rows.append((*first, names[source] if is_clear else source, *ate, *nees, _remarks(levels)))
+            rows.append((*first, source, *ate, *nees, _remarks(levels)))
             first = ("", "", "", "")
     return rows
 
@@ -174,19 +161,21 @@ def _size(change: float) -> str:
     return "none" if change == 1.0 else f"x{change:.3g}"
 
 
-def _figure(levels: dict[Level, Outcome], level: Level, name: str, scale: float) -> str:
-    usual, value = (getattr(levels.get(which, Outcome()), name) for which in (Level.AS_IS, level))
+def _figure(levels: dict[Level, Verdict], level: Level, name: str, scale: float) -> str:
+    usual, value = (getattr(levels.get(which, Verdict()), name) for which in (Level.AS_IS, level))
     if value is None:
         return "failed" if level in levels and levels[level].error else "-"
     text = f"{scale * value:.4g}"
     return text if level is Level.AS_IS or not usual else f"{text} ({value / usual:.2f})"
 
 
-def _remarks(levels: dict[Level, Outcome]) -> str:
-    said = []
-    for level, outcome in levels.items():
-        if outcome.error:
-            said.append(f"{level.value}: {outcome.error}")
-        elif outcome.poses < _FEWER_POSES * levels[Level.AS_IS].poses:
-            said.append(f"{level.value}: only {outcome.poses} of {outcome.frames} frames have a pose")
+def _remarks(levels: dict[Level, Verdict]) -> str:
+    said, usual = [], levels[Level.AS_IS]
+    for level, verdict in levels.items():
+        if verdict.error:
+            said.append(f"{level.value}: {verdict.error}")
+            continue
+        shares = [(words, getattr(verdict, name), getattr(usual, name)) for name, words in _SHARES.items()]
+        changed = [f"{new:.0%} {words} (of {old:.0%})" for words, new, old in shares if abs(new - old) > _REMARKED]
+        said += [f"{level.value}: {', '.join(changed)}"] if changed else []
     return "; ".join(said)

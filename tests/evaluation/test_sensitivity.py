@@ -3,17 +3,19 @@ import math
 import re
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
-from odom.bench.sensitivity_bench import Runs, measure_sensitivity
+from odom.bench.robustness_run import Task
+from odom.bench.sensitivity_bench import label, measure_sensitivity, spoilt
 from odom.cli import app
+from odom.errors import ConfigError
+from odom.evaluation.robustness.verdict import Verdict
 from odom.evaluation.sensitivity import (
     Level,
-    Outcome,
     Sensitivity,
     TunedNumber,
     as_json,
@@ -61,19 +63,17 @@ def test_the_page_on_tuned_numbers_has_the_values_and_names_of_the_code() -> Non
     assert f"The {len(table) + len(without_effect)} numbers" in page
 
 
-USUAL = Outcome(0.010, 6.0, 100, 100)
+USUAL = Verdict(frames=100, ate_m=0.010, nees=6.0, tracked=1.0)
 
 
-def found(key: str, half: Outcome, double: Outcome) -> Sensitivity:
-    usual = Outcome(0.010, 6.0, 100, 100)
-    return Sensitivity(
-        TunedNumber(key, 2.0, "px"), {"walk": {Level.HALF: half, Level.AS_IS: usual, Level.DOUBLE: double}}
-    )
+def found(key: str, half: Verdict, double: Verdict) -> Sensitivity:
+    levels = {Level.HALF: half, Level.AS_IS: USUAL, Level.DOUBLE: double}
+    return Sensitivity(TunedNumber(key, 2.0, "px"), {"walk": levels})
 
 
-CALM = found("a.calm", Outcome(0.011, 6.0, 100, 100), Outcome(0.010, 6.3, 100, 100))
-STRONG = found("a.strong", Outcome(0.010, 2.0, 100, 100), Outcome(0.010, 6.0, 60, 100))
-FAILING = found("a.failing", Outcome(error="ValueError: no"), Outcome(0.010, 6.0, 100, 100))
+CALM = found("a.calm", replace(USUAL, ate_m=0.011), replace(USUAL, nees=6.3))
+STRONG = found("a.strong", replace(USUAL, nees=2.0), replace(USUAL, tracked=0.6, wrong=0.02))
+FAILING = found("a.failing", Verdict(error="ValueError: no"), USUAL)
 
 
 def test_the_strongest_comes_first_and_a_failure_before_it() -> None:
@@ -99,7 +99,7 @@ def test_the_table_has_figures_with_ratios_and_says_what_failed() -> None:
         "6.3 (1.05)",
         "",
     )
-    assert strong[-1] == "double: only 60 of 100 frames have a pose"
+    assert strong[-1] == "double: 60% tracked (of 100%), 2% TRACKING and wrong (of 0%)"
     assert failing[3] == failing[5] == "failed"
     assert failing[-1] == "half: ValueError: no"
     assert markdown([CALM]).splitlines()[2].startswith("| a.calm | 2 | px | x1.1 | walk | 11 (1.10) |")
@@ -110,7 +110,7 @@ def test_the_table_has_figures_with_ratios_and_says_what_failed() -> None:
 @pytest.mark.process
 def test_a_value_that_fails_is_a_row_that_says_so() -> None:
     number = TunedNumber("frontend.no_such_number", 2.0, "px")
-    (row,) = measure_sensitivity([number], Runs((ARENA,), seconds=4.0))
+    (row,) = measure_sensitivity([number], [Task(ARENA, "", 1, end=4.0)])
     levels = row.outcomes[ARENA]
     assert levels[Level.AS_IS].ate_m
     assert levels[Level.HALF].error
@@ -130,6 +130,23 @@ def test_one_number_of_the_odometry_is_tried_on_a_few_seconds(tmp_path: Path) ->
     assert all(outcome["ate_m"] > 0 and outcome["nees"] > 0 for outcome in levels.values())
     assert len({outcome["ate_m"] for outcome in levels.values()}) == 3
     assert numbers[0].key in (tmp_path / "new" / "s.md").read_text()
+
+
+@pytest.mark.process
+def test_a_number_is_tried_on_a_spoilt_source_too() -> None:
+    plain = Task(ARENA, "", 1, end=4.0)
+    dark = spoilt(plain, "darkness=.03")
+    (row,) = measure_sensitivity(tuned_numbers("backend.tracking.inlier_chi2"), [plain, dark])
+    assert list(row.outcomes) == [ARENA, f"{ARENA} darkness=.03"] == [label(plain), label(dark)]
+    clean, spoiled = (levels[Level.AS_IS] for levels in row.outcomes.values())
+    assert spoiled.tracked <= clean.tracked
+    assert spoiled.ate_m != clean.ate_m
+    assert not any(verdict.error for levels in row.outcomes.values() for verdict in levels.values())
+
+
+def test_spoiling_that_there_is_not_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"nothing is spoilt by darkness=2: there are .*darkness=.5"):
+        spoilt(Task(ARENA, "", 1), "darkness=2")
 
 
 def test_a_pattern_that_no_number_has_is_refused() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from odom import Odometry, read_recording
 from odom.backend.map.keyframe import FrameObservations, Keyframe, MeasuredLandmarks
-from odom.backend.tracking.frame_state import Tracked
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.backend.tracking.tuning import TUNING
 from odom.calibration.result import calibrated
 from odom.calibration.survey import survey_of
@@ -29,13 +29,13 @@ def measured(n: int) -> Measurements:
     return Measurements(values, np.zeros((n, 3, 3)), np.full((n, 4), 1e-6), np.zeros((n, 2)))
 
 
-def tracked(chi2_of_rays: list[float]) -> Tracked:
+def tracked(chi2_of_rays: list[float]) -> TrackedFrame:
     n = len(chi2_of_rays)
     chi2 = np.column_stack([chi2_of_rays, np.zeros(n)])
     pose, found, seen = (np.eye(4), np.eye(6)), (np.arange(n), np.zeros((n, 2))), chi2[:, 0] < TUNING.inlier_chi2
     nothing = np.zeros(0, dtype=np.int64)
     rest = (np.arange(n), nothing, nothing, SimpleNamespace(), 0, np.zeros(6), SimpleNamespace())
-    return Tracked(*pose, *found, measured(n), chi2, seen, *rest)
+    return TrackedFrame(*pose, *found, measured(n), chi2, seen, *rest)
 
 
 def keyframe_with_displaced() -> Keyframe:

@@ -20,7 +20,8 @@ from odom.backend.mapping.row_motion import carry_misjudged
 from odom.backend.mapping.shutter_kind import ShutterKind
 from odom.backend.mapping.tuning import TUNING
 from odom.backend.settings import OdometrySettings
-from odom.backend.tracking.frame_state import FrameState, Tracked
+from odom.backend.tracking.posed_frame import PosedFrame
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.frontend.camera.lens import Lens
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import later
@@ -70,50 +71,50 @@ class Mapper:
         """Whether nothing is adjusted in the background, so that the map may move."""
         return not self._background.is_busy
 
-    def prune(self, state: FrameState | None) -> bool:
+    def prune(self, last: PosedFrame | None) -> bool:
         """Forget the oldest key frames beyond `map_keyframes`; return whether there were any.
 
         Those around the camera and the newest ones, which are still worked on, are kept. Nothing is forgotten while
         the background works, since it reads the rest too. What is saved is set aside instead, the farthest first: it
-        can be fetched again. `state` is None before the camera has a pose.
+        can be fetched again. `last` is None before the camera has a pose.
         """
         map_, most = self._map, self._settings.map_keyframes
         if self._background.is_busy or len(map_.remembered) <= most:
             return False
-        if state is None:
+        if last is None:
             for number in map_.remembered[:-most]:
                 set_aside(map_, number)
             return False
-        around = map_.neighbours(state.reference, state.T_camera_map, self._settings.local_keyframes)
+        around = map_.neighbours(last.reference, last.T_camera_map, self._settings.local_keyframes)
         newest = max(self._settings.window_keyframes, self._settings.background_delay_frames)
-        needed = np.concatenate([around, [state.reference], map_.remembered[-newest:]])
+        needed = np.concatenate([around, [last.reference], map_.remembered[-newest:]])
         surplus = len(map_.remembered) - most
         if map_.journal.is_kept:
-            self._set_aside(surplus, needed, state)
+            self._set_aside(surplus, needed, last)
             return False
         if map_.details is not None:
             unsaved = np.array([n for n in map_.remembered if n >= map_.earlier], dtype=np.int64)
-            self._set_aside(surplus, np.union1d(needed, unsaved), state)
+            self._set_aside(surplus, np.union1d(needed, unsaved), last)
         oldest = oldest_beyond(map_, most, needed)
         for number in oldest:
             forget(map_, number)
         return bool(oldest)
 
-    def _set_aside(self, surplus: int, needed: Index, state: FrameState) -> None:
+    def _set_aside(self, surplus: int, needed: Index, last: PosedFrame) -> None:
         """Set aside `surplus` key frames, the farthest ones when that was last looked at, without those `needed`."""
         map_, most = self._map, self._settings.map_keyframes
         free = set(map_.remembered).difference(needed.tolist())
         waiting = [n for n in self._farthest if n in free]
         if len(waiting) < surplus:
-            waiting = farthest_beyond(map_, most - TUNING.set_aside_ahead, needed, state.T_camera_map)
+            waiting = farthest_beyond(map_, most - TUNING.set_aside_ahead, needed, last.T_camera_map)
         for number in waiting[:surplus]:
             set_aside(map_, number)
         self._farthest = waiting[surplus:]
 
-    def recall(self, state: FrameState) -> None:
+    def recall(self, last: PosedFrame) -> None:
         """Bring back a few key frames of a saved map that the camera comes near to, if there is room."""
         if len(self._map.remembered) <= self._settings.map_keyframes:
-            recall_near(self._map, state.reference, state.T_camera_map, TUNING.recalled_at_once)
+            recall_near(self._map, last.reference, last.T_camera_map, TUNING.recalled_at_once)
 
     def start_background(self, count: int, sensor: SensorModel, may_change: bool = False) -> None:
         """Begin to adjust the newest key frames and to describe their places, if idle; frame `count` is the newest.
@@ -189,12 +190,12 @@ class Mapper:
         self._note_measured([one.seen.keyframe for one in taken.described])
         return sensor, taken.described
 
-    def keep_if_due(self, number: int, tracked: Tracked, sensor: SensorModel) -> None:
+    def keep_if_due(self, number: int, tracked: TrackedFrame, sensor: SensorModel) -> None:
         """Keep what the tracked frame `number` measured, if it is one of the few a second that are kept."""
         if self.intermediate.wants(number, sensor.clock.period_s):
             self.keep(number, tracked, sensor)
 
-    def keep(self, number: int, tracked: Tracked, sensor: SensorModel) -> None:
+    def keep(self, number: int, tracked: TrackedFrame, sensor: SensorModel) -> None:
         """Keep what the tracked frame `number` measured, for `finish`."""
         self.intermediate.add(number, tracked, self._map.keyframes, self._map.landmarks, sensor.timing)
 

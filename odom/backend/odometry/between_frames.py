@@ -13,24 +13,24 @@ def apply_background(stages: FrameStages, count: int | None) -> tuple[list[LoopC
 
     The newest frame's pose moves with the map; a loop closure leaves its pose in odom as it was.
     """
-    state, before = stages.last, stages.sensor
-    if state is None:
+    last, before = stages.last, stages.sensor
+    if last is None:
         return [], False
-    T_reference_camera = state.T_reference_camera(stages.map)
+    T_reference_camera = last.T_reference_camera(stages.map)
     taken = stages.mapper.apply_background(count, before)
     stages.sensor, described = taken or (before, [])
     if stages.sensor.lens is not before.lens:
-        state = go_on_through_lens(stages, before, state, T_reference_camera)
-        T_reference_camera = state.T_reference_camera(stages.map)
-    T_reference_adjusted = stages.map.keyframes[state.reference].T_camera_map
+        last = go_on_through_lens(stages, before, last, T_reference_camera)
+        T_reference_camera = last.T_reference_camera(stages.map)
+    T_reference_adjusted = stages.map.keyframes[last.reference].T_camera_map
     loops = stages.closer.judge(described, stages.sensor)
     if stages.mapper.is_idle:  # what is being adjusted must not move meanwhile
         loops += stages.closer.close(count, stages.sensor)
     if is_closed := any(loop.accepted for loop in loops):
-        T_reference_map = stages.map.keyframes[state.reference].T_camera_map
+        T_reference_map = stages.map.keyframes[last.reference].T_camera_map
         stages.published.correct(se3.inverse(T_reference_map) @ T_reference_adjusted)
     if map_moved := is_closed or taken is not None:
-        stages.last = state.moved_with(stages.map, T_reference_camera)
+        stages.last = last.moved_with(stages.map, T_reference_camera)
     return loops, map_moved
 
 

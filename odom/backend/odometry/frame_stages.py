@@ -28,11 +28,12 @@ from odom.backend.odometry.visibility import Visibility
 from odom.backend.publication import Publication
 from odom.backend.settings import OdometrySettings
 from odom.backend.stopwatch import Stopwatch
-from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.backend.tracking.frame_tracker import FrameTracker
-from odom.backend.tracking.motion_model import AT_REST
+from odom.backend.tracking.motion_model import AT_REST, mean_twist
 from odom.backend.tracking.noise_check import noise_after
+from odom.backend.tracking.posed_frame import PosedFrame
 from odom.backend.tracking.quality import judge_pose
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.place_descriptor import describe_place
 from odom.frontend.features.view import View
@@ -49,7 +50,7 @@ class FrameStages:
 
     def __init__(self, sensor: SensorModel, settings: OdometrySettings, saved: SavedMap | None = None) -> None:
         self.sensor = sensor
-        self.last: FrameState | None = None
+        self.last: PosedFrame | None = None
         self.map = Map() if saved is None else open_map(saved)
         self.tracker = FrameTracker(self.map, settings)
         self.mapper = Mapper(self.map, settings, sensor)
@@ -90,7 +91,7 @@ class FrameStages:
         sees_enough = self._lost_camera.sees_enough(view, place, self.sensor)
         return self._begin_if_due(view, following) if sees_enough else self._report(view, TOO_LITTLE, following)
 
-    def _track(self, view: View, T_predicted: Array | None, watch: Stopwatch) -> Tracked | None:
+    def _track(self, view: View, T_predicted: Array | None, watch: Stopwatch) -> TrackedFrame | None:
         """Predict and track the frame from the newest one with a pose; None where that fails."""
         last, tracker, sensor, in_doubt = self.last, self.tracker, self.sensor, self.moving.is_doubtful
         if last is None or not self._is_predictable(view):
@@ -103,7 +104,7 @@ class FrameStages:
         if tracked is not None and last.is_bent and since_s < TUNING.longest_gap_s:
             # The motion to a segment's second frame tells how the first one's rows are bent. The rows themselves
             # cannot: landmarks bent in the first frame look straight in the second.
-            twist = last.motion_prior(since_s, sensor.noise.covariance_scale).mean_twist_to(tracked.T_camera_map)
+            twist = mean_twist(last.T_map_camera, tracked.T_camera_map, since_s)
             self.mapper.inserter.remeasure_first(last.reference, last.view, twist, sensor)
             self.last = replace(last, twist=twist, is_bent=False)
             tracked = tracker.follow(self.last, view, sensor, tracked.T_camera_map, twist, in_doubt)
@@ -114,7 +115,7 @@ class FrameStages:
         """Return whether the newest frame with a pose is so recent that this one can be predicted by its motion."""
         return self.last is not None and is_next(self.last.since_s(view.steady_stamp), self.sensor.clock.period_s)
 
-    def _judge(self, view: View, tracked: Tracked, is_recovered: bool) -> JudgedFrame:
+    def _judge(self, view: View, tracked: TrackedFrame, is_recovered: bool) -> JudgedFrame:
         """Learn from a tracked frame what it shows of noise, landmarks and bodies; return how far to trust its pose.
 
         The newest key frame is measured again by the motion that led here from it.
@@ -184,7 +185,7 @@ class FrameStages:
             keyframe.T_middle_stamp = published.T_middle_stamp
             reference, rows, uv, is_keyframe = keyframe.number, keyframe.rows, keyframe.uv, True
         begun = None if self.last is None else self.last.begun_stamp
-        self.last = FrameState(view, tracked, tracked.T_camera_map, judged.twist, reference, rows, uv, begun)
+        self.last = PosedFrame(view, tracked, tracked.T_camera_map, judged.twist, reference, rows, uv, begun)
         mapper.inserter.recent.remember(self.last)
         return is_keyframe
 
@@ -234,7 +235,7 @@ class FrameStages:
         published = self.published.begin(view, keyframe, self.sensor, twist)
         chain = self.chain.extend(ChainFrame(view, NamedFeatures.nothing(), AT_REST, published), None, self.sensor)
         self.chain.close(self.map, True, keyframe.number, self.sensor)
-        self.last = FrameState.at_beginning(view, T_camera_map, keyframe)
+        self.last = PosedFrame.at_beginning(view, T_camera_map, keyframe)
         begun = "new segment" if against is None else "gone on where surfaces led"
         why = (State.TRACKING, "") if is_first else (State.RECOVERED, f"{begun}: {NO_PLACE}")
         return replace(self._describe(view, *why, published), matches=len(keyframe.rows), is_keyframe=True, chain=chain)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from odom.backend.estimate import State
 from odom.backend.odometry.moving_view import MovingView
-from odom.backend.tracking.frame_state import Tracked
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.geometry.arrays import Array
 
 
@@ -16,7 +16,7 @@ class JudgedFrame:
     what moves in the view.
     """
 
-    tracked: Tracked
+    tracked: TrackedFrame
     since_previous_s: float | None
     twist: Array
     covariance: Array

@@ -25,7 +25,7 @@ from odom.backend.odometry.segmentation import Segmentation, Segmenter
 from odom.backend.odometry.unproven_sensor import unproven_sensor
 from odom.backend.settings import OdometrySettings
 from odom.backend.stopwatch import Stopwatch
-from odom.backend.tracking.frame_state import Tracked
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.errors import ConfigError
 from odom.frame import Camera, RgbdFrame, Stamp
 from odom.frontend.camera.rolling_shutter import ShutterTiming
@@ -122,17 +122,17 @@ class Odometry:
 
         The estimate is the same without this, only later: a Kinect's depth comes milliseconds behind its colour.
         """
-        stages, state = self._stages, self._stages.last
-        if state is None or stages.published.is_lost or color.shape[:2] != (self.camera.height, self.camera.width):
+        stages, last = self._stages, self._stages.last
+        if last is None or stages.published.is_lost or color.shape[:2] != (self.camera.height, self.camera.width):
             return
         watch, sensor = Stopwatch(), stages.sensor.with_stamp(stamp)
-        if not is_next(state.since_s(sensor.clock.steady), sensor.clock.period_s):
+        if not is_next(last.since_s(sensor.clock.steady), sensor.clock.period_s):
             return
         images = FrameImages.of(color)
         watch.lap("images")
-        T_predicted = stages.tracker.predict(state, images, sensor.clock.steady, sensor)
+        T_predicted = stages.tracker.predict(last, images, sensor.clock.steady, sensor)
         watch.lap("predict")
-        self._prepared = Prepared(stamp, color, images, state, T_predicted, watch.laps_ms)
+        self._prepared = Prepared(stamp, color, images, last, T_predicted, watch.laps_ms)
 
     def process(self, frame: RgbdFrame, on_pose: OnPose = lambda estimate: None) -> Estimate:
         """Return the estimate for the next frame.
@@ -207,11 +207,10 @@ class Odometry:
         loops, _ = self._apply_background(None)
         stages.mapper.start_background(log.count, stages.sensor)
         self.late_loops = (*loops, *self._apply_background(None)[0])
-        state = stages.last
-        T_reference_camera = state.T_reference_camera(stages.map)
+        T_reference_camera = stages.last.T_reference_camera(stages.map)
         self._last_timing = self.timing
         stages.sensor, self._adjusted = stages.mapper.finish(stages.sensor, log)
-        stages.last = state.moved_with(stages.map, T_reference_camera)
+        stages.last = stages.last.moved_with(stages.map, T_reference_camera)
         if newest in self._adjusted:
             stages.last = stages.last.at_pose(self._adjusted[newest])
 
@@ -231,10 +230,10 @@ class Odometry:
 
     def closing_test(self) -> ClosingTest | None:
         """Return the paper's test of a closed walk after `finish`, None where it can't be made (see `closing_test`)."""
-        stages, last = self._stages, self._newest_tracked
-        if stages.last is None or last is None:
+        stages = self._stages
+        if stages.last is None or self._newest_tracked is None:
             return None
-        return closing_test(stages.map, stages.tracker, stages.last, last, stages.chain.link, stages.sensor)
+        return closing_test(stages.map, stages.tracker, stages.last, stages.chain.link, stages.sensor)
 
     def closed_chain(self) -> ClosedChain | None:
         """Return the chain as its loop closures correct it, None where it has not begun."""
@@ -242,7 +241,7 @@ class Odometry:
         return close_chain(stages.chain, stages.map, stages.sensor)
 
     @property
-    def _newest_tracked(self) -> Tracked | None:
+    def _newest_tracked(self) -> TrackedFrame | None:
         """The last frame's tracking, None where it was not tracked."""
-        state, last = self._stages.last, self._stages.published.log.last
-        return state.tracked if state and last and last.stamp == state.view.stamp else None
+        last, logged = self._stages.last, self._stages.published.log.last
+        return last.tracked if last and logged and logged.stamp == last.view.stamp else None

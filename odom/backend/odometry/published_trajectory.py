@@ -16,8 +16,8 @@ from odom.backend.odometry.recent_publications import RecentPublications
 from odom.backend.odometry.surface_following import SurfaceFollowing
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.publication import Publication
-from odom.backend.tracking.frame_state import FrameState
 from odom.backend.tracking.motion_model import Agility, Motion, MotionFilter, Velocity
+from odom.backend.tracking.posed_frame import PosedFrame
 from odom.frame import Stamp
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.features.view import View
@@ -185,7 +185,7 @@ class PublishedTrajectory:
         doubt = last.doubt.after(step, None, (view.stamp - last.frame.stamp) * 1e-9)
         return self._publish(frame, predicted.T_fixed_camera, doubt, sensor)
 
-    def follow(self, view: View, placed: FrameState, following: SurfaceFollowing, sensor: SensorModel) -> Publication:
+    def follow(self, view: View, placed: PosedFrame, following: SurfaceFollowing, sensor: SensorModel) -> Publication:
         """Publish where surfaces have led the camera since the frame of `placed`, the last that landmarks placed."""
         reference = self._map.keyframes[placed.reference]
         T_map_camera = placed.T_map_camera @ following.T_placed_after(view.since_middle_s(sensor.timing))

@@ -8,8 +8,9 @@ import numpy as np
 from odom.backend.map.frame_log import FrameLog
 from odom.backend.map.map import Map
 from odom.backend.odometry.tuning import TUNING
-from odom.backend.tracking.frame_state import FrameState, Tracked
 from odom.backend.tracking.motion_model import ANY_VELOCITY, Agility, Motion, Velocity, is_plausible_motion
+from odom.backend.tracking.posed_frame import PosedFrame
+from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.frame import Stamp
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
@@ -47,7 +48,7 @@ class SurfaceFollowing:
     best_misfit: float = math.inf
 
     @classmethod
-    def begun(cls, placed: FrameState, sensor: SensorModel, first: int) -> "SurfaceFollowing":
+    def begun(cls, placed: PosedFrame, sensor: SensorModel, first: int) -> "SurfaceFollowing":
         """Return what is known at a frame that landmarks `placed`; frame number `first` will be followed from there."""
         anchor = Surfaces.of(placed.view, sensor, placed.twist)
         covariance, velocity = np.zeros((6, 6)), ANY_VELOCITY
@@ -99,7 +100,7 @@ class SurfaceFollowing:
             motion=Motion.of(np.eye(4), np.zeros((6, 6)), velocity),
         )
 
-    def pose_after(self, placed: FrameState) -> tuple[Array, tuple[int, Array]]:
+    def pose_after(self, placed: PosedFrame) -> tuple[Array, tuple[int, Array]]:
         """Return T_camera_map by that of the frame that landmarks `placed`, and what it is known against.
 
         That is a key frame's number, with the pose's 6 x 6 covariance (`se3`, camera frame) against it.
@@ -122,7 +123,7 @@ class SurfaceFollowing:
 
 
 def distribute_drift(
-    log: FrameLog, map_: Map, following: SurfaceFollowing, placed: FrameState, view: View, found: Tracked
+    log: FrameLog, map_: Map, following: SurfaceFollowing, placed: PosedFrame, view: View, found: TrackedFrame
 ) -> None:
     """Move the followed frames in the `log` so that they lead to where landmarks have `found` the camera at `view`.
 

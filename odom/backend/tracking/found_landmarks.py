@@ -8,9 +8,9 @@ from odom.backend.map.landmarks import Landmarks
 from odom.backend.tracking.consensus import FollowedFeatures, consensus
 from odom.backend.tracking.departing import departing
 from odom.backend.tracking.expected_pose import ExpectedPose
-from odom.backend.tracking.frame_state import MotionPrior
 from odom.backend.tracking.motion_model import Agility, Velocity
 from odom.backend.tracking.pose_solver import PoseFit, chi2_of, fit_pose
+from odom.backend.tracking.posed_frame import MotionPrior
 from odom.backend.tracking.row_velocity import fit_velocity
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel

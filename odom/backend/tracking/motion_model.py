@@ -27,6 +27,14 @@ def is_plausible_motion(twist: Array) -> bool:
     return speed_m_s < TUNING.fastest_m_s and speed_rad_s < TUNING.fastest_rad_s
 
 
+def mean_twist(T_map_before: Array, T_camera_map: Array, since_s: float) -> Array:
+    """Return the mean velocity (6, SI, camera frame) of a camera that went on for `since_s` seconds.
+
+    It was at `T_map_before`, a T_map_camera, and is at `T_camera_map` now.
+    """
+    return np.asarray(-se3.log(T_camera_map @ T_map_before) / since_s)
+
+
 @dataclass(frozen=True, eq=False)
 class Velocity:
     """The camera's `twist` (6, m/s and rad/s, its own frame), with its 6 x 6 `covariance`."""

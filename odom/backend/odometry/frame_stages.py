@@ -17,6 +17,7 @@ from odom.backend.mapping.depth_filter import refine_depths
 from odom.backend.mapping.mapper import Mapper
 from odom.backend.mapping.presence import note_sightings
 from odom.backend.odometry.judged_frame import JudgedFrame
+from odom.backend.odometry.last_depth import LastDepth
 from odom.backend.odometry.lost_camera import LostCamera
 from odom.backend.odometry.moving_view import MovingView
 from odom.backend.odometry.next_frame import is_next
@@ -24,7 +25,6 @@ from odom.backend.odometry.published_trajectory import PublishedTrajectory
 from odom.backend.odometry.repeated_image import ShownDepth, is_repeated
 from odom.backend.odometry.surface_following import SurfaceFollowing
 from odom.backend.odometry.tuning import TUNING
-from odom.backend.odometry.visibility import Visibility
 from odom.backend.publication import Publication
 from odom.backend.settings import OdometrySettings
 from odom.backend.stopwatch import Stopwatch
@@ -57,7 +57,7 @@ class FrameStages:
         self.closer = LoopCloser(self.map, self.tracker)
         self.published = PublishedTrajectory(self.map)
         self.chain = Chain()
-        self._settings, self.moving, self._visibility = settings, MovingView(), Visibility()
+        self._settings, self.moving, self._last_depth = settings, MovingView(), LastDepth()
         self._shown_depth: ShownDepth | None = None
         self._lost_camera = LostCamera(self.map, self.published.log, self.tracker, self.mapper.inserter, settings)
 
@@ -67,34 +67,33 @@ class FrameStages:
         if self._shown_depth.is_stale(self.last, self.sensor):
             view = view.without_depth()
         if view.shows_depth:
-            self._visibility = self._visibility.with_depth(view.stamp)
-        is_followable = not self.published.is_lost
+            self._last_depth = self._last_depth.after_depth(view.steady_stamp)
         if self.last is not None and is_repeated(view, self.last, self.sensor):
-            predicted = self._predict(view, is_followable, IMAGE_AGAIN)
-            if predicted is not None or self.last.tracked is not None:
-                return predicted or self._report(view, IMAGE_AGAIN, self._follow_surfaces(view, is_followable, True))
-        tracked = self._track(view, T_predicted, watch) if is_followable else None
+            bridged = self._bridge(view, IMAGE_AGAIN)
+            if bridged is not None or self.last.tracked is not None:
+                return bridged or self._report(view, IMAGE_AGAIN, self._follow_surfaces(view, is_again=True))
+        tracked = self._track(view, T_predicted, watch)
         if tracked is not None:
             return self._advance(view, self._judge(view, tracked, is_recovered=False), watch, on_pose)
-        if self._visibility.is_blind(view.stamp, self._settings.bridge_s, self.sensor.clock.period_s):
+        if self._last_depth.is_blind(view.steady_stamp, self._settings.bridge_s, self.sensor.clock.period_s):
             return self._report(view, NO_DEPTH)
         place = describe_place(view, self.sensor, AT_REST)
         in_doubt = self.moving.is_doubtful
         self.last, tracked, is_near = self._lost_camera.find(self.last, view, place, self.sensor, in_doubt)
         watch.lap("relocalise")
         if tracked is not None:
-            is_recovered = not (is_near and is_followable and self._is_predictable(view))
+            is_recovered = not (is_near and self._is_followable(view))
             return self._advance(view, self._judge(view, tracked, is_recovered), watch, on_pose)
-        if (predicted := self._predict(view, is_followable, "not tracked")) is not None:
-            return predicted
-        following = self._follow_surfaces(view, is_followable, False)
+        if (bridged := self._bridge(view, "not tracked")) is not None:
+            return bridged
+        following = self._follow_surfaces(view, is_again=False)
         sees_enough = self._lost_camera.sees_enough(view, place, self.sensor)
         return self._begin_if_due(view, following) if sees_enough else self._report(view, TOO_LITTLE, following)
 
     def _track(self, view: View, T_predicted: Array | None, watch: Stopwatch) -> TrackedFrame | None:
         """Predict and track the frame from the newest one with a pose; None where that fails."""
         last, tracker, sensor, in_doubt = self.last, self.tracker, self.sensor, self.moving.is_doubtful
-        if last is None or not self._is_predictable(view):
+        if last is None or not self._is_followable(view):
             return None
         if T_predicted is None:
             T_predicted = tracker.predict(last, view.images, view.steady_stamp, sensor)
@@ -111,9 +110,11 @@ class FrameStages:
         watch.lap("track")
         return tracked
 
-    def _is_predictable(self, view: View) -> bool:
-        """Return whether the newest frame with a pose is so recent that this one can be predicted by its motion."""
-        return self.last is not None and is_next(self.last.since_s(view.steady_stamp), self.sensor.clock.period_s)
+    def _is_followable(self, view: View) -> bool:
+        """Return whether the frame before has a pose, and the newest tracked one is so recent that its motion tells."""
+        if self.last is None or self.published.log.is_lost:
+            return False
+        return is_next(self.last.since_s(view.steady_stamp), self.sensor.clock.period_s)
 
     def _judge(self, view: View, tracked: TrackedFrame, is_recovered: bool) -> JudgedFrame:
         """Learn from a tracked frame what it shows of noise, landmarks and bodies; return how far to trust its pose.
@@ -137,18 +138,20 @@ class FrameStages:
         vague = refine_depths(self.map, tracked.inlier_landmarks, tracked.T_camera_map, covariance, tilt)
         moving = self.moving.restarted(self.map.landmarks.next_identity) if is_recovered else self.moving
         self.moving = moving.after(view, tracked, self.mapper.inserter.recent, self.map.landmarks, self.sensor)
-        self._visibility = self._visibility.with_tracked(view.stamp, tracked.chi2[tracked.inliers, 1])
-        lacks_depth = self._visibility.lacks_depth(view.stamp)
+        self._last_depth = self._last_depth.after_tracked(view.steady_stamp, tracked.chi2[tracked.inliers, 1])
+        lacks_depth = self._last_depth.is_shallow(view.steady_stamp)
+        self._lost_camera.end_search()
         state, reason = judge_pose(tracked, vague, covariance, is_recovered, lacks_depth, self.moving.doubt)
-        return JudgedFrame(tracked, since_s, twist, covariance, state, reason, self.moving)
+        return JudgedFrame(tracked, since_s, twist, covariance, state, reason)
 
     def _advance(self, view: View, judged: JudgedFrame, watch: Stopwatch, on_pose: OnPose) -> Estimate:
         """Publish a judged frame, extend chain and map by it, and make it the newest one, unless it followed a body."""
-        if judged.moving.rivals.is_left_behind:
-            self.mapper.inserter.drop(judged.tracked, judged.moving.witnesses.unproven_identity, self.sensor)
+        if self.moving.rivals.is_left_behind:
+            self.mapper.inserter.drop(judged.tracked, self.moving.witnesses.unproven_identity, self.sensor)
             return self._begin_if_due(view)
         watch.lap("judge")
-        tracked, previous, published = judged.tracked, self.last, self.published.advance(view, judged, self.sensor)
+        tracked, previous = judged.tracked, self.last
+        published = self.published.advance(view, judged, self.moving, self.sensor)
         estimate = replace(
             self._describe(view, judged.state, judged.reason, published),
             inliers=tracked.inlier_count,
@@ -165,8 +168,8 @@ class FrameStages:
         watch.lap("map")
         self.chain.close(self.map, is_keyframe, tracked.reference, self.sensor)
         watch.lap("chain")
-        link, moving = self.chain.link, self.moving.cells
-        return replace(estimate, is_keyframe=is_keyframe, pairwise=link, chain=chained, moving=moving)
+        link, cells = self.chain.link, self.moving.cells
+        return replace(estimate, is_keyframe=is_keyframe, pairwise=link, chain=chained, moving=cells)
 
     def _grow_map(self, view: View, judged: JudgedFrame, published: Publication) -> bool:
         """Add to the map what it needs of a frame, and make that the newest; return whether it is a key frame."""
@@ -174,12 +177,12 @@ class FrameStages:
         mapper.keep_if_due(count - 1, tracked, sensor)
         mapper.start_background(count, sensor, self.closer.is_idle)
         reference, seen = tracked.reference, tracked.inlier_landmarks
-        rows, uv, is_keyframe, in_doubt = seen.rows, seen.uv, False, judged.moving.is_doubtful
+        rows, uv, is_keyframe, in_doubt = seen.rows, seen.uv, False, self.moving.is_doubtful
         if judged.state is State.RECOVERED:
             mapper.inserter.compare_with(reference)
         # A recovered frame is no key frame: its motion, which bends what it measured, is not known. The next may be.
         is_motion_unknown = judged.state is State.RECOVERED and sensor.clock.period_s < TUNING.longest_gap_s
-        has_depth = self._visibility.landmark_depth_stamp == view.stamp
+        has_depth = self._last_depth.placing_stamp == view.steady_stamp
         if has_depth and not is_motion_unknown and mapper.inserter.is_due(view, tracked, in_doubt):
             keyframe = mapper.inserter.insert(view, tracked, judged.twist, judged.covariance, sensor, count, in_doubt)
             keyframe.T_middle_stamp = published.T_middle_stamp
@@ -189,27 +192,28 @@ class FrameStages:
         mapper.inserter.recent.remember(self.last)
         return is_keyframe
 
-    def _predict(self, view: View, is_followable: bool, why: str) -> Estimate | None:
+    def _bridge(self, view: View, why: str) -> Estimate | None:
         """Let the motion prediction stand in for a frame that could not be tracked; None after too long a time."""
         since_s = 0.0 if self.last is None else self.last.since_s(view.steady_stamp)
-        if self.last is None or not is_followable or not 0.0 < since_s <= self._settings.bridge_s:
+        if self.last is None or self.published.log.is_lost or not 0.0 < since_s <= self._settings.bridge_s:
             return None
         self.last = replace(self.last, is_bridged=True)
         published = self.published.bridge(view, since_s, self.sensor)
         estimate = self._describe(view, State.UNCERTAIN, f"{why}: the motion is predicted", published)
         return replace(estimate, is_predicted=True)
 
-    def _follow_surfaces(self, view: View, is_followable: bool, is_again: bool) -> SurfaceFollowing | None:
-        """Return where surfaces led the camera; None where they don't, or where colour is no reason to follow them."""
-        may_begin = is_followable and self._is_predictable(view) and self.moving.is_at_rest
+    def _follow_surfaces(self, view: View, is_again: bool) -> SurfaceFollowing | None:
+        """Return where surfaces led the camera; None where they don't, or where colour is no reason to follow them.
+
+        It is one where the image shows hardly any corners, or is the last one once more (`is_again`).
+        """
+        may_begin = self._is_followable(view) and self.moving.is_at_rest
         placed = self.last if may_begin and (is_again or self.mapper.inserter.is_bare(view, self.sensor)) else None
         return self._lost_camera.follow_surfaces(view, placed, self.sensor)
 
     def _begin_if_due(self, view: View, following: SurfaceFollowing | None = None) -> Estimate:
         """Report a frame that shows no known place, or begin; time with nothing to see does not count as looking."""
-        self._visibility = self._visibility.with_search(self.published.since_last_s(view.stamp))
-        lost_for = self.moving.is_doubtful, self._visibility.searching_s
-        corners = self._lost_camera.first_corners(self.last, view, self.sensor, *lost_for)
+        corners = self._lost_camera.first_corners(self.last, view, self.sensor, self.moving.is_doubtful)
         reason = NO_PLACE if self.map.keyframes else TOO_LITTLE
         return self._report(view, reason, following) if corners is None else self._begin(view, corners, following)
 
@@ -231,7 +235,8 @@ class FrameStages:
         if following is not None and self.last is not None:
             (T_camera_map, against), twist = following.pose_after(self.last), following.motion.twist
         keyframe = self.mapper.inserter.begin(view, corners, T_camera_map, self.sensor, in_doubt, against)
-        self._visibility, self.moving = self._visibility.with_new_segment(view.stamp), self.moving.restarted(0)
+        self._last_depth, self.moving = self._last_depth.after_beginning(view.steady_stamp), self.moving.restarted(0)
+        self._lost_camera.end_search()
         published = self.published.begin(view, keyframe, self.sensor, twist)
         chain = self.chain.extend(ChainFrame(view, NamedFeatures.nothing(), AT_REST, published), None, self.sensor)
         self.chain.close(self.map, True, keyframe.number, self.sensor)

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from odom.backend.estimate import State
-from odom.backend.odometry.moving_view import MovingView
 from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.geometry.arrays import Array
 
@@ -12,8 +11,7 @@ from odom.geometry.arrays import Array
 class JudgedFrame:
     """A tracked frame's pose `covariance` (6 x 6), `twist` (6, SI, camera frame), `state` and `reason`.
 
-    `since_previous_s` is the time since the frame before, None where the motion since then is not known; `moving` is
-    what moves in the view.
+    `since_previous_s` is the time since the frame before, None where the motion since then is not known.
     """
 
     tracked: TrackedFrame
@@ -22,4 +20,3 @@ class JudgedFrame:
     covariance: Array
     state: State
     reason: str
-    moving: MovingView

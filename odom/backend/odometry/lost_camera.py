@@ -40,6 +40,7 @@ class LostCamera:
         self._views = LostViews()
         self._confirmation = Confirmation(map_)
         self._following: SurfaceFollowing | None = None
+        self._searched_s = 0.0
 
     def find(
         self, last: PosedFrame | None, view: View, place: Place, sensor: SensorModel, in_doubt: bool
@@ -91,17 +92,28 @@ class LostCamera:
             return False
         return bool(np.count_nonzero(corners.has_depth) >= TRACKING.sure_inliers)
 
-    def first_corners(
-        self, last: PosedFrame | None, view: View, sensor: SensorModel, in_doubt: bool, searching_s: float
-    ) -> Corners | None:
+    def first_corners(self, last: PosedFrame | None, view: View, sensor: SensorModel, in_doubt: bool) -> Corners | None:
         """Return the corners by which a segment may begin at a view in which the camera was not found; None: not yet.
 
-        Known places have been looked for during `searching_s` seconds. As long as none can be recognised, since there
-        is no frame or one key frame from which none was tracked, that is enough at once.
+        Known places are looked for during some time first, except where none can be recognised, since there is no
+        frame, or one key frame from which none was tracked.
         """
+        self._searched_s = searched_s(self._searched_s, self._log.since_last_s(view.stamp))
         self._views = self._views.after(view, sensor, in_doubt)
         is_unproven = len(self._map.keyframes) - self._map.earlier == 1 and last is not None and last.tracked is None
-        is_time = searching_s > self._views.patience * self._settings.new_segment_s
+        is_time = self._searched_s > self._views.patience * self._settings.new_segment_s
         if self._map.is_fixed or not (last is None or is_unproven or is_time):
             return None
         return self._inserter.first_corners(view, sensor, self._views.scene)
+
+    def end_search(self) -> None:
+        """Note that the camera has a pose again: the next search begins anew."""
+        self._searched_s = 0.0
+
+
+def searched_s(before_s: float, since_last_s: float) -> float:
+    """Return for how long known places have been looked for, `since_last_s` after a frame by which it was `before_s`.
+
+    A long pause counts as `new_time_s` of search at most, and a step back in time not at all.
+    """
+    return before_s + min(max(since_last_s, 0.0), TUNING.new_time_s)

@@ -123,7 +123,7 @@ class Odometry:
         The estimate is the same without this, only later: a Kinect's depth comes milliseconds behind its colour.
         """
         stages, last = self._stages, self._stages.last
-        if last is None or stages.published.is_lost or color.shape[:2] != (self.camera.height, self.camera.width):
+        if last is None or stages.published.log.is_lost or color.shape[:2] != (self.camera.height, self.camera.width):
             return
         watch, sensor = Stopwatch(), stages.sensor.with_stamp(stamp)
         if not is_next(last.since_s(sensor.clock.steady), sensor.clock.period_s):
@@ -145,7 +145,7 @@ class Odometry:
         new time, in which the camera has to be found again.
         """
         stages = self._stages
-        self._order.check(frame, self.camera, stages.published.since_last_s(frame.stamp))
+        self._order.check(frame, self.camera, stages.published.log.since_last_s(frame.stamp))
         stages.sensor = stages.sensor.with_stamp(frame.stamp)
         prepared, self._prepared = self._prepared, None
         if prepared is not None and not prepared.is_of(frame, stages.last):

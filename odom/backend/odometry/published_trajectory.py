@@ -11,6 +11,7 @@ from odom.backend.map.keyframe import Keyframe
 from odom.backend.map.map import Map
 from odom.backend.odometry.judged_frame import JudgedFrame
 from odom.backend.odometry.motion_covariance import covariance_of_motion, covariance_of_pose
+from odom.backend.odometry.moving_view import MovingView
 from odom.backend.odometry.odom_frame import OdomFrame, Origin
 from odom.backend.odometry.recent_publications import RecentPublications
 from odom.backend.odometry.surface_following import SurfaceFollowing
@@ -41,17 +42,6 @@ class PublishedTrajectory:
         self._corrected: Publication | None = None
         self._agility = Agility()
         self._filter: MotionFilter | None = None
-
-    @property
-    def is_lost(self) -> bool:
-        """Whether the last frame has no pose, or there is none yet."""
-        last = self.log.last
-        return last is None or last.keyframe is None
-
-    def since_last_s(self, stamp: Stamp) -> float:
-        """Return the seconds from the last frame to `stamp`, infinite where there is none."""
-        last = self.log.last
-        return np.inf if last is None else (stamp - last.stamp) * 1e-9
 
     @property
     def T_map_odom(self) -> Array:
@@ -88,8 +78,8 @@ class PublishedTrajectory:
         since_start = self._since_start(frame, T_odom_camera, doubt, sensor)
         return self._keep(Publication(frame, T_odom_camera, since_start, T_middle_stamp, doubt=doubt))
 
-    def advance(self, view: View, judged: JudgedFrame, sensor: SensorModel) -> Publication:
-        """Publish a judged frame, whose pose is that at its middle row's time.
+    def advance(self, view: View, judged: JudgedFrame, moving: MovingView, sensor: SensorModel) -> Publication:
+        """Publish a judged frame, whose pose is that at its middle row's time; `moving` is what moves in its view.
 
         The pose is smoothed and carried to the stamp. Since the image's time is known to the clock's sigma only, the
         distance that the camera covers in that time adds to the covariance.
@@ -118,7 +108,7 @@ class PublishedTrajectory:
             late_s=None,
             twist=motion.twist,
         )
-        doubt = self._doubt(T_odom_stamp, judged)
+        doubt = self._doubt(T_odom_stamp, judged, moving)
         current = Publication(
             frame=frame,
             T_odom_camera=T_odom_stamp,
@@ -223,12 +213,12 @@ class PublishedTrajectory:
             return None
         return RelativePose(earlier.frame.stamp, T_earlier_current, covariance, inliers)
 
-    def _doubt(self, T_odom_camera: Array, judged: JudgedFrame) -> Doubt:
+    def _doubt(self, T_odom_camera: Array, judged: JudgedFrame, moving: MovingView) -> Doubt:
         """Return how far the camera may have gone astray, at a judged frame's pose: nothing where it is known again.
 
         What is first seen to move now counts as moving since the look before.
         """
-        last, moving = self._newest, judged.moving
+        last = self._newest
         if last is None:
             return Doubt()
         if moving.witnesses.is_rooted and not moving.is_doubtful:

@@ -34,8 +34,8 @@ def apply_background(stages: FrameStages, count: int | None) -> tuple[list[LoopC
     return loops, map_moved
 
 
-def extend_map(stages: FrameStages, count: int | None) -> None:
-    """Add the newest key frame's corners if they are due after frame number `count` (None: the last one).
+def insert_found_corners(stages: FrameStages, count: int | None) -> None:
+    """Make landmarks of the newest key frame's corners if they are due after frame `count` (None: the last one).
 
     Near key frames of a saved map are brought back into memory.
     """

@@ -1,4 +1,4 @@
-"""The stages of one frame: predict, track, judge, publish, map; else bridge, follow by surfaces, LOST, or begin."""
+"""The stages that place a frame: predict, track, judge, publish; else bridge, follow by surfaces, LOST, or begin."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import numpy as np
 from odom.backend.chain.chain import Chain
 from odom.backend.chain.chain_frame import ChainFrame
 from odom.backend.chain.named_features import NamedFeatures
-from odom.backend.estimate import IMAGE_AGAIN, NO_DEPTH, NO_PLACE, TOO_LITTLE, Estimate, Features, OnPose, State
+from odom.backend.estimate import IMAGE_AGAIN, NO_DEPTH, NO_PLACE, TOO_LITTLE, Estimate, Features, State
 from odom.backend.loop_closure.loop_closure import LoopCloser
 from odom.backend.map.corners import Corners
 from odom.backend.map.map import Map
@@ -16,7 +16,7 @@ from odom.backend.map.saved import SavedMap
 from odom.backend.mapping.depth_filter import refine_depths
 from odom.backend.mapping.mapper import Mapper
 from odom.backend.mapping.presence import note_sightings
-from odom.backend.odometry.judged_frame import JudgedFrame
+from odom.backend.odometry.judged_frame import JudgedFrame, PlacedFrame
 from odom.backend.odometry.last_depth import LastDepth
 from odom.backend.odometry.lost_camera import LostCamera
 from odom.backend.odometry.moving_view import MovingView
@@ -45,7 +45,7 @@ class FrameStages:
 
     `last` is the newest frame with a pose, None before the first; `sensor` what is known of the camera, with the
     newest frame's stamp in its clock. `mapper` extends the map and `closer` closes its loops; `published` and `chain`
-    are the results; `moving` tells what moves in the view.
+    are the results; `moving` tells what moves in the view, `last_depth` how long the camera has been without depth.
     """
 
     def __init__(self, sensor: SensorModel, settings: OdometrySettings, saved: SavedMap | None = None) -> None:
@@ -57,38 +57,42 @@ class FrameStages:
         self.closer = LoopCloser(self.map, self.tracker)
         self.published = PublishedTrajectory(self.map)
         self.chain = Chain()
-        self._settings, self.moving, self._last_depth = settings, MovingView(), LastDepth()
+        self._settings, self.moving, self.last_depth = settings, MovingView(), LastDepth()
         self._shown_depth: ShownDepth | None = None
         self._lost_camera = LostCamera(self.map, self.published.log, self.tracker, self.mapper.inserter, settings)
 
-    def process(self, view: View, T_predicted: Array | None, watch: Stopwatch, on_pose: OnPose) -> Estimate:
-        """Return the estimate for the next frame; `T_predicted` is T_camera_map where it was predicted already."""
+    def place(self, view: View, T_predicted: Array | None, watch: Stopwatch) -> tuple[Estimate, PlacedFrame | None]:
+        """Return the estimate for the next frame, and what chain and map need of it; None unless landmarks placed it.
+
+        `T_predicted` is T_camera_map where it was predicted already.
+        """
         self._shown_depth = ShownDepth.of(view, self._shown_depth)
         if self._shown_depth.is_stale(self.last, self.sensor):
             view = view.without_depth()
         if view.shows_depth:
-            self._last_depth = self._last_depth.after_depth(view.steady_stamp)
+            self.last_depth = self.last_depth.after_depth(view.steady_stamp)
         if self.last is not None and is_repeated(view, self.last, self.sensor):
             bridged = self._bridge(view, IMAGE_AGAIN)
             if bridged is not None or self.last.tracked is not None:
-                return bridged or self._report(view, IMAGE_AGAIN, self._follow_surfaces(view, is_again=True))
+                return bridged or self._report(view, IMAGE_AGAIN, self._follow_surfaces(view, is_again=True)), None
         tracked = self._track(view, T_predicted, watch)
         if tracked is not None:
-            return self._advance(view, self._judge(view, tracked, is_recovered=False), watch, on_pose)
-        if self._last_depth.is_blind(view.steady_stamp, self._settings.bridge_s, self.sensor.clock.period_s):
-            return self._report(view, NO_DEPTH)
+            return self._publish(self._judge(view, tracked, is_recovered=False), watch)
+        if self.last_depth.is_blind(view.steady_stamp, self._settings.bridge_s, self.sensor.clock.period_s):
+            return self._report(view, NO_DEPTH), None
         place = describe_place(view, self.sensor, AT_REST)
         in_doubt = self.moving.is_doubtful
         self.last, tracked, is_near = self._lost_camera.find(self.last, view, place, self.sensor, in_doubt)
         watch.lap("relocalise")
         if tracked is not None:
             is_recovered = not (is_near and self._is_followable(view))
-            return self._advance(view, self._judge(view, tracked, is_recovered), watch, on_pose)
+            return self._publish(self._judge(view, tracked, is_recovered), watch)
         if (bridged := self._bridge(view, "not tracked")) is not None:
-            return bridged
+            return bridged, None
         following = self._follow_surfaces(view, is_again=False)
-        sees_enough = self._lost_camera.sees_enough(view, place, self.sensor)
-        return self._begin_if_due(view, following) if sees_enough else self._report(view, TOO_LITTLE, following)
+        if not self._lost_camera.sees_enough(view, place, self.sensor):
+            return self._report(view, TOO_LITTLE, following), None
+        return self._begin_if_due(view, following), None
 
     def _track(self, view: View, T_predicted: Array | None, watch: Stopwatch) -> TrackedFrame | None:
         """Predict and track the frame from the newest one with a pose; None where that fails."""
@@ -121,11 +125,11 @@ class FrameStages:
 
         The newest key frame is measured again by the motion that led here from it.
         """
-        previous, clock = self.last, self.sensor.clock
-        since_s = None if is_recovered or previous is None else previous.since_s(view.steady_stamp)
-        if previous is not None and previous.is_bent and previous.since_s(view.steady_stamp) >= TUNING.longest_gap_s:
-            self.mapper.inserter.recent.remember(previous)  # over so long a step its bend hardly counts
-        step = np.zeros(6) if previous is None else previous.step_to(tracked)
+        last, clock = self.last, self.sensor.clock
+        since_s = None if is_recovered or last is None else last.since_s(view.steady_stamp)
+        if last is not None and last.is_bent and last.since_s(view.steady_stamp) >= TUNING.longest_gap_s:
+            self.mapper.inserter.recent.remember(last)  # over so long a step its bend hardly counts
+        step = np.zeros(6) if last is None else last.step_to(tracked)
         near_s = since_s if since_s is not None and since_s < TUNING.longest_gap_s else None
         twist = tracked.twist if near_s is None else -step / near_s
         self.mapper.inserter.remeasure_newest(None if near_s is None else twist, self.sensor)
@@ -138,59 +142,26 @@ class FrameStages:
         vague = refine_depths(self.map, tracked.inlier_landmarks, tracked.T_camera_map, covariance, tilt)
         moving = self.moving.restarted(self.map.landmarks.next_identity) if is_recovered else self.moving
         self.moving = moving.after(view, tracked, self.mapper.inserter.recent, self.map.landmarks, self.sensor)
-        self._last_depth = self._last_depth.after_tracked(view.steady_stamp, tracked.chi2[tracked.inliers, 1])
-        lacks_depth = self._last_depth.is_shallow(view.steady_stamp)
+        self.last_depth = self.last_depth.after_tracked(view.steady_stamp, tracked.chi2[tracked.inliers, 1])
+        lacks_depth = self.last_depth.is_shallow(view.steady_stamp)
         self._lost_camera.end_search()
         state, reason = judge_pose(tracked, vague, covariance, is_recovered, lacks_depth, self.moving.doubt)
-        return JudgedFrame(tracked, since_s, twist, covariance, state, reason)
+        return JudgedFrame(view, tracked, since_s, twist, covariance, state, reason)
 
-    def _advance(self, view: View, judged: JudgedFrame, watch: Stopwatch, on_pose: OnPose) -> Estimate:
-        """Publish a judged frame, extend chain and map by it, and make it the newest one, unless it followed a body."""
+    def _publish(self, judged: JudgedFrame, watch: Stopwatch) -> tuple[Estimate, PlacedFrame | None]:
+        """Publish a judged frame; where it followed a body, report it as LOST or begin instead."""
         if self.moving.rivals.is_left_behind:
             self.mapper.inserter.drop(judged.tracked, self.moving.witnesses.unproven_identity, self.sensor)
-            return self._begin_if_due(view)
+            return self._begin_if_due(judged.view), None
         watch.lap("judge")
-        tracked, previous = judged.tracked, self.last
-        published = self.published.advance(view, judged, self.moving, self.sensor)
+        tracked, published = judged.tracked, self.published.advance(judged, self.moving, self.sensor)
         estimate = replace(
-            self._describe(view, judged.state, judged.reason, published),
+            self._describe(judged.view, judged.state, judged.reason, published),
             inliers=tracked.inlier_count,
             matches=len(tracked.looked_for),
             features=Features(tracked.uv, np.where(tracked.inliers, np.sqrt(tracked.chi2[:, 0]), np.nan)),
         )
-        on_pose(estimate)
-        watch.lap("publish")
-        features = NamedFeatures.of(tracked, self.map.landmarks.identity[tracked.rows])
-        T_hint = None if previous is None else previous.motion_to(tracked, self.map)
-        chained = self.chain.extend(ChainFrame(view, features, tracked.twist, published), T_hint, self.sensor)
-        watch.lap("chain")
-        is_keyframe = self._grow_map(view, judged, published)
-        watch.lap("map")
-        self.chain.close(self.map, is_keyframe, tracked.reference, self.sensor)
-        watch.lap("chain")
-        link, cells = self.chain.link, self.moving.cells
-        return replace(estimate, is_keyframe=is_keyframe, pairwise=link, chain=chained, moving=cells)
-
-    def _grow_map(self, view: View, judged: JudgedFrame, published: Publication) -> bool:
-        """Add to the map what it needs of a frame, and make that the newest; return whether it is a key frame."""
-        tracked, mapper, count, sensor = judged.tracked, self.mapper, self.published.log.count, self.sensor
-        mapper.keep_if_due(count - 1, tracked, sensor)
-        mapper.start_background(count, sensor, self.closer.is_idle)
-        reference, seen = tracked.reference, tracked.inlier_landmarks
-        rows, uv, is_keyframe, in_doubt = seen.rows, seen.uv, False, self.moving.is_doubtful
-        if judged.state is State.RECOVERED:
-            mapper.inserter.compare_with(reference)
-        # A recovered frame is no key frame: its motion, which bends what it measured, is not known. The next may be.
-        is_motion_unknown = judged.state is State.RECOVERED and sensor.clock.period_s < TUNING.longest_gap_s
-        has_depth = self._last_depth.placing_stamp == view.steady_stamp
-        if has_depth and not is_motion_unknown and mapper.inserter.is_due(view, tracked, in_doubt):
-            keyframe = mapper.inserter.insert(view, tracked, judged.twist, judged.covariance, sensor, count, in_doubt)
-            keyframe.T_middle_stamp = published.T_middle_stamp
-            reference, rows, uv, is_keyframe = keyframe.number, keyframe.rows, keyframe.uv, True
-        begun = None if self.last is None else self.last.begun_stamp
-        self.last = PosedFrame(view, tracked, tracked.T_camera_map, judged.twist, reference, rows, uv, begun)
-        mapper.inserter.recent.remember(self.last)
-        return is_keyframe
+        return estimate, PlacedFrame(judged, published)
 
     def _bridge(self, view: View, why: str) -> Estimate | None:
         """Let the motion prediction stand in for a frame that could not be tracked; None after too long a time."""
@@ -235,7 +206,7 @@ class FrameStages:
         if following is not None and self.last is not None:
             (T_camera_map, against), twist = following.pose_after(self.last), following.motion.twist
         keyframe = self.mapper.inserter.begin(view, corners, T_camera_map, self.sensor, in_doubt, against)
-        self._last_depth, self.moving = self._last_depth.after_beginning(view.steady_stamp), self.moving.restarted(0)
+        self.last_depth, self.moving = self.last_depth.after_beginning(view.steady_stamp), self.moving.restarted(0)
         self._lost_camera.end_search()
         published = self.published.begin(view, keyframe, self.sensor, twist)
         chain = self.chain.extend(ChainFrame(view, NamedFeatures.nothing(), AT_REST, published), None, self.sensor)

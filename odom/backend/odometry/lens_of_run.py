@@ -32,7 +32,6 @@ def go_on_through_lens(
     moved = moved.seen_through(change, timing_change, stages.map.landmarks)
     moved = _tracked_again(stages, moved)
     stages.published.change_lens(moved.T_map_camera @ last.T_camera_map)
-    stages.last = moved
     return moved
 
 

@@ -13,11 +13,12 @@ from odom.backend.map.memory import take_changes
 from odom.backend.map.saved import MapChanges, SavedMap
 from odom.backend.map.shown import ShownPath, cloud_of
 from odom.backend.mapping.intermediate_frames import IntermediateFrames, corrected
-from odom.backend.odometry.between_frames import apply_background, extend_map
+from odom.backend.odometry.between_frames import apply_background, insert_found_corners
 from odom.backend.odometry.camera_pixels import in_camera_pixels
 from odom.backend.odometry.final_trajectory import trajectory
 from odom.backend.odometry.frame_order import FrameOrder
 from odom.backend.odometry.frame_stages import FrameStages
+from odom.backend.odometry.growth import extend_chain_and_map
 from odom.backend.odometry.next_frame import is_next
 from odom.backend.odometry.prepared import Prepared
 from odom.backend.odometry.recalibration import Calibrator, Recalibration
@@ -144,30 +145,32 @@ class Odometry:
         before it, or whose stamps stay less than 0.1 ms apart: they are not nanoseconds. A stamp further back begins a
         new time, in which the camera has to be found again.
         """
-        stages = self._stages
-        self._order.check(frame, self.camera, stages.published.log.since_last_s(frame.stamp))
+        stages, log = self._stages, self._stages.published.log
+        self._order.check(frame, self.camera, log.since_last_s(frame.stamp))
         stages.sensor = stages.sensor.with_stamp(frame.stamp)
         prepared, self._prepared = self._prepared, None
         if prepared is not None and not prepared.is_of(frame, stages.last):
             prepared = None
         watch = Stopwatch(None if prepared is None else prepared.laps_ms)
         images = FrameImages.of(frame.color) if prepared is None else prepared.images
-        count = stages.published.log.count
-        view = View.of(frame, count, stages.sensor.clock, images, self.segmentation.mask(frame))
+        view = View.of(frame, log.count, stages.sensor.clock, images, self.segmentation.mask(frame))
         watch.lap("images")
-        loops, map_moved = self._apply_background(count)
+        loops, map_moved = self._apply_background(log.count)
         map_moved |= stages.mapper.prune(stages.last)
         watch.lap("background")
         T_predicted = None if prepared is None or map_moved else prepared.T_predicted
-        estimate = stages.process(view, T_predicted, watch, lambda each: on_pose(in_camera_pixels(each, images.scale)))
+        estimate, placed = stages.place(view, T_predicted, watch)
+        if placed is not None:
+            on_pose(in_camera_pixels(estimate, images.scale))
+            estimate = extend_chain_and_map(stages, placed, estimate, watch)
         estimate = in_camera_pixels(estimate, images.scale)
-        extend_map(stages, stages.published.log.count)
+        insert_found_corners(stages, log.count)
         measured = len(self.map.remembered) + len(self.intermediate.kept)
-        found = self._recalibration.after_frame(self, measured, stages.published.log.count, view.steady_stamp)
+        found = self._recalibration.after_frame(self, measured, log.count, view.steady_stamp)
         if found is not None:
             stages.mapper.lens_to_come = scaled_lens(found, frame_of=self.camera)
         has_time = not estimate.is_keyframe
-        loops += stages.closer.work_on_waiting(stages.published.log.count, stages.sensor, has_time)
+        loops += stages.closer.work_on_waiting(log.count, stages.sensor, has_time)
         if self._path.is_due(map_moved or estimate.is_keyframe, has_time):
             estimate = replace(estimate, path=self._path.of(stages.map), landmarks_map=cloud_of(stages.map))
         watch.lap("background")
@@ -200,7 +203,7 @@ class Odometry:
         self.late_loops = ()
         if stages.last is None:
             return
-        extend_map(stages, None)
+        insert_found_corners(stages, None)
         newest, tracked = log.count - 1, self._newest_tracked
         if tracked is not None:
             stages.mapper.keep(newest, tracked, stages.sensor)

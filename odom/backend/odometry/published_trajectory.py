@@ -78,13 +78,14 @@ class PublishedTrajectory:
         since_start = self._since_start(frame, T_odom_camera, doubt, sensor)
         return self._keep(Publication(frame, T_odom_camera, since_start, T_middle_stamp, doubt=doubt))
 
-    def advance(self, view: View, judged: JudgedFrame, moving: MovingView, sensor: SensorModel) -> Publication:
+    def advance(self, judged: JudgedFrame, moving: MovingView, sensor: SensorModel) -> Publication:
         """Publish a judged frame, whose pose is that at its middle row's time; `moving` is what moves in its view.
 
         The pose is smoothed and carried to the stamp. Since the image's time is known to the clock's sigma only, the
         distance that the camera covers in that time adds to the covariance.
         """
-        reference, delay_s = self._map.keyframes[judged.tracked.reference], view.since_middle_s(sensor.timing)
+        view, reference = judged.view, self._map.keyframes[judged.tracked.reference]
+        delay_s = view.since_middle_s(sensor.timing)
         T_reference_middle = reference.T_camera_map @ judged.tracked.T_map_camera
         middle = LoggedFrame(view.stamp, reference.segment, view.late_s, reference.number, T_reference_middle)
         self.log.append(replace(middle, covariance=judged.covariance, twist=judged.twist))

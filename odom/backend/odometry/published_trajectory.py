@@ -12,12 +12,12 @@ from odom.backend.map.map import Map
 from odom.backend.odometry.judged_frame import JudgedFrame
 from odom.backend.odometry.motion_covariance import covariance_of_motion, covariance_of_pose
 from odom.backend.odometry.moving_view import MovingView
-from odom.backend.odometry.odom_frame import OdomFrame, Origin
+from odom.backend.odometry.odom_in_map import OdomInMap, Origin
 from odom.backend.odometry.recent_publications import RecentPublications
 from odom.backend.odometry.surface_following import SurfaceFollowing
 from odom.backend.odometry.tuning import TUNING
 from odom.backend.publication import Publication
-from odom.backend.tracking.motion_model import Agility, Motion, MotionFilter, Velocity
+from odom.backend.tracking.motion_model import Motion, MotionFilter, ProcessNoise, Velocity
 from odom.backend.tracking.posed_frame import PosedFrame
 from odom.frame import Stamp
 from odom.frontend.camera.sensor_model import SensorModel
@@ -35,12 +35,11 @@ class PublishedTrajectory:
 
     def __init__(self, map_: Map) -> None:
         self.log = FrameLog()
-        self._odom = OdomFrame()
+        self._odom = OdomInMap()
         self._map = map_
         self._recent = RecentPublications()
         self._newest: Publication | None = None
         self._corrected: Publication | None = None
-        self._agility = Agility()
         self._filter: MotionFilter | None = None
 
     @property
@@ -67,7 +66,7 @@ class PublishedTrajectory:
         self.log.append(LoggedFrame(view.stamp, keyframe.segment, view.late_s, *pose))
         self._recent.clear()
         T_middle_stamp, T_odom_camera = np.eye(4), self._odom.pose(se3.inverse(keyframe.T_camera_map))
-        self._filter = MotionFilter.begun(T_odom_camera, pose[2], self._agility)
+        self._filter = MotionFilter.begun(T_odom_camera, pose[2], self._process_noise)
         if twist is None:
             self._odom.origin = Origin(keyframe.segment, T_odom_camera, view.late_s)
         else:
@@ -99,7 +98,7 @@ class PublishedTrajectory:
         motion = self._filtered(T_odom_middle, judged)
         T_fitted_filtered = se3.inverse(T_odom_middle) @ motion.T_fixed_camera
         motion = self._set_out(motion, judged, sensor)
-        carried = motion.after(delay_s, self._agility)
+        carried = motion.after(delay_s, self._process_noise)
         T_odom_stamp = carried.T_fixed_camera
         T_middle_stamp = se3.inverse(motion.T_fixed_camera) @ T_odom_stamp
         frame = replace(
@@ -123,11 +122,15 @@ class PublishedTrajectory:
     def _filtered(self, T_odom_middle: Array, judged: JudgedFrame) -> Motion:
         """Return the filtered motion at a judged frame's middle row; the filter begins anew where none led there."""
         if judged.since_previous_s is not None and self._filter is not None:
-            self._filter = self._filter.tracked(T_odom_middle, judged.covariance, judged.since_previous_s)
+            self._filter = self._filter.updated(T_odom_middle, judged.covariance, judged.since_previous_s)
         else:
-            self._filter = MotionFilter.begun(T_odom_middle, judged.covariance, self._agility)
-        self._agility = self._filter.agility
+            self._filter = MotionFilter.begun(T_odom_middle, judged.covariance, self._process_noise)
         return self._filter.motion
+
+    @property
+    def _process_noise(self) -> ProcessNoise:
+        """The camera's acceleration as it was seen last, also before a loss."""
+        return ProcessNoise() if self._filter is None else self._filter.process_noise
 
     def _set_out(self, motion: Motion, judged: JudgedFrame, sensor: SensorModel) -> Motion:
         """Put the origin of odom where it is known to be now, by a segment's second frame or by a new timing.
@@ -164,7 +167,7 @@ class PublishedTrajectory:
         assert last is not None
         assert last.frame.T_keyframe_camera is not None
         assert self._filter is not None
-        predicted = self._filter.motion.after(since_s + view.since_middle_s(sensor.timing), self._agility)
+        predicted = self._filter.motion.after(since_s + view.since_middle_s(sensor.timing), self._process_noise)
         step = se3.inverse(last.T_odom_camera) @ predicted.T_fixed_camera
         frame = replace(
             last.frame,

@@ -120,11 +120,11 @@ class Tuning:
     near_a_second_s: float = tuned(0.075, unit="s", source="two periods at 30 Hz, rounded up",
         effect="The motion over a second may be off from a second by so much. Smaller: there is none after a lost "
         "frame; larger: the second is inexact.")
-    surface_agility_m_s2: float = tuned(4.0, unit="m/s^2", source="fr1 and arena, 2 s without colour",
+    surface_acceleration_m_s2: float = tuned(4.0, unit="m/s^2", source="fr1 and arena, 2 s without colour",
         effect="The acceleration of a camera that is followed by surfaces, a root mean square. Smaller: it is not "
         "followed in quick turns; larger: it slides along surfaces with little shape.")
-    surface_agility_rad_s2: float = tuned(24.0, unit="rad/s^2", source="as surface_agility_m_s2",
-        effect="as surface_agility_m_s2")
+    surface_acceleration_rad_s2: float = tuned(24.0, unit="rad/s^2", source="as surface_acceleration_m_s2",
+        effect="as surface_acceleration_m_s2")
     surface_least_overlap: float = tuned(0.3, unit="share of points", source="as surface_enough_overlap",
         effect="A view of which fewer points lie on the surfaces of an earlier one is not aligned with it. Smaller: "
         "other surfaces are taken for them; larger: the camera is LOST behind a body that hides them.")

@@ -20,9 +20,9 @@ class ExpectedPose:
     def after(cls, T_camera_map: Array, since_s: float) -> "ExpectedPose":
         """Return the pose predicted by constant velocity over `since_s` seconds.
 
-        Over less than `agility_least_s` what poses err by takes it as far away as a jerk over that time.
+        Over less than `acceleration_least_s` what poses err by takes it as far away as a jerk over that time.
         """
-        since_s = max(since_s, TUNING.agility_least_s)
+        since_s = max(since_s, TUNING.acceleration_least_s)
         return cls(T_camera_map, np.array([TUNING.jerk_m_s2, TUNING.jerk_rad_s2]) * since_s**2)
 
     @classmethod

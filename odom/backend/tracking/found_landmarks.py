@@ -8,7 +8,7 @@ from odom.backend.map.landmarks import Landmarks
 from odom.backend.tracking.consensus import FollowedFeatures, consensus
 from odom.backend.tracking.departing import departing
 from odom.backend.tracking.expected_pose import ExpectedPose
-from odom.backend.tracking.motion_model import Agility, Velocity
+from odom.backend.tracking.motion_model import ProcessNoise, Velocity
 from odom.backend.tracking.pose_solver import PoseFit, chi2_of, fit_pose
 from odom.backend.tracking.posed_frame import MotionPrior
 from odom.backend.tracking.row_velocity import fit_velocity
@@ -20,7 +20,7 @@ from odom.frontend.matching.landmark_search import LandmarkMatches
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index, Mask
 
-_WHITE_ACCELERATION = Agility(steady_s=0.0)
+_WHITE_ACCELERATION = ProcessNoise(steady_s=0.0)
 
 
 @dataclass(frozen=True, eq=False)

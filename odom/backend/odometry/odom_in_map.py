@@ -60,7 +60,7 @@ class Origin:
         return np.asarray(of_velocity + delay_covariance(A, self.velocity.twist, twist, delay_variance))
 
 
-class OdomFrame:
+class OdomInMap:
     """`T_map_odom`, and the `origin` of the segment that began last, None where that is not known."""
 
     def __init__(self) -> None:

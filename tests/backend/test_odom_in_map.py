@@ -3,7 +3,7 @@
 import numpy as np
 
 from odom.backend.map.pose_covariance import delay_covariance
-from odom.backend.odometry.odom_frame import OdomFrame, Origin
+from odom.backend.odometry.odom_in_map import OdomInMap, Origin
 from odom.backend.tracking.motion_model import Velocity
 from odom.frontend.camera.rolling_shutter import ShutterTiming
 from odom.geometry import se3
@@ -15,7 +15,7 @@ VELOCITY = Velocity(TWIST, 1e-4 * np.eye(6))
 
 def begun():
     """Odom of a segment whose first frame, stamped 1 ms late, was published where its middle row was taken."""
-    odom = OdomFrame()
+    odom = OdomInMap()
     odom.correct(se3.exp(np.full(6, 0.1)))
     origin = Origin(0, odom.pose(T_MAP_MIDDLE), late_s=0.001)
     odom.origin = origin

@@ -190,11 +190,6 @@ class Mapper:
         self._note_measured([one.seen.keyframe for one in taken.described])
         return sensor, taken.described
 
-    def keep_if_due(self, number: int, tracked: TrackedFrame, sensor: SensorModel) -> None:
-        """Keep what the tracked frame `number` measured, if it is one of the few a second that are kept."""
-        if self.intermediate.wants(number, sensor.clock.period_s):
-            self.keep(number, tracked, sensor)
-
     def keep(self, number: int, tracked: TrackedFrame, sensor: SensorModel) -> None:
         """Keep what the tracked frame `number` measured, for `finish`."""
         self.intermediate.add(number, tracked, self._map.keyframes, self._map.landmarks, sensor.timing)

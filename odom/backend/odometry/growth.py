@@ -32,7 +32,8 @@ def _extend_map(stages: FrameStages, placed: PlacedFrame) -> bool:
     """Add to the map what it needs of a placed frame, and make that the newest; return whether it is a key frame."""
     judged, mapper, count, sensor = placed.judged, stages.mapper, stages.published.log.count, stages.sensor
     view, tracked, in_doubt = judged.view, judged.tracked, stages.moving.is_doubtful
-    mapper.keep_if_due(count - 1, tracked, sensor)
+    if mapper.intermediate.wants(count - 1, sensor.clock.period_s):
+        mapper.keep(count - 1, tracked, sensor)
     mapper.start_background(count, sensor, stages.closer.is_idle)
     reference, rows, uv = tracked.reference, tracked.inlier_landmarks.rows, tracked.inlier_landmarks.uv
     if judged.state is State.RECOVERED:

@@ -32,6 +32,7 @@ from odom.backend.tracking.frame_tracker import FrameTracker
 from odom.backend.tracking.motion_model import AT_REST, mean_twist
 from odom.backend.tracking.noise_check import noise_after
 from odom.backend.tracking.posed_frame import PosedFrame
+from odom.backend.tracking.prediction import predict_pose
 from odom.backend.tracking.quality import judge_pose
 from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.frontend.camera.sensor_model import SensorModel
@@ -100,7 +101,7 @@ class FrameStages:
         if last is None or not self._is_followable(view):
             return None
         if T_predicted is None:
-            T_predicted = tracker.predict(last, view.images, view.steady_stamp, sensor)
+            T_predicted = predict_pose(self.map, last, view.images, view.steady_stamp, sensor)
         watch.lap("predict")
         since_s = last.since_s(view.steady_stamp)
         tracked = tracker.follow(last, view, sensor, T_predicted, last.twist_to(T_predicted, since_s), in_doubt)

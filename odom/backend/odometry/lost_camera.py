@@ -55,7 +55,7 @@ class LostCamera:
         is_near = tracked is not None
         if tracked is None:
             tracked = relocalise(self._map, self._tracker, last, view, place, sensor)
-            tracked = self._confirmation.of(tracked, view.steady_stamp, sensor.clock.period_s)
+            tracked = self._confirmation.confirmed(tracked, view.steady_stamp, sensor.clock.period_s)
         following = self._leading_to(view, sensor)
         if tracked is not None and following is not None and placed is not None:
             distribute_drift(self._log, self._map, following, placed, view, tracked)

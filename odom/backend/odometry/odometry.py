@@ -26,6 +26,7 @@ from odom.backend.odometry.segmentation import Segmentation, Segmenter
 from odom.backend.odometry.unproven_sensor import unproven_sensor
 from odom.backend.settings import OdometrySettings
 from odom.backend.stopwatch import Stopwatch
+from odom.backend.tracking.prediction import predict_pose
 from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.errors import ConfigError
 from odom.frame import Camera, RgbdFrame, Stamp
@@ -131,7 +132,7 @@ class Odometry:
             return
         images = FrameImages.of(color)
         watch.lap("images")
-        T_predicted = stages.tracker.predict(last, images, sensor.clock.steady, sensor)
+        T_predicted = predict_pose(stages.map, last, images, sensor.clock.steady, sensor)
         watch.lap("predict")
         self._prepared = Prepared(stamp, color, images, last, T_predicted, watch.laps_ms)
 
@@ -199,8 +200,7 @@ class Odometry:
 
     def finish_map(self) -> None:
         """Adjust the whole map once more, when no frame follows; the last closures are `late_loops`."""
-        stages, log = self._stages, self._stages.published.log
-        self.late_loops = ()
+        stages, log, self.late_loops = self._stages, self._stages.published.log, ()
         if stages.last is None:
             return
         insert_found_corners(stages, None)
@@ -226,10 +226,10 @@ class Odometry:
         the frame; other frames move along, the map stays as it is. The delays of stamps are those that the last frames
         have shown: what the first ones had measured by a guess of the timing pulls the adjustment's back to that.
         """
-        timing = self._last_timing or self.timing
         map_, adjusted = self._stages.map, {**self._adjusted, **between}
         moved = [replace(k, T_camera_map=keyframes[k.number]) if k.number in keyframes else k for k in map_.keyframes]
-        return trajectory(corrected(self._stages.published.log, moved, adjusted), moved, timing)
+        frames = corrected(self._stages.published.log, moved, adjusted)
+        return trajectory(frames, moved, self._last_timing or self.timing)
 
     def closing_test(self) -> ClosingTest | None:
         """Return the paper's test of a closed walk after `finish`, None where it can't be made (see `closing_test`)."""

@@ -12,7 +12,7 @@ from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.geometry.arrays import Array
 
 _NEXT_PERIODS = 1.5
-"""A frame within so many periods is the next one."""
+"""A frame within so many periods of the stream is the next one: its stamp jitters by half a period at most."""
 
 
 class Confirmation:
@@ -22,7 +22,7 @@ class Confirmation:
         self._map = map_
         self._doubtful: tuple[SteadyStamp, int, Array] | None = None
 
-    def of(self, tracked: TrackedFrame | None, stamp: SteadyStamp, period_s: float) -> TrackedFrame | None:
+    def confirmed(self, tracked: TrackedFrame | None, stamp: SteadyStamp, period_s: float) -> TrackedFrame | None:
         """Return a frame recognised at `stamp` if it is sure or agrees with the doubtful one before, None otherwise.
 
         `period_s` is the stream's: of a slow one, the frame right before counts.

@@ -10,13 +10,10 @@ from odom.backend.tracking.found_landmarks import FoundLandmarks
 from odom.backend.tracking.keyframe_poses import keyframe_poses
 from odom.backend.tracking.motion_model import is_plausible_motion, mean_twist
 from odom.backend.tracking.posed_frame import MotionPrior, PosedFrame
-from odom.backend.tracking.prediction import predict_pose
 from odom.backend.tracking.quality import has_enough_inliers, is_known_place, is_same_view
 from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.backend.tracking.tuning import TUNING
 from odom.frontend.camera.sensor_model import SensorModel
-from odom.frontend.camera.stamp_clock import SteadyStamp
-from odom.frontend.features.images import FrameImages
 from odom.frontend.features.view import View
 from odom.frontend.matching.landmark_search import Candidates, find_landmarks
 from odom.frontend.matching.line_of_sight import LineOfSight
@@ -29,10 +26,6 @@ class FrameTracker:
 
     def __init__(self, map_: Map, settings: OdometrySettings) -> None:
         self._map, self._settings = map_, settings
-
-    def predict(self, last: PosedFrame, images: FrameImages, stamp: SteadyStamp, sensor: SensorModel) -> Array:
-        """Return T_camera_map of the `images` taken at `stamp`, as predicted without depth (see `predict_pose`)."""
-        return predict_pose(self._map, last, images, stamp, sensor)
 
     def follow(
         self, last: PosedFrame, view: View, sensor: SensorModel, T_predicted: Array, twist: Array, in_doubt: bool

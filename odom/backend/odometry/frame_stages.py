@@ -130,14 +130,16 @@ class FrameStages:
         since_s = None if is_recovered or last is None else last.since_s(view.steady_stamp)
         if last is not None and last.is_bent and last.since_s(view.steady_stamp) >= TUNING.longest_gap_s:
             self.mapper.inserter.recent.remember(last)  # over so long a step its bend hardly counts
-        step = np.zeros(6) if last is None else last.step_to(tracked)
-        near_s = since_s if since_s is not None and since_s < TUNING.longest_gap_s else None
-        twist = tracked.twist if near_s is None else -step / near_s
-        self.mapper.inserter.remeasure_newest(None if near_s is None else twist, self.sensor)
+        led_here = None
+        if last is not None and since_s is not None and since_s < TUNING.longest_gap_s:
+            led_here = mean_twist(last.T_map_camera, tracked.T_camera_map, since_s)
+        twist = tracked.twist if led_here is None else led_here
+        self.mapper.inserter.remeasure_newest(led_here, self.sensor)
         note_sightings(self.map, tracked, since_s or 0.0, self.moving.is_doubtful)
-        noise_step = step if abs((since_s or 0.0) - clock.period_s) < TUNING.steady_share * clock.period_s else None
+        is_one_period = since_s is not None and abs(since_s - clock.period_s) < TUNING.steady_share * clock.period_s
+        step = last.step_to(tracked) if last is not None and is_one_period else None
         number, width = self.published.log.count, view.images.full.shape[1]
-        noise = noise_after(self.sensor.noise, self.map, tracked, noise_step, number, width)
+        noise = noise_after(self.sensor.noise, self.map, tracked, step, number, width)
         self.sensor = self.sensor.with_noise(noise)
         covariance, tilt = tracked.covariance * noise.covariance_scale, self.sensor.depth_tilt.angles
         vague = refine_depths(self.map, tracked.inlier_landmarks, tracked.T_camera_map, covariance, tilt)

@@ -6,10 +6,11 @@ import numpy as np
 
 from odom.backend.map.map import Map
 from odom.backend.settings import OdometrySettings
+from odom.backend.tracking.expected_pose import MotionPrior
 from odom.backend.tracking.found_landmarks import FoundLandmarks
 from odom.backend.tracking.keyframe_poses import keyframe_poses
 from odom.backend.tracking.motion_model import is_plausible_motion, mean_twist
-from odom.backend.tracking.posed_frame import MotionPrior, PosedFrame
+from odom.backend.tracking.posed_frame import PosedFrame
 from odom.backend.tracking.quality import has_enough_inliers, is_known_place, is_same_view
 from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.backend.tracking.tuning import TUNING

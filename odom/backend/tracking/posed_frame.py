@@ -9,7 +9,7 @@ import numpy as np
 from odom.backend.map.keyframe import Keyframe
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.map.map import Map
-from odom.backend.tracking.expected_pose import ExpectedPose
+from odom.backend.tracking.expected_pose import ExpectedPose, MotionPrior
 from odom.backend.tracking.motion_model import AT_REST, Motion, is_plausible_motion, mean_twist
 from odom.backend.tracking.pose_solver import fit_pose
 from odom.backend.tracking.tracked_frame import TrackedFrame
@@ -19,22 +19,6 @@ from odom.frontend.features.lens_change import LensChange
 from odom.frontend.features.view import View
 from odom.geometry import se3
 from odom.geometry.arrays import Array, Index
-
-
-@dataclass(frozen=True, eq=False)
-class MotionPrior:
-    """The camera's `motion` in the map `since_s` seconds ago, and the `expected_pose` that it leads to by now.
-
-    `scale` multiplies the covariances of measurements. Without `expected_pose`, where the pose was not predicted by
-    motion, no other poses are tried. `are_bent`: the landmarks were measured as if at rest, so that the rolling shutter
-    has bent them as it bends this frame, whose rows then do not show its velocity.
-    """
-
-    motion: Motion
-    since_s: float
-    scale: float
-    expected_pose: ExpectedPose | None = None
-    are_bent: bool = False
 
 
 @dataclass(frozen=True, eq=False)

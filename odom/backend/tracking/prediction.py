@@ -6,12 +6,13 @@ import numpy as np
 
 from odom.backend.map.landmarks import Landmarks
 from odom.backend.map.map import Map
-from odom.backend.tracking.consensus import FollowedFeatures, consensus, is_exact
+from odom.backend.tracking.consensus import consensus
 from odom.backend.tracking.found_landmarks import those_that_count
 from odom.backend.tracking.keyframe_poses import keyframe_poses
 from odom.backend.tracking.pose_solver import chi2_of, fit_pose
 from odom.backend.tracking.posed_frame import PosedFrame
 from odom.backend.tracking.tuning import TUNING
+from odom.backend.tracking.voting_features import VotingFeatures, is_exact
 from odom.frontend.camera.sensor_model import SensorModel
 from odom.frontend.camera.stamp_clock import SteadyStamp
 from odom.frontend.features.images import FrameImages
@@ -122,10 +123,10 @@ class _Followed:
         rays[:, :2] = middle_rays(self.sensor.lens.rays, self.uv, inverse_depth, twist, readout_s)
         return rays
 
-    def features(self, landmarks: Landmarks, rays: Array) -> FollowedFeatures:
+    def features(self, landmarks: Landmarks, rays: Array) -> VotingFeatures:
         """Return those that were found, with their `rays` (n x 3, as `in_motion` to a pose)."""
         found = np.flatnonzero(self.found)
-        return FollowedFeatures(
+        return VotingFeatures(
             self.points.take(found, 0),
             self.last.T_map_camera[:3, 3],
             rays[:, :2].take(found, 0),

@@ -6,9 +6,10 @@ import numpy as np
 
 from odom.backend.map.map import Map
 from odom.backend.map.memory import recall_near
+from odom.backend.tracking.expected_pose import MotionPrior
 from odom.backend.tracking.frame_tracker import FrameTracker
 from odom.backend.tracking.motion_model import AT_REST, Motion, is_plausible_motion, mean_twist
-from odom.backend.tracking.posed_frame import MotionPrior, PosedFrame
+from odom.backend.tracking.posed_frame import PosedFrame
 from odom.backend.tracking.quality import is_known_place
 from odom.backend.tracking.tracked_frame import TrackedFrame
 from odom.backend.tracking.tuning import TUNING

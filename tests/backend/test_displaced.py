@@ -57,7 +57,7 @@ def test_what_is_found_near_its_prediction_is_inlying_or_displaced_and_what_is_f
 
 def test_displaced_landmarks_are_seen_through_a_new_lens_as_the_others_are():
     keyframe = keyframe_with_displaced()
-    keyframe.see_through(LensChange(Lens.of(AVERAGE), Lens.of(LONGER, frame_of=AVERAGE)))
+    keyframe.change_lens(LensChange(Lens.of(AVERAGE), Lens.of(LONGER, frame_of=AVERAGE)))
     assert keyframe.displaced is not None
     rays = keyframe.displaced.measurements.values[:, :2]
     np.testing.assert_allclose(rays, measured(5).values[:, :2] / 1.02, atol=1e-4)

@@ -72,10 +72,10 @@ class IntermediateFrames:
             self._every_s *= 2.0
             self.kept = self.kept[::2]
 
-    def see_through(self, change: LensChange) -> None:
+    def change_lens(self, change: LensChange) -> None:
         """Convert what was measured to a new lens."""
         for frame in self.kept:
-            frame.see_through(change)
+            frame.change_lens(change)
 
     def move(self, adjusted: Mapping[int, Array], keyframes: list[Keyframe]) -> None:
         """Set the poses of frames to T_camera_map as `adjusted`, by their numbers, relative to the `keyframes`."""

@@ -215,9 +215,9 @@ class KeyframeInserter:
             self._new_corners.remeasure(mean, sensor)
         self._newest = None
 
-    def see_through(self, change: LensChange) -> None:
+    def change_lens(self, change: LensChange) -> None:
         """Use a new lens to measure corners that are still looked for."""
-        self._new_corners.see_through(change)
+        self._new_corners.change_lens(change)
 
     def remeasure_first(self, number: int, view: View, twist: Array, sensor: SensorModel) -> None:
         """Measure the key frame that began a segment again: `twist` (6, SI) led from it to the second frame.

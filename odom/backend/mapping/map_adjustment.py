@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from odom.backend.map.keyframe import FrameObservations, Keyframe
-from odom.backend.map.lens_of_map import positions_through
+from odom.backend.map.lens_conversion import positions_through
 from odom.backend.map.map import Map
 from odom.backend.mapping.bundle_adjustment import Bundle, adjust
 from odom.backend.mapping.intermediate_frames import IntermediateFrame, IntermediateFrames

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from odom.backend.map.frame_log import FrameLog
-from odom.backend.map.lens_of_map import see_through
+from odom.backend.map.lens_conversion import change_lens
 from odom.backend.map.map import Map
 from odom.backend.map.memory import expect_around, farthest_beyond, recall_near, set_aside
 from odom.backend.map.pruning import forget, oldest_beyond
@@ -173,9 +173,9 @@ class Mapper:
         newest = self._map.keyframes[int(adjustment.numbers[-1])]
         T_newest_map = newest.T_camera_map
         if change is not None:
-            see_through(self._map, change)
-            self.inserter.see_through(change)
-            self.intermediate.see_through(change)
+            change_lens(self._map, change)
+            self.inserter.change_lens(change)
+            self.intermediate.change_lens(change)
             sensor = sensor.with_lens(change.after)
         sensor = self._take_over(adjustment, bundle, sensor, self._credit(sensor))
         if taken.shutter.beforehand is not self._shutter.beforehand:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from odom.backend.estimate import LoopCandidate
 from odom.backend.odometry.frame_stages import FrameStages
-from odom.backend.odometry.lens_of_run import go_on_through_lens
+from odom.backend.odometry.new_lens import go_on_with_new_lens
 from odom.geometry import se3
 
 
@@ -20,7 +20,7 @@ def apply_background(stages: FrameStages, count: int | None) -> tuple[list[LoopC
     taken = stages.mapper.apply_background(count, before)
     stages.sensor, described = taken or (before, [])
     if stages.sensor.lens is not before.lens:
-        last = go_on_through_lens(stages, before, last, T_reference_camera)
+        last = go_on_with_new_lens(stages, before, last, T_reference_camera)
         T_reference_camera = last.T_reference_camera(stages.map)
     T_reference_adjusted = stages.map.keyframes[last.reference].T_camera_map
     loops = stages.closer.judge(described, stages.sensor)

@@ -102,7 +102,7 @@ class PosedFrame:
             motion = Motion.of(motion.T_fixed_camera, self.tracked.covariance * scale, self.tracked.velocity)
         return MotionPrior(motion, since_s, scale, self.expected_after(since_s), self.is_bent)
 
-    def seen_through(self, change: LensChange, timing_change: Array, landmarks: Landmarks) -> "PosedFrame":
+    def with_lens_changed(self, change: LensChange, timing_change: Array, landmarks: Landmarks) -> "PosedFrame":
         """Return this frame as measured through a new lens, its pose fitted to the `landmarks` of that lens.
 
         The timing's vector changed by `timing_change` (3, s) with the lens.

@@ -16,7 +16,7 @@ from odom.frontend.features.lens_change import LensChange
 from odom.geometry.arrays import Array
 
 
-def go_on_through_lens(
+def go_on_with_new_lens(
     stages: FrameStages, before: SensorModel, last: PosedFrame, T_reference_camera: Array
 ) -> PosedFrame:
     """Continue with the sensor's new lens in the map adjusted to it; return the newest frame there.
@@ -27,9 +27,9 @@ def go_on_through_lens(
     change = LensChange(before.lens, stages.sensor.lens)
     timing_change = before.timing.change_to(stages.sensor.timing)
     stages.closer.drop_waiting()
-    stages.chain.see_through(change)
+    stages.chain.change_lens(change)
     moved = last.moved_with(stages.map, T_reference_camera)
-    moved = moved.seen_through(change, timing_change, stages.map.landmarks)
+    moved = moved.with_lens_changed(change, timing_change, stages.map.landmarks)
     moved = _tracked_again(stages, moved)
     stages.published.change_lens(moved.T_map_camera @ last.T_camera_map)
     return moved

@@ -26,7 +26,7 @@ def closing_test(
     forgotten or from an earlier session.
     """
     first = map_.keyframes[map_.keyframes[last.reference].first]
-    if last.tracked is None or first.number not in map_.remembered or first.number < map_.earlier:
+    if last.tracked is None or first.number not in map_.remembered or first.number < map_.earlier_keyframes:
         return None
     tracked = tracker.track(last.view, sensor, last.T_camera_map, last.tracked.twist, np.array([first.number]))
     inliers = tracked.inlier_count

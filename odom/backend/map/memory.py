@@ -48,7 +48,7 @@ def open_map(saved: SavedMap) -> Map:
         for keyframe, covariance in zip(map_.keyframes, shape, strict=True):
             keyframe.covariance_since_start = covariance
     map_.away = set(range(len(saved.keyframes)))
-    map_.earlier = len(saved.keyframes)
+    map_.earlier_keyframes = len(saved.keyframes)
     map_.journal = map_.registrations.journal = Journal(is_kept=not saved.is_fixed)
     return map_
 

@@ -61,7 +61,7 @@ class Mapper:
         self.inserter = KeyframeInserter(map_, settings)
         self.intermediate = IntermediateFrames()
         self._background = Background[_Done]("mapping")
-        self._settled = map_.earlier
+        self._settled = map_.earlier_keyframes
         self.lens_to_come: Lens | None = None
         self._farthest: list[int] = []
         """Key frames that are set aside next, farthest first; as many as are chosen at once."""
@@ -93,7 +93,7 @@ class Mapper:
             self._set_aside(surplus, needed, last)
             return False
         if map_.details is not None:
-            unsaved = np.array([n for n in map_.remembered if n >= map_.earlier], dtype=np.int64)
+            unsaved = np.array([n for n in map_.remembered if n >= map_.earlier_keyframes], dtype=np.int64)
             self._set_aside(surplus, np.union1d(needed, unsaved), last)
         oldest = oldest_beyond(map_, most, needed)
         for number in oldest:
@@ -204,7 +204,7 @@ class Mapper:
         adjusted: dict[int, Array] = {}
         self._carry_misjudged(sensor, log)
         known, sensor = sensor, sensor.as_known_before(self._shutter.beforehand)
-        mine = [n for n in self._map.remembered if n >= self._map.earlier]
+        mine = [n for n in self._map.remembered if n >= self._map.earlier_keyframes]
         for segment in sorted({self._map.keyframes[n].segment for n in mine}):
             if len(self._map.members(segment)) >= 2:
                 credit = 1.0 / sensor.noise.covariance_scale
@@ -217,7 +217,7 @@ class Mapper:
 
     def _carry_misjudged(self, sensor: SensorModel, log: FrameLog) -> None:
         """Carry anew what frames measured by a readout that was far off (see `row_motion`)."""
-        keyframes = [self._map.keyframes[n] for n in self._map.remembered if n >= self._map.earlier]
+        keyframes = [self._map.keyframes[n] for n in self._map.remembered if n >= self._map.earlier_keyframes]
         between = [one for one in self.intermediate.kept if one.number >= log.dropped]
         numbers = [k.frame for k in keyframes] + [one.number for one in between]
         poses = np.array([k.T_camera_map for k in keyframes] + [one.pose(self._map.keyframes) for one in between])

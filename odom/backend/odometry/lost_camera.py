@@ -100,7 +100,9 @@ class LostCamera:
         """
         self._searched_s = searched_s(self._searched_s, self._log.since_last_s(view.stamp))
         self._views = self._views.after(view, sensor, in_doubt)
-        is_unproven = len(self._map.keyframes) - self._map.earlier == 1 and last is not None and last.tracked is None
+        is_unproven = (
+            len(self._map.keyframes) - self._map.earlier_keyframes == 1 and last is not None and last.tracked is None
+        )
         is_time = self._searched_s > self._views.patience * self._settings.new_segment_s
         if self._map.is_fixed or not (last is None or is_unproven or is_time):
             return None

@@ -28,7 +28,7 @@ class Confirmation:
         `period_s` is the stream's: of a slow one, the frame right before counts.
         """
         before, self._doubtful = self._doubtful, None
-        if tracked is None or not self._map.earlier or _is_sure(tracked):
+        if tracked is None or not self._map.earlier_keyframes or _is_sure(tracked):
             return tracked
         segment = self._map.keyframes[tracked.reference].segment
         if before is not None:

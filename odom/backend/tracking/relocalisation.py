@@ -134,7 +134,7 @@ def _last_keyframe(map_: Map, segment: int, stamp: Stamp, period_s: float) -> _L
     """Return the last key frame of a segment before `stamp`, None if that was long ago, or in an earlier session."""
     for keyframe in reversed(map_.keyframes):
         since_s = (stamp - keyframe.stamp) * 1e-9
-        if since_s >= _soon_s(period_s) or keyframe.number < map_.earlier:
+        if since_s >= _soon_s(period_s) or keyframe.number < map_.earlier_keyframes:
             return None
         if keyframe.segment == segment and since_s > 0.0:
             return _LastSeen(keyframe.T_camera_map, since_s, True)

@@ -42,7 +42,7 @@ from odom.geometry.arrays import Array
 
 
 class FrameStages:
-    """The stages of every frame, and what one frame hands to the next.
+    """The stages that place a frame, and what one frame hands to the next.
 
     `last` is the newest frame with a pose, None before the first; `sensor` what is known of the camera, with the
     newest frame's stamp in its clock. `mapper` extends the map and `closer` closes its loops; `published` and `chain`

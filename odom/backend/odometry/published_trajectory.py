@@ -97,7 +97,7 @@ class PublishedTrajectory:
         T_odom_middle = self._odom.next_pose(judged.tracked.T_map_camera, T_odom_last)
         motion = self._filtered(T_odom_middle, judged)
         T_fitted_filtered = se3.inverse(T_odom_middle) @ motion.T_fixed_camera
-        motion = self._set_out(motion, judged, sensor)
+        motion = self._move_origin(motion, judged, sensor)
         carried = motion.after(delay_s, self._process_noise)
         T_odom_stamp = carried.T_fixed_camera
         T_middle_stamp = se3.inverse(motion.T_fixed_camera) @ T_odom_stamp
@@ -132,7 +132,7 @@ class PublishedTrajectory:
         """The camera's acceleration as it was seen last, also before a loss."""
         return ProcessNoise() if self._filter is None else self._filter.process_noise
 
-    def _set_out(self, motion: Motion, judged: JudgedFrame, sensor: SensorModel) -> Motion:
+    def _move_origin(self, motion: Motion, judged: JudgedFrame, sensor: SensorModel) -> Motion:
         """Put the origin of odom where it is known to be now, by a segment's second frame or by a new timing.
 
         Returns the filtered `motion` in odom as it is then.
@@ -145,9 +145,9 @@ class PublishedTrajectory:
             odom.origin = None
             return motion
         velocity = origin.velocity or Velocity(motion.twist, motion.P[6:, 6:])
-        moving = origin.moving(velocity, sensor.timing)
-        if origin.velocity is None or moving.delay_s != origin.delay_s:
-            self._filter = self._filter.moved(odom.move_origin(moving))
+        moved = origin.with_velocity(velocity, sensor.timing)
+        if origin.velocity is None or moved.delay_s != origin.delay_s:
+            self._filter = self._filter.moved(odom.move_origin(moved))
         return self._filter.motion
 
     def _with_motions(self, current: Publication, judged: JudgedFrame, sensor: SensorModel) -> Publication:

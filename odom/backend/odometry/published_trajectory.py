@@ -120,11 +120,15 @@ class PublishedTrajectory:
         return self._keep(self._with_motions(current, judged, sensor))
 
     def _filtered(self, T_odom_middle: Array, judged: JudgedFrame) -> Motion:
-        """Return the filtered motion at a judged frame's middle row; the filter begins anew where none led there."""
-        if judged.since_previous_s is not None and self._filter is not None:
-            self._filter = self._filter.updated(T_odom_middle, judged.covariance, judged.since_previous_s)
+        """Return the filtered motion at a judged frame's middle row; the filter begins anew where none led there.
+
+        Nor does one where the pose is far beyond what the motion until then predicts: the recording was cut.
+        """
+        measured, since_s = (T_odom_middle, judged.covariance), judged.since_previous_s
+        if self._filter is None or since_s is None or self._filter.surprise(*measured, since_s) > TUNING.cut_chi2:
+            self._filter = MotionFilter.begun(*measured, self._process_noise)
         else:
-            self._filter = MotionFilter.begun(T_odom_middle, judged.covariance, self._process_noise)
+            self._filter = self._filter.updated(*measured, since_s)
         return self._filter.motion
 
     @property
@@ -151,10 +155,13 @@ class PublishedTrajectory:
         return self._filter.motion
 
     def _with_motions(self, current: Publication, judged: JudgedFrame, sensor: SensorModel) -> Publication:
-        """Return a publication with the motions since the frame before and over a second, None where not known."""
+        """Return a publication with the motions since the frame before and over a second, None where not known.
+
+        None is published since a pose that was only predicted: this one may have proved it wrong.
+        """
         inliers, step, second = judged.tracked.inlier_count, None, None
         last = self._recent.last
-        if last is not None and judged.since_previous_s is not None:
+        if last is not None and not last.is_predicted and judged.since_previous_s is not None:
             step = self._motion_since(last, current, inliers, sensor)
         then = self._recent.a_second_before(current.frame.stamp)
         if then is not None:
@@ -177,7 +184,7 @@ class PublishedTrajectory:
             twist=predicted.twist,
         )
         doubt = last.doubt.after(step, None, (view.stamp - last.frame.stamp) * 1e-9)
-        return self._publish(frame, predicted.T_fixed_camera, doubt, sensor)
+        return self._publish(frame, predicted.T_fixed_camera, doubt, sensor, is_predicted=True)
 
     def follow(self, view: View, placed: PosedFrame, following: SurfaceFollowing, sensor: SensorModel) -> Publication:
         """Publish where surfaces have led the camera since the frame of `placed`, the last that landmarks placed."""
@@ -191,11 +198,13 @@ class PublishedTrajectory:
         dt, step = (view.stamp - last.frame.stamp) * 1e-9, se3.inverse(last.T_odom_camera) @ T_odom_camera
         return self._publish(frame, T_odom_camera, last.doubt.after(step, None, dt), sensor)
 
-    def _publish(self, frame: LoggedFrame, T_odom_camera: Array, doubt: Doubt, sensor: SensorModel) -> Publication:
+    def _publish(
+        self, frame: LoggedFrame, T_odom_camera: Array, doubt: Doubt, sensor: SensorModel, is_predicted: bool = False
+    ) -> Publication:
         """Log and publish a frame that landmarks did not place; no motions are published to it."""
         self.log.append(frame)
         since_start = self._since_start(frame, T_odom_camera, doubt, sensor)
-        return self._keep(Publication(frame, T_odom_camera, since_start, doubt=doubt))
+        return self._keep(Publication(frame, T_odom_camera, since_start, doubt=doubt, is_predicted=is_predicted))
 
     def lose(self, stamp: Stamp, segment: int) -> None:
         """Log a frame without a pose; no motion is published over it."""

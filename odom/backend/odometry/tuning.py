@@ -30,6 +30,9 @@ class Tuning:
     new_time_s: float = tuned(1.0, unit="s", source="no stream delays frames by so much",
         effect="Stamps that step back further begin a new time. Smaller: a late frame begins one; larger: a recording "
         "that is played in a loop is refused.")
+    cut_chi2: float = tuned(100.0, unit="chi-squared", source="at most 67 in freiburg1_rpy, 100 to 1360 at cuts",
+        effect="A pose so far from the predicted one begins the motion anew. Smaller: a jerk does; larger: behind a "
+        "cut in a recording the camera seems to fly for a second.")
     moving_period_s: float = tuned(0.1, unit="s", source="a person moves by half a limb's width",
         effect="What moves is looked at so often. Smaller: it costs more; larger: it is noticed late.")
     moving_most: float = tuned(0.5, unit="share of the view", source="most of it",

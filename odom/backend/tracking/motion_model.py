@@ -143,6 +143,12 @@ class MotionFilter:
         """Return the filter of a camera of which only the pose is known, with its 6 x 6 covariance."""
         return cls(Motion.of(T_fixed_camera, covariance), process_noise, T_fixed_camera)
 
+    def surprise(self, T_fixed_camera: Array, covariance: Array, dt: float) -> float:
+        """Return the squared Mahalanobis distance of a pose, measured with `covariance`, from that predicted for it."""
+        predicted = self.motion.after(dt, self.process_noise.in_steps_of(dt))
+        innovation = se3.log(se3.inverse(predicted.T_fixed_camera) @ T_fixed_camera)
+        return float(innovation @ np.linalg.solve(predicted.covariance + covariance, innovation))
+
     def updated(self, T_fixed_camera: Array, covariance: Array, dt: float) -> "MotionFilter":
         """Return the filter after the pose was measured `dt` seconds later, with `covariance` (6 x 6)."""
         process_noise, since_s = self.process_noise, self.since_s + dt
